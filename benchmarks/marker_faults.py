@@ -20,10 +20,10 @@ from one_thread import PROJECT  # isort: skip
 import numpy as np
 
 from acceptance_page import show_section
+from lumbar.lifting.quality.body import landmarks, side_pairs
 from lumbar.lifting.quality.displacement import ALONE
+from lumbar.lifting.quality.findings import ERROR, LEFT_OUT, PROPOSED, MarkerFinding
 from lumbar.lifting.quality.gate import examine
-from lumbar.lifting.quality.landmarks import landmarks, side_pairs
-from lumbar.lifting.quality.sheet import ERROR, LEFT_OUT, PROPOSED, Finding
 from lumbar.records.markers import read_markers
 from lumbar.settings.layout import MarkerLayout
 
@@ -106,7 +106,7 @@ def alarms(rng: np.random.Generator) -> tuple[int, list[str]]:
     return count, found
 
 
-def findings_of(points: Points, rate: float) -> list[Finding]:
+def findings_of(points: Points, rate: float) -> list[MarkerFinding]:
     """What is found in a recording."""
     time = np.arange(len(next(iter(points.values())))) / rate
     return examine(points, time, rate)

@@ -10,7 +10,7 @@ def main(input, output, pendulum: PendulumSettings, source_label: str):
     import pandas as pd
 
     from lumbar.base.files import read_json
-    from lumbar.lifting.quality.sheet import quality_table
+    from lumbar.lifting.quality.screening import quality_table
     from lumbar.publishing.figures.lifting_figures import events_figure, pendulum_figure, segments_figure
     from lumbar.publishing.figures.style import person_and_box, save
 

@@ -14,11 +14,16 @@ from lumbar.interface.lift import Lift, lift
 from lumbar.interface.reading import read
 from lumbar.lifting.movement.lift import NEW_STUDY, analyse_lift
 from lumbar.lifting.movement.rigid_filling import BodyFilling
-from lumbar.lifting.quality.body import axes_found
+from lumbar.lifting.quality.body import THIGH, find_body_axes, landmarks
 from lumbar.lifting.quality.gate import usable_markers
-from lumbar.lifting.quality.landmarks import THIGH, landmarks
-from lumbar.lifting.quality.screening import Screening, meant_labels, naming, sheet_of
-from lumbar.lifting.quality.sheet import QualitySheet, quality_sheet
+from lumbar.lifting.quality.screening import (
+    QualitySheet,
+    Screening,
+    meant_labels,
+    naming,
+    quality_sheet,
+    sheet_of,
+)
 from lumbar.records.marker_axes import check_axes, rotation_to_standard
 from lumbar.records.markers import read_markers
 from lumbar.records.unpacking import ending_of
@@ -134,7 +139,7 @@ def _axes(
     named = {label: landmark for landmark, label in landmarks(points, meant).items()}
     rotation = rotation_to_standard(layout.up, layout.forward)
     every = max(1, max(map(len, points.values()), default=0) // _FRAMES)
-    return axes_found({label: points[label][::every] @ rotation for label in named}, named)
+    return find_body_axes({label: points[label][::every] @ rotation for label in named}, named)
 
 
 def _pipeline(path: Path, recording, screening, bodies, settings: LiftingSettings) -> tuple[bool, str]:

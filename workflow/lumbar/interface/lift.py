@@ -16,8 +16,7 @@ from lumbar.lifting.movement import lift_tables
 from lumbar.lifting.movement.event_detection import several_lifts
 from lumbar.lifting.movement.events import comparison, event_sources
 from lumbar.lifting.movement.rigid_filling import BodyFilling
-from lumbar.lifting.quality.screening import Screening, naming, read_screened
-from lumbar.lifting.quality.sheet import QualitySheet
+from lumbar.lifting.quality.screening import QualitySheet, Screening, naming, read_screened
 from lumbar.records.markers import MarkerRecording, read_markers
 from lumbar.settings.layout import MarkerLayout
 from lumbar.settings.lifting import LiftingSettings

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lumbar.base.yaml_file import shipped_yaml
-from lumbar.lifting.quality.landmarks import THIGH, landmarks
+from lumbar.lifting.quality.body import THIGH, landmarks
 from lumbar.records.marker_aliases import resolve_aliases
 from lumbar.records.marker_axes import find_axes
 from lumbar.settings.layout import Alias, MarkerLayout, MeanOfMarkers, OffsetPoint

@@ -32,6 +32,11 @@ class RecordedEvent:
     time: float
     """Seconds on the recording's own clock."""
 
+    @property
+    def full_label(self) -> str:
+        """Label with the side, e.g. ``"Left Foot Off"``."""
+        return f"{self.context} {self.label}".strip()
+
 
 @dataclass(frozen=True)
 class MarkerFile:

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from quality_corruptions import CORRUPTIONS, Trunk, changed, corrupted, exchanged
 
+from lumbar.lifting.quality.body import side_pairs
 from lumbar.lifting.quality.displacement import off_its_part
 from lumbar.lifting.quality.gate import examine
-from lumbar.lifting.quality.landmarks import side_pairs
 from lumbar.records.markers import read_markers
 from lumbar.settings.layout import MarkerLayout
 
@@ -250,9 +250,9 @@ def test_a_marker_off_a_box_that_is_carried_is_found(two_feet):
     names = ("BOX_1", "BOX_2", "BOX_3", "BOX_4")
     box = part(names, np.array([0, 0.5, 0.3]), [0, 0.2, 0.7] * ramp(10.0, 13.0))
     box["BOX_3"][1150:1162] += [0.05, 0, 0]
-    [(label, stretch, seen)] = off_its_part(two_feet | box, RATE)
-    assert (label, stretch) == ("BOX_3", slice(1150, 1162))
-    assert "BOX_1" in seen
+    [off] = off_its_part(two_feet | box, RATE)
+    assert (off.label, off.frames) == ("BOX_3", slice(1150, 1162))
+    assert "BOX_1" in off.evidence
 
 
 def test_a_racket_at_50_Hz_does_not_jump(recordings):

@@ -1,4 +1,4 @@
-"""Finding the events of a lift: the box leaves its support, the first toe-off, the start of the deposit, the release.
+"""MarkerFinding the events of a lift: the box leaves its support, the first toe-off, the start of the deposit, the release.
 
 The box is lifted when it rises for good: before, it may slide on its support. The lift ends with the first toe-off. The
 deposit starts at the last instant before the box goes down for good. The thesis (section 4.2.3.1) takes a minimum of the
@@ -41,7 +41,6 @@ from lumbar.lifting.movement.events import (
     file_event,
     refuse_without,
 )
-from lumbar.lifting.quality.sheet import event_label
 from lumbar.records.markers import MarkerRecording
 from lumbar.records.stretches import runs
 from lumbar.settings.lifting import EventSettings
@@ -116,10 +115,10 @@ def _with_file(
         return replace(event, file=str(several))
     if marked is None:
         return event
-    said = {"file_s": marked.time, "file": event_label(marked)}
+    said = {"file_s": marked.time, "file": marked.full_label}
     if event.method == DECLARED or not from_file:
         return replace(event, **said)
-    how = f"marked in the file as {event_label(marked)}; {_detection_says(event)}"
+    how = f"marked in the file as {marked.full_label}; {_detection_says(event)}"
     return replace(_replaced(event, marked.time, IN_FILE, how), **said)
 
 

@@ -9,7 +9,6 @@ import numpy as np
 
 from lumbar.base.errors import InputError, Problems
 from lumbar.lifting.movement.carried_object import carried_object
-from lumbar.lifting.quality.sheet import event_label
 from lumbar.records.marker_file import RecordedEvent
 from lumbar.records.markers import MarkerRecording
 from lumbar.settings.lifting import EventLabels
@@ -140,7 +139,7 @@ def file_event(
     if name == "toe_off":
         return next((event for event in found if start < event.time < stop), None)
     if len(found) > 1:
-        times = ", ".join(f"{event_label(event)} at {event.time:.2f} s" for event in found)
+        times = ", ".join(f"{event.full_label} at {event.time:.2f} s" for event in found)
         raise SeveralEvents(f"{times}: which one is meant is not known (window_s of the trial takes one out)")
     return found[0] if found else None
 
@@ -181,7 +180,7 @@ def comparison(recording: MarkerRecording, events: Mapping[str, Event], labels: 
 def _listed(events: list[RecordedEvent]) -> str:
     times: dict[str, list[str]] = {}
     for event in events:
-        times.setdefault(event_label(event), []).append(f"{event.time:.2f}")
+        times.setdefault(event.full_label, []).append(f"{event.time:.2f}")
     return "; ".join(f"{label} at {', '.join(at)} s" for label, at in times.items())
 
 

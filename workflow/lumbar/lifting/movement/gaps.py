@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lumbar.base.errors import InputError, Problems
-from lumbar.lifting.quality.sheet import Finding
+from lumbar.lifting.quality.findings import MarkerFinding
 from lumbar.records.markers import MarkerRecording
 from lumbar.records.stretches import runs
 
@@ -133,7 +133,7 @@ def without_islands(recording: MarkerRecording, shortest: int) -> tuple[MarkerRe
     return replace(recording, positions=positions), islands
 
 
-def within(item: Gap | Finding, start: float, stop: float) -> bool:
+def within(item: Gap | MarkerFinding, start: float, stop: float) -> bool:
     """Whether a gap or a finding reaches between two times in seconds."""
     return item.start_s <= stop and item.start_s + item.length_s > start
 
@@ -167,7 +167,7 @@ def why_missing(
     ends: Collection[str],
     frames: np.ndarray,
     gaps: Sequence[Gap],
-    findings: Sequence[Finding],
+    findings: Sequence[MarkerFinding],
 ) -> str:
     """Say which markers are missing and what helps: other frames are left out by findings than by gaps of the file.
 
@@ -223,7 +223,7 @@ def _advice(unseen: Collection[str], ends: Collection[str], longest_s: float) ->
     return ", or ".join(ways)
 
 
-def _explained(gap: Gap, findings: Sequence[Finding]) -> bool:
+def _explained(gap: Gap, findings: Sequence[MarkerFinding]) -> bool:
     frames = set(range(gap.first_frame, gap.first_frame + gap.n_frames))
     for finding in findings:
         if gap.marker in finding.concerns:

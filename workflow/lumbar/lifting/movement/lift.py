@@ -30,8 +30,8 @@ from lumbar.lifting.movement.pendulum_states import (
     pivot_trajectory,
     turn,
 )
-from lumbar.lifting.quality.landmarks import THIGH, landmarks
-from lumbar.lifting.quality.sheet import Finding
+from lumbar.lifting.quality.body import THIGH, landmarks
+from lumbar.lifting.quality.findings import MarkerFinding
 from lumbar.records.markers import MarkerRecording
 from lumbar.settings.lifting import LiftingSettings
 from lumbar.settings.subject import SubjectSettings, TrialSettings
@@ -73,7 +73,7 @@ def analyse_lift(
     trial: TrialSettings,
     settings: LiftingSettings,
     filled: Sequence[Gap] = (),
-    findings: Sequence[Finding] = (),
+    findings: Sequence[MarkerFinding] = (),
 ) -> AnalysedLift:
     """Fill gaps, filter, find the events, the centres of mass and the pendulum's states during the deposit.
 

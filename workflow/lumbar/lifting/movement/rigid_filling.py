@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lumbar.lifting.movement.gaps import FILLED, Gap
-from lumbar.lifting.quality.sheet import Finding, Legend
+from lumbar.lifting.quality.findings import NOTED, Legend, MarkerFinding
 from lumbar.records.marker_aliases import labels_of
 from lumbar.records.stretches import runs
 from lumbar.settings.lifting import LiftingSettings
@@ -171,7 +171,7 @@ class BodyFilling:
     def __init__(self, settings: LiftingSettings, static: Mapping[str, np.ndarray] | None = None):
         self.aliases, self.rules, self.static = settings.markers.aliases, settings.gaps, static or {}
         self.gaps: list[Gap] = []
-        self.findings: list[Finding] = []
+        self.findings: list[MarkerFinding] = []
 
     def __call__(self, points: dict[str, np.ndarray], time: np.ndarray) -> dict[str, np.ndarray]:
         """Return the markers with the long gaps of every body filled, as far as three others of it are seen."""
@@ -197,7 +197,12 @@ class BodyFilling:
         misfit = None if shape is None else _misfit(shape, points)
         if misfit is None or misfit <= OTHER_BODY_M:
             return shape
-        self.findings.append(legend.finding("static", tuple(labels), body=body, misfit=1e3 * misfit))
+        evidence = (
+            f"the {body} of the static trial and of this recording differ by {1e3 * misfit:.0f} mm (root mean square); its shape "
+            "fills no gap here"
+        )
+        cause = "the static trial of another person, markers placed again, or labels exchanged in one of both"
+        self.findings.append(legend.finding("static", NOTED, evidence, cause, tuple(labels)))
         return None
 
 

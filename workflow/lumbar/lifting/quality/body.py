@@ -1,17 +1,17 @@
-"""Labels against the body: its axes, left and right, front and back, size against stature.
+"""Labels of usual marker sets, and the body that they show: its axes, left and right, front and back, size against stature.
 
-`points` are positions in metres by label, shape (n_frames, 3), NaN where not seen; `named` says which landmarks labels mean.
+`points` are positions in metres by label, shape (n_frames, 3), NaN if not seen; `named` is landmark by label.
 """
 
 import os
-from collections.abc import Collection
-from dataclasses import replace
+import re
+from collections.abc import Collection, Iterable
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from lumbar.base.yaml_file import shipped_names
-from lumbar.lifting.quality.landmarks import LENGTHS, landmarks, level, side_pairs
+from lumbar.base.yaml_file import shipped_names, shipped_yaml
 from lumbar.records.marker_axes import check_axes, tells_axes
 from lumbar.records.markers import MarkerRecording, read_markers
 from lumbar.settings.layout import Axis, MarkerLayout
@@ -24,15 +24,120 @@ _TOP = ("SHOULDER", "MANUBRIUM", "C7", "T1")
 _PELVIS = ("ASIS", "PSIS", "SACRUM")
 _FRONT = ("MANUBRIUM", "XIPHOID", "ASIS")
 _BY_LABELS = " by its usual labels, which no alias names"
-AXES: tuple[tuple[Axis, Axis], ...] = (("-x", "+x"), ("-y", "+y"), ("-z", "+z"))
+_AXES: tuple[tuple[Axis, Axis], ...] = (("-x", "+x"), ("-y", "+y"), ("-z", "+z"))
+_LABELS = shipped_yaml(Path(__file__).with_name("landmarks.yaml"))
+THIGH = ("LHIP", "RHIP")
+"""Labels that some laboratories give to markers on the thigh: not treated as hips without an alias."""
+_VERTEBRA = re.compile(r"^([TL])V?(\d{1,2})$")
+
+
+def landmarks(labels: Iterable[str], meant: dict[str, str] | None = None) -> dict[str, str]:
+    """Return landmark to label, for the labels with a known meaning.
+
+    Parameters
+    ----------
+    labels : iterable of str
+        Without subject prefixes.
+    meant : dict of str to str, optional
+        Landmark to label, by a laboratory's aliases: they precede the usual meaning.
+
+    Examples
+    --------
+    >>> landmarks(["CV7", "TV8", "L_IAS", "PSISr", "whatever"])
+    {'C7': 'CV7', 'L_ASIS': 'L_IAS', 'R_PSIS': 'PSISr', 'T8': 'TV8'}
+    >>> landmarks(["r.ASIS_study", "L_calc_study", "LeftAnkle"])
+    {'R_ASIS': 'r.ASIS_study', 'L_ANKLE': 'LeftAnkle', 'L_HEEL': 'L_calc_study'}
+    """
+    bare = {_bare(label): label for label in labels}
+    # Joints of a skeleton are named after the segment that begins there.
+    joints: dict[str, list[str]] = _LABELS["joints"]
+    skeleton = all(any(f"LEFT{name}" in bare for name in joints[joint]) for joint in ("HIP", "KNEE"))
+    candidates: dict[str, list[str]] = dict(_LABELS["midline"])
+    for landmark, names in _LABELS["sided"].items():
+        for side, word in (("L", "LEFT"), ("R", "RIGHT")):
+            candidates[f"{side}_{landmark}"] = [
+                *(word + name for name in (*(joints.get(landmark, []) if skeleton else ()), *names)),
+                *(label for name in names for label in (side + name, name + side)),
+            ]
+    if skeleton:
+        for landmark, names in _LABELS["joints_of_the_midline"].items():
+            candidates[landmark] = [*names, *candidates.get(landmark, ())]
+    found = {}
+    for landmark, names in candidates.items():
+        label = next((bare[name] for name in names if name in bare), None)
+        if label is not None:
+            found[landmark] = label
+    for name, label in bare.items():
+        match = _VERTEBRA.match(name)
+        if match and 1 <= int(match[2]) <= {"T": 12, "L": 5}[match[1]]:
+            found.setdefault(f"{match[1]}{int(match[2])}", label)
+    meant = meant or {}
+    own = set(meant.values())
+    return {**{name: label for name, label in found.items() if label not in own}, **meant}
+
+
+def _bare(label: str) -> str:
+    return re.sub(r"_STUDY$|[^A-Z0-9]", "", label.rpartition(":")[2].upper())
+
+
+def side_pairs(labels: Iterable[str], named: dict[str, str] | None = None) -> list[tuple[str, str]]:
+    """Return the labels that differ only in their side, left one first; `named` has labels that mean the other side.
+
+    Examples
+    --------
+    >>> side_pairs(["LASI", "RASI", "PSISl", "PSISr", "L_FTC", "RTOE"])
+    [('LASI', 'RASI'), ('PSISl', 'PSISr')]
+    """
+    labels = list(labels)
+    present = set(labels)
+    pairs = []
+    for label in labels:
+        others = []
+        if label[:1] in "Ll":
+            others.append({"L": "R", "l": "r"}[label[0]] + label[1:])
+        if label[:4].upper() == "LEFT":
+            others += [word + label[4:] for word in ("Right", "RIGHT", "right")]
+        if label[-1:] == "l" or label[-2:] == "_L":
+            others.append(label[:-1] + {"l": "r", "L": "R"}[label[-1]])
+        pairs += [(label, other) for other in others if other in present]
+    meant_right = {label for label, landmark in (named or {}).items() if landmark.startswith("R_")}
+    return [(right, left) if left in meant_right else (left, right) for left, right in pairs]
+
+
+def level(landmark: str) -> float | None:
+    """Return the nominal height of a landmark along the trunk, 0 at the pelvis, 1 at the shoulders; None off the trunk.
+
+    Examples
+    --------
+    >>> level("L_SHOULDER"), level("T12"), level("L_KNEE")
+    (1.0, 0.37, None)
+    """
+    if _part(landmark) in _LABELS["levels"]:
+        return _LABELS["levels"][_part(landmark)]
+    match = _VERTEBRA.match(landmark)
+    if not match:
+        return None
+    # Lumbar vertebrae are taller than thoracic ones.
+    numbers, heights = ((1, 12), (0.98, 0.37)) if match[1] == "T" else ((1, 5), (0.31, 0.07))
+    return round(float(np.interp(int(match[2]), numbers, heights)), 3)
 
 
 def _part(landmark: str) -> str:
     return landmark[2:] if landmark[:2] in ("L_", "R_") else landmark
 
 
+@dataclass(frozen=True)
+class _Trunk:
+    """Trunk from the middle of the pelvis to that of the shoulders."""
+
+    axis: np.ndarray
+    """Shape (n_frames, 3): unit vector upward."""
+    length_m: float
+    """Median length."""
+
+
 def _centre(points, named, parts: Collection[str]) -> np.ndarray | None:
-    """Mean over those markers of some landmarks that are seen, NaN where none is, shape (n_frames, 3)."""
+    """Return the mean of the visible markers of some landmarks, shape (n_frames, 3), NaN if none is visible."""
     chosen = [points[label] for label, landmark in named.items() if _part(landmark) in parts]
     if not chosen:
         return None
@@ -42,13 +147,8 @@ def _centre(points, named, parts: Collection[str]) -> np.ndarray | None:
         return np.where(seen, stacked, 0).sum(axis=0) / np.where(seen.any(axis=0), seen.sum(axis=0), np.nan)
 
 
-def trunk_axis(
-    points: dict[str, np.ndarray], named: dict[str, str]
-) -> tuple[np.ndarray, np.ndarray, float] | None:
-    """Middle of the pelvis, unit vector from it to the shoulders, both shape (n_frames, 3), and their median distance.
-
-    The hips stand for a pelvis without markers. None where the labels name no marker of one of them.
-    """
+def _trunk(points: dict[str, np.ndarray], named: dict[str, str]) -> _Trunk | None:
+    """Return the trunk, with the hips for a pelvis without markers; None if the labels name no marker of one end."""
     pelvis = _centre(points, named, _PELVIS)
     if pelvis is None:
         pelvis = _centre(points, named, ("HIP",))
@@ -58,7 +158,7 @@ def trunk_axis(
     axis = top - pelvis
     length = np.linalg.norm(axis, axis=1, keepdims=True)
     with np.errstate(invalid="ignore", divide="ignore"):
-        return pelvis, axis / length, float(np.nanmedian(length)) if np.isfinite(length).any() else np.nan
+        return _Trunk(axis / length, float(np.nanmedian(length)) if np.isfinite(length).any() else np.nan)
 
 
 def _distance(one: np.ndarray, other: np.ndarray) -> np.ndarray:
@@ -66,9 +166,9 @@ def _distance(one: np.ndarray, other: np.ndarray) -> np.ndarray:
 
 
 def asymmetry(points: dict[str, np.ndarray], named: dict[str, str], label: str) -> float:
-    """How far the distances of a marker on the trunk from those near it differ from their mirror images, metres.
+    """Return how far the distances of a marker on the trunk from those near it differ from their mirror images, metres.
 
-    Root mean square of the medians; NaN off the trunk, or where no other pair of markers tells.
+    Root mean square of the medians; NaN off the trunk, or if no other pair of markers is comparable.
     """
     at = {landmark: points[other] for other, landmark in named.items() if level(landmark) is not None}
     own = named.get(label, "")
@@ -86,24 +186,34 @@ def asymmetry(points: dict[str, np.ndarray], named: dict[str, str], label: str) 
     return float(np.sqrt(np.mean(np.square(differences)))) if differences else np.nan
 
 
-def side_exchanges(
-    points: dict[str, np.ndarray], named: dict[str, str]
-) -> tuple[list[tuple[str, str, str]], str]:
-    """Pairs left/right and front/back that lie the wrong way round, and what shows that all of left and right do, if so.
+@dataclass(frozen=True)
+class SideExchange:
+    """Two labels, left and right or front and back, that are inverted with respect to the rest of the body."""
 
-    Every pair of a left and a right marker, of a front and a back one and of toe and heel says where the right side is. One
-    that most frames of the others contradict is exchanged: the one after whose exchange fewest are contradicted goes first.
-    Each pair comes with what was seen.
+    labels: tuple[str, str]
+    evidence: str
+    """What was seen."""
+
+
+def side_exchanges(points: dict[str, np.ndarray], named: dict[str, str]) -> tuple[list[SideExchange], str]:
+    """Return the pairs left/right and front/back that are inverted; or the evidence that the whole body is mirrored, else empty.
+
+    Every pair of a left and a right marker, of a front and a back one and of toe and heel indicates the right side. A pair that
+    most frames of the others contradict is exchanged: first the one after whose exchange fewest are contradicted.
     """
     points = dict(points)
-    pairs: list[tuple[str, str, str]] = []
+    pairs: list[SideExchange] = []
     for _ in range(_AT.most_exchanges):
         sides, depths = rightward(points, named)
-        if len(sides) > 1 and len(depths) > 1 and _mirrored(sides, depths):
-            return [], (
-                f"{len(sides)} pairs of left and right markers lie the wrong way round for a body that faces where "
-                f"{len(depths)} pairs of front and back markers say"
-            )
+        if len(sides) > 1 and len(depths) > 1:
+            # Left and right contradict front and back, which agree with each other.
+            given = np.nansum(list(depths.values()), axis=0) / len(depths)
+            against = [np.nanmedian((own * given).sum(axis=1)) < 0 for own in sides.values()]
+            if np.mean(against) > 0.7 and np.nanmedian(np.linalg.norm(given, axis=1)) > _AT.agreeing:
+                return [], (
+                    f"{len(sides)} pairs of left and right markers are inverted for a body that faces as "
+                    f"{len(depths)} pairs of front and back markers show"
+                )
         reversed_pairs = _contradicted(sides, depths)
         if not reversed_pairs:
             break
@@ -113,9 +223,8 @@ def side_exchanges(
         pair = min(left, key=lambda one: (left[one], -reversed_pairs[one]))
         kind = "left and right" if pair in sides else "front and back"
         share = reversed_pairs[pair]
-        pairs.append(
-            (*pair, f"{kind} lie the wrong way round for the rest of the body in {share:.0%} of the frames")
-        )
+        evidence = f"{kind} are inverted for the rest of the body in {share:.0%} of the frames"
+        pairs.append(SideExchange(pair, evidence))
         points = _exchanged(points, pair)
     return pairs, ""
 
@@ -125,7 +234,7 @@ def _exchanged(points: dict[str, np.ndarray], pair: tuple[str, str]) -> dict[str
 
 
 def _contradicted(sides: dict, depths: dict) -> dict[tuple[str, str], float]:
-    """Pairs whose direction most of the others contradict, with the share of frames; none of fewer than three."""
+    """Return the pairs that most of the others contradict, with the share of frames; none of fewer than three."""
     rightward = {**sides, **depths}
     if len(rightward) < 3:
         return {}
@@ -148,21 +257,28 @@ def _mirrored(sides: dict, depths: dict) -> bool:
 
 
 def rightward(points: dict[str, np.ndarray], named: dict[str, str]) -> tuple[dict, dict]:
-    """Unit vectors to the right by every pair left/right, and by every pair front/back, shape (n_frames, 3) each."""
-    trunk = trunk_axis(points, named)
+    """Return unit vectors to the right by every pair left/right, and by every pair front/back, shape (n_frames, 3) each."""
+    trunk = _trunk(points, named)
     shape = next(iter(points.values())).shape
     vertical = np.broadcast_to([0.0, 0.0, 1.0], shape)
 
     def up(*labels: str) -> np.ndarray:
         on_trunk = all(label in named and level(named[label]) is not None for label in labels)
-        return trunk[1] if trunk is not None and on_trunk else vertical
+        return trunk.axis if trunk is not None and on_trunk else vertical
 
     sides, depths = {}, {}
     for pair in side_pairs(points, named):
         across = points[pair[1]] - points[pair[0]]
         along = up(*pair)
         sides[pair] = across - (across * along).sum(axis=1, keepdims=True) * along
-    for pair in _front_and_back(named):
+    # Front and back at the same level of the trunk, toe and heel.
+    found = {landmark: label for label, landmark in named.items()}
+    fronts = [landmark for landmark in found if _part(landmark) in _FRONT]
+    front_and_back = [(front, back) for front in fronts for back in found if _behind(front, back)]
+    front_and_back += [
+        (f"{side}_TOE", f"{side}_HEEL") for side in "LR" if {f"{side}_TOE", f"{side}_HEEL"} <= found.keys()
+    ]
+    for pair in ((found[front], found[back]) for front, back in front_and_back):
         depths[pair] = np.cross(points[pair[0]] - points[pair[1]], up(*pair))
     return (
         {pair: _unit(vectors) for pair, vectors in sides.items() if _clear(vectors)},
@@ -173,15 +289,6 @@ def rightward(points: dict[str, np.ndarray], named: dict[str, str]) -> tuple[dic
 def _clear(vectors: np.ndarray) -> bool:
     length = np.linalg.norm(vectors, axis=1)
     return bool(np.isfinite(length).any() and np.nanmedian(length) > _AT.clear_depth_m)
-
-
-def _front_and_back(named: dict[str, str]) -> list[tuple[str, str]]:
-    """Labels in front and behind at the same level of the trunk, and toe and heel."""
-    found = {landmark: label for label, landmark in named.items()}
-    fronts = [landmark for landmark in found if _part(landmark) in _FRONT]
-    pairs = [(found[front], found[back]) for front in fronts for back in found if _behind(front, back)]
-    feet = [(f"{side}_TOE", f"{side}_HEEL") for side in "LR"]
-    return pairs + [(found[toe], found[heel]) for toe, heel in feet if toe in found and heel in found]
 
 
 def _behind(front: str, back: str) -> bool:
@@ -196,36 +303,36 @@ def _unit(vectors: np.ndarray) -> np.ndarray:
         return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
 
 
-def stature_found(points: dict[str, np.ndarray], named: dict[str, str]) -> tuple[float, int]:
-    """Stature in metres by the median over the known lengths of the body, and how many there are; NaN without one."""
+def estimate_stature(points: dict[str, np.ndarray], named: dict[str, str]) -> tuple[float, int]:
+    """Return the stature in metres by the median over the known lengths of the body, NaN without one, and their number."""
     found = {landmark: label for label, landmark in named.items()}
     statures = []
-    for ends, share in LENGTHS.items():
+    for ends, share in _LABELS["lengths"].items():
         for side in ("L_", "R_"):
-            names = [end if end in found else side + end for end in ends]
+            names = [end if end in found else side + end for end in ends.split()]
             if all(name in found for name in names):
                 between = points[found[names[0]]] - points[found[names[1]]]
                 with np.errstate(over="ignore", invalid="ignore"):
                     length = np.linalg.norm(between, axis=1)
                 length = length[np.isfinite(length)]
                 statures.append((float(np.median(length)) if length.size else np.nan) / share)
-    trunk = trunk_axis(points, named)
+    trunk = _trunk(points, named)
     if trunk is not None:
-        statures.append(trunk[2] / TRUNK_SHARE)
+        statures.append(trunk.length_m / TRUNK_SHARE)
     statures = [value for value in statures if np.isfinite(value)]
     return (float(np.median(statures)), len(statures)) if statures else (np.nan, 0)
 
 
-def axes_found(points: dict[str, np.ndarray], named: dict[str, str]) -> tuple[Axis, Axis] | None:
+def find_body_axes(points: dict[str, np.ndarray], named: dict[str, str]) -> tuple[Axis, Axis] | None:
     """Return the signed axes up and forward, e.g. ``("+y", "+x")``, in the axes the points are given in.
 
-    Up is where the shoulders are above the pelvis, forward where neither up nor to the right is. None where the labels name
-    no trunk, no sides, or the person lies so that one axis is both.
+    Up is from the pelvis to the shoulders, forward is normal to up and to the right. None if the labels name no trunk or no
+    sides, or if the subject lies so that one axis is both.
     """
-    trunk = trunk_axis(points, named)
+    trunk = _trunk(points, named)
     if trunk is None:
         return None
-    up = np.nanmedian(trunk[1], axis=0)
+    up = np.nanmedian(trunk.axis, axis=0)
     sides, depths = rightward(points, named)
     votes = [*sides.values(), *depths.values()]
     if not votes or not np.isfinite(up).all():
@@ -239,12 +346,12 @@ def axes_found(points: dict[str, np.ndarray], named: dict[str, str]) -> tuple[Ax
 def read_upright(path: str | os.PathLike, layout: MarkerLayout) -> MarkerRecording:
     """Read a marker file as `lumbar.records.markers.read_markers` does, and compare its axes with the body by all usual labels.
 
-    What no marker tells is among the notes of the recording.
+    Axes that no marker shows are among the notes of the recording.
 
     Raises
     ------
     InputError
-        As `read_markers`; and where the body stands or faces along another axis than `markers.up` or `markers.forward`, or left
+        As `read_markers`; and if the body stands or faces along another axis than `markers.up` or `markers.forward`, or left
         and right are exchanged.
     """
     measured: dict[str, np.ndarray] = {}
@@ -257,17 +364,17 @@ def read_upright(path: str | os.PathLike, layout: MarkerLayout) -> MarkerRecordi
     unknown = check_unaliased_axes(measured, recording, layout)
     if not unknown:
         return recording
-    note = f"not checked: {' and '.join(unknown)} of the axes, which no known label of the body tells"
+    note = f"not checked: {' and '.join(unknown)} of the axes, because no known label of the body shows them"
     return replace(recording, notes=(*recording.notes, note))
 
 
 def check_unaliased_axes(
     points: dict[str, np.ndarray], recording: MarkerRecording, layout: MarkerLayout
 ) -> list[str]:
-    """Raise where usual labels show a body that stands or faces another way than declared, and no alias tells.
+    """Raise `InputError` if usual labels, without an alias, show a body that stands or faces otherwise than declared.
 
-    The markers are given by the file's labels, turned by the declared axes, and as a recording under standard names. What is
-    returned is which of up and forward no marker tells.
+    The markers are given by the file's labels, rotated by the declared axes, and as a recording under standard names. Returned
+    are those of up and forward that no marker shows.
     """
     if not layout.check_axes or not tells_axes(recording.positions):
         return []
@@ -278,4 +385,4 @@ def check_unaliased_axes(
 
 def _signed(vector: np.ndarray) -> Axis:
     largest = int(np.abs(vector).argmax())
-    return AXES[largest][int(vector[largest] > 0)]
+    return _AXES[largest][int(vector[largest] > 0)]

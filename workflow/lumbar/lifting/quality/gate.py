@@ -1,40 +1,37 @@
-"""The gate before anything is computed from a marker recording: whether its points can be a person's body."""
+"""Checks before anything is computed from a marker recording: whether its points can be a moving body."""
 
 from pathlib import Path
 
 import numpy as np
 
 from lumbar.base.yaml_file import shipped_names
-from lumbar.lifting.quality.body import rightward, side_exchanges, stature_found
+from lumbar.lifting.quality.body import estimate_stature, landmarks, rightward, side_exchanges, side_pairs
 from lumbar.lifting.quality.displacement import (
     displacements,
     length,
     off_its_part,
     steadiest_mate,
 )
-from lumbar.lifting.quality.landmarks import landmarks, side_pairs
-from lumbar.lifting.quality.leaps import (
+from lumbar.lifting.quality.findings import ERROR, LEFT_OUT, NOTED, PROPOSED, Legend, MarkerFinding
+from lumbar.lifting.quality.implausible_motion import (
+    LABORATORY_M,
     Exchange,
     Leap,
+    beyond_laboratory,
     find_leaps,
+    frozen_stretches,
+    held_samples,
     lands_on,
     missing_frames,
     step_sizes,
     take_exchanges,
-)
-from lumbar.lifting.quality.sheet import ERROR, LEFT_OUT, NOTED, PROPOSED, Finding, Legend
-from lumbar.lifting.quality.trajectories import (
-    LABORATORY_M,
-    beyond_laboratory,
-    frozen_stretches,
-    held_samples,
 )
 
 _AT = shipped_names(Path(__file__).with_name("thresholds.yaml"), "gate")
 
 _STATURES_M = (0.6, 2.6)
 _CLOUD_M = (0.15, 6.0)
-"""Plausible extent of all markers in one frame, where no label is known."""
+"""Plausible extent of all markers in one frame if no label is known."""
 _FACTORS = (1000.0, 100.0, 10.0, 25.4, 2.54)
 
 
@@ -44,28 +41,28 @@ def examine(
     rate: float,
     height_m: float | None = None,
     meant: dict[str, str] | None = None,
-) -> list[Finding]:
-    """Find what in a recording cannot be a body that moves, by marker and time.
+) -> list[MarkerFinding]:
+    """Find what in a recording cannot be a moving body, by marker and time.
 
-    Single trajectories come first (outside any laboratory, frozen), then leaps and exchanged labels, then the whole: sides,
-    rigid parts, stature. What one check finds is hidden from the next. Findings are sorted by what they lead to, then by
-    time; a valid recording has none.
+    Single trajectories are checked first (outside any laboratory, frozen), then leaps and exchanged labels, then the whole:
+    sides, rigid parts, stature. The findings of one check are hidden from the next. Findings are sorted by their outcome, then
+    by time; a valid recording has none.
 
     Parameters
     ----------
     points : dict of str to ndarray, shape (n_frames, 3)
-        Measured markers by the file's labels; metres, z up; NaN where not seen.
+        Measured markers by the file's labels; metres, z up; NaN if not seen.
     height_m : float, optional
-        Stature of the person; without it any from 0.6 to 2.6 m is accepted.
+        Stature of the subject; without it any from 0.6 to 2.6 m is accepted.
     meant : dict of str to str, optional
-        Landmark to label, where labels mean something else than usual.
+        Landmark to label, for labels with another meaning than usual.
     """
     if not points:
         return []
     legend = Legend(time, rate, {label: landmark for landmark, label in landmarks(points, meant).items()})
-    wrong = _unit(points, legend, height_m)
-    if wrong:
-        return wrong
+    wrong_unit = _unit(points, legend, height_m)
+    if wrong_unit:
+        return wrong_unit
     findings, stepping = held_samples(points, legend)
     for check in (beyond_laboratory, frozen_stretches):
         found = check(points, legend)
@@ -73,10 +70,28 @@ def examine(
         points = mask_findings(points, found)
     found, points = _leaps(points, legend)
     findings += found
-    for label, stretch, evidence in off_its_part(points, legend.rate):
-        findings.append(legend.finding("off its part", (label,), stretch, evidence=evidence))
-    noisy = _jitter({label: points[label] for label in points if label not in stepping}, legend)
-    findings += _stature(points, legend, height_m) + noisy
+    findings += [
+        legend.finding(
+            "off its part",
+            LEFT_OUT,
+            off.evidence,
+            "another marker under this label, or one that came off",
+            (off.label,),
+            off.frames,
+        )
+        for off in off_its_part(points, legend.rate)
+    ]
+    stature, count = estimate_stature(_sampled(points), legend.named)
+    if height_m and count >= 2 and not 1 / _AT.other_stature < stature / height_m < _AT.other_stature:
+        findings.append(
+            legend.finding(
+                "stature",
+                NOTED,
+                f"{count} lengths of the body are those of a person {stature:.2f} m tall; height_m is {height_m:g}",
+                "another person's recording, or a wrong height_m",
+            )
+        )
+    findings += _jitter({label: points[label] for label in points if label not in stepping}, legend)
     order = (ERROR, PROPOSED, LEFT_OUT, NOTED)
     return sorted(findings, key=lambda finding: (order.index(finding.outcome), finding.first_frame))
 
@@ -84,19 +99,19 @@ def examine(
 def unchecked_properties(
     points: dict[str, np.ndarray], height_m: float | None = None, meant: dict[str, str] | None = None
 ) -> dict[str, str]:
-    """Return what `examine` cannot compare with a body in a recording, with the reason; parameters as there."""
+    """Return the properties that `examine` cannot compare with a body, with the reason; parameters as there."""
     if not points:
         return {}
     named = {label: landmark for landmark, label in landmarks(points, meant).items()}
     sampled = _sampled(points)
-    _, lengths = stature_found(sampled, named)
+    _, lengths = estimate_stature(sampled, named)
     sides, depths = rightward(sampled, named)
     found = {}
     if lengths < 2:
         reason = f"the labels name {'one length' if lengths else 'no length'} of a body"
         found["stature"] = reason
         found["unit"] = (
-            f"{reason}; all markers of a frame fill {_cloud(sampled):.2g} m, and that is all that is known"
+            f"{reason}; only the extent of all markers of a frame is known, {_cloud(sampled):.2g} m"
         )
     elif not height_m:
         found["stature"] = "height_m is not given"
@@ -105,8 +120,8 @@ def unchecked_properties(
     return found
 
 
-def mask_findings(points: dict[str, np.ndarray], findings: list[Finding]) -> dict[str, np.ndarray]:
-    """Return the points with NaN where a finding leaves a marker out or proposes another label for it."""
+def mask_findings(points: dict[str, np.ndarray], findings: list[MarkerFinding]) -> dict[str, np.ndarray]:
+    """Return the points with NaN in the frames in which a finding leaves a marker out or proposes another label."""
     result = dict(points)
     for finding in findings:
         if finding.outcome in (LEFT_OUT, PROPOSED):
@@ -117,8 +132,8 @@ def mask_findings(points: dict[str, np.ndarray], findings: list[Finding]) -> dic
     return result
 
 
-def usable_markers(points: dict[str, np.ndarray], findings: list[Finding]) -> dict[str, np.ndarray]:
-    """Return the markers that are not left out of all frames, without the frames that are; exchanges are not made."""
+def usable_markers(points: dict[str, np.ndarray], findings: list[MarkerFinding]) -> dict[str, np.ndarray]:
+    """Return the markers that are not left out of all frames, without the frames left out; labels are not exchanged."""
     kept = mask_findings(points, [finding for finding in findings if finding.outcome == LEFT_OUT])
     return {label: positions for label, positions in kept.items() if np.isfinite(positions).any()}
 
@@ -128,13 +143,16 @@ def _sampled(points: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     return {label: positions[::every] for label, positions in points.items()}
 
 
-def _unit(points: dict[str, np.ndarray], legend: Legend, height_m: float | None) -> list[Finding]:
-    """An error where the body is far too large or too small for a person."""
+def _unit(points: dict[str, np.ndarray], legend: Legend, height_m: float | None) -> list[MarkerFinding]:
+    """Return an error if the body is far too large or too small for a person."""
     sampled = _sampled(points)
-    far = np.concatenate([np.abs(places[np.isfinite(places)]).ravel() for places in sampled.values()])
-    stature, count = stature_found(sampled, legend.named)
-    if np.median(far) > LABORATORY_M and not 0 < stature < LABORATORY_M:
-        return [legend.finding("unit of no laboratory", far=np.median(far))]
+    far = np.median(
+        np.concatenate([np.abs(places[np.isfinite(places)]).ravel() for places in sampled.values()])
+    )
+    stature, count = estimate_stature(sampled, legend.named)
+    if far > LABORATORY_M and not 0 < stature < LABORATORY_M:
+        cause = "no laboratory is so large: set markers.scale or markers.unit"
+        return [legend.finding("unit", ERROR, f"coordinates of {far:.3g} m", cause)]
     if count >= 2:
         low, high = (height_m / _AT.wrong_unit, height_m * _AT.wrong_unit) if height_m else _STATURES_M
         size, expected = stature, height_m or _AT.person_m
@@ -147,19 +165,15 @@ def _unit(points: dict[str, np.ndarray], legend: Legend, height_m: float | None)
         evidence = f"the markers of one frame fill {size:.3g} m"
     if not np.isfinite(size) or low <= size <= high:
         return []
-    return [legend.finding("unit", evidence=evidence, cause=_which_unit(size / expected))]
+    return [legend.finding("unit", ERROR, evidence, _which_unit(size / expected))]
 
 
 def _cloud(points: dict[str, np.ndarray]) -> float:
-    """Median extent of all markers of one frame, metres; NaN of fewer than three markers."""
+    """Return the median extent of all markers of one frame, metres; NaN for fewer than three markers."""
     stacked = np.stack(list(points.values()), axis=1)
-    extents = [_extent(frame) for frame in stacked]
-    return float(np.nanmedian(extents)) if np.isfinite(extents).any() else np.nan
-
-
-def _extent(frame: np.ndarray) -> float:
-    seen = frame[np.isfinite(frame).all(axis=1)]
-    return float(np.ptp(seen, axis=0).max()) if len(seen) > 2 else np.nan
+    seen = [frame[np.isfinite(frame).all(axis=1)] for frame in stacked]
+    extents = [float(np.ptp(frame, axis=0).max()) for frame in seen if len(frame) > 2]
+    return float(np.median(extents)) if extents else np.nan
 
 
 def _which_unit(factor: float) -> str:
@@ -172,8 +186,10 @@ def _which_unit(factor: float) -> str:
     return f"{factor:.2g} times a person's size: set markers.scale, or the subject's height_m"
 
 
-def _leaps(points: dict[str, np.ndarray], legend: Legend) -> tuple[list[Finding], dict[str, np.ndarray]]:
-    """Exchanged labels, leaps and spikes; the points with exchanges undone and leaps left out, for the checks that follow."""
+def _leaps(
+    points: dict[str, np.ndarray], legend: Legend
+) -> tuple[list[MarkerFinding], dict[str, np.ndarray]]:
+    """Find exchanged labels, leaps and spikes; return also the points with exchanges undone and leaps left out."""
     leaps, spikes = {}, {}
     for label, positions in points.items():
         leaps[label], spikes[label] = find_leaps(positions, legend.rate)
@@ -190,39 +206,37 @@ def _leaps(points: dict[str, np.ndarray], legend: Legend) -> tuple[list[Finding]
     findings = missing + _displaced(straight, remaining, spikes, legend)
     straight = mask_findings(straight, findings)
     sided, mirrored = side_exchanges(_sampled(straight), legend.named)
-    whole = [((one, other), evidence) for one, other, evidence in sided]
-    reversed_pairs = {frozenset(pair) for pair, _ in whole}
+    reversed_pairs = {frozenset(pair.labels) for pair in sided}
     sides = {frozenset(pair) for pair in side_pairs(points, legend.named)}
-    flipped = _flipped(exchanges, reversed_pairs, sides)
+    # Exchanges whose other intervals are wrong: labels that are still wrong after the shorter ones are exchanged. Left and right
+    # of several markers that change places simultaneously, such as both legs, are wrong together.
+    still_wrong = [exchange for exchange in exchanges if exchange.pair in reversed_pairs]
+    simultaneous = {exchange.frames for exchange in still_wrong if exchange.pair in sides}
+    flipped = [
+        exchange
+        for exchange in exchanges
+        if exchange in still_wrong or (exchange.pair in sides and exchange.frames in simultaneous)
+    ]
     for pair in {*reversed_pairs, *(one.pair for one in flipped)}:
         straight = _exchanged(straight, tuple(pair), [slice(0, n_frames)])
     changing = frozenset().union(*(one.pair for one in exchanges))
     for exchange in exchanges:
         shorter, longer = exchange.stretches(n_frames)
         if exchange in flipped:
-            whole = [item for item in whole if frozenset(item[0]) != exchange.pair]
+            sided = [pair for pair in sided if frozenset(pair.labels) != exchange.pair]
         wrong = longer if exchange in flipped else shorter
         findings += _exchange_findings(points, straight, exchange, wrong, changing, legend)
-    findings += [legend.finding("exchanged", pair, evidence=evidence, pair=pair) for pair, evidence in whole]
+    for pair in sided:
+        one, other = pair.labels
+        cause = (
+            f"their labels are exchanged: if so, exchange {one} and {other} in markers.aliases; until then both are left out of "
+            "all frames"
+        )
+        findings.append(legend.finding("exchanged", PROPOSED, pair.evidence, cause, pair.labels))
     if mirrored:
-        findings.append(legend.finding("mirrored", evidence=mirrored))
+        cause = "the labels of both sides are exchanged, or an axis of the file is mirrored"
+        findings.append(legend.finding("mirrored", ERROR, mirrored, cause))
     return findings, straight
-
-
-def _flipped(
-    exchanges: list[Exchange], reversed_pairs: set[frozenset[str]], sides: set[frozenset[str]]
-) -> list[Exchange]:
-    """Exchanges whose other stretches are the wrong ones: labels that still stand wrongly once the shorter ones are exchanged.
-
-    Left and right of several markers that change places at once, as of both legs, are wrong together.
-    """
-    flipped = [exchange for exchange in exchanges if exchange.pair in reversed_pairs]
-    at_once = {exchange.frames for exchange in flipped if exchange.pair in sides}
-    return [
-        exchange
-        for exchange in exchanges
-        if exchange in flipped or (exchange.pair in sides and exchange.frames in at_once)
-    ]
 
 
 def _exchanged(points, pair: tuple[str, str], stretches: list[slice]) -> dict[str, np.ndarray]:
@@ -234,75 +248,83 @@ def _exchanged(points, pair: tuple[str, str], stretches: list[slice]) -> dict[st
 
 def _exchange_findings(
     points, straight, exchange: Exchange, stretches: list[slice], changing: frozenset[str], legend: Legend
-) -> list[Finding]:
-    """One finding per stretch, with the lengths to a third marker, which changes no place, as they are and as they would be."""
+) -> list[MarkerFinding]:
+    """Return a finding per interval, with the distances to a third marker, which changes no place, with both labellings."""
     pair = (exchange.first, exchange.second)
     others = {one: points for one, points in _sampled(straight).items() if one not in changing - {pair[0]}}
     mate = steadiest_mate(others, exchange.first)
     findings = []
     for stretch in stretches:
-        evidence = f"each leaps {exchange.distance * 1e3:.0f} mm to where the other was"
+        evidence = f"each leaps {exchange.distance * 1e3:.0f} mm to the place of the other"
         if mate:
             usual = length(straight, exchange.first, mate, slice(None)) * 1e3
             there = length(points, exchange.first, mate, stretch) * 1e3
-            mended = length(points, exchange.second, mate, stretch) * 1e3
+            swapped = length(points, exchange.second, mate, stretch) * 1e3
             evidence += f"; {exchange.first} is {usual:.0f} mm from {mate}, here {there:.0f} mm"
-            evidence += f", with labels exchanged {mended:.0f} mm"
-        findings.append(legend.finding("exchanged here", pair, stretch, evidence=evidence))
+            evidence += f", with labels exchanged {swapped:.0f} mm"
+        cause = (
+            "their labels are exchanged in these frames, which are gaps of both until both are labelled again in the capture "
+            "software"
+        )
+        findings.append(legend.finding("exchanged", PROPOSED, evidence, cause, pair, stretch))
     return findings
 
 
 def _displaced(
     points, leaps: dict[str, list[Leap]], spikes: dict[str, list[slice]], legend: Legend
-) -> list[Finding]:
-    """Stretches after leaps that no exchange explains, and spikes; of a marker with many of them one finding."""
+) -> list[MarkerFinding]:
+    """Return intervals after leaps that no exchange explains, and spikes; a single finding for a marker with many of them."""
     findings = []
     most = max(_AT.restless_leaps, _AT.restless_share * len(legend.time))
     for label, positions in points.items():
         count = len(leaps[label]) + len(spikes[label])
         if count > most:
-            findings.append(legend.finding("restless", (label,), count=count))
+            evidence = f"{count} leaps of more than 20 mm from one frame to the next"
+            cause = "a reflection, or two markers under one label"
+            findings.append(legend.finding("restless", NOTED, evidence, cause, (label,)))
             continue
-        stretches, untold = displacements(points, label, leaps, legend)
-        for stretch in stretches:
-            leap = stretch.leap
-            other = lands_on(leap, label, points)
-            words = {
-                "size": leap.size * 1e3,
-                "at": legend.time[leap.first],
-                "seen": stretch.seen,
-                "other": other,
-            }
-            kind = "jump onto another" if other else "jump"
-            findings.append(legend.finding(kind, (label,), stretch.frames, **words))
-        for leap in untold:
-            frames, words = slice(leap.last, leap.first + 1), {"size": leap.size * 1e3}
-            findings.append(
-                legend.finding("untold jump", (label,), frames, **words, at=legend.time[leap.first])
-            )
+        displaced, undecided = displacements(points, label, leaps, legend)
+        for one in displaced:
+            other = lands_on(one.leap, label, points)
+            cause = "another reflection under this label, or a marker that came off"
+            if other:
+                cause = f"it is at the place of {other}: two labels were exchanged"
+            evidence = f"{_leap_text(one.leap, legend)}, {one.evidence}"
+            findings.append(legend.finding("jump", LEFT_OUT, evidence, cause, (label,), one.frames))
+        for leap in undecided:
+            evidence = f"{_leap_text(leap, legend)}; its distances to other markers do not show if it is wrong before or after"
+            cause = "check it in the capture software: nothing is left out"
+            frames = slice(leap.last, leap.first + 1)
+            findings.append(legend.finding("jump", NOTED, evidence, cause, (label,), frames))
         for spike in spikes[label]:
             ends = positions[[max(0, spike.start - 1), min(len(positions) - 1, spike.stop)]]
             off = np.linalg.norm(positions[spike] - ends.mean(axis=0), axis=1)
-            findings.append(legend.finding("spike", (label,), spike, off=float(np.nanmax(off)) * 1e3))
+            evidence = f"deviates from its path by up to {np.nanmax(off) * 1e3:.0f} mm and returns"
+            cause = "a reflection mistaken for the marker"
+            findings.append(legend.finding("spike", LEFT_OUT, evidence, cause, (label,), spike))
     return findings
 
 
-def _stature(points: dict[str, np.ndarray], legend: Legend, height_m: float | None) -> list[Finding]:
-    stature, count = stature_found(_sampled(points), legend.named)
-    if not height_m or count < 2 or 1 / _AT.other_stature < stature / height_m < _AT.other_stature:
-        return []
-    return [legend.finding("stature", count=count, stature=stature, height_m=height_m)]
+def _leap_text(leap: Leap, legend: Legend) -> str:
+    return f"leaps {leap.size * 1e3:.0f} mm at {legend.time[leap.first]:.2f} s"
 
 
-def _jitter(points: dict[str, np.ndarray], legend: Legend) -> list[Finding]:
-    """Markers with noise; where most have it, one finding of all."""
-    noisy = {}
+def _jitter(points: dict[str, np.ndarray], legend: Legend) -> list[MarkerFinding]:
+    """Return a finding per marker with noise, or a single one if most have it."""
+    noise_mm = {}
     for label, positions in points.items():
         size = step_sizes(positions)
         usual = float(np.nanmedian(size)) if np.isfinite(size).any() else 0.0
         if usual > max(_AT.jitter_m, _AT.jerk_m_s3 / legend.rate**3):
-            noisy[label] = _AT.rms_of_steps * usual * 1e3
-    if len(noisy) > _AT.fewest_together and 2 * len(noisy) > len(points):
-        words = {"least": min(noisy.values()), "most": max(noisy.values()), "count": len(noisy)}
-        return [legend.finding("jitter of most", of=len(points), **words)]
-    return [legend.finding("jitter", (label,), noise=noise) for label, noise in noisy.items()]
+            noise_mm[label] = _AT.rms_of_steps * usual * 1e3
+    measure = "mm (root mean square distance from a smooth path)"
+    if len(noise_mm) > _AT.fewest_together and 2 * len(noise_mm) > len(points):
+        least, largest = min(noise_mm.values()), max(noise_mm.values())
+        evidence = f"noise of about {least:.1f} to {largest:.1f} {measure} in {len(noise_mm)} of {len(points)} markers"
+        cause = "badly calibrated cameras, or rounded or resampled coordinates"
+        return [legend.finding("jitter", NOTED, evidence, cause)]
+    cause = "few cameras see it, or they are badly calibrated"
+    return [
+        legend.finding("jitter", NOTED, f"noise of about {noise:.1f} {measure}", cause, (label,))
+        for label, noise in noise_mm.items()
+    ]

@@ -1,46 +1,136 @@
-"""Reading a marker file through the gate: what cannot be a body becomes a gap, and the reader of the results is told.
+"""Reading a marker file through the checks: what cannot be a body becomes a gap, and a quality sheet of the recording reports it.
 
-A label that alone fills a standard name says what it means; in a rule such as ``L_WRIST: {mean: [RWRA, RWRB]}`` the side
-does. So labels that the user has exchanged in the layout's aliases are not reported as exchanged again.
+A label that is the only one to fill a standard name is defined by it; in a rule such as ``L_WRIST: {mean: [RWRA, RWRB]}`` its
+side is. So labels that the user has exchanged in the layout's aliases are not reported as exchanged again.
 """
 
 import os
-from collections.abc import Collection, Iterator, Mapping
+from collections import Counter
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
 
 import numpy as np
 
 from lumbar.base.errors import InputError
-from lumbar.lifting.quality.body import check_unaliased_axes
+from lumbar.lifting.quality.body import check_unaliased_axes, landmarks
+from lumbar.lifting.quality.findings import ERROR, LEFT_OUT, PROPOSED, MarkerFinding
 from lumbar.lifting.quality.gate import examine, mask_findings, unchecked_properties, usable_markers
-from lumbar.lifting.quality.landmarks import landmarks
-from lumbar.lifting.quality.sheet import ERROR, LEFT_OUT, PROPOSED, Finding, QualitySheet, quality_sheet
+from lumbar.records.marker_file import RecordedEvent
 from lumbar.records.markers import MarkerRecording, Mend, read_markers
+from lumbar.records.stretches import runs
 from lumbar.settings.layout import Alias, MarkerLayout, MeanOfMarkers, OffsetPoint, PointBetween
+from lumbar.tables.described import described
+from lumbar.tables.table import Table
+
+_MAX_GAPS = 5
+"""Markers with gaps that the sheet's text names."""
+
+
+@dataclass(frozen=True)
+class OpenStretch:
+    """The longest interval in which a marker is not seen, and its share of missing frames."""
+
+    marker: str
+    """Label of the file."""
+    missing_share: float
+    """Share of frames without the marker."""
+    longest_s: float
+    """Length of the longest interval, seconds."""
+    from_s: float
+    """Start of it, seconds."""
+
+
+@dataclass(frozen=True)
+class QualitySheet:
+    """Report on a recording before anything is computed from it."""
+
+    file: str
+    rate_Hz: float
+    start_s: float
+    duration_s: float
+    n_frames: int
+    markers: tuple[str, ...]
+    """Measured markers, by the file's labels."""
+    gaps: tuple[OpenStretch, ...]
+    """Gaps of the file itself, worst first."""
+    findings: tuple[MarkerFinding, ...]
+    estimated: dict[str, str]
+    """Standard names that no marker fills, with the rule they follow."""
+    absent: dict[str, str]
+    """Standard names that nothing fills, with the reason."""
+    left_out: dict[str, str]
+    """Points of the file that are not markers, or that the findings leave out altogether, with the reason."""
+    unused: tuple[str, ...]
+    """Markers without a standard name."""
+    events: tuple[RecordedEvent, ...]
+    notes: tuple[str, ...]
+    """Contradictions in the file."""
+    unchecked: dict[str, str] = field(default_factory=dict)
+    """Properties that could not be compared with a body, with the reason."""
+
+    @property
+    def missing_share(self) -> float:
+        """Share of all samples of all markers that were not seen."""
+        return sum(gap.missing_share for gap in self.gaps) / max(1, len(self.markers))
+
+    def as_dict(self) -> dict:
+        """Return the sheet as data for JSON."""
+        return asdict(self) | {"missing_share": self.missing_share}
+
+    def lines(self) -> list[str]:
+        """Return the sheet in sentences."""
+        stop = self.start_s + self.duration_s
+        lines = [
+            f"{Path(self.file).name}: {self.n_frames} frames at {self.rate_Hz:g} Hz, {self.start_s:.2f} to {stop:.2f} s, "
+            f"{len(self.markers)} markers"
+        ]
+        reasons = Counter(self.left_out.values())
+        if reasons:
+            counted = ", ".join(f"{count} × {reason}" for reason, count in reasons.most_common())
+            lines.append(f"no markers: {counted}")
+        if self.events:
+            shown = ", ".join(f"{event.full_label} {event.time:.2f} s" for event in self.events)
+            lines.append(f"events in the file: {shown}")
+        lines += [f"note: {note}" for note in self.notes]
+        worst = [
+            f"{gap.marker} {gap.longest_s:.2f} s from {gap.from_s:.2f} s ({gap.missing_share:.1%})"
+            for gap in self.gaps[:_MAX_GAPS]
+        ]
+        more = f", and {len(self.gaps) - _MAX_GAPS} more" if len(self.gaps) > _MAX_GAPS else ""
+        share = f"{self.missing_share:.2%} of all samples; longest of each: {', '.join(worst)}{more}"
+        lines.append(f"gaps: {share if self.gaps else 'none'}")
+        lines += [f"{finding.outcome}: {finding}" for finding in self.findings] or [
+            "findings: none" + (" in what could be checked" if self.unchecked else "")
+        ]
+        if self.unchecked:
+            reasons = "; ".join(f"{what} ({reason})" for what, reason in self.unchecked.items())
+            lines.append(f"not checked: {reasons}")
+        return lines
 
 
 @dataclass
 class Screening:
-    """A screen for `lumbar.records.markers.read_markers` that keeps what it found."""
+    """A screen for `lumbar.records.markers.read_markers` that keeps its findings."""
 
     height_m: float | None = None
-    """Stature of the person."""
+    """Stature of the subject."""
     aliases: Mapping[str, Alias | None] = field(default_factory=dict)
-    """Of the layout: what the laboratory's labels mean."""
+    """Aliases of the layout, which define the laboratory's labels."""
     refuse: bool = True
-    """Raise for findings that are errors; otherwise they are only kept."""
-    findings: list[Finding] = field(default_factory=list)
-    """Of the file read last."""
+    """Whether findings that are errors raise; otherwise they are only kept."""
+    findings: list[MarkerFinding] = field(default_factory=list)
+    """Findings in the last file."""
     points: dict[str, np.ndarray] = field(default_factory=dict)
-    """Shape (n_frames, 3): its measured markers by label, as they were before anything was left out."""
+    """Shape (n_frames, 3): its measured markers by label, before anything was left out."""
     unchecked: dict[str, str] = field(default_factory=dict)
-    """What could not be compared with a body, with the reason."""
+    """Properties that could not be compared with a body, with the reason."""
 
     def __call__(
         self, points: dict[str, np.ndarray], time: np.ndarray, rate: float
     ) -> tuple[dict[str, np.ndarray], dict[str, str]]:
-        """Return the points without what the findings leave out, and why a marker is left out altogether."""
+        """Return the points without the frames left out, and the reasons for markers that are left out altogether."""
         meant = meant_labels(self.aliases, points)
         meant = meant_in_rules(self.aliases, points, meant) | meant
         self.points, self.findings = points, examine(points, time, rate, self.height_m, meant)
@@ -57,7 +147,7 @@ class Screening:
         return screened, left_out
 
     def raise_errors(self) -> None:
-        """Raise `InputError` where a finding is an error."""
+        """Raise `InputError` if a finding is an error."""
         errors = [finding for finding in self.findings if finding.outcome == ERROR]
         if errors:
             raise InputError("; ".join(map(str, errors)))
@@ -70,14 +160,14 @@ def read_screened(
     height_m: float | None = None,
     mend: Mend | None = None,
 ) -> tuple[MarkerRecording, QualitySheet]:
-    """Read a marker file, leaving out what cannot be a body; with the sheet that says so.
+    """Read a marker file, leave out what cannot be a body, and return its quality sheet too.
 
-    There are gaps where a marker was left out; one left out altogether is among `MarkerRecording.dropped`.
+    Frames that are left out become gaps; a marker left out altogether is among `MarkerRecording.dropped`.
 
     Raises
     ------
     InputError
-        As `read_markers`; and where the unit or the sides of the whole recording are impossible.
+        As `read_markers`; and if the unit or the sides of the whole recording are impossible.
     """
     layout = layout or MarkerLayout()
     screening = Screening(height_m, layout.aliases)
@@ -88,7 +178,7 @@ def read_screened(
 
 @contextmanager
 def naming(path: str | os.PathLike) -> Iterator[None]:
-    """Put the file's name before errors that do not begin with it."""
+    """Prefix errors that do not begin with the file's name by it."""
     try:
         yield
     except InputError as error:
@@ -105,25 +195,21 @@ def sheet_of(recording: MarkerRecording, screening: Screening, layout: MarkerLay
         For axes that are not those of the body.
     """
     check_unaliased_axes(usable_markers(screening.points, screening.findings), recording, layout)
-    return quality_sheet(recording, screening.points, _concerning(screening), screening.unchecked)
-
-
-def _concerning(screening: Screening) -> list[Finding]:
-    """The findings with the standard names whose frames they leave out."""
     kept = mask_findings(screening.points, screening.findings)
     labels = [label for label, points in kept.items() if np.isfinite(points).any()]
-    return [
+    findings = [
         replace(finding, concerns=_filled_by(finding.markers, labels, screening.aliases))
         if finding.outcome in (LEFT_OUT, PROPOSED)
         else finding
         for finding in screening.findings
     ]
+    return quality_sheet(recording, screening.points, findings, screening.unchecked)
 
 
 def _filled_by(
     markers: Collection[str], labels: Collection[str], aliases: Mapping[str, Alias | None]
 ) -> tuple[str, ...]:
-    """Standard names that are not seen where `markers` are not."""
+    """Return the standard names that are missing in frames without `markers`."""
     from lumbar.records.marker_aliases import resolve_aliases
 
     # Two frames: all labels are seen in the first, all but the markers in the second.
@@ -135,12 +221,12 @@ def _filled_by(
 
 
 def meant_labels(aliases: Mapping[str, Alias | None], labels: Collection[str]) -> dict[str, str]:
-    """Return, by standard name, the label of the file that alone fills an alias."""
+    """Return, by standard name, the label of the file that fills an alias without others."""
     meant = {}
     for name, alias in aliases.items():
         for choice in alias if isinstance(alias, tuple) else (alias,):
             if not isinstance(choice, str):
-                break  # a rule: no one marker
+                break  # a rule names several markers
             if choice in labels:
                 meant[name] = choice
                 break
@@ -155,7 +241,14 @@ def meant_in_rules(
     found: dict[str, str] = {}
     for name, alias in aliases.items():
         for rule in alias if isinstance(alias, tuple) else (alias,):
-            sided = {part: usual[part] for part in _parts(rule) if usual.get(part, "")[:2] in ("L_", "R_")}
+            # Labels that the rule names directly.
+            parts = {MeanOfMarkers: "mean", PointBetween: "between"}.get(type(rule))
+            named = getattr(rule, parts) if parts else (rule.start,) if isinstance(rule, OffsetPoint) else ()
+            sided = {
+                part: usual[part]
+                for part in named
+                if isinstance(part, str) and usual.get(part, "")[:2] in ("L_", "R_")
+            }
             if sided and {name[:2], *(landmark[:2] for landmark in sided.values())} == {"L_", "R_"}:
                 mirrored = {part: name[:2] + landmark[2:] for part, landmark in sided.items()}
                 found |= {
@@ -166,12 +259,65 @@ def meant_in_rules(
     return found
 
 
-def _parts(rule: Alias | None) -> list[str]:
-    """Labels that a rule names directly."""
-    if isinstance(rule, MeanOfMarkers):
-        parts = rule.mean
-    elif isinstance(rule, PointBetween):
-        parts = rule.between
-    else:
-        parts = (rule.start,) if isinstance(rule, OffsetPoint) else ()
-    return [part for part in parts if isinstance(part, str)]
+def quality_sheet(
+    recording: MarkerRecording,
+    points: dict[str, np.ndarray],
+    findings: Sequence[MarkerFinding],
+    unchecked: dict[str, str] | None = None,
+) -> QualitySheet:
+    """Return the sheet of a recording.
+
+    The points are its measured markers by the file's labels, before anything was left out; `unchecked` is the result of
+    `lumbar.lifting.quality.gate.unchecked_properties`.
+    """
+    gaps = []
+    for label, positions in points.items():
+        missing = ~np.isfinite(positions).all(axis=1)
+        if missing.any():
+            longest = max(runs(missing), key=lambda gap: gap.stop - gap.start)
+            length = (longest.stop - longest.start) / recording.rate
+            start = float(recording.time[longest.start])
+            gaps.append(OpenStretch(label, float(missing.mean()), length, start))
+    return QualitySheet(
+        file=recording.source,
+        rate_Hz=recording.rate,
+        start_s=float(recording.time[0]),
+        duration_s=len(recording) / recording.rate,
+        n_frames=len(recording),
+        markers=tuple(points),
+        gaps=tuple(sorted(gaps, key=lambda gap: -gap.longest_s)),
+        findings=tuple(findings),
+        estimated=dict(recording.derived),
+        absent=dict(recording.absent),
+        left_out=dict(recording.dropped),
+        unused=recording.unused,
+        events=recording.events,
+        notes=recording.notes,
+        unchecked=dict(unchecked or {}),
+    )
+
+
+def quality_table(sheets: Sequence[dict], source_label: str) -> Table:
+    """Return one row per recording: sheets as `QualitySheet.as_dict` gives them, with the name of the lift under ``lift``."""
+    return described("lifting/quality", "quality", [_row(sheet) for sheet in sheets], source_label)
+
+
+def _row(sheet: dict) -> dict:
+    findings = [
+        f"{finding['kind']} ({finding['outcome']}): {', '.join(finding['markers']) or 'all markers'} "
+        f"from {finding['start_s']:.2f} s for {finding['length_s']:.2f} s"
+        for finding in sheet["findings"]
+    ]
+    return {
+        "lift": sheet["lift"],
+        "file": Path(sheet["file"]).name,
+        "markers": len(sheet["markers"]),
+        "rate_Hz": float(sheet["rate_Hz"]),
+        "duration_s": sheet["duration_s"],
+        "missing_percent": 100 * sheet["missing_share"],
+        "longest_gap_s": max((gap["longest_s"] for gap in sheet["gaps"]), default=0.0),
+        "estimated": ", ".join(sheet["estimated"]) or "none",
+        "left_out": sum(finding["outcome"] in ("left out", "proposed") for finding in sheet["findings"]),
+        "findings": "; ".join(findings) or "none",
+        "not_checked": ", ".join(sheet["unchecked"]) or "none",
+    }

@@ -10,9 +10,9 @@ from lumbar.base.templates import in_print
 from lumbar.base.yaml_file import shipped_yaml
 from lumbar.lifting.measures.balance import corners_around
 from lumbar.lifting.measures.course import CORNERS, base_in
-from lumbar.lifting.quality.landmarks import landmarks
-from lumbar.lifting.quality.sheet import QualitySheet
-from lumbar.lifting.quality.trajectories import LABORATORY_M
+from lumbar.lifting.quality.body import landmarks
+from lumbar.lifting.quality.implausible_motion import LABORATORY_M
+from lumbar.lifting.quality.screening import QualitySheet
 from lumbar.publishing.figures.lifting_figures import EVENT_LABELS
 from lumbar.publishing.figures.palette import MEASURED, SERIES
 from lumbar.publishing.figures.style import DOUBLE_COLUMN, house_style, new_figure, note, say_instead

@@ -1,0 +1,98 @@
+"""Findings of the quality checks: which markers, when, what was seen, the likely cause, and what is done about it."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+ERROR, LEFT_OUT, PROPOSED, NOTED = "error", "left out", "proposed", "noted"
+"""Consequence of a finding: the trial stops; the interval becomes a gap; an exchange of labels is proposed, and the interval is
+a gap until the labels are exchanged; it is only reported."""
+_RELABEL = "label it again in the capture software"
+_RELABEL_OR_REPLACE = f"{_RELABEL}, or name another marker in markers.aliases"
+REMEDIES = {
+    "beyond laboratory": "export the file again, or name another marker in markers.aliases",
+    "frozen": "delete the frozen frames in the capture software, which can fill longer gaps",
+    "held": "",
+    "missing frames": "",
+    "jump": _RELABEL_OR_REPLACE,
+    "restless": "",
+    "spike": _RELABEL,
+    "exchanged": "label both again in the capture software",
+    "mirrored": "",
+    "off its part": _RELABEL_OR_REPLACE,
+    "static": "",
+    "unit": "",
+    "stature": "",
+    "jitter": "",
+}
+"""By kind of finding: how the frames that it leaves out can be used again; empty if it leaves out none."""
+
+
+@dataclass(frozen=True)
+class MarkerFinding:
+    """One finding."""
+
+    kind: str
+    """E.g. ``"frozen"``; docs/lifting/quality.md explains each."""
+    outcome: str
+    """``"error"``, ``"left out"``, ``"proposed"`` or ``"noted"``."""
+    markers: tuple[str, ...]
+    """Labels of the file; empty if the whole recording is meant."""
+    first_frame: int
+    """Index of the first frame, from 0."""
+    n_frames: int
+    """Number of frames."""
+    start_s: float
+    """Time of the first frame on the recording's clock."""
+    length_s: float
+    """Frames divided by the rate."""
+    evidence: str
+    """What was seen, in numbers."""
+    cause: str = ""
+    """The likely cause, or what to do."""
+    concerns: tuple[str, ...] = ()
+    """Standard names that the markers fill, directly or by a rule."""
+
+    @property
+    def remedy(self) -> str:
+        """What to do so that its frames can be used."""
+        return REMEDIES[self.kind]
+
+    @property
+    def frames(self) -> slice:
+        """The frames as a slice."""
+        return slice(self.first_frame, self.first_frame + self.n_frames)
+
+    def __str__(self) -> str:
+        who = ", ".join(self.markers) or "all markers"
+        when = f"{self.start_s:.2f} to {self.start_s + self.length_s:.2f} s"
+        when += f" (frames {self.first_frame} to {self.frames.stop - 1})"
+        return f"{self.kind}: {who}, {when}: {self.evidence}" + (f"; {self.cause}" if self.cause else "")
+
+
+@dataclass(frozen=True)
+class Legend:
+    """Times of the frames of a recording and meanings of its labels; makes findings."""
+
+    time: np.ndarray
+    """Shape (n_frames,): seconds."""
+    rate: float
+    """Frames per second."""
+    named: dict[str, str] = field(default_factory=dict)
+    """Landmark by label."""
+
+    def finding(
+        self,
+        kind: str,
+        outcome: str,
+        evidence: str,
+        cause: str,
+        markers: tuple[str, ...] = (),
+        frames: slice | None = None,
+    ) -> MarkerFinding:
+        """Return a finding about some frames, or about all if `frames` is None; other arguments as in `MarkerFinding`."""
+        first, stop = (int(frames.start), int(frames.stop)) if frames else (0, len(self.time))
+        length_s = (stop - first) / self.rate
+        return MarkerFinding(
+            kind, outcome, markers, first, stop - first, float(self.time[first]), length_s, evidence, cause
+        )

@@ -1,0 +1,354 @@
+"""Motion of markers that no body makes: leaps, exchanged labels, coordinates outside any laboratory or constant to the last bit.
+
+Between frames k and k + 1 the line through frames k - 1 and k and that through k + 1 and k + 2 are continued to the middle; their
+distance there is half the third difference. Constant velocity and acceleration leave it zero, so that a fast movement is no leap.
+Two markers that exchange their labels leap each to the place of the other; if frames are missing without a gap, most markers leap
+together.
+
+`points` are positions in metres by label, shape (n_frames, 3), NaN if not seen.
+"""
+
+from collections import Counter
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from lumbar.base.yaml_file import shipped_names
+from lumbar.lifting.quality.findings import ERROR, LEFT_OUT, NOTED, Legend, MarkerFinding
+from lumbar.records.stretches import runs
+
+_LIMITS = shipped_names(Path(__file__).with_name("thresholds.yaml"), "implausible_motion")
+
+SMALLEST_M = 0.02
+"""Smaller leaps are not distinguished from the noise of real markers: untouched recordings have up to 14 mm."""
+ABOVE_UNREST = 8.0
+"""Least ratio of a leap to the marker's own third differences near it (their 80th percentile)."""
+LONGEST_GAP_S = 0.5
+"""Nothing is compared across longer gaps."""
+LABORATORY_M = 100.0
+"""Coordinates beyond this distance from the origin are in no laboratory."""
+
+
+@dataclass(frozen=True)
+class Leap:
+    """Sudden displacement of a marker from one seen frame to the next."""
+
+    last: int
+    """Last frame before."""
+    first: int
+    """First frame after."""
+    before: np.ndarray
+    """Shape (3,): position in the middle between both frames by the movement before, metres."""
+    after: np.ndarray
+    """Shape (3,): position there by the movement after, metres."""
+
+    @property
+    def step(self) -> np.ndarray:
+        """Displacement, shape (3,), metres."""
+        return self.after - self.before
+
+    @property
+    def size(self) -> float:
+        """Length of the displacement, metres."""
+        return float(np.linalg.norm(self.step))
+
+
+def find_leaps(positions: np.ndarray, rate: float) -> tuple[list[Leap], list[slice]]:
+    """Return the leaps of one marker, shape (n_frames, 3) in metres, and its spikes, which return within a few frames."""
+    size = step_sizes(positions)
+    threshold = np.maximum(max(SMALLEST_M, _LIMITS.jerk_m_s3 / rate**3), ABOVE_UNREST * unrest(size))
+    # No leap is shorter than the longer step next to it: a racket at 50 Hz changes its step almost as much.
+    way = np.linalg.norm(np.diff(positions, axis=0, prepend=positions[:1], append=positions[-1:]), axis=1)
+    threshold = np.maximum(threshold, np.fmax(way[:-2], way[2:]))
+    with np.errstate(invalid="ignore"):
+        large = size > threshold
+    # Responses to one leap are up to two steps apart.
+    for cluster in list(runs(large)):
+        large[cluster.stop : cluster.stop + 2] |= large[cluster.stop + 2 : cluster.stop + 4].any()
+    leaps, spikes = [], []
+    for cluster in runs(large):
+        last, first = cluster.start, cluster.stop
+        before, after = _continued(positions, last, first)
+        if np.linalg.norm(after - before) > threshold[cluster].min():
+            at = cluster.start + int(np.nanargmax(size[cluster]))
+            leaps.append(Leap(at, at + 1, before, after))
+        elif first - last > 1:
+            # The spike is as long as the marker is off the straight path by more than half the largest deviation.
+            share = np.linspace(0, 1, first - last + 1)[:, None]
+            path = positions[last] + share * (positions[first] - positions[last])
+            off = np.linalg.norm(positions[last : first + 1] - path, axis=1)
+            far = last + np.flatnonzero(off >= 0.5 * np.nanmax(off))
+            spikes.append(slice(int(far[0]), int(far[-1]) + 1))
+    # A gap between seen frames hides a leap if both continuations differ by more than a body moves meanwhile.
+    seen = np.isfinite(positions[:, 0])
+    for gap in runs(~seen):
+        seconds = (gap.stop - gap.start) / rate
+        sides = seen[max(0, gap.start - _LIMITS.line) : gap.start], seen[gap.stop : gap.stop + _LIMITS.line]
+        if seconds > LONGEST_GAP_S or min(side.sum() for side in sides) < _LIMITS.line:
+            continue
+        before, after = _continued(positions, gap.start - 1, gap.stop)
+        if np.linalg.norm(after - before) > _LIMITS.gap_m + _LIMITS.gap_m_s2 * seconds**2:
+            leaps.append(Leap(gap.start - 1, gap.stop, before, after))
+    return sorted(leaps, key=lambda leap: leap.first), spikes
+
+
+def step_sizes(positions: np.ndarray) -> np.ndarray:
+    """Return the distance of both continuations between successive frames, shape (n_frames - 1,), metres; NaN at the ends."""
+    size = np.full(max(len(positions) - 1, 0), np.nan)
+    if len(positions) > 3:
+        steps = 1.5 * (positions[2:-1] - positions[1:-2]) - 0.5 * (positions[3:] - positions[:-3])
+        size[1:-1] = np.linalg.norm(steps, axis=1)
+    return size
+
+
+def unrest(size: np.ndarray) -> np.ndarray:
+    """Return the 80th percentile of the steps of a marker in each block of frames, shape of `size`."""
+    blocks = -(-len(size) // _LIMITS.block)
+    padded = np.full(blocks * _LIMITS.block, np.nan)
+    padded[: len(size)] = size
+    ordered = np.sort(padded.reshape(blocks, _LIMITS.block), axis=1)
+    at = np.maximum(np.isfinite(ordered).sum(axis=1) - 1, 0) * 4 // 5
+    found = np.nan_to_num(np.take_along_axis(ordered, at[:, None], axis=1))
+    return np.repeat(found, _LIMITS.block)[: len(size)]
+
+
+def _continued(positions: np.ndarray, last: int, first: int) -> tuple[np.ndarray, np.ndarray]:
+    """Continue the lines through the frames up to `last` and from `first` to the middle between these two frames."""
+    before = np.arange(max(0, last - _LIMITS.line + 1), last + 1)
+    after = np.arange(first, min(len(positions), first + _LIMITS.line))
+    return _line(positions, before, (last + first) / 2), _line(positions, after, (last + first) / 2)
+
+
+def _line(positions: np.ndarray, frames: np.ndarray, at: float) -> np.ndarray:
+    """Evaluate the straight line through some frames at another time, in frames."""
+    known = frames[np.isfinite(positions[frames, 0])]
+    if len(known) < 2:
+        return positions[known[-1]] if len(known) else np.full(3, np.nan)
+    centred = known - known.mean()
+    slope = centred @ positions[known] / (centred @ centred)
+    return positions[known].mean(axis=0) + slope * (at - known.mean())
+
+
+@dataclass(frozen=True)
+class Exchange:
+    """Two labels that change places at some frames and back at others."""
+
+    first: str
+    """Label of one marker."""
+    second: str
+    """Label of the other."""
+    frames: tuple[int, ...]
+    """First frames after each change."""
+    distance: float
+    """Metres between both markers at the first change."""
+
+    @property
+    def pair(self) -> frozenset[str]:
+        """Both labels."""
+        return frozenset((self.first, self.second))
+
+    def stretches(self, n_frames: int) -> tuple[list[slice], list[slice]]:
+        """Return the intervals after odd changes and the others, together the recording: those of fewer frames first."""
+        parts = [slice(*edges) for edges in pairwise([0, *self.frames, n_frames])]
+        one, other = parts[1::2], parts[::2]
+        frames = [sum(part.stop - part.start for part in each) for each in (one, other)]
+        return (one, other) if frames[0] <= frames[1] else (other, one)
+
+
+def take_exchanges(leaps: dict[str, list[Leap]]) -> tuple[list[Exchange], dict[str, list[Leap]]]:
+    """Separate the leaps that are exchanges from all others; `leaps` and the second result are by label.
+
+    If several markers leap simultaneously, such as those of both legs, each leap belongs to the exchange that it fits best.
+    """
+    flat = [(label, leap) for label, found in leaps.items() for leap in found]
+    candidates = []
+    for index, (label, leap) in enumerate(flat):
+        for other_label, other in flat[index + 1 :]:
+            if other_label == label or leap.last >= other.first or other.last >= leap.first:
+                continue
+            # Each must land near the place of the other.
+            tolerance = max(
+                _LIMITS.least_m, _LIMITS.share * float(np.linalg.norm(leap.before - other.before))
+            )
+            missed = np.linalg.norm([leap.after - other.before, other.after - leap.before], axis=1)
+            if (missed < tolerance).all():
+                candidates.append((float(missed.sum()), (label, leap), (other_label, other)))
+    changes: dict[tuple[str, str], list[tuple[int, float]]] = {}
+    taken: set[tuple[str, int]] = set()
+    for _, (label, leap), (other_label, other) in sorted(candidates, key=lambda found: found[0]):
+        ends = {(label, leap.first), (other_label, other.first)}
+        if taken & ends:
+            continue
+        taken |= ends
+        distance = float(np.linalg.norm(leap.before - other.before))
+        changes.setdefault((label, other_label), []).append((min(leap.first, other.first), distance))
+    exchanges = [
+        Exchange(*pair, tuple(sorted(frame for frame, _ in found)), found[0][1])
+        for pair, found in changes.items()
+    ]
+    remaining = {
+        label: [leap for leap in found if (label, leap.first) not in taken] for label, found in leaps.items()
+    }
+    return exchanges, remaining
+
+
+def lands_on(leap: Leap, label: str, points: dict[str, np.ndarray]) -> str | None:
+    """Return the label of the marker that was seen, just before, at the end of a leap; None if there was none."""
+    best, nearest = None, max(_LIMITS.least_m, _LIMITS.share * leap.size)
+    for other, positions in points.items():
+        distance = np.linalg.norm(positions[leap.last] - leap.after)
+        if other != label and distance < nearest:
+            best, nearest = other, distance
+    return best
+
+
+def missing_frames(
+    points: dict[str, np.ndarray], leaps: dict[str, list[Leap]], legend: Legend
+) -> tuple[list[MarkerFinding], dict[str, list[Leap]]]:
+    """Find the frames between which most markers leap, and return the other leaps by label.
+
+    The findings are errors: the missing movement is unknown. `leaps` are those without exchanges of two markers.
+    """
+    counted = Counter(leap.first for found in leaps.values() for leap in found)
+    findings: list[MarkerFinding] = []
+    taken: list[int] = []
+    steps: list[tuple[np.ndarray, np.ndarray]] = []
+    for frame, count in counted.most_common():
+        if count < _LIMITS.least_leaps or any(abs(frame - other) <= _LIMITS.same_frame for other in taken):
+            continue
+        # Not needed for a recording in which no markers leap together, as in most.
+        steps = steps or [(size, unrest(size)) for size in map(step_sizes, points.values())]
+        # Markers that do not continue smoothly into the frame, among those seen near it.
+        around = [
+            (size[frame - 1], usual[frame - 1]) for size, usual in steps if np.isfinite(size[frame - 1])
+        ]
+        leaping = sum(bool(size > max(_LIMITS.least_step_m, ABOVE_UNREST * usual)) for size, usual in around)
+        if leaping >= max(_LIMITS.least_leaps, _LIMITS.together * len(around)):
+            taken.append(frame)
+            others = "; the others hardly move" if leaping < len(around) else ""
+            findings.append(
+                legend.finding(
+                    "missing frames",
+                    ERROR,
+                    f"{leaping} of {len(around)} markers leap together at {legend.time[frame]:.2f} s{others}: frames are "
+                    "missing there",
+                    "export the recording again with all its frames, or only the part before or after; a marker that is not "
+                    "seen must be a gap, its frames must not be cut out",
+                    frames=slice(frame - 1, frame + 1),
+                )
+            )
+    remaining = {
+        label: [
+            leap for leap in found if all(abs(leap.first - frame) > _LIMITS.same_frame for frame in taken)
+        ]
+        for label, found in leaps.items()
+    }
+    return findings, remaining
+
+
+def beyond_laboratory(points: dict[str, np.ndarray], legend: Legend) -> list[MarkerFinding]:
+    """Find frames in which a marker is farther from the origin than any laboratory is long."""
+    findings = []
+    for label, positions in points.items():
+        with np.errstate(invalid="ignore"):
+            largest = np.abs(positions).max(axis=1)
+            far = largest > LABORATORY_M
+        findings += [
+            legend.finding(
+                "beyond laboratory",
+                LEFT_OUT,
+                f"coordinates up to {largest[stretch].max():.3g} m",
+                "the file holds numbers that are not positions",
+                (label,),
+                stretch,
+            )
+            for stretch in runs(far)
+        ]
+    return findings
+
+
+def frozen_stretches(points: dict[str, np.ndarray], legend: Legend) -> list[MarkerFinding]:
+    """Find intervals in which a marker keeps its coordinates to the last bit while others move.
+
+    A file with coarse numbers repeats some of them by chance: the share of unchanged steps outside of a run estimates how often,
+    and a run counts if its chance is below 1e-9. Nothing is reported if most of the three nearest markers rest too, as on a box
+    that stands, or if the marker stops and starts by steps of the file's resolution.
+    """
+    steady = np.array([_unchanged(positions) for positions in points.values()])
+    findings = []
+    for index, label in enumerate(points if steady.size else ()):
+        for run in runs(steady[index]):
+            length = run.stop - run.start
+            outside = np.delete(steady[index], np.r_[run])
+            chance = (outside.sum() + 1) / (len(outside) + 2)
+            if length < max(_LIMITS.shortest_still, np.log(_LIMITS.still_by_chance) / np.log(chance)):
+                continue
+            # Smallest change that the numbers of a coordinate can express, about: of its third differences.
+            third = [np.abs(np.diff(values[np.isfinite(values)], n=3)) for values in points[label].T]
+            resolution = [np.min(change[change > _LIMITS.rounded_m], initial=np.inf) for change in third]
+            edges = np.abs(np.diff(points[label][max(0, run.start - 1) : run.stop + 2], axis=0))
+            # The nearest markers among those seen at the start.
+            there = np.stack([positions[run.start] for positions in points.values()])
+            distance = np.linalg.norm(there - there[index], axis=1)
+            order = [
+                other for other in np.argsort(distance) if other != index and np.isfinite(distance[other])
+            ]
+            near = order[: _LIMITS.neighbours]
+            still = near and np.median(steady[near, run].mean(axis=1)) > _LIMITS.others_still
+            coarse = edges.any() and (edges <= _LIMITS.resolved * np.array(resolution)).all()
+            if near and not still and not coarse:
+                findings.append(
+                    legend.finding(
+                        "frozen",
+                        LEFT_OUT,
+                        f"the same coordinates to the last digit in {length + 1} frames while nearby markers move",
+                        "a gap filled with the last position seen, or a stuck channel",
+                        (label,),
+                        slice(run.start, run.stop + 1),
+                    )
+                )
+    return findings
+
+
+def _unchanged(positions: np.ndarray) -> np.ndarray:
+    """Return whether each step leaves a marker exactly at its place, shape (n_frames - 1,)."""
+    return (np.diff(positions, axis=0) == 0).all(axis=1)
+
+
+def held_samples(points: dict[str, np.ndarray], legend: Legend) -> tuple[list[MarkerFinding], set[str]]:
+    """Find markers that move only in every second (third, …) frame and keep their coordinates in between; with their labels."""
+    held_in: dict[int, list[str]] = {}
+    for label, positions in points.items():
+        every = _moves_every(positions)
+        if every:
+            held_in.setdefault(every, []).append(label)
+    findings = [
+        legend.finding(
+            "held",
+            NOTED,
+            f"{len(labels)} of {len(points)} markers move in only one of {every} frames and keep their coordinates to the last "
+            "digit in between",
+            f"recorded at {legend.rate / every:g} Hz and written at {legend.rate:g} Hz by repeating samples: export it again "
+            "at the rate of the cameras, because its speeds are steps",
+            tuple(labels) if 2 * len(labels) < len(points) else (),
+        )
+        for every, labels in held_in.items()
+    ]
+    return findings, {label for labels in held_in.values() for label in labels}
+
+
+def _moves_every(positions: np.ndarray) -> int:
+    """Return for how many frames a marker keeps each of its positions; 0 if there is no such number of at least 2."""
+    seen = np.isfinite(positions[:, 0])
+    known = seen[1:] & seen[:-1]
+    moves = ~_unchanged(positions) & known
+    if moves.sum() < _LIMITS.fewest_moves or moves.sum() > 0.6 * known.sum():
+        return 0
+    for every in range(2, _LIMITS.longest_hold + 1):
+        phases = [(moves[phase::every].sum(), known[phase::every].sum()) for phase in range(every)]
+        shares = sorted(moved / max(1, count) for moved, count in phases)
+        if shares[-1] > _LIMITS.held_share and shares[-2] < 1 - _LIMITS.held_share:
+            return every
+    return 0
