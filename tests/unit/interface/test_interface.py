@@ -104,8 +104,9 @@ def test_a_base_that_did_not_converge_is_looked_at_and_called_so(records, monkey
     choose_base = refine.choose_base
     monkeypatch.setattr(refine, "choose_base", stopped)
     bare = lumbar.refine(records, [])
-    sentence = "The fit of KB to multisine did not converge: "
-    assert sentence in str(bare) and sentence in str(bare.locate())
+    (finding,) = bare.findings
+    assert finding.kind == "not_converged" and finding.record == "multisine"
+    assert finding.sentence in str(bare) and finding.sentence in str(bare.locate())
 
 
 def test_any_model_is_compared_with_records(diagnosis, records):

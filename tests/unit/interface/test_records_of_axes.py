@@ -35,7 +35,8 @@ def test_a_robot_may_count_from_its_foot(diagnosis, tmp_path):
     moved = moved.with_values(**{f"input_{axis}": moved[f"input_{axis}"] + at for axis, at in foot.items()})
     found = lumbar.diagnose([moved], settings=SETTINGS, source_label="made up")
     assert found.selected == ("coulomb_friction",)
-    assert "counted from (300" in found.sentences[2]
+    (offset,) = [item for item in found.result.findings if item.kind == "position_offset"]
+    assert offset.sentence == found.sentences[2]
     assert found.model.rests == pytest.approx(tuple(foot.values()), abs=0.1)
     found.save(tmp_path, pictures=False)
     read = lumbar.load_models(tmp_path / "refined.json")[-1]

@@ -212,7 +212,6 @@ def test_a_fast_record_of_a_slow_motion_is_thinned_and_told():
     assert told.kind == "decimated" and told.record == "fast"
     factor = round(5000 / told.value)
     assert 2 <= factor <= 2 * MOST / ENOUGH
-    assert f"one sample in {factor}" in told.sentence and "of 5000 Hz" in told.sentence
     assert 1 / lower.sampling_time == pytest.approx(told.value)
     assert np.array_equal(lower["output"], relaxing_force(position)[::factor])
 
@@ -229,7 +228,7 @@ def test_a_motion_that_needs_its_rate_keeps_it_and_only_what_is_too_long_is_cut(
     short = noise(2000, 2)
     (long, same), (told,) = limit_samples([at(1000, wide, wide), at(1000, short, short, "short")])
     assert told.kind == "shortened" and len(same) == 2000 and len(long) == MOST - 2000
-    assert f"first {(MOST - 2000) / 1000:g} s of {3 * MOST / 1000:g} s" in told.sentence
+    assert told.value == long.duration and told.unit == "s"
     assert np.array_equal(long["input"], wide[: len(long)])
 
 

@@ -367,8 +367,7 @@ def test_a_command_of_two_levels_is_no_position():
     command = np.repeat(np.sign(np.random.default_rng(0).standard_normal(len(TIME) // 20)), 20)
     speed = np.abs(lsim(([1.0], [0.02, 0.2, 1.0]), command, TIME)[1])
     finding = found((command, speed))
-    assert finding.kind == "direction"
-    assert "jumps between levels" in finding.sentence
+    assert finding.kind == "direction" and finding.value > 0.9
     assert kind((command, 0.8 * command)) is None, "a stiff tissue that is stepped jumps with its position"
 
 
