@@ -95,7 +95,11 @@ def _pick(records: list[Record]) -> tuple[list[Record], list[Finding]]:
             lower.append(record)
             continue
         lower.append(_part(record, slice(None, None, factor)))
-        findings.append(Finding.of("decimated", rate / factor, "Hz", record.name, factor=factor, rate=rate))
+        sentence = (
+            f"{record.name}: one sample in {factor} was used, {rate / factor:g} Hz of {rate:g} Hz, which its excitation allows. "
+            "Noise floor and errors are those of these samples."
+        )
+        findings.append(Finding("decimated", sentence, rate / factor, "Hz", record.name))
     return lower, findings
 
 
@@ -135,8 +139,11 @@ def _cut(records: list[Record]) -> tuple[list[Record], list[Finding]]:
             continue
         short = _part(record, slice(longest))
         cut.append(short)
-        words = {"whole": record.duration, "most": MOST}
-        findings.append(Finding.of("shortened", short.duration, "s", record.name, **words))
+        sentence = (
+            f"{record.name}: only the first {short.duration:g} s of {record.duration:g} s were used, because all records "
+            f"together have more than {MOST} samples."
+        )
+        findings.append(Finding("shortened", sentence, short.duration, "s", record.name))
     return cut, findings
 
 

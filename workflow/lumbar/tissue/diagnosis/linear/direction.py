@@ -8,11 +8,9 @@ force over position tells.
 
 from dataclasses import dataclass
 from itertools import chain, combinations
-from pathlib import Path
 
 import numpy as np
 
-from lumbar.base.yaml_file import shipped_yaml
 from lumbar.records.record import Record
 from lumbar.settings.layout import ColumnLayout, ColumnSettings
 from lumbar.settings.tissue import TissueSettings
@@ -20,7 +18,6 @@ from lumbar.tissue.diagnosis.finding import Finding
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.signals.spectrum import spectral_edge
 
-_SAID: dict[str, str] = shipped_yaml(Path(__file__).with_suffix(".yaml"))
 _SURE = 4.0
 """Standard errors by which an energy must differ from 0."""
 _LOSS = 0.1
@@ -85,15 +82,29 @@ def direction_or_sign(experiment: Experiment, layout: ColumnLayout | None = None
     layout = layout or TissueSettings().layout
     if all(pair.held and pair.jump > _BIG_JUMP and pair.follows < _FOLLOWS for pair in pairs):
         jump = float(np.median([pair.jump for pair in pairs]))
-        reason = _SAID["jumps"].format(experiment=experiment, percent=100 * jump)
-        return _direction(experiment, layout, reason, jump)
+        reason = (
+            f"the {experiment.input_quantity} jumps between levels, by {100 * jump:.0f} % of its range from one sample to the "
+            f"next, and the {experiment.output_quantity} follows it smoothly: a command moves like this, a position does not"
+        )
+        return _exchanged(layout, reason, jump)
     swapped, roughness = (_median(pairs, name) for name in ("swapped_energy", "roughness"))
     surely_taken = _standard_errors([pair.swapped_blocks for pair in pairs]) > _SURE
     if surely_taken and swapped > _LOSS and roughness > _ROUGHER:
-        reason = _SAID["rougher"].format(experiment=experiment, roughness=roughness)
-        return _direction(experiment, layout, reason, roughness)
-    reason, value = _of_other_sign(pairs, experiment.input_quantity, experiment.output_quantity)
-    return _sign(experiment, layout, reason, value) if reason else None
+        reason = (
+            f"the {experiment.input_quantity} has {roughness:.2g} times the detail of the {experiment.output_quantity}, and if "
+            "it were the motion, the material would give off energy instead of absorbing it (or the output passes a sensor that "
+            "is slower than the motion)"
+        )
+        return _exchanged(layout, reason, roughness)
+    force = experiment.output_quantity
+    reason, value = _of_other_sign(pairs, experiment.input_quantity, force)
+    if not reason:
+        return None
+    sentence = (
+        f"The sign of the {force} seems to be inverted: {reason}. The force is positive along the motion of the tool; if it is "
+        f"the force on the tool, put this into the study's YAML:\n{columns_yaml(output=layout.columns['output'].other_sign)}"
+    )
+    return Finding("sign", sentence, value, "")
 
 
 def of_other_sign(record: Record) -> str:
@@ -111,10 +122,11 @@ def _of_other_sign(pairs: list[_Pair], position: str, force: str) -> tuple[str, 
     detailed = roughness < _MUCH_SMOOTHER or (roughness < _SMOOTHER and correlation < _ALONG)
     against = roughness < _ROUGHER and correlation < -_ALONG
     if surely_given and energy < -_LOSS and (detailed or against):
-        return _SAID["gives_energy"].format(force=force, energy=energy), energy
+        reason = "over the records the material gives off energy instead of absorbing it"
+        return f"{reason} (correlation of {force} and speed {energy:+.2f})", energy
     if correlation < 0 and turned > as_counted + _BEYOND_MASS:
-        said = _SAID["pulls_away"].format(force=force, position=position, correlation=correlation)
-        return said, correlation
+        reason = f"the {force} falls if the {position} grows (correlation {correlation:+.2f})"
+        return f"{reason}, and no material at rest pulls away from its rest position", correlation
     return "", 0.0
 
 
@@ -198,15 +210,15 @@ def _standard_errors(stretches: list[np.ndarray]) -> float:
     return float(blocks.mean()) / spread if spread > 0 else 0.0
 
 
-def _direction(experiment: Experiment, layout: ColumnLayout, reason: str, value: float) -> Finding:
+def _exchanged(layout: ColumnLayout, reason: str, value: float) -> Finding:
+    """Say that input and output are exchanged, and which lines of YAML change that."""
     columns = columns_yaml(input=layout.columns["output"], output=layout.columns["input"])
-    return Finding.of("direction", value, "", reason=reason, forward=FORWARD, columns=columns)
-
-
-def _sign(experiment: Experiment, layout: ColumnLayout, reason: str, value: float) -> Finding:
-    columns = columns_yaml(output=layout.columns["output"].other_sign)
-    words = {"force": experiment.output_quantity, "reason": reason, "columns": columns}
-    return Finding.of("sign", value, "", **words)
+    sentence = (
+        f"Input and output seem to be exchanged: {reason}. A tissue's input is its motion and its output the force. If the test "
+        f"was driven by the force (force in, motion out), use --forward, or put this into the study's YAML:\n{FORWARD}\nIf only "
+        f"the columns are exchanged, put this there instead:\n{columns}"
+    )
+    return Finding("direction", sentence, value, "")
 
 
 def columns_yaml(**columns: ColumnSettings) -> str:

@@ -157,6 +157,16 @@ class Location:
         return floor is not None and self.residual.variance < (ALL_BUT_NOISE * floor.rms) ** 2
 
     @property
+    def offset(self) -> float:
+        """Mean error, in the output's unit."""
+        return float(np.mean(self.residual.values))
+
+    @property
+    def offset_share(self) -> float:
+        """Share of the explainable error that is a constant offset."""
+        return self.residual.share(self.offset**2)
+
+    @property
     def headline(self) -> str:
         """The main finding in one sentence."""
         residual = self.residual
@@ -169,9 +179,8 @@ class Location:
             )
         listed = [f"{view.name} ({percent(view.share)})" for view in self.ranking if view.share >= 0.005]
         told = f"it is seen along {', '.join(listed[:3])}" if listed else "no view accounts for it"
-        offset = residual.share(float(np.mean(residual.values)) ** 2)
-        if offset > 0.05:
-            told += f"; a constant offset of {np.mean(residual.values):+.3g} {residual.unit} is {percent(offset)} of it"
+        if self.offset_share > 0.05:
+            told += f"; a constant offset of {self.offset:+.3g} {residual.unit} is {percent(self.offset_share)} of it"
         if residual.floor is None:
             return f"{self.record}: of the error's {np.sqrt(residual.variance):.3g} {residual.unit}, {told}; the views overlap."
         return (

@@ -226,12 +226,13 @@ def reversal_view(residual: Residual) -> View:
     average = _since_reversal(residual, turns, directions)
     words = {"number": turns.size, "share": only(average.share), "chance": probability(average.p_value)}
     sentence = said("no_reversals", **words)
+    opposed = change > max(3 * deviation, 0.5 * np.sqrt(residual.explainable))
     if average.p_value < SIGNIFICANT:
-        opposed = change > max(3 * deviation, 0.5 * np.sqrt(residual.explainable))
         words |= {"change": change, "twice": 2 * deviation, "reach": half * residual.sampling_time}
         meaning = said("opposed") if opposed else ""
         sentence = said("reversals", residual=residual, meaning=meaning, **words)
     numbers = {"reversals": int(turns.size), "change": change, "change_deviation": deviation}
+    numbers["opposed"] = bool(opposed and average.p_value < SIGNIFICANT)
     return View("reversals", average.significant_share, average.p_value, sentence, table, numbers)
 
 

@@ -391,10 +391,16 @@ def force_leads(model: Candidate, experiment: Experiment, linear: set[str]) -> F
     if not (best.fit.converged and likelier and whole and late.high < first):
         return None
     low, lead, high = (1e3 * (first - value) for value in (late.high, late.value, late.low))
-    words = {"position": experiment.input_quantity, "force": experiment.output_quantity, "lead": lead}
-    words |= {"low": low, "high": high, "error": best.test_rms, "refined": rival.test_rms}
-    words["model"] = effects_text([best.fit.structure.base.name, *(form.effect for form in kept)])
-    return Finding.of("force_leads", lead / 1e3, "s", channel_unit=experiment.output_unit, **words)
+    position, unit = experiment.input_quantity, experiment.output_unit
+    lead_only = effects_text([best.fit.structure.base.name, *(form.effect for form in kept)])
+    sentence = (
+        f"The {experiment.output_quantity} leads the {position} by {lead:.3g} ms (95 % interval {low:.3g} to {high:.3g}): with "
+        f"only this lead added to {lead_only}, the error on unseen records is {best.test_rms:.4g} {unit}, that of the selected "
+        f"model {rival.test_rms:.4g} {unit}. No tissue responds before it is moved: the clocks of the channels differ, or the "
+        f"{position} is delayed by its sensor or filter; put both channels on one clock and diagnose again, because selected "
+        "dashpots, masses and branches may only stand in for the lead."
+    )
+    return Finding("force_leads", sentence, lead / 1e3, "s")
 
 
 def _with_delay(model: Candidate, kept: list[Form], put_late: Experiment) -> Candidate:

@@ -50,14 +50,21 @@ def offsets(found: DiagnosisResult) -> list[Finding]:
     unit, quantity = experiment.output_unit, experiment.output_quantity
     findings = []
     if fit.structure.base.contact:
-        findings.append(Finding.of("surface", experiment.surface, experiment.input_unit))
+        sentence = (
+            f"The tool is not fastened to the tissue: it meets the surface at {experiment.surface:.4g} {experiment.input_unit}. "
+            "Depths are counted from there."
+        )
+        findings.append(Finding("surface", sentence, experiment.surface, experiment.input_unit))
     else:
         findings += position_offset(experiment)
     low, high = zero_interval(fit, experiment.training)
     notable = _NOTABLE * float(np.ptp(experiment.training.force))
     if abs(fit.zero) > notable and (low > 0 or high < 0):
-        words = {"force": quantity, "low": low, "high": high, "position": experiment.input_quantity}
-        findings.append(Finding.of("force_offset", fit.zero, unit, experiment.training.name, **words))
+        sentence = (
+            f"The zero of the {quantity} is at {fit.zero:+.3g} {unit} (95 % interval {low:.3g} to {high:.3g}), or the zero of "
+            f"the {experiment.input_quantity} is off by an amount that causes it. It was fitted with the model and subtracted."
+        )
+        findings.append(Finding("force_offset", sentence, fit.zero, unit, experiment.training.name))
     if experiment.own_zeros and fit.structure.base.sensor_zero:
         findings += _own_zeros(found)
     return findings
@@ -69,8 +76,12 @@ def position_offset(experiment: Experiment) -> list[Finding]:
         return []
     unit, size = experiment.input_unit, float(np.linalg.norm(experiment.rest))
     at = ", ".join(f"{value:.5g}" for value in experiment.rest)
-    words = {"position": experiment.input_quantity, "at": f"({at})" if len(experiment.rest) > 1 else at}
-    return [Finding.of("position_offset", size, unit, **words)]
+    at = f"({at})" if len(experiment.rest) > 1 else at
+    sentence = (
+        f"The records are farther from {experiment.input_quantity} 0 than their whole range. Positions are counted from {at} "
+        f"{unit}, where the records begin or about which they move; effects that depend on position count from there."
+    )
+    return [Finding("position_offset", sentence, size, unit)]
 
 
 @dataclass(frozen=True)
@@ -115,9 +126,13 @@ def apparent_zeros(found: DiagnosisResult) -> Finding:
     words = ", ".join(
         f"{item.name} {item.zero:+.3g} (begins at {item.begins:+.3g})" for item in _zeros(found)
     )
-    training = found.experiment.training.name
-    error = found.model.test_rms
-    return Finding.of("apparent_zeros", zero, unit, error=error, zeros=words, training=training)
+    sentence = (
+        f"With a separate zero for every record the error on unseen records would be {found.model.test_rms:.3g} {unit}: {words}, "
+        f"in {found.experiment.training.name} {zero:+.3g} {unit}. The records do not begin there, so these may not be zeros of "
+        "the sensor: a relaxation or a force that depends on rate or amplitude, which the model lacks, would look the same; all "
+        "records are judged from one zero."
+    )
+    return Finding("apparent_zeros", sentence, zero, unit)
 
 
 def _own_zeros(found: DiagnosisResult) -> list[Finding]:
@@ -126,9 +141,9 @@ def _own_zeros(found: DiagnosisResult) -> list[Finding]:
     return [
         Finding(
             "force_offset",
-            f"{item.name}: the zero of the {quantity} lies at {item.zero:+.3g} {unit}, in {training} at "
-            f"{found.model.fit.zero:+.3g} {unit}: it moved between the records, and begins so; judged from its own, the error is "
-            f"{item.rms:.3g} {unit}, from that of {training} {item.strict_rms:.3g}.",
+            f"{item.name}: the zero of the {quantity} is at {item.zero:+.3g} {unit}, in {training} at "
+            f"{found.model.fit.zero:+.3g} {unit}: it moved between the records, and this one begins there. The error from its "
+            f"own zero is {item.rms:.3g} {unit}, from that of {training} {item.strict_rms:.3g} {unit}.",
             item.zero,
             unit,
             item.name,
@@ -160,9 +175,11 @@ def linear_alternative(model: Candidate, experiment: Experiment) -> tuple[Candid
         "rational": f"{order} poles" if order else "of spring, dashpot and mass alone",
         "delayed": f"{order} poles behind a delay",
     }[linear.fit.kind]
-    said = {"words": words, "error": linear.test_rms, "channel_unit": unit, "refined": model.test_rms}
-    finding = Finding.of("higher_order_linear", float(order), "1", **said)
-    return linear, finding
+    sentence = (
+        f"Linear dynamics ({words}) explain these records better than the selected effects: their error on unseen records is "
+        f"{linear.test_rms:.3g} {unit}, that of the refined model {model.test_rms:.3g} {unit}."
+    )
+    return linear, Finding("higher_order_linear", sentence, float(order), "1")
 
 
 def far_off(found: DiagnosisResult) -> list[str]:
@@ -188,26 +205,27 @@ def trained_otherwise(found: DiagnosisResult, settings: DiagnosisSettings) -> li
         return refit(model.fit.structure, model.fit.nonlinear, chosen.with_origin(experiment.surface))
 
     first = [item.name for item in experiment.training.records]
-    others = [item.name for item in experiment.tests]
+    unseen = [item.name for item in experiment.tests]
     try:
-        turned, joint = fitted(others), fitted([*first, *others])
+        turned, joint = fitted(unseen), fitted([*first, *unseen])
     except InputError:
         return []  # too little motion in the others, or another rate: they are no training records
     noise = experiment.noise or model.train_rms
     worst = max(joint.train_rms, joint.test_rms)
-    words = {
-        "first": " and ".join(first),
-        "left": " and ".join(left),
-        "error": max(model.unseen_rms[name] for name in left),
-        "others": " and ".join(others),
-        "own": turned.train_rms,
-        "back": turned.test_rms,
-        "all": worst,
-        "outcome": "so that one set of parameters holds for all: fit them together with --train"
+    unit, trained, others = experiment.output_unit, " and ".join(first), " and ".join(unseen)
+    error = max(model.unseen_rms[name] for name in left)
+    outcome = (
+        "so one set of parameters describes all records: fit them together with --train"
         if worst <= FAR * noise
-        else "so that no one set of parameters holds for all of them",
-    }
-    return [Finding.of("trained_otherwise", turned.test_rms, experiment.output_unit, **words)]
+        else "so no single set of parameters describes all of them"
+    )
+    sentence = (
+        f"Of {trained} only noise is left, of {' and '.join(left)} up to {error:.3g} {unit}; the same model fitted to {others} "
+        f"leaves {turned.train_rms:.3g} {unit} there and {turned.test_rms:.3g} {unit} of {trained}, and fitted to all together "
+        f"it leaves {worst:.3g} {unit}, {outcome}. What came before a record may matter (softening, wear, slow recovery): use "
+        "--session if they were recorded one after another, in the order of their names."
+    )
+    return [Finding("trained_otherwise", sentence, turned.test_rms, unit)]
 
 
 def falling_stiffness(experiment: Experiment) -> list[Finding]:
@@ -228,7 +246,11 @@ def falling_stiffness(experiment: Experiment) -> list[Finding]:
     order = float(np.corrcoef(ranks, np.arange(len(slopes)))[0, 1])
     falls = order <= _FALLING and slopes[-1] < (1 - _FALL) * slopes[0]
     unit = f"{experiment.output_unit}/{experiment.input_unit}"
-    return [Finding.of("falling_stiffness", slopes[-1], unit, first=slopes[0])] if falls else []
+    sentence = (
+        f"The stiffness falls through all records, in the order of their names, from {slopes[0]:.4g} to {slopes[-1]:.4g} {unit}. "
+        "If they were recorded one after another on one specimen, use --session: each then begins where the one before it ended."
+    )
+    return [Finding("falling_stiffness", sentence, slopes[-1], unit)] if falls else []
 
 
 _APART = 2.0
@@ -273,14 +295,20 @@ def whatever_the_speed(
     rivals = [item for item in _rivals(found, named, effects) if frozenset(item.effects) not in known]
     tied = [*found.tied_with, *rivals]
     status = Status.TIED if tied else Status.UNEXPLAINED if apart else Status.NAMED
-    words = {
-        "named": effects_text(named),
-        "low": low,
-        "high": high,
-        "training": found.experiment.training.name,
-    }
-    kind = "other_rates_missed" if apart else "one_rate"
-    finding = Finding.of(kind, high / low, "1", **words, missed=" and ".join(failed))
+    if apart:
+        kind, sentence = (
+            "other_rates_missed",
+            f"The constants of {found.experiment.training.name} do not predict records at other rates: {' and '.join(failed)} "
+            f"(rates from {low:.3g} to {high:.3g} Hz). The records thus do not show that {effects_text(named)} acts at every "
+            "speed; relaxation on many time scales and springs of large strain were tried instead.",
+        )
+    else:
+        kind, sentence = (
+            "one_rate",
+            f"All records move at nearly one rate ({low:.3g} to {high:.3g} Hz), so they do not show that {effects_text(named)} "
+            "acts at every speed. Repeat the same path ten times as fast or as slowly.",
+        )
+    finding = Finding(kind, sentence, high / low, "1")
     return replace(found, status=status, tied_with=tied), [finding]
 
 

@@ -224,7 +224,11 @@ def added_in_turn(experiment: Experiment, first: Candidate, chosen: dict[str, Ef
 def not_converged(model: Candidate, experiment: Experiment) -> Finding:
     """Say that a base's parameters are no result; what it leaves can be looked at all the same."""
     training, unit = experiment.training.name, experiment.output_unit
-    return Finding.of("not_converged", model.train_rms, unit, training, model=model_name(model.fit))
+    sentence = (
+        f"The fit of {model_name(model.fit)} to {training} did not converge: its parameters are where the optimiser stopped and "
+        "are not a result."
+    )
+    return Finding("not_converged", sentence, model.train_rms, unit, training)
 
 
 def ladder_sentences(path: Sequence[Candidate], experiment: Experiment) -> list[str]:

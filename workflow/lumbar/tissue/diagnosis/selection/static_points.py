@@ -64,9 +64,13 @@ def diagnose_points(
     own = experiment.tests[0].name == experiment.training.records[0].name
     unseen = f"One point in {_EVERY} was held back as unseen" if own else "Other tables are the unseen points"
     count = sum(len(record) for record in experiment.records)
-    words = {"position": experiment.input_quantity, "force": experiment.output_quantity, "unseen": unseen}
-    said = Finding.of("static_points", float(count), "1", **words)
-    return replace(found, findings=(said, *offsets(found)))
+    sentence = (
+        f"These {count} points have no clock and are treated as a static test: only laws of {experiment.input_quantity} were "
+        f"tried, because rates, delays, relaxation, hysteresis, drift and faults of a clock cannot be seen in them. {unseen}; "
+        "nothing was filtered."
+    )
+    finding = Finding("static_points", sentence, float(count), "1")
+    return replace(found, findings=(finding, *offsets(found)))
 
 
 class _StaticSelection(Selection):

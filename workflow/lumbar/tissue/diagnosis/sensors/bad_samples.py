@@ -7,7 +7,7 @@ import scipy
 from numpy.lib.stride_tricks import sliding_window_view
 
 from lumbar.records.record import Record
-from lumbar.tissue.diagnosis.finding import Finding, found_in
+from lumbar.tissue.diagnosis.finding import Finding
 from lumbar.tissue.models.transfer_function import filtered
 
 _RELAXATION_TIMES = (0.03, 0.1, 0.3, 1.0, 3.0)
@@ -94,8 +94,11 @@ def find_gaps(record: Record) -> Repair | None:
     if not record.filled:
         return None
     count = len(record.filled)
-    rows, first = f"row{'s are' if count > 1 else ' is'}", record.time[record.filled[0]]
-    finding = found_in(record, "gap", count, "samples", rows=rows, first=first)
+    sentence = (
+        f"{record.name}: {count} row{'s are' if count > 1 else ' is'} missing, the first at "
+        f"{record.time[record.filled[0]]:.4g} s. Missing samples were interpolated; check whether rows are lost while recording."
+    )
+    finding = Finding("gap", sentence, count, "samples", record.name)
     return Repair(record, (finding,))
 
 
@@ -117,15 +120,12 @@ def find_wild(record: Record) -> Repair | None:
         return None
     channel, count = record.channels["output"], len(alone)
     worst = float(force[alone][np.argmax(np.abs(force[alone]))])
-    words = {
-        "samples": f"samples of the {channel.quantity} stand"
-        if count > 1
-        else f"sample of the {channel.quantity} stands",
-        "first": record.time[alone[0]],
-        "worst": worst,
-        "channel_unit": channel.unit,
-    }
-    finding = found_in(record, "wild_samples", count, "samples", **words)
+    sentence = (
+        f"{record.name}: {count} outlier{'s' * (count > 1)} of the {channel.quantity} outside the range of all other samples, "
+        f"the first at {record.time[alone[0]]:.4g} s, the largest {worst:.3g} {channel.unit}. Outliers were interpolated; check "
+        "for a loose contact or readings that were lost on the way."
+    )
+    finding = Finding("wild_samples", sentence, count, "samples", record.name)
     repaired = force.copy()
     repaired[alone] = 0.5 * (force[alone - 1] + force[alone + 1])
     return Repair(record.with_values(output=repaired), (finding,))
@@ -141,8 +141,12 @@ def find_held(record: Record, role: str) -> Repair | None:
     if found is None:
         return None
     samples, runs = found
-    words = {"quantity": record.channels[role].quantity, "runs": runs, "first": record.time[samples[0]]}
-    finding = found_in(record, "held_samples", len(samples), "samples", **words)
+    sentence = (
+        f"{record.name}: the {record.channels[role].quantity} is constant over {len(samples)} samples in {runs} places while it "
+        f"moves, the first at {record.time[samples[0]]:.4g} s. These samples were interpolated; check whether a sensor is read "
+        "too often or messages are lost."
+    )
+    finding = Finding("held_samples", sentence, len(samples), "samples", record.name)
     known = linear_response(record, samples) if role == "output" else np.zeros(len(record))
     values = record[role].copy()
     kept = np.setdiff1d(np.arange(len(record)), samples)
@@ -277,12 +281,12 @@ def _across(missing: int) -> np.ndarray:
 def _insert(record: Record, places: np.ndarray, missing: np.ndarray) -> Repair:
     """Put so many missing samples in after each of these places."""
     count = int(missing.sum())
-    words = {
-        "places": f"{len(places)} place{'s' * (len(places) > 1)}",
-        "samples": f"{count} sample{'s' * (count > 1)}",
-        "first": record.time[places[0]],
-    }
-    finding = found_in(record, "dropped_samples", count, "samples", **words)
+    sentence = (
+        f"{record.name}: the motion jumps in {len(places)} place{'s' * (len(places) > 1)} by the travel of {count} "
+        f"sample{'s' * (count > 1)}, first after {record.time[places[0]]:.4g} s: rows were lost, but the clock does not show it. "
+        "They were interpolated; record time stamps where the samples are taken."
+    )
+    finding = Finding("dropped_samples", sentence, count, "samples", record.name)
     late = np.zeros(len(record), dtype=int)
     late[places + 1] = missing
     measured = np.arange(len(record)) + np.cumsum(late)

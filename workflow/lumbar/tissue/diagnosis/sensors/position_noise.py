@@ -15,7 +15,7 @@ import scipy
 from numpy.lib.stride_tricks import sliding_window_view
 
 from lumbar.records.record import Record
-from lumbar.tissue.diagnosis.finding import found_in
+from lumbar.tissue.diagnosis.finding import Finding
 from lumbar.tissue.diagnosis.sensors.bad_samples import Repair
 from lumbar.tissue.models.motion import Motion
 from lumbar.tissue.signals.spectrum import spectral_edge, welch
@@ -179,18 +179,31 @@ def find_roughness(record: Record) -> Repair | None:
         return None
     smooth = record.with_values(input=found.smooth)
     step, channel = _quantisation(record["input"], found.moves), record.channels["input"]
+    position, force = channel.quantity, record.channels["output"].quantity
+    filtered = f"Frequencies above {found.edge:.3g} Hz were filtered out before fitting"
     if step:  # what is left of a staircase grows with speed as what jitter does
-        finding = found_in(record, "quantisation", step, channel.unit, edge=found.edge)
-        return Repair(smooth, (finding,))
+        sentence = (
+            f"{record.name}: the {position} is quantised in steps of {step:.3g} {channel.unit}. {filtered}; use the sensor's "
+            "full resolution."
+        )
+        return Repair(smooth, (Finding("quantisation", sentence, step, channel.unit, record.name),))
     if found.noise > 0 and _is_motion(found, record):
         return None
     findings = []
     if found.noise > 0:
-        findings.append(found_in(record, "position_noise", found.noise, channel.unit, edge=found.edge))
+        sentence = (
+            f"{record.name}: the {position} has noise of {found.noise:.2g} {channel.unit} RMS that the {force} does not follow. "
+            f"{filtered}; use a quieter sensor or a filter before it."
+        )
+        findings.append(Finding("position_noise", sentence, found.noise, channel.unit, record.name))
     if found.jitter > 0:
         moved = found.jitter * float(np.sqrt(np.mean(found.speed**2)))
-        words = {"moved": moved, "channel_unit": channel.unit, "edge": found.edge}
-        findings.append(found_in(record, "jitter", 1e3 * found.jitter, "ms", **words))
+        sentence = (
+            f"{record.name}: the sampling times have a jitter of {1e3 * found.jitter:.2g} ms RMS; the {position} is wrong in "
+            f"proportion to speed, by {moved:.2g} {channel.unit} RMS. {filtered}; let a hardware clock start the samples, or "
+            "record their times."
+        )
+        findings.append(Finding("jitter", sentence, 1e3 * found.jitter, "ms", record.name))
         smooth = _without_jitter(smooth, found)
     return Repair(smooth, tuple(findings)) if findings else None
 
@@ -356,7 +369,13 @@ def find_rough_acceleration(record: Record) -> Repair | None:
     share = float(power[frequency > edge].sum() / power.sum())
     if share <= _ROUGH_SHARE:
         return None
-    finding = found_in(record, "rough_acceleration", edge, "Hz", percent=100 * share)
+    quantity, followed_by = (record.channels[role].quantity for role in ("input", "output"))
+    sentence = (
+        f"{record.name}: {100 * share:.2g} % of the power of the {quantity}'s second derivative is above {edge:.3g} Hz, where "
+        f"the {followed_by} does not follow it. This noise would make a mass too small by the same share; it was filtered out "
+        "before fitting."
+    )
+    finding = Finding("rough_acceleration", sentence, edge, "Hz", record.name)
     position, step = record["input"], record.sampling_time
     rough = position - within_band(position, step, edge)
     from_end = np.minimum(np.arange(len(position)), np.arange(len(position))[::-1])

@@ -7,7 +7,7 @@ from itertools import combinations
 import numpy as np
 
 from lumbar.records.record import Record
-from lumbar.tissue.diagnosis.finding import Finding, found_in
+from lumbar.tissue.diagnosis.finding import Finding
 from lumbar.tissue.diagnosis.noise.nonrepeating import line_power, smooth_power
 from lumbar.tissue.diagnosis.noise.periods import (
     FEWEST_PERIODS,
@@ -58,13 +58,13 @@ def find_skew(record: Record) -> Repair | None:
     if found is None:
         return None
     rate, error = found
-    words = {
-        "runs": "falls behind" if rate > 0 else "runs ahead of",
-        "size": 1e6 * abs(rate),
-        "error": 2e6 * error,
-        "moved": 1e3 * abs(rate) * record.duration,
-    }
-    finding = found_in(record, CLOCK_SKEW, 1e6 * rate, "ppm", **words)
+    position, force = (record.channels[role].quantity for role in ("input", "output"))
+    sentence = (
+        f"{record.name}: the {force} {'falls behind' if rate > 0 else 'runs ahead of'} the {position} by {1e6 * abs(rate):.3g} ± "
+        f"{2e6 * error:.2g} ppm, {1e3 * abs(rate) * record.duration:.2g} ms over the record: their clocks differ. The {force} "
+        f"was resampled to the clock of the {position} before fitting; sample both channels with one clock."
+    )
+    finding = Finding(CLOCK_SKEW, sentence, 1e6 * rate, "ppm", record.name)
     return Repair(record.with_values(output=shift_times(record["output"], rate)), (finding,))
 
 

@@ -43,17 +43,19 @@ def exchanged_channels(
     if not better or left[best] > least + _AS_WELL * power:
         return None
     columns = _columns(best, axes, experiment, layout)
-    words = {
-        "force": experiment.output_quantity,
-        "told": ", ".join(
-            f"along {axis} it is {'−' * (sign < 0)}{axes[source]}"
-            for axis, (source, sign) in zip(axes, best, strict=True)
-            if (axes[source], sign) != (axis, 1)
-        ),
-        "as_recorded": 100 * (1 - as_recorded / power),
-        "columns": columns_yaml(**columns),
-    }
-    return Finding.of("force_channels", 100 * (1 - left[best] / power), "%", **words)
+    force, explained = experiment.output_quantity, 100 * (1 - left[best] / power)
+    reading = ", ".join(
+        f"along {axis} it is {'−' * (sign < 0)}{axes[source]}"
+        for axis, (source, sign) in zip(axes, best, strict=True)
+        if (axes[source], sign) != (axis, 1)
+    )
+    sentence = (
+        f"The channels of the {force} do not seem to be those of the position's axes: {reading} of the file. Read like this, a "
+        f"spring and a dashpot explain {explained:.3g} % of the {force}, as recorded {100 * (1 - as_recorded / power):.3g} %: "
+        "the stiffness and the viscosity of a tissue at rest are symmetric and never negative. No effect was searched; if this "
+        f"reading is right, put this into the study's YAML:\n{columns_yaml(**columns)}"
+    )
+    return Finding("force_channels", sentence, explained, "%")
 
 
 def _products(experiment: Experiment, size: int) -> tuple[float, np.ndarray, np.ndarray]:

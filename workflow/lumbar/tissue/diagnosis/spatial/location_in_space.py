@@ -18,7 +18,6 @@ from lumbar.tissue.diagnosis.residuals.residual import (
     chi_square_p,
     percent,
     probability,
-    said,
     share_beyond_chance,
 )
 
@@ -133,16 +132,6 @@ class SpatialResidual:
         """Share of the explainable error as of `share_beyond_chance`; values have the shape (axes, samples)."""
         return share_beyond_chance(self.values, self.explainable, self.parts[0].span, explained, noise)
 
-    def words(self, share: float, p_value: float) -> dict:
-        """What every sentence may say."""
-        return {
-            "residual": self,
-            "share": percent(share),
-            "chance": probability(p_value),
-            "speed_unit": f"{self.parts[0].position_unit}/s",
-            "by_chance": percent(1 / len(self.axes)),
-        }
-
 
 def travel_view(residual: SpatialResidual) -> View:
     """Error along the direction of travel and across it, and its mean along the travel by speed.
@@ -166,15 +155,26 @@ def travel_view(residual: SpatialResidual) -> View:
     p_value = residual.p_value(mean, covariance)
     along, across = _along_and_across(residual)
     speeds = np.array([residual.speed[one].mean() for one in member])
-    words = residual.words(share, p_value) | {"along": percent(along), "across": percent(across)}
     seen = p_value < SIGNIFICANT and share >= _WORTH
-    told = said("travel_none" if p_value >= SIGNIFICANT else "travel_by_chance", **words)
+    unit, error = residual.unit, residual.base_words
     if seen:
-        way = "more" if (mean > 0).all() else "less" if (mean < 0).all() else "mixed"
-        ends = {"means": mean[[0, -1]], "speeds": speeds[[0, -1]], "meaning": said(f"resists_{way}")}
-        told = said("travel_mean", **words, **ends)
-    split = "" if residual.is_all_but_noise else said("travel_split", **words)
-    sentence = said("travel", split=split, told=told)
+        speed_unit = f"{residual.parts[0].position_unit}/s"
+        trend = (
+            f"the mean along the travel runs from {mean[0]:+.3g} {unit} at {speeds[0]:.3g} {speed_unit} to {mean[-1]:+.3g} "
+            f"{unit} at {speeds[-1]:.3g} {speed_unit}, {percent(share)} of the {error} ({probability(p_value)})"
+        )
+        if (mean > 0).all() or (mean < 0).all():
+            less_or_more = "more" if mean[0] > 0 else "less"
+            trend += f": on average the tissue resists the motion {less_or_more} than the model does"
+    elif p_value >= SIGNIFICANT:
+        trend = f"the mean along the travel is no larger than noise makes it ({probability(p_value)})"
+    else:
+        trend = "the mean along the travel is no larger than an error of this size has by chance"
+    split = (
+        f"{percent(along)} of the moving tool's {error} is along its direction of travel, {percent(across)} across it "
+        f"({percent(1 / len(residual.axes))} along if the two are unrelated); "
+    )
+    sentence = f"Along the travel: {'' if residual.is_all_but_noise else split}{trend}."
     table = {"speed": speeds, "mean": mean, "deviation": np.sqrt(np.diag(covariance))}
     numbers = {"along": along, "across": across}
     return View("travel", share if seen else 0.0, p_value, sentence, table, numbers)
@@ -239,15 +239,20 @@ def direction_view(residual: SpatialResidual) -> View:
     rms = np.full(count, np.nan)
     rms[filled] = np.sqrt(member @ np.sum(residual.values**2, axis=0))
     seen = p_value < SIGNIFICANT and share >= _WORTH
-    words = residual.words(share, p_value)
     if seen:
         largest = int(np.nanargmax(np.linalg.norm(vectors, axis=1)))
         vector, way = vectors[largest], directions(size)[largest]
         length = float(np.linalg.norm(vector))
         angle = float(np.degrees(np.arccos(np.clip(vector @ way / length, -1, 1))))
-        sentence = said("direction", **words, largest=length, along=in_words(way), angle=angle)
+        sentence = (
+            f"Over the direction of travel: {percent(share)} of the {residual.base_words} depends on it "
+            f"({probability(p_value)}); the mean error is largest, {length:.3g} {residual.unit}, for motion along "
+            f"{in_words(way)}, at {angle:.0f}° from it."
+        )
+    elif p_value >= SIGNIFICANT:
+        sentence = f"Over the direction of travel: the mean error does not significantly depend on it ({probability(p_value)})."
     else:
-        sentence = said("no_direction" if p_value >= SIGNIFICANT else "direction_by_chance", **words)
+        sentence = "Over the direction of travel: the mean error depends on it no more than an error of this size does by chance."
     table = {"count": number, "rms": rms}
     table |= {f"mean_{axis}": vectors[:, place] for place, axis in enumerate(residual.axes)}
     return View("direction of travel", share if seen else 0.0, p_value, sentence, table)
@@ -276,16 +281,16 @@ def pointing_view(residual: SpatialResidual) -> View:
     shares, vectors = np.clip(sizes[order] / total, 0.0, 1.0), vectors[:, order]
     vectors = np.transpose([upward(vector) for vector in vectors.T])
     p_value = _sphericity_p(residual, covariance)
-    words = residual.words(float(shares[0]), p_value)
     pointed = sizes[order[0]] > _ALIKE * max(sizes[order[-1]], 0.0)
     seen = pointed and p_value < SIGNIFICANT
     if seen:
         parts = zip(shares, vectors.T, strict=True)
         told = ", ".join(f"{percent(share)} along {in_words(vector)}" for share, vector in parts)
-        sentence = said("pointing", **words, told=told)
+        sentence = f"Direction of the error: {told} ({probability(p_value)})."
+    elif not pointed and not residual.is_all_but_noise:
+        sentence = "Direction of the error: it is about equal in all directions."
     else:
-        alike = not pointed and not residual.is_all_but_noise
-        sentence = said("alike" if alike else "no_pointing", **words)
+        sentence = f"Direction of the error: no direction stands out of the noise ({probability(p_value)})."
     table = {"share": shares}
     table |= {f"direction_{axis}": vectors[place] for place, axis in enumerate(residual.axes)}
     return View("direction of the error", float(shares[0]) if seen else 0.0, p_value, sentence, table)
@@ -335,18 +340,20 @@ def work_view(residual: SpatialResidual, frame: np.ndarray | None = None) -> Vie
     covariance = residual.covariance(weights)
     p_value = residual.p_value(missing, covariance)
     units = (residual.unit, residual.parts[0].position_unit)
-    words = residual.words(0.0, p_value) | {
-        "over": "the record" if folding is None else f"a period of {folding.period:.3g} s",
-        "measured": measured.sum(),
-        "difference": abs(missing.sum()),
-        "way": "more" if missing.sum() > 0 else "less",
-        "work": "mJ" if units == _MILLIJOULE else "·".join(units),
-        "told": "; ".join(
+    work = "mJ" if units == _MILLIJOULE else "·".join(units)
+    over = "the record" if folding is None else f"a period of {folding.period:.3g} s"
+    sentence = f"Work: over {over} the tool does {measured.sum():.4g} {work} on the tissue"
+    if p_value < SIGNIFICANT:
+        by_direction = "; ".join(
             f"{_plain(one)} ({_plain(less, '+')}) along {name}"
             for one, less, name in zip(measured, missing, names, strict=True)
-        ),
-    }
-    sentence = said("work" if p_value < SIGNIFICANT else "no_work", **words)
+        )
+        sentence += (
+            f", {abs(missing.sum()):.4g} {work} {'more' if missing.sum() > 0 else 'less'} than on the model "
+            f"({probability(p_value)}); by direction, with the difference in brackets, {by_direction}."
+        )
+    else:
+        sentence += f", and as much on the model, within noise ({probability(p_value)})."
     table = {"measured": measured, "simulated": measured - missing, "deviation": np.sqrt(np.diag(covariance))}
     table |= {f"direction_{axis}": frame[place] for place, axis in enumerate(residual.axes)}
     return View("work", 0.0, p_value, sentence, table)

@@ -79,20 +79,29 @@ def _turned(known: list, axes: tuple[str, ...]) -> Finding:
     said[list(about)] = sign * vector
     low, found, high = distinguishing_digits([angle - spread, angle, angle + spread], 3)
     frame = ", ".join(f"{part:.4g}" for part in said)
-    words = {"angle": found, "low": low, "high": high, "frame": frame}
-    return Finding.of("turned_frame", angle, "°", **words)
+    sentence = (
+        f"The force sensor's axes are rotated by {found}° ({low} to {high}) from those of the position: declare tissue: "
+        f"force_frame: [{frame}] and diagnose again. Channels that read a share of each other's forces, with a tissue of other "
+        "symmetry, look the same."
+    )
+    return Finding("turned_frame", sentence, angle, "°")
 
 
 def _crosstalk(known: list) -> Finding:
     """Shares of other axes' forces that channels read, those that are surely not 0."""
     sure = [item for item in known if item.low > 0 or item.high < 0]
-    told = "; ".join(
+    shares = "; ".join(
         f"{item.name[len('share_of_') :].replace('_in_', ' in ')} {100 * item.value:.2g} % "
         f"({100 * item.low:.2g} to {100 * item.high:.2g})"
         for item in sorted(sure, key=lambda item: -abs(item.value))
     )
     largest = max((abs(item.value) for item in known), default=0.0)
-    return Finding.of("crosstalk", 100 * largest, "%", shares=told or "none is sure by itself")
+    sentence = (
+        "Channels of the force sensor read shares of the forces along other axes: "
+        f"{shares or 'none is significant by itself'}. Calibrate the sensor; rotated axes of the sensor, with a tissue of other "
+        "symmetry, look the same."
+    )
+    return Finding("crosstalk", sentence, 100 * largest, "%")
 
 
 def _vague(experiment: Experiment, axes: tuple[str, ...]) -> list[Finding]:
@@ -104,9 +113,13 @@ def _vague(experiment: Experiment, axes: tuple[str, ...]) -> list[Finding]:
     direction, share, value, half = _least_moved(fit, experiment, len(axes))
     if share > (_SMALL if half < _VAGUE * abs(value) else _SMALLISH):
         return []
-    words = {"along": in_words(direction), "share": 100 * share, "low": value - half, "high": value + half}
-    unit = f"{experiment.output_unit}/{experiment.input_unit}"
-    return [Finding.of("unexcited", value, unit, experiment.training.name, **words)]
+    training, unit = experiment.training.name, f"{experiment.output_unit}/{experiment.input_unit}"
+    sentence = (
+        f"{training} hardly moves along {in_words(direction)}: {100 * share:.2g} % of its motion along its main direction. "
+        f"Without what other directions show, the stiffness there is {value:.2g} {unit} ({value - half:.2g} to "
+        f"{value + half:.2g}); these records do not show whether effects act alike there."
+    )
+    return [Finding("unexcited", sentence, value, unit, training)]
 
 
 def _least_moved(fit: Fit, experiment: Experiment, size: int) -> tuple[np.ndarray, float, float, float]:

@@ -11,7 +11,7 @@ from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.noise.noise_floor import NoiseFloor
 from lumbar.tissue.diagnosis.noise.periods import fold_periods
 from lumbar.tissue.diagnosis.residuals.locate import ResidualReport, reports_of, residual_of
-from lumbar.tissue.diagnosis.residuals.residual import SIGNIFICANT, View, said
+from lumbar.tissue.diagnosis.residuals.residual import SIGNIFICANT, View
 from lumbar.tissue.diagnosis.spatial.location_in_space import SpatialResidual, views_in_space
 from lumbar.tissue.diagnosis.spatial.spatial_data import axis_floors, axis_record
 from lumbar.tissue.models.fitted_model import FittedModel
@@ -35,16 +35,26 @@ class SpatialReport:
     @property
     def headline(self) -> str:
         """The main finding in one sentence; errors are those of an axis, root mean square over all of them."""
-        axes = len(self.record.axes)
+        axes, record, unit = len(self.record.axes), self.record.name, self.residual.unit
         rms, explainable = np.sqrt([self.residual.variance / axes, self.residual.explainable / axes])
         floor = np.sqrt(np.trace(self.residual.noise) / axes)
-        what = "space_error" if floor else "space_unknown"
-        if min(view.p_value for view in self.views.values()) * len(self.views) >= SIGNIFICANT:
-            what = "space_noise"
-        elif self.residual.is_all_but_noise:
-            what = "space_all_but_noise"
-        words = {"record": self.record.name, "unit": self.residual.unit, "floor": floor}
-        return said(what, rms=rms, explainable=explainable, **words)
+        if self.is_noise:
+            return f"{record}: no view in space shows more than noise would."
+        if self.residual.is_all_but_noise:
+            return (
+                f"{record}: the error in space is nearly all noise, {rms:.3g} {unit} per axis with a floor of {floor:.3g} "
+                f"{unit}; significant views describe the rest."
+            )
+        if floor:
+            return (
+                f"{record}: {explainable:.3g} {unit} of the error's {rms:.3g} {unit} per axis are not noise."
+            )
+        return f"{record}: the error in space is {rms:.3g} {unit} per axis; its share of noise is unknown."
+
+    @property
+    def is_noise(self) -> bool:
+        """Whether no view in space shows more than noise would, with allowance for their number."""
+        return min(view.p_value for view in self.views.values()) * len(self.views) >= SIGNIFICANT
 
     @property
     def sentences(self) -> list[str]:
@@ -52,11 +62,16 @@ class SpatialReport:
         return [self.headline, *(view.sentence for view in self.views.values()), *self.remarks]
 
     @property
+    def resting(self) -> list[str]:
+        """Axes along which nothing moves and nothing is compared."""
+        compared = {item.record.name for item in self.axes}
+        return [axis for axis in self.record.axes if axis_record(self.record, axis).name not in compared]
+
+    @property
     def remarks(self) -> list[str]:
-        """Axes that rest, along which nothing is compared."""
-        found = {item.record.name for item in self.axes}
-        still = [axis for axis in self.record.axes if axis_record(self.record, axis).name not in found]
-        return [said("rests", record=self.record.name, axes=" and ".join(still))] if still else []
+        """The resting axes in one sentence."""
+        axes = " and ".join(self.resting)
+        return [f"{self.record.name}: along {axes} nothing moves, and nothing is compared."] if axes else []
 
 
 def spatial_reports(model: FittedModel, experiment: Experiment, seed: int) -> list[SpatialReport]:
