@@ -16,7 +16,8 @@ from lumbar.tissue.effects.catalogue import CATALOGUES, TISSUE
 from lumbar.tissue.models.algebra import Evaluator
 from lumbar.tissue.models.bases import BASES
 from lumbar.tissue.models.form import Place
-from lumbar.tissue.models.motion import FORCE, SIGNALS, SampledMotion
+from lumbar.tissue.models.motion import SampledMotion
+from lumbar.tissue.models.parameter import FORCE, SIGNALS
 from lumbar.tissue.models.printing import symbol_latex
 from lumbar.tissue.models.state_equation import STEP_SYMBOL
 

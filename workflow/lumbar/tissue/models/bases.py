@@ -116,7 +116,7 @@ def elongation(motion: Motion, nonlinear: np.ndarray) -> tuple[np.ndarray]:
 
 def _branch_meets(motion: Motion, nonlinear: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     ratio, time_constant = nonlinear
-    return motion.remember(
+    return motion.cache.compute_at(
         "branch_meets", nonlinear, lambda: surface_of_branch(motion, 1.0 / (1.0 + ratio), time_constant)
     )
 
@@ -128,7 +128,9 @@ def _branch_in_contact(motion: Motion, nonlinear: np.ndarray) -> list[np.ndarray
 
 
 def _dashpot_meets(motion: Motion, nonlinear: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    return motion.remember("dashpot_meets", nonlinear, lambda: surface_of_dashpot(motion, nonlinear[0]))
+    return motion.cache.compute_at(
+        "dashpot_meets", nonlinear, lambda: surface_of_dashpot(motion, nonlinear[0])
+    )
 
 
 def _dashpot_in_contact(motion: Motion, nonlinear: np.ndarray) -> list[np.ndarray]:

@@ -28,7 +28,7 @@ from lumbar.tissue.models.expression import (
     symbols,
 )
 from lumbar.tissue.models.form import Form, Place
-from lumbar.tissue.models.motion import SIGNALS
+from lumbar.tissue.models.parameter import SIGNALS
 
 MOTION = ("z", "v", "a")
 """Symbols of position, velocity and acceleration."""

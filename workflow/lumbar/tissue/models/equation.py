@@ -1,20 +1,15 @@
 """One equation of a form, from which its simulation, its LaTeX and its C code follow; and C code of a form as such."""
 
 import cmath
-import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
-from lumbar.base.errors import InputError
-from lumbar.tissue.models.algebra import Evaluator, check_powers, derivative, linear_parts
+from lumbar.tissue.models.algebra import Evaluator, linear_parts
 from lumbar.tissue.models.expression import (
-    OPERANDS,
     Expression,
     Number,
     Operation,
@@ -25,19 +20,17 @@ from lumbar.tissue.models.expression import (
     symbols,
     whole_power,
 )
-from lumbar.tissue.models.motion import (
+from lumbar.tissue.models.motion import Motion, OneMotion
+from lumbar.tissue.models.parameter import (
     FORCE,
-    LINEAR,
-    NEVER_NEGATIVE,
-    POSITIONS,
     SIGNALS,
-    STEADY,
-    Motion,
-    OneMotion,
+    Constant,
+    LinearParameter,
+    NonlinearParameter,
+    Parameter,
 )
-from lumbar.tissue.models.parameter import Constant, LinearParameter, NonlinearParameter, Parameter
 from lumbar.tissue.models.printing import c_text, latex, number_latex, portable, symbol_latex
-from lumbar.tissue.models.state_equation import MOST_STATES, STEP_SYMBOL, StateEquation
+from lumbar.tissue.models.state_equation import STEP_SYMBOL, StateEquation
 
 Constants = Callable[[Mapping[str, float], float], dict[str, float]]
 Memory = Callable[[Mapping[str, float]], int]
@@ -102,7 +95,6 @@ class CStep:
 
 _STANDS_STILL = 1e-100
 """Slope of a state below which it stands still without motion: a vector of no length has a smallest one."""
-_SYMBOL = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 Solution = Callable[[Motion, np.ndarray], tuple[np.ndarray, ...]]
 
 
@@ -165,119 +157,10 @@ class Equation:
         """Linear parameters along several axes; an equation of one axis has none."""
         return ()
 
-    def problems(self) -> list[tuple[str, str]]:
-        """What is wrong with it: where, and what was found and is allowed."""
-        found = self._symbol_problems()
-        trees = {}
-        for where, text in (
-            ("equation", self.text),
-            *((f"state.{name}", text) for name, text in self.states),
-            *((f"state.{name}.start", text) for name, text in self.starts),
-        ):
-            try:
-                trees[where] = expand_sums(parse(text))
-                check_powers(trees[where], self._never_negative)
-            except InputError as error:
-                found.append((where, str(error)))
-        for where, tree in trees.items():
-            found += self._use_problems(where, tree)
-        if len(self.states) > MOST_STATES:
-            found.append(("state", f"{len(self.states)} states; at most {MOST_STATES} are allowed"))
-        return found or self._linear_problems()
-
     @property
-    def _named(self) -> tuple[str, ...]:
-        """Symbols that it declares itself."""
-        return (*(item.symbol for item in self._declared), *(name for name, _ in self.states))
-
-    @property
-    def _declared(self) -> tuple[Parameter | Constant, ...]:
+    def declared(self) -> tuple[Parameter | Constant, ...]:
+        """Parameters and constants."""
         return (*self.linear, *self.nonlinear, *self.constants)
-
-    @property
-    def _never_negative(self) -> set[str]:
-        positive = {item.symbol for item in self.nonlinear}
-        positive |= {item.symbol for item in self.linear if item.sign > 0}
-        return NEVER_NEGATIVE | positive | {item.symbol for item in self.constants if item.value >= 0}
-
-    def _symbol_problems(self) -> list[tuple[str, str]]:
-        found = []
-        reserved = {*SIGNALS, *OPERANDS, FORCE, "pi", STEP_SYMBOL}
-        for symbol, count in Counter(self._named).items():
-            if not _SYMBOL.fullmatch(symbol):
-                found.append(
-                    ("symbol", f"{symbol!r} is no symbol; letters a to z, digits and _, a letter first")
-                )
-            elif symbol in reserved:
-                meaning = SIGNALS[symbol].meaning if symbol in SIGNALS else "a name of its own"
-                found.append(("symbol", f"{symbol} is taken: {meaning}; call it otherwise"))
-            if count > 1:
-                found.append(("symbol", f"{symbol} is declared {count} times; once is allowed"))
-        return found
-
-    def _use_problems(self, where: str, tree: Expression) -> list[tuple[str, str]]:
-        """Symbols that it uses and does not know, and linear parameters where none may be."""
-        used = symbols(tree)
-        known = {*self._named, *SIGNALS, *((FORCE,) if self.transforms else ())}
-        signals = f"signals {', '.join(name for name, item in SIGNALS.items() if not item.channel)}"
-        found = [
-            (
-                where,
-                f"unknown symbol {symbol}; known are the parameters and states "
-                f"{', '.join(self._named) or '(none)'} and the {signals}",
-            )
-            for symbol in sorted(used - known)
-        ]
-        if where != "equation":
-            linear = sorted(used & {item.symbol for item in self.linear})
-            found += [
-                (where, f"{symbol} is linear; a state knows nonlinear parameters only") for symbol in linear
-            ]
-            unsteady = (
-                {"a", "theta_ddot", *(n for n, item in SIGNALS.items() if item.channel)} - STEADY - LINEAR
-            )
-            said = "is not known between samples; a state may not use it"
-            if where.endswith(".start"):
-                unsteady = {*SIGNALS, *self.slopes} - {*POSITIONS}
-                said = "is not known at the start; there are position, nonlinear parameters and constants"
-            found += [(where, f"{symbol} {said}") for symbol in sorted(used & unsteady)]
-        return found
-
-    def _linear_problems(self) -> list[tuple[str, str]]:
-        """Unused declarations, and a force that is not proportional to its linear parameters."""
-        used = symbols(self.force).union(*map(symbols, (*self.slopes.values(), *self.begin.values())))
-        found = [
-            ("symbol", f"{symbol} is declared and never used") for symbol in self._named if symbol not in used
-        ]
-        if self.transforms and self.linear:
-            found.append(("equation", "a form that acts on the output has nonlinear parameters only"))
-        elif not found:
-            try:
-                _ = self.columns, self.state and self.state.matrix
-            except InputError as error:
-                found.append(("equation", str(error)))
-        return found
-
-    def rest_problems(self) -> list[tuple[str, str]]:
-        """Values and slopes that are not finite at z = 0, v = 0; fits and exported models evaluate them there.
-
-        Parameters are in the middle of their starting range. Fitted powers are 2, for a proposed law may have one
-        below 1. Path, time, force and further channels are 1.
-        """
-        at_rest = {name for name, item in SIGNALS.items() if item.c_name not in ("path", "time", "")}
-        values = {name: 0.0 if name in at_rest else 1.0 for name in (FORCE, *SIGNALS)}
-        values |= self.parameters(float(np.sqrt(item.low * item.high)) for item in self.nonlinear)
-        trees = (*self.columns, *self.slopes.values())
-        powers = set().union(*map(_symbols_in_exponents, trees)) - {item.symbol for item in self.constants}
-        values |= dict.fromkeys(powers & values.keys() - at_rest, 2.0)
-        arrays: dict[str, Any] = {name: np.array([value]) for name, value in values.items()}
-        arrays |= {name: np.zeros(1) for name in self.slopes}
-        with np.errstate(all="ignore"):
-            begin = Evaluator(list(self.begin.values()))(arrays)
-            arrays |= dict(zip(self.begin, begin, strict=True))
-            found = [("equation", column) for column in self.columns]
-            found += [(f"state.{name}", rate) for name, rate in self.slopes.items()]
-            return [(where, said) for where, tree in found if (said := _said_at_rest(tree, arrays))]
 
     @cached_property
     def channels(self) -> tuple[str, ...]:
@@ -343,7 +226,7 @@ class Equation:
     def latex(self) -> str:
         """The equation, those of its states, and what its constants are."""
         names = {name: item.latex for name, item in SIGNALS.items() if item.latex}
-        for item in self._declared:
+        for item in self.declared:
             names[item.symbol] = item.in_latex
         rates = [rf"\dot {symbol_latex(name)} = {latex(parse(text), names)}" for name, text in self.states]
         rates += [rf"{symbol_latex(name)}(0) = {latex(parse(text), names)}" for name, text in self.starts]
@@ -438,35 +321,6 @@ class Equation:
             f"linearised_step({count}, {size}, increments, matrix, memory, next);",
             f"if (first) {', '.join(f'next[{row}] = {start}' for row, start in enumerate(starts))};",
         ]
-
-
-_SLOPES = ("z", "v", "theta", "theta_dot")
-"""Signals by which an equation needs a finite slope at rest."""
-
-
-def _symbols_in_exponents(tree: Expression) -> set[str]:
-    match tree:
-        case Operation("**", (base, exponent)):
-            return symbols(exponent) | _symbols_in_exponents(base)
-        case Operation(_, operands):
-            return set().union(*map(_symbols_in_exponents, operands))
-    return set()
-
-
-def _said_at_rest(tree: Expression, values: Mapping[str, Any]) -> str:
-    """What is not finite of an expression at rest, and what to write instead; else nothing."""
-    trees = {"value": tree}
-    for name in _SLOPES:
-        with suppress(InputError):  # the symbol is in an exponent
-            if name in symbols(tree):
-                trees[f"derivative by {name}"] = derivative(tree, name)
-    for label, number in zip(trees, Evaluator(list(trees.values()))(values), strict=True):
-        if not np.isfinite(number).all():
-            return (
-                f"the {label} is not finite at z = 0, v = 0; write tanh(v/vs) for sign(v), sqrt(v**2 + e**2) for abs(v) "
-                "in a root or a divisor, and divide by nothing that is 0 at rest"
-            )
-    return ""
 
 
 def _c_lines(stem: str, trees: Sequence[Expression], names: Mapping[str, str]) -> tuple[list[str], list[str]]:

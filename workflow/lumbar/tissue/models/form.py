@@ -22,8 +22,9 @@ import numpy as np
 
 from lumbar.base.errors import InputError, Problems
 from lumbar.tissue.models.equation import CStep, Equation, Solution
-from lumbar.tissue.models.motion import POSITIONS, OneMotion
-from lumbar.tissue.models.parameter import Constant, LinearParameter, NonlinearParameter
+from lumbar.tissue.models.equation_check import check_at_rest, check_equation
+from lumbar.tissue.models.motion import OneMotion
+from lumbar.tissue.models.parameter import POSITIONS, Constant, LinearParameter, NonlinearParameter
 
 
 class Place(StrEnum):
@@ -169,10 +170,10 @@ class Form:
             return []
         if self.place is Place.INPUT:
             return [("place", "no equation transforms a motion; a form at the input is hand-written")]
-        found = self._unchecked.problems()
+        found = check_equation(self._unchecked)
         if found or self.axes:
             return found
-        return [(where, f"form {self.name}: {said}") for where, said in self._unchecked.rest_problems()]
+        return [(key, f"form {self.name}: {problem}") for key, problem in check_at_rest(self._unchecked)]
 
     @cached_property
     def key(self) -> str:

@@ -12,7 +12,7 @@ from lumbar.base.errors import Problems
 from lumbar.tissue.models.bases import BASES, Base
 from lumbar.tissue.models.form import Effect, Form
 from lumbar.tissue.models.model_data import FittedParameter, ModelData, MotionRange, Port, Scores
-from lumbar.tissue.models.motion import AXES
+from lumbar.tissue.models.parameter import AXES
 from lumbar.tissue.models.structure import ForwardStructure, Structure
 from lumbar.tissue.models.tissue_models import MODELS
 from lumbar.tissue.models.transfer_function import TransferFunction

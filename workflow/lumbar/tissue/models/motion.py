@@ -1,6 +1,7 @@
-"""Motion: position over time with its derivatives, path and reversals, and the signals that equations know of it.
+"""Motion: position over time with its derivatives, path and reversals.
 
-Of one record (`Motion`), as a running loop knows it (`SampledMotion`), of several records (`JoinedMotions`).
+Of one record (`Motion`), as a running loop knows it (`SampledMotion`), of several records (`JoinedMotions`), along several axes
+(`SpatialMotion`). `lumbar.tissue.models.parameter.SIGNALS` gives the symbols by which equations call its signals.
 """
 
 from __future__ import annotations
@@ -16,35 +17,38 @@ import scipy
 
 from lumbar.records.record import Record
 
-_MOST_KEPT = 8
-"""Results that a motion remembers."""
+_MAX_LATEST = 8
+"""Results of different parameters in a cache."""
 SUBSTEPS = 4
 """Steps between two samples in which a motion that is not smooth is followed."""
 
 
-class Remembering:
-    """What keeps results of its own data."""
+class ResultCache:
+    """Results that were computed from the data of one object, e.g. forces on a motion; the object owns it as a field."""
 
-    def remember(self, name: str, nonlinear: np.ndarray, compute: Callable[[], Any]) -> Any:
-        """Result of `compute`, kept for the latest few nonlinear parameters: fits change one at a time."""
+    def __init__(self):
+        self._latest: dict[tuple[str, bytes], Any] = {}
+        self._lasting: dict[Hashable, Any] = {}
+
+    def compute_at(self, name: str, nonlinear: np.ndarray, compute: Callable[[], Any]) -> Any:
+        """Return the result of `compute`, cached for the latest few nonlinear parameters: fits change one at a time."""
         key = name, np.asarray(nonlinear, dtype=float).tobytes()
-        kept = self.__dict__.setdefault("_kept", {})
-        found = kept.pop(key) if key in kept else compute()
-        kept[key] = found
-        if len(kept) > _MOST_KEPT:
-            del kept[next(iter(kept))]
-        return found
+        latest = self._latest
+        result = latest.pop(key) if key in latest else compute()
+        latest[key] = result
+        if len(latest) > _MAX_LATEST:
+            del latest[next(iter(latest))]
+        return result
 
-    def keep(self, name: Hashable, compute: Callable[[], Any]) -> Any:
-        """Result of `compute`, kept as long as its data: what no parameter changes."""
-        lasting = self.__dict__.setdefault("_lasting", {})
-        if name not in lasting:
-            lasting[name] = compute()
-        return lasting[name]
+    def compute_once(self, name: Hashable, compute: Callable[[], Any]) -> Any:
+        """Return the result of `compute`, cached as long as its object lives: no parameter changes it."""
+        if name not in self._lasting:
+            self._lasting[name] = compute()
+        return self._lasting[name]
 
 
 @dataclass(frozen=True, eq=False)
-class Motion(Remembering):
+class Motion:
     """Evenly sampled position of the tool about the record's zero."""
 
     time: np.ndarray
@@ -59,8 +63,12 @@ class Motion(Remembering):
     channels: dict[str, np.ndarray] = field(default_factory=dict)
     """What else was measured beside input and output, by role, for effects that need it."""
     between: np.ndarray | None = None
-    """Shape (1 + (samples - 1) * `SUBSTEPS`,): position in steps between the samples, where it is not smooth but known
+    """Shape (1 + (samples - 1) * `SUBSTEPS`,): position in steps between the samples, if it is not smooth but known
     there."""
+    interpolation: Callable[..., np.ndarray] | None = None
+    """From times and the order of the derivative to the position between samples; None: the spline through them."""
+    cache: ResultCache = field(init=False, repr=False, default_factory=ResultCache)
+    """Forces of models on this motion."""
 
     @classmethod
     def of(cls, record: Record, role: str = "input", offset: float = 0.0) -> Motion:
@@ -77,9 +85,9 @@ class Motion(Remembering):
         return len(self.position)
 
     @cached_property
-    def _spline(self):
+    def _spline(self) -> Callable[..., np.ndarray]:
         """Interpolating quintic spline: its second derivative is accurate to the fourth order of the step."""
-        return scipy.interpolate.make_interp_spline(self.time, self.position, k=5)
+        return self.interpolation or scipy.interpolate.make_interp_spline(self.time, self.position, k=5)
 
     @cached_property
     def velocity(self) -> np.ndarray:
@@ -89,15 +97,11 @@ class Motion(Remembering):
         return np.gradient(self.position, self.sampling_time)
 
     @cached_property
-    def velocity_between(self) -> np.ndarray:
-        """First derivative halfway between samples, shape (samples - 1,); smooth positions only."""
-        return self._spline(self.time[:-1] + 0.5 * self.sampling_time, 1)
-
-    @cached_property
     def velocities(self) -> np.ndarray:
         """First derivative at the sample before, halfway and at every sample, shape (3, samples); 0 at the first sample."""
         found = np.zeros((3, len(self)))
-        found[:, 1:] = self.velocity[:-1], self.velocity_between, self.velocity[1:]
+        halfway = self._spline(self.time[:-1] + 0.5 * self.sampling_time, 1)
+        found[:, 1:] = self.velocity[:-1], halfway, self.velocity[1:]
         return found
 
     @cached_property
@@ -106,10 +110,6 @@ class Motion(Remembering):
         if self.smooth:
             return self._spline(self.time, 2)
         return np.gradient(self.velocity, self.sampling_time)
-
-    def rate_of(self, role: str) -> np.ndarray:
-        """First derivative of a further channel, by the same spline as the input's."""
-        return scipy.interpolate.make_interp_spline(self.time, self.channels[role], k=5)(self.time, 1)
 
     @cached_property
     def increments(self) -> np.ndarray:
@@ -171,15 +171,19 @@ class Motion(Remembering):
         """Motion `delay` seconds ago, at rest at its first position before the record began."""
         past = self.time - delay
         channels = {name: np.interp(past, self.time, values) for name, values in self.channels.items()}
-        late = Motion(self.time, self._spline(np.maximum(past, 0.0)), self.sampling_time, channels=channels)
         spline = self._spline
 
         def delayed_spline(time: np.ndarray, order: int = 0) -> np.ndarray:
             found = spline(np.maximum(time - delay, 0.0), order)
             return np.where(time >= delay, found, 0.0) if order else found
 
-        late.__dict__["_spline"] = delayed_spline
-        return late
+        return Motion(
+            self.time,
+            spline(np.maximum(past, 0.0)),
+            self.sampling_time,
+            channels=channels,
+            interpolation=delayed_spline,
+        )
 
     def beginning(self, samples: int) -> Motion:
         """The first samples of the motion."""
@@ -191,6 +195,7 @@ class Motion(Remembering):
             position=self.position[:samples],
             channels=channels,
             between=between,
+            interpolation=None,
         )
 
     @cached_property
@@ -198,9 +203,7 @@ class Motion(Remembering):
         """The same smooth motion in `SUBSTEPS` steps between two samples, for a position that it becomes behind play."""
         step = self.sampling_time / SUBSTEPS
         time = self.time[0] + step * np.arange(1 + (len(self) - 1) * SUBSTEPS)
-        fine = Motion(time, self._spline(time), step)
-        fine.__dict__["_spline"] = self._spline
-        return fine
+        return Motion(time, self._spline(time), step, interpolation=self._spline)
 
     def with_position(self, position: np.ndarray) -> Motion:
         """Motion with a position that is not smooth, on the same clock."""
@@ -327,11 +330,13 @@ class JoinedMotions:
 
 
 @dataclass(frozen=True, eq=False)
-class SpatialMotion(JoinedMotions, Remembering):
-    """Motions along several axes at the same instants; its signals stand one axis after the other."""
+class SpatialMotion(JoinedMotions):
+    """Motions along several axes at the same instants; its signals are one axis after the other."""
 
     names: tuple[str, ...] = ()
     """Names of the axes, of `AXES`."""
+    cache: ResultCache = field(init=False, repr=False, default_factory=ResultCache)
+    """Forces of models on this motion."""
 
     @classmethod
     def of(cls, record: Record, rests: Sequence[float] = ()) -> Self:
@@ -403,75 +408,3 @@ def is_held(motion: Motion | JoinedMotions) -> bool:
     steps = np.abs(np.diff(position))
     moved = steps[steps > 0]
     return moved.size < len(steps) / 2 and bool(np.median(moved) > _JUMP * np.ptp(position))
-
-
-@dataclass(frozen=True)
-class MotionSignal:
-    """A signal."""
-
-    meaning: str
-    """For reports and messages."""
-    of: Callable[[Any], np.ndarray]
-    """From a motion to the signal, shape (samples,)."""
-    c_name: str = ""
-    """Its name in the C code of a form; empty where a running loop does not know it."""
-    latex: str = ""
-    """Empty where it is the symbol."""
-    channel: str = ""
-    """Role of the channel beside input and output that it needs; empty without."""
-
-
-def _channel(role: str, latex: str, meaning: str) -> MotionSignal:
-    return MotionSignal(meaning, lambda motion: motion.channels[role], latex=latex, channel=role)
-
-
-FORCE = "F"
-"""The force that an output form transforms."""
-SIGNALS = {
-    "z": MotionSignal("position", lambda motion: motion.position, "position"),
-    "v": MotionSignal("velocity", lambda motion: motion.velocity, "velocity"),
-    "a": MotionSignal("acceleration", lambda motion: motion.acceleration, "acceleration"),
-    "dz": MotionSignal(
-        "change of position since the sample before", lambda motion: motion.increments, "step", r"\Delta z"
-    ),
-    "s": MotionSignal("path travelled", lambda motion: motion.path, "path"),
-    "t": MotionSignal("time since the record's start", lambda motion: motion.time, "time"),
-    "theta": MotionSignal("angle from the vertical", lambda motion: motion.position, "position", r"\theta"),
-    "theta_dot": MotionSignal("angular velocity", lambda motion: motion.velocity, "velocity", r"\dot \theta"),
-    "theta_ddot": MotionSignal(
-        "angular acceleration", lambda motion: motion.acceleration, "acceleration", r"\ddot \theta"
-    ),
-    "box_held": _channel("box_held", "h", "share of the box that the hands carry"),
-    "length": _channel("length", r"\ell", "distance from the pivot to the centre of mass"),
-    "length_dot": MotionSignal(
-        "rate of the length", lambda motion: motion.rate_of("length"), latex=r"\dot \ell", channel="length"
-    ),
-    "pivot_acceleration_x": _channel("pivot_acceleration_x", r"\ddot x_p", "the pivot's to the front"),
-    "pivot_acceleration_z": _channel("pivot_acceleration_z", r"\ddot z_p", "the pivot's upwards"),
-}
-"""By symbol. The pendulum's angle has names of its own for what a tissue knows as position."""
-AXES = ("x", "y", "z")
-"""Names of axes in space."""
-VECTORS = ("z", "v", "a", "dz")
-"""Signals that have a component along every axis of a motion in space, called ``z_x`` …."""
-
-
-def _along(axis: str, signal: MotionSignal) -> MotionSignal:
-    latex = signal.latex or {"position": "z", "velocity": "v", "acceleration": "a"}[signal.c_name]
-    return MotionSignal(
-        f"{signal.meaning} along {axis}",
-        lambda motion: signal.of(motion.along(axis)),
-        f"{signal.c_name}_{axis}",
-        f"{latex}_{axis}",
-        f"axis {axis}",
-    )
-
-
-SIGNALS |= {f"{name}_{axis}": _along(axis, SIGNALS[name]) for name in VECTORS for axis in AXES}
-POSITIONS = ("z", "theta", *(f"z_{axis}" for axis in AXES))
-"""Signals that stand for the position."""
-NEVER_NEGATIVE = {"s", "t"}
-STEADY = {"v", "dz", "theta_dot", *(f"{name}_{axis}" for name in ("v", "dz") for axis in AXES)}
-"""Signals that stay the same between two samples where the position is linear in between."""
-LINEAR = {*POSITIONS, "s", "t"}
-"""Signals that are then linear in time."""

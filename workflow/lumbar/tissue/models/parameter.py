@@ -1,8 +1,11 @@
-"""Parameters of equations: what a force is proportional to, what it depends on otherwise, and constants."""
+"""Symbols of equations: parameters that a fit determines, constants, and signals of the motion."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
+import scipy
 
 from lumbar.tissue.models.printing import symbol_latex
 
@@ -119,3 +122,78 @@ class Constant:
         """The unit as LaTeX; the input's and the output's own are called unit."""
         unit = "unit" if self.unit in ("{x}", "{y}") else self.unit
         return unit.format(x="unit", y="unit").replace(" ", r"\,")
+
+
+@dataclass(frozen=True)
+class MotionSignal:
+    """A quantity that an equation calls by a symbol and that a motion gives."""
+
+    meaning: str
+    """For reports and messages."""
+    of: Callable[[Any], np.ndarray]
+    """From a motion to the signal, shape (samples,)."""
+    c_name: str = ""
+    """Its name in the C code of a form; empty where a running loop does not know it."""
+    latex: str = ""
+    """Empty where it is the symbol."""
+    channel: str = ""
+    """Role of the channel beside input and output that it needs; empty without."""
+
+
+def _channel(role: str, latex: str, meaning: str) -> MotionSignal:
+    return MotionSignal(meaning, lambda motion: motion.channels[role], latex=latex, channel=role)
+
+
+def _rate_of_length(motion) -> np.ndarray:
+    """First derivative of the length, by the same spline as the position's."""
+    return scipy.interpolate.make_interp_spline(motion.time, motion.channels["length"], k=5)(motion.time, 1)
+
+
+FORCE = "F"
+"""The force that an output form transforms."""
+SIGNALS = {
+    "z": MotionSignal("position", lambda motion: motion.position, "position"),
+    "v": MotionSignal("velocity", lambda motion: motion.velocity, "velocity"),
+    "a": MotionSignal("acceleration", lambda motion: motion.acceleration, "acceleration"),
+    "dz": MotionSignal(
+        "change of position since the sample before", lambda motion: motion.increments, "step", r"\Delta z"
+    ),
+    "s": MotionSignal("path travelled", lambda motion: motion.path, "path"),
+    "t": MotionSignal("time since the record's start", lambda motion: motion.time, "time"),
+    "theta": MotionSignal("angle from the vertical", lambda motion: motion.position, "position", r"\theta"),
+    "theta_dot": MotionSignal("angular velocity", lambda motion: motion.velocity, "velocity", r"\dot \theta"),
+    "theta_ddot": MotionSignal(
+        "angular acceleration", lambda motion: motion.acceleration, "acceleration", r"\ddot \theta"
+    ),
+    "box_held": _channel("box_held", "h", "share of the box that the hands carry"),
+    "length": _channel("length", r"\ell", "distance from the pivot to the centre of mass"),
+    "length_dot": MotionSignal("rate of the length", _rate_of_length, latex=r"\dot \ell", channel="length"),
+    "pivot_acceleration_x": _channel("pivot_acceleration_x", r"\ddot x_p", "the pivot's to the front"),
+    "pivot_acceleration_z": _channel("pivot_acceleration_z", r"\ddot z_p", "the pivot's upwards"),
+}
+"""By symbol. The pendulum's angle has names of its own for what a tissue knows as position."""
+AXES = ("x", "y", "z")
+"""Names of axes in space."""
+VECTORS = ("z", "v", "a", "dz")
+"""Signals that have a component along every axis of a motion in space, called ``z_x`` …."""
+
+
+def _along(axis: str, signal: MotionSignal) -> MotionSignal:
+    latex = signal.latex or {"position": "z", "velocity": "v", "acceleration": "a"}[signal.c_name]
+    return MotionSignal(
+        f"{signal.meaning} along {axis}",
+        lambda motion: signal.of(motion.along(axis)),
+        f"{signal.c_name}_{axis}",
+        f"{latex}_{axis}",
+        f"axis {axis}",
+    )
+
+
+SIGNALS |= {f"{name}_{axis}": _along(axis, SIGNALS[name]) for name in VECTORS for axis in AXES}
+POSITIONS = ("z", "theta", *(f"z_{axis}" for axis in AXES))
+"""Signals that stand for the position."""
+NEVER_NEGATIVE = {"s", "t"}
+STEADY = {"v", "dz", "theta_dot", *(f"{name}_{axis}" for name in ("v", "dz") for axis in AXES)}
+"""Signals that stay the same between two samples where the position is linear in between."""
+LINEAR = {*POSITIONS, "s", "t"}
+"""Signals that are then linear in time."""

@@ -77,7 +77,7 @@ class PlaneContact:
             position = normal @ motion.position.reshape(len(self.axes), -1) - depth
             return Motion(motion.time, position, motion.sampling_time)
 
-        return motion.remember("into the surface", nonlinear[len(self.base.nonlinear) + 1 :], pressed)
+        return motion.cache.compute_at("into the surface", nonlinear[len(self.base.nonlinear) + 1 :], pressed)
 
     def columns(self, motion: SpatialMotion, nonlinear: np.ndarray) -> list[np.ndarray]:
         """Forces along the axes, one after the other, of every linear parameter at size 1."""

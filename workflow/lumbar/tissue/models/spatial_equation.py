@@ -40,8 +40,8 @@ from lumbar.tissue.models.expression import (
     to_text,
     whole_power,
 )
-from lumbar.tissue.models.motion import FORCE, SIGNALS, SUBSTEPS, VECTORS, OneMotion, SpatialMotion
-from lumbar.tissue.models.parameter import LinearParameter
+from lumbar.tissue.models.motion import SUBSTEPS, OneMotion, SpatialMotion
+from lumbar.tissue.models.parameter import FORCE, SIGNALS, VECTORS, LinearParameter
 from lumbar.tissue.models.state_equation import StateEquation
 
 Vector = tuple[Expression, ...]
@@ -249,12 +249,16 @@ class SpatialEquation(Equation):
             if not all(part.smooth for part in motion.parts):  # in straight lines from sample to sample
                 return state.trajectory(motion, self.parameters(nonlinear))
             # What turns between two samples is followed there.
-            fine = motion.keep("in steps between samples", lambda: motion.each(lambda part: part.finer))
+            fine = motion.cache.compute_once(
+                "in steps between samples", lambda: motion.each(lambda part: part.finer)
+            )
             found = state.trajectory(fine, self.parameters(nonlinear))
             return {name: values[::SUBSTEPS] for name, values in found.items()}
         found = {}
         for axis, part in zip(self.axes, motion.parts, strict=True):
-            solved = part.remember("states in closed form", nonlinear, partial(solution, part, nonlinear))
+            solved = part.cache.compute_at(
+                "states in closed form", nonlinear, partial(solution, part, nonlinear)
+            )
             found |= {f"{name}_{axis}": value for name, value in zip(names, solved, strict=True)}
         return found
 

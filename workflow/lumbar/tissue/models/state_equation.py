@@ -32,7 +32,8 @@ from lumbar.tissue.models.expression import (
     parts,
     symbols,
 )
-from lumbar.tissue.models.motion import AXES, LINEAR, POSITIONS, SIGNALS, STEADY, OneMotion, SpatialMotion
+from lumbar.tissue.models.motion import OneMotion, SpatialMotion
+from lumbar.tissue.models.parameter import AXES, LINEAR, POSITIONS, SIGNALS, STEADY
 from lumbar.tissue.models.printing import portable
 
 MOST_STATES = 6
@@ -181,7 +182,7 @@ class StateEquation:
         # With a clock, two of Newton's iterations take longer than all samples one by one.
         by_newton = self.is_linear or not (one and self.has_clock)
         # Of several states one after the other takes far longer than an iteration: those found last are near.
-        near = {} if one or self.is_linear else motion.keep("states found last", dict)
+        near = {} if one or self.is_linear else motion.cache.compute_once("states found last", dict)
         guesses = [near[self.names], None] if self.names in near else [None]
         tried = (self._newton(known, steps, begin, guess) for guess in guesses if by_newton)
         states = next((path for path in tried if path is not None), None)

@@ -92,7 +92,7 @@ class Structure:
 
     @staticmethod
     def _of(name: str, function: Callable, motion: OneMotion, nonlinear: np.ndarray) -> Any:
-        return motion.remember(name, nonlinear, lambda: function(motion, nonlinear))
+        return motion.cache.compute_at(name, nonlinear, lambda: function(motion, nonlinear))
 
     def output(self, force: np.ndarray, motion: Motion | JoinedMotions, nonlinear: np.ndarray) -> np.ndarray:
         """Measured force from the force at the tissue, shape (samples,)."""
@@ -200,7 +200,7 @@ class ForwardStructure(Structure):
                 [self.sensitivities(part, linear, nonlinear, zero) for part in motion.parts]
             )
         numbers = np.concatenate([linear, nonlinear, [zero]])
-        return motion.remember(
+        return motion.cache.compute_at(
             f"slopes of {self._key}", numbers, lambda: self._sensitivities(motion, linear, nonlinear, zero)
         )
 
@@ -242,16 +242,16 @@ class ForwardStructure(Structure):
         for form in self.forms:
             if form.place is Place.INPUT:
                 seen = self._of(form.memory_key, form.input_transform, seen, parts[form.key])
-        step = motion.keep("parts of a step", lambda: _parts_of_step(motion))
-        force = seen.keep("force at points", lambda: _at_points(seen, step))
+        step = motion.cache.compute_once("parts of a step", lambda: _parts_of_step(motion))
+        force = seen.cache.compute_once("force at points", lambda: _at_points(seen, step))
         size = (
-            motion.keep("size of position", lambda: float(np.ptp(_measured(motion))))
+            motion.cache.compute_once("size of position", lambda: float(np.ptp(_measured(motion))))
             if MEASURED in motion.channels
             else 1.0
         )
         drive = ForceDrive(self.balance, force, motion.sampling_time / step, size)
         numbers = np.concatenate([linear, nonlinear, [zero]])
-        found = motion.remember(
+        found = motion.cache.compute_at(
             self._key, numbers, lambda: self._found(motion, drive, step, linear, nonlinear, zero)
         )
         return drive, found, step
@@ -259,7 +259,7 @@ class ForwardStructure(Structure):
     def _found(self, motion, drive, step, linear, nonlinear, zero) -> Driven:
         values = self.parameters(linear, nonlinear)
         # A search changes parameters little by little: the last motion is a good guess of the next one.
-        last: dict = motion.__dict__.setdefault("_last_driven", {})
+        last: dict = motion.cache.compute_once("last driven motions", dict)
         guess, start = last.get(self._key, (None, None))
         if MEASURED in motion.channels:
             if guess is None:
@@ -334,7 +334,7 @@ def _as_measured(motion: Motion, parts: int, zero: float, states: int) -> np.nda
         samples = (np.arange(parts * (len(motion) - 1))[:, None] + POINTS) / parts
         return scipy.interpolate.make_interp_spline(np.arange(len(motion)), _measured(motion), k=3)(samples)
 
-    position = motion.keep("measured at points", at_points) - zero
+    position = motion.cache.compute_once("measured at points", at_points) - zero
     return np.concatenate([position[None], np.zeros((states, *position.shape))])
 
 

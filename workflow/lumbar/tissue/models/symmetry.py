@@ -142,7 +142,7 @@ class SpatialBase:
     def columns(self, motion: Motion, nonlinear: np.ndarray) -> list[np.ndarray]:
         """Forces along the axes, one after the other, of every linear parameter at size 1; each (axes × samples,)."""
         own = nonlinear[: len(self.base.nonlinear)]
-        forces = motion.remember(self.form.key, own, lambda: self.form.columns(motion, own))
+        forces = motion.cache.compute_at(self.form.key, own, lambda: self.form.columns(motion, own))
         found = []
         for force, frame in zip(forces, cycle(self.frames_at(nonlinear)), strict=False):
             projected = frame.T @ force.reshape(len(frame), -1)
@@ -205,7 +205,7 @@ def symmetric_base(base: Base, axes: tuple[str, ...]) -> Base:
 
     def columns(motion: Motion, nonlinear: np.ndarray) -> list[np.ndarray]:
         found = []
-        for force in motion.remember(form.key, nonlinear, lambda: form.columns(motion, nonlinear)):
+        for force in motion.cache.compute_at(form.key, nonlinear, lambda: form.columns(motion, nonlinear)):
             vectors = force.reshape(size, -1)
             for row, column in places:
                 element = np.zeros_like(vectors)

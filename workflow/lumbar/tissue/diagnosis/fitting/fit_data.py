@@ -8,11 +8,11 @@ from typing import Self
 
 import numpy as np
 
-from lumbar.tissue.models.motion import JoinedMotions, Motion, Remembering
+from lumbar.tissue.models.motion import JoinedMotions, Motion, ResultCache
 
 
 @dataclass(frozen=True, eq=False)
-class FitData(Remembering):
+class FitData:
     """One record prepared for fitting; it keeps the fits to it, for a search comes to the same one on several ways."""
 
     name: str
@@ -29,6 +29,8 @@ class FitData(Remembering):
     begins: int = 0
     """Sample at which the record itself begins: before it lies what came earlier in the same session, which is simulated
     and never counted."""
+    cache: ResultCache = field(init=False, repr=False, default_factory=ResultCache)
+    """Fits to this record."""
 
     @property
     def records(self) -> tuple[FitData, ...]:

@@ -182,7 +182,7 @@ def fit(structure: Structure, data: FitData, start: np.ndarray) -> Fit:
     The same fit is returned wherever the same is asked for.
     """
     going_on()
-    return data.keep((structure, start.tobytes()), lambda: _search(structure, data, start))
+    return data.cache.compute_once((structure, start.tobytes()), lambda: _search(structure, data, start))
 
 
 def _search(structure: Structure, data: FitData, start: np.ndarray) -> Fit:
@@ -387,7 +387,7 @@ def screen(previous: Fit, form: Form, data: FitData) -> list[tuple[float, np.nda
     The model's own nonlinear parameters are kept; linear ones are solved for together (parallel and input forms) or kept (output
     forms, which only transform the force).
     """
-    return data.keep((previous, form), lambda: _errors_of_starts(previous, form, data))
+    return data.cache.compute_once((previous, form), lambda: _errors_of_starts(previous, form, data))
 
 
 def _errors_of_starts(previous: Fit, form: Form, data: FitData) -> list[tuple[float, np.ndarray]]:

@@ -40,7 +40,7 @@ def scaled_covariance(fit: Fit, data: FitData) -> tuple[np.ndarray, np.ndarray]:
     The covariance has shape (parameters, parameters); the sizes, 2-norms of the sensitivities, come second, shape
     (parameters,).
     """
-    return data.keep(("covariance", fit), lambda: _scaled_covariance(fit, data))
+    return data.cache.compute_once(("covariance", fit), lambda: _scaled_covariance(fit, data))
 
 
 def _scaled_covariance(fit: Fit, data: FitData) -> tuple[np.ndarray, np.ndarray]:

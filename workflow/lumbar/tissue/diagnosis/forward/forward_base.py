@@ -85,7 +85,7 @@ class CarriedData(FitData):
     def _carried(self, signal: np.ndarray) -> np.ndarray:
         """Signal (samples first) through the response, from rest."""
         length = scipy.fft.next_fast_len(2 * len(signal), real=True)
-        kept = self.motion.keep(
+        kept = self.motion.cache.compute_once(
             f"response {id(self.response)}",
             lambda: (self.response, self.response(scipy.fft.rfftfreq(length, self.motion.sampling_time))),
         )[1]

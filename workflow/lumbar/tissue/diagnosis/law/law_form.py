@@ -294,9 +294,9 @@ def _solution(terms: tuple[Term, ...], nonlinear: tuple[NonlinearParameter, ...]
             solve = partial(equation.trajectory, motion, {**given, **constants})
             # A largest distance so far has no parameter, and is solved step by step.
             states = (
-                motion.remember(key, np.array(list(given.values())), solve)
+                motion.cache.compute_at(key, np.array(list(given.values())), solve)
                 if given
-                else motion.keep(key, solve)
+                else motion.cache.compute_once(key, solve)
             )
             found |= states
         return tuple(found.values())

@@ -126,7 +126,9 @@ def slope_forces(motion: Motion | JoinedMotions, poles: Poles, linear: np.ndarra
 
 
 def _late(motion: Motion, delay: float) -> Motion:
-    return motion.remember("late", np.array([delay]), lambda: motion.delayed(delay)) if delay else motion
+    return (
+        motion.cache.compute_at("late", np.array([delay]), lambda: motion.delayed(delay)) if delay else motion
+    )
 
 
 def section_forces(motion: Motion, section: np.ndarray, held: bool) -> tuple[np.ndarray, np.ndarray]:

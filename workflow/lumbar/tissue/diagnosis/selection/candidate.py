@@ -79,7 +79,7 @@ def evaluate(fit: Fit, experiment: Experiment) -> Candidate:
     unseen = np.concatenate([item.whitened_error(values) for item, values in simulated])
     score = training.size * np.log(fit.squared_error / training.size) + _unlikelihood(unseen)
     score += (len(fit.linear) + len(fit.nonlinear)) * np.log(training.size + len(unseen))
-    train_rms = training.keep(("rms", fit), lambda: fit.rms(training))
+    train_rms = training.cache.compute_once(("rms", fit), lambda: fit.rms(training))
     by_record = {name: float(np.sqrt(np.mean(error**2))) for name, error in errors.items()}
     test_rms = float(np.sqrt(np.mean(np.concatenate([*errors.values()]) ** 2)))
     return Candidate(fit, train_rms, test_rms, float(score), by_record)
@@ -187,7 +187,7 @@ def later_improvement(before: Candidate, after: Candidate, experiment: Experimen
     For effects that accumulate: short records, in which they begin anew, hardly show them.
     """
     training = experiment.training
-    early, later = training.keep("early and later", lambda: training.split(_EARLY))
+    early, later = training.cache.compute_once("early and later", lambda: training.split(_EARLY))
     fits = [joint_fit.fit(item.fit.structure, early, item.fit.nonlinear) for item in (before, after)]
     return _improvement(*fits, [later])
 

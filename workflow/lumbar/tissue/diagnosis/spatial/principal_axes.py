@@ -14,7 +14,7 @@ from lumbar.tissue.diagnosis.fitting.uncertainty import estimates, scaled_covari
 from lumbar.tissue.diagnosis.selection.result import distinguishing_digits
 from lumbar.tissue.diagnosis.spatial.location_in_space import in_words, upward
 from lumbar.tissue.models.model_data import FittedParameter
-from lumbar.tissue.models.motion import AXES
+from lumbar.tissue.models.parameter import AXES
 from lumbar.tissue.models.plane_contact import PlaneContact
 from lumbar.tissue.models.symmetry import SpatialBase
 

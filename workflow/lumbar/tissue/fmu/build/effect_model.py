@@ -14,7 +14,8 @@ from lumbar.tissue.models.bases import Base
 from lumbar.tissue.models.equation import CStep
 from lumbar.tissue.models.fitted_model import FittedModel
 from lumbar.tissue.models.form import Form, Place
-from lumbar.tissue.models.motion import AXES, SampledMotion, SpatialMotion
+from lumbar.tissue.models.motion import SampledMotion, SpatialMotion
+from lumbar.tissue.models.parameter import AXES
 from lumbar.tissue.models.structure import ForwardStructure, Structure
 
 _MOTION = {
