@@ -67,12 +67,12 @@ def rules(folder: Path) -> str:
 
 def ridge_path() -> None:
     """One factorisation for the whole grid of ridge coefficients against one solve each."""
-    from lumbar.tissue.identification.ridge import RidgePath, ridge_grid
+    from lumbar.tissue.identification.arx_search import RidgePath
 
     random = np.random.default_rng(1)
     regressors = random.standard_normal((10000, 9))
     target = regressors @ random.standard_normal(9) + random.standard_normal(10000)
-    alphas = ridge_grid(1e-3, 100.0, 26)
+    alphas = np.concatenate([[0.0], np.geomspace(1e-3, 100.0, 26)])
 
     def path():
         fitted = RidgePath.factorise(regressors, target, len(target))

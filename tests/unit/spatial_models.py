@@ -9,8 +9,8 @@ from lumbar.tissue.fmu.build.export_model import ExportModel, export_models
 from lumbar.tissue.models.bases import BASES
 from lumbar.tissue.models.fitted_model import FittedModel
 from lumbar.tissue.models.model_data import FittedParameter, Port
+from lumbar.tissue.models.space import SpatialBase, Symmetry, force_sensor_effects, turn
 from lumbar.tissue.models.structure import Structure
-from lumbar.tissue.models.symmetry import SpatialBase, Symmetry, force_sensor_effects, turn
 
 STIFFNESS, BRANCH, RELAXATION = np.array([0.8, 0.5, 0.3]), np.array([3.0, 2.0, 1.0]), 0.04
 FRAME = turn(np.array([0.4, -0.3, 0.7]))

@@ -15,7 +15,7 @@ from lumbar.base.errors import InputError, NumericalError
 from lumbar.records.record import Channel, Record
 from lumbar.settings.plain import from_plain
 from lumbar.settings.tissue import TissueSettings
-from lumbar.tissue.identification.arx_search import IdentificationData, search, select
+from lumbar.tissue.identification.arx_search import IdentificationData, ReducedRegression, search, select
 from lumbar.tissue.identification.identify_tissue import distinct, given_model, identify
 from lumbar.tissue.identification.metrics import block_bootstrap
 from lumbar.tissue.identification.model_tables import physical_parameters_table, table_3_1, unit_slug
@@ -25,7 +25,6 @@ from lumbar.tissue.identification.output_error import (
     simulation_sensitivities,
     stabilise,
 )
-from lumbar.tissue.identification.ridge import ReducedRegression
 from lumbar.tissue.models.fitted_model import models_document, read_models
 from lumbar.tissue.models.model_data import Port
 from lumbar.tissue.models.tissue_models import HO, KB, MAXWELL, MW, higher_order_structures

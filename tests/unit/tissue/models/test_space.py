@@ -9,10 +9,16 @@ from lumbar.tissue.effects.catalogue import TISSUE
 from lumbar.tissue.models.bases import BASES
 from lumbar.tissue.models.expression import Symbol, parse, to_text
 from lumbar.tissue.models.motion import JoinedMotions, Motion, SpatialMotion
-from lumbar.tissue.models.plane_contact import PlaneContact, frame_of
+from lumbar.tissue.models.space import (
+    PlaneContact,
+    SpatialBase,
+    Symmetry,
+    force_sensor_effects,
+    frame_of,
+    turn,
+)
 from lumbar.tissue.models.spatial_equation import in_space
 from lumbar.tissue.models.structure import Structure
-from lumbar.tissue.models.symmetry import SpatialBase, Symmetry, force_sensor_effects, turn
 
 XYZ = ("x", "y", "z")
 TIME = np.arange(800) * 0.01

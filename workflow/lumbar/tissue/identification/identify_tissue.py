@@ -1,7 +1,6 @@
 """Identification of every model on one record: ridge ARX as in the thesis, output error beside it."""
 
 from dataclasses import asdict, dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
@@ -13,15 +12,16 @@ from lumbar.tissue.identification.arx_search import (
     OUTPUT,
     ArxCandidate,
     IdentificationData,
+    ReducedRegression,
+    RidgePath,
     free_run,
     grid_rows,
     one_step_nmse,
     search,
     select,
 )
-from lumbar.tissue.identification.metrics import block_bootstrap, central_spread, relative_uncertainties
+from lumbar.tissue.identification.metrics import block_bootstrap, central_spread, largest_relative_uncertainty
 from lumbar.tissue.identification.output_error import fit_output_error, relaxation_starts
-from lumbar.tissue.identification.ridge import ReducedRegression, RidgePath, ridge_grid
 from lumbar.tissue.models.fitted_model import FittedModel
 from lumbar.tissue.models.model_data import ARX, GIVEN, OUTPUT_ERROR, FittedParameter, Port, Scores, unit_of
 from lumbar.tissue.models.tissue_models import (
@@ -50,32 +50,12 @@ def identify(
     tests : list of Record
         Records with another excitation; in the order of `Scores.tests`.
     """
-    search_settings = settings.search
-    fits, searched = _identification(training, tests, settings, seed).run()
+    fits, searched = _fit_all(training, tests, settings, seed)
     grid = []
     for candidates, chosen in searched:
-        cap = search_settings.condition_max if chosen.model == HO.name else None
-        grid += grid_rows(candidates, chosen, training.name, search_settings.selection, cap)
+        cap = settings.search.condition_max if chosen.model == HO.name else None
+        grid += grid_rows(candidates, chosen, training.name, settings.search.selection, cap)
     return fits, grid
-
-
-def _identification(
-    training: Record, tests: list[Record], settings: TissueSettings, seed: int
-) -> "_Identification":
-    same_units([training, *tests])
-    _same_sampling_time([training, *tests])
-    data = IdentificationData.from_record(training, settings.settling_s)
-    others = [IdentificationData.from_record(test, settings.settling_s) for test in tests]
-    if settings.search.selection == "test" and not others:
-        raise InputError(
-            "tissue.search.selection is 'test', but the study has a single record: use 'training'"
-        )
-    lag = settings.search.order_max
-    if len(training) - lag <= 2 * (2 * lag + 1):
-        raise InputError(
-            f"{training.source or training.name}: {len(training)} samples are too few for order {lag}"
-        )
-    return _Identification(training, data, others, settings, seed)
 
 
 def without_intervals(training: Record, tests: list[Record], settings: TissueSettings) -> list[FittedModel]:
@@ -85,7 +65,7 @@ def without_intervals(training: Record, tests: list[Record], settings: TissueSet
     """
     quick = replace(settings, bootstrap=replace(settings.bootstrap, resamples=0))
     given = settings.inverted_linear
-    found, _ = _identification(training, tests, quick, seed=0).run()
+    found, _ = _fit_all(training, tests, quick, seed=0)
     return [*found, given_model(training, tests, settings.settling_s, given.force_max, given.travel)]
 
 
@@ -157,9 +137,44 @@ def _same_sampling_time(records: list[Record]) -> None:
             )
 
 
-@dataclass
-class _Identification:
-    """One training record with what all its fits share."""
+def _fit_all(
+    training: Record, tests: list[Record], settings: TissueSettings, seed: int
+) -> tuple[list[FittedModel], list[tuple[list[ArxCandidate], ArxCandidate]]]:
+    """Fits in the order of Table 3.1; for every model the grid it was selected from, and the selected candidate."""
+    same_units([training, *tests])
+    _same_sampling_time([training, *tests])
+    data = IdentificationData.from_record(training, settings.settling_s)
+    others = [IdentificationData.from_record(test, settings.settling_s) for test in tests]
+    rule, lag = settings.search.selection, settings.search.order_max
+    if rule == "test" and not others:
+        raise InputError(
+            "tissue.search.selection is 'test', but the study has a single record: use 'training'"
+        )
+    if len(training) - lag <= 2 * (2 * lag + 1):
+        raise InputError(
+            f"{training.source or training.name}: {len(training)} samples are too few for order {lag}"
+        )
+    # The largest regression of the search holds all others; α is 0 or in geometric progression.
+    regression = ReducedRegression(data.inputs, data.outputs, lag)
+    ridge = settings.ridge
+    alphas = np.concatenate([[0.0], np.geomspace(ridge.alpha_min, ridge.alpha_max, ridge.alpha_points)])
+    estimates = _Estimates(training, data, others, settings, seed)
+    fits, searched = [], []
+    nested: TransferFunction | None = None
+    for model in (*FIXED_STRUCTURE, HO):
+        structures = [model.structure] if model.structure else higher_order_structures(lag)
+        candidates = search(model.name, structures, alphas, regression, data, others)
+        chosen, remark = select(candidates, rule, None if model.structure else settings.search.condition_max)
+        searched.append((candidates, chosen))
+        fits += [estimates.arx(model, chosen, remark), estimates.output_error(model, chosen, nested)]
+        if model is KB:
+            nested = fits[-1].structure
+    return fits, searched
+
+
+@dataclass(frozen=True)
+class _Estimates:
+    """Both estimators on one training record."""
 
     record: Record
     data: IdentificationData
@@ -167,99 +182,58 @@ class _Identification:
     settings: TissueSettings
     seed: int
 
-    @cached_property
-    def regression(self) -> ReducedRegression:
-        """The largest regression of the search, which holds all others."""
-        return ReducedRegression(self.data.inputs, self.data.outputs, self.settings.search.order_max)
-
-    def run(self) -> tuple[list[FittedModel], list[tuple[list[ArxCandidate], ArxCandidate]]]:
-        """Fits in the order of Table 3.1; of every model the grid it was picked from, and the one that was."""
-        settings = self.settings
-        alphas = ridge_grid(settings.ridge.alpha_min, settings.ridge.alpha_max, settings.ridge.alpha_points)
-        fits, searched = [], []
-        nested: TransferFunction | None = None
-        for model in (*FIXED_STRUCTURE, HO):
-            structures = (
-                [model.structure] if model.structure else higher_order_structures(settings.search.order_max)
-            )
-            candidates = search(model.name, structures, alphas, self.regression, self.data, self.tests)
-            cap = None if model.structure else settings.search.condition_max
-            chosen, remark = select(candidates, settings.search.selection, cap)
-            searched.append((candidates, chosen))
-            fits.append(self.arx_fit(model, chosen, remark))
-            fit, found = self.output_error_fit(model, chosen, nested)
-            fits.append(fit)
-            nested = found if model is KB else nested
-        return fits, searched
-
-    def arx_fit(self, model: TissueModel, chosen: ArxCandidate, remark: str) -> FittedModel:
-        """Return the selected ridge ARX solution with its uncertainties."""
-        structure, path, alpha = chosen.structure, chosen.path, chosen.alpha
-        coefficients = path.solution(alpha)
-        lag = structure.largest_lag
+    def arx(self, model: TissueModel, chosen: ArxCandidate, remark: str) -> FittedModel:
+        """Return the selected ridge ARX solution (Eq. 3.8) with its uncertainties."""
+        structure, lag = chosen.structure, chosen.structure.largest_lag
         regressors = full_regressors(self.data.inputs, self.data.outputs, lag) @ structure.combination(lag)
-        draws = self.bootstrap(
-            model, ARX, regressors / path.column_scale, self.data.outputs[lag:], alpha, path.rank
-        )
-        if draws is not None:
-            draws = draws / path.column_scale
-        deviations = path.standard_deviations(alpha)
-        if deviations is not None:
-            deviations = deviations * path.target_scale / path.column_scale
-        return replace(
-            self.described(model, ARX, structure, coefficients, draws, deviations, path, remark), alpha=alpha
-        )
+        regression = _Regression(chosen.path, regressors, self.data.outputs[lag:], chosen.alpha)
+        return self.fitted(model, structure, chosen.path.solution(chosen.alpha), regression, remark)
 
-    def output_error_fit(
+    def output_error(
         self, model: TissueModel, chosen: ArxCandidate, nested: TransferFunction | None
-    ) -> tuple[FittedModel, TransferFunction]:
+    ) -> FittedModel:
         """Fit the same structure to the free run, from ARX and from the simpler model it contains."""
-        structure = chosen.structure
-        starts = [
-            chosen.transfer_function,
-            *relaxation_starts(structure, self.data.inputs, self.data.outputs),
-        ]
+        structure, inputs, outputs = chosen.structure, self.data.inputs, self.data.outputs
+        starts = [chosen.transfer_function, *relaxation_starts(structure, inputs, outputs)]
         if nested is not None and set(KB.structure.input_lags) <= set(structure.input_lags):
             starts.append(nested)
-        found = fit_output_error(structure, self.data.inputs, self.data.outputs, starts, self.data.skip)
+        found = fit_output_error(structure, inputs, outputs, starts, self.data.skip)
         # Linearised about the minimum, the fit is a regression of the residuals on the sensitivities.
         path = RidgePath.factorise(found.sensitivities, found.residuals, len(found.residuals))
-        draws = self.bootstrap(
-            model, OUTPUT_ERROR, found.sensitivities / path.column_scale, found.residuals, 0.0, path.rank
-        )
-        if draws is not None:
-            draws = found.coefficients + draws / path.column_scale
-        deviations = None
-        if path.rank == structure.parameter_count:
-            deviations = path.standard_deviations(0.0) * path.target_scale / path.column_scale
+        regression = _Regression(path, found.sensitivities, found.residuals)
         remark = "" if found.converged else "not converged: the record hardly determines the coefficients"
-        fit = self.described(
-            model, OUTPUT_ERROR, structure, found.coefficients, draws, deviations, path, remark
-        )
-        return fit, fit.structure
+        return self.fitted(model, structure, found.coefficients, regression, remark)
 
-    def bootstrap(self, model, estimator, regressors, target, alpha, rank) -> np.ndarray | None:
-        """Resample the coefficients; None where a rank deficient regression does not determine them, or none are wanted."""
-        if rank < regressors.shape[1] or not self.settings.bootstrap.resamples:
+    def resampled(
+        self, model: TissueModel, coefficients: np.ndarray, regression: "_Regression"
+    ) -> np.ndarray | None:
+        """Resample the coefficients; None if the regression does not determine them, or no resamples are wanted."""
+        path, settings = regression.path, self.settings.bootstrap
+        if path.rank < regression.regressors.shape[1] or not settings.resamples:
             return None
-        models, estimators = sorted(MODELS), (ARX, OUTPUT_ERROR)
-        stream = [self.seed, models.index(model.name), estimators.index(estimator), *self.data.name.encode()]
-        rng = np.random.default_rng(stream)
-        block_rows = max(1, round(self.settings.bootstrap.block_s / self.data.sampling_time))
-        return block_bootstrap(regressors, target, block_rows, self.settings.bootstrap.resamples, rng, alpha)
+        estimators = (ARX, OUTPUT_ERROR)
+        stream = [sorted(MODELS).index(model.name), estimators.index(regression.estimator)]
+        rng = np.random.default_rng([self.seed, *stream, *self.data.name.encode()])
+        block_rows = max(1, round(settings.block_s / self.data.sampling_time))
+        regressors, alpha = regression.regressors / path.column_scale, regression.alpha or 0.0
+        draws = block_bootstrap(regressors, regression.target, block_rows, settings.resamples, rng, alpha)
+        draws = draws / path.column_scale
+        return draws if regression.alpha is not None else coefficients + draws
 
-    def described(
+    def fitted(
         self,
         model: TissueModel,
-        estimator: str,
         structure: ArxStructure,
         coefficients: np.ndarray,
-        draws: np.ndarray | None,
-        deviations: np.ndarray | None,
-        path: RidgePath,
+        regression: "_Regression",
         remark: str,
     ) -> FittedModel:
         """Return one fitted model with its errors, uncertainties and parameters."""
+        path = regression.path
+        draws = self.resampled(model, coefficients, regression)
+        deviations = path.standard_deviations(regression.alpha or 0.0)
+        if deviations is not None:
+            deviations = deviations * path.target_scale / path.column_scale
         fitted = structure.transfer_function(coefficients)
         if structure.order == 1 and fitted.poles[0] < 0:
             remark = "; ".join(filter(None, [remark, f"negative pole {fitted.poles[0]:.3f}: no relaxation"]))
@@ -270,8 +244,9 @@ class _Identification:
             self.data.sampling_time,
             *ports_of(self.record, self.data.input_offset, self.data.output_offset),
             base=model.name,
-            estimator=estimator,
+            estimator=regression.estimator,
             trained_on=self.data.name,
+            alpha=regression.alpha,
             parameters=parameters,
             no_parameters_because=refused,
             scores=replace(
@@ -279,8 +254,8 @@ class _Identification:
                 free_parameters=structure.parameter_count,
                 rank=path.rank,
                 condition_number=path.condition_number,
-                mru_percent=_largest(coefficients, deviations),
-                mru_bootstrap_percent=_largest(
+                mru_percent=largest_relative_uncertainty(coefficients, deviations),
+                mru_bootstrap_percent=largest_relative_uncertainty(
                     coefficients, None if draws is None else central_spread(draws)
                 ),
             ),
@@ -328,9 +303,17 @@ class _Identification:
         return tuple(found), ""
 
 
-def _largest(coefficients: np.ndarray, deviations: np.ndarray | None) -> float | None:
-    """MRU: the largest relative uncertainty; None where there is none."""
-    if deviations is None:
-        return None
-    relative = relative_uncertainties(coefficients, deviations)
-    return float(relative.max()) if relative.size else None
+@dataclass(frozen=True)
+class _Regression:
+    """Linear regression that coefficients are a solution of, at a minimum of the output error or with a ridge."""
+
+    path: RidgePath
+    regressors: np.ndarray
+    target: np.ndarray
+    alpha: float | None = None
+    """Ridge coefficient of ARX; None for the output error."""
+
+    @property
+    def estimator(self) -> str:
+        """Estimator of the coefficients."""
+        return OUTPUT_ERROR if self.alpha is None else ARX

@@ -15,20 +15,17 @@ import numpy as np
 from lumbar.base.errors import InputError, NumericalError
 from lumbar.records.record import Record
 
-_FEWEST, _LEAST, _MOST = 50, 0.005, 0.05
-"""Samples, and shares of the record. None of them is a time, so that a verdict does not hang on the unit of the clock."""
 
-
-def settling_time(record: Record, told: float | None = None) -> float:
+def settling_time(record: Record, setting_s: float | None = None) -> float:
     """Seconds at the start of a record that are left out of every error of a free run.
 
-    50 samples, a two-hundredth of a record that is longer than 10,000, never more than a twentieth of it. `told` is the setting
-    ``tissue.settling_s``, which stands before all of it.
+    The setting ``tissue.settling_s``, if given; else 50 samples, a two-hundredth of a record that is longer than 10,000, never
+    more than a twentieth of it. Sample counts and shares, not times: a verdict does not depend on the unit of the clock.
     """
-    if told is not None:
-        return told
+    if setting_s is not None:
+        return setting_s
     samples = len(record)
-    return min(max(_FEWEST, _LEAST * samples), _MOST * samples) * record.sampling_time
+    return min(max(50, 0.005 * samples), 0.05 * samples) * record.sampling_time
 
 
 def mean_residual(measured: np.ndarray, modelled: np.ndarray) -> float:
@@ -88,11 +85,6 @@ def _variance(measured: np.ndarray) -> float:
     return variance
 
 
-def normalized_mean_squared_error(measured: np.ndarray, predicted: np.ndarray) -> float:
-    """NMSE, Eq. 3.13: ‖b − A x‖²/‖b‖² of the one-step-ahead prediction A x."""
-    return float(np.sum((measured - predicted) ** 2) / np.sum(measured**2))
-
-
 def numerical_rank(singular_values: np.ndarray, rows: int) -> int:
     """Count singular values above max(shape) · eps · σ_max, the rule of `numpy.linalg.matrix_rank`."""
     if singular_values.size == 0:
@@ -108,10 +100,12 @@ def condition_number(singular_values: np.ndarray, rows: int) -> float | None:
     return float(singular_values.max() / singular_values.min())
 
 
-def relative_uncertainties(coefficients: np.ndarray, standard_deviations: np.ndarray) -> np.ndarray:
-    """RU, Eq. 3.16: 100 σ_i/|x_i| for every coefficient that is not zero."""
+def largest_relative_uncertainty(coefficients: np.ndarray, deviations: np.ndarray | None) -> float | None:
+    """MRU, the largest RU of Eq. 3.16, 100 σ_i/|x_i|, over the coefficients that are not zero; None without any σ."""
     nonzero = coefficients != 0
-    return 100.0 * standard_deviations[nonzero] / np.abs(coefficients[nonzero])
+    if deviations is None or not nonzero.any():
+        return None
+    return float((100.0 * deviations[nonzero] / np.abs(coefficients[nonzero])).max())
 
 
 MOST_BLOCKS = 400

@@ -51,7 +51,7 @@ class Base:
     definition: Mapping | None = field(default=None, compare=False, repr=False)
     """Of a base of one's own: what its file says."""
     spatial: Any = None
-    """Of a tissue in space: its `lumbar.tissue.models.symmetry.SpatialBase`."""
+    """Of a tissue in space: its `lumbar.tissue.models.space.SpatialBase`."""
 
     @cached_property
     def form(self) -> Form:

@@ -194,7 +194,7 @@ def _structure(base: str, written: _Written, catalogues: Catalogues, problems: P
         return None
     effects = catalogues.get(bases[base].system, {})
     if written.space is not None and 2 <= len(written.space.axes) <= 3:
-        from lumbar.tissue.models.symmetry import force_sensor_effects
+        from lumbar.tissue.models.space import force_sensor_effects
 
         read = [item.in_space(written.space.axes)[0] for item in effects.values() if isinstance(item, Effect)]
         effects = {item.name: item for item in read if item} | force_sensor_effects(written.space.axes)
@@ -212,8 +212,7 @@ def _structure(base: str, written: _Written, catalogues: Catalogues, problems: P
 
 def _in_space(structure: Structure, space: _Space, problems: Problems) -> Structure | None:
     """The structure along several axes."""
-    from lumbar.tissue.models.plane_contact import PlaneContact
-    from lumbar.tissue.models.symmetry import SpatialBase, Symmetry, is_rotation
+    from lumbar.tissue.models.space import PlaneContact, SpatialBase, Symmetry, is_rotation
 
     size, base, place = len(space.axes), structure.base, "structure.space"
     plane = space.depth is not None and space.reach is not None

@@ -15,8 +15,7 @@ from lumbar.tissue.diagnosis.selection.result import distinguishing_digits
 from lumbar.tissue.diagnosis.spatial.location_in_space import in_words, upward
 from lumbar.tissue.models.model_data import FittedParameter
 from lumbar.tissue.models.parameter import AXES
-from lumbar.tissue.models.plane_contact import PlaneContact
-from lumbar.tissue.models.symmetry import SpatialBase
+from lumbar.tissue.models.space import PlaneContact, SpatialBase
 
 _TWO_975 = 2.4477
 """Radius in standard deviations that holds 95 % of a plane's normal scatter (χ² of two degrees of freedom)."""

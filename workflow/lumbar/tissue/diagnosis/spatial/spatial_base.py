@@ -20,9 +20,15 @@ from lumbar.tissue.diagnosis.selection.candidate import (
 from lumbar.tissue.diagnosis.selection.thresholds import TIED
 from lumbar.tissue.models.bases import BASES
 from lumbar.tissue.models.form import Form
-from lumbar.tissue.models.plane_contact import PlaneContact, frame_of
+from lumbar.tissue.models.space import (
+    PlaneContact,
+    SpatialBase,
+    Symmetry,
+    frame_of,
+    matrices_of,
+    symmetric_base,
+)
 from lumbar.tissue.models.structure import Structure
-from lumbar.tissue.models.symmetry import SpatialBase, Symmetry, matrices_of, symmetric_base
 
 KINDS = ("KB", "KV", "Maxwell", "LE")
 """Bases of a fastened tool that are tried."""

@@ -18,7 +18,7 @@ from lumbar.tissue.diagnosis.spatial.spatial_findings import SENSOR, spatial_fin
 from lumbar.tissue.effects.catalogue import choose, usable_effects
 from lumbar.tissue.models.bases import CHOSEN_BY_DATA
 from lumbar.tissue.models.form import Effect
-from lumbar.tissue.models.symmetry import force_sensor_effects
+from lumbar.tissue.models.space import force_sensor_effects
 
 _PROMISING = 8
 """Effects, those with the best screening, that are refitted where axes were chosen anew."""

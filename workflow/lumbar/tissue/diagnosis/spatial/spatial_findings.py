@@ -17,8 +17,8 @@ from lumbar.tissue.diagnosis.selection.result import (
 )
 from lumbar.tissue.diagnosis.spatial.location_in_space import in_words, upward
 from lumbar.tissue.models.bases import BASES
+from lumbar.tissue.models.space import matrices_of, symmetric_base
 from lumbar.tissue.models.structure import Structure
-from lumbar.tissue.models.symmetry import matrices_of, symmetric_base
 
 _VAGUE = 0.2
 """Half width of the 95 % interval of a stiffness, as a share of it, from which on the direction is told."""

@@ -15,8 +15,8 @@ from lumbar.tissue.diagnosis.residuals.residual import SIGNIFICANT, View
 from lumbar.tissue.diagnosis.spatial.location_in_space import SpatialResidual, views_in_space
 from lumbar.tissue.diagnosis.spatial.spatial_data import axis_floors, axis_record
 from lumbar.tissue.models.fitted_model import FittedModel
+from lumbar.tissue.models.space import Symmetry
 from lumbar.tissue.models.structure import Structure
-from lumbar.tissue.models.symmetry import Symmetry
 
 
 @dataclass(frozen=True, eq=False)

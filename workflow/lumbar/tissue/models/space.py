@@ -1,15 +1,20 @@
-"""Bases of tissue in space: each stiffness and viscosity is a matrix, symmetric and positive semidefinite.
+"""Bases of tissue in space: with a matrix for each stiffness and viscosity, or met at a plane surface.
 
-A force of the one-axis base, e.g. ``k_e*z``, becomes K z with K = Σ kᵢ Pᵢ, kᵢ ≥ 0 and Pᵢ projections that no motion gains
-energy from: a base is passive by construction, whatever a fit finds. How many kᵢ there are is the symmetry of the tissue
-(Lai, Rubin and Krempl, Introduction to Continuum Mechanics, 2010, chapter 5; here of the tool's forces):
+Each matrix of `SpatialBase` is symmetric and positive semidefinite. A force of the one-axis base, e.g. ``k_e*z``, becomes K z
+with K = Σ kᵢ Pᵢ, kᵢ ≥ 0 and Pᵢ projections that no motion gains energy from: a base is passive by construction, whatever a fit
+finds. How many kᵢ there are is the symmetry of the tissue (Lai, Rubin and Krempl, Introduction to Continuum Mechanics, 2010,
+chapter 5; here of the tool's forces):
 
 - isotropic: one, alike in every direction;
 - transversely isotropic: one along an axis, one across it;
 - orthotropic: one along each of three axes at right angles, the same for all matrices;
 - full: the same with axes of its own for every matrix.
 
-Axes are found as small turns of a frame that is given.
+Axes are fitted as small rotations of a given frame.
+
+`PlaneContact` is a base for a tool that is not fastened to the tissue. Into the plane the force is that of a one-axis base with
+contact; along it friction grows with it: F = f(s) (n + μ tanh(|v_t|/v_s) v_t/|v_t|), s = n·z − d the depth, v_t the velocity
+along the plane. The normal n points to where the tissue is deeper.
 """
 
 from collections.abc import Mapping, Sequence
@@ -17,6 +22,7 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import cached_property
 from itertools import cycle
+from typing import ClassVar
 
 import numpy as np
 import scipy
@@ -24,7 +30,7 @@ import scipy
 from lumbar.tissue.models.bases import Base
 from lumbar.tissue.models.equation import CStep
 from lumbar.tissue.models.form import Effect, Form, HandWritten, Place
-from lumbar.tissue.models.motion import Motion
+from lumbar.tissue.models.motion import Motion, SpatialMotion
 from lumbar.tissue.models.parameter import LinearParameter, NonlinearParameter
 from lumbar.tissue.models.spatial_equation import SpatialEquation, element
 
@@ -38,10 +44,12 @@ class Symmetry(StrEnum):
     FULL = "full"
 
 
-FARTHEST = 1.2
-"""Radians by which axes may be turned from the frame that is given."""
-_STRONGEST = 0.5
+MAX_ROTATION_RAD = 1.2
+"""By which axes may be rotated from the given frame."""
+_MAX_COUPLING = 0.5
 """Largest share of one channel's force that another one may read."""
+_MAX_SHIFT = 0.5
+"""Share of the motion's range by which a plane may be moved from where it is given."""
 
 
 def signed(name: str, unit: str, symbol: str, most: float) -> NonlinearParameter:
@@ -122,7 +130,7 @@ class SpatialBase:
                 f"turn_{number}" + f"_of_{owner.name}" * several,
                 "rad",
                 f"r_{number}" + owner.symbol * several,
-                FARTHEST,
+                MAX_ROTATION_RAD,
             )
             for owner, _ in zip(self.base.linear, self.frames, strict=False)
             for number in range(1, self.turns + 1)
@@ -234,45 +242,142 @@ def matrices_of(linear: np.ndarray, count: int, size: int) -> list[np.ndarray]:
     return found
 
 
-def _frame_form(name: str, equation: str, parameters: Sequence[NonlinearParameter], matrix, axes) -> Form:
-    written = HandWritten(matrix=matrix, spatial=True)
-    return Form(name, equation, Place.FRAME, nonlinear=tuple(parameters), hand_written=written, axes=axes)
+@dataclass(frozen=True)
+class PlaneContact:
+    """A base with contact, the plane that it is met at, and how far a fit may move that."""
+
+    base: Base
+    """Of one axis, with contact."""
+    axes: tuple[str, ...]
+    frames: tuple[tuple[float, ...], ...]
+    """One rotation matrix, row by row, whose first column is the normal."""
+    depth: float
+    """Of the surface along the normal."""
+    reach: float
+    """Length that a change of the depth is counted in."""
+
+    @property
+    def linear(self) -> tuple[LinearParameter, ...]:
+        """Those of the base, and their friction."""
+        friction = (
+            replace(item, name=f"friction_of_{item.name}", symbol=f"mu_{item.symbol}")
+            for item in self.base.linear
+        )
+        return (*self.base.linear, *friction)
+
+    @property
+    def nonlinear(self) -> tuple[NonlinearParameter, ...]:
+        """Those of the base, the speed within which friction turns round, turns of the normal, and how far the plane is moved."""
+        speed = NonlinearParameter(
+            "smoothing_speed", "{x}/s", "speed", 0.01, 0.1, 2, (0.05, 3.0), symbol="v_s"
+        )
+        turns = [
+            signed(f"turn_{number}", "rad", f"r_{number}", MAX_ROTATION_RAD)
+            for number in range(1, len(self.axes))
+        ]
+        return (*self.base.nonlinear, speed, *turns, signed("moved", "1", "delta", _MAX_SHIFT))
+
+    symmetry: ClassVar[str] = "plane"
+    turning: ClassVar[tuple[NonlinearParameter, ...]] = ()
+    """Parameters that a model of it has no need of: none."""
+
+    def plane(self, nonlinear: np.ndarray) -> tuple[np.ndarray, float]:
+        """Normal and depth of the surface at nonlinear parameters of the base."""
+        frame = np.array(self.frames[0]).reshape(len(self.axes), -1)
+        numbers = np.log(nonlinear[len(self.base.nonlinear) + 1 :])
+        turns = numbers[:-1] if len(self.axes) == 2 else np.array([0.0, *numbers[:-1]])
+        return (frame @ turn(turns))[:, 0], self.depth + self.reach * float(numbers[-1])
+
+    def _pressed(self, motion: SpatialMotion, nonlinear: np.ndarray) -> Motion:
+        """Motion into the surface."""
+
+        def pressed() -> Motion:
+            normal, depth = self.plane(nonlinear)
+            position = normal @ motion.position.reshape(len(self.axes), -1) - depth
+            return Motion(motion.time, position, motion.sampling_time)
+
+        return motion.cache.compute_at("into the surface", nonlinear[len(self.base.nonlinear) + 1 :], pressed)
+
+    def columns(self, motion: SpatialMotion, nonlinear: np.ndarray) -> list[np.ndarray]:
+        """Forces along the axes, one after the other, of every linear parameter at size 1."""
+        normal, _ = self.plane(nonlinear)
+        own, speed = nonlinear[: len(self.base.nonlinear)], nonlinear[len(self.base.nonlinear)]
+        into = self.base.columns(self._pressed(motion, nonlinear), own)
+        velocity = motion.velocity.reshape(len(self.axes), -1)
+        along = velocity - np.multiply.outer(normal, normal @ velocity)
+        size = np.sqrt(np.sum(along**2, axis=0))
+        direction = along * np.tanh(size / speed) / np.maximum(size, 1e-300)
+        return [
+            *(np.multiply.outer(normal, item).ravel() for item in into),
+            *((item * direction).ravel() for item in into),
+        ]
+
+    def touching(self, motion: SpatialMotion, nonlinear: np.ndarray) -> np.ndarray:
+        """Whether the tool touches the tissue, one axis after the other."""
+        assert self.base.touching is not None
+        own = nonlinear[: len(self.base.nonlinear)]
+        return np.tile(self.base.touching(self._pressed(motion, nonlinear), own), len(self.axes))
+
+    @cached_property
+    def structural(self) -> Base:
+        """The base that structures are made of."""
+        return replace(
+            self.base,
+            name=f"{self.base.name} with a plane",
+            linear=self.linear,
+            nonlinear=self.nonlinear,
+            state=(),
+            hand_written=HandWritten(columns=self.columns, spatial=True),
+            touching=self.touching,
+            spatial=self,
+        )
+
+    def held(self, nonlinear: Sequence[float]) -> "PlaneContact":
+        """The base with the plane where these parameters have moved it."""
+        numbers = np.asarray(nonlinear)
+        normal, depth = self.plane(numbers)
+        return replace(self, frames=(tuple(frame_of(normal).ravel().tolist()),), depth=depth)
+
+
+def frame_of(normal: np.ndarray) -> np.ndarray:
+    """A rotation matrix whose first column is this direction."""
+    matrix = np.column_stack([normal, np.eye(len(normal))])
+    frame = np.linalg.qr(matrix)[0][:, : len(normal)]
+    frame *= np.sign(frame[:, 0] @ normal)
+    frame[:, -1] *= np.sign(np.linalg.det(frame))
+    return frame
 
 
 def force_sensor_effects(axes: tuple[str, ...]) -> dict[str, Effect]:
-    """What the force sensor of several axes may do to the forces, by name: none of it is the tissue's."""
+    """Return what the force sensor of several axes may do to the forces, by name: none of it is the tissue's."""
     size = len(axes)
     pairs = [(row, column) for row in range(size) for column in range(size) if row != column]
-    angles = [f"turn_{axis}" for axis in axes] if size == 3 else ["turn"]
+    angles = axes if size == 3 else ("",)
 
     def couplings(nonlinear: np.ndarray) -> np.ndarray:
         matrix = np.eye(size)
-        for (row, column), value in zip(pairs, np.log(nonlinear), strict=True):
-            matrix[row, column] = value
+        matrix[tuple(zip(*pairs, strict=True))] = np.log(nonlinear)
         return matrix
 
-    turned = _frame_form(
-        "rotation",
-        r"F \to R F",
-        [signed(name, "rad", f"r_{name[5:]}", FARTHEST) for name in angles],
-        lambda nonlinear: turn(np.log(nonlinear)),
-        axes,
-    )
-    mixed = _frame_form(
-        "couplings",
-        r"F \to (I + C) F",
-        [
-            signed(f"share_of_{axes[j]}_in_{axes[i]}", "1", f"c_{axes[i]}{axes[j]}", _STRONGEST)
-            for i, j in pairs
-        ],
-        couplings,
-        axes,
-    )
-    said = {
-        "turned_frame": ("The force sensor's axes are turned from those of the position.", turned),
-        "crosstalk": ("A channel of the force sensor reads a share of the force along another axis.", mixed),
+    rotations = [signed(f"turn_{axis}".strip("_"), "rad", f"r_{axis}", MAX_ROTATION_RAD) for axis in angles]
+    shares = [
+        signed(f"share_of_{axes[j]}_in_{axes[i]}", "1", f"c_{axes[i]}{axes[j]}", _MAX_COUPLING)
+        for i, j in pairs
+    ]
+    kinds = {
+        "turned_frame": (
+            "The force sensor's axes are turned from those of the position.",
+            ("rotation", r"F \to R F", rotations, lambda nonlinear: turn(np.log(nonlinear))),
+        ),
+        "crosstalk": (
+            "A channel of the force sensor reads a share of the force along another axis.",
+            ("couplings", r"F \to (I + C) F", shares, couplings),
+        ),
     }
-    return {
-        name: Effect(name, mechanism, (form,), "Calibration matrix of a multi-axis force sensor", linear=True)
-        for name, (mechanism, form) in said.items()
-    }
+    effects = {}
+    for name, (mechanism, (form, equation, nonlinear, matrix)) in kinds.items():
+        written = HandWritten(matrix=matrix, spatial=True)
+        frame = Form(form, equation, Place.FRAME, nonlinear=tuple(nonlinear), hand_written=written, axes=axes)
+        source = "Calibration matrix of a multi-axis force sensor"
+        effects[name] = Effect(name, mechanism, (frame,), source, linear=True)
+    return effects
