@@ -27,7 +27,7 @@ from lumbar.tissue.diagnosis.fitting.fit_data import FitData
 from lumbar.tissue.diagnosis.fitting.joint_fit import add, fit_base
 from lumbar.tissue.diagnosis.noise.noise_floor import noise_floor
 from lumbar.tissue.diagnosis.selection.thresholds import TABLES
-from lumbar.tissue.effects.catalogue import catalogue_of
+from lumbar.tissue.effects.catalogue import catalogue_with
 from lumbar.tissue.models.bases import BASES
 from lumbar.tissue.models.motion import Motion
 from lumbar.tissue.models.structure import Structure
@@ -38,7 +38,7 @@ STEP, PERIOD = 0.01, 10.0
 
 def forms_of(base: str) -> list:
     """Every candidate form of a base's catalogue."""
-    return [form for effect in catalogue_of(base).values() if not effect.rival for form in effect.forms]
+    return [form for effect in catalogue_with((), base).values() if not effect.rival for form in effect.forms]
 
 
 def sines(time: np.ndarray, lines: np.ndarray, random: np.random.Generator) -> np.ndarray:

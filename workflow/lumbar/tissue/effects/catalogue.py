@@ -67,11 +67,6 @@ CATALOGUES: dict[str, Mapping[str, Effect]] = {"tissue": TISSUE, "pendulum": PEN
 """Catalogue of every system that a base is a model of."""
 
 
-def catalogue_of(base: str) -> Mapping[str, Effect]:
-    """Catalogue of the system that a base is a model of."""
-    return CATALOGUES[system_of(base)]
-
-
 def usable_effects(
     catalogue: Mapping[str, Effect], available: Collection[str], scale: Callable[[str], float]
 ) -> tuple[dict[str, Effect], list[tuple[Form, tuple[str, ...]]]]:
@@ -96,8 +91,12 @@ def with_forms_that(
     """Effects with those of their forms of which something holds, their constants as large as quantities are by `scale`."""
     found = {}
     for name, effect in catalogue.items():
-        if forms := tuple(form.sized(scale) for form in effect.forms if holds(form)):
-            found[name] = replace(effect, forms=forms)
+        forms = []
+        for form in filter(holds, effect.forms):
+            sizes = {item.symbol: item.value * scale(item.scale) for item in form.constants if item.scale}
+            forms.append(form.with_constants(sizes))
+        if forms:
+            found[name] = replace(effect, forms=tuple(forms))
     return found
 
 
@@ -111,10 +110,10 @@ def catalogue_with(
     Raises
     ------
     InputError
-        As `catalogue_of` and `load_effects`, and if gravity on a pendulum is not above 0: without weight no record tells
-        a mass from its distance.
+        As `load_effects`, and if gravity on a pendulum is not above 0: without weight no record distinguishes a mass from its
+        distance.
     """
-    catalogue = dict(catalogue_of(base))
+    catalogue = dict(CATALOGUES[system_of(base)])
     if system_of(base) == "pendulum" and gravity_m_s2 is not None:
         if not 0 < gravity_m_s2 < math.inf:
             raise InputError(f"gravity_m_s2 is {gravity_m_s2:g}: the effects on a pendulum need m/s² above 0")

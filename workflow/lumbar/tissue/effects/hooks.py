@@ -4,7 +4,6 @@ Closed forms of states, simulation and C code by hand, where a search begins, an
 user's YAML names none of them: it is data and runs nothing.
 """
 
-import math
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
@@ -62,13 +61,6 @@ _IWAN_FORCE = " + ".join(
 )
 
 
-def _samples_late(parameters, sampling_time):
-    """Whole samples and the share of one that is left over."""
-    samples = parameters["delay"] / sampling_time
-    whole = math.floor(samples)
-    return {"whole": float(whole), "share": samples - whole}
-
-
 _BY_HAND = {
     "elastoplastic": HandWritten(
         columns=lambda motion, nonlinear: [elastoplastic(motion, nonlinear[0])],
@@ -94,7 +86,10 @@ _BY_HAND = {
         c_step=CStep(
             "newer + share * (older - newer)",
             "double newer = earlier(now, ring, (int)whole), older = earlier(now, ring, (int)whole + 1);",
-            constants=_samples_late,
+            # whole samples, and the share of one that is left over
+            constants=lambda parameters, sampling_time: dict(
+                zip(("whole", "share"), divmod(parameters["delay"] / sampling_time, 1.0), strict=True)
+            ),
             history=lambda numbers: int(numbers["whole"]) + 1,
         ),
     ),
@@ -180,14 +175,13 @@ def modulation_starts(motion: Motion, residual: np.ndarray, carriers: list[np.nd
     return [np.array([value]) for value in dict.fromkeys(found)] or [np.array([2 * lowest])]
 
 
-def _grasp_and_release(motion, residual):
-    times = interval_starts(motion, residual, [motion.acceleration, np.sin(motion.position)])
-    return [np.array([distance, *pair]) for pair in times for distance in (0.25, 0.75)]
-
-
 _STARTS = {
     "strongest_lines": strongest_lines,
-    "grasp_and_release": _grasp_and_release,
+    "grasp_and_release": lambda motion, residual: [
+        np.array([distance, *times])
+        for times in interval_starts(motion, residual, [motion.acceleration, np.sin(motion.position)])
+        for distance in (0.25, 0.75)
+    ],
     "oscillating_length": lambda motion, residual: modulation_starts(
         motion, residual, [np.sin(motion.position), motion.acceleration]
     ),
@@ -208,14 +202,10 @@ _APART = 0.5
 """Lines (1/duration) by which a disturbance must keep away from the excitation's own."""
 
 
-def _above_limit(values, motion, force, noise, period) -> str:
-    share = float(np.mean(np.abs(force) > 1.02 * values["limit"] + 3 * noise))
-    return f"{100 * share:.1f} % of the samples lie above its limit" if share > _BEYOND else ""
-
-
-def _below_adhesion(values, motion, force, noise, period) -> str:
-    share = float(np.mean(force < -1.02 * values["limit"] - 3 * noise))
-    return f"{100 * share:.1f} % of the samples pull more than its limit" if share > _BEYOND else ""
+def _beyond_limit(values, force: np.ndarray, noise: float, said: str) -> str:
+    """Sentence on the share of the samples beyond a fitted limit; "" if there are few."""
+    share = float(np.mean(force > 1.02 * values["limit"] + 3 * noise))
+    return f"{100 * share:.1f} % of the samples {said} its limit" if share > _BEYOND else ""
 
 
 def _stands_out(motion: Motion, force: np.ndarray, at: float) -> bool:
@@ -245,8 +235,12 @@ def _no_disturbance(values, motion, force, noise, period) -> str:
 
 
 _CONTRADICTIONS = {
-    "above_limit": _above_limit,
-    "below_adhesion": _below_adhesion,
+    "above_limit": lambda values, motion, force, noise, period: _beyond_limit(
+        values, np.abs(force), noise, "lie above"
+    ),
+    "below_adhesion": lambda values, motion, force, noise, period: _beyond_limit(
+        values, -force, noise, "pull more than"
+    ),
     "no_disturbance": _no_disturbance,
 }
 HOOKS: Mapping[str, Mapping[str, Any]] = {

@@ -115,6 +115,7 @@ def elongation(motion: Motion, nonlinear: np.ndarray) -> tuple[np.ndarray]:
 
 
 def _branch_meets(motion: Motion, nonlinear: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Dashpot of the branch of KB in contact, and whether the tool touches the tissue."""
     ratio, time_constant = nonlinear
     return motion.cache.compute_at(
         "branch_meets", nonlinear, lambda: surface_of_branch(motion, 1.0 / (1.0 + ratio), time_constant)
@@ -123,11 +124,11 @@ def _branch_meets(motion: Motion, nonlinear: np.ndarray) -> tuple[np.ndarray, np
 
 def _branch_in_contact(motion: Motion, nonlinear: np.ndarray) -> list[np.ndarray]:
     dashpot, touching = _branch_meets(motion, nonlinear)
-    ratio = nonlinear[0]
-    return [touching * ((1.0 + ratio) * motion.position - ratio * dashpot)]
+    return [touching * ((1.0 + nonlinear[0]) * motion.position - nonlinear[0] * dashpot)]
 
 
 def _dashpot_meets(motion: Motion, nonlinear: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Surface of KV in contact, and whether the tool touches the tissue."""
     return motion.cache.compute_at(
         "dashpot_meets", nonlinear, lambda: surface_of_dashpot(motion, nonlinear[0])
     )
@@ -149,6 +150,7 @@ _BY_HAND: dict[str, dict] = {
         "touching": lambda motion, nonlinear: _branch_meets(motion, nonlinear)[1],
     },
 }
+"""What no equation expresses, by name of the base."""
 
 
 def _base(name: str, parameters: Mapping, state: Mapping | None = None, **said) -> Base:

@@ -211,6 +211,8 @@ class ForceDrive:
     """Seconds."""
     size: float
     """Of the positions."""
+    parts: int = 1
+    """Steps from sample to sample."""
 
     def motion(
         self, parameters: Mapping[str, float], start: np.ndarray, guess: np.ndarray | None = None
@@ -266,26 +268,22 @@ class ForceDrive:
             settled = np.abs(change[0]).max(axis=1) <= _TOLERANCE * self.size
             wrong = np.flatnonzero(broken | ~settled)
             good = len(settled) if not len(wrong) else int(wrong[0])
-            if not len(wrong):
-                break
-            if broken.all():
+            if not len(wrong) or broken.all():
                 break
             points[:, broken] = 0.0
         return points, good
 
     def _damped(self, parameters, begun, points, change, window) -> float:
-        """Share of Newton's change that lessens what the equations miss: friction that sticks sends it to and fro."""
+        """Share of Newton's change that lessens the residual: with sticking friction the whole change alternates."""
 
-        def missed(share: float) -> float:
+        def size(share: float) -> float:
             trial = points + share * change
-            known = self._known(parameters, begun, trial, window)
+            values = self.balance.values(self._known(parameters, begun, trial, window), trial.shape[1:])
             before = self._ends(trial, begun)[:, :-1]
-            return float(
-                np.abs(self._missed(self.balance.values(known, trial.shape[1:]), trial, before, window)).sum()
-            )
+            return float(np.abs(self._residual(values, trial, before, window)).sum())
 
-        here = missed(0.0)
-        return next((share for share in _SHARES if missed(share) < here), 1.0)
+        here = size(0.0)
+        return next((share for share in _SHARES if size(share) < here), 1.0)
 
     def _ends(self, points: np.ndarray, start: np.ndarray) -> np.ndarray:
         """Position, velocity and states at the beginning and after every step, shape (2 + states, steps + 1)."""
@@ -303,39 +301,41 @@ class ForceDrive:
         named = dict(zip(self.balance.states, points[1:], strict=True))
         return {**parameters, **named, "z": points[0], "v": speed, "a": acceleration, "t": time}
 
-    def _missed(self, values, points, before, window) -> np.ndarray:
-        """What the equations miss, shape (steps, 1 + states, 3)."""
+    def _residual(self, values, points, before, window) -> np.ndarray:
+        """Residual of the equations, shape (steps, 1 + states, 3)."""
         rates = (points[1:] @ _RATE.T - before[2:, :, None] * _SUM) / self.step
         return np.concatenate([values[:1] - self.force[window], rates - values[1:]]).transpose(1, 0, 2)
 
     def _linearised(self, parameters, begun, points, window, beside: np.ndarray | None = None):
-        """Steps linearised: change within a step by 1 and by its beginning's, slope and rest of the recursion.
+        """Linearise every step: its change by the right-hand side and by its start, slope and rest of the recursion.
 
-        `beside`, shape (steps, 1 + states, 3, more), are right-hand sides in place of what the equations miss.
+        `beside`, shape (steps, 1 + states, 3, more), are right-hand sides instead of the residual of the equations.
         """
         known = self._known(parameters, begun, points, window)
         steps, count, rate = points.shape[1], len(points), 1 / self.step
         values, slopes = self.balance.slopes(known, points.shape[1:])
         before = self._ends(points, begun)[:, :-1]
         by_z, by_v, by_a, by_r = slopes[:, 0], slopes[:, 1], slopes[:, 2], slopes[:, 3:]
-        sign = np.array([1.0] + [-1.0] * (count - 1))[:, None, None]
+        # Equations of a step by its unknowns, z and the states at the three points, and by z, ż and the states at its start.
         matrix = np.zeros((steps, count, _STAGES, count, _STAGES))
         start = np.zeros((steps, count, _STAGES, count + 1))
         each = np.arange(_STAGES)
         for row in range(count):
-            way = sign[row, 0, 0]
+            # Row 0 is R − F, the others are ṙ − ρ. Velocity and acceleration at the points follow from the positions there.
+            sign = -1.0 if row else 1.0
             block = rate * by_v[row][:, :, None] * _RATE + rate**2 * by_a[row][:, :, None] * _RATE2
             block[:, each, each] += by_z[row]
-            matrix[:, row, :, 0, :] = way * block
-            start[:, row, :, 0] = -way * (rate * by_v[row] * _SUM + rate**2 * by_a[row] * _SUM2)
-            start[:, row, :, 1] = -way * rate * by_a[row] * _SUM
+            matrix[:, row, :, 0, :] = sign * block
+            start[:, row, :, 0] = -sign * (rate * by_v[row] * _SUM + rate**2 * by_a[row] * _SUM2)
+            start[:, row, :, 1] = -sign * rate * by_a[row] * _SUM
             for column in range(1, count):
-                matrix[:, row, each, column, each] += way * by_r[row, column - 1]
+                matrix[:, row, each, column, each] += sign * by_r[row, column - 1]
             if row:
                 matrix[:, row, :, row, :] += rate * _RATE
                 start[:, row, :, row + 1] -= rate * _SUM
+        # Solve every step for its right-hand sides and for its start.
         size = count * _STAGES
-        right = self._missed(values, points, before, window)[..., None] if beside is None else beside
+        right = self._residual(values, points, before, window)[..., None] if beside is None else beside
         more = right.shape[-1]
         whole = np.concatenate(
             [right.reshape(steps, size, more), start.reshape(steps, size, count + 1)], axis=2
@@ -344,14 +344,12 @@ class ForceDrive:
             local = -np.linalg.solve(matrix.reshape(steps, size, size), whole)
         except np.linalg.LinAlgError:
             local = np.full(whole.shape, np.nan)
-        # Position, velocity and states at the end of a step.
+        # Position, velocity and states at the end of a step, which are the start of the next one.
         last = slice(_STAGES - 1, None, _STAGES)
         ends = np.insert(local[:, last], 1, rate * (_RATE[-1] @ local[:, :_STAGES]), axis=1)
         driven, slope = ends[..., :more], ends[..., more:]
         slope[:, 1, 0] -= rate * _SUM[-1]
-        if beside is None:
-            driven = driven[..., 0]
-        return local, slope, driven
+        return local, slope, driven[..., 0] if beside is None else driven
 
     def sensitivities(
         self,
@@ -373,13 +371,11 @@ class ForceDrive:
         sign = np.array([1.0] + [-1.0] * (count - 1))[:, None, None]
         with np.errstate(all="ignore"):
             for column, (name, step) in enumerate(changes):
-                ends = [
-                    self.balance.values(
-                        {**known, name: parameters[name] + way * step}, found.points.shape[1:]
-                    )
-                    for way in (1, -1)
-                ]
-                beside[..., column] = (sign * (ends[0] - ends[1]) / (2 * step)).transpose(1, 0, 2)
+                more, less = (
+                    self.balance.values({**known, name: parameters[name] + change}, found.points.shape[1:])
+                    for change in (step, -step)
+                )
+                beside[..., column] = (sign * (more - less) / (2 * step)).transpose(1, 0, 2)
             _, slope, driven = self._linearised(parameters, start, found.points, window, beside)
             first = np.zeros((count + 1, len(changes)))
             if by_start:

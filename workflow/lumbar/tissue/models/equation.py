@@ -153,10 +153,6 @@ class Equation:
         """Equations of the states, if there are any."""
         return StateEquation(self.slopes, self.begin) if self.states else None
 
-    def linear_in_space(self) -> tuple[LinearParameter, ...]:
-        """Linear parameters along several axes; an equation of one axis has none."""
-        return ()
-
     @property
     def declared(self) -> tuple[Parameter | Constant, ...]:
         """Parameters and constants."""

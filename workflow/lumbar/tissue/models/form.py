@@ -25,6 +25,7 @@ from lumbar.tissue.models.equation import CStep, Equation, Solution
 from lumbar.tissue.models.equation_check import check_at_rest, check_equation
 from lumbar.tissue.models.motion import OneMotion
 from lumbar.tissue.models.parameter import POSITIONS, Constant, LinearParameter, NonlinearParameter
+from lumbar.tissue.models.spatial_equation import SpatialEquation
 
 
 class Place(StrEnum):
@@ -131,8 +132,13 @@ class Form:
             raise InputError(f"{self.key} counts along one axis")
         if self.hand_written:
             return replace(self, axes=axes)
-        found = replace(self, axes=axes, written=self.linear)
-        return replace(found, linear=found._unchecked.linear_in_space())
+        linear = self._in_space(axes, self.linear).linear_in_space()
+        return replace(self, axes=axes, linear=linear, written=self.linear)
+
+    def _in_space(self, axes: tuple[str, ...], linear: tuple[LinearParameter, ...]) -> SpatialEquation:
+        given = self.nonlinear, self.constants, self.state, self.start
+        transforms = self.place is Place.OUTPUT
+        return SpatialEquation(self.equation, transforms, linear, *given, axes=axes, channel=self.channel)
 
     def with_constants(self, values: Mapping[str, float]) -> Self:
         """The form with other values of constants, by symbol; what it has no constant for is left out."""
@@ -143,12 +149,6 @@ class Form:
             for item in self.constants
         )
         return replace(self, constants=constants)
-
-    def sized(self, scale: Callable[[str], float]) -> Self:
-        """The form with the constants that follow a record as its quantities are, by kind."""
-        return self.with_constants(
-            {item.symbol: item.value * scale(item.scale) for item in self.constants if item.scale}
-        )
 
     def check(self) -> None:
         """Refuse an equation that cannot be used.
@@ -198,15 +198,10 @@ class Form:
 
     @cached_property
     def _unchecked(self) -> Equation:
-        transforms = self.place is Place.OUTPUT
-        given = self.nonlinear, self.constants, self.state, self.start
         if self.axes:
-            from lumbar.tissue.models.spatial_equation import SpatialEquation
-
-            return SpatialEquation(
-                self.equation, transforms, self.written, *given, axes=self.axes, channel=self.channel
-            )
-        return Equation(self.equation, transforms, self.linear, *given)
+            return self._in_space(self.axes, self.written)
+        given = self.linear, self.nonlinear, self.constants, self.state, self.start
+        return Equation(self.equation, self.place is Place.OUTPUT, *given)
 
     @cached_property
     def latex(self) -> str:
@@ -294,9 +289,15 @@ def _by_channel(form: Form, alone: Sequence[Form]) -> Form:
                 values[row] = re.sub(rf"\b{item.name}\b", f"{item.name}_{axis}", values[row])
         return CStep(tuple(values))
 
-    written = HandWritten(output_transform=transformed, c_step=c_step, spatial=True)
-    more = replace(form, name=f"{form.name}_{channels}", channel=channels, general=True)
-    return replace(more, equation=form.latex, nonlinear=nonlinear, hand_written=written)
+    return replace(
+        form,
+        name=f"{form.name}_{channels}",
+        channel=channels,
+        general=True,
+        equation=form.latex,
+        nonlinear=nonlinear,
+        hand_written=HandWritten(output_transform=transformed, c_step=c_step, spatial=True),
+    )
 
 
 _POINTS = 3

@@ -5,7 +5,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, Self, TypeVar
 
 import numpy as np
@@ -119,19 +119,19 @@ def forces_of(form: Form, motion: Motion | JoinedMotions, nonlinear: np.ndarray)
     return np.stack(form.columns(motion, nonlinear), axis=1)
 
 
-_BEGINNING = 50
-"""Samples of the measured motion from which the state at the beginning is estimated, at most a twentieth of them; no error
-counts them."""
-_FEWEST = 5
-_FINE = 0.4
+_MAX_START_SAMPLES, _MIN_START_SAMPLES = 50, 5
+"""Samples of the measured motion from which the state at the start is estimated, at most a twentieth of them; no error counts
+them."""
+_MAX_STEP_RAD = 0.4
 """Largest step, in radians of the highest frequency that holds much of the motion."""
-_MOST_PARTS = 4
+_MAX_STEPS = 4
+"""Steps from sample to sample."""
 _BAND_POWER = 0.95
-_TURNS, _AGAIN = 4, 2
-"""Iterations of the state at the beginning, at first and for other parameters."""
-_RIDGE = 1e-3
-"""Of the state's change, relative to what the beginning tells of it: what it does not tell stays as it is."""
-_STEP = 1e-6
+_FIRST_ITERATIONS, _NEXT_ITERATIONS = 4, 2
+"""Iterations of the state at the start, at first and for other parameters."""
+_START_RIDGE = 1e-3
+"""Of a change of the state, relative to the information in the first samples: a state that they do not show stays as it is."""
+_RELATIVE_STEP = 1e-6
 """Relative step of differences by parameters."""
 _Any = TypeVar("_Any", LinearParameter, NonlinearParameter)
 
@@ -183,13 +183,13 @@ class ForwardStructure(Structure):
     ) -> np.ndarray:
         """Free-run simulation of the position without its sensor's zero, shape (samples,).
 
-        The motion is the force over time; where it has a channel `MEASURED`, the state at the beginning is estimated
-        from that, with `zero` the zero of the position's sensor.
+        The motion is the force over time. If it has a channel `MEASURED`, the state at the start is estimated from that, with
+        `zero` the zero of the position's sensor.
         """
         if isinstance(motion, JoinedMotions):
             return np.concatenate([self.simulate(part, linear, nonlinear, zero) for part in motion.parts])
-        _, found, parts = self._driven(motion, linear, nonlinear, zero)
-        return self.output(found.position[::parts], motion, nonlinear)
+        drive, driven = self._driven(motion, linear, nonlinear, zero)
+        return self.output(driven.position[:: drive.parts], motion, nonlinear)
 
     def sensitivities(
         self, motion: Motion | JoinedMotions, linear: np.ndarray, nonlinear: np.ndarray, zero: float = 0.0
@@ -205,76 +205,74 @@ class ForwardStructure(Structure):
         )
 
     def _sensitivities(self, motion, linear, nonlinear, zero) -> np.ndarray:
-        drive, found, parts = self._driven(motion, linear, nonlinear, zero)
+        drive, driven = self._driven(motion, linear, nonlinear, zero)
         values = self.parameters(linear, nonlinear)
-        names = list(values)
+        # By the parameters of the balance, from the linearised equations along the motion.
         size = np.abs(linear).max(initial=0.0) or 1.0
-        steps = [_STEP * (abs(values[name]) or size) for name in names]
-        inner = drive.sensitivities(values, found, list(zip(names, steps, strict=True)))[::parts]
-        position = found.position[::parts]
+        steps = [(name, _RELATIVE_STEP * (abs(value) or size)) for name, value in values.items()]
+        inner = drive.sensitivities(values, driven, steps)[:: drive.parts]
+        # Effects at the output change the position afterwards.
+        position = driven.position[:: drive.parts]
         change = 1e-6 * (np.abs(position).max() + 1e-300)
         outer = [self.output(position + way * change, motion, nonlinear) for way in (1, -1)]
         inner = inner * ((outer[0] - outer[1]) / (2 * change))[:, None]
-        columns, count = list(inner.T[: len(linear)]), len(linear)
-        index = 0
-        for form in (self.base.form, *self.forms):
-            for _ in form.nonlinear:
-                if form.place is Place.PARALLEL:
-                    columns.append(inner[:, count] * nonlinear[index])
-                    count += 1
-                else:
-                    # By what the logarithm of the parameter changes.
-                    step = 1e-4 * np.eye(len(nonlinear))[index]
-                    more, less = (
-                        self.simulate(motion, linear, nonlinear * np.exp(way * step), zero) for way in (1, -1)
-                    )
-                    columns.append((more - less) / 2e-4)
-                index += 1
+        # Nonlinear parameters by their logarithms; those of the input and the output by differences of the simulation.
+        columns, of_balance = list(inner.T[: len(linear)]), iter(inner.T[len(linear) :])
+        places = [form.place for form in (self.base.form, *self.forms) for _ in form.nonlinear]
+        for place, value, step in zip(places, nonlinear, 1e-4 * np.eye(len(nonlinear)), strict=True):
+            if place is Place.PARALLEL:
+                columns.append(next(of_balance) * value)
+            else:
+                more, less = (
+                    self.simulate(motion, linear, nonlinear * np.exp(way * step), zero) for way in (1, -1)
+                )
+                columns.append((more - less) / 2e-4)
         return np.stack(columns, axis=1)
 
     @cached_property
     def _key(self) -> str:
         return " ".join([self.base.name, *(form.memory_key for form in self.forms)])
 
-    def _driven(self, motion: Motion, linear, nonlinear, zero) -> tuple[ForceDrive, Driven, int]:
+    def _driven(self, motion: Motion, linear, nonlinear, zero) -> tuple[ForceDrive, Driven]:
+        """Balance with the force that drives it, and the motion that it gives."""
         _, parts = self.nonlinear_of(nonlinear)
-        seen = motion
+        force = motion
         for form in self.forms:
             if form.place is Place.INPUT:
-                seen = self._of(form.memory_key, form.input_transform, seen, parts[form.key])
-        step = motion.cache.compute_once("parts of a step", lambda: _parts_of_step(motion))
-        force = seen.cache.compute_once("force at points", lambda: _at_points(seen, step))
-        size = (
-            motion.cache.compute_once("size of position", lambda: float(np.ptp(_measured(motion))))
-            if MEASURED in motion.channels
-            else 1.0
+                force = self._of(form.memory_key, form.input_transform, force, parts[form.key])
+        steps = motion.cache.compute_once("steps per sample", lambda: _steps_per_sample(motion))
+        measured = motion.channels.get(MEASURED)
+        drive = ForceDrive(
+            self.balance,
+            force.cache.compute_once("force at points", lambda: _force_at_points(force, steps)),
+            motion.sampling_time / steps,
+            1.0 if measured is None else float(np.ptp(measured)),
+            steps,
         )
-        drive = ForceDrive(self.balance, force, motion.sampling_time / step, size)
         numbers = np.concatenate([linear, nonlinear, [zero]])
-        found = motion.cache.compute_at(
-            self._key, numbers, lambda: self._found(motion, drive, step, linear, nonlinear, zero)
-        )
-        return drive, found, step
+        compute = partial(self._motion, motion, drive, self.parameters(linear, nonlinear), zero)
+        return drive, motion.cache.compute_at(self._key, numbers, compute)
 
-    def _found(self, motion, drive, step, linear, nonlinear, zero) -> Driven:
-        values = self.parameters(linear, nonlinear)
+    def _motion(self, motion: Motion, drive: ForceDrive, values: dict[str, float], zero: float) -> Driven:
         # A search changes parameters little by little: the last motion is a good guess of the next one.
         last: dict = motion.cache.compute_once("last driven motions", dict)
         guess, start = last.get(self._key, (None, None))
-        if MEASURED in motion.channels:
-            if guess is None:
-                guess = _as_measured(motion, step, zero, len(drive.balance.states))
-            start = _estimated_start(
-                drive, values, _measured(motion) - zero, motion.sampling_time, step, start
-            )
+        measured = motion.channels.get(MEASURED)
+        if measured is None:
+            start = _start_at_rest(drive, values)
         else:
-            start = _at_rest(drive, values)
-        found = drive.motion(values, start, guess)
-        if not found.finite and guess is not None:
-            found = drive.motion(values, start)
-        if found.finite:
-            last[self._key] = found.points, start
-        return found
+            if guess is None:
+                # The measured motion with states at rest: what friction makes of its speed is nearly right.
+                points = motion.cache.compute_once("measured", lambda: _at_points(measured, drive.parts))
+                rest = np.zeros((len(drive.balance.states), *points.shape))
+                guess = np.concatenate([(points - zero)[None], rest])
+            start = _estimated_start(drive, values, measured - zero, motion.sampling_time, start)
+        driven = drive.motion(values, start, guess)
+        if not driven.finite and guess is not None:
+            driven = drive.motion(values, start)
+        if driven.finite:
+            last[self._key] = driven.points, start
+        return driven
 
 
 def _exchanged(item: _Any) -> _Any:
@@ -283,91 +281,74 @@ def _exchanged(item: _Any) -> _Any:
     return replace(item, unit=swapped)
 
 
-def _measured(motion: Motion) -> np.ndarray:
-    return motion.channels[MEASURED]
-
-
-def _parts_of_step(motion: Motion) -> int:
-    """How many steps are taken from sample to sample."""
+def _steps_per_sample(motion: Motion) -> int:
+    """How many steps are taken from sample to sample, so that each is small for the frequencies of the motion."""
     signal = motion.channels.get(MEASURED, motion.position)
     power = np.cumsum(np.abs(np.fft.rfft((signal - signal.mean()) * np.hanning(len(signal)))) ** 2)
     edge = np.searchsorted(power, _BAND_POWER * power[-1]) / len(signal)
-    return int(np.clip(np.ceil(2 * np.pi * edge / _FINE), 1, _MOST_PARTS))
+    return int(np.clip(np.ceil(2 * np.pi * edge / _MAX_STEP_RAD), 1, _MAX_STEPS))
 
 
-def _at_points(motion: Motion, parts: int) -> np.ndarray:
-    """Force at the collocation points of every step: as it is between jumps where it is held, else by a cubic spline."""
-    steps = parts * (len(motion) - 1)
-    if is_held(motion):
-        return np.repeat(motion.position[:-1], parts)[:, None] * np.ones(len(POINTS))
-    samples = (np.arange(steps)[:, None] + POINTS) / parts
-    return scipy.interpolate.make_interp_spline(np.arange(len(motion)), motion.position, k=3)(samples)
+def _at_points(signal: np.ndarray, parts: int) -> np.ndarray:
+    """Signal at the collocation points of every step, by a cubic spline through its samples."""
+    samples = (np.arange(parts * (len(signal) - 1))[:, None] + POINTS) / parts
+    return scipy.interpolate.make_interp_spline(np.arange(len(signal)), signal, k=3)(samples)
 
 
-def _at_rest(drive: ForceDrive, values: dict[str, float]) -> np.ndarray:
-    """Position at which the first force is balanced without motion, from the slope there; 0 where nothing holds it."""
-    states = len(drive.balance.states)
-    start = np.zeros(2 + states)
+def _force_at_points(force: Motion, parts: int) -> np.ndarray:
+    """Force at the collocation points of every step: a force that is held between jumps as it is."""
+    if is_held(force):
+        return np.repeat(force.position[:-1], parts)[:, None] * np.ones(len(POINTS))
+    return _at_points(force.position, parts)
+
+
+def _start_at_rest(drive: ForceDrive, values: dict[str, float]) -> np.ndarray:
+    """Position at which the first force is balanced without motion, by Newton's method; 0 if the base has no stiffness there."""
+    start = np.zeros(2 + len(drive.balance.states))
+    known = {**values, **dict.fromkeys((*drive.balance.states, "v", "a", "t"), 0.0)}
     for _ in range(20):
-        known = {
-            **values,
-            **dict.fromkeys(drive.balance.states, 0.0),
-            "z": start[0],
-            "v": 0.0,
-            "a": 0.0,
-            "t": 0.0,
-        }
-        force, slopes = drive.balance.slopes(known, ())
+        force, slopes = drive.balance.slopes({**known, "z": start[0]}, ())
         if not slopes[0, 0] > 0:
-            return np.zeros(2 + states)
+            return np.zeros_like(start)
         change = (drive.force[0, 0] - force[0]) / slopes[0, 0]
         start[0] += change
         if abs(change) <= 1e-9 * abs(start[0]):
             break
-    return start if np.isfinite(start).all() else np.zeros(2 + states)
+    return start if np.isfinite(start).all() else np.zeros_like(start)
 
 
-def _as_measured(motion: Motion, parts: int, zero: float, states: int) -> np.ndarray:
-    """Measured motion at the collocation points, states at rest: what friction makes of its speed is nearly right."""
-
-    def at_points() -> np.ndarray:
-        samples = (np.arange(parts * (len(motion) - 1))[:, None] + POINTS) / parts
-        return scipy.interpolate.make_interp_spline(np.arange(len(motion)), _measured(motion), k=3)(samples)
-
-    position = motion.cache.compute_once("measured at points", at_points) - zero
-    return np.concatenate([position[None], np.zeros((states, *position.shape))])
-
-
-def _estimated_start(drive, values, measured, sampling_time, parts, start=None) -> np.ndarray:
-    """State at the beginning with which the simulation follows the measured motion there, by Gauss and Newton."""
-    count = min(max(min(_BEGINNING, len(measured) // 20), _FEWEST), len(measured) - 1)
+def _estimated_start(drive, values, measured, sampling_time, start=None) -> np.ndarray:
+    """State at the start with which the simulation follows the first measured samples, by Gauss and Newton."""
+    count = max(min(_MAX_START_SAMPLES, len(measured) // 20), _MIN_START_SAMPLES)
+    count = min(count, len(measured) - 1)
     measured = measured[: count + 1]
-    turns = _AGAIN
+    iterations = _NEXT_ITERATIONS
     if start is None:
+        # Position and velocity of a straight line through the first samples, states at rest.
+        iterations = _FIRST_ITERATIONS
         start = np.zeros(2 + len(drive.balance.states))
-        turns = _TURNS
-        near = min(_FEWEST, count)
+        near = min(_MIN_START_SAMPLES, count)
         slope, _ = np.polyfit(sampling_time * np.arange(near + 1), measured[: near + 1], 1)
         start[:2] = measured[0], slope
-    begun = replace(drive, force=drive.force[: count * parts])
-    best, least = start, np.inf
-    guess = None
-    for _ in range(turns):
-        found = begun.motion(values, start, guess)
-        if not found.finite:
+    first = replace(drive, force=drive.force[: count * drive.parts])
+    best, least, guess = start, np.inf, None
+    for _ in range(iterations):
+        driven = first.motion(values, start, guess)
+        if not driven.finite:
             break
-        guess = found.points
-        error = measured - found.position[::parts]
+        guess = driven.points
+        error = measured - driven.position[:: drive.parts]
         square = float(error @ error)
         if square >= least * (1 - 1e-6):
             best = start if square < least else best
             break
         best, least = start, square
-        columns = begun.sensitivities(values, found, [], by_start=True)[::parts]
+        # One step of ridge regression in columns of size 1; a state without influence stays as it is.
+        columns = first.sensitivities(values, driven, [], by_start=True)[:: drive.parts]
         size = np.sqrt(np.sum(columns**2, axis=0))
         if not np.isfinite(size).all():
             break
         scaled = columns / np.where(size > 0, size, 1.0)
-        normal = scaled.T @ scaled + _RIDGE * np.eye(len(start))
+        normal = scaled.T @ scaled + _START_RIDGE * np.eye(len(start))
         start = start + np.linalg.solve(normal, scaled.T @ error) / np.where(size > 0, size, np.inf)
     return best
