@@ -28,7 +28,7 @@ from lumbar.tissue.diagnosis.residuals.locate import (
 )
 from lumbar.tissue.diagnosis.selection.refine import fitted_model, refined_document
 from lumbar.tissue.diagnosis.selection.result import DiagnosisResult, Status, details, headline
-from lumbar.tissue.effects.notation import check_name
+from lumbar.tissue.effects.catalogue import check_name
 from lumbar.tissue.models.fitted_model import FittedModel
 from lumbar.tissue.models.form import Effect
 

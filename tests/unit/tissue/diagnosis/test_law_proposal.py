@@ -29,8 +29,7 @@ from lumbar.tissue.diagnosis.law.validation import alternate, is_dissipative, le
 from lumbar.tissue.diagnosis.selection.candidate import Candidate, evaluate
 from lumbar.tissue.diagnosis.selection.diagnose import diagnose as search
 from lumbar.tissue.diagnosis.selection.result import headline
-from lumbar.tissue.effects.catalogue import TISSUE
-from lumbar.tissue.effects.notation import load_effects
+from lumbar.tissue.effects.catalogue import TISSUE, load_effects
 from lumbar.tissue.models.bases import BASES
 from lumbar.tissue.models.motion import Motion
 from lumbar.tissue.models.structure import Structure

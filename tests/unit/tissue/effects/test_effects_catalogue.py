@@ -16,9 +16,9 @@ from lumbar.tissue.diagnosis.fitting.preparation import Experiment, prepare
 from lumbar.tissue.diagnosis.selection.candidate import Candidate, evaluate
 from lumbar.tissue.diagnosis.selection.forward_selection import extend
 from lumbar.tissue.effects import catalogue
-from lumbar.tissue.effects.catalogue import CATALOGUES, TISSUE
+from lumbar.tissue.effects.catalogue import CATALOGUES, TISSUE, load_effects
 from lumbar.tissue.effects.hooks import HOOKS
-from lumbar.tissue.effects.notation import load_effects, shipped_effect
+from lumbar.tissue.effects.notation import shipped_effect
 from lumbar.tissue.models.bases import BASES
 from lumbar.tissue.models.form import Place
 from lumbar.tissue.models.motion import Motion

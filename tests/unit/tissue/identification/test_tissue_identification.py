@@ -18,7 +18,7 @@ from lumbar.settings.tissue import TissueSettings
 from lumbar.tissue.identification.arx_search import IdentificationData, ReducedRegression, search, select
 from lumbar.tissue.identification.identify_tissue import distinct, given_model, identify
 from lumbar.tissue.identification.metrics import block_bootstrap
-from lumbar.tissue.identification.model_tables import physical_parameters_table, table_3_1, unit_slug
+from lumbar.tissue.identification.model_tables import physical_parameters_table, table_3_1
 from lumbar.tissue.identification.output_error import (
     fit_output_error,
     relaxation_starts,
@@ -262,7 +262,6 @@ def test_table_3_1_of_one_record_and_of_another_unit(records):
     frame = table_3_1(result, SETTINGS, "x").frame
     assert "mean_residual_N_m" in frame.columns
     assert not any(column.startswith("nmse_test") for column in frame.columns)
-    assert unit_slug("N/mm²") == "N_mm"
 
 
 def test_models_file_keeps_its_contract_and_simulates_the_same(identified, records):

@@ -30,9 +30,7 @@ def driven(*keys, values):
     """Drive of the second-order base with forms, and its parameters."""
     balance = ForceBalance((BASES["KV-mass"].form, *(FORMS[key] for key in keys)))
     at_points = force(TIME[:-1, None] + STEP * POINTS)
-    parameters = dict(
-        zip((*balance.linear, *balance.nonlinear), (MASS, STIFFNESS, VISCOSITY, *values), strict=True)
-    )
+    parameters = dict(zip(balance.parameters, (MASS, STIFFNESS, VISCOSITY, *values), strict=True))
     return ForceDrive(balance, at_points, STEP, 1.0), parameters
 
 

@@ -18,7 +18,7 @@ from lumbar.tissue.signals.excitation import (
     multisine_description,
     signal_properties,
 )
-from lumbar.tissue.signals.multisine import design_multisine, excited_lines, schroeder_phases
+from lumbar.tissue.signals.multisine import design_multisine, schroeder_phases
 from lumbar.tissue.signals.spectrum import Kinematics, check_machine_limits, peak_kinematics
 from study_settings import changed
 
@@ -250,16 +250,16 @@ def test_clipping_keeps_amplitudes_and_lowers_the_crest_factor(options):
 
 
 def test_odd_grid_leaves_one_line_out_of_every_group():
-    excited, even, left_out = excited_lines(10.0, 5.0, "odd", 4, 7)
-    np.testing.assert_array_equal(even, np.arange(2, 51, 2))
-    np.testing.assert_array_equal(np.union1d(excited, left_out), np.arange(1, 51, 2))
-    assert len(np.intersect1d(excited, left_out)) == 0
+    odd = {"period": 10.0, "band": 5.0, "grid": "odd", "detection_group": 4}
+    designed = design_multisine(**odd, seed=7)
+    left_out = designed.detection_odd
+    np.testing.assert_array_equal(designed.detection_even, np.arange(2, 51, 2))
+    np.testing.assert_array_equal(np.union1d(designed.lines, left_out), np.arange(1, 51, 2))
+    assert len(np.intersect1d(designed.lines, left_out)) == 0
     groups = np.arange(1, 49, 2).reshape(6, 4)
     assert [np.isin(group, left_out).sum() for group in groups] == [1] * 6
-    again = excited_lines(10.0, 5.0, "odd", 4, 7)[2]
-    np.testing.assert_array_equal(left_out, again)
-    others = {tuple(excited_lines(10.0, 5.0, "odd", 4, seed)[2]) for seed in range(20)}
-    assert len(others) > 15
+    np.testing.assert_array_equal(left_out, design_multisine(**odd, seed=7).detection_odd)
+    assert len({tuple(design_multisine(**odd, seed=seed).detection_odd) for seed in range(20)}) > 15
 
 
 @pytest.mark.parametrize(

@@ -1,12 +1,16 @@
-"""All effects by name and system, and effects a user adds in a file of their own."""
+"""All effects by name and system; effects and bases that a user adds in files, or that a file of models carries."""
 
 import math
 from collections.abc import Callable, Collection, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
+from typing import Any, TypeVar
 
-from lumbar.base.errors import InputError, did_you_mean
-from lumbar.settings.improvement import system_of
+from lumbar.base.errors import InputError, Problems, did_you_mean
+from lumbar.base.yaml_file import YamlFile, read_yaml, way_of
+from lumbar.settings.improvement import is_data, system_of
+from lumbar.tissue.effects.notation import BASE_KEYS, NAME, NAME_RULE, EffectReader, shipped_effect
 from lumbar.tissue.models.bases import BASES, Base
 from lumbar.tissue.models.form import Effect, Form
 from lumbar.tissue.models.model_entry import OWN_BASES
@@ -32,8 +36,6 @@ class Catalogue(Mapping[str, Effect]):
     def __getitem__(self, name: str) -> Effect:
         found = self._effects[name]
         if found is None:
-            from lumbar.tissue.effects.notation import shipped_effect
-
             found = self._effects[name] = shipped_effect(self._folder / f"{name}.yaml")
         return found
 
@@ -121,8 +123,6 @@ def catalogue_with(
         for name, effect in catalogue.items():
             forms = tuple(form.with_constants(constants) for form in effect.forms)
             catalogue[name] = replace(effect, forms=forms)
-    if files:
-        from lumbar.tissue.effects.notation import load_effects
     for file in files:
         catalogue.update(load_effects(Path(file), catalogue))
     return catalogue
@@ -130,19 +130,10 @@ def catalogue_with(
 
 def catalogues_with(files: Collection[str | Path], content: object = None) -> dict[str, dict[str, Effect]]:
     """Return the catalogue of every system with the effects of a user's files and those that a file of models carries."""
-    from lumbar.tissue.effects.notation import carried_bases, carried_effects
-
     bases = {base.system: base.name for base in BASES.values()}
     catalogues = {system: catalogue_with(files, base) for system, base in bases.items()}
     found = {system: {**carried_effects(content, known), **known} for system, known in catalogues.items()}
     return {**found, OWN_BASES: carried_bases(content)}
-
-
-def read_base(file: str | Path) -> Base:
-    """Read a base of a user's own; errors as of `lumbar.tissue.effects.notation.load_base`."""
-    from lumbar.tissue.effects.notation import load_base
-
-    return load_base(Path(file))
 
 
 def choose(names: list[str], catalogue: Mapping[str, Effect]) -> list[Effect]:
@@ -152,3 +143,160 @@ def choose(names: list[str], catalogue: Mapping[str, Effect]) -> list[Effect]:
         meant = did_you_mean(unknown[0], catalogue)
         raise InputError(f"unknown effect {', '.join(unknown)}{meant}; known are {', '.join(catalogue)}")
     return [catalogue[name] for name in names]
+
+
+def read_base(file: str | Path) -> Base:
+    """Read a base of a user's own: equation, states and parameters in the notation of effects.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read or has an equation that cannot be used: all problems at once.
+    """
+    path = Path(file)
+    problems = Problems(f"base {path.name}")
+    content = read_yaml(path, problems, anchors=False)
+    problems.raise_if_any()
+    return _checked_base(content, problems)
+
+
+def load_effects(path: Path, taken: Collection[str] = ()) -> dict[str, Effect]:
+    """Read a user's effects.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        One effect in YAML, or Python, which is run: every module-level `Effect` counts. `lumbar.study.load_study` lets none
+        pass that a stranger's study names.
+    taken : collection of str
+        Names that an effect in YAML may not have. One in Python may replace another.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read or imported, defines no effect, or has an equation that cannot be used: all problems at
+        once.
+    """
+    if not is_data(str(path)):
+        return _from_python(path)
+    problems = Problems(f"effect {path.name}")
+    file = read_yaml(path, problems, anchors=False)
+    problems.raise_if_any()
+    effect = _checked_effect(file, problems, taken)
+    return {effect.name: effect}
+
+
+def carried_bases(content: Any) -> dict[str, Base]:
+    """Bases of users' own that a file of models carries as data, as read from JSON; each checked as its own file was."""
+    return _carried(content, "bases", lambda name, file, problems: _checked_base(file, problems))
+
+
+def carried_effects(content: Any, known: Mapping[str, Effect]) -> dict[str, Effect]:
+    """Effects of users' own that a file of models carries as data, each checked as its own file was.
+
+    Parameters
+    ----------
+    content : object
+        Of the file, as read from JSON.
+    known : mapping
+        Effects by name: one of a user's file may be there too if it is the same.
+
+    Raises
+    ------
+    InputError
+        An effect that is not sound, has the name of another, or is not the one of the user's file: all problems at once.
+    """
+
+    def checked(name: str, file: YamlFile, problems: Problems) -> Effect:
+        effect = _checked_effect(file, problems)
+        if name in known and known[name].forms != effect.forms:
+            allowed = "leave the effect's file out, or fit the model anew with it"
+            problems.add(f"effects.{name}", "not the effect that has this name already", allowed)
+        return effect
+
+    return _carried(content, "effects", checked)
+
+
+_Part = TypeVar("_Part")
+
+
+def _carried(
+    content: Any, kind: str, checked: Callable[[str, YamlFile, Problems], _Part]
+) -> dict[str, _Part]:
+    """What a file of models carries as data of one kind, by name."""
+    given = content.get(kind, {}) if isinstance(content, dict) else {}
+    problems = Problems("models.json")
+    if not isinstance(given, dict):
+        problems.add(kind, repr(given), "a name each: what its file says")
+        given = {}
+    found = {}
+    for name, entry in given.items():
+        place = f"{kind}.{name}"
+        if not isinstance(entry, dict) or entry.get("name") != name:
+            problems.add(place, repr(entry), f"what its file holds is needed, name: {name} …")
+            continue
+        with suppress(InputError):  # told with those of the others
+            found[name] = checked(name, YamlFile(place, entry), problems)
+    problems.raise_if_any()
+    return found
+
+
+def check_name(name: str, taken: Collection[str] = ()) -> None:
+    """Refuse what cannot be the name of an effect of one's own."""
+    if not NAME.fullmatch(name):
+        raise InputError(f"effect {name!r}: {NAME_RULE}")
+    if name in taken:
+        raise InputError(f"effect {name!r} is taken by an effect of the catalogue; choose another name")
+
+
+def _from_python(path: Path) -> dict[str, Effect]:
+    import importlib.util
+
+    specification = importlib.util.spec_from_file_location(f"lumbar_user_effects_{path.stem}", path)
+    if specification is None or not path.is_file():
+        raise InputError(f"{path}: not a Python file with effects (improvement.effect_files)")
+    module = importlib.util.module_from_spec(specification)
+    try:
+        specification.loader.exec_module(module)
+    except Exception as error:
+        raise InputError(f"{path}: cannot be imported ({type(error).__name__}: {error})") from error
+    found = {item.name: item for item in vars(module).values() if isinstance(item, Effect)}
+    if not found:
+        raise InputError(f"{path}: defines no Effect; assign one to a module-level name")
+    problems = Problems(str(path))
+    for form in (form for effect in found.values() for form in effect.forms):
+        for where, said in form.problems():
+            problems.add(f"{form.key}, {where}", said)
+    problems.raise_if_any()
+    return found
+
+
+def _checked_effect(file: YamlFile, problems: Problems, taken: Collection[str] = ()) -> Effect:
+    """One effect of a user's own, its equations tried on a standard motion."""
+    from lumbar.tissue.effects.signature import numerical_problems
+
+    effect = EffectReader(problems, file).effect(taken)
+    for index, form in enumerate(effect.forms):
+        place = f"forms.{index}.equation" if "forms" in file.content else "equation"
+        for found, allowed in numerical_problems(form):
+            problems.add(file.place(way_of(place)), found, allowed)
+    problems.raise_if_any()
+    return replace(effect, definition=file.content)
+
+
+def _checked_base(file: YamlFile, problems: Problems) -> Base:
+    """A base of a user's own: what an effect of one equation says, and nothing of how it is added."""
+    reading = EffectReader(problems, file)
+    reading.keys(file.content, "", BASE_KEYS)
+    problems.raise_if_any()
+    (form,) = _checked_effect(file, problems, BASES).forms
+    if form.channels:
+        signals = ", ".join(form.channels)
+        reading.problem("equation", f"it knows {signals}", "a base knows the input, its rates, path and time")
+    if not form.linear:
+        reading.problem("parameters", "none is linear", "the response needs a factor, y = c*q")
+    problems.raise_if_any()
+    parts = {
+        key: getattr(form, key) for key in ("equation", "linear", "nonlinear", "state", "start", "constants")
+    }
+    return Base(name=str(file.content["name"]), definition=file.content, **parts)

@@ -7,128 +7,29 @@ are code; a user's cannot.
 import re
 import sys
 from collections.abc import Callable, Collection, Mapping
-from contextlib import suppress
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 from lumbar.base.errors import InputError, Problems
-from lumbar.base.yaml_file import YamlFile, read_yaml, shipped_yaml, way_of
-from lumbar.settings.improvement import is_data
-from lumbar.tissue.models.bases import BASES, Base
+from lumbar.base.yaml_file import YamlFile, shipped_yaml, way_of
 from lumbar.tissue.models.expression import parse
 from lumbar.tissue.models.form import Effect, Form, Place
 from lumbar.tissue.models.parameter import SCALES, Constant, LinearParameter, NonlinearParameter
 
-_NAME = re.compile(r"[a-z][a-z0-9_]*")
-_NAME_RULE = "letters a to z, digits and _, a letter first"
+NAME = re.compile(r"[a-z][a-z0-9_]*")
+NAME_RULE = "letters a to z, digits and _, a letter first"
 _SIGNS = {"positive": 1, "negative": -1, "any": 0}
 _EFFECT_FLAGS = ("accumulates", "unrepeated", "linear", "rate_independent", "rival")
 _EFFECT_KEYS = ("name", "mechanism", "source", "experiment", "sensors", *_EFFECT_FLAGS, "forms")
 _FORM_KEYS = ("equation", "state", "parameters", "constants", "place", "general", "one_axis", "essential")
-_BASE_KEYS = ("name", "mechanism", "source", "equation", "state", "parameters", "constants")
+BASE_KEYS = ("name", "mechanism", "source", "equation", "state", "parameters", "constants")
 _HOOK_KEYS = ("solution", "by_hand", "latex", "starts", "contradiction")
 """Of the catalogue's files alone; ``latex`` stands in place of the equation of a form that is written by hand."""
 _STATE_KEYS = ("rate", "start")
 _LINEAR_KEYS = ("name", "unit", "latex", "sign")
 _NONLINEAR_FLAGS = ("follows_record", "decisive")
 _NONLINEAR_KEYS = ("name", "unit", "latex", "start", "scale", "points", "reach", "lines", *_NONLINEAR_FLAGS)
-
-
-def load_effects(path: Path, taken: Collection[str] = ()) -> dict[str, Effect]:
-    """Read a user's effects.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        One effect in YAML, or Python, which is run: every module-level `Effect` counts. `lumbar.study.load_study` lets none
-        pass that a stranger's study names.
-    taken : collection of str
-        Names that an effect in YAML may not have. One in Python may replace another.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read or imported, defines no effect, or has an equation that cannot be used: all problems at
-        once.
-    """
-    if not is_data(str(path)):
-        return _from_python(path)
-    problems = Problems(f"effect {path.name}")
-    file = read_yaml(path, problems, anchors=False)
-    problems.raise_if_any()
-    effect = _checked_effect(file, problems, taken)
-    return {effect.name: effect}
-
-
-def load_base(path: Path) -> Base:
-    """Read a base of a user's own: equation, states and parameters in the notation of effects.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read or has an equation that cannot be used: all problems at once.
-    """
-    problems = Problems(f"base {path.name}")
-    file = read_yaml(path, problems, anchors=False)
-    problems.raise_if_any()
-    return _checked_base(file, problems)
-
-
-def carried_bases(content: Any) -> dict[str, Base]:
-    """Bases of users' own that a file of models carries as data, as read from JSON; each checked as its own file was."""
-    return _carried(content, "bases", lambda name, file, problems: _checked_base(file, problems))
-
-
-def carried_effects(content: Any, known: Mapping[str, Effect]) -> dict[str, Effect]:
-    """Effects of users' own that a file of models carries as data, each checked as its own file was.
-
-    Parameters
-    ----------
-    content : object
-        Of the file, as read from JSON.
-    known : mapping
-        Effects by name: one of a user's file may be there too if it is the same.
-
-    Raises
-    ------
-    InputError
-        An effect that is not sound, has the name of another, or is not the one of the user's file: all problems at once.
-    """
-
-    def checked(name: str, file: YamlFile, problems: Problems) -> Effect:
-        effect = _checked_effect(file, problems)
-        if name in known and known[name].forms != effect.forms:
-            allowed = "leave the effect's file out, or fit the model anew with it"
-            problems.add(f"effects.{name}", "not the effect that has this name already", allowed)
-        return effect
-
-    return _carried(content, "effects", checked)
-
-
-_Part = TypeVar("_Part")
-
-
-def _carried(
-    content: Any, kind: str, checked: Callable[[str, YamlFile, Problems], _Part]
-) -> dict[str, _Part]:
-    """What a file of models carries as data of one kind, by name."""
-    given = content.get(kind, {}) if isinstance(content, dict) else {}
-    problems = Problems("models.json")
-    if not isinstance(given, dict):
-        problems.add(kind, repr(given), "a name each: what its file says")
-        given = {}
-    found = {}
-    for name, entry in given.items():
-        place = f"{kind}.{name}"
-        if not isinstance(entry, dict) or entry.get("name") != name:
-            problems.add(place, repr(entry), f"what its file holds is needed, name: {name} …")
-            continue
-        with suppress(InputError):  # told with those of the others
-            found[name] = checked(name, YamlFile(place, entry), problems)
-    problems.raise_if_any()
-    return found
 
 
 def shipped_effect(path: Path) -> Effect:
@@ -139,68 +40,7 @@ def shipped_effect(path: Path) -> Effect:
     from lumbar.tissue.effects.hooks import HOOKS
 
     file = YamlFile(path.name, shipped_yaml(path))
-    return _Reading(Problems(f"effect {path.name}"), file, HOOKS).effect()
-
-
-def check_name(name: str, taken: Collection[str] = ()) -> None:
-    """Refuse what cannot be the name of an effect of one's own."""
-    if not _NAME.fullmatch(name):
-        raise InputError(f"effect {name!r}: {_NAME_RULE}")
-    if name in taken:
-        raise InputError(f"effect {name!r} is taken by an effect of the catalogue; choose another name")
-
-
-def _from_python(path: Path) -> dict[str, Effect]:
-    import importlib.util
-
-    specification = importlib.util.spec_from_file_location(f"lumbar_user_effects_{path.stem}", path)
-    if specification is None or not path.is_file():
-        raise InputError(f"{path}: not a Python file with effects (improvement.effect_files)")
-    module = importlib.util.module_from_spec(specification)
-    try:
-        specification.loader.exec_module(module)
-    except Exception as error:
-        raise InputError(f"{path}: cannot be imported ({type(error).__name__}: {error})") from error
-    found = {item.name: item for item in vars(module).values() if isinstance(item, Effect)}
-    if not found:
-        raise InputError(f"{path}: defines no Effect; assign one to a module-level name")
-    problems = Problems(str(path))
-    for form in (form for effect in found.values() for form in effect.forms):
-        for where, said in form.problems():
-            problems.add(f"{form.key}, {where}", said)
-    problems.raise_if_any()
-    return found
-
-
-def _checked_effect(file: YamlFile, problems: Problems, taken: Collection[str] = ()) -> Effect:
-    """One effect of a user's own, its equations tried on a standard motion."""
-    from lumbar.tissue.effects.signature import numerical_problems
-
-    effect = _Reading(problems, file).effect(taken)
-    for index, form in enumerate(effect.forms):
-        place = f"forms.{index}.equation" if "forms" in file.content else "equation"
-        for found, allowed in numerical_problems(form):
-            problems.add(file.place(way_of(place)), found, allowed)
-    problems.raise_if_any()
-    return replace(effect, definition=file.content)
-
-
-def _checked_base(file: YamlFile, problems: Problems) -> Base:
-    """A base of a user's own: what an effect of one equation says, and nothing of how it is added."""
-    reading = _Reading(problems, file)
-    reading.keys(file.content, "", _BASE_KEYS)
-    problems.raise_if_any()
-    (form,) = _checked_effect(file, problems, BASES).forms
-    if form.channels:
-        signals = ", ".join(form.channels)
-        reading.problem("equation", f"it knows {signals}", "a base knows the input, its rates, path and time")
-    if not form.linear:
-        reading.problem("parameters", "none is linear", "the response needs a factor, y = c*q")
-    problems.raise_if_any()
-    parts = {
-        key: getattr(form, key) for key in ("equation", "linear", "nonlinear", "state", "start", "constants")
-    }
-    return Base(name=str(file.content["name"]), definition=file.content, **parts)
+    return EffectReader(Problems(f"effect {path.name}"), file, HOOKS).effect()
 
 
 def _key(place: str, key: str) -> str:
@@ -208,7 +48,7 @@ def _key(place: str, key: str) -> str:
     return f"{place}.{key}".strip(".")
 
 
-class _Reading:
+class EffectReader:
     """Reads the parts of an effect's file and notes what is wrong, with key and line."""
 
     def __init__(self, problems: Problems, file: YamlFile, hooks: Mapping[str, Mapping[str, Any]] = {}):
@@ -282,8 +122,8 @@ class _Reading:
     def name(self, content: dict, place: str) -> str:
         """A name, as results and C code call it."""
         name = self.text(content, "name", True, place)
-        if name and not _NAME.fullmatch(name):
-            self.problem(_key(place, "name"), repr(name), _NAME_RULE)
+        if name and not NAME.fullmatch(name):
+            self.problem(_key(place, "name"), repr(name), NAME_RULE)
         return name
 
     def forms(self, content: Any) -> list[Form | None]:

@@ -93,12 +93,14 @@ def table_3_1(models: list[FittedModel], settings: TissueSettings, source_label:
     unit = models[0].output.unit
     trained_on = list(dict.fromkeys(model.trained_on for model in models))
     estimators = (ARX, OUTPUT_ERROR, GIVEN)
+    # Models with effects added come after those of the thesis.
+    place = {name: index for index, name in enumerate((*_ROWS, IL.name))}
     ordered = sorted(
         models,
         key=lambda model: (
             trained_on.index(model.trained_on),
             estimators.index(model.estimator),
-            _position(model),
+            place.get(model.name, len(place)),
         ),
     )
     frame = pd.DataFrame(_row(model, unit) for model in ordered)
@@ -126,19 +128,9 @@ def table_3_1(models: list[FittedModel], settings: TissueSettings, source_label:
     )
 
 
-def _position(model: FittedModel) -> int:
-    """Place of a row; models with effects added come after those of the thesis."""
-    order = (*_ROWS, IL.name)
-    return order.index(model.name) if model.name in order else len(order)
-
-
-def unit_slug(unit: str) -> str:
-    """Return the unit as part of a column name: ``"N·m"`` becomes ``"N_m"``."""
-    return re.sub(r"[^A-Za-z0-9]+", "_", unit).strip("_")
-
-
 def _row(model: FittedModel, unit: str) -> dict:
     scores = model.scores
+    unit_in_column = re.sub(r"[^A-Za-z0-9]+", "_", unit).strip("_")  # "N·m" as "N_m"
     return {
         "trained_on": model.trained_on,
         "model": model.name,
@@ -147,7 +139,7 @@ def _row(model: FittedModel, unit: str) -> dict:
         "vaf_percent": scores.vaf_percent,
         "mru_percent": scores.mru_percent,
         "fit_percent": scores.fit_percent,
-        f"mean_residual_{unit_slug(unit)}": scores.mean_residual,
+        f"mean_residual_{unit_in_column}": scores.mean_residual,
         "nmse_train": scores.nmse_train,
         **{f"nmse_test_{number}": value for number, value in enumerate(scores.nmse_tests, start=1)},
         "alpha": model.alpha,

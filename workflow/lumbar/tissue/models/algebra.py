@@ -14,6 +14,7 @@ import numpy as np
 from lumbar.base.errors import InputError
 from lumbar.base.yaml_file import shipped_yaml
 from lumbar.tissue.models.expression import (
+    OPERANDS,
     Expression,
     Number,
     Operation,
@@ -40,11 +41,6 @@ def _smoothstep(x):
     return share**2 * (3 - 2 * share)
 
 
-_ALIKE = (
-    *("abs", "sign", "sqrt", "exp", "expm1", "tanh", "sinh"),
-    *("sin", "cos", "arctan", "hypot", "clip", "where"),
-)
-"""Operations that NumPy calls so too."""
 NUMPY: dict[str, Callable] = {
     "+": operator.add,
     "-": operator.sub,
@@ -56,17 +52,13 @@ NUMPY: dict[str, Callable] = {
     "<=": np.less_equal,
     ">": np.greater,
     ">=": np.greater_equal,
-    **{name: getattr(np, name) for name in _ALIKE},
+    **{name: getattr(np, name) for name in OPERANDS if hasattr(np, name)},
     "softplus": partial(np.logaddexp, 0.0),
     "smoothstep": _smoothstep,
     "min": np.minimum,
     "max": np.maximum,
 }
 """NumPy's functions by the names of the operations."""
-
-
-def _exp(x: float) -> float:
-    return math.exp(x) if x < _LARGEST else math.inf
 
 
 _LARGEST = 700.0
@@ -78,7 +70,7 @@ MATH: dict[str, Callable] = {
     "abs": abs,
     "sign": lambda x: float(x > 0) - float(x < 0),
     "sqrt": math.sqrt,
-    "exp": _exp,
+    "exp": lambda x: math.exp(x) if x < _LARGEST else math.inf,
     "expm1": lambda x: math.expm1(x) if x < _LARGEST else math.inf,
     "tanh": math.tanh,
     "sinh": lambda x: math.sinh(x) if abs(x) < _LARGEST else math.copysign(math.inf, x),
@@ -188,60 +180,49 @@ def derivative(expression: Expression, symbol: str) -> Expression:
         case Symbol(name):
             return Number(float(name == symbol))
         case Operation("where", (condition, yes, no)):
-            return _chosen(condition, derivative(yes, symbol), derivative(no, symbol))
-        case Operation(name, operands):
-            inner = [derivative(operand, symbol) for operand in operands]
-            if all(slope == Number(0.0) for slope in inner):
-                return Number(0.0)
-            return _OPERATOR_DERIVATIVES.get(name, _function_derivative)(expression, *inner)
+            yes, no = derivative(yes, symbol), derivative(no, symbol)
+            return yes if yes == no else Operation("where", (condition, yes, no))
+        case Operation(_, operands):
+            slopes = [derivative(operand, symbol) for operand in operands]
+            if any(slope != Number(0.0) for slope in slopes):
+                return _chain_rule(expression, slopes)
     return Number(0.0)
 
 
-def _chosen(condition: Expression, yes: Expression, no: Expression) -> Expression:
-    return yes if yes == no else Operation("where", (condition, yes, no))
-
-
-def _quotient_derivative(quotient: Operation, above: Expression, below: Expression) -> Expression:
-    divisor = quotient.operands[1]
-    if below == Number(0.0):
-        return divide(above, divisor)
-    return divide(subtract(above, multiply(quotient, below)), divisor)
-
-
-def _power_derivative(raised: Operation, slope: Expression, in_exponent: Expression) -> Expression:
-    base, exponent = raised.operands
-    if in_exponent != Number(0.0):
-        raise InputError("a state may not stand in an exponent; write exp(…) of it")
-    lower = (
-        Number(exponent.value - 1)
-        if isinstance(exponent, Number)
-        else Operation("-", (exponent, Number(1.0)))
-    )
-    return multiply(multiply(exponent, power(base, lower)), slope)
-
-
-_OPERATOR_DERIVATIVES: dict[str, Callable[..., Expression]] = {
-    "+": lambda _, left, right: add(left, right),
-    "-": lambda _, left, right: negate(right) if left == Number(0.0) else subtract(left, right),
-    "neg": lambda _, slope: negate(slope),
-    "*": lambda product, left, right: add(
-        multiply(left, product.operands[1]), multiply(product.operands[0], right)
-    ),
-    "/": _quotient_derivative,
-    "**": _power_derivative,
-}
-_DERIVATIVES: dict[str, list[str]] = shipped_yaml(Path(__file__).with_name("functions.yaml"))["derivatives"]
-"""By each operand x, y, w."""
-
-
-def _function_derivative(called: Operation, *inner: Expression) -> Expression:
+def _chain_rule(called: Operation, slopes: Sequence[Expression]) -> Expression:
+    """Derivative of an operation, from those of its operands."""
+    match called.name, called.operands, slopes:
+        case "+", _, (left, right):
+            return add(left, right)
+        case "-", _, (left, right):
+            return negate(right) if left == Number(0.0) else subtract(left, right)
+        case "neg", _, (slope,):
+            return negate(slope)
+        case "*", (first, second), (left, right):
+            return add(multiply(left, second), multiply(first, right))
+        case "/", (_, divisor), (above, below):
+            if below == Number(0.0):
+                return divide(above, divisor)
+            return divide(subtract(above, multiply(called, below)), divisor)
+        case "**", (base, exponent), (slope, in_exponent):
+            if in_exponent != Number(0.0):
+                raise InputError("a state may not stand in an exponent; write exp(…) of it")
+            if isinstance(exponent, Number):
+                lower: Expression = Number(exponent.value - 1)
+            else:
+                lower = Operation("-", (exponent, Number(1.0)))
+            return multiply(multiply(exponent, power(base, lower)), slope)
     given = dict(zip("xyw", called.operands, strict=False))
     terms = (
         multiply(substitute(parse(text), given), slope)
-        for text, slope in zip(_DERIVATIVES[called.name], inner, strict=True)
+        for text, slope in zip(_DERIVATIVES[called.name], slopes, strict=True)
         if slope != Number(0.0)
     )
     return reduce(add, terms)
+
+
+_DERIVATIVES: dict[str, list[str]] = shipped_yaml(Path(__file__).with_name("functions.yaml"))["derivatives"]
+"""Derivatives of functions by each of their operands x, y, w."""
 
 
 def linear_parts(expression: Expression, linear: Collection[str]) -> dict[str, Expression]:

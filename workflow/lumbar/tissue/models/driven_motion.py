@@ -38,21 +38,20 @@ _KNOWN = {*MOTION, "s", "t"}
 
 
 def can_be_simulated(form: Form) -> bool:
-    """Whether a parallel form can stand in a balance of forces: an equation says it, in signals that a simulation has.
+    """Whether a parallel form can be part of a balance of forces: an equation in signals that a simulation has.
 
     Its states begin at 0: the position there is unknown itself.
     """
     if form.hand_written or form.place is not Place.PARALLEL or form.start:
         return False
     equation = form.parsed_equation
-    used = set().union(*map(symbols, (equation.force, *equation.slopes.values()))) & SIGNALS.keys()
+    trees = (equation.force, *equation.slopes.values())
     try:
         for symbol in (*MOTION, *equation.slopes):
-            for tree in (equation.force, *equation.slopes.values()):
-                derivative(tree, symbol)
+            _ = [derivative(tree, symbol) for tree in trees]
     except InputError:  # a state or the motion in an exponent
         return False
-    return used <= _KNOWN
+    return set().union(*map(symbols, trees)) & SIGNALS.keys() <= _KNOWN
 
 
 @dataclass(frozen=True)
@@ -63,18 +62,11 @@ class ForceBalance:
     """The base as a form, then the forms beside it."""
 
     @cached_property
-    def linear(self) -> tuple[str, ...]:
-        """Symbols of the linear parameters, piece by piece."""
-        return tuple(
-            _own(item.symbol, index) for index, form in enumerate(self.pieces) for item in form.linear
-        )
-
-    @cached_property
-    def nonlinear(self) -> tuple[str, ...]:
-        """Symbols of the nonlinear parameters, piece by piece."""
-        return tuple(
-            _own(item.symbol, index) for index, form in enumerate(self.pieces) for item in form.nonlinear
-        )
+    def parameters(self) -> tuple[str, ...]:
+        """Symbols of the linear parameters, piece by piece, then those of the nonlinear ones."""
+        pieces = list(enumerate(self.pieces))
+        linear = [_own(item.symbol, index) for index, form in pieces for item in form.linear]
+        return (*linear, *(_own(item.symbol, index) for index, form in pieces for item in form.nonlinear))
 
     @cached_property
     def force(self) -> Expression:
@@ -110,30 +102,24 @@ class ForceBalance:
         return tuple(self.rates)
 
     @cached_property
-    def _values(self) -> Evaluator:
-        return Evaluator([self.force, *self.rates.values()])
-
-    @cached_property
-    def _slopes(self) -> Evaluator:
+    def _evaluators(self) -> tuple[Evaluator, Evaluator]:
+        """R and the states' rates, without and with their derivatives."""
         trees = (self.force, *self.rates.values())
-        return Evaluator(
-            [*trees, *(derivative(tree, name) for tree in trees for name in (*MOTION, *self.states))]
-        )
+        slopes = (derivative(tree, name) for tree in trees for name in (*MOTION, *self.states))
+        return Evaluator(trees), Evaluator([*trees, *slopes])
 
     def values(self, known: Mapping[str, np.ndarray | float], shape: tuple[int, ...]) -> np.ndarray:
         """R and the states' rates, shape (1 + states, *shape)."""
-        return np.array([np.broadcast_to(item, shape) for item in self._values(known)], dtype=float)
+        return np.array([np.broadcast_to(item, shape) for item in self._evaluators[0](known)], dtype=float)
 
     def slopes(
         self, known: Mapping[str, np.ndarray | float], shape: tuple[int, ...]
     ) -> tuple[np.ndarray, np.ndarray]:
         """The same, and their derivatives by z, ż, z̈ and the states, shape (1 + states, 3 + states, *shape)."""
         count = 1 + len(self.states)
-        found = [np.broadcast_to(item, shape) for item in self._slopes(known)]
-        return (
-            np.array(found[:count], dtype=float),
-            np.array(found[count:], dtype=float).reshape(count, len(MOTION) + count - 1, *shape),
-        )
+        found = [np.broadcast_to(item, shape) for item in self._evaluators[1](known)]
+        slopes = np.array(found[count:], dtype=float).reshape(count, len(MOTION) + count - 1, *shape)
+        return np.array(found[:count], dtype=float), slopes
 
 
 def linearised(form: Form, *parameters: Sequence[float]) -> tuple[np.ndarray, np.ndarray]:
@@ -142,7 +128,7 @@ def linearised(form: Form, *parameters: Sequence[float]) -> tuple[np.ndarray, np
     `parameters` are the linear and the nonlinear ones.
     """
     balance = ForceBalance((form,))
-    known = dict(zip((*balance.linear, *balance.nonlinear), chain(*parameters), strict=True))
+    known = dict(zip(balance.parameters, chain(*parameters), strict=True))
     known |= dict.fromkeys(("z", "v", "a", "s", "t", *balance.states), 0.0)
     with np.errstate(all="ignore"):
         _, slopes = balance.slopes(known, ())

@@ -149,20 +149,15 @@ def expand_sums(expression: Expression) -> Expression:
     """The expression with every ``sum`` written out, from its first term on."""
     match expression:
         case Operation("sum", (Symbol(index), Number(first), Number(last), term)):
-            counted = range(int(first), int(last) + 1)
-            return reduce(add, (expand_sums(_term(term, index, number)) for number in counted))
+            indexed = [name for name in symbols(term) if name.endswith(f"_{index}")]
+            terms = []
+            for number in range(int(first), int(last) + 1):
+                named = {name: Symbol(f"{name.removesuffix(index)}{number}") for name in indexed}
+                terms.append(substitute(term, {**named, index: Number(float(number))}))
+            return reduce(add, map(expand_sums, terms))
         case Operation(name, operands):
             return operation(name, *map(expand_sums, operands))
     return expression
-
-
-def _term(term: Expression, index: str, number: int) -> Expression:
-    indexed = {
-        name: Symbol(f"{name.removesuffix(index)}{number}")
-        for name in symbols(term)
-        if name.endswith(f"_{index}")
-    }
-    return substitute(term, {**indexed, index: Number(float(number))})
 
 
 def whole_power(exponent: Expression) -> int:
@@ -175,12 +170,8 @@ def whole_power(exponent: Expression) -> int:
 _RANK = {"+": 1, "-": 1, "*": 2, "/": 2, "neg": 3, "**": 4}
 
 
-def to_text(expression: Expression) -> str:
-    """The expression as text that `parse` reads."""
-    return _written(expression, 0)
-
-
-def _written(expression: Expression, rank: int) -> str:
+def to_text(expression: Expression, rank: int = 0) -> str:
+    """The expression as text that `parse` reads; in brackets if it binds less than `rank`."""
     match expression:
         case Number(value):
             text = f"{value:g}" if float(f"{value:g}") == value else repr(value)
@@ -188,17 +179,17 @@ def _written(expression: Expression, rank: int) -> str:
         case Symbol(name):
             return name
         case Operation("neg", (operand,)):
-            text, own = f"-{_written(operand, 3)}", 3
+            text, own = f"-{to_text(operand, 3)}", 3
         case Operation("**", (base, exponent)):
-            text, own = f"{_written(base, 5)}**{_written(exponent, 3)}", 4
+            text, own = f"{to_text(base, 5)}**{to_text(exponent, 3)}", 4
         case Operation(name, (left, right)) if name in _RANK:
             own = _RANK[name]
             gap = " " if own == 1 else ""
-            text = f"{_written(left, own)}{gap}{name}{gap}{_written(right, own + 1)}"
+            text = f"{to_text(left, own)}{gap}{name}{gap}{to_text(right, own + 1)}"
         case Operation(name, (left, right)) if name in COMPARISONS:
-            text, own = f"{_written(left, 1)} {name} {_written(right, 1)}", 0
+            text, own = f"{to_text(left, 1)} {name} {to_text(right, 1)}", 0
         case Operation(name, operands):
-            return f"{name}({', '.join(_written(operand, 0) for operand in operands)})"
+            return f"{name}({', '.join(to_text(operand, 0) for operand in operands)})"
     return f"({text})" if own < rank else text
 
 
@@ -268,7 +259,11 @@ class _Reader:
             case ast.Constant(value=int() | float() as value) if not isinstance(value, bool):
                 return self._number(node, value)
             case ast.Name(id=name):
-                return self._symbol(node, name)
+                if name in OPERANDS:
+                    raise self._refused(node, f"the function {name} needs operands: {name}(…)")
+                if not name.isascii() or name.startswith("_"):
+                    raise self._refused(node, "symbols are letters a to z, digits and _, with a letter first")
+                return Symbol(name)
             case ast.UnaryOp(op=ast.USub(), operand=operand):
                 return self._operation("neg", (operand,), depth)
             case ast.BinOp(left=left, op=op, right=right) if type(op) in _OPERATORS:
@@ -291,13 +286,6 @@ class _Reader:
         if not math.isfinite(value):
             raise self._refused(node, "numbers are finite")
         return Number(value)
-
-    def _symbol(self, node: ast.Name, name: str) -> Symbol:
-        if name in OPERANDS:
-            raise self._refused(node, f"the function {name} needs operands: {name}(…)")
-        if not name.isascii() or name.startswith("_"):
-            raise self._refused(node, "symbols are letters a to z, digits and _, with a letter first")
-        return Symbol(name)
 
     def _operation(self, name: str, operands, depth: int) -> Operation:
         self.operations += 1

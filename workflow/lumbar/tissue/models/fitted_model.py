@@ -19,7 +19,12 @@ from lumbar.tissue.models.model_data import ModelData, Scores, headline, in_html
 from lumbar.tissue.models.model_entry import checked_entry, entry_of
 from lumbar.tissue.models.motion import Motion, SpatialMotion
 from lumbar.tissue.models.structure import ForwardStructure, Structure
-from lumbar.tissue.models.transfer_function import FirstOrder, TransferFunction
+from lumbar.tissue.models.transfer_function import (
+    FirstOrder,
+    TransferFunction,
+    aligned_coefficients,
+    observer_form,
+)
 
 if TYPE_CHECKING:
     import control
@@ -66,7 +71,13 @@ class FittedModel(ModelData):
             )
             return forces.reshape(len(record.axes), -1) + np.array(self.zeros)[:, None]
         if isinstance(self.structure, Structure):
-            return self._simulate_structure(self.structure, record) + self.output.offset
+            linear, nonlinear = self._numbers(self.structure)
+            if isinstance(self.structure, ForwardStructure):
+                force = Motion.of(with_measured_motion(record), offset=self.input.offset)
+                forced = self.structure.simulate(force, linear, nonlinear, self.output.offset)
+                return forced + self.output.offset
+            motion = Motion.of(for_base(record, self.structure.base), offset=self.input.offset)
+            return self.structure.simulate(motion, linear, nonlinear) + self.output.offset
         if abs(record.sampling_time / self.sampling_time - 1) > 1e-4:
             raise InputError(
                 f"{record.name} is sampled at {1 / record.sampling_time:g} Hz, {self.name} is a difference equation at "
@@ -79,14 +90,6 @@ class FittedModel(ModelData):
         parts = [self.values_of(structure.base), *map(self.values_of, structure.forms)]
         linear, nonlinear = (np.concatenate([part[kind] for part in parts]) for kind in (0, 1))
         return linear, nonlinear
-
-    def _simulate_structure(self, structure: Structure, record: Record) -> np.ndarray:
-        linear, nonlinear = self._numbers(structure)
-        if isinstance(structure, ForwardStructure):
-            seen = Motion.of(with_measured_motion(record), offset=self.input.offset)
-            return structure.simulate(seen, linear, nonlinear, self.output.offset)
-        motion = Motion.of(for_base(record, structure.base), offset=self.input.offset)
-        return structure.simulate(motion, linear, nonlinear)
 
     def to_control(self) -> control.TransferFunction:
         """Transfer function of python-control: in z with ``dt``, or in s for a base without effects.
@@ -101,8 +104,6 @@ class FittedModel(ModelData):
         import control
 
         if isinstance(self.structure, TransferFunction):
-            from lumbar.tissue.models.transfer_function import aligned_coefficients
-
             return control.TransferFunction(*aligned_coefficients(self.structure), self.sampling_time)
         if isinstance(self.structure, ForwardStructure):
             raise NumericalError(
@@ -155,8 +156,6 @@ class FittedModel(ModelData):
         import control
 
         if isinstance(self.structure, TransferFunction):
-            from lumbar.tissue.models.transfer_function import observer_form
-
             return control.StateSpace(
                 *observer_form(self.structure), dt=self.sampling_time, remove_useless_states=False
             )

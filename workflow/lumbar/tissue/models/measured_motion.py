@@ -15,6 +15,7 @@ import scipy
 from lumbar.base.errors import InputError
 from lumbar.records.record import Record
 from lumbar.tissue.models.bases import Base
+from lumbar.tissue.models.motion import JoinedMotions, Motion
 
 MEASURED = "measured_motion"
 """Role of the channel with the motion as measured, of which a simulation takes its beginning."""
@@ -105,3 +106,15 @@ def _least_squares_spline(values: np.ndarray, spacing: float) -> tuple[np.ndarra
     inner = np.linspace(0, samples[-1], max(int(len(values) / spacing), 1) + 1)
     knots = np.concatenate([np.full(5, inner[0]), inner, np.full(5, inner[-1])])
     return scipy.interpolate.make_lsq_spline(samples, values, knots, k=5)(samples), len(knots) - 6
+
+
+_MIN_JUMP = 0.1
+"""Share of its range by which an input that is held between jumps typically jumps."""
+
+
+def is_held(motion: Motion | JoinedMotions) -> bool:
+    """Whether an input is held between jumps, as a command of a few levels is; such an input has no derivatives."""
+    position = motion.position
+    steps = np.abs(np.diff(position))
+    moved = steps[steps > 0]
+    return moved.size < len(steps) / 2 and bool(np.median(moved) > _MIN_JUMP * np.ptp(position))

@@ -216,18 +216,15 @@ def in_html(model: ModelData) -> str:
         f"<td>{html.escape(_value(item))}</td></tr>"
         for item in model.parameters
     )
+    if isinstance(model.structure, TransferFunction):
+        equations = ["H(z) = " + _ratio(model.structure, r"\frac{{{}}}{{{}}}", "z^{{-{}}}", number_latex)]
+    else:
+        equations = [model.structure.base.latex, *(form.latex for form in model.structure.forms)]
     shown = [f"<p><strong>{html.escape(headline(model))}</strong></p>"]
-    shown += [f"<p>$${html.escape(line)}$$</p>" for line in _latex(model)]
+    shown += [f"<p>$${html.escape(line)}$$</p>" for line in equations]
     shown += [f"<table>{rows}</table>"] if rows else []
     notes = (model.no_parameters_because, _scores(model), model.remark)
     return "".join([*shown, *(f"<p>{html.escape(note)}</p>" for note in notes if note)])
-
-
-def _latex(model: ModelData) -> list[str]:
-    """Transfer function of a discrete model; equation of the base and of every effect of a continuous one."""
-    if isinstance(model.structure, TransferFunction):
-        return ["H(z) = " + _ratio(model.structure, r"\frac{{{}}}{{{}}}", "z^{{-{}}}", number_latex)]
-    return [model.structure.base.latex, *(form.latex for form in model.structure.forms)]
 
 
 def _value(item: FittedParameter) -> str:

@@ -130,7 +130,10 @@ class _Latex:
 
     def _product(self, product: Operation) -> str:
         """Factors side by side, numbers first; a sign stands before them all, and quotients are fractions."""
-        first, *others = sorted(_factors(product), key=_numbers_first)
+        first, *others = sorted(
+            _factors(product),
+            key=lambda item: 0 if isinstance(item, Number) else 1 if item == Symbol("pi") else 2,
+        )
         text, *factors = [self._factor(first, _SIGNED), *(self._factor(other, _PRODUCT) for other in others)]
         for factor in factors:
             # Two numbers side by side would read as one.
@@ -153,9 +156,13 @@ class _Latex:
         return self.text(operand, 0)
 
     def _quotient(self, above: Expression, below: Expression) -> tuple[str, int]:
-        if all(isinstance(part, Number | Symbol) for part in (above, below)) or (
-            isinstance(below, Number | Symbol) and _simple(above)
-        ):
+        # A numerator is read as one before a slash if it is a number, a symbol, |F|, or −z.
+        match above:
+            case Number() | Symbol() | Operation("abs") | Operation("neg", (Number() | Symbol(),)):
+                is_simple = True
+            case _:
+                is_simple = False
+        if is_simple and isinstance(below, Number | Symbol):
             return f"{self.text(above, _SIGNED)}/{self.text(below, _ATOM)}", _PRODUCT
         return rf"\frac{{{self.text(above, 0)}}}{{{self.text(below, 0)}}}", _ATOM
 
@@ -171,16 +178,6 @@ class _Latex:
         return " + ".join(terms) or "0", _PRODUCT if len(terms) == 1 else _SUM
 
 
-def _simple(above: Expression) -> bool:
-    """Whether a numerator is read as one before a slash: |F|, or −z."""
-    match above:
-        case Operation("abs"):
-            return True
-        case Operation("neg", (Number() | Symbol(),)):
-            return True
-    return False
-
-
 def _signed(expression: Expression) -> bool:
     """Whether the LaTeX of a term begins with a sign."""
     match expression:
@@ -191,10 +188,6 @@ def _signed(expression: Expression) -> bool:
         case Operation("+" | "-" | "*" | "/", (left, _)):
             return _signed(left)
     return False
-
-
-def _numbers_first(factor: Expression) -> int:
-    return 0 if isinstance(factor, Number) else 1 if factor == Symbol("pi") else 2
 
 
 def _factors(expression: Expression) -> list[Expression]:
@@ -208,13 +201,8 @@ def _factors(expression: Expression) -> list[Expression]:
 TWO_PI = Operation("*", (Number(2.0), Symbol("pi")))
 
 
-def _turns(angle: Expression) -> Expression:
-    """An angle in turns: without its factor 2π, which is not computed where it stands there."""
-    found = _without_two_pi(angle)
-    return divide(angle, Number(2 * math.pi)) if found is None else found
-
-
 def _without_two_pi(angle: Expression) -> Expression | None:
+    """An angle in turns, if 2π is a factor of it."""
     if angle == TWO_PI:
         return Number(1.0)
     match angle:
@@ -249,7 +237,8 @@ def portable(expression: Expression) -> Expression:
             return Operation("portable_decay", (negate(portable(operand)),))
         case Operation("sin" | "cos" as name, (operand,)):
             wave = "portable_sine" if name == "sin" else "portable_cosine"
-            return Operation(wave, (portable(_turns(operand)),))
+            turns = _without_two_pi(operand) or divide(operand, Number(2 * math.pi))
+            return Operation(wave, (portable(turns),))
         case Operation("hypot", operands):
             squares = [Operation("*", (side, side)) for side in map(portable, operands)]
             return Operation("sqrt", (Operation("+", tuple(squares)),))
@@ -261,12 +250,8 @@ def portable(expression: Expression) -> Expression:
 _C_RANK = {"+": 1, "-": 1, "*": 2, "/": 2}
 
 
-def c_text(expression: Expression, names: Mapping[str, str]) -> str:
-    """C99 for what `portable` returns, with the C names of the symbols."""
-    return _c_text(expression, names, 0)
-
-
-def _c_text(expression: Expression, names: Mapping[str, str], rank: int) -> str:
+def c_text(expression: Expression, names: Mapping[str, str], rank: int = 0) -> str:
+    """C99 for what `portable` returns, with the C names of the symbols; in brackets if it binds less than `rank`."""
     match expression:
         case Number(value):
             text, own = repr(float(value)), 5 if value >= 0 else 1
@@ -275,21 +260,21 @@ def _c_text(expression: Expression, names: Mapping[str, str], rank: int) -> str:
         case Symbol(name):
             return names[name]
         case Operation("neg", (operand,)):
-            text, own = f"-{_c_text(operand, names, 4)}", 3
+            text, own = f"-{c_text(operand, names, 4)}", 3
         case Operation("**", (base, exponent)):
-            factor = _c_text(base, names, 3)
+            factor = c_text(base, names, 3)
             text, own = " * ".join([factor] * whole_power(exponent)), 2
         case Operation("where", (condition, yes, no)):
-            chosen = (_c_text(part, names, 1) for part in (condition, yes, no))
+            chosen = (c_text(part, names, 1) for part in (condition, yes, no))
             return "({} ? {} : {})".format(*chosen)
         case Operation(name, (left, right)) if name in _C_RANK:
             # The operand on the right keeps its brackets: C computes sums and products from the left.
             own = _C_RANK[name]
-            text = f"{_c_text(left, names, own)} {name} {_c_text(right, names, own + 1)}"
+            text = f"{c_text(left, names, own)} {name} {c_text(right, names, own + 1)}"
         case Operation(name, (left, right)) if name in COMPARISONS:
-            text, own = f"{_c_text(left, names, 1)} {name} {_c_text(right, names, 1)}", 1
+            text, own = f"{c_text(left, names, 1)} {name} {c_text(right, names, 1)}", 1
         case Operation(name, operands):
-            return f"{name}({', '.join(_c_text(operand, names, 0) for operand in operands)})"
+            return f"{name}({', '.join(c_text(operand, names, 0) for operand in operands)})"
     return f"({text})" if own < rank else text
 
 

@@ -16,6 +16,7 @@ A form that acts on the output transforms what every channel of the force sensor
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial, reduce
+from itertools import chain
 
 import numpy as np
 
@@ -47,8 +48,6 @@ from lumbar.tissue.models.state_equation import StateEquation
 Vector = tuple[Expression, ...]
 _SMALLEST = Number(1e-300)
 """Square of a length from which on a vector has a direction."""
-_ODD = ("tanh", "sinh", "sin", "arctan")
-_EVEN = ("cos",)
 
 
 def dot(left: Vector, right: Vector) -> Expression:
@@ -93,7 +92,7 @@ def in_space(expression: Expression, vectors: Mapping[str, Vector]) -> Expressio
 def _of_vectors(
     name: str, read: Sequence[Expression | Vector], operands: Sequence[Expression]
 ) -> Expression | Vector | None:
-    """An operation on vectors; None where it means nothing."""
+    """An operation on vectors; None if it has no meaning for them."""
     match name, *read:
         case "+" | "-", tuple(first), tuple(second):
             return tuple(map(add if name == "+" else subtract, first, second))
@@ -103,34 +102,24 @@ def _of_vectors(
             return tuple(multiply(number, item) for item in vector)  # type: ignore[arg-type]
         case "/", tuple(vector), (Number() | Symbol() | Operation()) as number:
             return tuple(divide(item, number) for item in vector)
-        case "**", tuple(vector), Number():
-            return _power(vector, whole_power(operands[1]))
+        case "**", tuple(vector), Number() if exponent := whole_power(operands[1]):
+            even = power(dot(vector, vector), Number(float(exponent // 2)))
+            return tuple(multiply(even, item) for item in vector) if exponent % 2 else even
         case "hypot", one, other:
             sizes: list = [length(item) if isinstance(item, tuple) else item for item in (one, other)]
             return Operation("hypot", tuple(sizes))
         case "where", (Number() | Symbol() | Operation()) as condition, tuple(yes), tuple(no):
             return tuple(Operation("where", (condition, *pair)) for pair in zip(yes, no, strict=True))
-        case _, tuple(vector):
-            return _function(name, vector)
-    return None
-
-
-def _power(vector: Vector, exponent: int) -> Expression | Vector | None:
-    even = power(dot(vector, vector), Number(float(exponent // 2)))
-    if not exponent:
-        return None
-    return tuple(multiply(even, item) for item in vector) if exponent % 2 else even
-
-
-def _function(name: str, vector: Vector) -> Expression | Vector | None:
-    size = length(vector)
-    if name == "neg":
-        return tuple(map(negate, vector))
-    if name == "abs" or name in _EVEN:
-        return size if name == "abs" else Operation(name, (size,))
-    if name == "sign" or name in _ODD:
-        value = Number(1.0) if name == "sign" else Operation(name, (size,))
-        return tuple(multiply(value, divide(item, size)) for item in vector)
+        case "neg", tuple(vector):
+            return tuple(map(negate, vector))
+        case "abs", tuple(vector):
+            return length(vector)
+        case "cos", tuple(vector):  # even: a number
+            return Operation("cos", (length(vector),))
+        case "sign" | "tanh" | "sinh" | "sin" | "arctan", tuple(vector):  # odd: along its argument
+            size = length(vector)
+            value = Number(1.0) if name == "sign" else Operation(name, (size,))
+            return tuple(multiply(value, divide(item, size)) for item in vector)
     return None
 
 
@@ -195,9 +184,8 @@ class SpatialEquation(Equation):
             if isinstance(read, tuple):
                 found.append((item, read))
                 continue
-            if symbols(read) & set().union(
-                *(symbols(part) for vector in self.vectors.values() for part in vector)
-            ):
+            components = set().union(*(map(symbols, chain(*self.vectors.values()))))
+            if symbols(read) & components:
                 raise InputError(f"{to_text(column)} has no direction in space")
             zero = Number(0.0)
             for axis in self.axes:
@@ -210,9 +198,8 @@ class SpatialEquation(Equation):
         """Signals that it uses beside those of its states."""
         if self.transforms:
             return super().signals
-        return {
-            name for _, vector in self._read for part in vector for name in symbols(part)
-        } & SIGNALS.keys()
+        parts = chain(*(vector for _, vector in self._read))
+        return set().union(*map(symbols, parts)) & SIGNALS.keys()
 
     @cached_property
     def _evaluator(self) -> Evaluator:
@@ -281,11 +268,10 @@ class SpatialEquation(Equation):
             if self.channel not in ("", axis):
                 pieces.append(piece)
                 continue
-            own = {
-                name: SIGNALS[name].of(motion if name == "s" else part) for name in self.signals
-            }  # the way in space
-            (found,) = self._evaluator({**values, **own, FORCE: piece})
-            pieces.append(np.broadcast_to(found, len(part)))
+            # Path is that in space, other signals are those along the axis.
+            own = {name: SIGNALS[name].of(motion if name == "s" else part) for name in self.signals}
+            (read,) = self._evaluator({**values, **own, FORCE: piece})
+            pieces.append(np.broadcast_to(read, len(part)))
         return np.concatenate(pieces)
 
     def c_step(self, solution: str = "") -> CStep | None:

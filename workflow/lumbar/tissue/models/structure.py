@@ -14,8 +14,8 @@ import scipy
 from lumbar.tissue.models.bases import Base
 from lumbar.tissue.models.driven_motion import POINTS, Driven, ForceBalance, ForceDrive
 from lumbar.tissue.models.form import Form, LinearParameter, NonlinearParameter, Place
-from lumbar.tissue.models.measured_motion import MEASURED
-from lumbar.tissue.models.motion import JoinedMotions, Motion, OneMotion, SpatialMotion, is_held
+from lumbar.tissue.models.measured_motion import MEASURED, is_held
+from lumbar.tissue.models.motion import JoinedMotions, Motion, OneMotion, SpatialMotion
 
 
 @dataclass(frozen=True)
@@ -171,11 +171,8 @@ class ForwardStructure(Structure):
         """Parameters by the balance's symbols."""
         own, parts = self.nonlinear_of(nonlinear)
         acting = [parts[form.key] for form in self.forms if form.place is Place.PARALLEL]
-        named = zip(
-            (*self.balance.linear, *self.balance.nonlinear),
-            (*linear, *np.concatenate([own, *acting])),
-            strict=True,
-        )
+        values = (*linear, *np.concatenate([own, *acting]))
+        named = zip(self.balance.parameters, values, strict=True)
         return {name: float(value) for name, value in named}
 
     def simulate(

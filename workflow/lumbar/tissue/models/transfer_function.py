@@ -48,10 +48,6 @@ class TransferFunction:
         """Output per unit of an input that is held forever, H(1)."""
         return sum(self.numerator) / sum(self.denominator)
 
-    def times(self, gain: float) -> "TransferFunction":
-        """Return this transfer function times `gain`."""
-        return TransferFunction(tuple(gain * value for value in self.numerator), self.denominator)
-
     def simulate(self, inputs: np.ndarray) -> np.ndarray:
         """Free run: the output from the input alone, started from rest at the first input.
 

@@ -131,54 +131,6 @@ class Multisine:
         return np.tile(one_period(self.lines, self.amplitudes, self.phases, samples), periods)
 
 
-def excited_lines(
-    period: float, band: float, grid: str, detection_group: int, seed: int
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Lines of a full or an odd grid, and the even and the odd lines left out to detect nonlinearity.
-
-    On the odd grid one line, drawn at random, is left out of every `detection_group` consecutive odd lines:
-    random places keep products of regular gaps from hiding.
-
-    Parameters
-    ----------
-    period : float
-        Seconds; the lines lie 1/period Hz apart.
-    band : float
-        Upper end of the band in Hz, included.
-    grid : str
-        ``"full"`` or ``"odd"``.
-    detection_group : int
-        Odd lines of which one is left out.
-
-    Raises
-    ------
-    InputError
-        The band holds too few lines.
-
-    References
-    ----------
-    R. Pintelon, J. Schoukens, System Identification: A Frequency Domain Approach (2012), section 4.3.
-    """
-    highest = int(np.floor(band * period + 1e-9))
-    every = np.arange(1, highest + 1)
-    if grid == "full":
-        if highest < 1:
-            raise InputError(
-                f"a multisine of {period:g} s period has no line up to {band:g} Hz: lengthen period_s"
-            )
-        return every, np.array([], dtype=int), np.array([], dtype=int)
-    odd, even = every[::2], every[1::2]
-    if len(odd) < 2 * detection_group:
-        raise InputError(
-            f"an odd grid of {period:g} s period has {len(odd)} odd line(s) up to {band:g} Hz; at least "
-            f"{2 * detection_group} are needed with signals.multisine.detection_group {detection_group}"
-        )
-    rng = np.random.default_rng([seed, 2])
-    starts = range(0, len(odd) - detection_group + 1, detection_group)
-    left_out = np.array([odd[start + rng.integers(detection_group)] for start in starts])
-    return np.setdiff1d(odd, left_out), even, left_out
-
-
 def schroeder_phases(amplitudes: np.ndarray) -> np.ndarray:
     """Schroeder's phases φ_k = −2π Σ_{n<k} (k−n) p_n in radians, with p_n the share of the power in line n; shape (lines,).
 
@@ -208,7 +160,10 @@ def design_multisine(
     amplitude_exponent: float = 0.0,
     seed: int = 0,
 ) -> Multisine:
-    """Design a multisine of unit RMS.
+    """Design a multisine of unit RMS (thesis Eq. 3.1) on a full or an odd grid of lines.
+
+    On the odd grid one line, drawn at random, is left out of every `detection_group` consecutive odd lines to detect
+    nonlinearity: random places keep products of regular gaps from hiding.
 
     Parameters
     ----------
@@ -217,9 +172,9 @@ def design_multisine(
     band : float
         Upper end of the band in Hz; the lowest line is 1/period.
     grid : str
-        ``"full"`` (thesis) or ``"odd"``, see `excited_lines`.
+        ``"full"`` (thesis) or ``"odd"``.
     detection_group : int
-        See `excited_lines`.
+        Odd lines of which one is left out.
     phases : str
         ``"schroeder"`` (thesis), ``"clipped"`` (lowest crest factor, see
         `lumbar.tissue.signals.multisine.clipped_phases`) or ``"zero"`` (an impulse train; only to compare with).
@@ -227,16 +182,41 @@ def design_multisine(
         Amplitudes are in proportion to f to this power; 0 is flat as in Eq. 3.1.
     seed : int
         For the detection lines.
+
+    Raises
+    ------
+    InputError
+        If the grid or the phases are unknown, or the band has too few lines.
+
+    References
+    ----------
+    R. Pintelon, J. Schoukens, System Identification: A Frequency Domain Approach (2012), section 4.3.
     """
     if grid not in GRIDS or phases not in PHASE_RULES:
         raise InputError(
             f"multisine with grid {grid!r} and phases {phases!r}; grids: {', '.join(GRIDS)}; "
             f"phases: {', '.join(PHASE_RULES)}"
         )
-    lines, even, odd = excited_lines(period, band, grid, detection_group, seed)
+    lines = np.arange(1, int(np.floor(band * period + 1e-9)) + 1)
+    even = left_out = np.array([], dtype=int)
+    if grid == "odd":
+        odd, even = lines[::2], lines[1::2]
+        if len(odd) < 2 * detection_group:
+            raise InputError(
+                f"an odd grid of {period:g} s period has {len(odd)} odd line(s) up to {band:g} Hz; at least "
+                f"{2 * detection_group} are needed with signals.multisine.detection_group {detection_group}"
+            )
+        rng = np.random.default_rng([seed, 2])
+        starts = range(0, len(odd) - detection_group + 1, detection_group)
+        left_out = np.array([odd[start + rng.integers(detection_group)] for start in starts])
+        lines = np.setdiff1d(odd, left_out)
+    elif not len(lines):
+        raise InputError(
+            f"a multisine of {period:g} s period has no line up to {band:g} Hz: lengthen period_s"
+        )
     shape = (lines / lines[0]) ** amplitude_exponent
     amplitudes = shape / np.sqrt(np.sum(shape**2) / 2)
     angles = np.zeros(len(lines)) if phases == "zero" else schroeder_phases(amplitudes)
     if phases == "clipped":
         angles = clipped_phases(lines, amplitudes, angles)
-    return Multisine(period, lines, amplitudes, angles, even, odd)
+    return Multisine(period, lines, amplitudes, angles, even, left_out)

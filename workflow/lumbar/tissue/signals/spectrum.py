@@ -309,16 +309,12 @@ def check_machine_limits(motions: dict[str, Kinematics], limits: Kinematics) -> 
         for quantity, unit in _PEAKS.items():
             value, limit = getattr(motion, quantity), getattr(limits, quantity)
             if value > limit:
+                # Three digits that are never more than the factor, so that following the advice is enough.
+                digits = 2 - int(np.floor(np.log10(limit / value)))
+                factor = f"{np.floor(limit / value * 10**digits) / 10**digits:.{max(digits, 0)}f}"
                 problems.add(
                     name,
                     f"peak {quantity} is {value:.4g} {unit}, the machine's limit is {limit:g} {unit}",
-                    f"multiply signals.amplitude.value_mm by at most {_rounded_down(limit / value)} "
-                    "or change signals.machine",
+                    f"multiply signals.amplitude.value_mm by at most {factor} or change signals.machine",
                 )
     problems.raise_if_any()
-
-
-def _rounded_down(factor: float) -> str:
-    """Three digits that are never more than the factor, so that following the advice is enough."""
-    digits = 2 - int(np.floor(np.log10(factor)))
-    return f"{np.floor(factor * 10**digits) / 10**digits:.{max(digits, 0)}f}"

@@ -37,7 +37,7 @@ class MotionSpectra:
     surgeons: tuple[str, ...]
     """`names`, `surgeons`: trial and surgeon of every row."""
     frequency: np.ndarray
-    """Shape (lines,): hz."""
+    """Shape (lines,): Hz."""
     psd: dict[str, np.ndarray]
     """Shape (trials, lines): by quantity: ``"position"`` in mm²/Hz, ``"velocity"`` in (mm/s)²/Hz."""
 
@@ -165,7 +165,15 @@ def motion_bandwidths(spectra: MotionSpectra, settings: BandwidthSettings, seed:
         result[quantity]["power_share"]["without_limit_Hz"] = power_share_frequency(
             spectra.frequency, pooled, settings.power_share, float(spectra.frequency[-1])
         )
-    result["interval"] = _interval_facts(spectra, settings, seed)
+    trials_resampled = "trials" if len(spectra.names) > 1 else None
+    result["interval"] = {
+        "confidence": settings.confidence,
+        "resamples": settings.resamples,
+        "resampled": "surgeons, then their trials" if people > 1 else trials_resampled,
+        "surgeons": people,
+        "trials": len(spectra.names),
+        "seed": seed,
+    }
     result["trials"] = [
         {
             "name": name,
@@ -212,19 +220,6 @@ def _by_rule(frequency: np.ndarray, psd: np.ndarray, settings: BandwidthSettings
     return {
         "power_share": power_share_frequency(frequency, psd, settings.power_share, settings.maximum_Hz),
         "level": level_frequency(frequency, psd, settings.level_dB, settings.maximum_Hz),
-    }
-
-
-def _interval_facts(spectra: MotionSpectra, settings: BandwidthSettings, seed: int) -> dict:
-    count = len(set(spectra.surgeons))
-    resampled = "surgeons, then their trials" if count > 1 else "trials" if len(spectra.names) > 1 else None
-    return {
-        "confidence": settings.confidence,
-        "resamples": settings.resamples,
-        "resampled": resampled,
-        "surgeons": count,
-        "trials": len(spectra.names),
-        "seed": seed,
     }
 
 

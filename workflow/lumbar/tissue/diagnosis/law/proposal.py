@@ -279,7 +279,7 @@ def _range(experiment: Experiment) -> Range:
 
 
 def effect_text(proposal: Proposal, name: str = NAME, source_label: str = "") -> str:
-    """The YAML file of a proposed law: `lumbar.tissue.effects.notation.load_effects` reads it."""
+    """The YAML file of a proposed law: `lumbar.tissue.effects.catalogue.load_effects` reads it."""
     law, form, experiment = proposal.law, proposal.form, proposal.experiment
     offset = len(law.start.fit.linear), len(law.start.fit.nonlinear)
     linear = zip(form.linear, law.fit.linear[offset[0] :], strict=True)

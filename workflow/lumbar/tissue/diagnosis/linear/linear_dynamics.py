@@ -25,7 +25,8 @@ from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.linear.poles import Poles, forces, relocated_poles, slope_forces
 from lumbar.tissue.diagnosis.noise.periods import FEWEST_PERIODS, fold_periods
 from lumbar.tissue.diagnosis.residuals.time_frequency import excited_lines
-from lumbar.tissue.models.motion import JoinedMotions, Motion, is_held
+from lumbar.tissue.models.measured_motion import is_held
+from lumbar.tissue.models.motion import JoinedMotions, Motion
 
 ORDERS = (1, 2, 3, 4, 6)
 """Numbers of poles that are tried, one after the other while the criterion falls."""

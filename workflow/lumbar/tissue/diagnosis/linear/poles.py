@@ -7,7 +7,7 @@ import numpy as np
 import scipy
 
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData
-from lumbar.tissue.effects.notation import carried_bases
+from lumbar.tissue.effects.catalogue import carried_bases
 from lumbar.tissue.models.bases import Base
 from lumbar.tissue.models.motion import JoinedMotions, Motion
 from lumbar.tissue.models.operators import relaxation
