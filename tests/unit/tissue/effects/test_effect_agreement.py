@@ -18,7 +18,7 @@ from lumbar.tissue.models.bases import BASES
 from lumbar.tissue.models.form import Place
 from lumbar.tissue.models.motion import SampledMotion
 from lumbar.tissue.models.parameter import FORCE, SIGNALS
-from lumbar.tissue.models.printing import symbol_latex
+from lumbar.tissue.models.printing import portable, symbol_latex
 from lumbar.tissue.models.state_equation import STEP_SYMBOL
 
 _FUNCTIONS = {
@@ -169,14 +169,18 @@ def in_expressions(model, positions: np.ndarray, functions: dict) -> np.ndarray:
 
 
 def _states(state, motion, values, functions) -> dict[str, np.ndarray]:
-    known = {
-        **values,
-        STEP_SYMBOL: motion.sampling_time,
-        "v": motion.velocity[1:],
-        "dz": motion.increments[1:],
-    }
-    steps = len(motion) - 1
-    return {part.names[0]: part.in_steps(known, steps, functions)[0] for part in state.apart}
+    """States step by step; each is on its own and begins at 0."""
+    signals = {"v": motion.velocity, "dz": motion.increments}
+    found = {}
+    for part in state.apart:
+        (name,) = part.names
+        step = Evaluator([portable(part.scalar_step)], functions)
+        path = [np.zeros(1)]
+        for k in range(1, len(motion)):
+            now = {symbol: signal[k : k + 1] for symbol, signal in signals.items()}
+            path += step({**values, STEP_SYMBOL: motion.sampling_time, **now, name: path[-1]})
+        found[name] = np.concatenate(path)
+    return found
 
 
 @ON_LINUX

@@ -25,15 +25,11 @@ from lumbar.tissue.models.operators import (
     relaxation,
 )
 
-_EDGES = 160
-"""Most instants that are tried as ends of an interval."""
-_LINES = 3
-"""How many of the strongest frequencies are tried."""
-_HIGHEST = 4.0
-"""Hz; people move no faster."""
+_MAX_EDGES = 160  # instants that are tried as ends of an interval
+_MAX_LINES = 3  # strongest frequencies that are tried
+_MAX_MODULATION_HZ = 4.0  # people move no faster
 _C_STEPS: dict[str, str] = shipped_yaml(Path(__file__).with_name("c_steps.yaml"))
-_BRANCHES = 6
-"""Of a relaxation spectrum; each four times as fast as the one before."""
+_BRANCHES = 6  # of a relaxation spectrum; each is four times as fast as the one before
 _SOLUTIONS = {
     "maxwell_branch": (elongation, ""),
     "spectrum": (
@@ -49,15 +45,14 @@ _SOLUTIONS = {
 }
 """States in closed form, and in C where the solver's step is less exact."""
 
-_ELEMENTS = 4
-"""Jenkins elements of an Iwan model; each slides at half the distance of the one before."""
+_IWAN_ELEMENTS = 4  # Jenkins elements; each slides at half the distance of the one before
 _IWAN_STEP = "\n".join(
     f"next[{order}] = behind_gap(memory[{order}], position, largest_distance / {2**order}, first);"
-    for order in range(_ELEMENTS)
+    for order in range(_IWAN_ELEMENTS)
 )
 _IWAN_FORCE = " + ".join(
     f"friction_limit_{order} * ((position - next[{order}]) / (largest_distance / {2**order}))"
-    for order in range(_ELEMENTS)
+    for order in range(_IWAN_ELEMENTS)
 )
 
 
@@ -72,9 +67,9 @@ _BY_HAND = {
     ),
     "iwan": HandWritten(
         columns=lambda motion, nonlinear: [
-            elastoplastic(motion, nonlinear[0] / 2**order) for order in range(_ELEMENTS)
+            elastoplastic(motion, nonlinear[0] / 2**order) for order in range(_IWAN_ELEMENTS)
         ],
-        c_step=CStep(_IWAN_FORCE, _IWAN_STEP, memory=_ELEMENTS),
+        c_step=CStep(_IWAN_FORCE, _IWAN_STEP, memory=_IWAN_ELEMENTS),
     ),
     "play": HandWritten(
         input_transform=lambda motion, nonlinear: motion.through(partial(play, gap=nonlinear[0])),
@@ -111,7 +106,7 @@ def strongest_lines(motion: Motion, residual: np.ndarray) -> list[np.ndarray]:
         return [np.array([2 * resolution])]
     # How far a line stands out where the input is weak counts, not its height alone.
     weight = power[peaks] / (1e-3 * excitation.max() + excitation[peaks])
-    by_weight = peaks[np.argsort(-weight)[:_LINES]]
+    by_weight = peaks[np.argsort(-weight)[:_MAX_LINES]]
     by_power = peaks[np.argsort(-power[peaks])[:1]]
     return [np.array([frequency[peak]]) for peak in dict.fromkeys([*by_weight, *by_power])]
 
@@ -132,7 +127,7 @@ def interval_starts(motion: Motion, residual: np.ndarray, carriers: list[np.ndar
     """
     base = np.stack([motion.acceleration, motion.velocity, np.sin(motion.position)])
     carrier = np.stack(carriers)
-    edges = np.linspace(0, len(motion), min(_EDGES, len(motion) // 4) + 1).astype(int)
+    edges = np.linspace(0, len(motion), min(_MAX_EDGES, len(motion) // 4) + 1).astype(int)
     cross = _cumulative(base[:, None] * carrier, edges)
     square = _cumulative(carrier[:, None] * carrier, edges)
     right = _cumulative(carrier * residual, edges)
@@ -170,8 +165,8 @@ def modulation_starts(motion: Motion, residual: np.ndarray, carriers: list[np.nd
     for carrier in carriers:
         frequency, power = _periodogram(residual * carrier, motion.sampling_time)
         peaks = np.flatnonzero((power[1:-1] > power[:-2]) & (power[1:-1] >= power[2:])) + 1
-        peaks = peaks[(frequency[peaks] >= lowest) & (frequency[peaks] <= _HIGHEST)]
-        found += list(frequency[peaks[np.argsort(-power[peaks])[:_LINES]]])
+        peaks = peaks[(frequency[peaks] >= lowest) & (frequency[peaks] <= _MAX_MODULATION_HZ)]
+        found += list(frequency[peaks[np.argsort(-power[peaks])[:_MAX_LINES]]])
     return [np.array([value]) for value in dict.fromkeys(found)] or [np.array([2 * lowest])]
 
 
@@ -189,8 +184,7 @@ _STARTS = {
     "heaving_pivot": lambda motion, residual: modulation_starts(motion, residual, [np.sin(motion.position)]),
 }
 
-_BEYOND = 0.01
-"""Share of the samples that may lie beyond a limit."""
+_MAX_SHARE_BEYOND = 0.01  # of the samples that are beyond a limit
 _FEWEST_CYCLES, _ENOUGH_CYCLES = 2.0, 5.0
 """Of a disturbance in a record: with fewer it is a drift; up to so many it may be one that wanders, unless its line stands
 out."""
@@ -198,14 +192,13 @@ _STANDS_OUT = 30.0
 """Power of such a line in that of the spectrum beside it, as a slope of a wandering zero has it."""
 _ASIDE = 2.5
 """Lines (1/duration) from which on the spectrum is beside it: what Hann's window spreads ends before."""
-_APART = 0.5
-"""Lines (1/duration) by which a disturbance must keep away from the excitation's own."""
+_MIN_LINES_APART = 0.5  # lines (1/duration) from a disturbance to the excitation's nearest line
 
 
 def _beyond_limit(values, force: np.ndarray, noise: float, said: str) -> str:
     """Sentence on the share of the samples beyond a fitted limit; "" if there are few."""
     share = float(np.mean(force > 1.02 * values["limit"] + 3 * noise))
-    return f"{100 * share:.1f} % of the samples {said} its limit" if share > _BEYOND else ""
+    return f"{100 * share:.1f} % of the samples {said} its limit" if share > _MAX_SHARE_BEYOND else ""
 
 
 def _stands_out(motion: Motion, force: np.ndarray, at: float) -> bool:
@@ -229,7 +222,7 @@ def _no_disturbance(values, motion, force, noise, period) -> str:
     cycles = frequency * duration
     if cycles < _FEWEST_CYCLES or (cycles < _ENOUGH_CYCLES and not _stands_out(motion, force, frequency)):
         return f"its record holds {cycles:.1f} cycles of it"
-    if period and abs(frequency * period - round(frequency * period)) < _APART * period / duration:
+    if period and abs(frequency * period - round(frequency * period)) < _MIN_LINES_APART * period / duration:
         return "it repeats with the excitation"
     return ""
 

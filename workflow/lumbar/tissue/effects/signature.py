@@ -33,10 +33,8 @@ AXES = {"tissue": ("Position", "force"), "pendulum": ("Angle", "moment")}
 """By system: what is moved, and what answers."""
 _SAMPLING_TIME = 0.01
 _DURATION = 12.0
-_MOST_CORNERS = 32
-"""Of the box of nonlinear parameters, at which an equation is tried."""
-_FREQUENCY = 0.5
-"""Hz; of the standard motion on which an equation must stay finite."""
+_MAX_CORNERS = 32  # of the box of nonlinear parameters, at which an equation is tried
+_FREQUENCY_HZ = 0.5  # of the standard motion on which an equation must stay finite
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,12 +130,12 @@ def numerical_problems(form: Form) -> list[tuple[str, str]]:
     """Numbers that are not finite on a standard motion, and parameters that do nothing there."""
     if form.channels:
         return []
-    motion = standard_motion(_FREQUENCY)
+    motion = standard_motion(_FREQUENCY_HZ)
     # such a constant says where a parameter acts, which may be nowhere within the sine
     may_lie_beyond = any("{x}" in constant.unit for constant in form.constants)
     force = 2 * motion.position
     ends = [item.grid(1.0)[[0, -1]] for item in form.nonlinear]
-    for point in islice(product(*ends), _MOST_CORNERS):
+    for point in islice(product(*ends), _MAX_CORNERS):
         nonlinear = np.array(point)
         with np.errstate(all="ignore"):
             if form.place is Place.OUTPUT:

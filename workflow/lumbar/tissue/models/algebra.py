@@ -61,8 +61,7 @@ NUMPY: dict[str, Callable] = {
 """NumPy's functions by the names of the operations."""
 
 
-_LARGEST = 700.0
-"""Exponent of the largest number."""
+_MAX_EXPONENT = 700.0  # of the largest number
 MATH: dict[str, Callable] = {
     **{name: NUMPY[name] for name in ("+", "-", "*", "neg", "<", "<=", ">", ">=")},
     "/": lambda x, y: x / y if y else math.nan if x == 0 else math.copysign(math.inf, x),
@@ -70,10 +69,10 @@ MATH: dict[str, Callable] = {
     "abs": abs,
     "sign": lambda x: float(x > 0) - float(x < 0),
     "sqrt": math.sqrt,
-    "exp": lambda x: math.exp(x) if x < _LARGEST else math.inf,
-    "expm1": lambda x: math.expm1(x) if x < _LARGEST else math.inf,
+    "exp": lambda x: math.exp(x) if x < _MAX_EXPONENT else math.inf,
+    "expm1": lambda x: math.expm1(x) if x < _MAX_EXPONENT else math.inf,
     "tanh": math.tanh,
-    "sinh": lambda x: math.sinh(x) if abs(x) < _LARGEST else math.copysign(math.inf, x),
+    "sinh": lambda x: math.sinh(x) if abs(x) < _MAX_EXPONENT else math.copysign(math.inf, x),
     "sin": math.sin,
     "cos": math.cos,
     "arctan": math.atan,

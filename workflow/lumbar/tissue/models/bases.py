@@ -15,8 +15,7 @@ from lumbar.tissue.models.motion import Motion, OneMotion
 from lumbar.tissue.models.operators import relaxation, surface_of_branch, surface_of_dashpot
 from lumbar.tissue.models.parameter import Constant
 
-_RESPONSES = {"tissue": "F", "pendulum": "M"}
-"""Symbol of what a base of each system gives."""
+_RESPONSES = {"tissue": "F", "pendulum": "M"}  # symbol of the response of a base of each system
 
 
 @dataclass(frozen=True)

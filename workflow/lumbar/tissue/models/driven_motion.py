@@ -33,8 +33,7 @@ from lumbar.tissue.models.parameter import SIGNALS
 MOTION = ("z", "v", "a")
 """Symbols of position, velocity and acceleration."""
 _PATH_RATE = parse("abs(v)")
-_KNOWN = {*MOTION, "s", "t"}
-"""Signals that a simulation from force to motion has."""
+_KNOWN = {*MOTION, "s", "t"}  # signals that a simulation from force to motion has
 
 
 def can_be_simulated(form: Form) -> bool:
@@ -155,17 +154,13 @@ _RATE = np.linalg.inv(_INTEGRAL)
 _SUM = _RATE.sum(axis=1)
 _RATE2, _SUM2 = _RATE @ _RATE, _RATE @ _SUM
 _STAGES = len(POINTS)
-_ITERATIONS = 10
-"""After which only what has converged is kept, and fewer steps are taken together."""
-_SEARCHED = 40
-"""Iterations of a single step, damped."""
+_MAX_ITERATIONS = 10  # then only converged steps are kept, and fewer steps are taken together
+_MAX_DAMPED_ITERATIONS = 40  # of a single step
 _SHARES = 0.5 ** np.arange(12)
 _FEWER = 8
 _MOST_FAILURES = 100
-_TOLERANCE = 1e-7
-"""Largest change of the position in the last iteration, as a share of its size."""
-_TOGETHER = 400
-"""Steps that are taken together without a guess."""
+_TOLERANCE = 1e-7  # largest change of the position in the last iteration, as a share of its size
+_STEPS_TOGETHER = 400  # taken together without a guess
 
 
 @dataclass(frozen=True, eq=False)
@@ -217,7 +212,7 @@ class ForceDrive:
         steps, states = len(self.force), len(self.balance.states)
         points = np.zeros((1 + states, steps, _STAGES)) if guess is None else guess.copy()
         begun, first, failures = np.asarray(start, dtype=float), 0, 0
-        together = min(steps, _TOGETHER) if guess is None else steps
+        together = min(steps, _STEPS_TOGETHER) if guess is None else steps
         with np.errstate(all="ignore"):
             while first < steps:
                 last = min(first + together, steps)
@@ -235,7 +230,7 @@ class ForceDrive:
                     if failures > _MOST_FAILURES or (not good and last - first <= 1):
                         points[:] = np.nan
                         break
-                elif together < _TOGETHER:
+                elif together < _STEPS_TOGETHER:
                     together *= 2
         ends = self._ends(points, np.asarray(start, dtype=float))
         return Driven(ends[0], ends[1], ends[2:], points)
@@ -243,7 +238,7 @@ class ForceDrive:
     def _converged(self, parameters, begun, points, window) -> tuple[np.ndarray, int]:
         """Newton's iterations over a window, and how many steps from its beginning have converged."""
         good = 0
-        for _ in range(_ITERATIONS if len(points[0]) > 1 else _SEARCHED):
+        for _ in range(_MAX_ITERATIONS if len(points[0]) > 1 else _MAX_DAMPED_ITERATIONS):
             local, slope, driven = self._linearised(parameters, begun, points, window)[:3]
             joined = recursion(slope, driven[:, :, None])[:, :, 0]
             change = local[..., 0] + np.einsum("kij,kj->ki", local[..., 1:], joined[:-1])

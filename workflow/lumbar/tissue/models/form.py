@@ -267,7 +267,7 @@ def _by_channel(form: Form, alone: Sequence[Form]) -> Form:
     """The form with parameters of their own in some channels, from those that transform one channel alone."""
     channels = "".join(one.channel for one in alone)
     nonlinear = tuple(
-        replace(item, name=f"{item.name}_{axis}", symbol=f"{item.symbol}_{axis}", points=_POINTS)
+        replace(item, name=f"{item.name}_{axis}", symbol=f"{item.symbol}_{axis}", points=_POINTS_PER_CHANNEL)
         for axis in channels
         for item in form.nonlinear
     )
@@ -300,8 +300,7 @@ def _by_channel(form: Form, alone: Sequence[Form]) -> Form:
     )
 
 
-_POINTS = 3
-"""Starting values of a parameter that every channel has."""
+_POINTS_PER_CHANNEL = 3  # starting values of a parameter that every channel has
 
 
 @dataclass(frozen=True)

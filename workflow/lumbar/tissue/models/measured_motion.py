@@ -19,16 +19,12 @@ from lumbar.tissue.models.motion import JoinedMotions, Motion
 
 MEASURED = "measured_motion"
 """Role of the channel with the motion as measured, of which a simulation takes its beginning."""
-_BLOCK = 8
-"""Blocks of a record whose spectra are averaged."""
-_ABOVE = 4.0
-"""Power of the motion in that of the noise, from which on it is told from it."""
-_QUIET = 0.25
-"""Share of the frequencies, the highest ones, whose power is taken for the noise's."""
+_BLOCKS = 8  # of a record, whose spectra are averaged
+_MIN_POWER_RATIO = 4.0  # of the motion to the noise, at a frequency with visible motion
+_NOISE_SHARE = 0.25  # of the frequencies, the highest ones, that show the noise
 _ROOM = 1.5
 _ORDER = 4
-_HIGHEST = 0.45
-"""Cycles per sample from which on nothing is smoothed."""
+_MAX_CUTOFF = 0.45  # cycles per sample; above it nothing is smoothed
 
 
 def with_measured_motion(record: Record) -> Record:
@@ -44,11 +40,11 @@ def without_noise(signal: np.ndarray) -> np.ndarray:
 
     The noise is what the highest quarter of the frequencies holds; a motion has little there.
     """
-    frequency, power = scipy.signal.welch(signal, nperseg=min(len(signal), max(len(signal) // _BLOCK, 64)))
-    noise = float(np.median(power[frequency > 0.5 * (1 - _QUIET)]))
-    seen = np.flatnonzero(power > _ABOVE * noise)
+    frequency, power = scipy.signal.welch(signal, nperseg=min(len(signal), max(len(signal) // _BLOCKS, 64)))
+    noise = float(np.median(power[frequency > 0.5 * (1 - _NOISE_SHARE)]))
+    seen = np.flatnonzero(power > _MIN_POWER_RATIO * noise)
     cut = _ROOM * float(frequency[seen[-1]]) if len(seen) else 0.0
-    if not 0 < cut < _HIGHEST:
+    if not 0 < cut < _MAX_CUTOFF:
         return signal
     return scipy.signal.sosfiltfilt(scipy.signal.butter(_ORDER, 2 * cut, output="sos"), signal)
 
@@ -108,8 +104,7 @@ def _least_squares_spline(values: np.ndarray, spacing: float) -> tuple[np.ndarra
     return scipy.interpolate.make_lsq_spline(samples, values, knots, k=5)(samples), len(knots) - 6
 
 
-_MIN_JUMP = 0.1
-"""Share of its range by which an input that is held between jumps typically jumps."""
+_MIN_JUMP = 0.1  # share of its range by which a held input typically jumps
 
 
 def is_held(motion: Motion | JoinedMotions) -> bool:

@@ -17,8 +17,7 @@ import scipy
 
 from lumbar.records.record import Record
 
-_MAX_LATEST = 8
-"""Results of different parameters in a cache."""
+_MAX_LATEST = 8  # results of different parameters in a cache
 SUBSTEPS = 4
 """Steps between two samples in which a motion that is not smooth is followed."""
 

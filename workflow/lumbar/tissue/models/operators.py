@@ -222,19 +222,18 @@ def _next(condition: np.ndarray) -> list[int]:
     return np.minimum.accumulate(index[::-1])[::-1].tolist()
 
 
-_AHEAD = 512
-"""Samples that are looked at together."""
+_BLOCK_SAMPLES = 512  # samples that are searched together
 
 
 def _until_met(
     position: np.ndarray, allowed: np.ndarray | None, start: int, height: float, recovery: float
 ) -> int:
     """Samples from `start` on until a tool meets a surface that recovers from `height`."""
-    for first in range(start, len(position), _AHEAD):
-        piece = position[first : first + _AHEAD]
+    for first in range(start, len(position), _BLOCK_SAMPLES):
+        piece = position[first : first + _BLOCK_SAMPLES]
         met = piece > height * recovery ** (np.arange(len(piece)) + first - start)
         if allowed is not None:
-            met &= allowed[first : first + _AHEAD]
+            met &= allowed[first : first + _BLOCK_SAMPLES]
         if met.any():
             return first - start + int(np.argmax(met))
     return len(position) - start

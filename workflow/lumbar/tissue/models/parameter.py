@@ -13,8 +13,7 @@ SCALES = ("position", "speed", "path", "duration", "force", "time", "rate", "sam
 """Quantities that set the size of a nonlinear parameter."""
 
 
-_SHARE = 0.2
-"""Of the sampling interval and of the duration, to which the range of a time constant reaches."""
+_TIME_SHARE = 0.2  # of sampling interval and duration: bounds of a time constant
 
 
 @dataclass(frozen=True)
@@ -93,7 +92,7 @@ class NonlinearParameter(Parameter):
         """Return the bounds of the fit for a scale of this size, and for records of this sampling and duration."""
         low, high = self.low * self.reach[0] * size, self.high * self.reach[1] * size
         if self.follows_record and sampling_time and duration:
-            low, high = min(low, _SHARE * sampling_time), max(high, _SHARE * duration)
+            low, high = min(low, _TIME_SHARE * sampling_time), max(high, _TIME_SHARE * duration)
         return low, high
 
 

@@ -46,10 +46,8 @@ class Symmetry(StrEnum):
 
 MAX_ROTATION_RAD = 1.2
 """By which axes may be rotated from the given frame."""
-_MAX_COUPLING = 0.5
-"""Largest share of one channel's force that another one may read."""
-_MAX_SHIFT = 0.5
-"""Share of the motion's range by which a plane may be moved from where it is given."""
+_MAX_COUPLING = 0.5  # largest share of one channel's force that another one may read
+_MAX_SHIFT = 0.5  # share of the motion's range by which a plane may be moved from where it is given
 
 
 def signed(name: str, unit: str, symbol: str, most: float) -> NonlinearParameter:

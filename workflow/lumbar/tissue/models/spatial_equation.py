@@ -46,8 +46,7 @@ from lumbar.tissue.models.parameter import FORCE, SIGNALS, VECTORS, LinearParame
 from lumbar.tissue.models.state_equation import StateEquation
 
 Vector = tuple[Expression, ...]
-_SMALLEST = Number(1e-300)
-"""Square of a length from which on a vector has a direction."""
+_MIN_SQUARE = Number(1e-300)  # square of the length of a vector that has a direction
 
 
 def dot(left: Vector, right: Vector) -> Expression:
@@ -57,7 +56,7 @@ def dot(left: Vector, right: Vector) -> Expression:
 
 def length(vector: Vector) -> Expression:
     """Length of a vector; of no length it has a slope too, 0."""
-    return Operation("sqrt", (Operation("max", (dot(vector, vector), _SMALLEST)),))
+    return Operation("sqrt", (Operation("max", (dot(vector, vector), _MIN_SQUARE)),))
 
 
 def in_space(expression: Expression, vectors: Mapping[str, Vector]) -> Expression | Vector:

@@ -20,7 +20,7 @@ from itertools import repeat
 import numpy as np
 import scipy
 
-from lumbar.tissue.models.algebra import MATH, NUMPY, Evaluator, Functions, derivative
+from lumbar.tissue.models.algebra import MATH, NUMPY, Evaluator, derivative
 from lumbar.tissue.models.expression import (
     COMPARISONS,
     Expression,
@@ -34,7 +34,6 @@ from lumbar.tissue.models.expression import (
 )
 from lumbar.tissue.models.motion import OneMotion, SpatialMotion
 from lumbar.tissue.models.parameter import AXES, LINEAR, POSITIONS, SIGNALS, STEADY
-from lumbar.tissue.models.printing import portable
 
 MOST_STATES = 6
 """States of one form; with a clock, ``LARGEST_SYSTEM`` of ``effect_forms.h``."""
@@ -43,13 +42,12 @@ STEP_SYMBOL = "sampling_time"
 _MOST_ITERATIONS = 40
 _LARGEST_SLOPE = 50.0
 """Exponent of what runs away in one step: beyond it nothing is known, and nothing overflows."""
-_SMALL = 1e-4
-"""Exponent below which φ₂ is its series: a difference would have no digits left."""
-_TOLERANCE = 1e-13
-"""Largest change in Newton's last iteration, as a share of the largest state."""
+_MIN_EXPONENT = 1e-4  # below it φ₂ is its series: a difference would have no digits left
+_TOLERANCE = 1e-13  # largest change in Newton's last iteration, as a share of the largest state
 _TERMS = 14
 """Of φ₁'s series for matrices, whose norm is first halved to at most 1/2: it then ends below rounding."""
 _STEP = Symbol(STEP_SYMBOL)
+_ALONG = {f"_{axis}" for axis in AXES}
 
 
 def _step_of(position: str) -> str:
@@ -57,7 +55,6 @@ def _step_of(position: str) -> str:
     return "d" + position if position[1:] in _ALONG else "dz"
 
 
-_ALONG = {f"_{axis}" for axis in AXES}
 _RATES: dict[str, Expression] = {
     **{symbol: Symbol(_step_of(symbol)) for symbol in POSITIONS},
     "s": Operation("abs", (Symbol("dz"),)),
@@ -213,15 +210,25 @@ class StateEquation:
         return found
 
     @cached_property
-    def _stepper(self):
+    def _step_evaluator(self) -> Evaluator:
         if self.is_scalar:
-            exponent = self.matrix[0][0]
-            return _ScalarStep(Evaluator([self.scalar_step, exponent], STEP_FUNCTIONS))
-        return _MatrixStep(
-            Evaluator([*self.increments, *(cell for row in self.matrix for cell in row)], STEP_FUNCTIONS),
-            self.names,
-            len(self.increments),
-        )
+            return Evaluator([self.scalar_step, self.matrix[0][0]], STEP_FUNCTIONS)
+        return Evaluator([*self.increments, *(cell for row in self.matrix for cell in row)], STEP_FUNCTIONS)
+
+    def _step(self, values: Mapping, steps: int) -> tuple[np.ndarray, np.ndarray]:
+        """States after each step, shape (states, steps), and their slopes by those before it, (states, states, steps)."""
+        cells = self._step_evaluator(values)
+        if self.is_scalar:
+            after, exponent = cells
+            return np.broadcast_to(after, (1, steps)), np.broadcast_to(np.exp(exponent), (1, 1, steps))
+        size, states = len(self.increments), len(self.names)
+        found = np.array([np.broadcast_to(value, steps) for value in cells], dtype=float)
+        increments = found[:size].T[..., None]
+        matrix = found[size:].reshape(size, size, steps).transpose(2, 0, 1)
+        stretch = _stretches(matrix, states)
+        after = np.array([values[name] for name in self.names]) + (stretch @ increments)[:, :states, 0].T
+        slopes = np.eye(size) + matrix @ stretch
+        return after, slopes[:, :states, :states].transpose(1, 2, 0)
 
     def _newton(
         self,
@@ -239,7 +246,7 @@ class StateEquation:
         with np.errstate(all="ignore"):
             for _ in range(_MOST_ITERATIONS):
                 before = states[:, :-1]
-                after, slopes = self._stepper({**known, **dict(zip(self.names, before, strict=True))}, steps)
+                after, slopes = self._step({**known, **dict(zip(self.names, before, strict=True))}, steps)
                 driven = after - np.einsum("ijk,jk->ik", slopes, before)
                 if not (np.isfinite(driven).all() and np.isfinite(slopes).all()):
                     return None
@@ -276,26 +283,16 @@ class StateEquation:
                 break
             slope = min(slope, _LARGEST_SLOPE)
             first = math.expm1(slope) / slope if slope else 1.0
-            second = (first - 1.0) / slope if abs(slope) > _SMALL else 0.5 + slope / 6
+            second = (first - 1.0) / slope if abs(slope) > _MIN_EXPONENT else 0.5 + slope / 6
             state += first * added + (second * by_clock[0] if by_clock else 0.0)
             found.append(state)
         return np.array([found + [math.nan] * (steps + 1 - len(found))])
 
-    def in_steps(
-        self,
-        known: Mapping,
-        steps: int,
-        functions: Functions = STEP_FUNCTIONS,
-        begin: np.ndarray | float = 0.0,
-    ) -> np.ndarray:
+    def in_steps(self, known: Mapping, steps: int, begin: np.ndarray | float = 0.0) -> np.ndarray:
         """The same one step after the other, shape (states, steps + 1), as C takes them.
 
-        `known` are parameters, and signals at the beginning of every step; `begin` are the states there. `functions` compute
-        the operations; other than NumPy's for scalar steps only, in their portable form.
+        `known` are parameters, and signals at the beginning of every step; `begin` are the states there.
         """
-        stepper = self._stepper
-        if functions is not STEP_FUNCTIONS:
-            stepper = _ScalarStep(Evaluator([portable(self.scalar_step)] * 2, functions))
         states = np.zeros((len(self.names), steps + 1))
         states[:, 0] = begin
         series = {name: value for name, value in known.items() if np.ndim(value)}
@@ -303,7 +300,7 @@ class StateEquation:
             for k in range(steps):
                 now = {name: value[k : k + 1] for name, value in series.items()}
                 before = {name: states[row, k : k + 1] for row, name in enumerate(self.names)}
-                states[:, k + 1] = stepper({**known, **now, **before}, 1)[0][:, 0]
+                states[:, k + 1] = self._step({**known, **now, **before}, 1)[0][:, 0]
         return states
 
 
@@ -312,37 +309,6 @@ def _positions(motion: OneMotion) -> tuple[str, ...]:
     if isinstance(motion, SpatialMotion):
         return tuple(f"z_{name}" for name in motion.names)
     return tuple(name for name in POSITIONS if name[1:] not in _ALONG)
-
-
-@dataclass(frozen=True)
-class _ScalarStep:
-    """From symbols to the state after each step and the slope of that by the state before."""
-
-    evaluator: Evaluator
-
-    def __call__(self, values: Mapping, steps: int) -> tuple[np.ndarray, np.ndarray]:
-        after, exponent = self.evaluator(values)
-        slopes = np.broadcast_to(np.exp(exponent), (1, 1, steps))
-        return np.broadcast_to(after, (1, steps)), slopes
-
-
-@dataclass(frozen=True)
-class _MatrixStep:
-    """The same for several states, or with a clock."""
-
-    evaluator: Evaluator
-    names: tuple[str, ...]
-    size: int
-
-    def __call__(self, values: Mapping, steps: int) -> tuple[np.ndarray, np.ndarray]:
-        found = np.array([np.broadcast_to(value, steps) for value in self.evaluator(values)], dtype=float)
-        increments = found[: self.size].T[..., None]
-        matrix = found[self.size :].reshape(self.size, self.size, steps).transpose(2, 0, 1)
-        states = len(self.names)
-        stretch = _stretches(matrix, states)
-        after = np.array([values[name] for name in self.names]) + (stretch @ increments)[:, :states, 0].T
-        slopes = np.eye(self.size) + matrix @ stretch
-        return after, slopes[:, :states, :states].transpose(1, 2, 0)
 
 
 def _stretches(matrix: np.ndarray, states: int) -> np.ndarray:

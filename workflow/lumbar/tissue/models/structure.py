@@ -122,17 +122,14 @@ def forces_of(form: Form, motion: Motion | JoinedMotions, nonlinear: np.ndarray)
 _MAX_START_SAMPLES, _MIN_START_SAMPLES = 50, 5
 """Samples of the measured motion from which the state at the start is estimated, at most a twentieth of them; no error counts
 them."""
-_MAX_STEP_RAD = 0.4
-"""Largest step, in radians of the highest frequency that holds much of the motion."""
-_MAX_STEPS = 4
-"""Steps from sample to sample."""
+_MAX_STEP_RAD = 0.4  # at the highest frequency that holds much of the motion
+_MAX_STEPS = 4  # from sample to sample
 _BAND_POWER = 0.95
 _FIRST_ITERATIONS, _NEXT_ITERATIONS = 4, 2
 """Iterations of the state at the start, at first and for other parameters."""
 _START_RIDGE = 1e-3
 """Of a change of the state, relative to the information in the first samples: a state that they do not show stays as it is."""
-_RELATIVE_STEP = 1e-6
-"""Relative step of differences by parameters."""
+_RELATIVE_STEP = 1e-6  # of differences by parameters
 _Any = TypeVar("_Any", LinearParameter, NonlinearParameter)
 
 

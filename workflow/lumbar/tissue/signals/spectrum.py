@@ -104,8 +104,7 @@ def _welch(
     )
 
 
-_OCCUPIED = 0.99
-"""Share of the power within an occupied band."""
+_OCCUPIED = 0.99  # share of the power within an occupied band
 
 
 def spectral_edge(signal: np.ndarray, share: float) -> float:
