@@ -90,25 +90,19 @@ def test_columns_against_the_equation_with_exact_derivatives(key, motion):
         assert np.abs(found - wanted)[10:-10].max() < 2e-3 * np.abs(wanted).max()
 
 
-def test_output_forms_limit_the_force(motion):
-    force = 10 * motion.position
-    limits = {form.key: form for form in FORMS if form.place is Place.OUTPUT}
-    lost = limits["contact_loss/sharp"].output_transform(force, motion, np.array([4.0]))
-    assert lost.min() == -4.0
-    assert np.array_equal(lost[force > -4], force[force > -4])
-    clipped = limits["saturation/sharp"].output_transform(force, motion, np.array([6.0]))
-    assert (clipped.min(), clipped.max()) == (-6.0, 6.0)
-    soft = limits["contact_loss/soft"].output_transform(force, motion, np.array([4.0, 1e-3]))
-    assert np.allclose(soft, lost, atol=1e-2)
-
-
-def test_a_rounded_limit_tends_to_the_sharp_one_and_does_not_overflow(motion):
+def test_output_forms_limit_the_force_and_do_not_overflow(motion):
     force = np.concatenate([10 * motion.position, [1e30, -1e30]])
     forms = {form.key: form.output_transform for form in FORMS if form.place is Place.OUTPUT}
-    rounded = forms["saturation/rounded"](force, motion, np.array([6.0, 400.0]))
-    assert np.allclose(rounded, np.clip(force, -6, 6), atol=0.02)
+
+    def limited(key, *numbers):
+        return forms[key](force, motion, np.array(numbers))
+
+    assert np.array_equal(limited("contact_loss/sharp", 4.0), np.maximum(force, -4.0))
+    assert np.array_equal(limited("saturation/sharp", 6.0), np.clip(force, -6.0, 6.0))
+    assert np.allclose(limited("contact_loss/soft", 4.0, 1e-3)[:-2], np.maximum(force, -4.0)[:-2], atol=1e-2)
+    assert np.allclose(limited("saturation/rounded", 6.0, 400.0), np.clip(force, -6, 6), atol=0.02)
     expected = force[:-2] / (1 + np.abs(force[:-2] / 6.0) ** 5) ** 0.2
-    assert np.allclose(forms["saturation/rounded"](force, motion, np.array([6.0, 5.0]))[:-2], expected)
+    assert np.allclose(limited("saturation/rounded", 6.0, 5.0)[:-2], expected)
 
 
 def test_iwans_elements_slide_one_after_the_other():
@@ -201,13 +195,6 @@ def test_masses_weigh_what_the_settings_say():
         item for effect in catalogue.PENDULUM.values() for form in effect.forms for item in form.constants
     ]
     assert {item.value for item in constants if item.symbol == "g"} == {PendulumSettings().gravity_m_s2}
-
-
-def test_an_effect_is_read_when_it_is_asked_for():
-    effects = catalogue.Catalogue("tissue", "drift inertia")
-    assert list(effects) == ["drift", "inertia"]
-    assert effects["drift"] is effects["drift"]
-    assert effects._effects["inertia"] is None
 
 
 STEP = 0.01

@@ -11,12 +11,10 @@ from lumbar.tissue.effects.catalogue import CATALOGUES, TISSUE
 from lumbar.tissue.models.algebra import Evaluator, check_powers, derivative, linear_parts
 from lumbar.tissue.models.equation import Equation
 from lumbar.tissue.models.expression import expand_sums, parse, symbols, to_text
-from lumbar.tissue.models.model_data import _ratio
 from lumbar.tissue.models.motion import Motion
 from lumbar.tissue.models.parameter import Constant, LinearParameter
-from lumbar.tissue.models.printing import c_text, latex, number_latex, portable, symbol_latex
+from lumbar.tissue.models.printing import c_text, latex, portable, symbol_latex
 from lumbar.tissue.models.state_equation import StateEquation
-from lumbar.tissue.models.transfer_function import TransferFunction
 
 FORMS = [form for catalogue in CATALOGUES.values() for effect in catalogue.values() for form in effect.forms]
 EQUATIONS = sorted({form.equation for form in FORMS if not form.hand_written})
@@ -150,12 +148,6 @@ def test_constants_in_latex_have_powers_of_ten():
         "e*k*z", False, (LinearParameter("k", "1", symbol="k"),), (), (Constant("e", 1e-6, "mm"),), ()
     )
     assert small.latex == r"e k z,\quad e = 10^{-6}\,\mathrm{mm}"
-
-
-def test_transfer_functions_in_latex_have_powers_of_ten():
-    assert _ratio(TransferFunction((0.5,), (1.0, -2.5e-7)), "{}/{}", "z^{{-{}}}", number_latex) == (
-        r"0.5/1 - 2.5 \cdot 10^{-7} z^{-1}"
-    )
 
 
 @pytest.mark.parametrize(

@@ -197,8 +197,10 @@ def test_parameters_are_reached_by_name():
 
 def test_printed_it_shows_equation_parameters_and_scores():
     assert "H(z) = (1.9 - 1.2 z^-1)/(1 - 0.45 z^-1), 100 Hz" in str(DISCRETE)
-    page = replace(DISCRETE, remark="<b>")._repr_html_()
-    assert r"$$H(z) = \frac{1.9 - 1.2 z^{-1}}{1 - 0.45 z^{-1}}$$" in page
+    page = replace(
+        DISCRETE, structure=TransferFunction((1.9, -2.5e-7), (1, -0.45)), remark="<b>"
+    )._repr_html_()
+    assert r"$$H(z) = \frac{1.9 - 2.5 \cdot 10^{-7} z^{-1}}{1 - 0.45 z^{-1}}$$" in page
     assert "&lt;b&gt;" in page
     with_effect = given("KB", "coulomb_friction/coulomb")
     for part in (with_effect.structure.base, *with_effect.structure.forms):
