@@ -8,8 +8,8 @@ import pytest
 
 from generate.equation_index import equations
 from generate.thesis_items import read_items
-from lumbar.publishing.study_report.contents import beside, chapters, smaller
-from lumbar.publishing.study_report.page import FAILS, WARNS, troubles
+from lumbar.publishing.study_report.contents import chapters, compare_cells, shorten_svg
+from lumbar.publishing.study_report.report_page import FAILS, WARNS, troubles
 from lumbar.study.artefacts import read_artefacts
 from small_report import CHOICES, CLAIMS, SHEET, make_results, page_of
 
@@ -24,7 +24,7 @@ def page(results):
     return page_of(results)
 
 
-def test_of_many_lifts_the_first_are_shown_and_the_others_linked(results):
+def test_only_the_first_of_many_lifts_are_shown(results):
     many = {**CHOICES, "lift": {f"p{number}_1kg": "p" for number in range(100)}}
     events = [row for row in SHEET if row.id == "events"]
     (chapter,) = chapters(results, results / "captions", events, many, None)
@@ -32,13 +32,13 @@ def test_of_many_lifts_the_first_are_shown_and_the_others_linked(results):
     assert (len(chapter.entries), artefact.id, len(files)) == (24, "events", 2 * 76)
 
 
-def test_published_cells_stand_beside_this_runs():
-    found = beside(CLAIMS, "table_3_1")
+def test_published_cells_are_compared_with_this_runs():
+    found = compare_cells(CLAIMS, "table_3_1")
     assert found.head == ("Trained on", "Model", "VAF (%)", "Order")
     assert found.rows[0] == ("noise", "KB", ("80.21", "66.16", "does not hold"), ("1", "1", "holds"))
     assert found.rows[1][2:] == (("–", "–", ""), ("–", "4", "cannot be tested on this data"))
     assert found.fractions == [3, 0]
-    assert beside(CLAIMS, "table_4_1") is None
+    assert compare_cells(CLAIMS, "table_4_1") is None
 
 
 def test_what_fails_comes_before_what_warns(results, page):
@@ -83,10 +83,11 @@ def test_the_same_results_make_the_same_bytes(results, page):
     assert page_of(results) == page
 
 
-def test_pictures_lose_digits_nobody_sees_and_nothing_else():
+def test_svg_is_shortened_to_hundredths_of_a_point():
     svg = '<svg>\n   <path id="a1.23456" d="M 1.23456 -0.00012 L 12.5 3"/>\n  <text>1.23456</text>\n</svg>\n'
     assert (
-        smaller(svg) == '<svg>\n<path id="a1.23456" d="M 1.23 -0 L 12.5 3"/>\n<text>1.23456</text>\n</svg>\n'
+        shorten_svg(svg)
+        == '<svg>\n<path id="a1.23456" d="M 1.23 -0 L 12.5 3"/>\n<text>1.23456</text>\n</svg>\n'
     )
 
 

@@ -33,7 +33,7 @@ from lumbar.tissue.models.fitted_model import FittedModel
 from lumbar.tissue.models.form import Effect
 
 if TYPE_CHECKING:
-    from lumbar.publishing.explorer.page import ExplorerPage
+    from lumbar.publishing.explorer.explorer_page import ExplorerPage
     from lumbar.tissue.diagnosis.law.proposal import Proposal
     from lumbar.tissue.diagnosis.spatial.spatial_reports import SpatialReport
 
@@ -188,7 +188,7 @@ class Diagnosis:
         """
         if self.without_page:
             raise InputError(f"{self.without_page}; save and to_html show what was found")
-        from lumbar.publishing.explorer.page import ExplorerPage
+        from lumbar.publishing.explorer.explorer_page import ExplorerPage
         from lumbar.publishing.pages.diagnosis_page import evidence_sections
 
         beside = self.thesis_models if thesis else NOT_IDENTIFIED

@@ -12,11 +12,11 @@ from lumbar.base.errors import InputError
 from lumbar.base.files import read_json
 from lumbar.interface.lift import Lift
 from lumbar.interface.verb import NOT_SAID, read_table
-from lumbar.publishing.lift_page.lift_data import RecordedLift
+from lumbar.publishing.lift_page.lift_data import LiftTables
 from lumbar.settings.stability import StabilitySettings
 
 if TYPE_CHECKING:
-    from lumbar.publishing.lift_page.page import LiftPage
+    from lumbar.publishing.lift_page.lift_document import LiftPage
 
 FILES = ("body.csv", "com.csv", "pendulum.csv", "pendulum.json", "events.json")
 """What the page of a saved lift is made of."""
@@ -55,7 +55,7 @@ def lift_page(
     >>> lift = lumbar.lift("lift.c3d", example_lift("lift.c3d"), box_mass_kg=15)
     >>> lumbar.lift_page(lift).save("lift.html")
     """
-    from lumbar.publishing.lift_page.page import LiftPage
+    from lumbar.publishing.lift_page.lift_document import LiftPage
 
     recorded = _analysed(lift, source_label) if isinstance(lift, Lift) else _saved(Path(lift), source_label)
     return LiftPage(recorded, settings or StabilitySettings())
@@ -68,14 +68,14 @@ def saved_lifts(folder: str | os.PathLike) -> list[Path]:
     return [path for path in (folder, *inner) if all((path / name).is_file() for name in FILES)]
 
 
-def _analysed(lift: Lift, source_label: str) -> RecordedLift:
+def _analysed(lift: Lift, source_label: str) -> LiftTables:
     events = {name: event.as_dict() for name, event in lift.analysed.events.items()}
-    return RecordedLift(
+    return LiftTables(
         lift.body, lift.analysed.pivot, lift.states, lift.facts, events, source_label or lift.source_label
     )
 
 
-def _saved(folder: Path, source_label: str) -> RecordedLift:
+def _saved(folder: Path, source_label: str) -> LiftTables:
     absent = [name for name in FILES if not (folder / name).is_file()]
     if absent:
         raise InputError(f"{folder}: no {', '.join(absent)}; a folder that 'lumbar lift' writes is needed")
@@ -86,6 +86,6 @@ def _saved(folder: Path, source_label: str) -> RecordedLift:
         raise InputError(f"{folder}: not the tables that 'lumbar lift' writes ({error})") from error
     facts, events = (read_json(folder / name) for name in FILES[3:])
     pivot = pivots if len(pivots) == len(body) and np.isfinite(pivots).any() else None
-    return RecordedLift(
+    return LiftTables(
         body, pivot, states, facts, events["events"], source_label or facts.get("data", NOT_SAID)
     )

@@ -11,7 +11,7 @@ from lumbar.base.files import read_json, write_text
 from lumbar.base.yaml_file import read_yaml
 from lumbar.publishing.figures.style import person_and_box
 from lumbar.publishing.study_report.contents import chapters
-from lumbar.publishing.study_report.page import StudyFacts, report_page
+from lumbar.publishing.study_report.report_page import StudyFacts, report_page
 from lumbar.study.artefacts import read_artefacts
 from lumbar.study.load_study import load_study
 from lumbar.tables.layout import value_in_words

@@ -11,7 +11,7 @@ from lumbar.base.errors import InputError
 from lumbar.base.files import refuse_links
 from lumbar.page_server.background import DRAWING, WRITING, page_message
 from lumbar.page_server.served_sets import ExploredSet
-from lumbar.publishing.explorer.page import excitation_of, model_facts
+from lumbar.publishing.explorer.explorer_page import excitation_of, model_facts
 from lumbar.publishing.explorer.shown import ShownModel
 from lumbar.tissue.diagnosis.evidence.discrimination import separating_excitation
 from lumbar.tissue.diagnosis.evidence.evidence import machine_limits

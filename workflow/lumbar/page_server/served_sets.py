@@ -24,7 +24,7 @@ from lumbar.settings.stability import StabilitySettings
 if TYPE_CHECKING:
     from lumbar.interface.diagnosed import Diagnosis
     from lumbar.interface.refinement import Refinement
-    from lumbar.publishing.explorer.page import ExplorerPage
+    from lumbar.publishing.explorer.explorer_page import ExplorerPage
 
 
 @dataclass(frozen=True)

@@ -20,8 +20,8 @@ from lumbar.page_server.requests import TabRequests
 from lumbar.page_server.served_sets import RESULT, ExploredSet, ServedSets
 from lumbar.page_server.trust import HOST, DoorHandler, Guarded, Outside, Visitors, log_refused
 from lumbar.page_server.waiting import NotReady, WaitingHandler
-from lumbar.publishing.explorer.page import PAGE
-from lumbar.publishing.explorer.plots import ANSWER, REQUEST
+from lumbar.publishing.explorer.explorer_page import PAGE
+from lumbar.publishing.explorer.explorer_pictures import ANSWER, REQUEST
 
 if TYPE_CHECKING:
     from bokeh.server.server import Server

@@ -1,7 +1,6 @@
 """Figures of the lifting chapter: events of a lift, the inverted pendulum (4.1), the trunk's segments
 (4.2)."""
 
-from pathlib import Path
 from textwrap import fill
 
 import numpy as np
@@ -11,7 +10,6 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 
 from lumbar.base.errors import LumbarError
-from lumbar.base.yaml_file import shipped_yaml
 from lumbar.lifting.stability.model.eq_4_1_pendulum import feedforward_torque
 from lumbar.lifting.stability.model.total_body import total_body_pendulum
 from lumbar.lifting.stability.model.trajectories import Trajectory
@@ -27,11 +25,29 @@ from lumbar.publishing.figures.style import (
 )
 from lumbar.settings.stability import PendulumSettings
 
-_SAID = shipped_yaml(Path(__file__).with_suffix(".yaml"))
-EVENT_LABELS: dict[str, str] = _SAID["events"]
-_BODY, _FRONT, _BACK, _BESIDE, _PLACES = (
-    _SAID[name] for name in ("body", "front", "back", "beside", "places")
+EVENT_LABELS = {
+    "lift_off": "lift-off",
+    "toe_off": "first toe-off",
+    "deposit_start": "start of deposit",
+    "release": "release",
+}
+_BODY = (
+    "C7-T12 T12-L5 L5-MID_HIP L_SHOULDER-R_SHOULDER L_HIP-R_HIP L_SHOULDER-L_WRIST R_SHOULDER-R_WRIST "
+    "L_HIP-L_ANKLE R_HIP-R_ANKLE L_HEEL-L_TOE R_HEEL-R_TOE L_ANKLE-L_HEEL R_ANKLE-R_HEEL"
 )
+"""Lines of the stick figure; limbs without a marker at knee or elbow are straight."""
+_FRONT = ["L_SHOULDER", "R_SHOULDER", "MANUBRIUM", "XIPHOID", "L_HIP", "R_HIP"]
+_BACK = ["L_SHOULDER", "R_SHOULDER", "C7", "T12", "L5", "SACRUM", "L_HIP", "R_HIP"]
+_NAME_SIDES = {"SHOULDER": "above", "HIP": "below", "C7": "over", "T12": "over", "L5": "over"}
+"""Side of a marker on which its name is written from the front and the back; others right."""
+_OFFSETS = {
+    "left": ((-5, 0), "right", "center"),
+    "right": ((5, 0), "left", "center"),
+    "over": ((4, 1), "left", "bottom"),
+    "above": ((0, 4), "center", "bottom"),
+    "below": ((0, -4), "center", "top"),
+}
+"""Offset in points and alignments of a name by its side."""
 _WHITE = {"facecolor": "white", "edgecolor": "none", "pad": 1.0, "alpha": 0.8}
 _MARKS = {"thorax": "o", "abdomen": "s", "pelvis": "^"}
 _DASHED, _DOTTED = (0, (4, 1.5)), (0, (1, 1))
@@ -116,13 +132,6 @@ def _points(lift: dict, event: str) -> dict[str, tuple[float, float, float]]:
     return {row.point: (row.x_m, row.y_m, row.z_m) for row in rows.itertuples()}
 
 
-def _stick_figure(axis, points: dict, horizontal: int, color: str, width: float) -> None:
-    for pair in _BODY:
-        if all(name in points for name in pair):
-            ends = zip(*((points[name][horizontal], points[name][2]) for name in pair), strict=True)
-            axis.plot(*ends, color=color, linewidth=width, solid_capstyle="round")
-
-
 def _box(axis, points: dict, horizontal: int, color: str) -> None:
     """Outline of the box: the hull of its markers as seen in this view."""
     corners = np.array(
@@ -183,7 +192,10 @@ def _two_postures(axis, lift: dict) -> None:
     for event, color, width in (("deposit_start", "#c4c4c4", 1.2), ("release", "#777777", 1.8)):
         points = _points(lift, event)
         _box(axis, points, 1, color)
-        _stick_figure(axis, points, 1, color, width)
+        for line in _BODY.split():
+            ends = [points[name][1:] for name in line.split("-") if name in points]
+            if len(ends) == 2:
+                axis.plot(*zip(*ends, strict=True), color=color, linewidth=width, solid_capstyle="round")
     axis.set_aspect("equal", adjustable="datalim")
     axis.set(xlabel="y, forward (m)", ylabel="z, up (m)")
     axis.set_title("start (light), release (dark)", loc="right")
@@ -235,7 +247,7 @@ def segments_figure(lift: dict) -> Figure:
     for axis, limits, markers in zip(axes[:2], (x[::-1], x), (_FRONT, _BACK), strict=True):
         _segments_between_markers(axis, points)
         for marker in filter(points.get, markers):
-            _marker(axis, marker, points[marker], 0, _BESIDE.get(marker.rpartition("_")[2], "right"))
+            _marker(axis, marker, points[marker], 0, _NAME_SIDES.get(marker.rpartition("_")[2], "right"))
         axis.set(xlim=limits, xlabel="x, lateral (m)")
     _segments_in_use(axes[2], points, lift["summary"]["segments"]["ends"])
     for marker in filter(points.get, dict.fromkeys((*_FRONT, *_BACK))):
@@ -312,5 +324,5 @@ def _marker(axis, marker: str, point, horizontal: int, beside: str) -> None:
     axis.plot(point[horizontal], point[2], marker="o", color=MEASURED, markersize=3, linestyle="")
     side, _, part = marker.rpartition("_")
     name = f"{part if len(part) <= 3 and not side else part.lower()}{f' ({side})' if side else ''}"
-    offset, across, up = _PLACES[beside]
+    offset, across, up = _OFFSETS[beside]
     note(axis, name, (point[horizontal], point[2]), offset, ha=across, va=up, fontsize=6.5)

@@ -7,7 +7,6 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from lumbar.base.templates import in_print
-from lumbar.base.yaml_file import shipped_yaml
 from lumbar.lifting.measures.balance import corners_around
 from lumbar.lifting.measures.course import CORNERS, base_in
 from lumbar.lifting.quality.body import landmarks
@@ -165,7 +164,17 @@ def _draw_support(axis, deposit: pd.DataFrame, functional_share: float, look: di
     note(axis, in_print(f"{margin:+.0f} mm"), nearest, (6, 4), fontsize=7, bbox=_WHITE)
 
 
-_DRAWN: dict[str, list[str]] = shipped_yaml(Path(__file__).with_suffix(".yaml"))["heights"]
+_HEIGHTS = {
+    "C7": ["C7", "T1"],
+    "sternum": ["MANUBRIUM", "XIPHOID"],
+    "pelvis": ["SACRUM", "L_PSIS", "R_PSIS", "L5"],
+    "right wrist": ["R_WRIST"],
+    "left wrist": ["L_WRIST"],
+    "right foot": ["R_HEEL", "R_ANKLE", "R_TOE"],
+    "left foot": ["L_HEEL", "L_ANKLE", "L_TOE"],
+    "box": [f"BOX_{number}" for number in range(1, 9)],
+}
+"""Drawn heights: name, and landmarks of which the first that a file contains is drawn."""
 _GAP = "#bbbbbb"
 _FINDING = "#D55E00"
 _WHOLE = 0.98
@@ -212,7 +221,7 @@ def _rows(sheet: QualitySheet) -> list[str]:
 
 def _heights(axis, sheet: QualitySheet, points, time, meant) -> None:
     known = landmarks(points, meant)
-    for index, (words, names) in enumerate(_DRAWN.items()):
+    for index, (words, names) in enumerate(_HEIGHTS.items()):
         label = next((known[name] for name in names if name in known), None)
         if label is None:
             continue

@@ -1,48 +1,64 @@
-"""Figures 1.1 and 3.1: how the thesis hangs together, with the chapters of a study that make each part, and its first article."""
+"""Figures 1.1 and 3.1: structure of the thesis with the chapters of a study that make each part, and its first article."""
 
 import re
 import textwrap
-from pathlib import Path
+from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patches import FancyBboxPatch
 
-from lumbar.base.yaml_file import shipped_yaml
 from lumbar.publishing.figures.style import DOUBLE_COLUMN, house_style, new_figure
 from lumbar.publishing.figures.tissue_figures import INK, arrow, draw_network, network_size
-from lumbar.publishing.study_report.contents import CHAPTERS, PLACES
+from lumbar.publishing.study_report.contents import CHAPTERS
 from lumbar.tissue.models.tissue_models import KB
 from lumbar.tissue.signals.multisine import one_period, schroeder_phases
 
-_SAID = shipped_yaml(Path(__file__).with_suffix(".yaml"))
-_THESIS = {name: (*box["at"], box["title"], box["words"]) for name, box in _SAID["boxes"].items()}
-"""Place, title and words of every box of Figure 1.1."""
 _LINE, _WIDTH = 0.4, 4.5
-"""Height of a line of words, and width of a box."""
+"""Height of a line of text, and width of a box."""
 
 
-def _lines(name: str) -> list[tuple[str, dict]]:
-    """Lines of a box with their look: title, words, and in grey the chapters of a study that make it."""
-    *_, title, words = _THESIS[name]
-    grey = {"color": "#555555", "fontsize": 6.5}
-    made = textwrap.wrap(_made(title, words), 52)
-    return [
-        (title, {"fontweight": "bold"}),
-        *((line, {}) for line in words),
-        *((line, grey) for line in made),
-    ]
+@dataclass(frozen=True)
+class _Box:
+    """A box of Figure 1.1."""
+
+    x: float
+    y: float
+    title: str
+    items: tuple[str, ...] = ()
+
+    def lines(self) -> list[tuple[str, dict]]:
+        """Return its lines with their style: title, items, and in grey the chapters of a study that make it."""
+        lines = [(self.title, {"fontweight": "bold"}), *((item, {}) for item in self.items)]
+        number = re.search(r"Chapter ([3-6])", " ".join((self.title, *self.items)))
+        if number is None:
+            return lines
+        place = "all chapters" if number[1] in "56" else f"Chapters?( 2 and)? {number[1]}"
+        made = [title.lower() for title, section in CHAPTERS.values() if re.match(place, section)]
+        grey = {"color": "#555555", "fontsize": 6.5}
+        return lines + [(line, grey) for line in textwrap.wrap(f"here: {', '.join(made)}", 52)]
+
+    @property
+    def half_height(self) -> float:
+        """Half of its height."""
+        return 0.5 * _LINE * (len(self.lines()) + 0.6)
 
 
-def _made(*words: object) -> str:
-    """Say which chapters of a study stand for a chapter of the thesis that the words name."""
-    number = re.search(r"Chapter ([3-6])", str(words))
-    if number is None:
-        return ""
-    of = "all chapters" if number[1] in "56" else f"Chapters?( 2 and)? {number[1]}"
-    return "here: " + ", ".join(
-        CHAPTERS[name].lower() for name, place in PLACES.items() if re.match(of, place)
-    )
+_BOXES = {
+    "motivation": _Box(5.0, 8.6, "Motivation: low back pain"),
+    "review": _Box(5.0, 7.45, "Chapter 2: literature review"),
+    "simulation": _Box(
+        2.5, 5.75, "Surgical simulation", ("modelling surgical movements", "modelling tissue force feedback")
+    ),
+    "stability": _Box(7.5, 5.75, "Spine stability", ("Lyapunov exponents", "basins of attraction")),
+    "manuscript": _Box(2.5, 3.6, "Surgical intervention", ("Chapter 3: manuscript",)),
+    "study": _Box(7.5, 3.6, "Preventative measures", ("Chapter 4: additional study",)),
+    "end": _Box(5.0, 1.2, "Chapter 5: discussion. Chapter 6: conclusion"),
+}
+_ARROWS = (
+    *(("motivation", "review"), ("review", "simulation"), ("review", "stability")),
+    *(("simulation", "manuscript"), ("stability", "study"), ("manuscript", "end"), ("study", "end")),
+)
 
 
 @house_style
@@ -51,27 +67,28 @@ def outline_figure() -> Figure:
     figure, axis = new_figure(DOUBLE_COLUMN, 4.3)
     axis.set(xlim=(0, 10), ylim=(0.5, 9.1))
     axis.axis("off")
-    half = {name: 0.5 * _LINE * (len(_lines(name)) + 0.6) for name in _THESIS}
-    for name, (x, y, *_) in _THESIS.items():
+    for box in _BOXES.values():
         look = {"boxstyle": "round,pad=0,rounding_size=0.15", "facecolor": "white", "edgecolor": INK}
-        corner = x - _WIDTH / 2, y - half[name]
-        axis.add_patch(FancyBboxPatch(corner, _WIDTH, 2 * half[name], **look))
-        for number, (line, style) in enumerate(_lines(name)):
-            place = y + half[name] - _LINE * (number + 0.8)
-            _write(axis, x, place, line, **style)
-    for source, target in _SAID["arrows"]:
-        (x, y, *_), (to_x, to_y, *_) = _THESIS[source], _THESIS[target]
-        arrow(axis, (x, y - half[source]), (to_x, to_y + half[target]))
+        half = box.half_height
+        axis.add_patch(FancyBboxPatch((box.x - _WIDTH / 2, box.y - half), _WIDTH, 2 * half, **look))
+        for number, (line, style) in enumerate(box.lines()):
+            _write(axis, box.x, box.y + half - _LINE * (number + 0.8), line, **style)
+    for source, target in _ARROWS:
+        start, end = _BOXES[source], _BOXES[target]
+        arrow(axis, (start.x, start.y - start.half_height), (end.x, end.y + end.half_height))
     return figure
 
 
 @house_style
 def article_figure() -> Figure:
     """Figure 3.1: from signals over systems to the simulation, each step with a sketch of what it works on."""
-    steps = _SAID["steps"].items()
+    steps = (
+        ("Signals", "excite the tissue across\nthe surgeons' bandwidth", _draw_signal),
+        ("Systems", "identify the tissue as\ndynamic viscoelastic models", _draw_system),
+        ("Simulation", "test the models\nin a surgical simulator", _draw_simulation),
+    )
     figure, axes = new_figure(DOUBLE_COLUMN, 2.3, ncols=len(steps))
-    sketches = (_draw_signal, _draw_system, _draw_simulation)
-    for number, (axis, (title, words), draw) in enumerate(zip(axes, steps, sketches, strict=True)):
+    for number, (axis, (title, words, draw)) in enumerate(zip(axes, steps, strict=True)):
         axis.set(xlim=(0, 3), ylim=(0, 2.4), aspect="equal")
         axis.axis("off")
         frame = {"boxstyle": "round,pad=0,rounding_size=0.1", "facecolor": "none", "edgecolor": INK}

@@ -23,7 +23,7 @@ from lumbar.settings.stability import StabilitySettings
 
 
 @dataclass(frozen=True, eq=False)
-class RecordedLift:
+class LiftTables:
     """One analysed lift as tables."""
 
     body: pd.DataFrame
@@ -72,7 +72,7 @@ def chains(points) -> list[dict]:
     return [{"side": side, "points": line} for side, line in lines if len(set(line)) > 1]
 
 
-def body_columns(lift: RecordedLift, frames: slice) -> dict[str, np.ndarray]:
+def body_columns(lift: LiftTables, frames: slice) -> dict[str, np.ndarray]:
     """Coordinates of all points at the frames that are drawn: ``<POINT>_x``, ``_y``, ``_z`` in metres."""
     points = dict(points_of(lift.body))
     if lift.pivot is not None:
@@ -85,7 +85,7 @@ def body_columns(lift: RecordedLift, frames: slice) -> dict[str, np.ndarray]:
     return {"time": lift.body["time_s"].to_numpy()[frames], **columns, **_pendulum_ends(lift, frames)}
 
 
-def _pendulum_ends(lift: RecordedLift, frames: slice) -> dict[str, np.ndarray]:
+def _pendulum_ends(lift: LiftTables, frames: slice) -> dict[str, np.ndarray]:
     """Ends of the pendulums in their planes: pivot plus ℓ(sin θ, cos θ); NaN outside the deposit."""
     time = lift.body["time_s"].to_numpy()[frames]
     columns = {}

@@ -5,7 +5,6 @@ from pathlib import Path
 
 from markupsafe import Markup
 
-from lumbar.base.yaml_file import shipped_yaml
 from lumbar.publishing.pages.html import (
     comparison_blocks,
     document,
@@ -33,8 +32,6 @@ from lumbar.tissue.diagnosis.selection.result import (
 )
 from lumbar.tissue.diagnosis.selection.thresholds import LEVEL
 from lumbar.tissue.models.form import Effect
-
-_SAID: dict[str, str] = shipped_yaml(Path(__file__).with_suffix(".yaml"))
 
 
 def diagnosis_page(
@@ -77,8 +74,12 @@ def evidence_sections(
     """What a referee would want, by titles; parameters as of `diagnosis_page`."""
     floor, unit = diagnosis.experiment.floor, diagnosis.experiment.output_unit
     after = diagnosis.model.test_rms
-    of_noise = _SAID["times_noise"].format(after / floor.rms) if floor else _SAID["noise_unknown"]
-    told = f"On unseen records {after:.4g} {unit} remain{of_noise}"
+    noise = (
+        f", {after / floor.rms:.3g} times the noise floor."
+        if floor
+        else "; how much of it is noise is unknown."
+    )
+    remaining = f"On unseen records {after:.4g} {unit} remain{noise}"
     sections = {
         "What was found, in full": [paragraph(line) for line in details(diagnosis, catalogue)],
         "Before and after": _errors(diagnosis, evidence),
@@ -86,7 +87,10 @@ def evidence_sections(
         "Parameters": _parameters(diagnosis),
         "Can it be told from the others?": [] if evidence.ties is None else _ties(diagnosis, evidence),
         "Pictures": [figure(svg, caption) for caption, svg in pictures.items()],
-        "What remains": [paragraph(told), listing(item.location.headline for item in evidence.remaining)],
+        "What remains": [
+            paragraph(remaining),
+            listing(item.location.headline for item in evidence.remaining),
+        ],
         "What these records cannot decide": [listing(limitations(diagnosis, evidence))],
     }
     return [(title, found) for title, found in sections.items() if found]
@@ -110,8 +114,11 @@ def _errors(diagnosis: DiagnosisResult, evidence: Evidence) -> list[Markup]:
     errors = (f"training ({unit})", f"unseen ({unit})", "unseen / noise")
     head = ("effects added", "role", "form", *errors, "p", "converged")
     noise = "unknown" if floor is None else f"{floor.rms:.4g} {unit} ({floor.low:.4g} to {floor.high:.4g})"
-    told = _SAID["errors"].format(error=error, training=experiment.training.name, tests=tests, noise=noise)
-    blocks = [paragraph(told), table(head, rows)]
+    what = (
+        f"Root mean square of the {error}. Fitted on {experiment.training.name}; unseen: {tests}. Noise floor: {noise}. "
+        "Each set of effects is refitted together with the base; the ranking is by the likelihood of all records."
+    )
+    blocks = [paragraph(what), table(head, rows)]
     if evidence.remaining:  # none of points without a clock
         blocks += [heading("The selected model on every record", 3), *comparison_blocks(evidence.remaining)]
     return blocks
@@ -144,18 +151,30 @@ def _error_row(
 
 
 def _false_alarm(diagnosis: DiagnosisResult, evidence: Evidence) -> list[Markup]:
+    percent = f"{100 * LEVEL:g}"
     if diagnosis.experiment.points:
-        return [paragraph(_SAID["chance_of_points"].format(percent=100 * LEVEL))]
-    experiments, threshold = len(evidence.null.ratios), evidence.threshold
-    told = _SAID["chance"].format(experiments=experiments, threshold=threshold, percent=100 * LEVEL)
-    if not diagnosis.selected:
+        return [
+            paragraph(
+                "Where nothing is missing, the best of all forms tried gains as much in the share p of the cases at most "
+                "(F test, times their number). To be selected, an effect needs "
+                f"{percent} % or less, and surely a smaller error on unseen points."
+            )
+        ]
+    chance = (
+        "Where nothing is missing, the best of all candidates still gains: in "
+        f"{len(evidence.null.ratios)} simulated experiments of the base alone, refitted each time, twice the logarithm of "
+        f"the likelihood rose by more than {evidence.threshold:.3g} in {percent} % (allowing for the number of forms tried "
+        "here). An effect needs more than that, and a smaller error on unseen records, to be selected."
+    )
+    if diagnosis.selected:
+        gain = likelihood_ratio(diagnosis.base, diagnosis.model, diagnosis.experiment)
+        verb = "gains" if len(diagnosis.selected) == 1 else "gain"
+        here = f"Here {effects_text(diagnosis.selected)} {verb} {gain:.4g}."
+    else:
         candidates = (item.candidate for item in diagnosis.ranking)
-        ratios = (likelihood_ratio(diagnosis.base, item, diagnosis.experiment) for item in candidates)
-        best = max(ratios, default=0.0)
-        return [paragraph(told), paragraph(f"Here the best candidate gains {best:.3g}.")]
-    found = likelihood_ratio(diagnosis.base, diagnosis.model, diagnosis.experiment)
-    verb = "gains" if len(diagnosis.selected) == 1 else "gain"
-    return [paragraph(told), paragraph(f"Here {effects_text(diagnosis.selected)} {verb} {found:.4g}.")]
+        gains = (likelihood_ratio(diagnosis.base, item, diagnosis.experiment) for item in candidates)
+        here = f"Here the best candidate gains {max(gains, default=0.0):.3g}."
+    return [paragraph(chance), paragraph(here)]
 
 
 def _parameters(diagnosis: DiagnosisResult) -> list[Markup]:
@@ -194,13 +213,18 @@ def _ties(diagnosis: DiagnosisResult, evidence: Evidence) -> list[Markup]:
     names = [effects_text(item.effects) for item in ties.candidates]
     alike = [names[index] for index in ties.clusters[0] if index != 0]
     noise = "Noise" if diagnosis.experiment.floor else "What the model leaves"
-    words = _SAID["angles"].format(noise=noise, resolution=ties.resolution)
-    cluster = _SAID["cluster" if alike else "no_cluster"].format(
-        selected=names[0],
-        angle=max(ALIKE, ties.resolution),
-        alike=", ".join(alike),
-        apart="" if diagnosis.tied_with else _SAID["apart"],
+    angles = (
+        "Angle between the force that each candidate adds and that of the selected one, beyond what the base's own "
+        "parameters take up, over all records: 0° is the same force, 90° has nothing in common. "
+        f"{noise} would hide {ties.resolution:.2g}°."
     )
+    cluster = f"No other candidate adds a force like that of {names[0]}."
+    if alike:
+        apart = "" if diagnosis.tied_with else "; the likelihood tells them apart all the same"
+        cluster = (
+            f"In one cluster with {names[0]}, their forces pairwise within {max(ALIKE, ties.resolution):.2g}°: "
+            f"{', '.join(alike)}{apart}."
+        )
     rows = [
         (
             name,
@@ -209,7 +233,7 @@ def _ties(diagnosis: DiagnosisResult, evidence: Evidence) -> list[Markup]:
         )
         for index, (name, angle) in enumerate(zip(names, ties.angles[0], strict=True))
     ]
-    blocks = [paragraph(words), paragraph(cluster), table(("candidate", "angle (°)", "cluster"), rows)]
+    blocks = [paragraph(angles), paragraph(cluster), table(("candidate", "angle (°)", "cluster"), rows)]
     if evidence.separation is not None:
         blocks.append(paragraph(separation_sentence(evidence.separation, diagnosis), "headline"))
         blocks.append(paragraph("The signal lies beside this page as separating_excitation.csv.", "note"))

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from lumbar.base.yaml_file import shipped_yaml
 from lumbar.publishing.figures.comparison_figures import (
     comparison_figure,
     ladder_figure,
@@ -21,8 +20,6 @@ from lumbar.tissue.diagnosis.selection.result import DiagnosisResult, runner_up
 from lumbar.tissue.diagnosis.spatial.spatial_reports import SpatialReport
 from lumbar.tissue.effects.signature import pictured_form
 from lumbar.tissue.models.form import Effect
-
-_CAPTIONS: dict[str, str] = shipped_yaml(Path(__file__).with_suffix(".yaml"))
 
 
 def draw_pictures(
@@ -63,9 +60,19 @@ def draw_pictures(
         figures["linear_dynamics"] = linear_figure(diagnosis)
     for name, drawn in figures.items():
         save(drawn, folder / name, "" if name == "signatures" else source_label)
-    words = {"base": base.name, "least_explained": whole.record.name, "trained": trained.record.name}
-    words["location"] = location
-    return {_CAPTIONS[name].format(**words): folder / f"{name}.svg" for name in figures}
+    captions = {
+        "comparison": f"The {base.name} model beside {whole.record.name}, the record it explains least, and what it leaves "
+        "of every record.",
+        "location": f"Where the {base.name} model fails on {trained.record.name}. {location}",
+        "ladder": "Error on training and unseen records, effect by effect, down to the noise floor.",
+        "signatures": "Signature of the selected effects and of the runner-up, each in its first form on a standard motion: "
+        "force over position, added force at two rates and over time; arbitrary units.",
+        "proposed_law": "The missing force over the position at three speeds, the proposed law beside it (lines), and the "
+        "errors without and with it.",
+        "linear_dynamics": "The linear dynamics of higher order beside base and record: gain and phase (Welch's estimate "
+        "from the same motion), and the poles.",
+    }
+    return {captions[name]: folder / f"{name}.svg" for name in figures}
 
 
 def pictured_effects(diagnosis: DiagnosisResult, catalogue: dict[str, Effect]) -> list[Effect]:

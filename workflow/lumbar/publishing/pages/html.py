@@ -1,7 +1,5 @@
-"""Building blocks of a page, macros of ``page.html.jinja``: what they are given is escaped, blocks are not again.
-
-Of them are the pages of `lumbar compare` and `lumbar locate`: what a model makes of every record, and where it fails.
-"""
+"""Building blocks of a page, macros of ``page.html.jinja`` (they escape texts, but not blocks), and the pages of
+`lumbar compare` and `lumbar locate`: a model's errors on every record, and where it fails."""
 
 import base64
 from collections.abc import Iterable, Sequence
@@ -11,7 +9,6 @@ from typing import TYPE_CHECKING
 from markupsafe import Markup
 
 from lumbar.base.templates import template
-from lumbar.base.yaml_file import shipped_yaml
 from lumbar.tissue.diagnosis.residuals.locate import ResidualReport, all_reports_sentence, of_axes, with_axes
 from lumbar.tissue.models.printing import equation_mathml
 
@@ -19,8 +16,15 @@ if TYPE_CHECKING:
     from lumbar.tissue.diagnosis.spatial.spatial_reports import SpatialReport
 
 PAGE = "publishing/pages/page.html.jinja"
-_SAID: dict[str, str] = shipped_yaml(Path(__file__).with_suffix(".yaml"))
-LOCATION_CAPTION, SPACE_CAPTION = _SAID["location"], _SAID["location_in_space"]
+LOCATION_CAPTION = (
+    "(a) Error along time, by period where the record repeats; (b) over depth; (c) around reversals. "
+    "Grey: 95 % limits of noise alone."
+)
+SPACE_CAPTION = (
+    "Above: the path, seen along every axis, wider and darker where the error is larger. Below, over the direction of "
+    "travel: the error (RMS), and its mean along the travel, positive where the tissue resists more than the model. Cells "
+    "of the sphere have one size; white ones were hardly visited."
+)
 
 
 def _macros():
@@ -64,13 +68,16 @@ def document(title: str, source_label: str, blocks: Iterable[Markup]) -> str:
 
 
 Reports = Sequence["ResidualReport | SpatialReport"]
-"""Of a model beside every record."""
+"""Reports of one model on every record."""
 
 
 def comparison_page(reports: Reports, model: str, source_label: str, pictures: dict[str, Path]) -> str:
     """Return the page of a comparison; `pictures` are SVG files by record."""
-    blocks = [paragraph(_SAID["comparison"]), *comparison_blocks(of_axes(reports))]
-    caption = _SAID["compared_in_space" if reports[0].record.axes else "compared"]
+    what = "Free-run simulation against every record. Error intervals: what another excitation of the same kind would give."
+    blocks = [paragraph(what), *comparison_blocks(of_axes(reports))]
+    caption = "measured and simulated, residual, and what is left of every record."
+    if reports[0].record.axes:
+        caption = "measured and simulated along every axis, over a part of the record, and the residual."
     blocks += [figure(svg, f"{name}: {caption}") for name, svg in pictures.items()]
     return document(f"The {model} model against every record", source_label, blocks)
 

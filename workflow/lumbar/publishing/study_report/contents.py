@@ -1,4 +1,4 @@
-"""What the report of a study holds: its artefacts in the thesis's order, with words, files, and the thesis's values."""
+"""Contents of a study's report: its artefacts in the thesis's order, with captions, files and the thesis's values."""
 
 import itertools
 import re
@@ -10,7 +10,6 @@ from pathlib import Path
 import pandas as pd
 
 from lumbar.base.files import read_json
-from lumbar.base.yaml_file import shipped_yaml
 from lumbar.publishing.figures.style import SHOWS
 from lumbar.study.artefacts import Artefact
 from lumbar.tables.layout import column_in_words, scientific, split_number, unit_in_print
@@ -29,47 +28,52 @@ class Picture:
     address: str
     """``data:`` address of the SVG file."""
     width: int
+    """Width in points."""
     height: int
-    """`width`, `height`: in points."""
+    """Height in points."""
     source_label: str
-    """Where the data come from; "Drawing without data" where there are none."""
+    """Origin of the data, or "Drawing without data"."""
     shows: str = ""
-    """Person and box, where it shows one."""
+    """Subject and box, if it shows one lift."""
 
 
 def read_picture(path: Path) -> Picture:
-    """Read an SVG file of `lumbar.publishing.figures.style.save`.
-
-    Lengths are rounded to hundredths of a point, and the text's indentation is left out: a third less to send.
-    """
+    """Read an SVG file that `lumbar.publishing.figures.style.save` wrote, shortened by `shorten_svg`."""
     text = path.read_text(encoding="utf-8")
     described = _DESCRIPTION.search(text)
-    words = unescape(described[1]) if described else ""
-    shows, _, data = words.rpartition("Data: ")
+    shows, _, source_label = (unescape(described[1]) if described else "").rpartition("Data: ")
     size = _SIZE.search(text)
     width, height = (round(float(size[number])) for number in (1, 2)) if size else (520, 300)
     who = shows.removeprefix(SHOWS).rstrip(". ")
-    return Picture(svg_address(smaller(text)), width, height, data, who)
+    return Picture(svg_address(shorten_svg(text)), width, height, source_label, who)
 
 
-def smaller(svg: str) -> str:
-    """Return an SVG text with lengths rounded and without indentation."""
-    rounded = _DRAWN.sub(lambda found: _NUMBER.sub(lambda number: _rounded(number[0]), found[0]), svg)
-    return re.sub(r"\s*\n\s*", "\n", rounded)
+def shorten_svg(svg: str) -> str:
+    """Round an SVG text's lengths to hundredths of a point and remove its indentation: a third less to send."""
+
+    def round_lengths(attribute: re.Match) -> str:
+        return _NUMBER.sub(lambda number: f"{float(number[0]):.2f}".rstrip("0").rstrip("."), attribute[0])
+
+    return re.sub(r"\s*\n\s*", "\n", _DRAWN.sub(round_lengths, svg))
 
 
-def _rounded(number: str) -> str:
-    return f"{float(number):.2f}".rstrip("0").rstrip(".")
-
-
-_CHAPTERS = shipped_yaml(Path(__file__).with_name("chapters.yaml"))
-CHAPTERS: dict[str, str] = {name: said["title"] for name, said in _CHAPTERS.items()}
-PLACES: dict[str, str] = {name: said["place"] for name, said in _CHAPTERS.items()}
-"""Where in the thesis each chapter of the study stands."""
+CHAPTERS: dict[str, tuple[str, str]] = {
+    "surgeon": ("Surgeon motion", "Chapter 3, Sections 3.2.3.1 and 3.2.4.1"),
+    "signals": ("Signal design", "Chapter 3, Section 3.2.3.1"),
+    "tissue": ("System identification", "Chapters 2 and 3, Sections 2.2.3 and 3.2.4.1"),
+    "improvement": ("Improvement of the models", "beyond the thesis"),
+    "runtime": ("Haptic runtime", "Chapter 3, Section 3.2.3.2"),
+    "survey": ("Survey", "Chapter 3, Section 3.2.4.2"),
+    "lifting": ("Lifting", "Chapter 4, Section 4.2.3.1"),
+    "stability": ("Basins of attraction", "Chapter 4, Sections 4.2.3 to 4.2.5"),
+    "population": ("People compared", "beyond the thesis"),
+    "claims": ("Claims", "all chapters"),
+}
+"""Title of each chapter of a study and its sections in the thesis, in the report's order."""
 _MAIN = re.compile(r"<main>(.*)</main>", flags=re.S)
 _DATA = re.compile(r'<p class="data">Data: (.*?)</p>')
-MANY = 24
-"""Lifts, or record sets, that are shown one by one: of more, the files of the others are linked alone."""
+MAX_SHOWN = 24
+"""Most lifts or record sets that are shown; of others only the files are linked."""
 
 
 @dataclass(frozen=True)
@@ -77,28 +81,27 @@ class Entry:
     """One table, picture or page of the report."""
 
     key: str
-    """Its place in the page, as in ``#key``."""
+    """Its anchor in the page, as in ``#key``."""
     artefact: Artefact
     title: str
     caption: str
-    """What it shows."""
     source_label: str = ""
-    """Where the data come from."""
+    """Origin of the data."""
     shows: str = ""
-    """Person and box, where it shows one."""
+    """Subject and box, if it shows one lift."""
     picture: Picture | None = None
     table: str = ""
     """HTML of a published table; empty for others."""
     page: str = ""
-    """File of an interactive page, below the study's results; empty where there is none."""
+    """File of an interactive page below the study's results; may be empty."""
     sentence: str = ""
-    """What was found, where one sentence tells it."""
+    """Result in one sentence; may be empty."""
     files: tuple[str, ...] = ()
-    """Below the study's results."""
-    said: "tuple[Said, ...]" = ()
+    """Paths below the study's results."""
+    claims: "tuple[ClaimRow, ...]" = ()
     """The thesis's claims about it."""
-    beside: "Beside | None" = None
-    """The thesis's table beside this run's."""
+    cells: "CellComparison | None" = None
+    """The thesis's table compared with this run's."""
     missing: bool = False
     """Whether it was not made."""
 
@@ -112,7 +115,7 @@ class Chapter:
     place: str
     entries: tuple[Entry, ...]
     files: tuple[tuple[Artefact, tuple[str, ...]], ...] = field(default_factory=tuple)
-    """What is not shown: artefacts that are files alone, and those beyond `MANY`."""
+    """Artefacts that are not shown: those that are only files, and those beyond `MAX_SHOWN`."""
 
 
 def chapters(
@@ -131,50 +134,43 @@ def chapters(
     captions : pathlib.Path
         Folder with a caption ``<id>.rst`` for every artefact that has a label.
     sheet : sequence of Artefact
-        Of the study's chapters, in order.
+        Artefacts of the study's chapters, in order.
     choices : dict of str to dict of str to str
-        What ``{lift}``, ``{record_set}`` and ``{model}`` stand for, each with its words.
+        Values of ``{lift}``, ``{record_set}`` and ``{model}``, each with its title.
     claims : pandas.DataFrame or None
         ``claims.csv``.
     """
     made = []
+    sets = list(choices.get("record_set", ()))
     for name, rows in itertools.groupby(sheet, key=lambda row: row.chapter):
         entries, files = [], []
         for artefact in rows:
-            every = _choices(artefact, choices) if artefact.label else []
-            caption = _caption(captions, artefact) if every else ""
+            caption, combinations = "", []
+            if artefact.label:
+                text = (captions / f"{artefact.id}.rst").read_text(encoding="utf-8")
+                caption = " ".join(text.split()).replace("``", "").replace("*", "")
+                names = [name for name in choices if f"{{{name}}}" in artefact.label]
+                combinations = [
+                    dict(zip(names, values, strict=True))
+                    for values in itertools.product(*(choices[name] for name in names))
+                ]
             entries += [
-                _entry(results, artefact, choice, caption, choices, claims) for choice in every[:MANY]
+                _entry(results, artefact, choice, caption, choices, claims)
+                for choice in combinations[:MAX_SHOWN]
             ]
             paths = _paths(artefact, choices)
-            told = {path for entry in entries for path in entry.files}
-            if not told.issuperset(paths):
-                files.append((artefact, tuple(path for path in paths if path not in told)))
-        # All of one record set stands together.
-        sets = list(choices.get("record_set", ()))
-        entries.sort(key=lambda entry: _set_of(entry, sets))
-        made.append(Chapter(name, CHAPTERS[name], PLACES[name], tuple(entries), tuple(files)))
+            linked = {path for entry in entries for path in entry.files}
+            if not linked.issuperset(paths):
+                files.append((artefact, tuple(path for path in paths if path not in linked)))
+
+        # Entries of one record set follow one another.
+        def set_number(entry: Entry) -> int:
+            found = [number for number, record_set in enumerate(sets) if entry.key.endswith(f"-{record_set}")]
+            return found[0] if "{record_set}" in entry.artefact.path and found else 0
+
+        entries.sort(key=set_number)
+        made.append(Chapter(name, *CHAPTERS[name], tuple(entries), tuple(files)))
     return made
-
-
-def _caption(captions: Path, artefact: Artefact) -> str:
-    """Caption of an artefact without the marks of reStructuredText."""
-    text = " ".join((captions / f"{artefact.id}.rst").read_text(encoding="utf-8").split())
-    return text.replace("``", "").replace("*", "")
-
-
-def _set_of(entry: Entry, sets: list[str]) -> int:
-    found = [number for number, name in enumerate(sets) if entry.key.endswith(f"-{name}")]
-    return found[0] if "{record_set}" in entry.artefact.path and found else 0
-
-
-def _choices(artefact: Artefact, choices: dict[str, dict[str, str]]) -> list[dict[str, str]]:
-    """Return what the names in braces of an artefact's label stand for, one after the other."""
-    names = [name for name in choices if f"{{{name}}}" in artefact.label]
-    return [
-        dict(zip(names, values, strict=True))
-        for values in itertools.product(*(choices[name] for name in names))
-    ]
 
 
 def _paths(artefact: Artefact, choices: dict[str, dict[str, str]]) -> list[str]:
@@ -204,105 +200,102 @@ def _entry(
     picture = read_picture(results / pictures[0]) if pictures else None
     is_table = bool(pages) and any(path.endswith(".tex") for path in files)
     text = (results / pages[0]).read_text(encoding="utf-8") if is_table else ""
-    inner, told = _MAIN.search(text), _DATA.search(text)
+    inner, stated = _MAIN.search(text), _DATA.search(text)
     return Entry(
         key=key,
         artefact=artefact,
         title=title,
         caption=caption,
-        source_label=picture.source_label if picture else unescape(told[1]) if told else "",
+        source_label=picture.source_label if picture else unescape(stated[1]) if stated else "",
         shows=picture.shows if picture else "",
         picture=picture,
         table=inner[1] if inner else "",
         page="" if is_table or not pages else pages[0],
         sentence=diagnosis_sentence(read_json(results / verdicts[0])) if verdicts else "",
         files=files,
-        said=() if claims is None else tuple(claims_shown_with(claims, artefact.id)),
-        beside=None if claims is None else beside(claims, artefact.id),
+        claims=() if claims is None else _claims_shown_with(claims, artefact.id),
+        cells=None if claims is None else compare_cells(claims, artefact.id),
     )
 
 
-_SAID: dict[str, dict[str, str]] = shipped_yaml(Path(__file__).with_suffix(".yaml"))
-
-
 def diagnosis_sentence(diagnosis: dict) -> str:
-    """Say what a diagnosis found, from the content of its ``diagnosis.json``; one of several axes says it itself."""
+    """Return the result of a diagnosis as a sentence, from the content of its ``diagnosis.json``."""
     if "headline" in diagnosis:
         return diagnosis["headline"]
-    base, effects = diagnosis["base"], " and ".join(name.replace("_", " ") for name in diagnosis["selected"])
-    found = _SAID["verdicts"][diagnosis["verdict"]].format(base=base, effects=effects or "no effect")
-    first, last = (diagnosis["ladder"][place].get("test_rms") for place in (0, -1))
+    base, selected = diagnosis["base"], diagnosis["selected"]
+    effects = " and ".join(name.replace("_", " ") for name in selected) or "no effect"
+    sentence = {
+        "named": f"The {base} model is missing {effects}.",
+        "tied": f"The {base} model is missing {effects}, or what these records cannot tell from it.",
+        "unexplained": f"What the {base} model leaves is unexplained; {effects} comes nearest.",
+        "adequate": f"Nothing is missing from the {base} model, as far as these records tell.",
+    }[diagnosis["verdict"]]
+    first, last = (diagnosis["ladder"][step].get("test_rms") for step in (0, -1))
     if first is None or last is None:
-        return found
+        return sentence
     unit, floor = unit_in_print(diagnosis["unit"]), diagnosis["noise_floor_rms"]
-    with_them = f" {unit} without and {last:.3g} {unit} with the effects" if effects else f" {unit}"
+    with_effects = f" {unit} without and {last:.3g} {unit} with the effects" if selected else f" {unit}"
     noise = "" if floor is None else f"; noise floor {floor:.3g} {unit}"
-    return f"{found} Error on unseen records (RMS): {first:.3g}{with_them}{noise}."
+    return f"{sentence} Error on unseen records (RMS): {first:.3g}{with_effects}{noise}."
 
 
-SHOWN_WITH = _SAID["shown_with"]
-"""Artefact with which a claim is shown, by the evidence that it is judged on; others stand with the table of that name."""
+SHOWN_WITH = {
+    "bandwidth": "surgeon_psd",
+    "multisine": "signal_properties",
+    "models": "figure_3_5",
+    "survey": "table_3_2",
+    "boa": "basin_areas",
+}
+"""Artefact with which a claim is shown, by its evidence; other evidence is the table of that name."""
 CELLS = {"table_3_1": 2, "table_3_2": 1}
-"""How many parts of a claim's name tell the row, by table: ``table_3_1.<record>.<model>.<column>``. Table 4.1 has the
-published values among its own columns."""
+"""How many parts of a claim's name select the row, by table: ``table_3_1.<record>.<model>.<column>``. Table 4.1 has the
+published values among its columns."""
 
 
 @dataclass(frozen=True)
-class Said:
-    """One claim of the thesis."""
+class ClaimRow:
+    """A row of ``claims.csv`` as text, values with four digits."""
 
     statement: str
     thesis: str
     run: str
     verdict: str
     criterion: str
-    """`statement`, `thesis`, `run`, `verdict`, `criterion`: as in ``claims.csv``, values with four digits."""
     location: str
     """Section or table of the thesis."""
 
 
 @dataclass(frozen=True)
-class Beside:
-    """Cells of a published table."""
+class CellComparison:
+    """Cells of a published table and of this run."""
 
     head: tuple[str, ...]
     rows: tuple[tuple, ...]
     """Names of the row, then per column ``(this run, thesis, verdict)``."""
     names: int
-    """How many names a row has."""
+    """Number of names of a row."""
 
     @property
     def fractions(self) -> list[int]:
-        """Characters from the decimal sign on, by column of values."""
+        """Most characters from the decimal sign to the end, by column of values."""
         columns = zip(*(row[self.names :] for row in self.rows), strict=True)
         return [max(len(split_number(text)[1]) for cell in cells for text in cell[:2]) for cells in columns]
 
 
-def claims_shown_with(claims: pd.DataFrame, artefact: str) -> list[Said]:
-    """Return the claims that are shown with an artefact."""
-    sentences = [(row, row.evidence.split()[0]) for row in claims.itertuples() if not _is_cell(row.claim)]
-    return [
-        claim_sentence(row) for row, evidence in sentences if SHOWN_WITH.get(evidence, evidence) == artefact
-    ]
+def claim_row(row) -> ClaimRow:
+    """Return a row of ``claims.csv`` as text."""
+    values = format_value(row.thesis_value), format_value(row.this_run)
+    return ClaimRow(row.statement, *values, row.verdict, row.criterion, row.location)
 
 
-def claim_sentence(row) -> Said:
-    """Return a row of ``claims.csv`` in words."""
-    values = in_digits(row.thesis_value), in_digits(row.this_run)
-    return Said(row.statement, *values, row.verdict, row.criterion, row.location)
+def _claims_shown_with(claims: pd.DataFrame, artefact: str) -> tuple[ClaimRow, ...]:
+    sentences = claims[~claims["claim"].str.startswith("table_")]
+    evidence = sentences["evidence"].str.split().str[0]
+    return tuple(map(claim_row, sentences[evidence.replace(SHOWN_WITH) == artefact].itertuples()))
 
 
-def not_holding(claims: pd.DataFrame, verdict: str) -> tuple[list[Said], list[Said]]:
-    """Return the claims with a verdict: sentences, and cells of published tables."""
-    rows = list(claims[claims["verdict"] == verdict].itertuples())
-    return (
-        [claim_sentence(row) for row in rows if not _is_cell(row.claim)],
-        [claim_sentence(row) for row in rows if _is_cell(row.claim)],
-    )
-
-
-def beside(claims: pd.DataFrame, table: str) -> Beside | None:
-    """Return the published cells of a table beside this run's; None for tables without."""
+def compare_cells(claims: pd.DataFrame, table: str) -> CellComparison | None:
+    """Return the published cells of a table with this run's; None for tables without."""
     rows = [row for row in claims.itertuples() if row.claim.startswith(f"{table}.")]
     if table not in CELLS or not rows:
         return None
@@ -310,26 +303,22 @@ def beside(claims: pd.DataFrame, table: str) -> Beside | None:
     cells: dict[tuple[str, ...], dict[str, tuple[str, str, str]]] = {}
     for row in rows:
         *key, column = row.claim.removeprefix(f"{table}.").split(".")
-        values = in_digits(row.this_run), in_digits(row.thesis_value)
+        values = format_value(row.this_run), format_value(row.thesis_value)
         cells.setdefault(tuple(key), {})[column] = (*values, row.verdict)
     columns = list(dict.fromkeys(column for found in cells.values() for column in found))
     empty = ("–", "–", "")
-    return Beside(
+    return CellComparison(
         head=(*("Trained on", "Model")[-names:], *map(column_in_words, columns)),
         rows=tuple((*key, *(found.get(column, empty) for column in columns)) for key, found in cells.items()),
         names=names,
     )
 
 
-def in_digits(value) -> str:
-    """Return a value of ``claims.csv``: numbers with four digits, words as they are, nothing as a dash."""
+def format_value(value) -> str:
+    """Return a value of ``claims.csv``: numbers with four digits, texts unchanged, missing values as a dash."""
     if value is None or value != value:
         return "–"
     try:
         return scientific(f"{float(value):.4g}")
     except ValueError:
         return str(value)
-
-
-def _is_cell(claim: str) -> bool:
-    return claim.startswith("table_")

@@ -1,18 +1,16 @@
-"""The page of a diagnosis as one document: pictures, and words: what is missing, how sure that is, the candidates."""
+"""Interactive page of a diagnosis: pictures, what is missing, how sure that is, and the candidates."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 from typing import Any
 
 from bokeh.document import Document
 from bokeh.models import CustomJS
 from markupsafe import Markup
 
-from lumbar.base.yaml_file import shipped_yaml
+from lumbar.publishing.explorer.explorer_pictures import ANSWER, ASIDE, FIRST, SECOND, page_models
 from lumbar.publishing.explorer.one_file import embedded_pictures, one_file
-from lumbar.publishing.explorer.plots import ANSWER, ASIDE, FIRST, SECOND, page_models
 from lumbar.publishing.explorer.shown import (
     ShownModel,
     ShownRecord,
@@ -48,22 +46,29 @@ from lumbar.tissue.models.fitted_model import FittedModel
 from lumbar.tissue.models.form import Effect
 
 PAGE = "publishing/explorer/explorer.html.jinja"
-_SAID = shipped_yaml(Path(__file__).with_suffix(".yaml"))
-PICTURES: list[tuple[str, str, bool, str]] = _SAID["pictures"]
-"""Name, caption, whether it takes the page's whole width, and which of `locate`'s views speaks of it."""
+PICTURES = (
+    ("course", "Measured and simulated over time", True, "time"),
+    ("residual", "Measured less simulated over time; grey: ± the noise's RMS", True, "cycles"),
+    ("loop", "Output over input in the time that is shown: loops", False, "linear dynamics"),
+    ("plane", "Error of the first model in the motion", False, "position and velocity"),
+    ("depth", "Mean error over depth; ▲ advancing, ▼ retracting", False, "depth"),
+    ("turns", "Mean error around reversals, along the motion after them", False, "reversals"),
+    ("spectrum", "Spectrum of the error; grey: noise", True, "frequency"),
+)
+"""Name, caption, whether it takes the page's full width, and the view of `locate` that it shows."""
 CURVES = (
     ("measured", "measured", "var(--ink)", ""),
     ("first", "first model", FIRST, ""),
     ("second", "second model", SECOND, "dashed"),
     ("aside", "the path set aside", ASIDE, "dashed"),
 )
-"""Curves that are switched: name, words, colour, line."""
-LINES: dict[str, str] = _SAID["lines"]
-"""Marks of the spectrum's lines in words."""
-_SURE: dict[str, str] = _SAID["sure"]
-"""Sentences of `how_sure`."""
+"""Curves that can be switched off: name, label, colour, line."""
+LINES = {"circle": "● excited", "square": "■ even", "triangle": "▲ odd ones that were left out"}
+"""Markers of the spectrum's lines and their meaning."""
 _FIRST_SHOWN_S = 10.0
 """Seconds that are shown at first of records that do not repeat; of others a period."""
+_MAX_UNFOLDED = 6
+"""Most parameters that a card shows without folding their table."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,40 +79,40 @@ class ExplorerPage:
     evidence: Evidence
     catalogue: dict[str, Effect]
     base_on_records: list[ResidualReport]
-    """The base model on every record, for what is told of where it fails."""
+    """The base model on every record, for the sentences on where it fails."""
     source_label: str
-    """Where the data come from."""
+    """Origin of the data."""
     sections: Sequence[tuple[str, Sequence[Markup]]] = ()
-    """Further evidence by titles, folded below."""
+    """Further evidence by title, folded below."""
     others: Sequence[FittedModel] = ()
-    """Models that are shown beside those of the diagnosis: the thesis's."""
+    """The thesis's models, shown after those of the diagnosis."""
     others_remark: str = ""
-    """What is to be said of those that are not."""
+    """Remark on those of the thesis's models that are not shown."""
 
     @cached_property
     def step(self) -> int:
-        """Every how manieth sample is drawn."""
+        """Step between drawn samples."""
         models = len(candidates_of(self.result)) + len(self.others)
         return drawing_step(self.result.experiment.records, models)
 
     @cached_property
     def models(self) -> list[ShownModel]:
-        """Every model that was fitted, the base first, then the thesis's."""
+        """All fitted models, the base first, then the thesis's."""
         fitted = [self.shown(candidate) for candidate in candidates_of(self.result)]
         others = [shown_fitted(model, self.result, self.records, self.step) for model in self.others]
         return [*fitted, *others]
 
     def shown(self, candidate: Candidate) -> ShownModel:
-        """One model of the diagnosis, or one that was fitted later, as it is drawn."""
+        """Return one model of the diagnosis, or one fitted later, as it is drawn."""
         return shown_candidate(candidate, self.result, self.records, self.step)
 
     @cached_property
     def records(self) -> list[ShownRecord]:
-        """Every record, as it is drawn."""
+        """All records as they are drawn."""
         return shown_records(self.result, self.step)
 
     def fill(self, document: Document) -> None:
-        """Put pictures and data into a Bokeh document."""
+        """Add pictures and data to a Bokeh document."""
         pictures, held = page_models(self.result.experiment, self.records, self.models)
         answer = next(source for source in held if source.name == ANSWER)
         answer.js_on_change("data", CustomJS(code="window.lumbar.answered(cb_obj.data.content[0])"))
@@ -117,12 +122,12 @@ class ExplorerPage:
                 document.add_root(picture)
 
     def variables(self, served: bool = False) -> dict[str, Any]:
-        """Return what the template shows beside the pictures.
-
-        `served`: a server stands behind the page.
-        """
+        """Return the template's variables; `served` if a server answers the page's requests."""
         verdict, experiment = self.result, self.result.experiment
         floor = experiment.floor
+        markers = {marker for record in self.records for marker in record.marker}
+        lines = ", ".join(meaning for marker, meaning in LINES.items() if marker in markers)
+        meanings = {"spectrum": f"; the first model's lines: {lines}"} if lines else {}
         groups: dict[str, list[ShownModel]] = {}
         for model in self.models:
             groups.setdefault(model.group, []).append(model)
@@ -142,8 +147,10 @@ class ExplorerPage:
             "first_colour": FIRST,
             "second_colour": SECOND,
             "curves": CURVES,
-            "pictures": self._captioned(),
-            "cards": cards(verdict, self.catalogue),
+            "pictures": [
+                (name, caption + meanings.get(name, ""), wide, view) for name, caption, wide, view in PICTURES
+            ],
+            "cards": [_card(item, verdict, self.catalogue) for item in verdict.ranking],
             "sections": self.sections,
             "step": self.step,
             "served": served,
@@ -155,22 +162,12 @@ class ExplorerPage:
         """Title of the page."""
         return f"Diagnosis of the {self.result.base.fit.structure.base.name} model"
 
-    def _captioned(self) -> list[tuple[str, str, bool, str]]:
-        """`PICTURES`, with what the marks of the spectrum's lines mean."""
-        found = [
-            words for mark, words in LINES.items() if any(mark in record.marker for record in self.records)
-        ]
-        lines = f"; the first model's lines: {', '.join(found)}" if found else ""
-        return [
-            (name, caption + (lines if name == "spectrum" else ""), wide, view)
-            for name, caption, wide, view in PICTURES
-        ]
-
     def _content(self, served: bool) -> dict[str, Any]:
-        """What the page's script knows: models with errors, and sentences, by key."""
-        verdict, experiment = self.result, self.result.experiment
+        """Return what the page's script reads: models with errors, and sentences, by key."""
+        verdict, experiment, separation = self.result, self.result.experiment, self.evidence.separation
         floor = experiment.floor
         located = {model_key(()): self.base_on_records, model_key(verdict.selected): self.evidence.remaining}
+        tied = [] if separation is None else [verdict.model, *verdict.tied_with]
         return {
             "unit": experiment.output_unit,
             "noise_rms": None if floor is None else floor.rms,
@@ -180,25 +177,17 @@ class ExplorerPage:
             "served": served,
             "trained": [record.name for record in self.records if record.trained],
             "pictures": [name for name, *_ in PICTURES],
-            "excitations": self._excitations(),
+            "excitations": {model_key(item.effects): excitation_of(separation, verdict) for item in tied},
             "models": {model.key: model_facts(model, located.get(model.key, [])) for model in self.models},
         }
 
-    def _excitations(self) -> dict[str, dict[str, str]]:
-        """The excitation that settles a tie, by the models it is between."""
-        separation = self.evidence.separation
-        if separation is None:
-            return {}
-        tied = [self.result.model, *self.result.tied_with]
-        return {model_key(item.effects): excitation_of(separation, self.result) for item in tied}
-
     def to_html(self) -> str:
-        """Return the page as a file that needs nothing else: the same bytes for the same diagnosis."""
+        """Return the page as one self-contained file: the same bytes for the same diagnosis."""
         return one_file(embedded_pictures(self.fill), PAGE, self.variables())
 
 
 def model_facts(model: ShownModel, located: Sequence[ResidualReport]) -> dict[str, Any]:
-    """Return what the page's script knows of a model."""
+    """Return what the page's script reads about a model."""
     return {
         "label": model.label,
         "group": model.group,
@@ -217,7 +206,7 @@ def model_facts(model: ShownModel, located: Sequence[ResidualReport]) -> dict[st
 
 
 def excitation_of(separation: Separation, verdict: DiagnosisResult) -> dict[str, str]:
-    """Return what the page's script knows of an excitation: what it tells, and the file to play."""
+    """Return what the page's script reads about an excitation: its sentence and the file to play."""
     return {
         "text": separation_sentence(separation, verdict),
         "name": EXCITATION,
@@ -225,44 +214,41 @@ def excitation_of(separation: Separation, verdict: DiagnosisResult) -> dict[str,
     }
 
 
-_MANY = 6
-"""Parameters from which on a card folds their table."""
-
-
 def how_sure(diagnosis: DiagnosisResult, evidence: Evidence) -> list[str]:
-    """Sentences on chance, on what explains the records as well, and on what would settle it."""
-    lines = [_chance(diagnosis)]
+    """Return sentences on chance, on equally good explanations, and on the experiment that would decide."""
+    lines = ["No effect of the catalogue could be fitted to these records."]
+    if diagnosis.ranking:
+        best = diagnosis.ranking[0]
+        effects, chance = (
+            effects_text(diagnosis.selected or best.candidate.effects),
+            probability(best.p_value),
+        )
+        lines = [
+            f"Where nothing is missing, the best of all candidates gains as much as {effects} here by chance: {chance}."
+            if diagnosis.selected
+            else f"The best of all candidates, {effects}, gains what chance gains where nothing is missing ({chance}; "
+            f"{LEVEL:g} would be needed) or does not lower the error on unseen records."
+        ]
     if diagnosis.status == Status.TIED:
         others = ", ".join(effects_text(item.effects) for item in diagnosis.tied_with)
         lines.append(f"As good an explanation of these records: {others}.")
     elif diagnosis.selected and runner_up(diagnosis) is not None:
         second, unit = runner_up(diagnosis).candidate, diagnosis.experiment.output_unit
-        own, other = distinguishing_digits([diagnosis.model.test_rms, second.test_rms], 3)
+        error, other = distinguishing_digits([diagnosis.model.test_rms, second.test_rms], 3)
         lines.append(
-            f"The next best, {effects_text(second.effects)}, leaves {other} {unit} on unseen records instead of {own} {unit}."
+            f"The next best, {effects_text(second.effects)}, leaves {other} {unit} on unseen records instead of {error} {unit}."
         )
     if evidence.separation is not None:
         lines.append(separation_sentence(evidence.separation, diagnosis))
     if diagnosis.experiment.floor is None:
-        lines.append(_SURE["no_record_repeats"])
+        lines.append(
+            "No record repeats: how much of the error is noise is unknown, and so is whether all is found."
+        )
     return lines
 
 
-def _chance(diagnosis: DiagnosisResult) -> str:
-    if not diagnosis.ranking:
-        return _SURE["nothing_fitted"]
-    found = diagnosis.ranking[0]
-    effects = effects_text(diagnosis.selected or found.candidate.effects)
-    told = _SURE["by_chance" if diagnosis.selected else "no_gain"]
-    return told.format(effects=effects, chance=probability(found.p_value), level=LEVEL)
-
-
-def cards(diagnosis: DiagnosisResult, catalogue: dict[str, Effect]) -> list[dict[str, Any]]:
-    """What the template shows of every ranked candidate, the best first."""
-    return [_card(item, diagnosis, catalogue) for item in diagnosis.ranking]
-
-
 def _card(item: Ranked, diagnosis: DiagnosisResult, catalogue: dict[str, Effect]) -> dict:
+    """Return what the template shows of a ranked candidate."""
     candidate = item.candidate
     effects = list(candidate.effects)
     tied = [set(other.effects) for other in diagnosis.tied_with]
@@ -270,6 +256,15 @@ def _card(item: Ranked, diagnosis: DiagnosisResult, catalogue: dict[str, Effect]
     unit = diagnosis.experiment.output_unit
     before, after = distinguishing_digits([diagnosis.base.test_rms, candidate.test_rms], 3)
     new = [name for name in effects if name not in diagnosis.selected] or effects
+    rows = [
+        (
+            readable(found.name),
+            f"{found.value:.4g} {unit_in_print(found.unit)}".rstrip(),
+            "not estimated" if found.low is None else f"{found.low:.4g} to {found.high:.4g}",
+        )
+        for found in item.estimates
+        if found.effect
+    ]
     return {
         "key": model_key(effects),
         "title": effects_text(effects).capitalize(),
@@ -281,19 +276,6 @@ def _card(item: Ranked, diagnosis: DiagnosisResult, catalogue: dict[str, Effect]
         "settles": "; ".join(catalogue[name].experiment for name in new) if set(effects) in tied else "",
         "effects": effects,
         "forms": [equation(form.latex) for form in forms],
-        "parameters": _parameters(item),
-        "long": sum(bool(found.effect) for found in item.estimates) > _MANY,
+        "parameters": table(("parameter", "value", "95 % interval"), rows) if rows else "",
+        "long": len(rows) > _MAX_UNFOLDED,
     }
-
-
-def _parameters(item: Ranked) -> Markup | str:
-    rows = [
-        (readable(found.name), f"{found.value:.4g} {unit_in_print(found.unit)}".rstrip(), _interval(found))
-        for found in item.estimates
-        if found.effect
-    ]
-    return table(("parameter", "value", "95 % interval"), rows) if rows else ""
-
-
-def _interval(found) -> str:
-    return "not estimated" if found.low is None else f"{found.low:.4g} to {found.high:.4g}"

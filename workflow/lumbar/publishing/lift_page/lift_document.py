@@ -21,8 +21,8 @@ from lumbar.publishing.figures.lifting_figures import EVENT_LABELS
 from lumbar.publishing.figures.palette import MEASURED, SEGMENTS, SERIES
 from lumbar.publishing.figures.stability_figures import PLANE_TITLES
 from lumbar.publishing.lift_page.lift_data import (
+    LiftTables,
     PushedPendulum,
-    RecordedLift,
     balance_columns,
     body_columns,
     centres,
@@ -30,7 +30,7 @@ from lumbar.publishing.lift_page.lift_data import (
     drawn_frames,
     pushed_pendulums,
 )
-from lumbar.publishing.lift_page.plots import (
+from lumbar.publishing.lift_page.lift_pictures import (
     CERTIFIED,
     DASHES,
     GOAL,
@@ -70,7 +70,7 @@ def _in_print(value: float, unit: str) -> str:
 class LiftPage:
     """A lift as a page."""
 
-    lift: RecordedLift
+    lift: LiftTables
     settings: StabilitySettings
 
     @cached_property

@@ -1,4 +1,4 @@
-"""The report of a study as one HTML page that needs nothing from elsewhere, begun with what fails or warns."""
+"""The report of a study as one self-contained HTML page that begins with failures and warnings."""
 
 import re
 from collections.abc import Iterator, Sequence
@@ -10,15 +10,15 @@ import pandas as pd
 from lumbar.base.files import read_json
 from lumbar.base.templates import template
 from lumbar.publishing.reproduction.claim import DOES_NOT_HOLD
-from lumbar.publishing.study_report.contents import Chapter, not_holding
+from lumbar.publishing.study_report.contents import Chapter, claim_row
 from lumbar.tables.layout import split_number
 
 FAILS, WARNS = "fails", "warns"
 _WARNING = re.compile(r"^(?:\w*Warning|WARNING): (.*(?:\n  .*)*)", flags=re.M)
 _PENDULUM = re.compile(r"^[^:]*\((?:hanging|inverted)\): ")
-"""Lift, centre and plane at the beginning of a reason, which stand before it already."""
-_TOLD_BY_FILES = ("lift", "stability_tables")
-"""Stages whose warnings stand in their results too: lifts without a pendulum, missing basins."""
+"""Lift, centre and plane at the beginning of a reason, which the line already names."""
+_REPORTED_BY_FILES = ("lift", "stability_tables")
+"""Stages with warnings in their results too: lifts without a pendulum, missing basins."""
 
 
 @dataclass(frozen=True)
@@ -33,27 +33,29 @@ class Trouble:
 
 
 def recordings(results: Path) -> list[dict]:
-    """Return what the page shows of every recording that was checked, with the quality of those of markers."""
+    """Return the row of every recording that was checked, with findings of marker recordings."""
     sheets = {
         Path(sheet["file"]).name: sheet
         for sheet in map(read_json, sorted(results.glob("lifting/*/quality.json")))
     }
-    found = []
+    rows = []
     for path in sorted(results.glob("checked/*.json")):
         for entry in read_json(path)["recordings"]:
             sheet = sheets.get(entry["file"].rpartition("/")[2], {})
             missing = sheet.get("missing_share")
-            own = {
-                "chapter": path.stem,
-                "name": entry.get("name") or entry["file"],
-                "channels": f"{len(entry['markers'])} markers"
-                if "markers" in entry
-                else entry.get("quantities", ""),
-                "missing_percent": None if missing is None else 100 * missing,
-                "findings": tuple(map(_finding, sheet.get("findings", ()))),
-            }
-            found.append(own | {key: entry.get(key) for key in ("rate_Hz", "duration_s")})
-    return found
+            markers = entry.get("markers")
+            rows.append(
+                {
+                    "chapter": path.stem,
+                    "name": entry.get("name") or entry["file"],
+                    "channels": entry.get("quantities", "") if markers is None else f"{len(markers)} markers",
+                    "missing_percent": None if missing is None else 100 * missing,
+                    "findings": tuple(map(_finding, sheet.get("findings", ()))),
+                    "rate_Hz": entry.get("rate_Hz"),
+                    "duration_s": entry.get("duration_s"),
+                }
+            )
+    return rows
 
 
 def _finding(finding: dict) -> str:
@@ -65,27 +67,26 @@ def _finding(finding: dict) -> str:
 
 
 def _words(name: str) -> str:
-    """A name of files and settings as a reader has it."""
+    """Return a name of files and settings as text."""
     return name.replace("_", " ")
 
 
 def troubles(results: Path) -> list[Trouble]:
     """Return what fails, then what warns."""
     found = [
-        *_of_recordings(results),
-        *_of_lifts(results),
-        *_of_diagnoses(results),
-        *_of_basins(results),
-        *_of_fmus(results),
-        *_of_logs(results),
+        Trouble(FAILS if "(error)" in finding else WARNS, _words(item["name"]), finding)
+        for item in recordings(results)
+        for finding in item["findings"]
     ]
+    for part in (_of_lifts, _of_diagnoses, _of_basins, _of_fmus):
+        found += part(results)
+    # Warnings that stages wrote to their logs.
+    for path in sorted((results / "logs").rglob("*.log")):
+        stage = path.relative_to(results / "logs").with_suffix("")
+        if stage.parts[0] not in _REPORTED_BY_FILES:
+            warnings = _WARNING.findall(path.read_text(encoding="utf-8"))
+            found += [Trouble(WARNS, _words(stage.as_posix()), text.strip()) for text in warnings]
     return sorted(dict.fromkeys(found), key=lambda item: item.grade != FAILS)
-
-
-def _of_recordings(results: Path) -> Iterator[Trouble]:
-    for item in recordings(results):
-        for finding in item["findings"]:
-            yield Trouble(FAILS if "(error)" in finding else WARNS, _words(item["name"]), finding)
 
 
 def _of_lifts(results: Path) -> Iterator[Trouble]:
@@ -148,16 +149,6 @@ def _of_fmus(results: Path) -> Iterator[Trouble]:
             )
 
 
-def _of_logs(results: Path) -> Iterator[Trouble]:
-    """Warnings that stages wrote to their logs."""
-    for path in sorted((results / "logs").rglob("*.log")):
-        stage = path.relative_to(results / "logs").with_suffix("")
-        if stage.parts[0] in _TOLD_BY_FILES:
-            continue
-        for found in _WARNING.finditer(path.read_text(encoding="utf-8")):
-            yield Trouble(WARNS, _words(stage.as_posix()), found[1].strip())
-
-
 def _table(path: Path) -> pd.DataFrame | None:
     return pd.read_csv(path) if path.is_file() else None
 
@@ -167,7 +158,7 @@ PAGE = "publishing/study_report/report.html.jinja"
 
 @dataclass(frozen=True)
 class StudyFacts:
-    """What the head of the page says."""
+    """Facts in the head of the page."""
 
     name: str
     title: str
@@ -181,9 +172,9 @@ class StudyFacts:
 def report_page(
     facts: StudyFacts, results: Path, made: Sequence[Chapter], claims: pd.DataFrame | None
 ) -> str:
-    """Return the page; what fails or warns is read from the folder of results."""
+    """Return the page; failures and warnings are read from the folder of results."""
     found = troubles(results)
-    sentences, cells = ((), ()) if claims is None else not_holding(claims, DOES_NOT_HOLD)
+    rows = [] if claims is None else list(claims[claims["verdict"] == DOES_NOT_HOLD].itertuples())
     entries = [entry for chapter in made for entry in chapter.entries]
     return template(PAGE).render(
         facts=facts,
@@ -192,8 +183,8 @@ def report_page(
         failing=[item for item in found if item.grade == FAILS],
         warning=[item for item in found if item.grade != FAILS],
         recordings=recordings(results),
-        sentences=sentences,
-        cells=cells,
+        sentences=[claim_row(row) for row in rows if not row.claim.startswith("table_")],
+        cells=[claim_row(row) for row in rows if row.claim.startswith("table_")],
         counted=() if claims is None else list(claims["verdict"].value_counts().items()),
         missing=[entry for entry in entries if entry.missing],
         pages=[entry for entry in entries if entry.page],
