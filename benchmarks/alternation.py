@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -145,7 +144,7 @@ def main() -> None:
         # Euler's method keeps the thesis's step with fewer knots of ρ: they are taken evenly from its own.
         points = max(knots, arguments.knots)
         if points not in loops:
-            loops[points] = close_loops(items, THESIS.sign, replace(settings, knots=points))
+            loops[points] = close_loops(items, THESIS.sign, settings.model_copy(update={"knots": points}))
         found = alternate(loops[points], **{**options, "knots": knots}, certificate=make())
         rows.append(row_of(items, solver, tolerance, found))
         print(*(f"{name}: {value}" for name, value in rows[-1].items()), sep=", ", flush=True)

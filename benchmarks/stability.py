@@ -14,7 +14,6 @@ import json
 import sys
 import time
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import replace
 from pathlib import Path
 
 from one_thread import PROJECT  # isort: skip
@@ -94,7 +93,7 @@ def exact_method(trajectories, settings, starts: int) -> None:
     total = int(exits[0].sum())
     report(f"exits in {starts * len(trajectories)} starts at 1e-6", total, "0", total == 0)
     report("fewest exits of a negative control, of 500", exits[1].min(), "> 0", bool(exits[1].min() > 0))
-    finer = replace(settings, knots=2 * settings.knots - 1)
+    finer = settings.model_copy(update={"knots": 2 * settings.knots - 1})
     doubled = exact_funnels(close_loops(trajectories, sign, finer), goal)
     change = 100 * float(np.abs(doubled.mean_area / exact.mean_area - 1).max())
     report("largest change of area from N to 2N, %", change, "<= 0.1", change <= 0.1)

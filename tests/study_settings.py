@@ -5,14 +5,14 @@ from typing import Any, TypeVar
 
 from lumbar.base.errors import Problems
 from lumbar.base.yaml_file import read_yaml
-from lumbar.settings.plain import from_plain, plain
+from lumbar.settings.section import Section
 from lumbar.settings.study_settings import StudySettings
 from lumbar.settings.subject import SubjectSettings
 from lumbar.study.load_study import read_subject
 from lumbar.study.validation import Origins, overlay, validate
 from running import PROJECT
 
-Kind = TypeVar("Kind")
+Kind = TypeVar("Kind", bound=Section)
 
 
 def study_config(*files: str) -> dict:
@@ -44,4 +44,4 @@ def subject_settings(name: str) -> SubjectSettings:
 
 def changed(settings: Kind, **changes: Any) -> Kind:
     """Return settings with some keys changed; sections are dicts of what changes in them."""
-    return from_plain(type(settings), overlay(plain(settings), changes))
+    return type(settings).model_validate(overlay(settings.model_dump(mode="json"), changes))

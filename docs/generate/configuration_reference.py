@@ -7,15 +7,15 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
-from dataclasses import MISSING, fields, is_dataclass
 from pathlib import Path
-from typing import Any, get_args, get_origin
+from typing import Any
 
 import lumbar.study
 from lumbar.base.files import write_text
-from lumbar.settings.plain import name_of, plain
+from lumbar.settings.section import Section
 from lumbar.settings.study_settings import StudySettings
-from lumbar.study.validation import KeyType, keys_of, section_of
+from lumbar.settings.subject import SubjectSettings
+from lumbar.study.validation import Key, defaults_of
 
 DOCS = Path(__file__).resolve().parents[1]
 SCHEMA = Path(lumbar.study.__file__).with_name("study.schema.json")
@@ -24,47 +24,39 @@ STUDY_PAGE = "study"
 _SHOWN_NAMES = 8
 
 
-def keys(section: type, defaults: dict, prefix: str = "") -> Iterator[tuple[str, KeyType, Any]]:
-    """Yield way, type and default of every key of a section, in its order.
+REQUIRED = object()
+"""Default of a key that has none."""
 
-    ``[]`` stands for each entry of a list, ``*`` for each name the user chooses. The default is `MISSING` where there
-    is none.
+
+def keys(section: Key, defaults: dict, prefix: str = "") -> Iterator[tuple[str, Key, Any]]:
+    """Yield path, key and default of every key of a section, in its order.
+
+    ``[]`` stands for each entry of a list, ``*`` for each name the user chooses. The default is `REQUIRED` if there is
+    none.
     """
-    for name, item in keys_of(section).items():
-        value = defaults.get(name, MISSING)
-        inner = section_of(item.kind)
-        if inner is None or item.kind is not inner:
-            yield f"{prefix}{name}", item, value
-        if inner is not None:
-            given = value if isinstance(value, dict) else defaults_of(inner) if value is None else {}
-            yield from keys(inner, given, f"{prefix}{name}.")
-        yield from _entries(item, f"{prefix}{name}")
+    for name, key in section.keys.items():
+        value = defaults.get(name, REQUIRED)
+        if "$ref" not in key.schema:
+            yield f"{prefix}{name}", key, value
+        for kind in key.types:
+            if "properties" in kind.schema:
+                yield from keys(
+                    kind, value if isinstance(value, dict) else _defaults(kind), f"{prefix}{name}."
+                )
+            elif kind.schema.get("type") in ("array", "object"):
+                mark, entry = "[]" if kind.schema["type"] == "array" else ".*", kind.at(0)
+                if "$ref" in entry.schema:
+                    yield from keys(entry, _defaults(entry.types[0]), f"{prefix}{name}{mark}.")
 
 
-def _entries(item: KeyType, way: str) -> Iterator[tuple[str, KeyType, Any]]:
-    """Keys of the entries of a list or of names the user chooses, where these are sections."""
-    for kind in (item.kind, *get_args(item.kind)):
-        origin, arguments = get_origin(kind), get_args(kind)
-        if origin in (tuple, dict):
-            entry, mark = (arguments[0], "[]") if origin is tuple else (arguments[1], ".*")
-            if is_dataclass(entry):
-                yield from keys(entry, defaults_of(entry), f"{way}{mark}.")
-
-
-def defaults_of(section: type) -> dict:
-    """Defaults of the keys of a section that have one, as plain data."""
-    found = {}
-    for item in fields(section):
-        if item.default is not MISSING:
-            found[name_of(item)] = plain(item.default)
-        elif item.default_factory is not MISSING:
-            found[name_of(item)] = plain(item.default_factory())
-    return found
+def _defaults(section: Key) -> dict:
+    """Defaults that the schema of a section states."""
+    return {name: key.schema["default"] for name, key in section.keys.items() if "default" in key.schema}
 
 
 def _default(value: Any) -> str:
     """Scalars and lists of scalars in JSON, of mappings the names, of longer lists the number of entries."""
-    if value is MISSING:
+    if value is REQUIRED:
         return "required"
     if isinstance(value, dict):
         names = [*list(value)[:_SHOWN_NAMES], *(["…"] if len(value) > _SHOWN_NAMES else [])]
@@ -74,16 +66,16 @@ def _default(value: Any) -> str:
     return f"`{json.dumps(value, ensure_ascii=False)}`"
 
 
-def _rows(section: type, defaults: dict, prefix: str) -> list[str]:
+def _rows(section: Key, defaults: dict, prefix: str) -> list[str]:
     cells = (
-        [f"`{way}`", item.allowed, _default(value), item.meaning]
-        for way, item, value in keys(section, defaults, prefix)
+        [f"`{path}`", key.allowed, _default(value), key.meaning]
+        for path, key, value in keys(section, defaults, prefix)
     )
     return ["| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |" for row in cells]
 
 
-def _defined(section: type) -> str:
-    """Where the keys of a section are defined; who reads one is found by its last part."""
+def _defined(section: type[Section]) -> str:
+    """Name the file that defines the keys of a section; code that uses one is found by the last part of its name."""
     file = section.__module__.replace(".", "/")
     return f"Defined in `workflow/{file}.py` (`{section.__name__}`); code reads a key by the last part of its name."
 
@@ -93,19 +85,20 @@ _HEAD = ["| key | allowed | default | meaning |", "|---|---|---|---|"]
 
 def pages() -> dict[str, str]:
     """Return the Markdown page of every section of a study by its file name, and an index of them."""
-    defaults = defaults_of(StudySettings)
+    study, defaults = Key.of(StudySettings), defaults_of(StudySettings)
     texts, index, own = {}, [], []
-    for name, item in keys_of(StudySettings).items():
-        section = section_of(item.kind)
-        if section is None or name == "data_source":
+    for name in study.keys:
+        section = StudySettings.model_fields[name].annotation
+        if name == "subject":
+            section = SubjectSettings
+        if not (isinstance(section, type) and issubclass(section, Section)):
             own.append(name)
             continue
         meaning = " ".join((section.__doc__ or "").split())
-        given = defaults.get(name)
-        rows = _rows(section, given if isinstance(given, dict) else defaults_of(section), f"{name}.")
+        rows = _rows(Key.of(section), defaults[name] or defaults_of(section), f"{name}.")
         texts[f"{name}.md"] = "\n".join([f"# {name}", "", meaning, _defined(section), "", *_HEAD, *rows, ""])
         index.append(f"- [{name}]({name}.md): {meaning}")
-    top = [row for row in _rows(StudySettings, defaults, "") if row.split("`")[1].split(".")[0] in own]
+    top = [row for row in _rows(study, defaults, "") if row.split("`")[1].split(".")[0] in own]
     words = "What a study is; its chapters have pages of their own. `[]` stands for each entry of a list, `*` for a "
     words += "name of your choice."
     texts[f"{STUDY_PAGE}.md"] = "\n".join(["# study", "", words, "", *_HEAD, *top, "", *index, ""])
@@ -117,9 +110,7 @@ def schema() -> str:
 
     No key is required: files are laid over the defaults and over each other.
     """
-    from pydantic import TypeAdapter
-
-    content = _stripped(TypeAdapter(StudySettings).json_schema())
+    content = _stripped(StudySettings.model_json_schema())
     content = {"$schema": "https://json-schema.org/draft/2020-12/schema", **content}
     lines = [
         f'"{name}": {json.dumps(part, ensure_ascii=False)}' for name, part in content.pop("$defs").items()

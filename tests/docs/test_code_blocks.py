@@ -11,7 +11,6 @@ import yaml
 from column_files import write_columns, write_records
 from generate.thesis_items import DOCS
 from lumbar.cli.command import COMMANDS, build_parser
-from lumbar.settings.plain import plain
 from lumbar.twin.examples import example_lift, example_records
 
 PROJECT = DOCS.parent
@@ -75,7 +74,9 @@ def workplace(tmp_path, monkeypatch):
     write_records(tmp_path / "recordings", named, "%.8f")
     example_lift(tmp_path / "expert_23kg.c3d")
     person = example_lift(tmp_path / "trial.c3d")
-    (tmp_path / "ann.yaml").write_text(yaml.safe_dump({"subject": plain(person)}), encoding="utf-8")
+    (tmp_path / "ann.yaml").write_text(
+        yaml.safe_dump({"subject": person.model_dump(mode="json")}), encoding="utf-8"
+    )
     position, force = (other[role][:600] for role in ("input", "output"))
     counts = {"time [s]": np.arange(600) / 200, "encoder [counts]": 100 * position}
     write_columns(tmp_path / "counts.csv", "%.6f", **counts, **{"torque transducer [V]": force / 35.15})

@@ -16,7 +16,6 @@ from test_code_blocks import PAGES, blocks
 
 import lumbar
 from column_files import write_columns, write_records
-from lumbar.settings.plain import plain
 from lumbar.twin.examples import example_lift, example_records
 from running import PROJECT, ZIG_CACHE, copy_project, snakemake
 
@@ -79,7 +78,9 @@ def prepared(tmp_path_factory):
             shutil.copy(file, project / name)
     write_bench(project)
     subject = example_lift(project / "trial.c3d")
-    (project / "ann.yaml").write_text(yaml.safe_dump({"subject": plain(subject)}), encoding="utf-8")
+    (project / "ann.yaml").write_text(
+        yaml.safe_dump({"subject": subject.model_dump(mode="json")}), encoding="utf-8"
+    )
     for folder in ("folder", "recordings/my_lab"):
         (project / folder).mkdir(parents=True)
         shutil.copy(project / "trial.c3d", project / folder)

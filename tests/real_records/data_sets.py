@@ -22,9 +22,11 @@ FORCE_IN = StudySettings(improvement=ImprovementSettings(forward=True))
 def positioning_axis(folder: Path) -> Read:
     """Position to force, at a rate above twice the 80 Hz of the published low-pass filter."""
     columns = {
-        "time": ColumnSettings("t", "s", "time"),
-        "input": ColumnSettings("qm", "mm", "position", scale=1000.0),
-        "output": ColumnSettings("vir", "N", "force", scale=35.15065188),  # gtau of the file, N/V
+        "time": ColumnSettings(column="t", unit="s", quantity="time"),
+        "input": ColumnSettings(column="qm", unit="mm", quantity="position", scale=1000.0),
+        "output": ColumnSettings(
+            column="vir", unit="N", quantity="force", scale=35.15065188
+        ),  # gtau of the file, N/V
     }
     files = [folder / "positioning_axis" / f"{name}.mat" for name in ("DATA_EMPS", "DATA_EMPS_PULSES")]
     layout = ColumnLayout(columns=columns, format="mat")

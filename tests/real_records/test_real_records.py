@@ -96,7 +96,9 @@ def test_a_verdict_on_public_records_hangs_on_no_unit(shared, name, units):
         pytest.skip(words)
     records, keywords = READERS[name](folder)
     settings = keywords.get("settings") or StudySettings()
-    settings = replace(settings, improvement=replace(settings.improvement, propose_law=False))
+    settings = settings.model_copy(
+        update={"improvement": settings.improvement.model_copy(update={"propose_law": False})}
+    )
 
     def diagnose(seen, train):
         chosen = {**keywords, "settings": settings, "train": train or keywords.get("train")}

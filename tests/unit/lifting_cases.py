@@ -7,16 +7,17 @@ import numpy as np
 from lumbar.interface.lift import Lift
 from lumbar.lifting.movement.lift import analyse_lift
 from lumbar.lifting.stability.model.eq_4_1_pendulum import Pendulums, gather
-from lumbar.lifting.stability.model.eq_4_2_regulator import check_weights
+from lumbar.lifting.stability.model.eq_4_2_regulator import Weights
 from lumbar.lifting.stability.model.trajectories import Trajectory
 from lumbar.records.markers import MarkerRecording
 from lumbar.settings.lifting import LiftingSettings
+from lumbar.settings.stability import RegulatorSettings
 from lumbar.settings.subject import TrialSettings
 from lumbar.twin.lifting_recordings import true_movement
 from study_settings import study_settings
 
 GRAVITY = 9.81
-WEIGHTS = check_weights([[1.0, 0.0], [0.0, 0.1]], 1e-3, [[100.0, 0.0], [0.0, 10.0]])
+WEIGHTS = Weights.of(RegulatorSettings(control_weight=1e-3))
 
 
 def minimum_jerk(

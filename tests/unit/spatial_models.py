@@ -60,7 +60,7 @@ def spatial_model(
 
 def spatial_export(effects: dict[str, tuple[list, list]], axes=("x", "y", "z"), **settings) -> ExportModel:
     """The same ready for export at 1 kHz."""
-    given = {"models": (), "rate_Hz": 1000.0, "moving_average_ms": 0, "start": "first_position", **settings}
+    given = {"rate_Hz": 1000.0, "moving_average_ms": 0, "start": "first_position", **settings}
     return export_models([spatial_model(effects, axes)], RuntimeSettings(**given))[0]
 
 

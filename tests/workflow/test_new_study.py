@@ -112,7 +112,7 @@ def test_every_real_recording_is_analysed_with_the_study_written_for_it(shared, 
     study, _ = new_study(folder).save(tmp_path)
     fill_in(study)
     settings = load_settings(study).lifting
-    ann = SubjectSettings("ann", "female", 61.0, 1.68, "novice")
+    ann = SubjectSettings(name="ann", sex="female", mass_kg=61.0, height_m=1.68, experience="novice")
     file = next(folder.iterdir())
     if "sts" in name:
         with pytest.raises(InputError, match=r"neither an event of a lift nor a centre of mass"):

@@ -61,7 +61,10 @@ def test_a_suits_lift_becomes_pendulums_of_its_own_joints(tmp_path):
     assert not re.search("SACRUM|ASIS", study.read_text())
     fill_in(study)
     study.write_text(study.read_text().replace("unit: FILL_IN", "unit: cm"))
-    settings, ann = load_settings(study).lifting, SubjectSettings("ann", "male", 75.0, 1.75, "novice")
+    settings, ann = (
+        load_settings(study).lifting,
+        SubjectSettings(name="ann", sex="male", mass_kg=75.0, height_m=1.75, experience="novice"),
+    )
     lift = lumbar.lift(file, ann, 10.0, settings=settings).analysed
     assert lift.events["deposit_start"].time_s == pytest.approx(5.3, abs=0.3) and lift.states
     assert set(lift.centres) == {"thorax", "abdomen", "pelvis"}

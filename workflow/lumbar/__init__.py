@@ -51,39 +51,10 @@ def __getattr__(name: str):
         raise AttributeError(f"module 'lumbar' has no attribute {name!r}; its verbs are {', '.join(__all__)}")
     from importlib import import_module
 
-    verb = _checking_settings(getattr(import_module(_VERBS[name]), name))
+    verb = getattr(import_module(_VERBS[name]), name)
     globals()[name] = verb
     return verb
 
 
 def __dir__() -> list[str]:
     return sorted([*globals(), *__all__])
-
-
-def _checking_settings(verb):
-    """Return a verb that refuses settings with a wrong value: every key, what was found and what is allowed.
-
-    Settings are plain dataclasses that take any value: a job that gets them from a checked study starts without Pydantic. So
-    it is `import lumbar`'s own verbs, which a person calls, that check what they are given.
-    """
-    from functools import wraps
-
-    @wraps(verb)
-    def checked(*arguments, **named):
-        given = {name: _checked(value) for name, value in named.items()}
-        return verb(*map(_checked, arguments), **given)
-
-    return checked
-
-
-def _checked(value):
-    if not hasattr(value, "__pydantic_config__") or isinstance(value, type):
-        return value
-    from lumbar.base.errors import Problems
-    from lumbar.settings.plain import plain
-    from lumbar.study.validation import Origins, validate
-
-    problems = Problems(type(value).__name__)
-    found = validate(plain(value), type(value), Origins(problems))
-    problems.raise_if_any()
-    return found

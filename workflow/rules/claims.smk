@@ -19,7 +19,7 @@ rule run_config:
         **job_size(peak_mb=50, seconds=1),
     params:
         config=plain(settings),
-        subjects=plain(study.subjects),
+        subjects={name: plain(subject) for name, subject in study.subjects.items()},
         source_label=DATA,
     message:
         "Settings, seeds and versions of this run"

@@ -14,7 +14,6 @@ from run.jobs import job_size, remove_half_written, set_job_environment, warning
 from lumbar.study.artefacts import read_artefacts
 from lumbar.study.load_study import load_study
 from lumbar.base.errors import LumbarError
-from lumbar.settings.plain import part, plain
 
 set_job_environment(WORKFLOW)
 
@@ -26,6 +25,12 @@ except LumbarError as error:
     sys.exit(str(error))  # a WorkflowError would begin with this file and line, where nothing is wrong
 
 settings = study.settings
+
+
+def plain(section, include=None):
+    """Return a section, or some of its keys, as a parameter: a job runs again if one of them changes."""
+    return section.model_dump(mode="json", include=include)
+
 
 STUDY = study.name
 ARTEFACTS = study.artefacts

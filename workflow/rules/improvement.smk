@@ -3,27 +3,14 @@
 from lumbar.study.study import record_set, settings_of_set
 
 RECORD_SET_CHAPTERS = ("tissue", "improvement")
-DIAGNOSED = (
-    *(f"improvement.{key}" for key in ("base", "train", "forward", "session")),
-    *(f"improvement.{key}" for key in ("effect_files", "most_effects", "propose_law")),
-    # The thesis's models stand beside.
-    *(
-        f"tissue.{key}"
-        for key in (
-            "layout",
-            "rate_Hz",
-            "settling_s",
-            "force_frame",
-            "search",
-            "ridge",
-            "bootstrap",
-            "inverted_linear",
-        )
-    ),
-    "signals.machine",
-    "stability.pendulum.gravity_m_s2",
-    "seed",
-)
+DIAGNOSED = {
+    "improvement": {"base", "train", "forward", "session", "effect_files", "most_effects", "propose_law"},
+    # The thesis's models are compared too.
+    "tissue": {"layout", "rate_Hz", "settling_s", "force_frame", "search", "ridge", "bootstrap", "inverted_linear"},
+    "signals": {"machine"},
+    "stability": {"pendulum": {"gravity_m_s2"}},
+    "seed": True,
+}
 RECORD_SETS = [entry.name for entry in settings.improvement.record_sets]
 
 
@@ -63,9 +50,9 @@ rule diagnose_records:
         **job_size(peak_mb=230, seconds=15),
     params:
         code=library_code("diagnose_records.py"),
-        records=lambda wildcards: plain(record_set(settings, wildcards.record_set).records),
-        effects=lambda wildcards: plain(record_set(settings, wildcards.record_set).effects),
-        settings=lambda wildcards: part(settings_of_set(settings, wildcards.record_set), *DIAGNOSED),
+        records=lambda wildcards: [plain(item) for item in record_set(settings, wildcards.record_set).records],
+        effects=lambda wildcards: plain(record_set(settings, wildcards.record_set), {"effects"})["effects"],
+        settings=lambda wildcards: plain(settings_of_set(settings, wildcards.record_set), DIAGNOSED),
         source_label=DATA,
     message:
         "{wildcards.record_set}: what the model is missing"

@@ -2,8 +2,10 @@
 # pendulum states; one job for all figures.
 
 # What of the chapter's settings makes pendulums of markers; a job that reads another key fails and names it.
-LIFT = ("markers", "gaps", "filter", "events", "segments", "segment_ends", "hip_centres")
-LIFT += ("box", "pivot", "frame", "points")
+LIFT = {"markers", "gaps", "filter", "events", "segments", "segment_ends", "hip_centres"}
+LIFT |= {"box", "pivot", "frame", "points"}
+# What of a subject: neither other trials nor the label change a lift.
+LIFTER = {"name", "sex", "mass_kg", "height_m", "assumed"}
 
 
 rule lift:
@@ -37,9 +39,9 @@ rule lift:
     params:
         code=library_code("lift.py"),
         lift="{lift}",
-        subject=lambda wildcards: plain(study.subject_of(wildcards.lift)),
+        subject=lambda wildcards: plain(study.subjects[study.lifts[wildcards.lift].subject], LIFTER),
         trial=lambda wildcards: plain(study.lifts[wildcards.lift].trial),
-        settings=part(settings.lifting, *LIFT),
+        settings=plain(settings.lifting, LIFT),
         source_label=DATA,
     message:
         "{wildcards.lift}: events, centres of mass, pendulum states"

@@ -29,14 +29,12 @@ if study.has("population"):
             **job_size(peak_mb=210, seconds=9),
         params:
             code=library_code("measure_person.py"),
-            subject=lambda wildcards: part(
-                study.subjects[wildcards.person], "name", "sex", "mass_kg", "height_m", "static", "assumed"
-            ),
+            subject=lambda wildcards: plain(study.subjects[wildcards.person], {*LIFTER, "static"}),
             trials=lambda wildcards: {
                 name: plain(lift.trial) for name, lift in PERSON_LIFTS[wildcards.person].items()
             },
-            lifting=part(settings.lifting, *LIFT),
-            stability=part(settings.stability, *MEASURED),
+            lifting=plain(settings.lifting, LIFT),
+            stability=plain(settings.stability, MEASURED),
             source_label=DATA,
         message:
             "{wildcards.person}: measures of every lift"

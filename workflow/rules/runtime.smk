@@ -25,7 +25,7 @@ rule warm_compiler:
         **job_size(peak_mb=30, seconds=1),
     params:
         code=library_code("warm_compiler.py"),
-        targets=plain(settings.runtime.targets),
+        targets=list(settings.runtime.targets),
         compiler_cache=lambda wildcards: settings.runtime.compiler_cache,
     message:
         "What the C compiler needs of each platform, once"

@@ -1,8 +1,8 @@
 # From the pendulums of the deposit to basins of attraction: one job per lift, one for tables and figures.
 
 # Settings of the chapter that make the basins of a lift, and those that its measures need.
-BASINS = ("pendulum", "regulator", "goal_level", "knots", "checks", "proof", "thesis_method", "attack")
-MEASURED = ("pendulum", "regulator", "goal_level", "fewer_knots", "measures")
+BASINS = {"pendulum", "regulator", "goal_level", "knots", "checks", "proof", "thesis_method", "attack"}
+MEASURED = {"pendulum", "regulator", "goal_level", "fewer_knots", "measures"}
 
 
 rule basins_of_lift:
@@ -26,7 +26,7 @@ rule basins_of_lift:
         **job_size(peak_mb=220, seconds=17),
     params:
         code=library_code("basins_of_lift.py"),
-        settings=part(settings.stability, *BASINS),
+        settings=plain(settings.stability, BASINS),
         seed=settings.seed,
     message:
         "{wildcards.lift}: basins of attraction"
@@ -92,7 +92,7 @@ if study.has("stability"):
             **job_size(peak_mb=160 + 0.2 * len(study.lifts), seconds=6 + len(study.lifts)),
         params:
             code=library_code("measure_movement.py"),
-            settings=part(settings.stability, "pendulum", "measures"),
+            settings=plain(settings.stability, {"pendulum", "measures"}),
             labels=study.labels,
             source_label=DATA,
         message:
@@ -121,7 +121,7 @@ if study.has("stability"):
             **job_size(peak_mb=222, seconds=15),
         params:
             code=library_code("show_lifts.py"),
-            settings=part(settings.stability, *MEASURED, "limits", "knots"),
+            settings=plain(settings.stability, {*MEASURED, "limits", "knots"}),
             source_label=DATA,
         message:
             "A page of every lift to look around in, with pushes against the funnel"

@@ -51,13 +51,14 @@ rule identify_tissue:
         **job_size(peak_mb=205, seconds=10),
     params:
         code=library_code("identify_tissue.py"),
-        settings=part(
+        settings=plain(
             settings,
-            "tissue",
-            *(f"improvement.{key}" for key in ("base", "effects", "effect_files", "most_effects")),
-            *(f"improvement.{key}" for key in ("forward", "session")),
-            "stability.pendulum.gravity_m_s2",
-            "seed",
+            {
+                "tissue": True,
+                "improvement": {"base", "effects", "effect_files", "most_effects", "forward", "session"},
+                "stability": {"pendulum": {"gravity_m_s2"}},
+                "seed": True,
+            },
         ),
         source_label=DATA,
     message:

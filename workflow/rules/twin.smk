@@ -24,7 +24,7 @@ rule twin_recordings:
         **job_size(peak_mb=125, seconds=4),
     params:
         code=library_code("twin_recordings.py"),
-        records=[part(record, "name", "surgeon") for record in settings.surgeon.records],
+        records=[plain(record, {"name", "surgeon"}) for record in settings.surgeon.records],
         surgeon=plain(settings.twin.surgeon),
         two_hidden=plain(settings.twin.two_hidden_effects),
         seed=settings.twin.seed,
@@ -38,7 +38,7 @@ if study.cohort:
 
     from lumbar.twin.cohort import lifts_of, marker_file, own_part
 
-    RECORDING = ("rate_Hz", "duration_s", "marker_noise_mm", "gaps", "workplace")
+    RECORDING = {"rate_Hz", "duration_s", "marker_noise_mm", "gaps", "workplace"}
     COHORT_LIFTS = list(lifts_of(study.cohort))
 
     rule twin_person:
@@ -57,7 +57,7 @@ if study.cohort:
         params:
             code=library_code("twin_person.py"),
             # Without the other groups and the numbers of persons: whoever is added makes nobody anew.
-            settings=part(settings.twin.lifting, *RECORDING),
+            settings=plain(settings.twin.lifting, RECORDING),
             cohort=lambda wildcards: plain(
                 own_part(study.cohort, study.subjects[wildcards.person].experience)
             ),

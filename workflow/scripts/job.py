@@ -88,7 +88,9 @@ def _typed_parameters(main, params) -> dict:
     """
     from typing import get_type_hints
 
-    from lumbar.settings.plain import from_plain
+    from pydantic import TypeAdapter
+
+    from lumbar.settings.section import without_defaults
 
     kinds = {name: kind for name, kind in get_type_hints(main).items() if name != "return"}
     given = {name: value for name, value in params.items() if name != "code"}
@@ -96,4 +98,6 @@ def _typed_parameters(main, params) -> dict:
         raise TypeError(
             f"the rule passes {', '.join(sorted(given))}; the job takes {', '.join(sorted(kinds))}"
         )
-    return {name: from_plain(kind, given[name], complete=False) for name, kind in kinds.items()}
+    return {
+        name: without_defaults(TypeAdapter(kind).validate_python(given[name])) for name, kind in kinds.items()
+    }

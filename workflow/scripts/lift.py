@@ -10,7 +10,7 @@ def main(
     input,
     output,
     lift: str,
-    subject: SubjectSettings,
+    subject: dict,
     trial: TrialSettings,
     settings: LiftingSettings,
     source_label: str,
@@ -24,7 +24,7 @@ def main(
     static = next(iter(input.static), None)
     found = analyse(
         input.markers,
-        subject,
+        SubjectSettings.model_construct(**subject, experience=""),
         trial=trial,
         name=lift,
         static=static,

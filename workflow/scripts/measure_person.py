@@ -10,22 +10,20 @@ from lumbar.settings.subject import SubjectSettings, TrialSettings
 def main(
     input,
     output,
-    subject: SubjectSettings,
+    subject: dict,
     trials: dict[str, TrialSettings],
     lifting: LiftingSettings,
     stability: StabilitySettings,
     source_label: str,
 ):
     """Analyse the lifts one after the other; a lift without a result has its reason in the table."""
-    from dataclasses import replace
-
     from lumbar.base.files import write_csv
     from lumbar.interface.movement import measure_person
 
     table = measure_person(
         dict(zip(trials, input.markers, strict=True)),
         trials,
-        replace(subject, experience="not said"),
+        SubjectSettings.model_construct(**subject, experience="not said"),
         lifting,
         stability,
         static=next(iter(input.static), None),

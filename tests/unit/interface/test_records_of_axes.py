@@ -1,7 +1,5 @@
 """What verbs make of records of several axes: a page of the diagnosis that can be repeated, or words of refusal."""
 
-from dataclasses import replace
-
 import pytest
 
 import lumbar
@@ -64,7 +62,9 @@ def test_an_effect_along_an_axis_that_was_not_recorded_is_refused(tmp_path):
     parameter = '{name: cubic_stiffness, unit: "{y}/{x}^3"}'
     form = f"{{name: cubic, equation: ky*z_y**2*z, parameters: {{ky: {parameter}}}}}"
     own.write_text(f"name: y_spring\nmechanism: It stiffens along y.\nsource: made up\nforms: [{form}]\n")
-    settings = replace(SETTINGS, improvement=replace(SETTINGS.improvement, effect_files=(str(own),)))
+    settings = SETTINGS.model_copy(
+        update={"improvement": SETTINGS.improvement.model_copy(update={"effect_files": (str(own),)})}
+    )
     flat = record_of("flat", TIME, POSITION[:2], record(FRICTION).stacked("output")[:2], "xz")
     with pytest.raises(InputError, match="y_spring: needs another axis than x, z"):
         lumbar.refine([flat], ["y_spring"], settings=settings)

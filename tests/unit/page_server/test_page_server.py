@@ -25,7 +25,6 @@ from lumbar.page_server.requests import TabRequests
 from lumbar.page_server.served_sets import ExploredSet, ServedLift, ServedSets, StoredVerdict
 from lumbar.page_server.server import new_server
 from lumbar.page_server.trust import TOKEN, Visitors
-from lumbar.settings.plain import plain
 from lumbar.settings.stability import StabilitySettings
 from lumbar.settings.study_settings import StudySettings
 from lumbar.twin.examples import example_records
@@ -148,7 +147,7 @@ def test_every_lift_has_its_address(get, saved_lift):
     assert get("/lifts/a%20lift", Host="somewhere.example")[0] == 403
 
 
-SETTINGS = plain(StudySettings())
+SETTINGS = StudySettings().model_dump(mode="json")
 BAR = '<header class="top"><b>lumbar</b>\n</header>'
 
 

@@ -1,7 +1,5 @@
 """The thesis's claims against a run's results; the printed Table 3.1 against its own equations; the twin's tissue."""
 
-from dataclasses import replace
-
 import numpy as np
 import pandas as pd
 import pytest
@@ -167,12 +165,17 @@ def test_noise_of_the_twin_has_its_size_its_correlation_and_its_delay():
     time = 0.01 * np.arange(40_000)
     position = np.sin(2 * np.pi * time)
     tissue = SyntheticTissueSettings()
-    quiet = replace(tissue, noise_N=0.0)
+    quiet = tissue.model_copy(update={"noise_N": 0.0})
     force = tissue_test(time, position, quiet, 1, 0)
     np.testing.assert_allclose(force, tissue_force(time, position, 0.405, 3.24, 0.035, 0.0202))
-    noise = tissue_test(time, position, replace(tissue, noise_N=0.7, noise_correlation_s=0.05), 1, 0) - force
+    noise = (
+        tissue_test(
+            time, position, tissue.model_copy(update={"noise_N": 0.7, "noise_correlation_s": 0.05}), 1, 0
+        )
+        - force
+    )
     assert noise.std() == pytest.approx(0.7, rel=0.05)
     lagged = np.corrcoef(noise[:-5], noise[5:])[0, 1]
     assert lagged == pytest.approx(np.exp(-1.0), abs=0.03)
-    late = tissue_test(time, position, replace(quiet, delay_s=0.03), 1, 0)
+    late = tissue_test(time, position, quiet.model_copy(update={"delay_s": 0.03}), 1, 0)
     np.testing.assert_allclose(late[3:], force[:-3], atol=1e-9)

@@ -1,7 +1,5 @@
 """Marker recordings: units, axes, aliases and prefixes, and the real lifting files."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from c3d_builder import build_c3d
@@ -15,7 +13,6 @@ from lumbar.records.marker_axes import rotation_to_standard
 from lumbar.records.markers import METRES, read_markers
 from lumbar.settings.layout import MarkerLayout
 from lumbar.settings.lifting import LiftingSettings
-from lumbar.settings.plain import from_plain
 from refusing import refusal
 
 BODY = {  # metres; x right, y forward, z up
@@ -39,7 +36,7 @@ def _in_this_process(monkeypatch):
 
 def layout_of(**keys) -> MarkerLayout:
     """Return a layout from what a study's YAML would say."""
-    return from_plain(MarkerLayout, keys)
+    return MarkerLayout.model_validate(keys)
 
 
 def write(tmp_path, positions, axes=None, unit="mm", **options):
@@ -136,9 +133,9 @@ def test_a_walking_person_is_compared_frame_by_frame(shared, name, forward, said
     """Markers of the feet are hidden in different halves of the walk: their medians over time lie metres apart."""
     layout = LiftingSettings().markers
     path = shared / "real" / "c3d_edge" / name
-    assert len(read_markers(path, replace(layout, required=(), forward=forward))) > 100
+    assert len(read_markers(path, layout.model_copy(update={"required": (), "forward": forward}))) > 100
     for wrong in {"+x", "-x", "+y", "-y"} - {forward}:
-        words = refusal(read_markers, path, replace(layout, required=(), forward=wrong))
+        words = refusal(read_markers, path, layout.model_copy(update={"required": (), "forward": wrong}))
         assert said in words and f'set forward: "{forward}"' in words
 
 
@@ -177,8 +174,8 @@ def test_up_is_told_by_usual_labels_where_no_alias_names_them(shared, run):
     for read in (read_upright, read_screened):
         with pytest.raises(InputError, match=r'stands along \+y by its usual labels.*set up: "\+y"'):
             read(path, layout)
-        read(path, replace(layout, up="+y", forward="+x"))
-        read(path, replace(layout, check_axes=False))
+        read(path, layout.model_copy(update={"up": "+y", "forward": "+x"}))
+        read(path, layout.model_copy(update={"check_axes": False}))
     assert 'set up: "+y"' in run.refused("check", path)
 
 
@@ -190,12 +187,12 @@ FACING = (
 
 @pytest.mark.parametrize(("name", "up", "forward", "said"), FACING)
 def test_forward_is_told_by_usual_labels_where_no_alias_names_them(shared, run, name, up, forward, said):
-    layout = replace(LiftingSettings().markers, up=up)
+    layout = LiftingSettings().markers.model_copy(update={"up": up})
     path = shared / "real" / "lifting" / name
-    assert not read_upright(path, replace(layout, forward=forward)).notes
+    assert not read_upright(path, layout.model_copy(update={"forward": forward})).notes
     for wrong in {"+x", "-x", "+y", "-y", "+z", "-z"} - {forward, up, up.replace("+", "-")}:
         for read in (read_upright, read_screened):
-            words = refusal(read, path, replace(layout, forward=wrong))
+            words = refusal(read, path, layout.model_copy(update={"forward": wrong}))
             assert f"{said} along {forward} by its usual labels, which no alias names" in words
             assert f'set forward: "{forward}"' in words
 

@@ -11,12 +11,10 @@ from lumbar.base.errors import InputError
 from lumbar.records.columns import read_record
 from lumbar.records.record import Channel, Record, check_record, resample, same_units
 from lumbar.settings.layout import ColumnLayout
-from lumbar.settings.plain import from_plain
 from refusing import refusal
 from study_settings import changed
 
-LAYOUT = from_plain(
-    ColumnLayout,
+LAYOUT = ColumnLayout.model_validate(
     {
         "columns": {
             "time": {"column": "t", "quantity": "time", "unit": "s"},
@@ -78,8 +76,7 @@ def test_an_optional_column_may_be_absent_or_rest(tmp_path, values):
 
 def test_scale_offset_numbers_comments_and_decimal_comma(tmp_path, values):
     text = text_of(1000 * values, header="% made up\n", form="{:.3f}\t{:.3f}\t{:.3f}").replace(".", ",")
-    layout = from_plain(
-        ColumnLayout,
+    layout = ColumnLayout.model_validate(
         {
             "delimiter": "\t",
             "header": False,

@@ -1,17 +1,13 @@
 """The participants' sheet: every problem of a file is found at once, with its line."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from lumbar.records.ratings import read_ratings
-from lumbar.settings.plain import from_plain
 from lumbar.settings.survey import RatingsLayout
 from refusing import refusal
 
-LAYOUT = from_plain(
-    RatingsLayout,
+LAYOUT = RatingsLayout.model_validate(
     {
         "participant": "who",
         "models": [{"name": name, "column": f"rating_{name}"} for name in ("IL", "KB", "HO")],
@@ -98,25 +94,26 @@ def test_files_that_are_no_answers(tmp_path, content, message):
 
 def test_contradictory_layouts(tmp_path):
     path = written(tmp_path, *GOOD)
-    twice = replace(LAYOUT, models=LAYOUT.models[:1] * 3)
+    twice = LAYOUT.model_copy(update={"models": LAYOUT.models[:1] * 3})
     assert "IL stands twice" in refusal(read_ratings, path, twice)
     assert "column 'rating_IL' is used twice" in refusal(read_ratings, path, twice)
-    assert "experience_levels" in refusal(read_ratings, path, replace(LAYOUT, experience_levels=()))
+    assert "experience_levels" in refusal(
+        read_ratings, path, LAYOUT.model_copy(update={"experience_levels": ()})
+    )
 
 
 def test_other_scales_delimiters_and_fewer_questions(tmp_path):
     path = tmp_path / "survey.csv"
-    path.write_text("\ufeffwho;x;y;best\n1; 7 ;1;Y\n2;6;2;X\n", encoding="utf-8")
-    layout = from_plain(
-        RatingsLayout,
+    path.write_text("\ufeffwho;x;y;z;best\n1; 7 ;1;4;Y\n2;6;2;4;X\n", encoding="utf-8")
+    layout = RatingsLayout.model_validate(
         {
             "delimiter": ";",
             "participant": "who",
-            "models": [{"name": "X", "column": "x"}, {"name": "Y", "column": "y"}],
+            "models": [{"name": name.upper(), "column": name} for name in "xyz"],
             "scale_points": 7,
             "best": "best",
         },
     )
     ratings = read_ratings(path, layout)
-    assert ratings.scores.tolist() == [[7, 1], [6, 2]]
+    assert ratings.scores.tolist() == [[7, 1, 4], [6, 2, 4]]
     assert ratings.groups == {}

@@ -1,7 +1,6 @@
 """Synthetic lifts and cohorts: people as declared, each by itself, bodies that hold together, files for every reader."""
 
 import warnings
-from dataclasses import replace
 
 import c3d
 import ezc3d
@@ -16,7 +15,6 @@ from lumbar.records.c3d_file import read_c3d
 from lumbar.records.c3d_writer import write_c3d
 from lumbar.records.markers import read_markers
 from lumbar.settings.lifting import REFINING
-from lumbar.settings.plain import plain
 from lumbar.settings.twin import GroupMovement, SyntheticLift, SyntheticPerson
 from lumbar.study.load_study import load_study, name_lifts
 from lumbar.study.validation import Origins, overlay, validate
@@ -155,8 +153,8 @@ def cohort():
 
 def with_persons(cohort, count, **changes):
     """The cohort with as many persons in every group."""
-    groups = {name: replace(group, persons=count) for name, group in cohort.groups.items()}
-    return replace(cohort, groups=groups, **changes)
+    groups = {name: group.model_copy(update={"persons": count}) for name, group in cohort.groups.items()}
+    return cohort.model_copy(update={"groups": groups, **changes})
 
 
 def test_who_is_added_changes_nobody(cohort):
@@ -220,7 +218,7 @@ def test_every_lift_can_be_moved(cohort):
         person = draw_person(large, name, group, SEED)
         for mass, trial in lifts_of(large):
             lift = draw_lift(large, person, mass, lift_name(name, mass, trial), SEED)
-            validate(plain(lift), SyntheticLift, Origins(problems))
+            validate(lift.model_dump(mode="json"), SyntheticLift, Origins(problems))
             assert np.all(np.diff([1.2, *vars(lift.events_s).values()]) >= 0.2)
     problems.raise_if_any()
 
@@ -228,16 +226,18 @@ def test_every_lift_can_be_moved(cohort):
 def test_a_person_of_a_study_needs_no_movement_of_their_own():
     """Drawn as of the label, with the mass declared, and from nobody else's; who has a named lift keeps it."""
     twin, seed = study_settings().twin.lifting, SEED
-    person = replace(subject_settings("novice"), name="third", mass_kg=66.0)
+    person = subject_settings("novice").model_copy(update={"name": "third", "mass_kg": 66.0})
     own = own_settings(twin, person, "third_12kg", 12.0, seed)
     assert list(own.lifts) == ["third_12kg"] and own.people == {
-        "third": SyntheticPerson(66.0, person.height_m)
+        "third": SyntheticPerson(mass_kg=66.0, height_m=person.height_m)
     }
     mean, between, within = twin.groups["novice"].lift_flexion_deg
     assert abs(own.lifts["third_12kg"].lift_flexion_deg - mean) <= FARTHEST_SD * (between + within)
     assert own.duration_s >= own.lifts["third_12kg"].events_s.release + 2
     assert len(true_movement(own, "third_12kg").time) == 100 * own.duration_s
-    more = replace(twin, groups={**twin.groups, "nurse": GroupMovement()}, people={}, lifts={})
+    more = twin.model_copy(
+        update={"groups": {**twin.groups, "nurse": GroupMovement()}, "people": {}, "lifts": {}}
+    )
     assert own_settings(more, person, "third_12kg", 12.0, seed) == own
     named = own_settings(twin, subject_settings("expert"), "expert_23kg", 23.0, seed)
     assert named.lifts == {"expert_23kg": twin.lifts["expert_23kg"]} and named.duration_s == twin.duration_s

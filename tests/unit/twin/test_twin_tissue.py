@@ -1,7 +1,5 @@
 """Synthetic tissue tests and surgeon trials: against the matrix exponential, and by estimators not the library's."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from scipy.linalg import expm
@@ -131,9 +129,14 @@ def settings(project):
 
 def test_strokes_become_shallower(settings):
     """Over many trials without noise: depth of the strokes in the last third against the first."""
-    one = replace(settings.surgeons["surgeon_1"], tremor_rms_mm=0.0)
-    quiet = replace(
-        settings, noise_rms_mm=0.0, reposition_mm=0.0, gain_mm_per_stroke=0.0, surgeons={"one": one}
+    one = settings.surgeons["surgeon_1"].model_copy(update={"tremor_rms_mm": 0.0})
+    quiet = settings.model_copy(
+        update={
+            "noise_rms_mm": 0.0,
+            "reposition_mm": 0.0,
+            "gain_mm_per_stroke": 0.0,
+            "surgeons": {"one": one},
+        }
     )
     depths = [surgeon_trial(f"t{index}", "one", quiet, 1).z_mm.to_numpy() for index in range(30)]
     early = np.mean([depth[1000:2000].max() for depth in depths]) - settings.puncture_mm
@@ -162,7 +165,7 @@ def test_minimum_jerk_movement_has_its_closed_form():
 
 def test_a_trial_is_the_same_bytes_whatever_else_there_is(settings):
     first = surgeon_trial("surgeon_1_trial_1", "surgeon_1", settings, 45)
-    fewer = replace(settings, surgeons={"surgeon_1": settings.surgeons["surgeon_1"]})
+    fewer = settings.model_copy(update={"surgeons": {"surgeon_1": settings.surgeons["surgeon_1"]}})
     assert first.to_csv() == surgeon_trial("surgeon_1_trial_1", "surgeon_1", fewer, 45).to_csv()
     assert first.to_csv() != surgeon_trial("surgeon_1_trial_2", "surgeon_1", settings, 45).to_csv()
     assert first.to_csv() != surgeon_trial("surgeon_1_trial_1", "surgeon_1", settings, 46).to_csv()
@@ -174,6 +177,6 @@ def test_unknown_surgeon_is_named_with_those_there_are(settings):
 
 
 def test_a_trial_shorter_than_the_approach_has_no_stroke(settings):
-    trial = surgeon_trial("any", "surgeon_2", replace(settings, duration_s=5), 3)
+    trial = surgeon_trial("any", "surgeon_2", settings.model_copy(update={"duration_s": 5}), 3)
     assert len(trial) == 5 * settings.rate_Hz
     assert np.isfinite(trial.to_numpy()).all()

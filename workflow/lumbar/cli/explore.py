@@ -9,7 +9,6 @@ import sys
 import webbrowser
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, nullcontext
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -140,7 +139,9 @@ def _own(settings: StudySettings, output: Path) -> OwnDiagnosis:
     from lumbar.interface.diagnosis import diagnose
     from lumbar.page_server.own_recordings import OwnDiagnosis
 
-    alone = replace(settings, improvement=replace(settings.improvement, session=False))
+    alone = settings.model_copy(
+        update={"improvement": settings.improvement.model_copy(update={"session": False})}
+    )
     return OwnDiagnosis(partial(diagnose, settings=alone), output / "own")
 
 
@@ -166,7 +167,6 @@ def _of_set(study: Study, name: str, file: Path, output: Path) -> ExploredSet:
     """A record set, diagnosed as the workflow does."""
     from lumbar.interface.diagnosis import diagnose
     from lumbar.page_server.served_sets import ExploredSet, StoredVerdict
-    from lumbar.settings.plain import plain
     from lumbar.study.load_study import DEFAULT_FILES
     from lumbar.study.study import settings_of_set
 
@@ -179,7 +179,7 @@ def _of_set(study: Study, name: str, file: Path, output: Path) -> ExploredSet:
 
     stored = StoredVerdict(
         Path("results") / study.name / "improvement" / name,
-        plain(study.settings),
+        study.settings.model_dump(mode="json"),
         [*map(Path, _paths_of(study, name)), file, *DEFAULT_FILES],
     )
     return ExploredSet(name, diagnosed, output, stored=stored)

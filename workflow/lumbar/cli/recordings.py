@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 from lumbar.base.errors import InputError, Problems
 from lumbar.cli.options import given_settings
-from lumbar.settings.plain import plain
 
 if TYPE_CHECKING:
     from lumbar.settings.study_settings import StudySettings
@@ -70,10 +69,10 @@ def _reading(file: Path, chapter: str, settings: StudySettings) -> dict:
     from lumbar.interface.reading import is_marker_file
 
     if is_marker_file(file):
-        layout = plain(settings.lifting.markers)
+        layout = settings.lifting.markers.model_dump(mode="json")
         return {"chapter": "lifting", "reader": "markers", "path": str(file), "layout": layout}
     own = getattr(settings, chapter)
-    layout = plain(own.moment_layout if chapter == "lifting" else own.layout)
+    layout = (own.moment_layout if chapter == "lifting" else own.layout).model_dump(mode="json")
     if chapter == "survey":
         return {"chapter": chapter, "reader": "ratings", "path": str(file), "layout": layout}
     return {"chapter": chapter, "set": chapter, "reader": "columns", "path": str(file), "layout": layout}

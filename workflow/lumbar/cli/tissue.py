@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from lumbar.base.errors import InputError
@@ -62,7 +61,7 @@ def fit_settings(options) -> StudySettings:
     settings = given_settings(options)
     said = {name: getattr(options, name) for name in ("base", "train", "forward", "session")}
     given = {name: value for name, value in said.items() if value is not None}
-    return replace(settings, improvement=replace(settings.improvement, **given))
+    return settings.model_copy(update={"improvement": settings.improvement.model_copy(update=given)})
 
 
 def read_folder(options) -> tuple[RecordSet, StudySettings, str]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -113,8 +113,8 @@ def export_fmu(
     from lumbar.tissue.fmu.fmu_check import validate_new_files
 
     settings = settings or RuntimeSettings()
-    settings = replace(
-        settings, rate_Hz=rate_Hz or settings.rate_Hz, targets=tuple(targets or settings.targets)
+    settings = settings.model_copy(
+        update={"rate_Hz": rate_Hz or settings.rate_Hz, "targets": tuple(targets or settings.targets)}
     )
     selected, read_from = chosen_models(model, settings, names, trained_on, effect_files)
     cache = cache_folder(settings.compiler_cache)
@@ -145,11 +145,12 @@ def _chosen(settings: RuntimeSettings, fitted: list[FittedModel], names, trained
     # A file of passive fits holds no other.
     estimators = {model.estimator for model in fitted if model.discrete and model.trained_on}
     estimator = estimators.pop() if len(estimators) == 1 else settings.estimator
-    return replace(
-        settings,
-        trained_on=trained_on or only or settings.trained_on,
-        models=names,
-        estimator=estimator,  # type: ignore[arg-type]  # one that no study can name
+    return settings.model_copy(
+        update={
+            "trained_on": trained_on or only or settings.trained_on,
+            "models": names,
+            "estimator": estimator,
+        }
     )
 
 
@@ -211,7 +212,7 @@ def render(
                 f"{key}: {value}, a finite number {'above 0' if held else 'of 0 or more'} is needed"
             )
     values = {key: value for key, value in given.items() if value is not None}
-    settings = replace(settings, device=replace(settings.device, **values))  # type: ignore[arg-type]  # no words
+    settings = settings.model_copy(update={"device": settings.device.model_copy(update=values)})
     fitted, read_from = chosen_models(model, settings, names, trained_on, effect_files)
     found = rendering_of(fitted, settings, source_label or read_from)
     if not len(found):

@@ -86,7 +86,8 @@ def inspect(
     if found is None:
         axes += " by the settings; the labels do not show the body's"
     elif found != (layout.up, layout.forward):
-        turned = replace(chosen, markers=replace(layout, up=up, forward=forward))
+        markers = layout.model_copy(update={"up": up, "forward": forward})
+        turned = chosen.model_copy(update={"markers": markers})
     if turned is not None and settings is None:
         chosen = turned
         recording, screening, bodies = _look(path, turned, height_m)
@@ -109,7 +110,7 @@ def _look(path: Path, settings: LiftingSettings, height_m: float | None) -> tupl
     """A file's recording, the screening and the rigid bodies it was read with: once, for the sheet and for the pipeline."""
     aliases = settings.markers.aliases
     screening, bodies = Screening(height_m, aliases, refuse=False), BodyFilling(settings)
-    layout = replace(settings.markers, required=(), check_axes=False)
+    layout = settings.markers.model_copy(update={"required": (), "check_axes": False})
     try:
         recording = read_markers(path, layout, screen=screening, mend=bodies)
     except InputError as error:
@@ -145,7 +146,7 @@ def _axes(
 def _pipeline(path: Path, recording, screening, bodies, settings: LiftingSettings) -> tuple[bool, str]:
     """Whether a lift is analysed from what was read with these settings, and what is found or why not."""
     layout, trial = settings.markers, TrialSettings(box_mass_kg=0.0, markers=path.name)
-    subject = replace(_STAND_IN, height_m=screening.height_m or _STAND_IN.height_m)
+    subject = _STAND_IN.model_copy(update={"height_m": screening.height_m or _STAND_IN.height_m})
     try:
         if layout.required != ():
             return True, str(lift(path, subject, 0.0, settings=settings))

@@ -20,7 +20,6 @@ from lumbar.lifting.quality.screening import QualitySheet, Screening, naming, re
 from lumbar.records.markers import MarkerRecording, read_markers
 from lumbar.settings.layout import MarkerLayout
 from lumbar.settings.lifting import LiftingSettings
-from lumbar.settings.plain import plain
 from lumbar.settings.subject import SubjectSettings, TrialSettings
 
 if TYPE_CHECKING:
@@ -93,7 +92,7 @@ def lift(
 
 def labelled_markers(path: str | os.PathLike, layout: MarkerLayout, height_m: float) -> MarkerRecording:
     """Markers of a file by their own labels, in metres and standard axes, without what cannot be a body's."""
-    bare = replace(layout, aliases={}, required=None, check_axes=False)
+    bare = layout.model_copy(update={"aliases": {}, "required": None, "check_axes": False})
     screening = Screening(height_m, layout.aliases)
     with naming(path):
         return read_markers(path, bare, minimum_frames=1, screen=screening)
@@ -205,7 +204,7 @@ class Lift(Result):
         for name, frame in tables.items():
             yield f"{name}.csv", frame.assign(**label)
         events = {name: event.as_dict() for name, event in self.analysed.events.items()}
-        rules = plain(self.settings.events)
+        rules = self.settings.events.model_dump(mode="json")
         in_file = {"file": self.file_events} if self.file_events else {}
         yield "events.json", {"lift": self.name, "events": events, **in_file, "rules": rules, **label}
         file = Path(self.quality.file).name  # the same wherever recordings lie
@@ -276,7 +275,7 @@ def trial_of(
                     f"{subject.name} has no trials: give the mass of the box (--box-mass KG; box_mass_kg in Python)"
                 )
             trial = TrialSettings(box_mass_kg=box_mass_kg, markers=markers.name)
-        chosen = trial if box_mass_kg is None else replace(trial, box_mass_kg=box_mass_kg)
+        chosen = trial if box_mass_kg is None else trial.model_copy(update={"box_mass_kg": box_mass_kg})
         return f"{subject.name}_{chosen.box_mass_kg:g}kg", chosen
     lifts = lift_names(subject)
     if trial is not None:

@@ -16,7 +16,7 @@ from lumbar.interface.verb import NOT_SAID, Result, read_table
 from lumbar.lifting.stability.basins import LiftBasins, basins_of_lift
 from lumbar.lifting.stability.model.failures import failures_frame
 from lumbar.lifting.stability.model.trajectories import THESIS, Failure, LiftStates, Trajectory, headline
-from lumbar.settings.key import SEED
+from lumbar.settings.section import SEED
 from lumbar.settings.stability import StabilitySettings
 
 

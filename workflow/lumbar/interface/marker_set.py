@@ -16,7 +16,6 @@ from lumbar.records.marker_aliases import resolve_aliases
 from lumbar.records.marker_axes import find_axes
 from lumbar.settings.layout import Alias, MarkerLayout, MeanOfMarkers, OffsetPoint
 from lumbar.settings.lifting import ALIASES
-from lumbar.settings.plain import from_plain
 
 if TYPE_CHECKING:
     from lumbar.records.markers import MarkerRecording
@@ -27,7 +26,7 @@ _SAID = shipped_yaml(Path(__file__).with_suffix(".yaml"))
 
 def _rules(name: str) -> tuple[tuple[Any, str], ...]:
     said = _SAID["rules"][name]
-    ways = (from_plain(MarkerLayout, {"aliases": {name: item["is"]}}).aliases[name] for item in said)
+    ways = (MarkerLayout(aliases={name: item["is"]}).aliases[name] for item in said)
     return tuple((way, item.get("because", "")) for way, item in zip(ways, said, strict=True))
 
 
@@ -131,7 +130,7 @@ def alias_text(term: Alias) -> str:
 
     Examples
     --------
-    >>> alias_text(("SACR", MeanOfMarkers(("LPSI", "RPSI"))))
+    >>> alias_text(("SACR", MeanOfMarkers(mean=("LPSI", "RPSI"))))
     '[SACR, {mean: [LPSI, RPSI]}]'
     """
     if isinstance(term, str):

@@ -4,7 +4,7 @@ import os
 import re
 from collections import Counter
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -211,7 +211,7 @@ def _basin_areas(lifts: Mapping[str, Lift], settings: StabilitySettings) -> pd.D
         sound += [(name, item) for item in trajectories]
         rows += [(name, item, ABSENT, item.reason) for item in failures]
     computed: dict[Trajectory, np.ndarray] = {}
-    fewer = replace(settings, knots=settings.fewer_knots)
+    fewer = settings.model_copy(update={"knots": settings.fewer_knots})
 
     def areas_of_signs(items: list[Trajectory]) -> np.ndarray:
         loops = close_loops(items * len(SIGNS), [sign for sign in SIGNS for _ in items], fewer)

@@ -24,7 +24,6 @@ from lumbar.records.marker_file import NoMarkers
 from lumbar.records.markers import METRES, MarkerRecording, read_markers
 from lumbar.records.unpacking import ending_of
 from lumbar.settings.layout import MarkerLayout
-from lumbar.settings.plain import from_plain
 from lumbar.study.validation import FILL_IN
 
 SCHEMA = "# yaml-language-server: $schema=../../workflow/lumbar/study/study.schema.json"
@@ -170,13 +169,13 @@ def _read(path: Path) -> tuple[MarkerRecording, bool]:
     """
     layout = {"check_axes": False, "subject_prefix": "keep"}
     try:
-        return read_markers(path, from_plain(MarkerLayout, layout), minimum_frames=1), True
+        return read_markers(path, MarkerLayout(**layout), minimum_frames=1), True
     except NoMarkers:
         raise
     except InputError as stated:
         for unit in METRES:
             try:
-                assumed = from_plain(MarkerLayout, {**layout, "unit": unit})
+                assumed = MarkerLayout(**layout, unit=unit)
                 return read_markers(path, assumed, minimum_frames=1), False
             except InputError:
                 continue

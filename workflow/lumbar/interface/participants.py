@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from lumbar.interface.verb import NOT_SAID, Result, data_label
 from lumbar.records.ratings import Ratings, read_ratings
-from lumbar.settings.key import SEED
+from lumbar.settings.section import SEED
 from lumbar.settings.survey import SurveySettings
 from lumbar.tables.table import Table
 from lumbar.tissue.survey.survey_analysis import SurveyAnalysis

@@ -12,8 +12,7 @@ from lumbar.base.errors import InputError
 from lumbar.base.files import read_json
 from lumbar.interface.verb import Result, label_of
 from lumbar.records.record import Record
-from lumbar.settings.key import SEED
-from lumbar.settings.plain import plain
+from lumbar.settings.section import SEED
 from lumbar.settings.signals import SignalsSettings, SurgeonSettings
 from lumbar.tables.table import Table
 from lumbar.tissue.signals.excitation import (
@@ -108,7 +107,7 @@ class Bandwidth(Result):
         """``bandwidth.json`` and ``psd.csv``."""
         yield (
             "bandwidth.json",
-            {**self.values, "welch": plain(self.settings.welch), "data": self.source_label},
+            {**self.values, "welch": self.settings.welch.model_dump(mode="json"), "data": self.source_label},
         )
         yield "psd.csv", spectra_table(self.spectra).assign(data=self.source_label)
 

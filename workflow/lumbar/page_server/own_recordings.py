@@ -23,7 +23,7 @@ from lumbar.records.importing.raw_table import Asked
 from lumbar.records.importing.roles import Choices
 from lumbar.records.importing.study_file import common_rate
 from lumbar.records.record import Record, resample
-from lumbar.settings.key import NAME
+from lumbar.settings.section import NAME
 
 if TYPE_CHECKING:
     from lumbar.interface.diagnosed import Diagnosis

@@ -10,7 +10,6 @@ from lumbar.base.progress import track
 from lumbar.records.markers import MarkerRecording, read_markers
 from lumbar.records.record import same_units
 from lumbar.settings.layout import ColumnLayout, MarkerLayout
-from lumbar.settings.plain import from_plain
 from lumbar.settings.survey import RatingsLayout
 
 MarkerReader = Callable[[str, MarkerLayout], MarkerRecording]
@@ -71,7 +70,7 @@ def _columns(item: dict) -> tuple[object, dict]:
 
     record = read_record(
         item["path"],
-        from_plain(ColumnLayout, item["layout"]),
+        ColumnLayout.model_validate(item["layout"]),
         name=item.get("name"),
         period=item.get("period_s"),
         rate=item.get("rate_Hz"),
@@ -92,7 +91,7 @@ def _columns(item: dict) -> tuple[object, dict]:
 
 
 def _markers(item: dict, read: MarkerReader) -> tuple[object, dict]:
-    recording = read(item["path"], from_plain(MarkerLayout, item["layout"]))
+    recording = read(item["path"], MarkerLayout.model_validate(item["layout"]))
     return recording, {
         "name": recording.name,
         "samples": len(recording.time),
@@ -109,7 +108,7 @@ def _markers(item: dict, read: MarkerReader) -> tuple[object, dict]:
 def _ratings(item: dict) -> tuple[object, dict]:
     from lumbar.records.ratings import read_ratings
 
-    ratings = read_ratings(item["path"], from_plain(RatingsLayout, item["layout"]))
+    ratings = read_ratings(item["path"], RatingsLayout.model_validate(item["layout"]))
     return ratings, {
         "participants": len(ratings),
         "models": list(ratings.models),

@@ -97,7 +97,7 @@ def labels_of(name: str, aliases: Mapping[str, Alias | None]) -> tuple[str, ...]
 
     Examples
     --------
-    >>> labels_of("SACRUM", {"SACRUM": ("SACR", MeanOfMarkers(("LPSI", "RPSI")))})
+    >>> labels_of("SACRUM", {"SACRUM": ("SACR", MeanOfMarkers(mean=("LPSI", "RPSI")))})
     ('SACRUM', 'SACR', 'LPSI', 'RPSI')
     """
     found: list[str] = []

@@ -2,7 +2,6 @@
 
 import re
 from collections.abc import Collection, Sequence
-from dataclasses import replace
 
 from lumbar.base.errors import Problems
 from lumbar.settings.layout import AXES, SIDES, ColumnSettings
@@ -27,7 +26,10 @@ def along_axes(
     _check(single, found, header, problems)
     expanded: dict[str, ColumnSettings] = {}
     for role, column in columns.items():
-        own = {f"{role}_{axis}": replace(column, column=name) for axis, name in found.get(role, {}).items()}
+        own = {
+            f"{role}_{axis}": column.model_copy(update={"column": name})
+            for axis, name in found.get(role, {}).items()
+        }
         expanded |= own if role in single else {role: column}
     return expanded
 

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 from typing import Annotated, Literal, Self, Union
 
-from lumbar.settings.key import UNIQUE, Each, RecordName, key, required, settings
+from pydantic import Field, model_validator
+
+from lumbar.settings.section import RecordName, Section, Unique
 
 Axis = Literal["+x", "-x", "+y", "-y", "+z", "-z"]
 AXES, SIDES = ("x", "y", "z"), ("input", "output")
@@ -14,42 +15,58 @@ AXES, SIDES = ("x", "y", "z"), ("input", "output")
 AXIS_ROLES = frozenset(f"{side}_{axis}" for side in SIDES for axis in AXES)
 
 
-@settings
-class ColumnSettings:
+class ColumnSettings(Section):
     """One column: value = number in the file × scale + offset, in the unit given."""
 
-    column: str | Annotated[int, Each(ge=1)] = required()
-    unit: str = required()
-    quantity: str = key(default="")
-    scale: float = key(default=1.0)
-    offset: float = key(default=0.0)
-    optional: bool = key(default=False)
+    column: str | Annotated[int, Field(ge=1)]
+    """Name from the header, or number counted from 1."""
+    unit: str
+    """Unit after scaling, e.g. mm."""
+    quantity: str = ""
+    """What is measured, as it stands on axes, e.g. position."""
+    scale: float = 1.0
+    """Factor from the file's numbers to the unit; not 0."""
+    offset: float = 0.0
+    """Added after scaling."""
+    optional: bool = False
+    """true: the column may be absent, and constant; what needs it is then left out, and said to be."""
 
-    def __post_init__(self):
+    @model_validator(mode="after")
+    def _check(self) -> Self:
         if self.scale == 0:
             raise ValueError("scale is 0: every value would be the same")
+        return self
 
     @property
     def other_sign(self) -> Self:
         """The same column, counted the other way."""
-        return replace(self, scale=-self.scale, offset=-self.offset or 0.0)
+        return self.model_copy(update={"scale": -self.scale, "offset": -self.offset or 0.0})
 
 
-@settings
-class ColumnLayout:
+class ColumnLayout(Section):
     """How the columns of a file are read."""
 
-    columns: dict[str, ColumnSettings] = key(default={})
-    format: Literal["text", "mat"] = key(default="text")
-    delimiter: str = key(default=",")
-    header: bool = key(default=True)
-    comment: str | None = key(default=None)
-    decimal: Literal[".", ","] = key(default=".")
-    clipped: Literal["refuse", "accept"] = key(default="refuse")
+    columns: dict[str, ColumnSettings] = Field({})
+    """One entry per role: time, input, output; of several axes input_x, output_x and so on."""
+    format: Literal["text", "mat"] = "text"
+    """text (CSV, TXT, .gz too) or mat (MATLAB 4 to 7.2)."""
+    delimiter: str = ","
+    """One character, or the word whitespace."""
+    header: bool = True
+    """Whether a line of column names comes before the data."""
+    comment: str | None = None
+    """Lines that start with this are skipped."""
+    decimal: Literal[".", ","] = "."
+    """Decimal mark."""
+    clipped: Literal["refuse", "accept"] = "refuse"
+    """Whether records are accepted whose force or position holds runs of samples exactly at its extreme, as
+    of a converter at the end of its range."""
 
-    def __post_init__(self):
+    @model_validator(mode="after")
+    def _check(self) -> Self:
         if problems := list(_problems_of_axes(self.columns)):
             raise ValueError(f"columns: {'; '.join(problems)}")
+        return self
 
     @property
     def axes(self) -> tuple[str, ...]:
@@ -79,66 +96,92 @@ def _problems_of_axes(columns: dict[str, ColumnSettings]) -> Iterator[str]:
             yield f"{told}; one quantity and unit for all axes"
 
 
-@settings
-class MeanOfMarkers:
+class MeanOfMarkers(Section):
     """The mean of several markers."""
 
-    mean: tuple[Alias, ...] = required(min_length=2)
+    mean: tuple[Alias, ...] = Field(min_length=2)
+    """Markers whose mean is taken, e.g. [LWRA, LWRB]."""
 
 
-@settings
-class PointBetween:
+class PointBetween(Section):
     """A point on the line through two markers."""
 
-    between: tuple[Alias, Alias] = required()
-    share: float = required(within="[-1, 2]")
+    between: tuple[Alias, Alias]
+    """The two markers, e.g. [C7, SACRUM]."""
+    share: float = Field(ge=-1, le=2)
+    """Share of the way from the first to the second: 0 is the first, 1 the second."""
 
 
-@settings
-class OffsetPoint:
+class OffsetPoint(Section):
     """A point at a fixed offset in the axes of the laboratory."""
 
-    start: Alias = required(alias="from")
-    offset_m: tuple[Metre, Metre, Metre] = required()
+    start: Alias = Field(alias="from")
+    """Marker the offset starts from."""
+    offset_m: tuple[Metre, Metre, Metre]
+    """Offset lateral (right), forward and up."""
 
 
-Metre = Annotated[float, Each(ge=-1, le=1)]
+Metre = Annotated[float, Field(ge=-1, le=1)]
 Rule = Union[MeanOfMarkers, PointBetween, OffsetPoint]  # noqa: UP007 - read by Pydantic as one union
 Alias = Union[str, Rule, tuple[Union[str, Rule], ...]]  # noqa: UP007
 """A label or another alias's name, a rule, or alternatives of these, of which the first that the file can fill is taken."""
-MarkerName = Annotated[str, Each(pattern="^[A-Z][A-Z0-9_]*$")]
+MarkerName = Annotated[str, Field(pattern="^[A-Z][A-Z0-9_]*$")]
 
 
-@settings
-class MarkerLayout:
+class MarkerLayout(Section):
     """How marker files (C3D, TRC, CSV, BVH; also .gz) are read."""
 
-    unit: Literal["file", "m", "cm", "mm"] = key(default="file")
-    scale: float = key(default=1.0, within="(0, 10000]")
-    up: Axis = key(default="+z")
-    forward: Axis = key(default="+y")
-    subject_prefix: str = key(default="strip", min_length=1)
-    check_axes: bool = key(default=True)
-    points: Literal["file", "skin", "joint_centres"] = key(default="file")
-    rate_Hz: float | None = key(default=None, gt=0)
-    aliases: dict[MarkerName, Alias | None] = key(default={})
-    required: Annotated[tuple[str, ...], UNIQUE] | None = key(default=None)
+    unit: Literal["file", "m", "cm", "mm"] = "file"
+    """Unit of length: file takes the one the file states; any other one must not contradict it."""
+    scale: float = Field(1.0, gt=0, le=10000)
+    """Factor on the coordinates where the unit that a file states is wrong, e.g. 0.1."""
+    up: Axis = "+z"
+    """Axis of the file that points up."""
+    forward: Axis = "+y"
+    """Axis of the file that points the way the person faces; perpendicular to up."""
+    subject_prefix: str = Field("strip", min_length=1)
+    """Prefixes such as Subject:C7: strip takes all off, keep none, a subject's name that one alone."""
+    check_axes: bool = True
+    """Whether up, forward and left/right are compared with the body; false where the person turns round or
+    lies down."""
+    points: Literal["file", "skin", "joint_centres"] = "file"
+    """What the points are: markers on the skin, from which joint centres are estimated, or joint centres
+    (of a suit, a camera), taken as they are; file: joint centres of BVH, else skin."""
+    rate_Hz: float | None = Field(None, gt=0)
+    """Frames per second of a CSV file that has no times, or where the rate that a file states is wrong;
+    null takes them from the file."""
+    aliases: dict[MarkerName, Alias | None] = Field({})
+    """Standard name to what fills it: a label, alternatives, {mean}, {between, share} or {from, offset_m};
+    null takes an alias of the defaults away. Standard names are C7, T8, T12, L5 (spine at L4/L5),
+    MANUBRIUM, XIPHOID, SACRUM, L_/R_ ASIS, PSIS, SHOULDER, ELBOW, WRIST, HIP (greater trochanter), KNEE,
+    ANKLE, HEEL, TOE, and BOX_1, BOX_2, … on the box."""
+    required: Unique[str] | None = None
+    """Standard names without which a recording is refused; null: every alias. The others may be absent from
+    a file."""
 
 
-@settings
-class RecordSettings:
+class RecordSettings(Section):
     """One recording of a column file."""
 
-    name: RecordName = required()
-    file: str = required(min_length=1)
-    period_s: float | None = key(default=None, gt=0)
-    trim_s: tuple[float, float] | None = key(default=None)
+    name: RecordName
+    """Name of the record in tables and file names."""
+    file: str = Field(min_length=1)
+    """File below data_root."""
+    period_s: float | None = Field(None, gt=0)
+    """Period of the excitation, where it is periodic."""
+    trim_s: tuple[float, float] | None = None
+    """Start and end of the part that is read, on the file's own clock; null reads all of it."""
 
-    def __post_init__(self):
+    @model_validator(mode="after")
+    def _check(self) -> Self:
         if self.trim_s is not None and not self.trim_s[0] < self.trim_s[1]:
             raise ValueError("trim_s: the start must lie before the end")
+        return self
 
 
 def columns(**roles: tuple[str, str, str]) -> dict[str, ColumnSettings]:
     """Columns of a layout by role, each (name in the header, unit, quantity)."""
-    return {role: ColumnSettings(*words) for role, words in roles.items()}
+    return {
+        role: ColumnSettings(column=column, unit=unit, quantity=quantity)
+        for role, (column, unit, quantity) in roles.items()
+    }

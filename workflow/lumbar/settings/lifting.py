@@ -1,18 +1,19 @@
 """Chapter lifting: from marker files to the pendulums of the deposit."""
 
-from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Literal
+
+from pydantic import Field
 
 from lumbar.base.yaml_file import shipped_yaml
-from lumbar.settings.key import UNIQUE, key, section, settings
 from lumbar.settings.layout import Alias, ColumnLayout, ColumnSettings, MarkerLayout, MeanOfMarkers
+from lumbar.settings.section import Section, Unique
 from lumbar.settings.subject import TrialSettings
 
 ALIASES: dict[str, Alias] = {
     **{
         name: tuple(
-            MeanOfMarkers(tuple(label["mean"])) if isinstance(label, dict) else label for label in labels
+            MeanOfMarkers(mean=label["mean"]) if isinstance(label, dict) else label for label in labels
         )
         for name, labels in shipped_yaml(Path(__file__).parent / "labels" / "aliases.yaml").items()
     },
@@ -31,82 +32,127 @@ MOMENT_COLUMNS = {
 }
 
 
-@settings
-class GapSettings:
+class GapSettings(Section):
     """How gaps in marker trajectories are treated."""
 
-    maximum_s: float = key(default=0.2, within="[0, 1]")
-    longer: Literal["error", "keep"] = key(default="keep")
-    rigid: dict[str, tuple[str, ...]] = key(default=RIGID_BODIES)
-    rigid_tolerance_m: float = key(default=0.02, within="(0, 0.1]")
+    maximum_s: float = Field(0.2, ge=0, le=1)
+    """Longest gap that a cubic spline bridges; 0 bridges none."""
+    longer: Literal["error", "keep"] = "keep"
+    """What becomes of longer gaps and of those at the start or end: keep leaves them open, and what cannot
+    be computed for them is left out with its reason; error refuses a recording with such a gap between the
+    first and the last event in a marker that the pendulums need."""
+    rigid: dict[str, tuple[str, ...]] = RIGID_BODIES
+    """Rigid bodies by name, each with its markers (standard names, or labels of the file): gaps that a
+    spline does not bridge are filled from three or more others of the same body, with its shape in the
+    static trial or in the frames that show all of them."""
+    rigid_tolerance_m: float = Field(0.02, gt=0, le=0.1)
+    """A body whose markers differ from its shape by more than this (root mean square) is not rigid: it
+    fills nothing."""
 
 
-@settings
-class FilterSettings:
+class FilterSettings(Section):
     """Butterworth low-pass filter of the trajectories, forward and backward."""
 
-    cutoff_Hz: float = key(default=6.0, within="(0, 50]")
-    order: int = key(default=2, within="[1, 8]")
+    cutoff_Hz: float = Field(6.0, gt=0, le=50)
+    """-3 dB frequency of both passes together; each pass is corrected for it."""
+    order: int = Field(2, ge=1, le=8)
+    """Order of each pass."""
 
 
-@settings
-class EventLabels:
+class EventLabels(Section):
     """Labels of events in the file (C3D) that stand for those of a lift, without regard to case and spaces."""
 
-    lift_off: tuple[str, ...] = key(default=("lift off", "box off", "pick up"))
-    toe_off: tuple[str, ...] = key(default=("foot off", "toe off", "LTO", "RTO"))
-    deposit_start: tuple[str, ...] = key(default=("deposit start", "start of deposit"))
-    release: tuple[str, ...] = key(default=("release", "box release", "end of deposit"))
+    lift_off: tuple[str, ...] = ("lift off", "box off", "pick up")
+    """Box leaves its support."""
+    toe_off: tuple[str, ...] = ("foot off", "toe off", "LTO", "RTO")
+    """End of the lift: the first of these between lift-off and release."""
+    deposit_start: tuple[str, ...] = ("deposit start", "start of deposit")
+    """Start of the deposit."""
+    release: tuple[str, ...] = ("release", "box release", "end of deposit")
+    """Box is released."""
 
 
-@settings
-class EventSettings:
+class EventSettings(Section):
     """How the events of a lift are found."""
 
-    deposit_start: Literal["descent", "wrist_minimum"] = key(default="descent")
-    taken_from: Literal["detection", "file"] = key(default="detection")
-    labels: EventLabels = section(default_factory=EventLabels)
-    box_speed_m_s: float = key(default=0.05, within="(0, 1]")
-    box_rest_m_s: float = key(default=0.02, within="(0, 1]")
-    box_sustained_s: float = key(default=0.1, within="[0, 1]")
-    separation_m: float = key(default=0.1, within="(0, 1]")
-    grip_s: float = key(default=0.5, within="(0, 5]")
-    toe_speed_m_s: float = key(default=0.3, within="(0, 5]")
-    toe_sustained_s: float = key(default=0.065, within="[0, 1]")
-    rise_m: float = key(default=0.02, within="(0, 1]")
-    hands_rise_m: float = key(default=0.25, within="(0, 2]")
-    stay_s: float = key(default=0.3, within="(0, 10]")
-    descent_m: float = key(default=0.05, within="(0, 2]")
-    prominence_m_s: float = key(default=0.05, within="[0, 2]")
+    deposit_start: Literal["descent", "wrist_minimum"] = "descent"
+    """Start of the deposit: descent, the last instant before the box goes down for good, or wrist_minimum,
+    the last local minimum of the wrists' speed before that, as in the thesis. Table 4.1 shows the thesis's
+    wording with its own start whatever stands here."""
+    taken_from: Literal["detection", "file"] = "detection"
+    """detection: by the rules below; file: those that somebody marked in the recording's own file, each
+    that it has. The difference is told either way."""
+    labels: EventLabels = Field(default_factory=EventLabels)
+    box_speed_m_s: float = Field(0.05, gt=0, le=1)
+    """Speed above which the box moves."""
+    box_rest_m_s: float = Field(0.02, gt=0, le=1)
+    """Speed below which the box rests: its movement starts and ends there."""
+    box_sustained_s: float = Field(0.1, ge=0, le=1)
+    """How long the box must move for its lift-off, and the wrists be away from it for the separation."""
+    separation_m: float = Field(0.1, gt=0, le=1)
+    """Wrists have left the box when their distance from its centre grows by more than this."""
+    grip_s: float = Field(0.5, gt=0, le=5)
+    """Time after lift-off whose median distance between wrists and box counts as the grip."""
+    toe_speed_m_s: float = Field(0.3, gt=0, le=5)
+    """Speed of a toe that leaves the ground."""
+    toe_sustained_s: float = Field(0.065, ge=0, le=1)
+    """How long the toe must keep that speed."""
+    rise_m: float = Field(0.02, gt=0, le=1)
+    """Rise of the box that makes it lifted: before, it may slide on its support."""
+    hands_rise_m: float = Field(0.25, gt=0, le=2)
+    """Rise of the hands that is a lift, where there are no markers on the box and the hands stand for it."""
+    stay_s: float = Field(0.3, gt=0, le=10)
+    """How long the box must not go down for a stay: the deposit starts at the end of the last one, or of
+    the last rise."""
+    descent_m: float = Field(0.05, gt=0, le=2)
+    """Descent of the box (of the wrists where there is none) before the release that makes it a deposit;
+    from half of it on one that is half as far again as every other descent since the toe-off."""
+    prominence_m_s: float = Field(0.05, ge=0, le=2)
+    """How far a local minimum of the wrists' speed (deposit_start) must lie below its surroundings."""
 
 
-@settings
-class BoxSettings:
+class BoxSettings(Section):
     """How the box in the hands loads the pendulums."""
 
-    share: Literal["by_mass", "whole"] = key(default="by_mass")
-    in_position: bool = key(default=False)
+    share: Literal["by_mass", "whole"] = "by_mass"
+    """by_mass: the box is divided among the centres of mass in proportion to the segments' masses; whole:
+    every pendulum carries the whole box."""
+    in_position: bool = False
+    """true: angle and length are those of the common centre of mass of segment and box; false: of the
+    segment alone."""
 
 
-@settings
-class LiftingSettings:
+class LiftingSettings(Section):
     """From marker files to the pendulums of the deposit."""
 
-    subjects: Annotated[tuple[str, ...], UNIQUE] = key(default=())
-    markers: MarkerLayout = section(default_factory=MarkerLayout, aliases=ALIASES, required=())
-    moment_layout: ColumnLayout = section(default_factory=ColumnLayout, columns=MOMENT_COLUMNS)
-    gaps: GapSettings = section(default_factory=GapSettings)
-    filter: FilterSettings = section(default_factory=FilterSettings)
-    events: EventSettings = section(default_factory=EventSettings)
-    segments: Literal["winter", "de_leva", "dumas"] = key(default="winter")
-    segment_ends: Literal["inner", "skin"] = key(default="inner")
-    hip_centres: Literal["harrington", "hara", "reed"] = key(default="harrington")
-    box: BoxSettings = section(default_factory=BoxSettings)
-    pivot: Literal["mid_ankle", "hip", "L5"] = key(default="mid_ankle")
-    frame: Literal["laboratory", "pelvis"] = key(default="laboratory")
-    points: int = key(default=1000, within="[10, 100000]")
+    subjects: Unique[str] = ()
+    """People of the study, in order: files of config/subjects."""
+    markers: MarkerLayout = Field(default_factory=lambda: MarkerLayout(aliases=ALIASES, required=()))
+    moment_layout: ColumnLayout = Field(default_factory=lambda: ColumnLayout(columns=MOMENT_COLUMNS))
+    gaps: GapSettings = Field(default_factory=GapSettings)
+    filter: FilterSettings = Field(default_factory=FilterSettings)
+    events: EventSettings = Field(default_factory=EventSettings)
+    segments: Literal["winter", "de_leva", "dumas"] = "winter"
+    """Table of trunk segments: winter (Winter after Dempster, the thesis's), de_leva (1996) or dumas (Dumas
+    and Wojtusch 2018); the last two need the subject's sex. The others stand beside the result."""
+    segment_ends: Literal["inner", "skin"] = "inner"
+    """Ends of the trunk's segments: inner (joint centres, estimated from the markers; where markers for
+    that lack, the skin's, and the result says so) or skin (the markers C7, T12, L5 and the trochanters, as
+    in the thesis). Table 4.1 shows the thesis's wording with its own ends whatever stands here."""
+    hip_centres: Literal["harrington", "hara", "reed"] = "harrington"
+    """Regression of the hip joint centres: harrington (2007), hara (2016; leg from ASIS to ankle) or reed
+    (1999)."""
+    box: BoxSettings = Field(default_factory=BoxSettings)
+    pivot: Literal["mid_ankle", "hip", "L5"] = "mid_ankle"
+    """Pivot of the pendulum: midpoint of the ankles, midpoint of the hips, or L5/S1; with segment_ends:
+    skin the trochanters and the marker L5. It moves with its markers."""
+    frame: Literal["laboratory", "pelvis"] = "laboratory"
+    """Axes of the planes: the laboratory's, or turned about the vertical so that x is the line of the hips
+    at the start of the deposit."""
+    points: int = Field(1000, ge=10, le=100000)
+    """Instants to which the deposit is resampled by a cubic spline (the real time is kept)."""
 
     def of_trial(self, trial: TrialSettings) -> "LiftingSettings":
         """These settings with the axis that the person faces in a trial."""
         forward = trial.forward or self.markers.forward
-        return replace(self, markers=replace(self.markers, forward=forward))
+        return self.model_copy(update={"markers": self.markers.model_copy(update={"forward": forward})})

@@ -1,124 +1,157 @@
 """Chapters surgeon and signals: motion of the surgeons' tool with its bandwidth, and the excitation designed from it."""
 
-from typing import Literal
+from typing import Literal, Self
 
-from lumbar.settings.key import RecordName, key, required, section, settings
+from pydantic import Field, model_validator
+
 from lumbar.settings.layout import ColumnLayout, columns
+from lumbar.settings.section import RecordName, Section
 
 
-@settings
-class SurgeonRecord:
+class SurgeonRecord(Section):
     """One trial."""
 
-    name: RecordName = required()
-    file: str = required(min_length=1)
-    surgeon: str = required(min_length=1)
+    name: RecordName
+    """Name of the trial, each once (pooled is the name of the mean)."""
+    file: str = Field(min_length=1)
+    """Recording, below the data root."""
+    surgeon: str = Field(min_length=1)
+    """Who moved the tool; trials of one surgeon are resampled together."""
 
-    def __post_init__(self):
+    @model_validator(mode="after")
+    def _check(self) -> Self:
         if self.name == "pooled":
             raise ValueError("a trial is named pooled, as the mean of all is")
+        return self
 
 
-@settings
-class WelchSettings:
+class WelchSettings(Section):
     """Welch's method."""
 
-    segment_s: float = key(default=10.24, gt=0)
-    overlap: float = key(default=0.5, within="[0, 0.95]")
-    window: Literal["hann", "hamming", "blackman", "boxcar", "bartlett", "flattop"] = key(default="hann")
-    detrend: Literal["constant", "linear"] = key(default="constant")
+    segment_s: float = Field(10.24, gt=0)
+    """Length of a segment; frequency lines lie 1/segment_s Hz apart."""
+    overlap: float = Field(0.5, ge=0, le=0.95)
+    """Share of a segment in common with the next."""
+    window: Literal["hann", "hamming", "blackman", "boxcar", "bartlett", "flattop"] = "hann"
+    """Window of every segment."""
+    detrend: Literal["constant", "linear"] = "constant"
+    """What is taken off every segment: its mean, or its straight line."""
 
 
-@settings
-class BandwidthSettings:
+class BandwidthSettings(Section):
     """The rules by which a bandwidth is read off, and its interval."""
 
-    power_share: float = key(default=0.95, within="[0.5, 0.999]")
-    level_dB: float = key(default=-20.0, within="[-60, -1]")
-    maximum_Hz: float = key(default=6.0, gt=0)
-    confidence: float = key(default=0.95, within="[0.5, 0.999]")
-    resamples: int = key(default=2000, within="[200, 100000]")
+    power_share: float = Field(0.95, ge=0.5, le=0.999)
+    """Rule power_share: the bandwidth is the frequency below which this share of the band's power lies."""
+    level_dB: float = Field(-20.0, ge=-60, le=-1)
+    """Rule level: the bandwidth is the last frequency at which the density is above this level under its peak."""
+    maximum_Hz: float = Field(6.0, gt=0)
+    """Upper end of the analysis band. Tremor (8 to 12 Hz) and measuring noise above it do not count; they
+    would decide the velocity's bandwidth."""
+    confidence: float = Field(0.95, ge=0.5, le=0.999)
+    """Confidence of the intervals."""
+    resamples: int = Field(2000, ge=200, le=100000)
+    """Bootstrap resamples of surgeons, then of their trials."""
 
 
-@settings
-class SurgeonSettings:
+class SurgeonSettings(Section):
     """Motion of the surgeons' tool and its bandwidth (section 3.2.3.1 of the thesis)."""
 
-    layout: ColumnLayout = section(
-        default_factory=ColumnLayout,
-        columns=columns(time=("time_s", "s", "time"), position=("z_mm", "mm", "position")),
+    layout: ColumnLayout = Field(
+        default_factory=lambda: ColumnLayout(
+            columns=columns(time=("time_s", "s", "time"), position=("z_mm", "mm", "position"))
+        )
     )
-    rate_Hz: float | None = key(default=None, gt=0)
-    records: tuple[SurgeonRecord, ...] = key(default=())
-    welch: WelchSettings = section(default_factory=WelchSettings)
-    bandwidth: BandwidthSettings = section(default_factory=BandwidthSettings)
-    reference_Hz: float | None = key(default=2.5, gt=0)
+    rate_Hz: float | None = Field(None, gt=0)
+    """Resample all trials to this rate; null leaves them as recorded."""
+    records: tuple[SurgeonRecord, ...] = ()
+    """Trials; the interval of a bandwidth needs several, best of several surgeons."""
+    welch: WelchSettings = Field(default_factory=WelchSettings)
+    bandwidth: BandwidthSettings = Field(default_factory=BandwidthSettings)
+    reference_Hz: float | None = Field(2.5, gt=0)
+    """A published bandwidth, drawn for comparison (thesis: 2.5); null draws none."""
 
 
-@settings
-class ExcitedBandwidthSettings:
+class ExcitedBandwidthSettings(Section):
     """Which of the surgeons' bandwidths is excited."""
 
-    quantity: Literal["position", "velocity"] = key(default="velocity")
-    rule: Literal["power_share", "level"] = key(default="power_share")
+    quantity: Literal["position", "velocity"] = "velocity"
+    """Quantity whose spectrum counts."""
+    rule: Literal["power_share", "level"] = "power_share"
+    """Rule of surgeon.bandwidth."""
 
 
-@settings
-class AmplitudeSettings:
+class AmplitudeSettings(Section):
     """Scale of all signals, before a ramp."""
 
-    measure: Literal["rms", "peak"] = key(default="rms")
-    value_mm: float = key(default=2.0, within="(0, 1000]")
+    measure: Literal["rms", "peak"] = "rms"
+    """Whether value_mm is the root mean square or the peak."""
+    value_mm: float = Field(2.0, gt=0, le=1000)
+    """Amplitude."""
 
 
-@settings
-class MultisineSettings:
+class MultisineSettings(Section):
     """Multisine of Eq. 3.1."""
 
-    period_s: float = key(default=10.0, within="(0, 1000]")
-    periods: int = key(default=10, within="[2, 1000]")
-    grid: Literal["full", "odd"] = key(default="full")
-    detection_group: int = key(default=4, within="[2, 20]")
-    phases: Literal["schroeder", "clipped", "zero"] = key(default="schroeder")
-    amplitude_exponent: float = key(default=0.0, within="[-4, 4]")
+    period_s: float = Field(10.0, gt=0, le=1000)
+    """Period, a whole number of samples; lines lie 1/period_s Hz apart."""
+    periods: int = Field(10, ge=2, le=1000)
+    """Periods played; the first is left out as transient."""
+    grid: Literal["full", "odd"] = "full"
+    """full: every line (thesis); odd: odd lines, some left out, so that power on the others shows nonlinearity."""
+    detection_group: int = Field(4, ge=2, le=20)
+    """Odd grid: one line, drawn at random, of this many consecutive odd lines is left out."""
+    phases: Literal["schroeder", "clipped", "zero"] = "schroeder"
+    """schroeder (thesis), clipped (lowest crest factor, by iterated clipping) or zero (an impulse train,
+    only to compare with)."""
+    amplitude_exponent: float = Field(0.0, ge=-4, le=4)
+    """Amplitudes are in proportion to f to this power; 0 is flat as in Eq. 3.1."""
 
 
-@settings
-class NoiseSettings:
+class NoiseSettings(Section):
     """Band-limited Gaussian noise."""
 
-    duration_s: float = key(default=10.0, within="(0, 10000]")
-    filter_order: int = key(default=8, within="[1, 20]")
+    duration_s: float = Field(10.0, gt=0, le=10000)
+    """Duration."""
+    filter_order: int = Field(8, ge=1, le=20)
+    """Order of the Butterworth low-pass, run forward and backward; -3 dB lies at the upper end of the band."""
 
 
-@settings
-class ChirpSettings:
+class ChirpSettings(Section):
     """Linear chirp of Eq. 3.2."""
 
-    duration_s: float = key(default=10.0, within="(0, 10000]")
-    lowest_Hz: float = key(default=0.0, ge=0)
+    duration_s: float = Field(10.0, gt=0, le=10000)
+    """Duration."""
+    lowest_Hz: float = Field(0.0, ge=0)
+    """Frequency at which the sweep begins; it ends at the upper end of the band."""
 
 
-@settings
-class MachineSettings:
+class MachineSettings(Section):
     """Limits of the testing machine, from its data sheet; the defaults suit an electrodynamic one of 60 mm stroke."""
 
-    displacement_mm: float = key(default=30.0, gt=0)
-    velocity_mm_s: float = key(default=1000.0, gt=0)
-    acceleration_mm_s2: float = key(default=20000.0, gt=0)
+    displacement_mm: float = Field(30.0, gt=0)
+    """Largest displacement from the middle."""
+    velocity_mm_s: float = Field(1000.0, gt=0)
+    """Largest velocity."""
+    acceleration_mm_s2: float = Field(20000.0, gt=0)
+    """Largest acceleration with tool and grips, i.e. dynamic force over moved mass."""
 
 
-@settings
-class SignalsSettings:
+class SignalsSettings(Section):
     """Excitation signals designed from the surgeons' bandwidth (Eqs 3.1 and 3.2 of the thesis)."""
 
-    bandwidth: ExcitedBandwidthSettings = section(default_factory=ExcitedBandwidthSettings)
-    band_factor: float = key(default=2.0, within="[0.1, 20]")
-    round_Hz: float = key(default=0.5, within="(0, 10]")
-    rate_Hz: float = key(default=100.0, within="[1, 10000]")
-    amplitude: AmplitudeSettings = section(default_factory=AmplitudeSettings)
-    ramp_s: float = key(default=0.0, within="[0, 60]")
-    multisine: MultisineSettings = section(default_factory=MultisineSettings)
-    noise: NoiseSettings = section(default_factory=NoiseSettings)
-    chirp: ChirpSettings = section(default_factory=ChirpSettings)
-    machine: MachineSettings = section(default_factory=MachineSettings)
+    bandwidth: ExcitedBandwidthSettings = Field(default_factory=ExcitedBandwidthSettings)
+    band_factor: float = Field(2.0, ge=0.1, le=20)
+    """The signals excite up to this factor times the bandwidth (thesis: 2, its 'Nyquist rate')."""
+    round_Hz: float = Field(0.5, gt=0, le=10)
+    """The upper end of the excited band is rounded to the nearest multiple of this."""
+    rate_Hz: float = Field(100.0, ge=1, le=10000)
+    """Samples per second of the signals."""
+    amplitude: AmplitudeSettings = Field(default_factory=AmplitudeSettings)
+    ramp_s: float = Field(0.0, ge=0, le=60)
+    """Every signal is raised from zero by half a cosine of this length; noise and chirp are also lowered at
+    the end. 0 leaves them as designed. The multisine's first period is then no period."""
+    multisine: MultisineSettings = Field(default_factory=MultisineSettings)
+    noise: NoiseSettings = Field(default_factory=NoiseSettings)
+    chirp: ChirpSettings = Field(default_factory=ChirpSettings)
+    machine: MachineSettings = Field(default_factory=MachineSettings)

@@ -1,130 +1,161 @@
 """Chapter stability: pendulum, regulator, methods and their checks."""
 
+import math
 from typing import Annotated, Literal, get_args
 
-from lumbar.base.errors import Problems
-from lumbar.settings.key import UNIQUE, Each, Word, key, section, settings
+from pydantic import Field, ValidationInfo, field_validator
+
+from lumbar.settings.section import REJECT_REPEATED, Section, Unique, Word
 
 GROUPS = ("expert", "novice")
 """Whom the thesis compares."""
-Share = Annotated[float, Each(ge=0, le=10)]
+Share = Annotated[float, Field(ge=0, le=10)]
+Matrix = tuple[tuple[float, float], tuple[float, float]]
 Check = Literal["simulation", "thesis_method", "cvxpy", "proof"]
 
 
-@settings
-class PendulumSettings:
+class PendulumSettings(Section):
     """The pendulum of Eq. 4.1."""
 
-    sign: Literal["hanging", "inverted"] = key(default="inverted")
-    time: Literal["real", "unit"] = key(default="real")
-    mass: Literal["with_box", "without_box"] = key(default="with_box")
-    damping_N_m_s: float = key(default=1.0, unit="N·m·s/rad", within="[0, 1000]")
-    gravity_m_s2: float = key(default=9.81, within="[0, 30]")
+    sign: Literal["hanging", "inverted"] = "inverted"
+    """Sign of the gravity term in the headline of Table 4.1 and in the figures: inverted (−), as people
+    stand, or hanging (+), as Eq. 4.1 is published. Table 4.1 shows the thesis's wording and all signs
+    beside it whatever stands here."""
+    time: Literal["real", "unit"] = "real"
+    """Duration of the trajectories in the headline: real, as recorded, or unit, every deposit played in one
+    second."""
+    mass: Literal["with_box", "without_box"] = "with_box"
+    """Whether the box counts to the pendulum's mass in the headline."""
+    damping_N_m_s: float = Field(1.0, ge=0, le=1000, json_schema_extra={"unit": "N·m·s/rad"})
+    """Damping b."""
+    gravity_m_s2: float = Field(9.81, ge=0, le=30)
+    """Gravitational acceleration: of the basins, of the effects on a pendulum, and of the twin's hip moments."""
 
 
-@settings
-class RegulatorSettings:
+class RegulatorSettings(Section):
     """Weights of the linear-quadratic regulator on angle (rad) and angular velocity (rad/s), the same for everybody."""
 
-    state_weight: tuple[tuple[float, float], tuple[float, float]] = key(default=((1.0, 0.0), (0.0, 0.1)))
-    control_weight: float = key(default=0.003, gt=0)
-    terminal_weight: tuple[tuple[float, float], tuple[float, float]] = key(
-        default=((100.0, 0.0), (0.0, 10.0))
-    )
+    state_weight: Matrix = ((1.0, 0.0), (0.0, 0.1))
+    """Q, symmetric and positive semidefinite, per second."""
+    control_weight: float = Field(0.003, gt=0)
+    """R in 1/(N²·m²·s), positive."""
+    terminal_weight: Matrix = ((100.0, 0.0), (0.0, 10.0))
+    """Qf, symmetric and positive definite; the goal set is x̄ᵀ·Qf·x̄ ≤ goal_level."""
 
-
-def weight_problems(state_weight, control_weight: float, terminal_weight) -> Problems:
-    """Collect what keeps the weights of a configuration from being admissible; arguments as of `RegulatorSettings`."""
-    import numpy as np
-
-    problems = Problems("stability.regulator")
-    for name, matrix, definite in (
-        ("state_weight", state_weight, False),
-        ("terminal_weight", terminal_weight, True),
-    ):
-        values = np.asarray(matrix, dtype=float)
-        kind = "definite" if definite else "semidefinite"
-        if values.shape != (2, 2) or not np.isfinite(values).all() or values[0, 1] != values[1, 0]:
-            problems.add(
-                name, f"{np.asarray(matrix).tolist()}", "a symmetric 2×2 matrix of numbers is needed"
-            )
-            continue
-        lowest = np.linalg.eigvalsh(values)[0]
+    @field_validator("state_weight", "terminal_weight")
+    @classmethod
+    def _check_definite(cls, weight: Matrix, info: ValidationInfo) -> Matrix:
+        (first, upper), (lower, last) = weight
+        if upper != lower:
+            raise ValueError(f"{[*map(list, weight)]} is not symmetric")
+        lowest = (first + last - math.hypot(first - last, 2 * upper)) / 2
+        definite = info.field_name == "terminal_weight"
         if lowest < 0 or (definite and lowest == 0):
-            problems.add(name, f"smallest eigenvalue {lowest:g}", f"it must be positive {kind}")
-    if not (np.isfinite(control_weight) and control_weight > 0):
-        problems.add("control_weight", f"{control_weight:g}", "it must be positive")
-    return problems
+            kind = "definite" if definite else "semidefinite"
+            raise ValueError(f"smallest eigenvalue {lowest:g}; it must be positive {kind}")
+        return weight
 
 
-@settings
-class ProofSettings:
+class ProofSettings(Section):
     """Proof between the knots by interval branch-and-bound (check ``proof``)."""
 
-    margin_1_s: float = key(default=0.005, within="(0, 100]")
+    margin_1_s: float = Field(0.005, gt=0, le=100)
+    """By how much, in 1/s, ρ̇/ρ of the funnel that is proved exceeds the largest V̇/ρ on its boundary; its
+    area is about 1 − margin·T/2 of the exact one's."""
 
 
-@settings
-class ThesisMethodSettings:
+class ThesisMethodSettings(Section):
     """The thesis's bilinear alternation (Eqs 4.5–4.7) on the thesis's wording (check ``thesis_method``)."""
 
-    knots: int = key(default=1000, within="[2, 10000]")
-    initial_level: float = key(default=1.0, within="(0, 1000000.0]")
-    ratio: float = key(default=0.8, within="[0.1, 0.99]")
-    alternations: int = key(default=2, within="[1, 20]")
+    knots: int = Field(1000, ge=2, le=10000)
+    """Knots of the alternation (the thesis: 1000); the nearest number that divides the basin's knots evenly
+    is taken."""
+    initial_level: float = Field(1.0, gt=0, le=1000000.0)
+    """First guess of ρ at every knot."""
+    ratio: float = Field(0.8, ge=0.1, le=0.99)
+    """Ratio of the geometric progression by which ρ is decreased."""
+    alternations: int = Field(2, ge=1, le=20)
+    """Alternations (the thesis: 2); from the second on few knots have a multiplier, and there ρ jumps
+    (columns jumped_knots, largest_jump, mean_area_after_4)."""
 
 
-@settings
-class AttackSettings:
+class AttackSettings(Section):
     """Simulated starts in every basin (check ``simulation``)."""
 
-    starts: int = key(default=200, within="[2, 1000000]")
-    control_overstated: float = key(default=1.0, within="[0.01, 10]")
+    starts: int = Field(200, ge=2, le=1000000)
+    """Starts per basin, half on the boundary, half inside."""
+    control_overstated: float = Field(1.0, ge=0.01, le=10)
+    """Negative control: share of |d ln ρ/dt| by which ρ is made to fall too fast, so that starts must leave."""
 
 
-@settings
-class LimitSettings:
+class LimitSettings(Section):
     """The torque that foot or hips allow a pendulum, for the pushes on the page of a lift."""
 
-    foot_ahead_m: float = key(default=0.2, within="(0, 0.5]")
-    foot_behind_m: float = key(default=0.06, within="(0, 0.5]")
-    feet_half_width_m: float = key(default=0.17, within="(0, 1]")
-    hip_extension_N_m: float = key(default=440.0, within="(0, 10000]")
-    hip_flexion_N_m: float = key(default=310.0, within="(0, 10000]")
-    hip_abduction_N_m: float = key(default=200.0, within="(0, 10000]")
+    foot_ahead_m: float = Field(0.2, gt=0, le=0.5)
+    """How far the foot reaches ahead of the ankle: about the ankles u ≥ −m·g times this, or the heel lifts.
+    A foot is 0.152 of the height long (Winter 2009, Figure 4.1), a quarter of it behind the ankle."""
+    foot_behind_m: float = Field(0.06, gt=0, le=0.5)
+    """How far it reaches behind the ankle: u ≤ m·g times this, or the toes lift."""
+    feet_half_width_m: float = Field(0.17, gt=0, le=1)
+    """Half the distance between the feet's outer borders, which limits the torque about the ankles to the
+    sides."""
+    hip_extension_N_m: float = Field(440.0, gt=0, le=10000)
+    """Largest torque of both hips backward (isometric strength of young men, 0.161 of body weight times
+    height a leg; Anderson, Madigan and Nussbaum 2007). All of it is left to each pendulum about the hips or
+    L5."""
+    hip_flexion_N_m: float = Field(310.0, gt=0, le=10000)
+    """Largest torque of both hips forward (0.113 of body weight times height a leg; there)."""
+    hip_abduction_N_m: float = Field(200.0, gt=0, le=10000)
+    """Largest torque of both hips to a side: an assumption, 100 N·m a leg."""
 
 
-@settings
-class CompareSettings:
+class CompareSettings(Section):
     """What Table 4.1 compares."""
 
-    groups: Annotated[tuple[Word, Word], UNIQUE] = key(default=GROUPS)
+    groups: Annotated[tuple[Word, Word], REJECT_REPEATED] = Field(
+        GROUPS, json_schema_extra={"uniqueItems": True}
+    )
+    """Two labels of people (experience in their files): the table compares the first with the second,
+    100(A_first − A_second)/A_second."""
 
 
-@settings
-class MeasureSettings:
+class MeasureSettings(Section):
     """Measures that see movement (margin of stability, impulse to a step, capturability, posture, moment about L5/S1)."""
 
-    functional_share: float = key(default=0.6, within="(0, 1]")
-    contact_height_m: float = key(default=0.03, within="(0, 0.2]")
-    contact_speed_m_s: float = key(default=0.3, within="(0, 5]")
+    functional_share: float = Field(0.6, gt=0, le=1)
+    """How far towards the edge of their feet people lean: the functional base of support, as a share of the
+    whole one's distance from its centre (0.6 with loads, Holbein and Redfern 1997; 1 takes the whole)."""
+    contact_height_m: float = Field(0.03, gt=0, le=0.2)
+    """How far above its lowest level heel or toe still stand on the ground."""
+    contact_speed_m_s: float = Field(0.3, gt=0, le=5)
+    """Speed below which heel or toe stand on the ground."""
 
 
-@settings
-class StabilitySettings:
+class StabilitySettings(Section):
     """From pendulum states to basins of attraction."""
 
-    pendulum: PendulumSettings = section(default_factory=PendulumSettings)
-    regulator: RegulatorSettings = section(default_factory=RegulatorSettings)
-    goal_level: float = key(default=1.0, within="(0, 1000000.0]")
-    knots: int = key(default=1000, within="[50, 100000]")
-    fewer_knots: int = key(default=334, within="[50, 100000]")
-    checks: Annotated[tuple[Check, ...], UNIQUE] = key(default=get_args(Check))
-    proof: ProofSettings = section(default_factory=ProofSettings)
-    thesis_method: ThesisMethodSettings = section(default_factory=ThesisMethodSettings)
-    attack: AttackSettings = section(default_factory=AttackSettings)
-    limits: LimitSettings = section(default_factory=LimitSettings)
-    compare: CompareSettings = section(default_factory=CompareSettings)
-    measures: MeasureSettings = section(default_factory=MeasureSettings)
-    lyapunov_shares: tuple[Share, ...] = key(default=(0.0, 0.1, 0.25, 0.5, 1.0), min_length=1)
-    sensitivity_factor: float = key(default=2.0, within="[1.01, 100]")
+    pendulum: PendulumSettings = Field(default_factory=PendulumSettings)
+    regulator: RegulatorSettings = Field(default_factory=RegulatorSettings)
+    goal_level: float = Field(1.0, gt=0, le=1000000.0)
+    """ρ at the end of the trajectory."""
+    knots: int = Field(1000, ge=50, le=100000)
+    """Points in time at which a basin is computed (the thesis: 1000; from 505 to 1000 areas move by some
+    1e-8 of them)."""
+    fewer_knots: int = Field(334, ge=50, le=100000)
+    """Points in time for the range of Table 4.1 under other weights, its null control and parts, the check
+    with cvxpy, the basins of a cohort, and the figure that compares methods."""
+    checks: Unique[Check] = get_args(Check)
+    """What is computed beside the exact basins. simulation: starts that must stay inside; thesis_method:
+    Eqs 4.5–4.7 as the thesis solves them; cvxpy: some of its programmes once more as Eq. 4.6 is written;
+    proof: interval arithmetic between the knots."""
+    proof: ProofSettings = Field(default_factory=ProofSettings)
+    thesis_method: ThesisMethodSettings = Field(default_factory=ThesisMethodSettings)
+    attack: AttackSettings = Field(default_factory=AttackSettings)
+    limits: LimitSettings = Field(default_factory=LimitSettings)
+    compare: CompareSettings = Field(default_factory=CompareSettings)
+    measures: MeasureSettings = Field(default_factory=MeasureSettings)
+    lyapunov_shares: tuple[Share, ...] = Field((0.0, 0.1, 0.25, 0.5, 1.0), min_length=1)
+    """Shares λ of the decay Q + KᵀRK among which the best Lyapunov function is searched; 1 is the Riccati
+    solution."""
+    sensitivity_factor: float = Field(2.0, ge=1.01, le=100)
+    """Factor by which Q, R and b are divided and multiplied for the range beside Table 4.1."""

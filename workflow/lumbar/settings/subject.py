@@ -1,54 +1,78 @@
 """One person, a file of config/subjects."""
 
-from typing import Literal
+from typing import Literal, Self
 
-from lumbar.settings.key import FolderName, key, required, settings
+from pydantic import Field, model_validator
+
 from lumbar.settings.layout import Axis
+from lumbar.settings.section import FolderName, Section
 
 
-@settings
-class DeclaredEvents:
+class DeclaredEvents(Section):
     """Times set by hand; they replace the detected ones."""
 
-    lift_off_s: float | None = key(default=None)
-    toe_off_s: float | None = key(default=None)
-    deposit_start_s: float | None = key(default=None)
-    release_s: float | None = key(default=None)
-    reason: str | None = key(default=None)
+    lift_off_s: float | None = None
+    """Box leaves its support."""
+    toe_off_s: float | None = None
+    """End of the lift."""
+    deposit_start_s: float | None = None
+    """Start of the deposit."""
+    release_s: float | None = None
+    """Box is released."""
+    reason: str | None = None
+    """Why they are set by hand; stands beside the result."""
 
 
-@settings
-class TrialSettings:
+class TrialSettings(Section):
     """One recorded lift."""
 
-    box_mass_kg: float = required(within="[0, 100]")
-    markers: str = required()
-    hip_moment: str | None = key(default=None)
-    forward: Axis | None = key(default=None)
-    window_s: tuple[float, float] | None = key(default=None)
-    events: DeclaredEvents | Literal["file"] | None = key(default=None)
+    box_mass_kg: float = Field(ge=0, le=100)
+    """Mass of the box."""
+    markers: str
+    """Marker file (C3D, TRC, CSV, BVH; also .gz)."""
+    hip_moment: str | None = None
+    """Hip moment beside it (time_s, angle_rad, moment_Nm)."""
+    forward: Axis | None = None
+    """Axis of the file that points the way the person faces in this trial; null as lifting.markers.forward
+    says."""
+    window_s: tuple[float, float] | None = None
+    """Start and end of the part of the recording that is this lift, on the file's own clock; null takes all
+    of it. It is cut after filtering, so that its ends are no ends of the filter."""
+    events: DeclaredEvents | Literal["file"] | None = None
+    """Times set by hand, which replace the detected ones; or file: the events that the recording's own file
+    holds replace them (lifting.events.labels)."""
 
-    def __post_init__(self):
+    @model_validator(mode="after")
+    def _check(self) -> Self:
         if self.window_s is not None and not self.window_s[0] < self.window_s[1]:
             raise ValueError("window_s: the start must lie before the end")
+        return self
 
 
-@settings
-class SubjectSettings:
+class SubjectSettings(Section):
     """One person (a file of config/subjects); given to the workflow by itself, this person runs alone."""
 
-    name: FolderName = required()
-    sex: Literal["female", "male", "unknown"] = required()
-    mass_kg: float = required(within="(0, 400]")
-    height_m: float = required(within="[0.5, 2.6]")
-    experience: str = required(min_length=1)
-    trials: tuple[TrialSettings, ...] = key(default=())
-    static: str | None = key(default=None)
-    assumed: tuple[str, ...] = key(default=())
+    name: FolderName
+    """The file's name."""
+    sex: Literal["female", "male", "unknown"]
+    """female, male or unknown; picks the segment table where it differs."""
+    mass_kg: float = Field(gt=0, le=400)
+    """Body mass."""
+    height_m: float = Field(ge=0.5, le=2.6)
+    """Stature."""
+    experience: str = Field(min_length=1)
+    """Label of the group that Table 4.1 (stability.compare) counts the person to, e.g. expert or novice."""
+    trials: tuple[TrialSettings, ...] = ()
+    """One entry per recorded lift; several with the same box are repeated trials. A study needs one at least."""
+    static: str | None = None
+    """Marker file of a static trial (C3D, TRC, CSV, BVH; also .gz), below data_root like the others: it
+    gives the shape of the pelvis and the box where markers of them are hidden for long."""
+    assumed: tuple[str, ...] = ()
+    """Keys of this file that are assumptions and not measurements."""
 
 
-@settings
-class SubjectFile:
+class SubjectFile(Section):
     """A file of config/subjects."""
 
-    subject: SubjectSettings = required()
+    subject: SubjectSettings
+    """The person; config/subjects/expert.yaml shows what is needed."""

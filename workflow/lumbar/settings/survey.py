@@ -1,60 +1,77 @@
 """Chapter survey: the participants' ratings of the models and their best picks."""
 
-from typing import Annotated
+from pydantic import Field
 
-from lumbar.settings.key import NAME, UNIQUE, Word, key, required, section, settings
+from lumbar.settings.section import NAME, Section, Unique, Word
 
 
-@settings
-class RatedModelSettings:
+class RatedModelSettings(Section):
     """One rated model."""
 
-    name: str = required(pattern=NAME)
-    column: str = required(min_length=1)
+    name: str = Field(pattern=NAME)
+    """Name of the model, e.g. KB."""
+    column: str = Field(min_length=1)
+    """Column with its ratings."""
 
 
-@settings
-class RatingsLayout:
+class RatingsLayout(Section):
     """What the columns of the sheet mean; the file needs a header."""
 
-    participant: str = required(min_length=1)
-    models: tuple[RatedModelSettings, ...] = required(min_length=3, max_length=12)
-    scale_points: int = required(within="[2, 11]")
-    best: str = required(min_length=1)
-    delimiter: str = key(default=",", min_length=1, max_length=1)
-    yes_no: Annotated[tuple[Word, ...], UNIQUE] = key(default=())
-    experience: str | None = key(default=None, min_length=1)
-    experience_levels: Annotated[tuple[Word, ...], UNIQUE] = key(default=())
-    source: str | None = key(default=None, min_length=1)
+    participant: str = Field(min_length=1)
+    """Column that names or codes the participant; every value once."""
+    models: tuple[RatedModelSettings, ...] = Field(min_length=3, max_length=12)
+    """Rated models in the order of the tables; Friedman's test needs three."""
+    scale_points: int = Field(ge=2, le=11)
+    """Points of the Likert scale; ratings are whole numbers from 1 to this."""
+    best: str = Field(min_length=1)
+    """Column with the name of the model picked as the best."""
+    delimiter: str = Field(",", min_length=1, max_length=1)
+    """Character between the cells."""
+    yes_no: Unique[Word] = ()
+    """Columns that describe the participants by yes or no (1/0 or true/false are read too)."""
+    experience: str | None = Field(None, min_length=1)
+    """Column with the level of experience; null where it was not asked."""
+    experience_levels: Unique[Word] = ()
+    """Levels of experience that could be chosen, in order."""
+    source: str | None = Field(None, min_length=1)
+    """Column that says where an answer comes from, or null; reconstructed_not_real marks answers nobody gave."""
 
 
-@settings
-class SurveySettings:
+class SurveySettings(Section):
     """The participants' survey (section 3.2.3.2 of the thesis)."""
 
-    file: str = key(default="survey.csv", min_length=1)
-    note: str = key(default="reconstructed survey (not real answers)", min_length=1)
-    statement: str = key(
-        default="The forces experienced during the simulation were similar to those of what I felt on the rubber analogue",
+    file: str = Field("survey.csv", min_length=1)
+    """Participants' sheet (CSV), below the data root."""
+    note: str = Field("reconstructed survey (not real answers)", min_length=1)
+    """Words that stand on every table and figure made of answers that the source column marks as
+    reconstructed_not_real; real answers do not get them."""
+    statement: str = Field(
+        "The forces experienced during the simulation were similar to those of what I felt on the rubber analogue",
         min_length=1,
     )
-    scale_labels: tuple[Word, ...] = key(
-        default=("strongly disagree", "disagree", "neutral", "agree", "strongly agree"),
-        min_length=2,
-        max_length=11,
+    """Statement that the participants rated for every model."""
+    scale_labels: tuple[Word, ...] = Field(
+        ("strongly disagree", "disagree", "neutral", "agree", "strongly agree"), min_length=2, max_length=11
     )
-    layout: RatingsLayout = section(
-        default_factory=RatingsLayout,
-        participant="participant",
-        models=tuple(RatedModelSettings(name, name) for name in ("IL", "MW", "KB", "HO")),
-        scale_points=5,
-        best="best",
-        yes_no=("clinician", "dry_needling", "acupuncture", "palpation"),
-        experience="experience",
-        experience_levels=("<5", "5-20", ">20"),
-        source="source",
+    """Names of the points of the scale, from the least to the greatest agreement: as many as
+    layout.scale_points."""
+    layout: RatingsLayout = Field(
+        default_factory=lambda: RatingsLayout(
+            participant="participant",
+            models=tuple(RatedModelSettings(name=name, column=name) for name in ("IL", "MW", "KB", "HO")),
+            scale_points=5,
+            best="best",
+            yes_no=("clinician", "dry_needling", "acupuncture", "palpation"),
+            experience="experience",
+            experience_levels=("<5", "5-20", ">20"),
+            source="source",
+        )
     )
-    baseline: str = key(default="IL")
-    confidence: float = key(default=0.95, within="[0.5, 0.999]")
-    resamples: int = key(default=10000, within="[1000, 1000000]")
-    negligible_A: float = key(default=0.06, within="(0, 0.5)")
+    baseline: str = "IL"
+    """Static model of layout.models; the best picks are also compared without it."""
+    confidence: float = Field(0.95, ge=0.5, le=0.999)
+    """Confidence of all intervals."""
+    resamples: int = Field(10000, ge=1000, le=1000000)
+    """Bootstrap samples of participants for the intervals of A."""
+    negligible_A: float = Field(0.06, gt=0, lt=0.5)
+    """Largest |A - 0.5| that counts as no difference in the test of equivalence."""

@@ -2,67 +2,87 @@
 
 from typing import Annotated, Literal
 
-from lumbar.settings.key import UNIQUE, Each, key, section, settings
+from pydantic import Field
+
 from lumbar.settings.layout import ColumnLayout, RecordSettings, columns
+from lumbar.settings.section import Section, Unique
 
-Instant = Annotated[float, Each(ge=0)]
-Turn = Annotated[float, Each(ge=-180, le=180)]
+Instant = Annotated[float, Field(ge=0)]
+Turn = Annotated[float, Field(ge=-180, le=180)]
 
 
-@settings
-class SearchSettings:
+class SearchSettings(Section):
     """Search for the higher-order model."""
 
-    order_max: int = key(default=8, within="[2, 12]")
-    condition_max: float = key(default=5000.0, ge=1)
-    selection: Literal["training", "test"] = key(default="training")
+    order_max: int = Field(8, ge=2, le=12)
+    """Highest order (poles) that is searched."""
+    condition_max: float = Field(5000.0, ge=1)
+    """Largest condition number of the standardised regressors that is taken for reasonable."""
+    selection: Literal["training", "test"] = "training"
+    """Models are picked by the %VAF of their free run on the training record (the thesis's way) or by its
+    mean over the test records."""
 
 
-@settings
-class RidgeSettings:
+class RidgeSettings(Section):
     """Ridge coefficients of Eq. 3.7 that are tried, for standardised columns: 0, then a geometric progression."""
 
-    alpha_min: float = key(default=0.001, gt=0)
-    alpha_max: float = key(default=100.0, gt=0)
-    alpha_points: int = key(default=26, within="[2, 1000]")
+    alpha_min: float = Field(0.001, gt=0)
+    """Smallest coefficient above 0."""
+    alpha_max: float = Field(100.0, gt=0)
+    """Largest coefficient."""
+    alpha_points: int = Field(26, ge=2, le=1000)
+    """Number of values in the progression."""
 
 
-@settings
-class BootstrapSettings:
+class BootstrapSettings(Section):
     """Block bootstrap of the coefficients."""
 
-    block_s: float = key(default=0.5, gt=0)
-    resamples: int = key(default=1000, within="[100, 100000]")
-    confidence: float = key(default=0.95, within="(0, 1)")
+    block_s: float = Field(0.5, gt=0)
+    """Length of a block: longer than the residuals are correlated."""
+    resamples: int = Field(1000, ge=100, le=100000)
+    """Number of resampled data sets."""
+    confidence: float = Field(0.95, gt=0, lt=1)
+    """Confidence level of the intervals of physical parameters."""
 
 
-@settings
-class InvertedLinearSettings:
+class InvertedLinearSettings(Section):
     """The inverted linear model IL."""
 
-    force_max: float = key(default=5.0, gt=0)
-    travel: float = key(default=40.0, gt=0)
+    force_max: float = Field(5.0, gt=0)
+    """Largest force of the device, in the output's unit (default: N)."""
+    travel: float = Field(40.0, gt=0)
+    """Travel over which it is reached, in the input's unit (default: mm)."""
 
 
-@settings
-class TissueSettings:
+class TissueSettings(Section):
     """Tissue tests and the identification of tissue models."""
 
-    layout: ColumnLayout = section(
-        default_factory=ColumnLayout,
-        columns=columns(
-            time=("time_s", "s", "time"),
-            input=("position_mm", "mm", "position"),
-            output=("force_N", "N", "force"),
-        ),
+    layout: ColumnLayout = Field(
+        default_factory=lambda: ColumnLayout(
+            columns=columns(
+                time=("time_s", "s", "time"),
+                input=("position_mm", "mm", "position"),
+                output=("force_N", "N", "force"),
+            )
+        )
     )
-    rate_Hz: float | None = key(default=None, gt=0)
-    force_frame: tuple[Turn, Turn, Turn] | None = key(default=None, unit="°")
-    records: tuple[RecordSettings, ...] = key(default=())
-    training: Annotated[tuple[str, ...], UNIQUE] = key(default=())
-    settling_s: float | None = key(default=None, ge=0)
-    search: SearchSettings = section(default_factory=SearchSettings)
-    ridge: RidgeSettings = section(default_factory=RidgeSettings)
-    bootstrap: BootstrapSettings = section(default_factory=BootstrapSettings)
-    inverted_linear: InvertedLinearSettings = section(default_factory=InvertedLinearSettings)
-    segment_s: tuple[Instant, Instant] = key(default=(1.0, 7.0))
+    rate_Hz: float | None = Field(None, gt=0)
+    """Rate to which every record is resampled, with an anti-aliasing filter; null leaves them as recorded."""
+    force_frame: tuple[Turn, Turn, Turn] | None = Field(None, json_schema_extra={"unit": "°"})
+    """Of records of several axes whose force sensor is mounted turned: rotation vector [rx, ry, rz] from
+    its axes to those of the position (along the axis of rotation, right-handed, as long as the angle);
+    null: the same axes."""
+    records: tuple[RecordSettings, ...] = ()
+    """The recordings, one per excitation; their order is that of the test records in Table 3.1."""
+    training: Unique[str] = ()
+    """Names of the records that models are trained on, each in turn; all other records test them. The first
+    is shown in Figure 3.5."""
+    settling_s: float | None = Field(None, ge=0)
+    """Start of every record that no error of a free run counts; null: 50 samples, a two-hundredth of a
+    record that is longer than 10,000 samples, never more than a twentieth of it."""
+    search: SearchSettings = Field(default_factory=SearchSettings)
+    ridge: RidgeSettings = Field(default_factory=RidgeSettings)
+    bootstrap: BootstrapSettings = Field(default_factory=BootstrapSettings)
+    inverted_linear: InvertedLinearSettings = Field(default_factory=InvertedLinearSettings)
+    segment_s: tuple[Instant, Instant] = (1.0, 7.0)
+    """Start and end of the part of each record that Figures 3.4 and 3.5 show, since the record's start."""

@@ -2,232 +2,320 @@
 
 from typing import Annotated, Literal
 
-from lumbar.settings.key import NAME, UNIQUE, Each, Positive, key, required, section, settings
+from pydantic import Field
+
+from lumbar.settings.section import NAME, Positive, Section, Unique
 
 
-@settings
-class SyntheticSurgeon:
+class SyntheticSurgeon(Section):
     """One surgeon."""
 
-    stroke_mm: float = required(gt=0)
-    stroke_s: float = required(gt=0)
-    tremor_rms_mm: float = required(ge=0)
-    tremor_Hz: float = required(within="[4, 20]")
+    stroke_mm: float = Field(gt=0)
+    """Mean depth of a stroke at the start."""
+    stroke_s: float = Field(gt=0)
+    """Mean duration of half a stroke; it decides the velocity's bandwidth and is built to give about 2.5 Hz."""
+    tremor_rms_mm: float = Field(ge=0)
+    """Physiological tremor of every axis."""
+    tremor_Hz: float = Field(ge=4, le=20)
+    """Centre of the tremor (physiological 8 to 12)."""
 
 
-@settings
-class SyntheticSurgeonSettings:
+class SyntheticSurgeonSettings(Section):
     """Synthetic trials of gaining access."""
 
-    rate_Hz: float = key(default=100.0, within="[30, 10000]")
-    duration_s: float = key(default=60.0, within="[5, 10000]")
-    approach_mm: float = key(default=30.0, ge=0)
-    approach_s: float = key(default=2.5, gt=0)
-    puncture_mm: float = key(default=6.0, ge=0)
-    puncture_s: float = key(default=0.35, gt=0)
-    pause_s: float = key(default=0.7, gt=0)
-    reposition_mm: float = key(default=12.0, ge=0)
-    reposition_s: float = key(default=1.0, gt=0)
-    strokes_per_bout: float = key(default=6.0, ge=1)
-    gain_mm_per_stroke: float = key(default=0.2, unit="mm", ge=0)
-    last_stroke_share: float = key(default=0.4, within="(0, 1]")
-    twist_deg: float = key(default=25.0, ge=0)
-    lateral_mm: float = key(default=4.0, ge=0)
-    variation: float = key(default=0.2, within="[0, 1]")
-    tremor_bandwidth_Hz: float = key(default=1.0, gt=0)
-    noise_rms_mm: float = key(default=0.01, ge=0)
-    surgeons: dict[str, SyntheticSurgeon] = key(default={})
+    rate_Hz: float = Field(100.0, ge=30, le=10000)
+    """Samples per second."""
+    duration_s: float = Field(60.0, ge=5, le=10000)
+    """Duration of a trial."""
+    approach_mm: float = Field(30.0, ge=0)
+    """Distance above the skin at which a trial begins."""
+    approach_s: float = Field(2.5, gt=0)
+    """Mean time to reach the skin."""
+    puncture_mm: float = Field(6.0, ge=0)
+    """Depth of the puncture."""
+    puncture_s: float = Field(0.35, gt=0)
+    """Mean duration of the puncture."""
+    pause_s: float = Field(0.7, gt=0)
+    """Mean rest between phases and bouts of strokes."""
+    reposition_mm: float = Field(12.0, ge=0)
+    """Standard deviation of the depth at which a bout begins."""
+    reposition_s: float = Field(1.0, gt=0)
+    """Mean time to set the tool anew before a bout."""
+    strokes_per_bout: float = Field(6.0, ge=1)
+    """Mean number of strokes between rests."""
+    gain_mm_per_stroke: float = Field(0.2, ge=0, json_schema_extra={"unit": "mm"})
+    """Depth gained with every stroke."""
+    last_stroke_share: float = Field(0.4, gt=0, le=1)
+    """Stroke depth at the end of a trial as a share of that at its start."""
+    twist_deg: float = Field(25.0, ge=0)
+    """Mean angle by which the tool is twisted during a stroke."""
+    lateral_mm: float = Field(4.0, ge=0)
+    """Distance of the recorded point from the axis of twisting."""
+    variation: float = Field(0.2, ge=0, le=1)
+    """Log-normal spread of times and lengths within a trial."""
+    tremor_bandwidth_Hz: float = Field(1.0, gt=0)
+    """Standard deviation of the tremor's spectral peak."""
+    noise_rms_mm: float = Field(0.01, ge=0)
+    """White measuring noise of every axis."""
+    surgeons: dict[str, SyntheticSurgeon] = Field({})
+    """One entry per surgeon named in surgeon.records."""
 
 
-@settings
-class SyntheticTissueSettings:
+class SyntheticTissueSettings(Section):
     """The synthetic tissue, a Kelvin–Boltzmann solid beside a cubic spring, and the load cell."""
 
-    k1_N_per_mm: float = key(default=0.405, gt=0)
-    k2_N_per_mm: float = key(default=3.24, gt=0)
-    relaxation_s: float = key(default=0.035, within="(0, 100]")
-    cubic_N_per_mm3: float = key(default=0.0202)
-    noise_variance_share: float = key(default=0.14, within="[0, 1)")
-    noise_N: float | None = key(default=None, ge=0)
-    noise_correlation_s: float = key(default=0.0, within="[0, 100]")
-    delay_s: float = key(default=0.0, within="[0, 1]")
+    k1_N_per_mm: float = Field(0.405, gt=0)
+    """Stiffness of the spring parallel to the dashpot."""
+    k2_N_per_mm: float = Field(3.24, gt=0)
+    """Stiffness of the spring in series with both."""
+    relaxation_s: float = Field(0.035, gt=0, le=100)
+    """Time constant b/(k1 + k2) of the relaxation at held position."""
+    cubic_N_per_mm3: float = 0.0202
+    """Hardening that no linear model can describe: force per cube of the position."""
+    noise_variance_share: float = Field(0.14, ge=0, lt=1)
+    """White noise of the load cell as a share of the variance of the recorded force."""
+    noise_N: float | None = Field(None, ge=0)
+    """Standard deviation of that noise, the same on every record, in place of its share; null takes the share."""
+    noise_correlation_s: float = Field(0.0, ge=0, le=100)
+    """Correlation time of that noise, which is then a slow disturbance; 0 makes it white."""
+    delay_s: float = Field(0.0, ge=0, le=1)
+    """Time by which the recorded force lags the position."""
 
 
-@settings
-class SyntheticGapSettings:
+class SyntheticGapSettings(Section):
     """Markers hidden for a moment."""
 
-    count: int = key(default=12, within="[0, 1000]")
-    longest_s: float = key(default=0.15, within="[0, 1]")
+    count: int = Field(12, ge=0, le=1000)
+    """Number of gaps in a recording, each in another marker."""
+    longest_s: float = Field(0.15, ge=0, le=1)
+    """Longest gap."""
 
 
-@settings
-class WorkplaceSettings:
+class WorkplaceSettings(Section):
     """Box, pallet and table."""
 
-    box_width_m: float = key(default=0.4, within="(0, 2]")
-    box_depth_m: float = key(default=0.32, within="(0, 2]")
-    box_height_m: float = key(default=0.28, within="(0, 2]")
-    pallet_height_m: float = key(default=0.2, within="[0, 2]")
-    pallet_distance_m: float = key(default=0.28, within="[0, 2]")
-    table_height_m: float = key(default=0.66, within="[0, 2]")
-    table_distance_m: float = key(default=0.43, within="[0, 2]")
-    walk_m: float = key(default=0.9, within="[0.2, 5]")
+    box_width_m: float = Field(0.4, gt=0, le=2)
+    """Width of the box between the hands."""
+    box_depth_m: float = Field(0.32, gt=0, le=2)
+    """Depth of the box."""
+    box_height_m: float = Field(0.28, gt=0, le=2)
+    """Height of the box."""
+    pallet_height_m: float = Field(0.2, ge=0, le=2)
+    """Height of the pallet."""
+    pallet_distance_m: float = Field(0.28, ge=0, le=2)
+    """Centre of the box ahead of the ankles before the lift."""
+    table_height_m: float = Field(0.66, ge=0, le=2)
+    """Height of the table."""
+    table_distance_m: float = Field(0.43, ge=0, le=2)
+    """Centre of the box ahead of the ankles after the deposit."""
+    walk_m: float = Field(0.9, ge=0.2, le=5)
+    """Way from the pallet to the table, walked in three steps."""
 
 
-@settings
-class HiddenMomentSettings:
+class HiddenMomentSettings(Section):
     """What Eq. 4.1 leaves out."""
 
-    hand_distance_m: float = key(default=0.45, within="[0, 2]")
-    stiffening_N_m: float = key(default=0.0, within="[0, 1000]")
-    stiffening_angle_rad: float = key(default=0.35, within="[0.05, 10]")
+    hand_distance_m: float = Field(0.45, ge=0, le=2)
+    """Distance of the box from the hip while it is held; 0 takes the hand load away."""
+    stiffening_N_m: float = Field(0.0, ge=0, le=1000)
+    """Passive stiffness: this moment times exp(angle/stiffening_angle_rad) - 1; 0 takes it away."""
+    stiffening_angle_rad: float = Field(0.35, ge=0.05, le=10)
+    """Angle over which the passive moment grows e-fold."""
 
 
-@settings
-class MomentTrial:
+class MomentTrial(Section):
     """One trial in which a lift is repeated."""
 
-    lift: str = required()
-    pace: float = required(within="[0.2, 3]")
-    repetitions: int = required(within="[1, 50]")
-    variation: float = required(within="[0, 0.3]")
-    with_box: bool = required()
+    lift: str
+    """One of lifts."""
+    pace: float = Field(ge=0.2, le=3)
+    """Speed, as a factor of that of the lift."""
+    repetitions: int = Field(ge=1, le=50)
+    """How often the lift is done."""
+    variation: float = Field(ge=0, le=0.3)
+    """Spread of the trunk's inclination between repetitions, as a share of it."""
+    with_box: bool
+    """false: the movement is done without the box."""
 
 
-@settings
-class SyntheticMomentSettings:
+class SyntheticMomentSettings(Section):
     """Moment at the hip: the pendulum of Eq. 4.1 and the effects hidden in it."""
 
-    damping_N_m_s: float = key(default=8.0, unit="N·m·s/rad", within="[0, 1000]")
-    noise_N_m: float = key(default=2.0, within="[0, 1000]")
-    hidden: HiddenMomentSettings = section(default_factory=HiddenMomentSettings)
-    trials: dict[str, MomentTrial] = key(default={})
+    damping_N_m_s: float = Field(8.0, ge=0, le=1000, json_schema_extra={"unit": "N·m·s/rad"})
+    """Damping b."""
+    noise_N_m: float = Field(2.0, ge=0, le=1000)
+    """Standard deviation of the noise."""
+    hidden: HiddenMomentSettings = Field(default_factory=HiddenMomentSettings)
+    trials: dict[str, MomentTrial] = Field({})
+    """Trials in which one lift is repeated, by name; records of improvement.record_sets in the folder
+    hip_moment."""
 
 
-@settings
-class SyntheticPerson:
+class SyntheticPerson(Section):
     """One synthetic person."""
 
-    mass_kg: float = required(within="(0, 400]")
-    height_m: float = required(within="[0.5, 2.6]")
+    mass_kg: float = Field(gt=0, le=400)
+    """Body mass."""
+    height_m: float = Field(ge=0.5, le=2.6)
+    """Stature."""
 
 
-@settings
-class TrueEvents:
+class TrueEvents(Section):
     """True times of the events."""
 
-    lift_off: float = required(unit="s", ge=1.4)
-    toe_off: float = required(unit="s")
-    deposit_start: float = required(unit="s")
-    release: float = required(unit="s")
+    lift_off: float = Field(ge=1.4, json_schema_extra={"unit": "s"})
+    """The box leaves the pallet."""
+    toe_off: float = Field(json_schema_extra={"unit": "s"})
+    """The right toe leaves the ground."""
+    deposit_start: float = Field(json_schema_extra={"unit": "s"})
+    """The wrists are slowest before they go down."""
+    release: float = Field(json_schema_extra={"unit": "s"})
+    """The box stands and the hands leave it."""
 
 
-@settings
-class SyntheticLift:
+class SyntheticLift(Section):
     """Movement of one lift."""
 
-    person: str = required()
-    box_mass_kg: float = required(within="[0, 100]")
-    lift_flexion_deg: float = required(within="[0, 120]")
-    lift_squat_m: float = required(within="[0, 0.6]")
-    deposit_flexion_deg: float = required(within="[0, 90]")
-    deposit_squat_m: float = required(within="[0, 0.6]")
-    lateral_bending_deg: float = required(within="[-45, 45]")
-    lateral_sway_m: float = required(within="[-0.3, 0.3]")
-    hesitation_deg: float = required(within="[0, 20]")
-    hesitation_Hz: float = required(within="(0, 10]")
-    foot_adjustment: bool = required()
-    events_s: TrueEvents = required()
+    person: str
+    """One of people."""
+    box_mass_kg: float = Field(ge=0, le=100)
+    """Mass of the box."""
+    lift_flexion_deg: float = Field(ge=0, le=120)
+    """Inclination of the thorax when the box is grasped."""
+    lift_squat_m: float = Field(ge=0, le=0.6)
+    """Descent of the hips when the box is grasped."""
+    deposit_flexion_deg: float = Field(ge=0, le=90)
+    """Inclination of the thorax at the release beyond that of carrying."""
+    deposit_squat_m: float = Field(ge=0, le=0.6)
+    """Descent of the hips at the release."""
+    lateral_bending_deg: float = Field(ge=-45, le=45)
+    """Largest bending to the right."""
+    lateral_sway_m: float = Field(ge=-0.3, le=0.3)
+    """Largest shift of the hips to the right."""
+    hesitation_deg: float = Field(ge=0, le=20)
+    """Amplitude of corrections of the trunk during the deposit."""
+    hesitation_Hz: float = Field(gt=0, le=10)
+    """Frequency of the corrections."""
+    foot_adjustment: bool
+    """Whether the left foot shuffles to the box before the lift."""
+    events_s: TrueEvents
+    """True times of the events."""
 
 
-GroupName = Annotated[str, Each(pattern=NAME)]
-NonNegative = Annotated[float, Each(ge=0)]
+GroupName = Annotated[str, Field(pattern=NAME)]
+NonNegative = Annotated[float, Field(ge=0)]
 Drawn = tuple[float, NonNegative, NonNegative]
 """Mean, standard deviation between persons, standard deviation between the trials of one person."""
 
 
-@settings
-class GroupMovement:
+class GroupMovement(Section):
     """How people of one group lift; the defaults are an expert's."""
 
-    lift_flexion_deg: Drawn = key(default=(60.0, 8.0, 3.0))
-    lift_squat_m: Drawn = key(default=(0.33, 0.05, 0.02))
-    deposit_flexion_deg: Drawn = key(default=(23.0, 5.0, 2.0))
-    deposit_squat_m: Drawn = key(default=(0.06, 0.015, 0.007))
-    lateral_bending_deg: Drawn = key(default=(3.8, 1.5, 0.8))
-    lateral_sway_m: Drawn = key(default=(0.010, 0.004, 0.002))
-    hesitation_deg: Drawn = key(default=(0.4, 0.2, 0.1))
-    hesitation_Hz: Drawn = key(default=(1.3, 0.2, 0.1))
-    foot_adjustment: float = key(default=0.1, within="[0, 1]")
-    tempo: Drawn = key(default=(1.0, 0.08, 0.03))
+    lift_flexion_deg: Drawn = (60.0, 8.0, 3.0)
+    """Inclination of the thorax when the box is grasped [mean, SD between persons, SD between trials]."""
+    lift_squat_m: Drawn = (0.33, 0.05, 0.02)
+    """Descent of the hips when the box is grasped [mean, SD between persons, SD between trials]."""
+    deposit_flexion_deg: Drawn = (23.0, 5.0, 2.0)
+    """Inclination at the release [mean, SD between persons, SD between trials]."""
+    deposit_squat_m: Drawn = (0.06, 0.015, 0.007)
+    """Descent of the hips at the release [mean, SD between persons, SD between trials]."""
+    lateral_bending_deg: Drawn = (3.8, 1.5, 0.8)
+    """Largest bending to the right [mean, SD between persons, SD between trials]."""
+    lateral_sway_m: Drawn = (0.010, 0.004, 0.002)
+    """Largest shift of the hips to the right [mean, SD between persons, SD between trials]."""
+    hesitation_deg: Drawn = (0.4, 0.2, 0.1)
+    """Amplitude of corrections during the deposit [mean, SD between persons, SD between trials]."""
+    hesitation_Hz: Drawn = (1.3, 0.2, 0.1)
+    """Frequency of the corrections [mean, SD between persons, SD between trials]."""
+    foot_adjustment: float = Field(0.1, ge=0, le=1)
+    """Share of the trials in which a foot shuffles to the box first."""
+    tempo: Drawn = (1.0, 0.08, 0.03)
+    """Factor on all durations [mean, SD between persons, SD between trials]."""
 
 
-@settings
 class CohortGroup(GroupMovement):
     """One group of a cohort: how they lift, and how many they are."""
 
-    persons: int = key(default=10, within="[1, 100000]")
+    persons: int = Field(10, ge=1, le=100000)
+    """Number of persons."""
 
 
-@settings
-class CohortSettings:
+class CohortSettings(Section):
     """Synthetic people drawn from distributions, in place of persons and lifts that are named one by one.
 
     Every value is drawn from a normal distribution without what lies beyond 2.5 standard deviations. A person's numbers
     hang on the twin's seed and the person's name alone: whoever is added changes nobody.
     """
 
-    groups: dict[GroupName, CohortGroup] = key(default={}, min_length=1)
-    box_masses_kg: Annotated[tuple[Annotated[float, Each(ge=0, le=100)], ...], UNIQUE] = key(
-        default=(15.0, 23.0), min_length=1
+    groups: dict[GroupName, CohortGroup] = Field({}, min_length=1)
+    """Groups by their label (experience of the people), e.g. expert and novice."""
+    box_masses_kg: Unique[Annotated[float, Field(ge=0, le=100)]] = Field((15.0, 23.0), min_length=1)
+    """Masses of the boxes that everybody lifts."""
+    trials: int = Field(3, ge=1, le=1000)
+    """Trials of every person with every box."""
+    female_share: float = Field(0.5, ge=0, le=1)
+    """Share of women in every group."""
+    stature_m: dict[Literal["female", "male"], tuple[float, NonNegative]] = Field(
+        {"female": (1.628, 0.064), "male": (1.756, 0.069)}
     )
-    trials: int = key(default=3, within="[1, 1000]")
-    female_share: float = key(default=0.5, within="[0, 1]")
-    stature_m: dict[Literal["female", "male"], tuple[float, NonNegative]] = key(
-        default={"female": (1.628, 0.064), "male": (1.756, 0.069)}
+    """Mean and standard deviation by sex (ANSUR II, Gordon et al., 2014)."""
+    mass_kg: dict[Literal["female", "male"], tuple[float, NonNegative]] = Field(
+        {"female": (67.8, 11.0), "male": (85.5, 14.2)}
     )
-    mass_kg: dict[Literal["female", "male"], tuple[float, NonNegative]] = key(
-        default={"female": (67.8, 11.0), "male": (85.5, 14.2)}
-    )
-    stature_mass_correlation: float = key(default=0.5, within="(-1, 1)")
-    mass_error_kg: float = key(default=0.5, within="[0, 20]")
-    stature_error_m: float = key(default=0.005, within="[0, 0.2]")
-    durations_s: tuple[Positive, Positive, Positive, Positive] = key(default=(2.25, 1.5, 1.8, 1.25))
-    slower_per_kg: float = key(default=0.008, within="[0, 0.1]")
+    """Mean and standard deviation by sex (ANSUR II)."""
+    stature_mass_correlation: float = Field(0.5, gt=-1, lt=1)
+    """Correlation of stature and mass within a sex."""
+    mass_error_kg: float = Field(0.5, ge=0, le=20)
+    """Standard deviation of the body mass that the study declares about the true one; 0 declares the truth."""
+    stature_error_m: float = Field(0.005, ge=0, le=0.2)
+    """Standard deviation of the stature that the study declares about the true one."""
+    durations_s: tuple[Positive, Positive, Positive, Positive] = (2.25, 1.5, 1.8, 1.25)
+    """Usual time of reaching for the box, lifting it, carrying it and depositing it; the first is 1.8 s at
+    least."""
+    slower_per_kg: float = Field(0.008, ge=0, le=0.1)
+    """By how much of themselves durations grow with each kilogram beyond the lightest box."""
 
 
-@settings
-class SyntheticLiftingSettings:
+class SyntheticLiftingSettings(Section):
     """Synthetic lifting recordings."""
 
-    rate_Hz: float = key(default=100.0, within="[20, 1000]")
-    duration_s: float = key(default=9.5, within="[4, 120]")
-    marker_noise_mm: float = key(default=0.5, within="[0, 20]")
-    gaps: SyntheticGapSettings = section(default_factory=SyntheticGapSettings)
-    workplace: WorkplaceSettings = section(default_factory=WorkplaceSettings)
-    hip_moment: SyntheticMomentSettings = section(default_factory=SyntheticMomentSettings)
-    people: dict[str, SyntheticPerson] = key(default={})
-    lifts: dict[str, SyntheticLift] = key(default={})
-    groups: dict[GroupName, GroupMovement] = key(default={})
-    cohort: CohortSettings | None = key(default=None)
+    rate_Hz: float = Field(100.0, ge=20, le=1000)
+    """Frames per second."""
+    duration_s: float = Field(9.5, ge=4, le=120)
+    """Length of a recording."""
+    marker_noise_mm: float = Field(0.5, ge=0, le=20)
+    """Standard deviation of the white noise on every coordinate."""
+    gaps: SyntheticGapSettings = Field(default_factory=SyntheticGapSettings)
+    workplace: WorkplaceSettings = Field(default_factory=WorkplaceSettings)
+    hip_moment: SyntheticMomentSettings = Field(default_factory=SyntheticMomentSettings)
+    people: dict[str, SyntheticPerson] = Field({})
+    """True mass and stature of synthetic people; of anybody else they are what config/subjects declares."""
+    lifts: dict[str, SyntheticLift] = Field({})
+    """Movement of lifts, by name: <subject>_<box mass>kg, with _2 and so on where a box is lifted again.
+    Any other lift is drawn as of the person's group."""
+    groups: dict[GroupName, GroupMovement] = Field({})
+    """How people lift whose lifts are not named, by their label (experience in config/subjects)."""
+    cohort: CohortSettings | None = None
+    """People drawn from distributions, in place of lifting.subjects, people and lifts; null takes those."""
 
 
-@settings
-class TwoHiddenEffectsSettings:
+class TwoHiddenEffectsSettings(Section):
     """A second set of synthetic tissue tests, with dry friction, hardening and little noise."""
 
-    number: int = key(default=1, ge=0)
-    noise_share: float = key(default=0.01, within="(0, 1]")
-    residual_over_noise: float = key(default=16.0, gt=0)
+    number: int = Field(1, ge=0)
+    """Which draw of tissue, motion and effects."""
+    noise_share: float = Field(0.01, gt=0, le=1)
+    """RMS of the noise over that of the force without the effects."""
+    residual_over_noise: float = Field(16.0, gt=0)
+    """RMS that the best Kelvin–Boltzmann model leaves of each effect, over the noise."""
 
 
-@settings
-class TwinSettings:
+class TwinSettings(Section):
     """The synthetic twin: one section per kind of recording."""
 
-    seed: int = key(default=45, ge=0)
-    surgeon: SyntheticSurgeonSettings = section(default_factory=SyntheticSurgeonSettings)
-    tissue: SyntheticTissueSettings = section(default_factory=SyntheticTissueSettings)
-    lifting: SyntheticLiftingSettings = section(default_factory=SyntheticLiftingSettings)
-    two_hidden_effects: TwoHiddenEffectsSettings = section(default_factory=TwoHiddenEffectsSettings)
+    seed: int = Field(45, ge=0)
+    """Seed of every random number of the twin."""
+    surgeon: SyntheticSurgeonSettings = Field(default_factory=SyntheticSurgeonSettings)
+    tissue: SyntheticTissueSettings = Field(default_factory=SyntheticTissueSettings)
+    lifting: SyntheticLiftingSettings = Field(default_factory=SyntheticLiftingSettings)
+    two_hidden_effects: TwoHiddenEffectsSettings = Field(default_factory=TwoHiddenEffectsSettings)

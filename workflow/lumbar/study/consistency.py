@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from lumbar.base.errors import LumbarError, did_you_mean
 from lumbar.settings.improvement import ImprovementSettings
-from lumbar.settings.stability import GROUPS, weight_problems
+from lumbar.settings.stability import GROUPS
 from lumbar.settings.study_settings import StudySettings
 from lumbar.settings.survey import SurveySettings
 from lumbar.settings.tissue import TissueSettings
@@ -228,7 +228,6 @@ def check_consistency(study: Study, root: Path, origins: Origins, sources: Mappi
     if study.has("stability") or study.has("population"):
         _check_groups(study, add)
     if study.has("stability"):
-        origins.problems.extend(weight_problems(**vars(settings.stability.regulator)))
         checks = settings.stability.checks
         if "cvxpy" in checks and "thesis_method" not in checks:
             add(

@@ -7,7 +7,6 @@ Effects that are Python are run only where the study is one's own, or where that
 
 import os
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
 from lumbar.base.errors import Problems
@@ -247,7 +246,7 @@ def load_settings(*files: str | os.PathLike, trust: bool = False) -> StudySettin
     problems.raise_if_any()
     places = [Path(), *(parent for path in reversed(files) for parent in path.resolve().parents)]
     own = tuple(_first_found(file, places) for file in settings.improvement.effect_files)
-    improvement = replace(settings.improvement, effect_files=own).with_bases_at(
+    improvement = settings.improvement.model_copy(update={"effect_files": own}).with_bases_at(
         lambda file: _first_found(file, places)
     )
     if not trust:
@@ -256,7 +255,7 @@ def load_settings(*files: str | os.PathLike, trust: bool = False) -> StudySettin
         problems.raise_if_any()
     check_effects(improvement, Path(), origins.add)
     problems.raise_if_any()
-    return replace(settings, improvement=improvement)
+    return settings.model_copy(update={"improvement": improvement})
 
 
 def _first_found(file: str, folders: list[Path]) -> str:

@@ -1,12 +1,11 @@
 """The study: a checked configuration, the places its files come from, which recordings it reads, and how."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from lumbar.settings.improvement import RecordSetSettings
 from lumbar.settings.layout import ColumnLayout
-from lumbar.settings.plain import plain
 from lumbar.settings.study_settings import StudySettings, record_layout
 from lumbar.settings.subject import SubjectSettings, TrialSettings
 from lumbar.settings.twin import CohortSettings
@@ -67,10 +66,6 @@ class Study:
         """Whether the recordings are objects of a store, which Snakemake brings to each job."""
         return isinstance(self.data_root, str)
 
-    def subject_of(self, lift: str) -> SubjectSettings:
-        """The subject of a lift by itself: another trial, another label or the static trial's name do not change this lift."""
-        return replace(self.subjects[self.lifts[lift].subject], trials=(), experience="", static=None)
-
     @property
     def labels(self) -> dict[str, str]:
         """Label of every subject by which Table 4.1 compares people."""
@@ -130,16 +125,21 @@ def record_set(settings: StudySettings, name: str) -> RecordSetSettings:
     if effects is None and is_tissue_chapter(settings, entry):
         effects = chapter.effects or None
     base, records = entry.base or chapter.base, entry.records or settings.tissue.records
-    return replace(entry, base=base, records=records, effects=effects)
+    return entry.model_copy(update={"base": base, "records": records, "effects": effects})
 
 
 def settings_of_set(settings: StudySettings, name: str) -> StudySettings:
     """Settings of a study with a record set's own base, training records, session and layout in the place of the study's."""
     chapter, entry = settings.improvement, record_set(settings, name)
     session = chapter.session if entry.session is None else entry.session
-    own = replace(chapter, base=entry.base, train=entry.train or chapter.train, session=session)
     layout, rate = set_layout(settings, name)
-    return replace(settings, improvement=own, tissue=replace(settings.tissue, layout=layout, rate_Hz=rate))
+    own = {"base": entry.base, "train": entry.train or chapter.train, "session": session}
+    return settings.model_copy(
+        update={
+            "improvement": chapter.model_copy(update=own),
+            "tissue": settings.tissue.model_copy(update={"layout": layout, "rate_Hz": rate}),
+        }
+    )
 
 
 def is_tissue_chapter(settings: StudySettings, entry: RecordSetSettings) -> bool:
@@ -179,7 +179,10 @@ def reading_plan(study: Study, chapters: Iterable[str]) -> list[dict]:
                     for record in entry.records or ()
                 ]
         elif chapter == "survey":
-            path, layout = study.recording(settings.survey.file), plain(settings.survey.layout)
+            path, layout = (
+                study.recording(settings.survey.file),
+                settings.survey.layout.model_dump(mode="json"),
+            )
             plan.append({"chapter": chapter, "reader": "ratings", "path": path, "layout": layout})
         else:
             own = getattr(settings, chapter)
@@ -195,10 +198,10 @@ def _column_reading(study: Study, chapter: str, record, layout: ColumnLayout, ra
         "set": chapter,
         "reader": "columns",
         "path": study.recording(record.file),
-        "layout": plain(layout),
+        "layout": layout.model_dump(mode="json"),
         "name": record.name,
         "period_s": getattr(record, "period_s", None),
-        "trim_s": plain(getattr(record, "trim_s", None)),
+        "trim_s": list(trim) if (trim := getattr(record, "trim_s", None)) else None,
         "rate_Hz": rate,
     }
     return {key: value for key, value in reading.items() if value is not None}
@@ -206,11 +209,11 @@ def _column_reading(study: Study, chapter: str, record, layout: ColumnLayout, ra
 
 def _lift_readings(study: Study) -> list[dict]:
     lifting = study.settings.lifting
-    moment = plain(lifting.moment_layout)
+    moment = lifting.moment_layout.model_dump(mode="json")
     moments = {"chapter": "lifting", "set": "hip moments", "reader": "columns", "layout": moment}
     plan = []
     for name, lift in study.lifts.items():
-        markers = plain(lifting.of_trial(lift.trial).markers)
+        markers = lifting.of_trial(lift.trial).markers.model_dump(mode="json")
         path = study.recording(lift.trial.markers)
         plan.append({"chapter": "lifting", "reader": "markers", "path": path, "layout": markers})
         if lift.trial.hip_moment:

@@ -2,129 +2,120 @@
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, is_dataclass
-from functools import cache
-from types import NoneType, UnionType
-from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+from pydantic import ValidationError
+from pydantic_core import to_jsonable_python
 
 from lumbar.base.errors import Problems, did_you_mean
 from lumbar.base.yaml_file import YamlFile, way_of
-from lumbar.settings.key import Each
 from lumbar.settings.layout import AXIS_ROLES, SIDES
-from lumbar.settings.plain import members_of, name_of, plain, types_of
+from lumbar.settings.section import Section
 
-_WORDS = {str: "text", float: "number", int: "whole number", bool: "true or false", NoneType: "null"}
-_SIGNS = {"ge": "≥", "gt": ">", "le": "≤", "lt": "<"}
+FILL_IN = "FILL_IN"
+"""Placeholder of a value that only the user knows (``lumbar new-study``)."""
+MAX_SHOWN_CHARACTERS = 60
+_ANY = object()
+_TYPES = {"string": "text", "number": "number", "integer": "whole number"}
+_TYPES |= {"boolean": "true or false", "null": "null"}
+_LIMITS = {"minimum": "≥", "exclusiveMinimum": ">", "maximum": "≤", "exclusiveMaximum": "<"}
+
+Kind = TypeVar("Kind", bound=Section)
 
 
 @dataclass(frozen=True)
-class KeyType:
-    """A key or an entry of a list: its type and what is said about it."""
+class Key:
+    """A section, a key or an entry of a list, by its JSON schema."""
 
-    kind: Any
-    """As annotated."""
-    facts: Mapping[str, Any]
-    """``description``, limits, ``json_schema_extra``."""
+    schema: Mapping[str, Any]
+    definitions: Mapping[str, Any]
+    """Schemas that others refer to, by name."""
+    unit: str = ""
+
+    @classmethod
+    def of(cls, section: type[Section]) -> "Key":
+        """Return a section as a key."""
+        schema = section.model_json_schema()
+        return cls(schema, schema.get("$defs", {}))
+
+    @property
+    def types(self) -> list["Key"]:
+        """Types that the value may have, each without references to other schemas."""
+        if "$ref" in self.schema:
+            return [Key(self.definitions[self.schema["$ref"].rpartition("/")[2]], self.definitions)]
+        members = self.schema.get("anyOf")
+        if members is None:
+            return [self]
+        return [kind for member in members for kind in Key(member, self.definitions, self.unit).types]
+
+    @property
+    def keys(self) -> dict[str, "Key"]:
+        """Keys of the sections that the value may be."""
+        return {
+            name: Key(schema, self.definitions, schema.get("unit", ""))
+            for kind in self.types
+            for name, schema in kind.schema.get("properties", {}).items()
+        }
 
     @property
     def meaning(self) -> str:
-        """Its description."""
-        return self.facts.get("description", "")
-
-    @property
-    def unit(self) -> str:
-        """Unit of the value, or nothing."""
-        return self.facts.get("json_schema_extra", {}).get("unit", "")
+        """Description; that of its section if the key has no other."""
+        described = self if "description" in self.schema else self.types[0]
+        return " ".join(described.schema.get("description", "").split())
 
     @property
     def allowed(self) -> str:
-        """Type and limits in words."""
-        return allowed_words(self.kind, {**self.facts, "unit": self.unit})
+        """Type and limits for a message.
 
+        Examples
+        --------
+        >>> Key({"anyOf": [{"type": "number", "exclusiveMinimum": 0}, {"type": "null"}]}, {}, "Hz").allowed
+        'number > 0 Hz, or null'
+        """
+        *first, last = [kind._allowed_type() for kind in self.types]
+        return f"{', '.join(first)}, or {last}" if first else last
 
-def keys_of(section: type) -> dict[str, KeyType]:
-    """Every key of a section by its name in a configuration."""
-    types = types_of(section)
-    return {name_of(item): KeyType(types[item.name], item.metadata) for item in fields(section)}
+    def _allowed_type(self) -> str:
+        schema = self.schema
+        if values := schema.get("enum", [schema["const"]] if "const" in schema else []):
+            return ", ".join(map(str, values))
+        if "properties" in schema:
+            return "{" + ", ".join(schema["properties"]) + "}"
+        if schema["type"] in ("array", "object"):
+            entry = self.at(0).allowed
+            if schema["type"] == "object":
+                return f"names, each with {entry}"
+            if "prefixItems" in schema:
+                return f"list of {schema['minItems']}: {entry}"
+            fewest = schema.get("minItems", 0)
+            return f"list of at least {fewest}: {entry}" if fewest > 1 else f"list of {entry}"
+        if schema["type"] == "string":
+            return "text, not empty" if schema.get("minLength") else "text"
+        limits = ", ".join(f"{sign} {schema[name]:g}" for name, sign in _LIMITS.items() if name in schema)
+        unit = self.unit if schema["type"] in ("number", "integer") else ""
+        return " ".join(filter(None, [_TYPES[schema["type"]], limits, unit]))
 
+    def at(self, *path: Any) -> "Key | None":
+        """Return the key to which a path leads, e.g. ``("records", 0, "file")``, if there is one."""
+        if not path:
+            return self
+        part, *rest = path
+        below = self.keys.get(part)
+        for kind in self.types if below is None else ():
+            schema = kind.schema
+            if schema.get("type") == "object" and "properties" not in schema:
+                named = schema.get("additionalProperties") or next(iter(schema["patternProperties"].values()))
+                below = Key(named, self.definitions)
+            elif schema.get("type") == "array" and isinstance(part, int):
+                entries = schema.get("prefixItems") or [schema["items"]]
+                below = Key(entries[min(part, len(entries) - 1)], self.definitions, kind.unit)
+        return None if below is None else below.at(*rest)
 
-def key_at(section: type, way: tuple) -> KeyType | None:
-    """Return the key to which a way leads, e.g. ``("tissue", "records", 0, "file")``, if there is one."""
-    found = KeyType(section, {})
-    for part in way:
-        step = _below(found.kind, part)
-        if step is None:
-            return None
-        found = step
-    return found
-
-
-def section_of(kind: Any) -> type | None:
-    """Return the one section that a type is or may be."""
-    sections = [member for member in members_of(kind) if is_dataclass(member)]
-    return sections[0] if len(sections) == 1 else None
-
-
-def _below(kind: Any, part: Any) -> KeyType | None:
-    for member in members_of(kind):
-        origin, arguments = get_origin(member), get_args(member)
-        if is_dataclass(member) and part in (known := keys_of(member)):
-            return known[part]
-        if origin is dict:
-            return KeyType(arguments[1], {})
-        if origin is tuple and isinstance(part, int):
-            entry = arguments[0] if arguments[-1] is Ellipsis else arguments[min(part, len(arguments) - 1)]
-            return KeyType(entry, {})
-    return None
-
-
-def allowed_words(kind: Any, limits: Mapping[str, Any] | None = None) -> str:
-    """Say what a type allows.
-
-    Examples
-    --------
-    >>> allowed_words(float | None, {"gt": 0})
-    'number > 0, or null'
-    """
-    limits = limits or {}
-    origin, arguments = get_origin(kind), get_args(kind)
-    if origin is Annotated:
-        own = {
-            name: value
-            for each in arguments[1:]
-            if isinstance(each, Each)
-            for name, value in each.limits.items()
-        }
-        return allowed_words(arguments[0], {**limits, **own})
-    if origin in (Union, UnionType):
-        *first, last = [allowed_words(member, limits) for member in arguments]
-        return f"{', '.join(first)}, or {last}"
-    if origin is Literal:
-        return ", ".join(map(str, arguments))
-    if origin is tuple:
-        unit = {"unit": limits.get("unit", "")}
-        few = limits.get("min_length", 0)
-        if arguments[-1] is Ellipsis:
-            return (f"list of at least {few}: " if few > 1 else "list of ") + allowed_words(
-                arguments[0], unit
-            )
-        return f"list of {len(arguments)}: {allowed_words(arguments[0], unit)}"
-    if origin is dict:
-        return f"names, each with {allowed_words(arguments[1])}"
-    if is_dataclass(kind):
-        return "{" + ", ".join(keys_of(kind)) + "}"
-    if kind is str and limits.get("min_length"):
-        return "text, not empty"
-    signs = ", ".join(f"{sign} {limits[name]:g}" for name, sign in _SIGNS.items() if name in limits)
-    unit = limits.get("unit", "") if kind in (int, float) else ""
-    return " ".join(filter(None, [_WORDS[kind], signs if kind in (int, float) else "", unit]))
-
-
-Kind = TypeVar("Kind")
-FILL_IN = "FILL_IN"
-"""What stands in place of a value that only a person knows (``lumbar new-study``)."""
-_LONGEST_VALUE = 60
-_ANY = object()
+    @property
+    def rule(self) -> str:
+        """What is allowed and what the key means, for a message."""
+        return f"allowed: {self.allowed}" + (f" ({self.meaning.rstrip('.')})" if self.meaning else "")
 
 
 def overlay(base: dict, upper: dict) -> dict:
@@ -188,11 +179,11 @@ def _at(content: Any, way: tuple) -> Any:
     return content
 
 
-@cache
-def _adapter(kind: type):
-    from pydantic import TypeAdapter
-
-    return TypeAdapter(kind)
+def _value(content: Any, way: tuple, absent: Any) -> Any:
+    try:
+        return _at(content, way)
+    except (KeyError, IndexError, TypeError):
+        return absent
 
 
 def validate(content: dict, kind: type[Kind], origins: Origins) -> Kind | None:
@@ -207,30 +198,31 @@ def validate(content: dict, kind: type[Kind], origins: Origins) -> Kind | None:
     origins : Origins
         Takes every wrong key and value, with file, line, what was found and what is allowed.
     """
-    from pydantic import ValidationError
-
     unfilled = _unfilled(content)
-    for way in unfilled:
-        origins.add(way, f"{FILL_IN}: still to be filled in", _rule(key_at(kind, way)))
-    merged = overlay(_beside(content, _defaults(kind)), content)
+    if unfilled:
+        whole = Key.of(kind)
+        for way in unfilled:
+            key = whole.at(*way)
+            origins.add(way, f"{FILL_IN}: still to be filled in", key.rule if key else "")
+    merged = overlay(_without_other_axes(defaults_of(kind), content), content)
     try:
-        checked = _adapter(kind).validate_json(json.dumps(merged, default=_as_plain), strict=True)
+        checked = kind.model_validate_json(json.dumps(merged, default=_as_plain), strict=True)
         return None if unfilled else checked
     except ValidationError as error:
         said: dict[tuple, tuple[str, str]] = dict.fromkeys(unfilled, ("", ""))
         for item in error.errors(include_url=False):
-            way, found, allowed_words = _explained(kind, merged, item)
-            said.setdefault(way, (found, allowed_words))
+            way, found, allowed = _explain(Key.of(kind), merged, item)
+            said.setdefault(way, (found, allowed))
         places = {way: origins.place(way, _value(merged, way, _ANY)) for way in said}
-        for way, (found, allowed_words) in said.items():
+        for way, (found, allowed) in said.items():
             if any(place[: len(way)] == way for place in unfilled):
                 continue
-            origins.problems.add(places[way], found, allowed_words)
+            origins.problems.add(places[way], found, allowed)
     return None
 
 
 def _unfilled(content: Any, way: tuple = ()) -> list[tuple]:
-    """Ways to the values that a person has yet to fill in."""
+    """Return the ways to the values that the user has yet to fill in."""
     if isinstance(content, dict | list):
         items = content.items() if isinstance(content, dict) else enumerate(content)
         return [found for key, value in items for found in _unfilled(value, (*way, key))]
@@ -238,95 +230,71 @@ def _unfilled(content: Any, way: tuple = ()) -> list[tuple]:
 
 
 def _as_plain(value: Any) -> Any:
-    """Number of NumPy as Python's; anything else that no file can hold as its text, which is refused."""
+    """Return a number of NumPy as Python's, anything else that no file can hold as its text, which is an error."""
     return value.item() if hasattr(value, "item") else str(value)
 
 
-def _defaults(kind: type) -> dict:
-    """Every default of a section; nothing for one that has required keys."""
-    try:
-        return plain(kind())
-    except TypeError:
-        return {}
+def defaults_of(section: type[Section]) -> dict[str, Any]:
+    """Return the defaults of the keys of a section that have one, as plain data."""
+    return to_jsonable_python(
+        {
+            item.alias or name: item.get_default(call_default_factory=True)
+            for name, item in section.model_fields.items()
+            if not item.is_required()
+        }
+    )
 
 
-def _beside(content: Any, defaults: dict) -> dict:
-    """Defaults without the roles of one axis in a layout that names those of several."""
+def _without_other_axes(defaults: dict, content: Any) -> dict:
+    """Remove the roles of one axis from the defaults of a layout that names those of several."""
     kept = {
         role: item for role, item in defaults.items() if role not in SIDES or AXIS_ROLES.isdisjoint(content)
     }
     within = [
         name for name, item in kept.items() if isinstance(item, dict) and isinstance(content.get(name), dict)
     ]
-    return {**kept, **{name: _beside(content[name], kept[name]) for name in within}}
+    return {**kept, **{name: _without_other_axes(kept[name], content[name]) for name in within}}
 
 
-def _value(content: Any, way: tuple, absent: Any) -> Any:
-    try:
-        return _at(content, way)
-    except (KeyError, IndexError, TypeError):
-        return absent
-
-
-def _explained(kind: type, content: dict, error: dict) -> tuple[tuple, str, str]:
-    """Return where an error of Pydantic lies, what was found there, and what is allowed."""
-    way, value = [], content
+def _explain(whole: Key, content: dict, error: Mapping[str, Any]) -> tuple[tuple, str, str]:
+    """Return the way to an error of Pydantic, what was found there, and what is allowed."""
+    way: tuple = ()
+    value: Any = content
     for part in error["loc"]:
         known = range(len(value)) if isinstance(value, list) else value if isinstance(value, dict) else ()
-        if part not in known:
+        if part not in known:  # missing, or the name of a type of several
             break
-        way.append(part)
-        value = value[part]
-    where = tuple(way)
-    if error["type"] == "unexpected_keyword_argument":
-        return where, *_unknown_key(key_at(kind, where[:-1]), where[-1])
-    if error["type"] in ("missing", "missing_argument") and len(error["loc"]) == len(way) + 1:
-        where = (*where, error["loc"][-1])
-        return where, "missing", _rule(key_at(kind, where))
-    if error["loc"][-1] == "[key]":
-        return where, f"{where[-1]!r} is no name", _rule(key_at(kind, where[:-1]))
-    if error["type"] == "value_error":
-        return where, str(error["ctx"]["error"]), _rule(key_at(kind, where))
-    return (
-        where,
-        f"found {_shown(value)}{_meant(value, key_at(kind, where))}",
-        _rule(key_at(kind, where)) + _number_hint(value, key_at(kind, where)),
-    )
-
-
-def _meant(value: Any, key: KeyType | None) -> str:
-    """Of a word that stands for one of few: the one that it is like."""
-    words = (
-        [word for each in members_of(key.kind) if get_origin(each) is Literal for word in get_args(each)]
-        if key
-        else []
-    )
-    return (
-        did_you_mean(value, filter(lambda word: isinstance(word, str), words))
-        if isinstance(value, str)
-        else ""
-    )
-
-
-def _unknown_key(section: KeyType | None, name: str) -> tuple[str, str]:
-    known = list(keys_of(section_of(section.kind))) if section and section_of(section.kind) else []
-    return f"unknown key{did_you_mean(name, known)}", f"allowed: {', '.join(known)}"
-
-
-def _rule(key: KeyType | None) -> str:
-    if key is None:
-        return ""
-    return f"allowed: {key.allowed}" + (f" ({key.meaning.rstrip('.')})" if key.meaning else "")
+        way, value = (*way, part), value[part]
+    kind, last = error["type"], error["loc"][-1] if error["loc"] else ""
+    if kind == "extra_forbidden" and way == error["loc"]:
+        section = whole.at(*way[:-1])
+        known = section.keys if section else {}
+        return way, f"unknown key{did_you_mean(last, known)}", f"allowed: {', '.join(known)}"
+    if kind == "missing" and (*way, last) == error["loc"]:
+        way, found = (*way, last), "missing"
+    elif last == "[key]":
+        way, found = way[:-1], f"{way[-1]!r} is no name"
+        return (*way, error["loc"][-2]), found, whole.at(*way).rule
+    elif kind == "value_error":
+        found = str(error["ctx"]["error"])
+    else:
+        found = ""
+    key = whole.at(*way)
+    if found or key is None:
+        return way, found or f"found {_shown(value)}", key.rule if key else ""
+    choices = [word for each in key.types for word in each.schema.get("enum", ())]
+    meant = did_you_mean(value, choices) if isinstance(value, str) else ""
+    return way, f"found {_shown(value)}{meant}", key.rule + _number_hint(value, key)
 
 
 def _shown(value: Any) -> str:
     text = json.dumps(value, ensure_ascii=False, default=str)
-    return text if len(text) <= _LONGEST_VALUE else f"{text[:_LONGEST_VALUE]}…"
+    return text if len(text) <= MAX_SHOWN_CHARACTERS else f"{text[:MAX_SHOWN_CHARACTERS]}…"
 
 
-def _number_hint(value: Any, key: KeyType | None) -> str:
-    """Tell how to write a number that YAML took for text."""
-    if key is None or not isinstance(value, str) or "number" not in key.allowed:
+def _number_hint(value: Any, key: Key) -> str:
+    """Return how to write a number that YAML read as text."""
+    if not isinstance(value, str) or "number" not in key.allowed:
         return ""
     try:
         float(value)

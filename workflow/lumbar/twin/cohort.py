@@ -7,7 +7,7 @@ lift has random numbers of its own, so that whoever is added, or does another tr
 import math
 import zlib
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -29,9 +29,9 @@ FARTHEST_SD = 2.5
 AFTER_RELEASE_S = 2.0
 """How long a recording goes on."""
 POSTURES = tuple(
-    item.name
-    for item in fields(SyntheticLift)
-    if item.name in {own.name for own in fields(GroupMovement)} - {"foot_adjustment"}
+    name
+    for name in SyntheticLift.model_fields
+    if name in GroupMovement.model_fields.keys() - {"foot_adjustment"}
 )
 """Numbers of a lift that are drawn, in a fixed order."""
 _STREAMS = {"person": 11, "lift": 12, "noise": 13}
@@ -110,11 +110,13 @@ def draw_lift(
     # No movement lasts less than half of its usual time: the events keep their order.
     slowness = max(numbers.pop("tempo"), 0.5) * (1 + cohort.slower_per_kg * heavier)
     times = np.cumsum(np.multiply(slowness, cohort.durations_s))
-    return SyntheticLift(
+    return SyntheticLift.model_construct(
         person=person.name,
         box_mass_kg=box_mass_kg,
         foot_adjustment=bool(rng.random() < content.foot_adjustment),
-        events_s=TrueEvents(*(round(float(time), 3) for time in times)),
+        events_s=TrueEvents.model_construct(
+            **{name: round(float(time), 3) for name, time in zip(TrueEvents.model_fields, times, strict=True)}
+        ),
         **numbers,
     )
 
@@ -132,7 +134,8 @@ def marker_file(person: str, box_mass_kg: float, trial: int) -> str:
 
 def own_part(cohort: CohortSettings, group: str) -> CohortSettings:
     """Return what one person's lifts hang on: neither other groups nor how many people there are."""
-    return replace(cohort, groups={group: replace(cohort.groups[group], persons=1)})
+    alone = cohort.groups[group].model_copy(update={"persons": 1})
+    return cohort.model_copy(update={"groups": {group: alone}})
 
 
 def cohort_subjects(cohort: CohortSettings, seed: int) -> dict[str, SubjectSettings]:
@@ -172,7 +175,8 @@ def _with_lift(
 ) -> SyntheticLiftingSettings:
     """Settings of a recording that is as long as its one drawn lift."""
     duration = math.ceil(lift.events_s.release + AFTER_RELEASE_S)
-    return replace(settings, people={lift.person: truth}, lifts={name: lift}, duration_s=duration)
+    one = {"people": {lift.person: truth}, "lifts": {name: lift}, "duration_s": duration}
+    return settings.model_copy(update=one)
 
 
 def own_settings(
@@ -183,7 +187,7 @@ def own_settings(
     Mass and stature that the subject declares are the true ones where ``people`` names no others.
     """
     alone = settings_of_lifts(settings, [lift] if lift in settings.lifts else [])
-    alone = replace(alone, hip_moment=replace(settings.hip_moment, trials={}))
+    alone = alone.model_copy(update={"hip_moment": settings.hip_moment.model_copy(update={"trials": {}})})
     if lift in settings.lifts:
         return alone
     group = subject.experience

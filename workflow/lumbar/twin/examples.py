@@ -7,7 +7,6 @@ import numpy as np
 
 from lumbar.base.yaml_file import shipped_yaml
 from lumbar.records.record import Channel, Record, RecordSet
-from lumbar.settings.plain import from_plain
 from lumbar.settings.subject import SubjectSettings, TrialSettings
 from lumbar.settings.twin import SyntheticLiftingSettings
 from lumbar.twin.lifting_recordings import write_lift
@@ -47,7 +46,14 @@ def _test(name: str, frequencies: np.ndarray, duration: float, generator: np.ran
 
 def example_lift(path: str | os.PathLike) -> SubjectSettings:
     """Write a lift of a box of 15 kg as a C3D file and return the person who lifts it."""
-    settings = from_plain(SyntheticLiftingSettings, shipped_yaml(Path(__file__).with_suffix(".yaml")))
+    settings = SyntheticLiftingSettings(**shipped_yaml(Path(__file__).with_suffix(".yaml")))
     write_lift(settings, "lift", [1], path, None)
     person, trial = settings.people["somebody"], TrialSettings(box_mass_kg=15, markers=Path(path).name)
-    return SubjectSettings("somebody", "unknown", person.mass_kg, person.height_m, "expert", (trial,))
+    return SubjectSettings(
+        name="somebody",
+        sex="unknown",
+        mass_kg=person.mass_kg,
+        height_m=person.height_m,
+        experience="expert",
+        trials=(trial,),
+    )

@@ -4,7 +4,6 @@ one lift again and again, with and without a box.
 
 import os
 from collections.abc import Iterable
-from dataclasses import replace
 
 import numpy as np
 
@@ -20,7 +19,7 @@ def settings_of_lifts(settings: SyntheticLiftingSettings, lifts: Iterable[str]) 
     """Return the settings with these lifts and who lifts alone: whoever is added makes no other recording anew."""
     moved = {name: settings.lifts[name] for name in lifts}
     people = {lift.person: settings.people[lift.person] for lift in moved.values()}
-    return replace(settings, people=people, lifts=moved, groups={}, cohort=None)
+    return settings.model_copy(update={"people": people, "lifts": moved, "groups": {}, "cohort": None})
 
 
 def true_movement(settings: SyntheticLiftingSettings, lift: str) -> Movement:

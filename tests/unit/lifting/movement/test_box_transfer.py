@@ -1,7 +1,5 @@
 """A real recording of a box set on a shelf: its study's rules and its run, and what is said of mishaps of a laboratory."""
 
-from dataclasses import replace
-
 import ezc3d
 import numpy as np
 import pytest
@@ -84,7 +82,9 @@ def lift_of(tmp_path):
         if static is not None:
             write_markers(tmp_path / "static.c3d", static, RATE, "ann")
         named = None if static is None else "static.c3d"
-        person_ = replace(person, trials=(TrialSettings(6.0, "trial.c3d"),), static=named)
+        person_ = person.model_copy(
+            update={"trials": (TrialSettings(box_mass_kg=6.0, markers="trial.c3d"),), "static": named}
+        )
         return lumbar.lift(tmp_path / "trial.c3d", person_, settings=changed(settings, **changes))
 
     return lifted

@@ -35,7 +35,6 @@ from lumbar.lifting.movement.joint_centres import (
 from lumbar.records.markers import MarkerRecording, read_markers
 from lumbar.settings.layout import MarkerLayout
 from lumbar.settings.lifting import ALIASES
-from lumbar.settings.plain import from_plain
 
 DE_LEVA = {sex: segment_table("de_leva", sex) for sex in ("female", "male")}
 
@@ -342,8 +341,8 @@ PLUG_IN_GAIT = {
 
 
 def plug_in_gait(shared, trial):
-    layout = from_plain(
-        MarkerLayout, {"unit": "m", "aliases": PLUG_IN_GAIT, "required": [], "check_axes": False}
+    layout = MarkerLayout.model_validate(
+        {"unit": "m", "aliases": PLUG_IN_GAIT, "required": [], "check_axes": False}
     )
     return read_markers(shared / "real" / "lifting" / "ktk_pig_com_oracle" / f"{trial}.c3d", layout)
 
@@ -372,7 +371,7 @@ def test_a_joint_lies_between_its_markers_unless_the_inner_one_is_hidden_or_an_a
 def test_t12_on_a_static_trial_with_the_whole_spine(shared):
     """The estimate of T12/L1 lies 70-76 mm ahead of the real marker on T12, and at its height within 10 mm."""
     aliases = {**ALIASES, "SACRUM": {"mean": ["L_PSIS", "R_PSIS"]}, "MANUBRIUM": "STRN", "XIPHOID": "XIPH"}
-    layout = from_plain(MarkerLayout, {"aliases": aliases, "required": [], "check_axes": False})
+    layout = MarkerLayout.model_validate({"aliases": aliases, "required": [], "check_axes": False})
     recording = read_markers(
         shared / "real" / "lifting" / "athlete_static_full_spine" / "c3dfile1.c3d", layout
     )

@@ -17,7 +17,6 @@ from lumbar.records.marker_file import RecordedEvent
 from lumbar.records.markers import MarkerRecording, read_markers
 from lumbar.settings.layout import MarkerLayout
 from lumbar.settings.lifting import EventLabels, EventSettings
-from lumbar.settings.plain import from_plain, plain
 from lumbar.settings.subject import DeclaredEvents, TrialSettings
 from lumbar.twin.lifting_recordings import write_lift
 from study_settings import study_settings
@@ -97,7 +96,9 @@ def test_known_events_are_found(seed, shuffle):
 )  # fmt: skip
 def test_the_twins_events_are_found_at_six_times_the_noise_too(tmp_path, lift, seed, noise_mm, off_s):
     config, twin = study_settings().lifting, study_settings().twin.lifting
-    write_lift(replace(twin, marker_noise_mm=noise_mm), lift, [seed], tmp_path / "lift.c3d", None)
+    write_lift(
+        twin.model_copy(update={"marker_noise_mm": noise_mm}), lift, [seed], tmp_path / "lift.c3d", None
+    )
     recording, _ = fill_gaps(read_markers(tmp_path / "lift.c3d", config.markers))
     events = find_events(filter_markers(recording), config.events)
     for name, true in vars(twin.lifts[lift].events_s).items():
@@ -248,13 +249,15 @@ def test_a_person_sets_a_box_on_a_shelf(shared, project):
 def test_the_thesis_starts_the_deposit_with_the_slowest_wrists():
     """The box stands still for 0.05 s at 3.9 s of its way and at 5 s; both rules stand beside either start."""
     by_descent = find_events(scene(pause=True), SETTINGS)["deposit_start"]
-    event = find_events(scene(pause=True), replace(SETTINGS, deposit_start="wrist_minimum"))["deposit_start"]
+    event = find_events(scene(pause=True), SETTINGS.model_copy(update={"deposit_start": "wrist_minimum"}))[
+        "deposit_start"
+    ]
     assert event.time_s == event.thesis_s == by_descent.thesis_s
     assert event.descent_s == by_descent.descent_s == by_descent.time_s
     by_hand = find_events(scene(pause=True), SETTINGS, DeclaredEvents(deposit_start_s=4.8))["deposit_start"]
     assert (by_hand.time_s, by_hand.descent_s) == (4.8, by_descent.time_s)
     assert started_by(by_hand, "wrist_minimum").time_s == event.time_s
-    deep = replace(SETTINGS, deposit_start="wrist_minimum", prominence_m_s=2.0)
+    deep = SETTINGS.model_copy(update={"deposit_start": "wrist_minimum", "prominence_m_s": 2.0})
     none = find_events(scene(pause=True), deep)["deposit_start"]
     assert none.time_s is None and "lifting.events.prominence_m_s" in words_of(none.how)
 
@@ -329,8 +332,10 @@ def test_the_files_events_stand_beside_ours_and_change_nothing(lift):
 
 @pytest.mark.parametrize("by", ["trial", "study"])
 def test_the_files_events_replace_ours_where_that_is_asked_for(lift, by):
-    trial = from_plain(TrialSettings, {**plain(TrialSettings(15.0, "lift.c3d")), "events": "file"})
-    settings = SETTINGS if by == "trial" else replace(SETTINGS, taken_from="file")
+    trial = TrialSettings.model_validate(
+        {**TrialSettings(box_mass_kg=15.0, markers="lift.c3d").model_dump(mode="json"), "events": "file"}
+    )
+    settings = SETTINGS if by == "trial" else SETTINGS.model_copy(update={"taken_from": "file"})
     events = find_events(lift, settings, trial.events if by == "trial" else None)
     assert {
         name: (event.time_s, event.method) for name, event in events.items() if name != "deposit_start"
@@ -341,7 +346,7 @@ def test_the_files_events_replace_ours_where_that_is_asked_for(lift, by):
 
 def test_what_is_set_by_hand_goes_before_the_file(lift):
     by_hand = DeclaredEvents(release_s=6.6, reason="seen on video")
-    release = find_events(lift, replace(SETTINGS, taken_from="file"), by_hand)["release"]
+    release = find_events(lift, SETTINGS.model_copy(update={"taken_from": "file"}), by_hand)["release"]
     assert (release.time_s, release.method, release.file_s) == (6.6, "declared", 6.8)
 
 
@@ -353,5 +358,5 @@ def test_a_files_events_that_leave_a_doubt_are_refused_and_only_told_otherwise(l
     assert events["release"].file_s is None and "window_s" in events["release"].file
     with pytest.raises(InputError, match="holds 'Cough', and 1 outside"):
         find_events(replace(lift, events=lift.events[-2:]), SETTINGS, "file")
-    own = replace(SETTINGS, labels=EventLabels(deposit_start=("cough",)))
+    own = SETTINGS.model_copy(update={"labels": EventLabels(deposit_start=("cough",))})
     assert find_events(lift, own, "file")["deposit_start"].time_s == 4.0

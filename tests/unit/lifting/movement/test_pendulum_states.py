@@ -186,9 +186,9 @@ def test_thesiss_pendulums_are_those_of_a_study_that_chooses_them(tmp_path):
     """States and lengths are those of a lift with these settings; such a lift has no further ones."""
     person = example_lift(tmp_path / "lift.c3d")
     settings = LiftingSettings()
-    events = replace(settings.events, deposit_start=THESIS_CHOICE.deposit_start)
-    thesis = replace(
-        settings, pivot=THESIS_CHOICE.pivot, segment_ends=THESIS_CHOICE.segment_ends, events=events
+    events = settings.events.model_copy(update={"deposit_start": THESIS_CHOICE.deposit_start})
+    thesis = settings.model_copy(
+        update={"pivot": THESIS_CHOICE.pivot, "segment_ends": THESIS_CHOICE.segment_ends, "events": events}
     )
     own, alone = (
         lift(tmp_path / "lift.c3d", person, box_mass_kg=15, settings=item) for item in (settings, thesis)

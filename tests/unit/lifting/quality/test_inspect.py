@@ -2,7 +2,6 @@
 
 import json
 import re
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,7 +13,6 @@ from lumbar.base.errors import InputError
 from lumbar.lifting.quality.findings import REMEDIES
 from lumbar.records.markers import read_markers
 from lumbar.settings.layout import MarkerLayout
-from lumbar.settings.plain import from_plain
 from lumbar.twin.lifting_recordings import write_markers
 from study_settings import study_settings, subject_settings
 
@@ -112,7 +110,7 @@ def lift_of(tmp_path):
         path = tmp_path / "expert_23kg.c3d"
         write_markers(path, markers, rate, subject="expert")
         settings = study_settings().lifting
-        settings = replace(settings, markers=replace(settings.markers, **layout))
+        settings = settings.model_copy(update={"markers": settings.markers.model_copy(update=layout)})
         return lumbar.lift(path, subject_settings("expert"), 23, settings=settings)
 
     return analyse
@@ -186,8 +184,8 @@ def test_what_the_checks_leave_out_of_the_deposit_is_no_gap_to_be_filled(points,
 
 
 def test_a_finding_concerns_what_follows_from_its_marker_by_a_rule(points, lift_of):
-    rules = from_plain(
-        MarkerLayout, {"aliases": {"L5": {"between": ["T12", "SACRUM"], "share": 0.7}}}
+    rules = MarkerLayout.model_validate(
+        {"aliases": {"L5": {"between": ["T12", "SACRUM"], "share": 0.7}}}
     ).aliases
     frozen = changed(points, "T12", slice(300, 340), points["T12"][300])
     (finding,) = lift_of(frozen, aliases=study_settings().lifting.markers.aliases | rules).quality.findings

@@ -179,18 +179,18 @@ def test_figure_4_3_draws_the_thesiss_funnel_beside_the_exact_ones(basins):
 
 
 def test_same_seed_same_rows_and_checks_may_be_left_out(basins):
-    settings = replace(SETTINGS, checks=("simulation", "proof"))
+    settings = SETTINGS.model_copy(update={"checks": ("simulation", "proof")})
     again = basins_of_lift(lift(), settings, seed=1).summary
     exact = basins.summary.query("method == 'exact' and time == 'real'").reset_index(drop=True)
     pd.testing.assert_frame_equal(again, exact, check_dtype=False)
     other = basins_of_lift(lift(), settings, seed=2).summary
     assert (other["exits"] == 0).all()
     assert other["control_exits"].tolist() != again["control_exits"].tolist()
-    bare = basins_of_lift(lift(), replace(SETTINGS, checks=()), seed=1).summary
+    bare = basins_of_lift(lift(), SETTINGS.model_copy(update={"checks": ()}), seed=1).summary
     assert bare["mean_area"].to_numpy() == pytest.approx(again["mean_area"].to_numpy(), rel=1e-12)
     for names in CHECK_COLUMNS.values():
         assert bare[list(names)].isna().all(axis=None)
-    page = areas_table(bare, replace(SETTINGS, checks=()), "test")
+    page = areas_table(bare, SETTINGS.model_copy(update={"checks": ()}), "test")
     assert "exits" not in page.frame and "not chosen: simulation" in page.to_html()
 
 
@@ -220,7 +220,7 @@ def test_percent_differences_by_hand():
 
 def test_variants_are_what_they_say():
     items = lift()[:2]
-    fine = replace(SETTINGS, fewer_knots=SETTINGS.knots)
+    fine = SETTINGS.model_copy(update={"fewer_knots": SETTINGS.knots})
     varied = varied_areas(dict.fromkeys(("R/", "b*"), items), fine)
     doubled = changed(SETTINGS, pendulum={"damping_N_m_s": 2.0})
     assert varied["b*"] == pytest.approx(

@@ -1,6 +1,5 @@
 """What alternations change in Table 4.1, and the claims on basins; against areas by hand."""
 
-from dataclasses import replace
 from itertools import product
 from types import SimpleNamespace
 
@@ -17,7 +16,7 @@ from lumbar.lifting.stability.model.trajectories import COMS, PLANES, THESIS
 from lumbar.publishing.reproduction.basin_claims import MAX_RATIO, basin_sentences
 from lumbar.settings.stability import StabilitySettings
 
-FAST = replace(SETTINGS, knots=253, checks=())
+FAST = SETTINGS.model_copy(update={"knots": 253, "checks": ()})
 
 
 def test_reach_is_the_farthest_point_of_the_ellipses():

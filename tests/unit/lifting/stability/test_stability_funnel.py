@@ -3,18 +3,18 @@
 import numpy as np
 import pytest
 from lifting_cases import GRAVITY, WEIGHTS, full, minimum_jerk, pendulums_of
+from pydantic import ValidationError
 from scipy.integrate import cumulative_simpson, solve_ivp
 from scipy.interpolate import CubicSpline
 from scipy.linalg import eigvalsh, expm, solve_continuous_are
 from statsmodels.stats.proportion import proportion_confint
 
-from lumbar.base.errors import InputError, NumericalError
+from lumbar.base.errors import NumericalError
 from lumbar.lifting.stability.funnel.exact_funnel import boundary_growth, exact_funnels, reachable_area
 from lumbar.lifting.stability.funnel.monte_carlo_check import quadratic_form, simulate, upper_share
 from lumbar.lifting.stability.model.eq_4_1_pendulum import feedforward_torque, remainder
 from lumbar.lifting.stability.model.eq_4_2_regulator import (
     Weights,
-    check_weights,
     cost_to_go,
     cost_to_go_euler,
     determinant,
@@ -23,6 +23,7 @@ from lumbar.lifting.stability.model.eq_4_2_regulator import (
     regulate,
     riccati_rate,
 )
+from lumbar.settings.stability import RegulatorSettings
 
 
 def matrices(pendulums, angle):
@@ -72,18 +73,23 @@ def test_euler_blows_up_where_the_accurate_solution_does_not():
 
 
 @pytest.mark.parametrize(
-    ("state", "control", "terminal", "message"),
+    "weights",
     [
-        ([[-1, 0], [0, 1]], 1, [[1, 0], [0, 1]], "state_weight: smallest eigenvalue -1"),
-        ([[1, 0], [0, 1]], 0, [[1, 0], [0, 1]], "control_weight: 0; it must be positive"),
-        ([[1, 0], [0, 1]], float("nan"), [[1, 0], [0, 1]], "control_weight: nan"),
-        ([[1, 0], [0, 1]], 1, [[1, 0], [0, 0]], "terminal_weight: smallest eigenvalue 0"),
-        ([[1, 2], [0, 1]], 1, [[1, 0], [0, 1]], "state_weight.*symmetric"),
+        {"state_weight": [[-1, 0], [0, 1]]},
+        {"state_weight": [[1, 2], [0, 1]]},
+        {"control_weight": 0},
+        {"control_weight": float("nan")},
+        {"terminal_weight": [[1, 0], [0, 0]]},
     ],
 )
-def test_inadmissible_weights_are_named(state, control, terminal, message):
-    with pytest.raises(InputError, match=message):
-        check_weights(state, control, terminal)
+def test_inadmissible_weights_are_named(weights):
+    with pytest.raises(ValidationError) as refused:
+        RegulatorSettings(**weights)
+    assert [error["loc"] for error in refused.value.errors()] == [tuple(weights)]
+
+
+def test_semidefinite_weight_of_the_state_is_allowed():
+    assert RegulatorSettings(state_weight=[[1, 1], [1, 1]]).state_weight == ((1, 1), (1, 1))
 
 
 @pytest.mark.parametrize("sign", ["hanging", "inverted"])

@@ -1,7 +1,6 @@
 """Table 4.1 and its controls: the areas recomputed from the equations alone, the null control by hand."""
 
 import re
-from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -27,8 +26,8 @@ from lumbar.lifting.stability.model.trajectories import (
     LiftStates,
 )
 
-FAST = replace(SETTINGS, knots=101, checks=())
-INVERTED = replace(FAST, pendulum=replace(FAST.pendulum, sign="inverted"))
+FAST = SETTINGS.model_copy(update={"knots": 101, "checks": ()})
+INVERTED = FAST.model_copy(update={"pendulum": FAST.pendulum.model_copy(update={"sign": "inverted"})})
 OWN = Convention("inverted", "real", "with_box", "mid_ankle", "inner", "descent")
 
 
@@ -144,7 +143,7 @@ def test_an_outsider_gets_the_same_area_from_the_file(convention):
     one = lift_states()
     found, _ = one.trajectories(convention)
     item = next(item for item in found if (item.com, item.plane) == ("thorax", "flexion_extension"))
-    loops = close_loops([item], convention.sign, replace(INVERTED, knots=801))
+    loops = close_loops([item], convention.sign, INVERTED.model_copy(update={"knots": 801}))
     assert exact_funnels(loops).mean_area[0] == pytest.approx(areas_from_the_file(one, convention), rel=1e-6)
 
 

@@ -1,7 +1,5 @@
 """Linear dynamics of any order from the records alone, and which way round records are."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 import yaml
@@ -373,22 +371,22 @@ def test_a_command_of_two_levels_is_no_position():
 
 RIGHT = ColumnLayout(
     columns={
-        "time": ColumnSettings("t [s]", "s", "time"),
-        "input": ColumnSettings(3, "mm", "position", offset=-2.0),
-        "output": ColumnSettings("u: force", "N", "force", scale=0.5),
+        "time": ColumnSettings(column="t [s]", unit="s", quantity="time"),
+        "input": ColumnSettings(column=3, unit="mm", quantity="position", offset=-2.0),
+        "output": ColumnSettings(column="u: force", unit="N", quantity="force", scale=0.5),
     }
 )
 
 
 def with_columns(layout, **columns):
-    return replace(layout, columns={**layout.columns, **columns})
+    return layout.model_copy(update={"columns": {**layout.columns, **columns}})
 
 
 @pytest.mark.parametrize(
     "wrong",
     [
         with_columns(RIGHT, input=RIGHT.columns["output"], output=RIGHT.columns["input"]),
-        with_columns(RIGHT, output=replace(RIGHT.columns["output"], scale=-0.5)),
+        with_columns(RIGHT, output=RIGHT.columns["output"].model_copy(update={"scale": -0.5})),
     ],
     ids=["direction", "sign"],
 )

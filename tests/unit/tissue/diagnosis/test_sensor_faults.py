@@ -126,7 +126,7 @@ def test_rows_that_are_missing_are_filled_and_told(tmp_path):
     columns = {"time": ("t", "time", "s"), "input": ("x", "position", "mm"), "output": ("f", "force", "N")}
     layout = ColumnLayout(
         columns={
-            role: ColumnSettings(column, quantity=quantity, unit=unit)
+            role: ColumnSettings(column=column, quantity=quantity, unit=unit)
             for role, (column, quantity, unit) in columns.items()
         }
     )

@@ -71,7 +71,7 @@ def test_a_model_of_two_axes_with_every_guard_is_what_its_file_says(zig_cache, t
 def test_a_model_counts_from_where_its_tissue_rests(zig_cache, tmp_path):
     """A robot's foot elsewhere: every start value and offset along its own axis, and the force that of the way from there."""
     rests = (300.0, -450.0, 120.0)
-    settings = RuntimeSettings(models=(), rate_Hz=1000.0, moving_average_ms=0, start="offset")
+    settings = RuntimeSettings(rate_Hz=1000.0, moving_average_ms=0, start="offset")
     (model,) = export_models([replace(spatial_model({}), rests=rests)], settings)
     export_fmus([model], tmp_path, "own", TARGET, zig_cache)
     check_fmus([model], tmp_path, 300, seed=4)

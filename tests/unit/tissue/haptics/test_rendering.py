@@ -225,7 +225,8 @@ def test_the_inverted_model_is_judged_as_it_is_displayed():
     meets = render_model(export_at(fitted("IL"), DEFAULTS, 100.0), STYLUS)
     np.testing.assert_allclose(meets.loops[0].numerator, -125.0 / 3)
     held, loose = (
-        analyse(meets, replace(STYLUS, hand_stiffness_N_m=stiffness)) for stiffness in (300.0, 100.0)
+        analyse(meets, STYLUS.model_copy(update={"hand_stiffness_N_m": stiffness}))
+        for stiffness in (300.0, 100.0)
     )
     assert held.gain == pytest.approx(2.4) and held.stable and not held.passive
     assert not loose.stable
@@ -284,7 +285,7 @@ def test_a_force_that_may_change_no_faster_is_not_called_passive(zig_cache):
 def test_a_force_that_changes_with_time_alone_is_not_called_passive():
     document = models_json(entry_of_effects("KB", {"drift/linear": ([0.01], [])}, TISSUE))
     exported = export_at(read_models(document, CATALOGUES)[0], DEFAULTS, 1000.0)
-    damped = replace(STYLUS, damping_N_s_m=11.0)
+    damped = STYLUS.model_copy(update={"damping_N_s_m": 11.0})
     found = analyse(render_model(exported, damped), damped)
     assert found.stable and not found.passive
     assert found.state.endswith("not passive with a force that changes with time alone")
@@ -325,7 +326,7 @@ def test_lowest_rates_are_where_damping_and_gain_suffice():
 
 def analysed_alone(name: str, rate: float):
     """On a servo that is as fast as the model."""
-    device = replace(STYLUS, rate_Hz=rate)
+    device = STYLUS.model_copy(update={"rate_Hz": rate})
     return analyse(render_model(export_at(fitted(name), DEFAULTS, rate), device), device)
 
 

@@ -58,8 +58,8 @@ def test_below_the_largest_gain_every_pole_is_inside_and_above_one_is_not():
     generator, bounded = np.random.default_rng(4), 0
     for _ in range(25):
         spring, branch, decay = drawn(generator), drawn(generator), generator.uniform(0.9, 0.98)
-        device = replace(
-            DEVICE, damping_N_s_m=generator.uniform(0.1, 6.0), mass_kg=generator.uniform(0.05, 0.5)
+        device = DEVICE.model_copy(
+            update={"damping_N_s_m": generator.uniform(0.1, 6.0), "mass_kg": generator.uniform(0.05, 0.5)}
         )
         gain, frequency, direction = largest_stable_gain(loop_of(spring, branch, decay), device)
         assert np.linalg.norm(direction) == pytest.approx(1.0)
@@ -93,9 +93,11 @@ def test_a_spring_that_pushes_on_is_never_stable():
     loop = loop_of(np.diag([500.0, -1.0, 200.0]), np.zeros((3, 3)), 0.97)
     needed, direction = required_damping(loop)
     assert (needed, abs(direction[1])) == (np.inf, pytest.approx(1.0))
-    free = replace(DEVICE, hand_stiffness_N_m=0.0)
+    free = DEVICE.model_copy(update={"hand_stiffness_N_m": 0.0})
     assert largest_stable_gain(loop, free)[0] == 0.0
-    assert largest_stable_gain(loop, replace(DEVICE, hand_stiffness_N_m=0.5))[0] == pytest.approx(0.5)
+    assert largest_stable_gain(loop, DEVICE.model_copy(update={"hand_stiffness_N_m": 0.5}))[
+        0
+    ] == pytest.approx(0.5)
 
 
 def test_principal_axes_are_loops_of_their_own():
@@ -138,14 +140,18 @@ def test_sines_in_time_take_no_more_energy_than_the_damping_pays():
 
 @pytest.mark.nightly
 def test_an_export_is_judged_along_the_worst_direction(zig_cache, tmp_path):
-    settings = RuntimeSettings(models=(), compiler_cache=str(zig_cache))
+    settings = RuntimeSettings(compiler_cache=str(zig_cache))
     model = spatial_export({}, moving_average_ms=3.0)
     said = with_device([model], settings, [model.identified])[0].on_device
     assert "In event mode: orthotropic_KB at 1000 Hz: passive in any hand (" in said[1]
     assert "along x, y, z = (0.73, 0.56, 0.4) it needs most damping" in said[1]
     assert "Read as FMI 2.0 reads" in said[2]
-    soft = replace(settings, device=replace(DEVICE, mass_kg=0.02, damping_N_s_m=0.5))
+    soft = settings.model_copy(
+        update={"device": DEVICE.model_copy(update={"mass_kg": 0.02, "damping_N_s_m": 0.5})}
+    )
     judged = judge_exported(model, soft)
     assert not judged.stable and judged.run.oscillates
     with pytest.raises(InputError, match="a whole multiple or part of it; rate_Hz is 300"):
-        judge_exported(model, replace(settings, device=replace(DEVICE, rate_Hz=300.0)))
+        judge_exported(
+            model, settings.model_copy(update={"device": DEVICE.model_copy(update={"rate_Hz": 300.0})})
+        )

@@ -80,7 +80,7 @@ def drawn_model(rng: np.random.Generator) -> SampledModel:
 def growth(model: SampledModel, intervals, device, delay: float = 0.0, seconds: float = 4.0) -> float:
     """By how much the force moves more in the second half of a time than in the first, behind the push."""
     tick = TissueForce(difference_equation(model), model.sampling_time)
-    exact = replace(device, encoder_um=0.0)
+    exact = device.model_copy(update={"encoder_um": 0.0})
     run = simulate(tick, intervals, exact, np.inf, delay=delay, duration=0.3 + seconds)
     moving = run.samples[-int(seconds / np.mean(intervals)) :]
     first, second = np.array_split(np.diff(moving), 2)
@@ -126,7 +126,7 @@ def test_the_loop_through_the_header_has_the_forces_of_the_loop_through_its_rule
 ):
     with zipfile.ZipFile(fmu_folder / "KB_fmi3.fmu") as archive:
         archive.extractall(tmp_path)
-    device = replace(STYLUS, damping_N_s_m=40.0, encoder_um=0.0)
+    device = STYLUS.model_copy(update={"damping_N_s_m": 40.0, "encoder_um": 0.0})
     rendered = render_model(next(model for model in fmu_models if model.name == "KB"), device)
     with stepping(UnzippedFmu(tmp_path)) as step:
         rule = TissueForce(rendered.in_loop(step), rendered.sampled[0].sampling_time)
@@ -145,7 +145,7 @@ def test_the_loop_through_the_header_has_the_forces_of_the_loop_through_its_rule
 
 def judged(rate: float, **device):
     """Kelvin–Boltzmann of the default study at 1 kHz on a servo of this rate."""
-    device = replace(STYLUS, rate_Hz=rate, **device)
+    device = STYLUS.model_copy(update={"rate_Hz": rate, **device})
     return render_model(export_at(fitted("KB"), RuntimeSettings(), 1000.0), device), device
 
 

@@ -13,7 +13,6 @@ from viscoelastic import discretise, kelvin_boltzmann
 
 from lumbar.base.errors import InputError, NumericalError
 from lumbar.records.record import Channel, Record
-from lumbar.settings.plain import from_plain
 from lumbar.settings.tissue import TissueSettings
 from lumbar.tissue.identification.arx_search import IdentificationData, ReducedRegression, search, select
 from lumbar.tissue.identification.identify_tissue import distinct, given_model, identify
@@ -31,8 +30,7 @@ from lumbar.tissue.models.tissue_models import HO, KB, MAXWELL, MW, higher_order
 from lumbar.tissue.models.transfer_function import ArxStructure, TransferFunction
 from study_settings import changed
 
-SETTINGS = from_plain(
-    TissueSettings,
+SETTINGS = TissueSettings.model_validate(
     {
         "settling_s": 0.5,
         "search": {"order_max": 3, "condition_max": 5000, "selection": "training"},

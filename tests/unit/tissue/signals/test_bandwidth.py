@@ -1,7 +1,5 @@
 """Bandwidth: rules and intervals against spectra whose bandwidth is known in closed form, edges, and Welch's estimate."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -123,7 +121,7 @@ def test_every_trial_has_its_own_bandwidth():
 def test_interval_holds_the_value_and_grows_with_confidence():
     spectra = flat_spectra([2.0, 2.2, 2.4, 2.6, 3.0, 3.2], "aabbcc")
     entry = share(motion_bandwidths(spectra, INTERVAL, 1))
-    narrow = share(motion_bandwidths(spectra, replace(INTERVAL, confidence=0.6), 1))
+    narrow = share(motion_bandwidths(spectra, INTERVAL.model_copy(update={"confidence": 0.6}), 1))
     assert entry["low_Hz"] < narrow["low_Hz"] < entry["value_Hz"] < narrow["high_Hz"] < entry["high_Hz"]
 
 
@@ -134,7 +132,9 @@ def test_like_surgeons_have_a_narrow_interval_of_the_right_width():
     logs = np.log(4) + 0.03 * np.random.default_rng(4).standard_normal(16)
     names = [f"s{index}" for index in range(16)]
     spectra = level_spectra(np.exp(logs), names)
-    entry = motion_bandwidths(spectra, replace(INTERVAL, resamples=2000), 1)["velocity"]["level"]
+    entry = motion_bandwidths(spectra, INTERVAL.model_copy(update={"resamples": 2000}), 1)["velocity"][
+        "level"
+    ]
     expected = t.ppf(0.975, 15) * logs.std() / 4
     assert np.log(entry["high_Hz"] / entry["low_Hz"]) / 2 == pytest.approx(expected, rel=0.25)
 
@@ -186,7 +186,7 @@ def trial(name, rate=100.0, seconds=30, unit="mm"):
 
 
 def test_table_of_spectra_is_tidy_and_holds_the_mean():
-    spectra = motion_spectra([trial("one"), trial("other")], ["a", "b"], WelchSettings(10.24))
+    spectra = motion_spectra([trial("one"), trial("other")], ["a", "b"], WelchSettings(segment_s=10.24))
     table = spectra_table(spectra)
     assert len(table) == 2 * 3 * len(spectra.frequency)
     wide = table[table.quantity == "velocity"].pivot(index="frequency_Hz", columns="record", values="psd")
@@ -204,7 +204,7 @@ def test_table_of_spectra_is_tidy_and_holds_the_mean():
 )
 def test_trials_that_cannot_be_pooled_are_named(records, words):
     with pytest.raises(InputError, match=words):
-        motion_spectra(records, ["a"] * len(records), WelchSettings(10.24))
+        motion_spectra(records, ["a"] * len(records), WelchSettings(segment_s=10.24))
 
 
 SAMPLES = 4000
@@ -266,7 +266,7 @@ def test_steady_advance_does_not_leak_into_the_velocity_spectrum():
 def test_linear_detrending_takes_a_ramp_off_the_position():
     rate = 100.0
     ramp = 5.0 * np.arange(6000) / rate
-    linear = power(*position_psd(ramp, rate, WelchSettings(10.24, detrend="linear")))
+    linear = power(*position_psd(ramp, rate, WelchSettings(segment_s=10.24, detrend="linear")))
     assert linear < 1e-12 < power(*position_psd(ramp, rate, WELCH))
 
 
@@ -281,4 +281,4 @@ def test_linear_detrending_takes_a_ramp_off_the_position():
 def test_segments_that_do_not_fit_are_refused_with_both_lengths(density, samples, segment_s, words):
     position_psd(np.sin(np.arange(1024) / 7), 100.0, WELCH)
     with pytest.raises(InputError, match=words):
-        density(np.arange(float(samples)), 100.0, WelchSettings(segment_s))
+        density(np.arange(float(samples)), 100.0, WelchSettings(segment_s=segment_s))

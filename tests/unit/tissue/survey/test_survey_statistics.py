@@ -33,7 +33,7 @@ from study_settings import study_settings
 @pytest.fixture(scope="module")
 def settings(project) -> SurveySettings:
     """The study's, with a thousand resamples: how well intervals cover is tested of the intervals themselves."""
-    return replace(study_settings().survey, resamples=1000)
+    return study_settings().survey.model_copy(update={"resamples": 1000})
 
 
 @pytest.fixture(scope="module")

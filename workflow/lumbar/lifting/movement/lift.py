@@ -176,7 +176,9 @@ def thesis_pendulums(
     if own == THESIS_CHOICE:
         return None
     if own.segment_ends != THESIS_CHOICE.segment_ends:
-        points = _points(lift.recording, subject, replace(settings, segment_ends=THESIS_CHOICE.segment_ends))
+        points = _points(
+            lift.recording, subject, settings.model_copy(update={"segment_ends": THESIS_CHOICE.segment_ends})
+        )
         box = trial.box_mass_kg, settings.box.share
         centres = centres_of_mass(lift.recording, points, lift.table, subject.mass_kg, *box, events)
     pivot, without_pivot = _pivot(lift.recording, points, THESIS_CHOICE.pivot)

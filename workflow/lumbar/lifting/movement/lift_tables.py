@@ -24,7 +24,6 @@ from lumbar.lifting.movement.event_detection import TOES
 from lumbar.lifting.movement.events import DECLARED, EVENTS, IN_FILE, held_frames, phases
 from lumbar.lifting.movement.joint_centres import INNER, MID_HIP, SIDES, limb_joints
 from lumbar.lifting.movement.pendulum_states import PendulumChoice
-from lumbar.settings.plain import plain
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -227,7 +226,7 @@ def summary(
             for com, centre in lift.centres.items()
         },
         "length_m": lengths,
-        "box": plain(settings.box),
+        "box": settings.box.model_dump(mode="json"),
         "segments": {
             "table": lift.table.name,
             "source": lift.table.source,
@@ -253,7 +252,7 @@ def assumptions(
     lift: AnalysedLift, subject: SubjectSettings, trial: TrialSettings, settings: LiftingSettings
 ) -> list[str]:
     """Say in sentences what behind the result was not measured."""
-    values = {**plain(subject), **plain(trial)}
+    values = {**vars(subject), **vars(trial)}
     said = [
         f"{key} = {_shown(values[key])} is assumed" if key in values else f"{key} is assumed"
         for key in subject.assumed

@@ -19,7 +19,7 @@ from lumbar.lifting.stability.funnel.exact_funnel import Funnels, reachable_area
 from lumbar.lifting.stability.funnel.monte_carlo_check import monte_carlo_check
 from lumbar.lifting.stability.methods import METHODS, MethodResult, thesis_methods
 from lumbar.lifting.stability.model.eq_4_1_pendulum import feedforward_torque
-from lumbar.lifting.stability.model.eq_4_2_regulator import ClosedLoops, close_loops, weights_of
+from lumbar.lifting.stability.model.eq_4_2_regulator import ClosedLoops, close_loops
 from lumbar.lifting.stability.model.failures import compute_together
 from lumbar.lifting.stability.model.trajectories import THESIS, Failure, Trajectory
 from lumbar.lifting.stability.programme.eqs_4_5_to_4_7_alternation import RESOLUTION
@@ -70,13 +70,7 @@ def basins_of_lift(
         Of the simulated starts.
     as_in_thesis : sequence of Trajectory
         The same in the convention `THESIS`: exactly and, where ``thesis_method`` is among the checks, by its own method.
-
-    Raises
-    ------
-    InputError
-        Weights that are no weights: they concern all basins.
     """
-    weights_of(settings)
     rows: list[dict] = []
     frames: list[pd.DataFrame] = []
     failures: list[Failure] = []

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -277,7 +277,7 @@ def _sections(
             found[plane] |= {"goal": last, "times": times}
     sound = [item for item in shown if "exact" in found[item.plane]]
     # A picture needs no more knots than the other variants, and no proof.
-    fewer = replace(settings, knots=settings.fewer_knots, checks=())
+    fewer = settings.model_copy(update={"knots": settings.fewer_knots, "checks": ()})
 
     def reaching(items: list[Trajectory]) -> np.ndarray:
         loops = close_loops(items, settings.pendulum.sign, fewer)

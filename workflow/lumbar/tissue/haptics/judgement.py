@@ -181,7 +181,7 @@ def worst_hand(model: RenderedModel, device: DeviceSettings) -> WorstHand | None
         return None
     radii = {}
     for stiffness, damping in product(device.hands_stiffness_N_m, device.hands_damping_N_s_m):
-        hand = replace(device, hand_stiffness_N_m=stiffness, hand_damping_N_s_m=damping)
+        hand = device.model_copy(update={"hand_stiffness_N_m": stiffness, "hand_damping_N_s_m": damping})
         radii[stiffness, damping] = max(
             float(np.abs(np.linalg.eigvals(loop.monodromy(hand))).max()) for loop in loops
         )

@@ -1,7 +1,7 @@
 """The thesis's models fitted as passive ones, and what that costs: %VAF beside the free fits, and the damping they need."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -90,7 +90,7 @@ def fit_passive_models(
         passive.append(plain)
         for rate in dict.fromkeys(rates if renderable(plain) else ()):
             safe = found
-            if not _on_device(plain, replace(settings, output_rate_limit=None), rate).passive:
+            if not _on_device(plain, settings.model_copy(update={"output_rate_limit": None}), rate).passive:
                 safe = fit_passive(data, *_STRUCTURES[name], device_condition(plain, settings, rate))
             passive.append(_fitted(name, f"{PASSIVE}-{rate:.4g}Hz", safe, training, data, others))
     return PassiveFits(free, tuple(passive), settings, rates)

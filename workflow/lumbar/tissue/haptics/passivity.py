@@ -15,7 +15,7 @@ Robotics and Automation (1994) 3205–3210.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
@@ -115,7 +115,9 @@ def _loop_at(
 ) -> SampledModel | PeriodicModel | None:
     """The model on a servo at a rate; None where it has no counterpart there."""
     try:
-        return render_model(export_at(model, settings, rate), replace(settings.device, rate_Hz=rate)).loops[0]
+        return render_model(
+            export_at(model, settings, rate), settings.device.model_copy(update={"rate_Hz": rate})
+        ).loops[0]
     except (InputError, NumericalError):
         return None
 
@@ -184,7 +186,7 @@ def _stiffnesses(
     """Of a spring behind the mean of so many samples."""
     average = np.full(samples, 1.0 / samples)
     spring = SampledModel("spring", average, np.ones(1), 1.0 / rate).late(1e-3 * device.delay_ms)
-    devices = [replace(device, damping_N_s_m=float(value)) for value in damping]
+    devices = [device.model_copy(update={"damping_N_s_m": float(value)}) for value in damping]
     # The damping needed is proportional to the stiffness.
     passive = damping / required_damping(spring, _POINTS)
     return passive, np.array([largest_stable_gain(spring, item)[0] for item in devices])

@@ -50,11 +50,11 @@ def export_at(model: FittedModel, settings: RuntimeSettings, rate: float) -> Exp
         If it has no counterpart at this rate.
     """
     if model.name.endswith(AS_IN_THESIS):
-        return export_models([model], replace(settings, unstable="export"))[0]
+        return export_models([model], settings.model_copy(update={"unstable": "export"}))[0]
     own = 1.0 / settings.rate_Hz if settings.rate_Hz else model.sampling_time
     # The same milliseconds would be less than a sample at a low rate.
     samples = averaged_samples(model.name, settings.moving_average_ms, own)
-    plain = replace(settings, rate_Hz=rate, moving_average_ms=0.0, unstable="export")
+    plain = settings.model_copy(update={"rate_Hz": rate, "moving_average_ms": 0.0, "unstable": "export"})
     return replace(export_models([model], plain)[0], moving_average=samples)
 
 

@@ -63,7 +63,8 @@ def without_intervals(training: Record, tests: list[Record], settings: TissueSet
 
     Parameters and errors as of `identify`; physical parameters come with their intervals and are left out.
     """
-    quick = replace(settings, bootstrap=replace(settings.bootstrap, resamples=0))
+    bootstrap = settings.bootstrap.model_copy(update={"resamples": 0})
+    quick = settings.model_copy(update={"bootstrap": bootstrap})
     given = settings.inverted_linear
     found, _ = _fit_all(training, tests, quick, seed=0)
     return [*found, given_model(training, tests, settings.settling_s, given.force_max, given.travel)]

@@ -16,7 +16,6 @@ from lumbar.lifting.stability.model.trajectories import (
     Trajectory,
     headline,
 )
-from lumbar.settings.plain import plain
 from lumbar.settings.stability import GROUPS, StabilitySettings
 
 _SAID: dict[str, str] = shipped_yaml(Path(__file__).with_name("table_4_1.yaml"))
@@ -170,7 +169,10 @@ def headline_words(settings: StabilitySettings) -> str:
 def regulator_sentence(settings: StabilitySettings) -> str:
     """Say what regulator all basins have."""
     regulator, pendulum = settings.regulator, settings.pendulum
-    weights = {"state": plain(regulator.state_weight), "terminal": plain(regulator.terminal_weight)}
+    weights = {
+        "state": [list(row) for row in regulator.state_weight],
+        "terminal": [list(row) for row in regulator.terminal_weight],
+    }
     return _SAID["regulator"].format(regulator=regulator, damping=pendulum.damping_N_m_s, **weights)
 
 

@@ -5,7 +5,6 @@ changed one at a time, and a sentence that says whether the difference survives 
 """
 
 from collections.abc import Mapping
-from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -22,7 +21,7 @@ from lumbar.lifting.stability.comparison.percent_differences import (
 )
 from lumbar.lifting.stability.funnel.exact_funnel import Funnels, exact_funnels, integrate_backward
 from lumbar.lifting.stability.model.eq_4_1_pendulum import gather
-from lumbar.lifting.stability.model.eq_4_2_regulator import Weights, close_loops, regulate, weights_of
+from lumbar.lifting.stability.model.eq_4_2_regulator import Weights, close_loops, regulate
 from lumbar.lifting.stability.model.failures import compute_together
 from lumbar.lifting.stability.model.trajectories import PLANES, THESIS, Failure, Trajectory, at_rest
 from lumbar.lifting.stability.programme.polynomials import circle_maximum, growth_polynomial
@@ -137,7 +136,7 @@ def varied_areas(cases: Mapping[str, list[Trajectory]], settings: StabilitySetti
         quantity: np.repeat([change.get(quantity, 1.0) for change in changes], counts)
         for quantity in ("Q", "R", "b")
     }
-    pendulum, base = settings.pendulum, weights_of(settings)
+    pendulum, base = settings.pendulum, Weights.of(settings.regulator)
     weights = Weights(base.state * scale["Q"][:, None], base.control * scale["R"], base.terminal)
     damping = pendulum.damping_N_m_s * scale["b"]
     pendulums = gather(items, pendulum.sign, damping, pendulum.gravity_m_s2, settings.fewer_knots)
@@ -153,7 +152,7 @@ def taylor_areas(trajectories: list[Trajectory], settings: StabilitySettings, de
     NumericalError
         The polynomial has no basin that is finite.
     """
-    fewer = replace(settings, knots=settings.fewer_knots)
+    fewer = settings.model_copy(update={"knots": settings.fewer_knots})
     loops = close_loops(trajectories, settings.pendulum.sign, fewer)
     goal = np.full(len(trajectories), np.log(settings.goal_level))
 

@@ -16,7 +16,7 @@ import numpy as np
 from lumbar.base.errors import NumericalError
 from lumbar.lifting.stability.model.eq_4_1_pendulum import Pendulums, gather
 from lumbar.lifting.stability.model.trajectories import Trajectory
-from lumbar.settings.stability import StabilitySettings, weight_problems
+from lumbar.settings.stability import RegulatorSettings, StabilitySettings
 
 RELATIVE_TOLERANCE = 1e-10
 STIFF = 3000.0
@@ -34,20 +34,14 @@ class Weights:
     terminal: np.ndarray
     """Shape (..., 3): qf, positive definite; with ρ(T) it is the goal set x̄ᵀ·Qf·x̄ ≤ ρ(T)."""
 
-
-def check_weights(state, control: float, terminal) -> Weights:
-    """Return the weights of the configuration when they are admissible.
-
-    `state` and `terminal` have shape (2, 2).
-
-    Raises
-    ------
-    InputError
-        Q not symmetric and positive semidefinite, R not positive, Qf not symmetric and positive definite.
-    """
-    weight_problems(state, control, terminal).raise_if_any()
-    entries = [np.asarray(matrix, dtype=float)[[0, 0, 1], [0, 1, 1]] for matrix in (state, terminal)]
-    return Weights(entries[0], np.asarray(float(control)), entries[1])
+    @classmethod
+    def of(cls, settings: RegulatorSettings) -> Weights:
+        """Return the weights of a configuration."""
+        state, terminal = (
+            np.array([matrix[0][0], matrix[0][1], matrix[1][1]])
+            for matrix in (settings.state_weight, settings.terminal_weight)
+        )
+        return cls(state, np.asarray(settings.control_weight), terminal)
 
 
 def determinant(matrix: np.ndarray) -> np.ndarray:
@@ -274,16 +268,10 @@ def with_cost(pendulums: Pendulums, weights: Weights, cost: np.ndarray) -> Close
     return ClosedLoops(pendulums, weights, cost, decay_matrix(pendulums, weights, cost), gains)
 
 
-def weights_of(settings: StabilitySettings) -> Weights:
-    """Return the regulator's weights of the configuration, checked."""
-    regulator = settings.regulator
-    return check_weights(regulator.state_weight, regulator.control_weight, regulator.terminal_weight)
-
-
 def close_loops(
     trajectories: Sequence[Trajectory], sign: str | Sequence[str], settings: StabilitySettings
 ) -> ClosedLoops:
     """Put the trajectories under the regulator of the configuration; `sign` as of `gather`."""
     given = settings.pendulum
     pendulums = gather(trajectories, sign, given.damping_N_m_s, given.gravity_m_s2, settings.knots)
-    return regulate(pendulums, weights_of(settings))
+    return regulate(pendulums, Weights.of(settings.regulator))

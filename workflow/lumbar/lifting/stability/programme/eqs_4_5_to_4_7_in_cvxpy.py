@@ -6,7 +6,6 @@ normal coordinates and the hand-assembled programme of the thesis's alternation 
 
 from __future__ import annotations
 
-from dataclasses import replace
 from math import factorial
 from typing import TYPE_CHECKING
 
@@ -210,7 +209,7 @@ def cross_check(
         return boa, []
     found: dict[str, float] = {}
     failures: list[Failure] = []
-    fewer = replace(settings, knots=settings.fewer_knots)
+    fewer = settings.model_copy(update={"knots": settings.fewer_knots})
 
     def differences_of_rates(items: list[Trajectory]) -> np.ndarray:
         loops = close_loops(items, THESIS.sign, fewer)

@@ -114,7 +114,9 @@ def _columns(
 
     def column(side: str, axis: str, sign: int = 1) -> ColumnSettings:
         quantity, unit = kinds[side]
-        given = known.get(f"{side}_{axis}") or ColumnSettings(f"{quantity}_{axis}_{unit}", unit, quantity)
+        given = known.get(f"{side}_{axis}") or ColumnSettings(
+            column=f"{quantity}_{axis}_{unit}", unit=unit, quantity=quantity
+        )
         return given if sign > 0 else given.other_sign
 
     inputs = {f"input_{axis}": column("input", axis) for axis in axes}

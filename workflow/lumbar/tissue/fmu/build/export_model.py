@@ -334,15 +334,16 @@ def settings_of_thesis(settings: RuntimeSettings, model: FittedModel) -> Runtime
     """
     units = work_units(model.input.unit, model.output.unit)
     newton = units[1] if units and units[2] == "N·s/m" else 0.0
-    return replace(
-        settings,
-        rate_Hz=None,
-        moving_average_ms=3000.0 * model.sampling_time,
-        output_limit=min(settings.output_limit, _LARGEST_N / newton if newton else math.inf),
-        output_rate_limit=None,
-        contact=False,
-        device_damping=None,
-        start="offset",
+    return settings.model_copy(
+        update={
+            "rate_Hz": None,
+            "moving_average_ms": 3000.0 * model.sampling_time,
+            "output_limit": min(settings.output_limit, _LARGEST_N / newton if newton else math.inf),
+            "output_rate_limit": None,
+            "contact": False,
+            "device_damping": None,
+            "start": "offset",
+        }
     )
 
 

@@ -11,7 +11,6 @@ import json
 import struct
 import zipfile
 from collections.abc import Sequence
-from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
@@ -231,10 +230,9 @@ def _record_text(model: ExportModel, source_label: str) -> str:
 
     It is a file of models that holds this one, the settings that shape the FMU, and what wrote it.
     """
-    run = {item.name: getattr(model.settings, item.name) for item in fields(model.settings)}
     content = {
         **models_document([model.identified], source_label),
-        "runtime": {name: value for name, value in run.items() if name not in _OF_THE_STUDY},
+        "runtime": {name: value for name, value in model.settings if name not in _OF_THE_STUDY},
         "on_device": list(model.on_device),
         "written_by": f"lumbar {__version__}",
     }
