@@ -1,4 +1,4 @@
-"""Long work beside the server: in threads that end with it, that say how far they are, and that can be ended."""
+"""Long work in the background: in daemon threads that report their progress and can be cancelled."""
 
 import asyncio
 import contextlib
@@ -13,54 +13,52 @@ from lumbar.base.errors import LumbarError, user_message
 from lumbar.base.progress import watch_progress
 
 DRAWING = threading.Lock()
-"""Held where figures are drawn: Matplotlib draws one at a time."""
+"""Lock for drawing: Matplotlib draws one figure at a time."""
 WRITING = threading.Lock()
-"""Held where files are written: the server does not end in between."""
+"""Lock for writing files: the server does not end in between."""
 BESIDE = "beside the server"
-"""Name of the threads in which work goes on."""
+"""Name of the background threads."""
 
 
 class Cancelled(LumbarError):
-    """Work that was ended since something else was asked for."""
+    """Work that was cancelled since other work was requested."""
 
 
 def page_message(error: Exception) -> str:
-    """Return an error in words for the page; the details of one that the program made are printed."""
+    """Return an error's message for the page; details of a fault of the program are printed."""
     words = user_message(error)
     if words is None:
         traceback.print_exception(error, file=sys.stderr)
-        words = f"the program failed ({type(error).__name__}); the details stand where 'lumbar explore' was started"
+        words = (
+            f"the program failed ({type(error).__name__}); the details are where 'lumbar explore' was started"
+        )
     return words
 
 
 async def in_background(function: Callable, *arguments) -> Any:
-    """Return what a function returns while the server goes on; its thread does not keep the program from ending."""
+    """Call a function in a daemon thread while the server goes on, and return its result."""
     loop = asyncio.get_running_loop()
     future = loop.create_future()
 
-    def settle(set_it: Callable, value: Any) -> None:
-        if not future.done():
-            set_it(value)
-
     def run() -> None:
         try:
-            outcome = future.set_result, function(*arguments)
+            settle, value = future.set_result, function(*arguments)
         except Exception as error:
-            outcome = future.set_exception, error
+            settle, value = future.set_exception, error
         with contextlib.suppress(RuntimeError):  # the server has ended meanwhile
-            loop.call_soon_threadsafe(settle, *outcome)
+            loop.call_soon_threadsafe(lambda: future.done() or settle(value))
 
     threading.Thread(target=run, name=BESIDE, daemon=True).start()
     return await future
 
 
 class Job:
-    """Work that runs once in a thread of its own; `words` say how far it is, `error` why it failed, `done` that it has ended.
+    """Work in a thread: `words` is its progress, `error` why it failed, `done` whether it has ended.
 
     Parameters
     ----------
     work : callable
-        Without arguments; tells how far it is by `lumbar.base.progress`.
+        Without arguments; reports its progress by `lumbar.base.progress`.
     """
 
     def __init__(self, work: Callable[[], Any]):
@@ -71,11 +69,11 @@ class Job:
 
     @property
     def seconds(self) -> float:
-        """How long it has been going on."""
+        """Duration so far."""
         return time.monotonic() - self._began
 
     def cancel(self) -> None:
-        """End it at its next step."""
+        """Cancel it at its next step."""
         self._cancelled = True
 
     def _run(self) -> None:

@@ -1,4 +1,4 @@
-"""The page for own recordings over HTTP: the page, its tabs and the files they hold, and what it asks."""
+"""The page for the user's recordings over HTTP: the page, its tabs with their files, and its requests."""
 
 import secrets
 from typing import Any
@@ -17,23 +17,23 @@ from lumbar.page_server.requests import read_request
 from lumbar.page_server.served_sets import OWN
 
 MOST_TABS = 16
-"""Tabs that are held."""
+"""Most tabs that are kept."""
 MOST_HELD = 300_000_000
-"""Bytes of the files of all tabs."""
+"""Most bytes of the files of all tabs."""
 PAGE = "page_server/own_recordings.html.jinja"
 TAB = "X-Lumbar-Tab"
-"""Header by which a page says which tab it is; no form of another page can send it."""
+"""Header with the tab of a page; no form of another page can send it."""
 _GONE = "this tab is no longer held by the server: load the page again, and give the files once more"
 
 
 class OwnTabs:
-    """The tabs that recordings were given in, each by a name that nobody guesses."""
+    """The tabs with their recordings, each by a random name."""
 
     def __init__(self) -> None:
         self._tabs: dict[str, OwnRecordings] = {}
 
     def new(self) -> str:
-        """Return the name of a new tab; the oldest is let go for it where there are many, one without files first."""
+        """Return the name of a new tab; of many the oldest is discarded, one without files first."""
         if len(self._tabs) >= MOST_TABS:
             del self._tabs[
                 next((name for name, tab in self._tabs.items() if not tab.files), next(iter(self._tabs)))
@@ -43,17 +43,11 @@ class OwnTabs:
         return name
 
     def find(self, name: str) -> OwnRecordings | None:
-        """Return a tab's recordings; None where it is not held any more."""
+        """Return a tab's recordings; None if it is no longer kept."""
         return self._tabs.get(name)
 
     def check_room(self, size: int) -> None:
-        """Refuse a file for which there is no room.
-
-        Raises
-        ------
-        InputError
-            Naming what is held.
-        """
+        """Raise `InputError` if there is no room for a file."""
         held = sum(tab.size for tab in self._tabs.values())
         if held + size > MOST_HELD:
             raise InputError(
@@ -63,7 +57,7 @@ class OwnTabs:
 
 
 def own_rules(index: Index, own: OwnDiagnosis) -> list[Rule]:
-    """Addresses of the page, which the index is too, and of what it asks."""
+    """Return the rules of the page, which the index shows too, and of its requests."""
     known = {"tabs": OwnTabs(), "own": own, "index": index}
     return [
         Rule(PathMatches(f"(?:{INDEX}?|{OWN})"), _PageHandler, known),
@@ -73,13 +67,13 @@ def own_rules(index: Index, own: OwnDiagnosis) -> list[Rule]:
 
 class _OwnHandler(RequestHandler):
     def initialize(self, tabs: OwnTabs, own: OwnDiagnosis, index: Index) -> None:
-        """Take what Tornado hands over."""
+        """Store Tornado's arguments."""
         self.tabs, self.own, self.index = tabs, own, index
 
 
 class _PageHandler(_OwnHandler):
     async def get(self) -> None:
-        """Show the page of a tab; one that is not known, or none, begins anew. The index stands above a new one."""
+        """Show the page of a tab, or redirect to a new tab. At the index's address the index is above it."""
         tab, at_door = self.get_query_argument("tab", ""), self.request.path != OWN
         if self.tabs.find(tab) is None:
             self.redirect(url_concat(INDEX if at_door else OWN, {"tab": self.tabs.new()}))
@@ -98,7 +92,7 @@ class _PageHandler(_OwnHandler):
 
 class _AskHandler(_OwnHandler):
     async def post(self, action: str) -> None:
-        """Do what the page asks."""
+        """Answer a request of the page."""
         held = self.tabs.find(self.request.headers.get(TAB, ""))
         if held is None:
             self._refuse(410, _GONE)

@@ -1,18 +1,29 @@
-"""What the page shows of recordings before they are diagnosed: columns, and messages beside the field they concern."""
+"""Preview of recordings before they are diagnosed: columns, and messages next to the field that they concern."""
 
 import re
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from lumbar.base.yaml_file import shipped_yaml
 from lumbar.interface.importing import ImportedRecordings
 from lumbar.records.importing.raw_table import COLUMNS_FOLLOW, RawTable
 
-FIELDS: dict[str, str] = shipped_yaml(Path(__file__).with_name("fields.yaml"))
-"""Fields by the argument of `lumbar.import_recordings`, with their labels."""
+FIELDS = {
+    "time": "Time",
+    "time_unit": "Unit of time",
+    "position": "Position",
+    "position_unit": "Unit of position",
+    "force": "Force",
+    "force_unit": "Unit of force",
+    "rate": "Sampling rate",
+    "trim": "Part",
+    "table": "Table or sheet",
+    "encoding": "Encoding",
+    "flip_force": "Change the sign of the force",
+    "accept_clipped": "Accept clipped records",
+}
+"""Labels of the page's fields by the argument of `lumbar.import_recordings`."""
 _LONGEST_FIRST = sorted((name.replace("_", "-") for name in FIELDS), key=len, reverse=True)
 _OPTION = re.compile(rf"--({'|'.join(_LONGEST_FIRST)})")
 _ALIASES = (
@@ -25,7 +36,7 @@ _METAVARS = re.compile(r"(--[a-z-]+) (?:NAME or NUMBER|COLUMN|NAME|NUMBER|HZ|VAR
 
 
 def in_fields(message: str, wrong: dict[str, list[str]]) -> list[str]:
-    """Put each problem of a reader's message to the field that it names first; return those that no field decides.
+    """Assign each problem of a reader's message to the first field that it names; return the others.
 
     Parameters
     ----------
@@ -52,7 +63,7 @@ def in_fields(message: str, wrong: dict[str, list[str]]) -> list[str]:
 
 
 def in_labels(text: str) -> str:
-    """The reader's words with the fields' labels for the options that they name.
+    """Return a reader's message with the fields' labels instead of options.
 
     Examples
     --------
@@ -63,7 +74,7 @@ def in_labels(text: str) -> str:
 
 
 def _problems(message: str) -> list[str]:
-    """Single problems of a message that may list several, without the columns that follow them."""
+    """Return the problems of a message, without the columns listed after them."""
     text = re.split(rf"\n\s*{COLUMNS_FOLLOW.strip()} ", message)[0]
     for name, option in _ALIASES:
         text = text.replace(name, option)
@@ -74,7 +85,7 @@ def _problems(message: str) -> list[str]:
 
 
 _HEADING = re.compile(r"(: \d+ problems?|: not everything can be told from the file)$")
-"""Of a part that only says that problems follow."""
+"""End of a heading before a list of problems."""
 
 
 _ROWS, _POINTS, _MOST_COLUMNS = 2, 300, 60
@@ -84,7 +95,7 @@ OF_SEVERAL_AXES = (
 
 
 def tables_columns(table: RawTable) -> list[dict[str, Any]]:
-    """Columns of a file: ``value`` (by which one is chosen), ``label`` and ``sample``."""
+    """Return the columns of a file: ``value`` (by which one is chosen), ``label`` and ``sample``."""
     names = [column.name for column in table.columns]
     return [
         {
@@ -97,7 +108,7 @@ def tables_columns(table: RawTable) -> list[dict[str, Any]]:
 
 
 def preview(imported: ImportedRecordings) -> dict[str, Any]:
-    """What one file was taken for.
+    """Return how one file is read.
 
     Returns
     -------
@@ -137,21 +148,21 @@ def preview(imported: ImportedRecordings) -> dict[str, Any]:
 
 
 def _by_field(by_role: Mapping[str, Any]) -> dict[str, list]:
-    """What is told of every role, together for the axes of one field."""
+    """Return a list per field: the values of its roles, one per axis."""
     found: dict[str, list] = {}
-    for role, told in by_role.items():
-        found.setdefault(role.partition("_")[0], []).append(told)
+    for role, value in by_role.items():
+        found.setdefault(role.partition("_")[0], []).append(value)
     return found
 
 
-def drawn(values: np.ndarray, stretches: int) -> np.ndarray:
-    """Points of a line through the samples; of many the least and the largest of every stretch, in their order.
+def drawn(values: np.ndarray, intervals: int) -> np.ndarray:
+    """Return points of a line through the samples; of many the smallest and largest of every interval, in order.
 
     Shape (points, 2): time and value, both from 0 to 1.
     """
     places = np.arange(len(values))
-    if len(values) > 2 * stretches:
-        length = -(-len(values) // stretches)
+    if len(values) > 2 * intervals:
+        length = -(-len(values) // intervals)
         parts = np.pad(values, (0, -len(values) % length), "edge").reshape(-1, length)
         ends = np.arange(len(parts)) * length + [parts.argmin(axis=1), parts.argmax(axis=1)]
         places = np.unique([0, *np.ravel(ends), len(values) - 1])

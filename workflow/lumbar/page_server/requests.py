@@ -1,4 +1,4 @@
-"""What the served page may ask for over its line: a model fitted, where it fails, an excitation, files written."""
+"""Requests of the served page: fit a model, locate its errors, compute a separating excitation, write files."""
 
 from __future__ import annotations
 
@@ -19,8 +19,9 @@ from lumbar.tissue.diagnosis.evidence.evidence import machine_limits
 if TYPE_CHECKING:
     from lumbar.interface.refinement import Refinement
 
-MOST_EFFECTS = 8
-"""Most effects of a model that the page asks for."""
+MAX_EFFECTS = 8
+"""Most effects of a requested model."""
+ACTIONS = ("fit", "locate", "separate", "save")
 
 
 @dataclass(eq=False)
@@ -31,7 +32,7 @@ class TabRequests:
     _one_at_a_time: threading.Lock = field(default_factory=threading.Lock)
 
     def answer(self, text: str) -> tuple[dict[str, Any], list[ShownModel]]:
-        """Do what is asked.
+        """Answer a request.
 
         Parameters
         ----------
@@ -41,27 +42,21 @@ class TabRequests:
         Returns
         -------
         dict
-            What the page is told; ``error`` where it could not be done.
+            Answer for the page; ``error`` if the request failed.
         list of ShownModel
             New models for the pictures.
         """
         number = None
-        actions = {
-            "fit": self._fit,
-            "locate": self._locate,
-            "separate": self._separate,
-            "save": self._save,
-        }
         try:
             asked = read_request(text)
             number = asked.get("number")
             if not isinstance(number, int):
                 raise InputError("a request without a number")
             action = asked.get("action")
-            if not isinstance(action, str) or action not in actions:
-                raise InputError(f"{action!r}: unknown request; there are: {', '.join(actions)}")
+            if action not in ACTIONS:
+                raise InputError(f"{action!r}: unknown request; there are: {', '.join(ACTIONS)}")
             with self._one_at_a_time:
-                content, models = actions[action](self._effects(asked))
+                content, models = self._do(action, self._effects(asked))
         except Exception as error:
             return {"number": number, "error": page_message(error)}, []
         return {"number": number, **content}, models
@@ -69,8 +64,8 @@ class TabRequests:
     def _effects(self, asked: dict) -> list[str]:
         effects = asked.get("effects", [])
         known = self.explored.diagnosis.candidates
-        wanted = f"{effects!r:.80}: a list of up to {MOST_EFFECTS} effects is needed, none of them twice"
-        if not isinstance(effects, list) or len(effects) > MOST_EFFECTS:
+        wanted = f"{effects!r:.80}: a list of up to {MAX_EFFECTS} effects is needed, none of them twice"
+        if not isinstance(effects, list) or len(effects) > MAX_EFFECTS:
             raise InputError(wanted)
         wrong = [name for name in effects if not isinstance(name, str) or name not in known]
         if wrong:
@@ -79,43 +74,39 @@ class TabRequests:
             raise InputError(wanted)
         return effects
 
-    def _fit(self, effects: list[str]) -> tuple[dict, list[ShownModel]]:
-        """Every step of the path, and where its end fails."""
-        models = [self.explored.fitted(effects[:count]) for count in range(len(effects) + 1)]
-        located = {models[-1].key: self.explored.refitted(effects).locate().simulated}
-        content = {model.key: model_facts(model, located.get(model.key, [])) for model in models}
-        return {"models": content, "effects": effects}, models
-
-    def _locate(self, effects: list[str]) -> tuple[dict, list[ShownModel]]:
-        model = self.explored.fitted(effects)
-        located = self.explored.refitted(effects).locate().simulated
-        return {"key": model.key, "located": model_facts(model, located)["located"]}, []
-
-    def _separate(self, effects: list[str]) -> tuple[dict, list[ShownModel]]:
-        """The excitation that tells these effects from the selected ones."""
-        diagnosis = self.explored.diagnosis
-        verdict = replace(diagnosis.result, tied_with=[self.explored.refitted(effects).path[-1]])
+    def _do(self, action: str, effects: list[str]) -> tuple[dict, list[ShownModel]]:
+        explored = self.explored
+        if action == "fit":
+            # Every step of the path, and where its end fails.
+            models = [explored.fitted(effects[:count]) for count in range(len(effects) + 1)]
+            located = {models[-1].key: explored.refitted(effects).locate().simulated}
+            facts = {model.key: model_facts(model, located.get(model.key, [])) for model in models}
+            return {"models": facts, "effects": effects}, models
+        if action == "locate":
+            model = explored.fitted(effects)
+            located = model_facts(model, explored.refitted(effects).locate().simulated)["located"]
+            return {"key": model.key, "located": located}, []
+        if action == "save":
+            written = save_refinement(explored.refitted(effects), explored.output)
+            return {"text": f"{len(written)} files written to {explored.output}."}, []
+        diagnosis = explored.diagnosis
+        verdict = replace(diagnosis.result, tied_with=[explored.refitted(effects).path[-1]])
         limits = machine_limits(diagnosis.study.signals.machine, verdict.experiment)
         found = None if diagnosis.settings.forward else separating_excitation(verdict, limits)
         if found is None:
             raise InputError(
-                "no excitation can be named: the force is the records' input, or an effect hangs on a further channel"
+                "no excitation can be named: the force is the records' input, or an effect depends on a further channel"
             )
         return {"excitation": excitation_of(found, verdict)}, []
 
-    def _save(self, effects: list[str]) -> tuple[dict, list[ShownModel]]:
-        refit, folder = self.explored.refitted(effects), self.explored.output
-        written = save_refinement(refit, folder)
-        return {"text": f"{len(written)} files written to {folder}."}, []
-
 
 def read_request(text: str | bytes) -> dict[str, Any]:
-    """Return what a page sent as JSON.
+    """Return a page's JSON request.
 
     Raises
     ------
     InputError
-        If it is no mapping in JSON.
+        If it is not a mapping in JSON.
     """
     try:
         content = json.loads(text)

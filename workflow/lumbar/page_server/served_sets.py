@@ -1,4 +1,4 @@
-"""What the server shows, each made once: sets of records with their diagnosis, of a study, folder or the page; and lifts."""
+"""Sets of records with their diagnosis, from a study, folder or the page, and lifts: each is computed a single time."""
 
 from __future__ import annotations
 
@@ -33,23 +33,23 @@ class StoredVerdict:
 
     folder: Path
     settings: Mapping[str, Any] | None = None
-    """The study's as they are now, as plain data; None takes the verdict as it stands."""
+    """The study's present settings as plain data; None accepts the stored verdict."""
     sources: Sequence[Path] = ()
     """Recordings and files of settings."""
 
     @property
     def page(self) -> Path:
-        """Its page as a file."""
+        """File of its page."""
         return self.folder / "diagnosis.html"
 
     @property
     def made(self) -> str:
-        """When it was made."""
+        """Date and time of the page."""
         return f"{datetime.fromtimestamp(self.page.stat().st_mtime):%Y-%m-%d %H:%M}"
 
     @property
     def holds(self) -> bool:
-        """Whether it is there and of these settings and recordings: the run had the same settings, no file is newer."""
+        """Whether the page exists with the same settings and no newer recording."""
         if not self.page.is_file():
             return False
         if self.settings is None:
@@ -62,8 +62,8 @@ class StoredVerdict:
 
     @property
     def sentence(self) -> str:
-        """What it says."""
-        # Here, not above: the server listens before Matplotlib is read.
+        """Result of the diagnosis in one sentence."""
+        # Imported here since the server listens before Matplotlib is imported.
         from lumbar.publishing.study_report.contents import diagnosis_sentence
 
         return diagnosis_sentence(read_json(self.folder / "diagnosis.json"))
@@ -75,18 +75,18 @@ class ExploredSet:
 
     name: str
     make: Callable[[], Diagnosis] | None
-    """Without arguments; returns the diagnosis. None: there is the stored one alone."""
+    """Returns the diagnosis; None if there is only the stored one."""
     output: Path
     """Folder that the page may write to."""
     own: str = ""
-    """Address of the page on which the records were given; empty for those of a study or folder."""
+    """Address of the page on which the records were given; empty for records of a study or folder."""
     title: str = ""
-    """Of a set that is not called by its name."""
+    """Title if it differs from the name."""
     stored: StoredVerdict | None = None
-    """The diagnosis that a study's run may have left."""
+    """The diagnosis of a finished study."""
     job: Job | None = None
     html: str = ""
-    """Page of a diagnosis that one cannot look around in, once it is made."""
+    """Page of a diagnosis without an interactive page, as soon as it is made."""
     _refits: dict[str, Refinement] = field(default_factory=dict)
     _fitted: dict[str, ShownModel] = field(default_factory=dict)
     _one_at_a_time: threading.Lock = field(default_factory=threading.Lock)
@@ -94,7 +94,7 @@ class ExploredSet:
 
     @property
     def words(self) -> str:
-        """What terminal and pages call it."""
+        """Title on terminal and pages."""
         return self.title or self.name.replace("_", " ")
 
     @cached_property
@@ -104,21 +104,21 @@ class ExploredSet:
 
     @cached_property
     def page(self) -> ExplorerPage:
-        """Its page."""
+        """The interactive page."""
         return self.diagnosis.page()
 
     @cached_property
     def variables(self) -> dict[str, Any]:
-        """What the page's template shows; the same for every tab."""
+        """Variables of the page's template, common to all tabs."""
         return {**self.page.variables(served=True), "own": self.own}
 
     @property
     def ready(self) -> bool:
-        """Whether the page can be shown at once."""
+        """Whether the page can be shown immediately."""
         return "variables" in self.__dict__
 
     def begin(self) -> Job:
-        """Prepare the page beside the server, once."""
+        """Start the preparation of the page in the background, unless it was started."""
         with self._one_at_a_time:
             if self.job is None:
                 self.job = Job(self.prepare)
@@ -137,7 +137,7 @@ class ExploredSet:
                 _ = self.page.records, self.page.models, self.variables
 
     def refitted(self, effects: Sequence[str]) -> Refinement:
-        """The base with these effects, fitted once: every tab that asks again gets the same one.
+        """Return the base refitted with these effects; a repeated request gets the first result.
 
         Raises
         ------
@@ -151,7 +151,7 @@ class ExploredSet:
             return self._refits[key]
 
     def fitted(self, effects: Sequence[str]) -> ShownModel:
-        """The base with these effects as the page draws it: of the diagnosis, where it has them, else fitted; as `refitted`."""
+        """Return the base with these effects as the page draws it, from the diagnosis or from `refitted`."""
         key = model_key(effects)
         if not self._fitted:
             self._fitted.update({model.key: model for model in self.page.models})
@@ -161,10 +161,10 @@ class ExploredSet:
 
 
 OWN = "/_own"
-"""Address of the page for own recordings; no record set's name begins so."""
+"""Address of the page for the user's recordings; no record set's name begins with an underscore."""
 RESULT = f"{OWN}/result"
-MOST_OWN = 8
-"""Sets of own recordings that are held; the oldest is let go for one more."""
+MAX_OWN = 8
+"""Most sets of the user's recordings that are kept; the oldest is discarded."""
 
 
 class ServedSets:
@@ -180,19 +180,19 @@ class ServedSets:
         self._own: dict[str, ExploredSet] = {}
 
     def is_own(self, path: str) -> bool:
-        """Whether this is the address of own recordings' results."""
+        """Whether this is the address of results of the user's recordings."""
         return path.rstrip("/") == RESULT
 
     def find(self, path: str, arguments: Mapping[str, list[bytes]]) -> ExploredSet | None:
-        """Return the set that an address shows; None for any other."""
+        """Return the set that an address shows; None if it shows none."""
         if not self.is_own(path):
             return self.given.get(path.rstrip("/"))
         asked = arguments.get("set") or [b""]
         return self._own.get(asked[-1].decode(errors="replace"))
 
     def add_own(self, explored: ExploredSet) -> str:
-        """Hold a set of own recordings; return the address of its page."""
-        while len(self._own) >= MOST_OWN:
+        """Keep a set of the user's recordings; return the address of its page."""
+        while len(self._own) >= MAX_OWN:
             oldest = next(iter(self._own))
             job = self._own.pop(oldest).job
             if job is not None:
@@ -207,10 +207,10 @@ class ServedLift:
     """A saved lift and its page."""
 
     folder: Path
-    """That `lumbar lift` or a study wrote; its name is the lift's."""
+    """Folder that `lumbar lift` or a study wrote; its name is the lift's."""
     settings: StabilitySettings
     source_label: str = ""
-    """Words for the source of the data; empty for those of the lift."""
+    """Origin of the data; empty for that of the lift."""
     _one_at_a_time: threading.Lock = field(default_factory=threading.Lock)
 
     @property
@@ -223,6 +223,6 @@ class ServedLift:
         return lift_page(self.folder, settings=self.settings, source_label=self.source_label).to_html()
 
     def html(self) -> str:
-        """Return the page, made once."""
+        """Return the page, computed on the first call."""
         with self._one_at_a_time:
             return self._html

@@ -1,9 +1,8 @@
-"""The server of the page: on this machine alone, for whoever sits in front of it."""
+"""The server of the pages, for the user of this machine only."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -14,12 +13,11 @@ from tornado.routing import AnyMatches, Rule
 from lumbar.base.errors import InputError
 from lumbar.base.templates import template
 from lumbar.page_server.background import in_background
-from lumbar.page_server.index import Index, IndexedHandler
+from lumbar.page_server.index import Index, IndexedHandler, NotReady, WaitingHandler
 from lumbar.page_server.own_recordings import MOST_FILE, OwnDiagnosis
 from lumbar.page_server.requests import TabRequests
-from lumbar.page_server.served_sets import RESULT, ExploredSet, ServedSets
-from lumbar.page_server.trust import HOST, DoorHandler, Guarded, Outside, Visitors, log_refused
-from lumbar.page_server.waiting import NotReady, WaitingHandler
+from lumbar.page_server.served_sets import RESULT
+from lumbar.page_server.trust import HOST, DoorHandler, Outside, SecurityHeaders, Visitors, log_rejected
 from lumbar.publishing.explorer.explorer_page import PAGE
 from lumbar.publishing.explorer.explorer_pictures import ANSWER, REQUEST
 
@@ -27,7 +25,7 @@ if TYPE_CHECKING:
     from bokeh.server.server import Server
 
 MOST_MESSAGE = 10_000
-"""Bytes of a message of a page: what it asks for is a line, what its pictures tell are a few numbers."""
+"""Bytes of a page's message: a request is one line, events of pictures are a few numbers."""
 _LOST = """
 document.body.removeAttribute("aria-busy");
 const message = document.getElementById("message");
@@ -35,18 +33,18 @@ message.textContent = "The server was ended: what is here can still be looked at
   + "the page again.";
 message.className = "bad";
 """
-"""What the page says when nobody answers it any more."""
+"""Script of a page that has lost its server."""
 
 
 def new_server(index: Index, port: int, own: OwnDiagnosis) -> tuple[Server, Visitors]:
-    """Return a server of an index and its pages that listens on the loopback interface, and who may come in.
+    """Return a server of an index and its pages on the loopback interface, and its visitors.
 
     Parameters
     ----------
     port : int
         0 takes a free one.
     own : OwnDiagnosis
-        How recordings that are given on the page are diagnosed.
+        Diagnosis of recordings that are given on the page.
 
     Raises
     ------
@@ -57,13 +55,9 @@ def new_server(index: Index, port: int, own: OwnDiagnosis) -> tuple[Server, Visi
     from bokeh.application.handlers.function import FunctionHandler
     from bokeh.server.server import Server
 
-    pages: dict[str, Callable[[Document], ExploredSet | None]] = {
-        address: partial(_given, explored=explored) for address, explored in index.sets.given.items()
-    }
-    pages[RESULT] = partial(_asked_for, served=index.sets)
     applications = {
-        address: Application(FunctionHandler(partial(_fill, find=find, index=index)))
-        for address, find in pages.items()
+        path: Application(FunctionHandler(partial(_fill, path=path, index=index)))
+        for path in (*index.sets.given, RESULT)
     }
     try:
         server = Server(
@@ -72,9 +66,9 @@ def new_server(index: Index, port: int, own: OwnDiagnosis) -> tuple[Server, Visi
             address=HOST,
             allow_websocket_origin=[f"{HOST}:{port}", f"localhost:{port}"] if port else None,
             websocket_max_message_size=MOST_MESSAGE,
-            include_headers=[],  # what a page is told of its session holds none of its cookies
+            include_headers=[],  # so that a page's session data contain no cookies
             include_cookies=[],
-            log_function=log_refused,
+            log_function=log_rejected,
             http_server_kwargs={"max_buffer_size": MOST_FILE},
         )
     except OSError as error:
@@ -85,7 +79,7 @@ def new_server(index: Index, port: int, own: OwnDiagnosis) -> tuple[Server, Visi
 
 
 def _route(server: Server, visitors: Visitors, index: Index, own: OwnDiagnosis) -> None:
-    """Put a door and the server's own pages before Bokeh's, and take away what nobody needs."""
+    """Add access control and the server's pages before Bokeh's, and remove handlers without use."""
     from bokeh.server.views.autoload_js_handler import AutoloadJsHandler
     from bokeh.server.views.metadata_handler import MetadataHandler
     from bokeh.server.views.root_handler import RootHandler
@@ -105,22 +99,12 @@ def _route(server: Server, visitors: Visitors, index: Index, own: OwnDiagnosis) 
         *index.rules(),
     ]
     inner.append(Rule(AnyMatches(), IndexedHandler, known))
-    application.add_transform(Guarded)
+    application.add_transform(SecurityHeaders)
 
 
-def _given(_document: Document, explored: ExploredSet) -> ExploredSet:
-    return explored
-
-
-def _asked_for(document: Document, served: ServedSets) -> ExploredSet | None:
-    """The set of own recordings that the address names."""
-    return served.find(RESULT, document.session_context.request.arguments)
-
-
-def _fill(document: Document, find: Callable[[Document], ExploredSet | None], index: Index) -> None:
-    """Fill a tab's document; of a set that is not ready the page in waiting is shown instead."""
-
-    explored = find(document)
+def _fill(document: Document, path: str, index: Index) -> None:
+    """Fill a tab's document if its set is ready; `WaitingHandler` answers for others."""
+    explored = index.sets.find(path, document.session_context.request.arguments)
     if explored is None or not explored.ready:
         return
     page = explored.page
@@ -128,7 +112,7 @@ def _fill(document: Document, find: Callable[[Document], ExploredSet | None], in
     document.title = page.title
     document.template = template(PAGE)
     document.template_variables.update(explored.variables | index.bar)
-    document.config.notify_connection_status = False  # Bokeh would speak of a line that comes back
+    document.config.notify_connection_status = False  # Bokeh's message promises that the connection returns
     document.js_on_event("connection_lost", CustomJS(code=_LOST))
     requests = TabRequests(explored)
 
@@ -140,7 +124,7 @@ def _fill(document: Document, find: Callable[[Document], ExploredSet | None], in
 
 
 async def _answered(document: Document, requests: TabRequests, text: str) -> None:
-    """Answer while other tabs go on."""
+    """Answer without blocking other tabs."""
     content, models = await in_background(requests.answer, text)
     for model in models:
         for record in model.values:

@@ -1,4 +1,4 @@
-"""Whom the server answers: this machine's browser, once it was given the token that `lumbar explore` printed."""
+"""Access control: the server answers only this machine's browser with the token that `lumbar explore` printed."""
 
 import secrets
 from dataclasses import dataclass, field
@@ -20,7 +20,7 @@ _HEADERS = {
     "Referrer-Policy": "no-referrer",
     "Cross-Origin-Resource-Policy": "same-origin",
 }
-"""The page holds its own scripts; nothing is loaded from elsewhere, nothing is sent there, and nobody frames it."""
+"""The page contains its scripts; nothing is loaded from elsewhere or sent there, and no other page frames it."""
 _TO_THE_PAGE = (
     f"<!doctype html><title>lumbar</title><script>const page = new URL(location.href); page.searchParams.delete('{TOKEN}'); "
     "location.replace(page)</script><noscript>The pages of lumbar need JavaScript.</noscript>"
@@ -33,57 +33,56 @@ _NO_TOKEN = (
 
 @dataclass(frozen=True)
 class Visitors:
-    """Who may come in: whoever has the token in the address once, and in a cookie from then on."""
+    """Visitors that are let in: with the token in the address the first time, in a cookie afterwards."""
 
     port: int
-    """Of the server. A browser sends cookies to every port of a host, so this one's name holds it."""
+    """Port of the server. A browser sends cookies to every port of a host, so the cookie's name contains it."""
     token: str = field(default_factory=lambda: secrets.token_urlsafe(32), repr=False)
 
     @property
     def cookie(self) -> str:
-        """Name of the cookie, which no page of another site can have sent."""
+        """Name of the cookie."""
         return f"lumbar_{self.port}"
 
     def address(self, path: str) -> str:
-        """Return the address of a page as a person opens it first."""
+        """Return the address of a page with the token."""
         return f"http://{HOST}:{self.port}{url_concat(path, {TOKEN: self.token})}"
 
     def has_token(self, given: bytes) -> bool:
-        """Whether this is the token, in a time that tells nothing of it."""
+        """Compare with the token in constant time."""
         return secrets.compare_digest(given, self.token.encode())
-
-    def are_known(self, request: HTTPServerRequest) -> bool:
-        """Whether the request has the cookie, to one of this machine's own names, from a page of this server or a person."""
-        cookie, origin = request.cookies.get(self.cookie), request.headers.get("Origin")
-        is_from_here = request.host_name in NAMES and origin in (None, f"http://{request.host}")
-        return cookie is not None and is_from_here and self.has_token(cookie.value.encode())
 
 
 class Outside(Matcher):
-    """Matches what no page of the server is to see; its rule stands before all others."""
+    """Matches requests that are not let in; its rule is before all others."""
 
     def __init__(self, visitors: Visitors):
         self.visitors = visitors
 
     def match(self, request: HTTPServerRequest) -> dict[str, Any] | None:
-        """Arguments for `DoorHandler`; None where the request is let in."""
-        let_in = TOKEN not in request.query_arguments and self.visitors.are_known(request)
-        return None if let_in else {}
+        """Return the arguments for `DoorHandler`; None if the request is let in.
+
+        A request is let in with the cookie, to one of this machine's names, from a page of this server or the user.
+        """
+        cookie, origin = request.cookies.get(self.visitors.cookie), request.headers.get("Origin")
+        is_from_here = request.host_name in NAMES and origin in (None, f"http://{request.host}")
+        is_known = cookie is not None and is_from_here and self.visitors.has_token(cookie.value.encode())
+        return None if is_known and TOKEN not in request.query_arguments else {}
 
 
 @stream_request_body
 class DoorHandler(RequestHandler):
-    """Lets in whoever brings the token; refuses all others before a body is read."""
+    """Lets in requests with the token; rejects all others before a body is read."""
 
     def initialize(self, visitors: Visitors) -> None:
-        """Take who may come in."""
+        """Store the visitors."""
         self.visitors = visitors
 
     def prepare(self) -> None:
-        """Hand out the cookie and lead to the page, whose address no longer holds the token.
+        """Set the cookie and lead to the page's address without the token.
 
-        A page of our own leads there, not a redirect: after one, a browser that came from elsewhere (a terminal in a page)
-        would keep the cookie back. It is a script, for what follows "#" never comes to the server.
+        A page leads there, not a redirect: after a redirect a browser that came from elsewhere (a terminal in a page) would
+        not send the cookie. The page is a script, since the part after "#" is not sent to the server.
         """
         given = self.request.query_arguments.get(TOKEN, [b""])[-1]
         self.set_header("Cache-Control", "no-store")
@@ -99,17 +98,17 @@ class DoorHandler(RequestHandler):
         raise Finish(_TO_THE_PAGE)
 
 
-class Guarded(OutputTransform):
-    """Adds to every answer what tells the browser to keep the page to itself."""
+class SecurityHeaders(OutputTransform):
+    """Adds `_HEADERS` to every answer."""
 
     def transform_first_chunk(self, status_code: int, headers: HTTPHeaders, chunk: bytes, finishing: bool):
-        """Add the headers that are not there."""
+        """Add the headers that are missing."""
         for name, value in _HEADERS.items():
             headers.setdefault(name, value)
         return status_code, headers, chunk
 
 
-def log_refused(handler: RequestHandler) -> None:
-    """Tell of requests that were not answered; without what follows the path, which may hold the token."""
+def log_rejected(handler: RequestHandler) -> None:
+    """Log failed requests by their path only: the rest of the address may contain the token."""
     if handler.get_status() >= 400:
         access_log.warning("%d %s %.200s", handler.get_status(), handler.request.method, handler.request.path)
