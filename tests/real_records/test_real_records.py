@@ -10,8 +10,9 @@ from record_judging import expectations, judge
 import lumbar
 from answers import RIGHT, absent, ask, surprise
 from lumbar.settings.study_settings import StudySettings
-from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings, prepare_for
+from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.fitting.joint_fit import add, fit_base
+from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.fitting.uncertainty import estimates
 from lumbar.tissue.effects.catalogue import TISSUE
 from lumbar.tissue.models.bases import BASES
@@ -57,7 +58,7 @@ def test_intervals_hold_the_published_parameters_of_the_positioning_axis(shared)
     if words := absent(shared / "real" / "positioning_axis", "real_records"):
         pytest.skip(words)
     records, keywords = positioning_axis(shared / "real")
-    prepared = prepare_for(list(records), DiagnosisSettings(**keywords)).without_whitening()
+    prepared = Experiment.from_records(records, DiagnosisSettings(**keywords)).without_whitening()
     fit = fit_base(Structure(BASES["KV"]), prepared.training)
     for effect in ("inertia", "coulomb_friction"):
         fit = add(fit, TISSUE[effect].forms[0], prepared.training)

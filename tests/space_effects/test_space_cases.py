@@ -3,7 +3,8 @@
 import pytest
 from ask_cases import CASES, SETTINGS, ask, held, is_right, records_of
 
-from lumbar.tissue.diagnosis.spatial.spatial_diagnosis import diagnose, refine
+from lumbar.tissue.diagnosis.selection.diagnose import diagnose
+from lumbar.tissue.diagnosis.spatial.spatial_diagnosis import refine
 
 FAST = "hardening"
 """The case that is asked with the fast tests."""

@@ -98,11 +98,11 @@ def test_a_base_that_did_not_converge_is_looked_at_and_called_so(records, monkey
     from lumbar.tissue.diagnosis.selection import refine
 
     def stopped(*arguments):
-        experiment, base = choose_base(*arguments)
+        experiment, base = find_base(*arguments)
         return experiment, replace(base, fit=replace(base.fit, converged=False))
 
-    choose_base = refine.choose_base
-    monkeypatch.setattr(refine, "choose_base", stopped)
+    find_base = refine.find_base
+    monkeypatch.setattr(refine, "find_base", stopped)
     bare = lumbar.refine(records, [])
     (finding,) = bare.findings
     assert finding.kind == "not_converged" and finding.record == "multisine"

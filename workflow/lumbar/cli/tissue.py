@@ -121,17 +121,19 @@ def _save_and_print(found, options) -> None:
 
 
 def run_diagnose(options) -> None:
-    """Diagnose, write the verdict with its evidence, a page and the error ladder, print the verdict."""
+    """Diagnose, write result, evidence, page and error ladder, print the result and its steps if asked for."""
     from lumbar.interface.diagnosis import diagnose
 
     records, settings, data = read_folder(options)
     diagnosis = diagnose(records, settings=settings, source_label=data)
     diagnosis.save(options.output, options.pictures)
     print(diagnosis)
+    if options.explain:
+        print("\n".join(diagnosis.explain()))
     print(f"{options.output / 'diagnosis.html'} shows it.")
-    found = diagnosis.result
-    contact = found.base.fit.structure.base.contact
-    if not (diagnosis.settings.forward or found.experiment.points or contact or found.orientation):
+    result = diagnosis.result
+    contact = result.base.fit.structure.base.contact
+    if not (diagnosis.settings.forward or result.experiment.points or contact or result.orientation):
         print(f"A device plays its model: lumbar export {options.output / 'refined.json'} --output fmu")
 
 

@@ -27,7 +27,13 @@ from lumbar.tissue.diagnosis.residuals.locate import (
     of_axes,
 )
 from lumbar.tissue.diagnosis.selection.refine import fitted_model, refined_document
-from lumbar.tissue.diagnosis.selection.result import DiagnosisResult, Status, details, headline
+from lumbar.tissue.diagnosis.selection.result import (
+    DiagnosisResult,
+    Status,
+    details,
+    explain,
+    headline,
+)
 from lumbar.tissue.effects.catalogue import check_name
 from lumbar.tissue.models.fitted_model import FittedModel
 from lumbar.tissue.models.form import Effect
@@ -53,8 +59,6 @@ class Diagnosis:
     study: StudySettings
     """All settings: of the machine, the thesis's models and the intervals too."""
     source_label: str
-    proposal: Proposal | None = None
-    """The search of a law for what the catalogue leaves, where one was made."""
 
     @property
     def selected(self) -> tuple[str, ...]:
@@ -65,6 +69,11 @@ class Diagnosis:
     def status(self) -> Status:
         """Whether the base model lacks something, and what: adequate, named, tied or unexplained."""
         return self.result.status
+
+    @property
+    def proposal(self) -> Proposal | None:
+        """The search of a law for what the catalogue leaves; None if none was made."""
+        return self.result.proposal
 
     @property
     def candidates(self) -> dict[str, Effect]:
@@ -108,6 +117,10 @@ class Diagnosis:
         if self.evidence.separation is not None:
             lines.append(separation_sentence(self.evidence.separation, self.result))
         return lines
+
+    def explain(self) -> list[str]:
+        """Return one line per step of the diagnosis: what it did or found, and which step decided the status."""
+        return explain(self.result)
 
     def add(self, *effects: str) -> Refinement:
         """Refit the base with the selected effects and these; effects that are there already are not added twice."""

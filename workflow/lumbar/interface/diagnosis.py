@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
-from typing import TYPE_CHECKING
 
 from lumbar.base.errors import InputError
 from lumbar.interface.diagnosed import FORWARD, Diagnosis, ProposedLaw
@@ -14,10 +12,6 @@ from lumbar.settings.study_settings import StudySettings
 from lumbar.tissue.diagnosis.fitting.decimation import limit_samples
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.selection.diagnose import diagnose as search
-from lumbar.tissue.diagnosis.selection.result import DiagnosisResult
-
-if TYPE_CHECKING:
-    from lumbar.tissue.diagnosis.law.proposal import Proposal
 
 
 def diagnose(
@@ -71,28 +65,12 @@ def diagnose(
     if any(record.points for record in driven):
         return Diagnosis(driven, chosen, search(driven, chosen), settings, source_label)
     used, changed = limit_samples(driven, chosen.session)
+    result = search(used, chosen, changed)
     if any(record.axes for record in driven):
         from lumbar.interface.spatial_diagnosis import SpatialDiagnosis
-        from lumbar.tissue.diagnosis.spatial.spatial_diagnosis import diagnose as search_in_space
 
-        result = search_in_space(used, chosen)
-        result = replace(result, findings=(*changed, *result.findings))
         return SpatialDiagnosis(used, chosen, result, settings, source_label)
-    result = search(used, chosen)
-    result = replace(result, findings=(*changed, *result.findings))
-    proposing = settings.improvement.propose_law and chosen.system == "tissue" and not chosen.forward
-    result, proposal = (
-        _beyond_catalogue(result, proposing) if result.goes_beyond_catalogue else (result, None)
-    )
-    return Diagnosis(used, chosen, result, settings, source_label, proposal)
-
-
-def _beyond_catalogue(result: DiagnosisResult, proposing: bool) -> tuple[DiagnosisResult, Proposal | None]:
-    """Look for a law in what no effect explains."""
-    from lumbar.tissue.diagnosis.law.proposal import propose, with_law
-
-    proposal = propose(result.experiment, result.base, result.model) if proposing else None
-    return with_law(result, proposal), proposal
+    return Diagnosis(used, chosen, result, settings, source_label)
 
 
 def propose(

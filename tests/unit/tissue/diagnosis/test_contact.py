@@ -10,7 +10,8 @@ from periodic_records import STEP, noise, record
 import lumbar
 from lumbar.base.errors import InputError, NumericalError
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
-from lumbar.tissue.diagnosis.selection.diagnose import choose_base, diagnose
+from lumbar.tissue.diagnosis.selection.base_choice import find_base
+from lumbar.tissue.diagnosis.selection.diagnose import diagnose
 from lumbar.tissue.diagnosis.selection.refine import refined_fit
 from lumbar.tissue.effects.catalogue import CATALOGUES, TISSUE
 from lumbar.tissue.models.fitted_model import models_document, read_models
@@ -56,10 +57,10 @@ def test_palpation_is_contact_and_nothing_else(pressed):
 
 def test_a_base_chosen_again_finds_the_same_surface(pressed):
     """Of records with zeros of their own, or with another base, whose positions count from the surface already."""
-    again, base = choose_base(pressed.experiment, "KB-contact", {})
+    again, base = find_base(pressed.experiment, "KB-contact", {})
     assert again.surface == pytest.approx(pressed.experiment.surface, abs=1e-3)
     assert base.test_rms == pytest.approx(pressed.base.test_rms, rel=1e-3)
-    fastened, _ = choose_base(pressed.experiment, "KB", {})
+    fastened, _ = find_base(pressed.experiment, "KB", {})
     assert fastened.surface == 0.0
 
 

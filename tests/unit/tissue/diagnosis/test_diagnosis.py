@@ -13,7 +13,7 @@ from lumbar.interface.reading import read
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.selection.diagnose import diagnose
 from lumbar.tissue.diagnosis.selection.refine import fitted_model, refine, refined_document
-from lumbar.tissue.diagnosis.selection.result import details, headline
+from lumbar.tissue.diagnosis.selection.result import details, explain, headline
 from lumbar.tissue.diagnosis.selection.thresholds import NullDistribution, null_distribution, number_of_forms
 from lumbar.tissue.effects.catalogue import CATALOGUES, PENDULUM, TISSUE
 from lumbar.tissue.models.fitted_model import read_models
@@ -71,6 +71,21 @@ def test_json_keeps_the_contract(case):
     assert {"value", "low", "high", "unit"} <= set(first["parameters"]["coulomb_force"])
     assert [rung["effects"] for rung in content["ladder"]] == [[], ["coulomb_friction"]]
     assert content["ladder"][1]["test_rms"] < content["ladder"][0]["test_rms"]
+
+
+def test_result_lists_the_steps_and_the_one_that_decided(case):
+    found = case("case_03")
+    assert [item["step"] for item in found.to_json()["steps"]] == [item.step for item in found.steps]
+    assert [item.step for item in found.steps][:5] == [
+        "repair sensor faults",
+        "estimate the noise floor",
+        "check direction and signs",
+        "choose the base",
+        "select effects",
+    ]
+    assert found.decided_by.step == "find ties" and found.decided_by.status == found.status == "named"
+    assert [line.split(":")[0] for line in explain(found)] == [item.step for item in found.steps]
+    assert [line.endswith("[decided: named]") for line in explain(found)].count(True) == 1
 
 
 def test_diagnosed_again_the_second_effect_is_named(shared):

@@ -11,6 +11,7 @@ import lumbar
 from lumbar.base.errors import InputError
 from lumbar.tissue.diagnosis.forward import forward_diagnosis
 from lumbar.tissue.diagnosis.forward.forward_base import response_of
+from lumbar.tissue.diagnosis.selection.state import DiagnosisState
 from lumbar.tissue.effects.catalogue import catalogues_with
 from lumbar.tissue.fmu.build.effect_model import effect_model
 from lumbar.tissue.models.bases import BASES
@@ -112,10 +113,12 @@ def test_no_sensor_is_told_where_a_set_of_effects_that_was_not_selected_explains
     _, found = friction
     known, after = found.result, replace(found.result.model, score=found.result.model.score + 100.0)
     monkeypatch.setattr(forward_diagnosis, "sensor_candidates", lambda *_: [(known.base, after)])
-    nothing = replace(known, path=[known.base])
-    assert forward_diagnosis._behind_sensor(nothing, found.settings) is nothing
-    alone = replace(nothing, ranking=[])
-    assert forward_diagnosis._behind_sensor(alone, found.settings).path == [known.base, after]
+    state = DiagnosisState(
+        found.records, found.settings, experiment=known.experiment, base=known.base, path=[known.base]
+    )
+    ranked = forward_diagnosis.check_motion_sensor(replace(state, ranking=known.ranking))
+    assert ranked.path == [known.base]
+    assert forward_diagnosis.check_motion_sensor(state).path == [known.base, after]
 
 
 def test_the_response_of_a_base_is_that_of_its_transfer_function():

@@ -268,10 +268,9 @@ def test_the_diagnosis_proposes_by_itself_unless_it_is_told_not_to(tmp_path, dia
     diagnosis = Diagnosis(
         records(depth_friction),
         DiagnosisSettings("KB"),
-        with_law(diagnosed, needle),
+        replace(with_law(diagnosed, needle), proposal=needle),
         StudySettings(),
         "a test",
-        needle,
     )
     assert diagnosis.propose().proposal is needle
     diagnosis.save(tmp_path, pictures=False)
@@ -279,7 +278,7 @@ def test_the_diagnosis_proposes_by_itself_unless_it_is_told_not_to(tmp_path, dia
     assert effect.forms[0].equation == needle.form.equation
     said = json.loads((tmp_path / "diagnosis.json").read_text(encoding="utf-8"))
     assert [item["kind"] for item in said["findings"]][-1] == "proposed_law"
-    replace(diagnosis, proposal=None).save(tmp_path, pictures=False)
+    replace(diagnosis, result=replace(diagnosis.result, proposal=None)).save(tmp_path, pictures=False)
     assert not (tmp_path / "proposed_law.yaml").exists()
 
 

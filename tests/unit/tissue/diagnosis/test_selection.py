@@ -15,9 +15,10 @@ from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData
 from lumbar.tissue.diagnosis.fitting.joint_fit import add, fit_base
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment, prepare
+from lumbar.tissue.diagnosis.selection.alternatives import apparent_zeros, zeros_moved
+from lumbar.tissue.diagnosis.selection.base_choice import better_base, find_base
 from lumbar.tissue.diagnosis.selection.candidate import Candidate, by_score, evaluate
-from lumbar.tissue.diagnosis.selection.diagnose import base_beside, choose_base, diagnose
-from lumbar.tissue.diagnosis.selection.findings import apparent_zeros, zeros_moved
+from lumbar.tissue.diagnosis.selection.diagnose import diagnose
 from lumbar.tissue.diagnosis.selection.forward_selection import Selection
 from lumbar.tissue.diagnosis.selection.thresholds import TIED
 from lumbar.tissue.effects.catalogue import TISSUE
@@ -55,7 +56,7 @@ def test_a_fast_relaxation_is_found_where_the_sampling_shows_it(relaxation):
         return 1.2 * position + 0.8 * branch(position, relaxation, step)
 
     prepared = prepare(experiment(fast, step=2e-4, fastest=200.0, seconds=(8, 4)))
-    _, base = choose_base(prepared, "auto", {})
+    _, base = find_base(prepared, "auto", {})
     assert base.fit.structure.base.name == "KB"
     assert base.fit.nonlinear[0] == pytest.approx(relaxation, rel=0.01)
     assert base.fit.linear == pytest.approx([1.2, 0.8], rel=0.01)
@@ -79,7 +80,7 @@ def moved_mass(ripple: float) -> tuple[Experiment, Candidate]:
 
 def test_a_branch_takes_the_place_of_a_dashpot_where_it_explains_what_is_left():
     prepared, model = moved_mass(ripple=0.0)
-    assert base_beside(model, prepared) == "KB"
+    assert better_base(model, prepared) == "KB"
 
 
 def test_a_branch_that_explains_little_of_what_is_left_does_not_take_the_place_of_a_dashpot():
@@ -88,7 +89,7 @@ def test_a_branch_that_explains_little_of_what_is_left_does_not_take_the_place_o
     bare = fit_base(Structure(BASES["KB"]), prepared.training)
     beside = evaluate(add(bare, TISSUE["inertia"].forms[0], prepared.training), prepared)
     assert beside.score < model.score - TIED
-    assert base_beside(model, prepared) is None
+    assert better_base(model, prepared) is None
     assert model.fit.linear[2] == pytest.approx(MASS - DAMPING * LAG, rel=0.1)
 
 

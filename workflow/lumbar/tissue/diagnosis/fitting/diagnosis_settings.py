@@ -1,22 +1,15 @@
 """How to diagnose: base, training records, candidates."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Self
 
-import numpy as np
-
-from lumbar.records.record import Record
 from lumbar.settings.improvement import is_data, system_of
 from lumbar.settings.layout import ColumnLayout
 from lumbar.settings.study_settings import StudySettings
-from lumbar.tissue.diagnosis.finding import Finding
-from lumbar.tissue.diagnosis.fitting.preparation import Experiment, prepare
-from lumbar.tissue.diagnosis.sensors.sensor_faults import repair
 from lumbar.tissue.effects.catalogue import CATALOGUES, MOTION_SENSOR, catalogue_with, read_base
-from lumbar.tissue.models.bases import BASES, CHOSEN_BY_DATA, Base
+from lumbar.tissue.models.bases import CHOSEN_BY_DATA, Base
 from lumbar.tissue.models.form import Effect
-from lumbar.tissue.models.measured_motion import for_base
 
 
 @dataclass(frozen=True)
@@ -36,6 +29,8 @@ class DiagnosisSettings:
     """Whether the records of a tissue test have the force as input and the motion as output."""
     load_drives: bool = False
     """Whether the load is the records' input, wherever it stands: of such records, and where a base of one's own takes it."""
+    propose_law: bool = False
+    """Whether a short formula is searched for what no effect explains."""
     session: bool = False
     """Whether the records were cut from one session, in their order."""
     settling_s: float | None = None
@@ -88,46 +83,9 @@ class DiagnosisSettings:
             # A base of one's own goes from the input to the output, whatever they are: nothing is turned round.
             forward=load_drives and not isinstance(chosen, Base),
             load_drives=load_drives,
+            propose_law=improvement.propose_law,
             session=improvement.session,
             settling_s=settling_s,
             layout=settings.tissue.layout,
             force_frame=settings.tissue.force_frame,
         )
-
-    def prepare(self, records: list[Record]) -> Experiment:
-        """Prepare records as they are."""
-        return prepare(records, self.train, self.session, self.settling_s)
-
-
-def prepare_for(records: list[Record], settings: DiagnosisSettings) -> Experiment:
-    """Prepare records as base and settings say, faults of a tissue test's sensors repaired."""
-    if settings.system != "tissue":
-        seen = [for_base(record, BASES[settings.base]) for record in records]
-        return replace(settings.prepare(seen), records=tuple(records))
-    sound, faults = repair(records)
-    experiment = settings.prepare(sound).from_rest()
-    left = _force_of_noise(records, sound, faults)
-    return replace(experiment, records=tuple(sound), faults=tuple(faults), position_noise_force=left)
-
-
-_OF_STEP = {"position_noise": 1.0, "quantisation": 12**-0.5}
-"""RMS of the noise that a finding's value tells of."""
-
-
-def _force_of_noise(records: Sequence[Record], sound: Sequence[Record], faults: Sequence[Finding]) -> float:
-    """Largest RMS, over the records, of the force that position noise makes within the band, at the records' own stiffness.
-
-    The noise that was found, which is white, less what was taken off beyond the band.
-    """
-    largest = 0.0
-    for before, after in zip(records, sound, strict=True):
-        sizes = [
-            _OF_STEP[item.kind] * item.value
-            for item in faults
-            if item.record == before.name and item.kind in _OF_STEP
-        ]
-        if sizes and len(before) == len(after):
-            within = max(sizes) ** 2 - float(np.mean((before["input"] - after["input"]) ** 2))
-            stiffness = float(np.std(after["output"]) / np.std(after["input"]))
-            largest = max(largest, stiffness * float(np.sqrt(max(within, 0.0))))
-    return largest

@@ -10,10 +10,14 @@ import numpy as np
 from lumbar.base.errors import InputError
 from lumbar.records.record import Record, require_clock, require_one_axis, same_units
 from lumbar.tissue.diagnosis.finding import Finding
+from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData, JointData
 from lumbar.tissue.diagnosis.noise.noise_floor import NoiseFloor, noise_floor
 from lumbar.tissue.diagnosis.noise.periods import FEWEST_PERIODS, ONLY, told_period
+from lumbar.tissue.diagnosis.sensors.sensor_faults import force_of_position_noise, repair
 from lumbar.tissue.identification.metrics import settling_time
+from lumbar.tissue.models.bases import BASES
+from lumbar.tissue.models.measured_motion import for_base
 from lumbar.tissue.models.motion import Motion
 
 _MOVED_ON = 0.5
@@ -173,6 +177,36 @@ class Experiment:
     position_noise_force: float = 0.0
     """RMS of the force that known noise of the position makes of a right model within the excitation's band, where no filter
     takes it off."""
+
+    @classmethod
+    def from_records(
+        cls,
+        records: Sequence[Record],
+        settings: DiagnosisSettings,
+        repaired: tuple[list[Record], list[Finding]] | None = None,
+    ) -> Self:
+        """Prepare records of one axis for a diagnosis.
+
+        Faults of a tissue test's sensors are repaired, and its positions are counted from rest. `repaired` is the result of
+        `repair`, if that is known.
+
+        Raises
+        ------
+        InputError
+            As `prepare`.
+        """
+        if settings.system != "tissue":
+            seen = [for_base(record, BASES[settings.base]) for record in records]
+            return replace(cls.as_recorded(seen, settings), records=tuple(records))
+        sound, faults = repaired or repair(records)
+        experiment = cls.as_recorded(sound, settings).from_rest()
+        force = force_of_position_noise(records, sound, faults)
+        return replace(experiment, records=tuple(sound), faults=tuple(faults), position_noise_force=force)
+
+    @classmethod
+    def as_recorded(cls, records: Sequence[Record], settings: DiagnosisSettings) -> Self:
+        """Prepare records as they are."""
+        return prepare(list(records), settings.train, settings.session, settings.settling_s)
 
     @property
     def size(self) -> int:

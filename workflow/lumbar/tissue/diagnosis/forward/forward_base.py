@@ -86,9 +86,9 @@ class CarriedData(FitData):
         """Signal (samples first) through the response, from rest."""
         length = scipy.fft.next_fast_len(2 * len(signal), real=True)
         kept = self.motion.cache.compute_once(
-            f"response {id(self.response)}",
-            lambda: (self.response, self.response(scipy.fft.rfftfreq(length, self.motion.sampling_time))),
-        )[1]
+            ("response", self.response),
+            lambda: self.response(scipy.fft.rfftfreq(length, self.motion.sampling_time)),
+        )
         spectrum = scipy.fft.rfft(signal, length, axis=0)
         return scipy.fft.irfft(spectrum * kept.reshape(-1, *[1] * (signal.ndim - 1)), length, axis=0)[
             : len(signal)
@@ -189,7 +189,9 @@ def prepare_forward(records: list[Record], settings: DiagnosisSettings) -> Exper
         known = (data.whitening, data.settling, data.own_zero)
         return ForwardData(data.name, data.motion, data.force, *known)
 
-    return replace(settings.prepare(seen).with_data(forward, ForwardJointData), records=tuple(seen))
+    return replace(
+        Experiment.as_recorded(seen, settings).with_data(forward, ForwardJointData), records=tuple(seen)
+    )
 
 
 def beginning(experiment: Experiment) -> Experiment:

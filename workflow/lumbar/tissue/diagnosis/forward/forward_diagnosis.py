@@ -1,6 +1,6 @@
-"""Diagnosis of forward records: named by what the turned-round records ask for, confirmed by simulation from force to motion."""
+"""Steps for records with the force as input: searched with the motion as input, confirmed by simulation from the force."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
 
@@ -10,7 +10,6 @@ from lumbar.base.errors import InputError, NumericalError
 from lumbar.records.record import Record
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData
-from lumbar.tissue.diagnosis.fitting.joint_fit import Fit
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.forward.forward_base import (
     EVALUATIONS,
@@ -25,6 +24,7 @@ from lumbar.tissue.diagnosis.forward.forward_base import (
     turn_round,
 )
 from lumbar.tissue.diagnosis.forward.sensor import sensor_candidates
+from lumbar.tissue.diagnosis.selection.alternatives import linear_alternative, offsets
 from lumbar.tissue.diagnosis.selection.candidate import (
     Candidate,
     add_form,
@@ -32,9 +32,9 @@ from lumbar.tissue.diagnosis.selection.candidate import (
     is_adequate,
     unseen_improvement,
 )
-from lumbar.tissue.diagnosis.selection.findings import linear_alternative, offsets
-from lumbar.tissue.diagnosis.selection.forward_selection import Selection
-from lumbar.tissue.diagnosis.selection.result import DiagnosisResult, Status
+from lumbar.tissue.diagnosis.selection.forward_selection import Selection, after_selection, find_ties
+from lumbar.tissue.diagnosis.selection.result import Status
+from lumbar.tissue.diagnosis.selection.state import DiagnosisState
 from lumbar.tissue.diagnosis.selection.thresholds import TIED, UNSEEN
 from lumbar.tissue.effects.catalogue import MOTION_SENSOR, with_forms_that
 from lumbar.tissue.models.bases import CHOSEN_BY_DATA, Base
@@ -50,35 +50,143 @@ _POLISHED = 4
 """Evaluations of the error on all of long records, from the fit to their beginning."""
 
 
-def diagnose_forward(records: list[Record], settings: DiagnosisSettings) -> DiagnosisResult:
-    """Diagnose what a base model is missing on forward records (force in, motion out).
-
-    The records have the force as channel ``input`` and the motion as ``output``. The verdict is in the unit of the
-    motion; its fits simulate from force to motion.
-
-    Raises
-    ------
-    InputError
-        For a base with contact, and for records that cannot be used.
-    """
-    experiment, base = prepare_with_base(records, settings)
-    found = _diagnose(beginning(experiment), base, settings)
-    if found.experiment is not experiment:
-        found = _on_all(found, experiment, settings)
-    found = _behind_sensor(found, settings)
-    findings = [replace(item, kind="motion_offset") for item in offsets(found)]
-    adequate = is_adequate(found.model, experiment)
-    alternative = None if adequate else linear_alternative(found.model, experiment)
-    if alternative is not None:
-        # Where linear dynamics of higher order surely explain more, they are told and nothing is named.
-        found = replace(found, status=Status.UNEXPLAINED, tied_with=[], refined_status=Status.UNEXPLAINED)
-        findings.append(alternative[1])
-    return replace(found, findings=tuple(findings), diagnosed_again=False)
+def estimate_motion_noise(state: DiagnosisState) -> DiagnosisState:
+    """Prepare records with the force as input, and estimate the noise of the motion."""
+    experiment = prepare_forward(state.records, state.settings)
+    floor = experiment.floor
+    noise = (
+        f"{floor.rms:.3g} {experiment.output_unit} from {floor.periods} periods"
+        if floor
+        else "unknown: no record repeats"
+    )
+    return state.next("estimate the noise floor", noise, prepared=experiment)
 
 
-def prepare_with_base(records: list[Record], settings: DiagnosisSettings) -> tuple[Experiment, Candidate]:
-    """Forward records ready for a diagnosis, and the base that is named or that they ask for, on their beginning."""
-    experiment = prepare_forward(records, settings)
+def choose_simulated_base(state: DiagnosisState) -> DiagnosisState:
+    """Choose the base on the beginning of long records; ignore the colour of the noise if the error is far above it."""
+    prepared, base = _with_base(state.prepared, state.settings)
+    experiment = beginning(prepared)
+    reason = f"{base.fit.structure.base.name}: error {base.test_rms:.4g} {experiment.output_unit} unseen"
+    return state.next(
+        "choose the base", reason, prepared=prepared, experiment=experiment, base=base, path=[base]
+    )
+
+
+def select_by_simulation(state: DiagnosisState) -> DiagnosisState:
+    """Select effects with the motion as input; keep what simulation from force to motion confirms."""
+    experiment, base, data = state.experiment, state.base, state.experiment.training
+    model = base.fit.structure.base
+    if state.inverse is None and base.train_rms**2 > (1 - _LEAST_EXPLAINED) * float(
+        np.var(data.trim(data.force))
+    ):
+        # The motion hardly follows the force: no effect can be searched with a response that does not exist.
+        return after_selection(state, Confirmation(experiment, base, state.settings))
+    usable = replace(state.settings, catalogue=forward_catalogue(state.settings.searched, model, data))
+    response = response_of(model, base.fit.linear, base.fit.nonlinear)
+    inverse = turn_round(experiment, response)
+    search = Selection(inverse, fit_base(model, inverse), usable)
+    named = search.fitted_path()
+    rivals = [*search.ties(named[-1]), *search.best_sets(named[-1])]
+    # A constant force moves what it acts on by the static response.
+    static = float(response(np.zeros(1))[0].real)
+    selection = Confirmation(experiment, base, usable, named[1:], rivals, zero_factor=-static)
+    return after_selection(state, selection, inverse=inverse)
+
+
+def reconsider_simulated_base(state: DiagnosisState) -> DiagnosisState:
+    """Choose the base again, with the selected effects; if another one is better, select effects again."""
+    step = "reconsider the base"
+    if state.inverse is None or state.settings.base != CHOSEN_BY_DATA or not state.selected:
+        return state.next(step, "not needed: the base is given, or no effect was selected")
+    other = better_base(state.model, state.inverse)
+    if other is None:
+        return state.next(step, "no other base explains the records better with the selected effects")
+    base = simulate_base(state.experiment, other)
+    reason = f"{other.name} explains the records better with {' and '.join(state.selected)}; effects are selected again"
+    return select_by_simulation(state.next(step, reason, base=base, path=[base]))
+
+
+def fit_whole_records(state: DiagnosisState) -> DiagnosisState:
+    """Fit the same models and the best rival to all of long records, and judge them there."""
+    step, experiment = "fit whole records", state.prepared
+    if state.experiment is experiment:
+        return state.next(step, "not needed: the search has used whole records")
+    base = resume_fit(experiment, state.base, _POLISHED)
+    model, data = base.fit.structure.base, experiment.training
+    usable = replace(state.settings, catalogue=forward_catalogue(state.settings.searched, model, data))
+    rivals = [item.candidate for item in state.ranking if set(item.candidate.effects) != set(state.selected)]
+    named = [*state.path[1:], *state.tied_with, *rivals[:1]]
+    selection = Confirmation(experiment, base, usable, named, evaluations=_POLISHED)
+    return find_ties(after_selection(state, selection, step))
+
+
+def check_motion_sensor(state: DiagnosisState) -> DiagnosisState:
+    """Check whether linear dynamics with a sensor that is not linear explain all records better than all that was tried."""
+    step, experiment = "check the motion sensor", state.experiment
+    if is_adequate(state.model, experiment):
+        return state.next(step, "not needed: the model leaves only noise")
+    forms = {name: state.settings.candidates[name].forms for name in MOTION_SENSOR}
+    best = min([state.model.score, *(item.candidate.score for item in state.ranking)])
+    for before, after in sorted(sensor_candidates(experiment, forms), key=lambda pair: pair[1].score):
+        judge = Selection(experiment, before, state.settings, singles=[])
+        better = unseen_improvement(state.model, after, experiment) > UNSEEN
+        if not (better and after.score < best - TIED and judge.passes(before, after)):
+            continue
+        judge.tried = [after]
+        share = judge.share_removed(after)
+        return state.next(
+            step,
+            f"{after.effects[-1]} of the sensor and linear dynamics leave {after.test_rms:.4g} {experiment.output_unit} unseen",
+            base=before,
+            status=judge.status(after, [], share),
+            path=[before, after],
+            tied_with=[],
+            ranking=[*judge.ranking(after), *state.ranking],
+            explainable_share_removed=share,
+            refined_status=judge.refined_status(after, None),
+        )
+    return state.next(step, "no sensor that clips or gives the absolute value explains the records better")
+
+
+def compare_motion_with_linear_dynamics(state: DiagnosisState) -> DiagnosisState:
+    """Name nothing if linear dynamics of higher order explain the motion better."""
+    step = "compare with linear dynamics"
+    if is_adequate(state.model, state.prepared):
+        return state.next(step, "not needed: the model leaves only noise")
+    alternative = linear_alternative(state.model, state.prepared)
+    if alternative is None:
+        return state.next(step, "linear dynamics of higher order do not explain the records better")
+    dynamics, finding = alternative
+    errors = (
+        f"{dynamics.test_rms:.4g} {state.prepared.output_unit} unseen, the model {state.model.test_rms:.4g}"
+    )
+    reason = f"linear dynamics explain more: {errors}"
+    unexplained = {"status": Status.UNEXPLAINED, "refined_status": Status.UNEXPLAINED, "tied_with": []}
+    return state.next(step, reason, finding, **unexplained)
+
+
+def report_motion_offset(state: DiagnosisState) -> DiagnosisState:
+    """Report where the zero of the motion's sensor is, if that matters."""
+    findings = [replace(item, kind="motion_offset") for item in offsets(state)]
+    reason = "the zero is not where the records say" if findings else "the zero is where the records say"
+    return state.next("report zeros", reason, *findings, is_searched_further=False)
+
+
+FORWARD_STEPS = (
+    estimate_motion_noise,
+    choose_simulated_base,
+    select_by_simulation,
+    reconsider_simulated_base,
+    find_ties,
+    fit_whole_records,
+    check_motion_sensor,
+    compare_motion_with_linear_dynamics,
+    report_motion_offset,
+)
+
+
+def _with_base(experiment: Experiment, settings: DiagnosisSettings) -> tuple[Experiment, Candidate]:
+    """Return records with the weighting that they need, and the base of the settings or of their beginning."""
     base = choose_forward_base(beginning(experiment), settings.base)
     if experiment.error_dwarfs_noise(base.train_rms):
         experiment = experiment.without_whitening()
@@ -96,76 +204,6 @@ def forward_catalogue(catalogue: dict[str, Effect], base: Base, data: FitData) -
     return with_forms_that(catalogue, new, data.scale)
 
 
-def _diagnose(experiment: Experiment, base: Candidate, settings: DiagnosisSettings) -> DiagnosisResult:
-    """Name by the turned-round records, keep what simulation confirms; once effects are known, ask for the base again."""
-    data = experiment.training
-    if base.train_rms**2 > (1 - _LEAST_EXPLAINED) * float(np.var(data.trim(data.force))):
-        # The motion hardly follows the force: nothing can be carried through a response that is not there.
-        return Confirmation(experiment, base, settings).result()
-    found, seen = _diagnose_with_base(experiment, base, settings)
-    if settings.base != CHOSEN_BY_DATA or not found.selected:
-        return found
-    other = better_base(found.model, seen)
-    return (
-        found
-        if other is None
-        else _diagnose_with_base(experiment, simulate_base(experiment, other), settings)[0]
-    )
-
-
-def _diagnose_with_base(
-    experiment: Experiment, base: Candidate, settings: DiagnosisSettings
-) -> tuple[DiagnosisResult, Experiment]:
-    """A diagnosis with one base, and the turned-round records that it was searched on."""
-    model = base.fit.structure.base
-    usable = replace(settings, catalogue=forward_catalogue(settings.searched, model, experiment.training))
-    response = response_of(model, base.fit.linear, base.fit.nonlinear)
-    seen = turn_round(experiment, response)
-    named = Selection(seen, fit_base(model, seen), usable).result()
-    rivals = [*named.tied_with, *(item.candidate for item in named.ranking)]
-    # A constant force moves what it acts on by the static response.
-    static = float(response(np.zeros(1))[0].real)
-    judge = Confirmation(experiment, base, usable, named.path[1:], rivals, lambda fit: -fit.zero * static)
-    return judge.result(), seen
-
-
-def _on_all(found: DiagnosisResult, experiment: Experiment, settings: DiagnosisSettings) -> DiagnosisResult:
-    """The same models fitted to all of long records and judged there, with the best rival."""
-    base = resume_fit(experiment, found.base, _POLISHED)
-    model, data = base.fit.structure.base, experiment.training
-    usable = replace(settings, catalogue=forward_catalogue(settings.searched, model, data))
-    rivals = [item.candidate for item in found.ranking if set(item.candidate.effects) != set(found.selected)]
-    named = [*found.path[1:], *found.tied_with, *rivals[:1]]
-    return Confirmation(experiment, base, usable, named, evaluations=_POLISHED).result()
-
-
-def _behind_sensor(found: DiagnosisResult, settings: DiagnosisSettings) -> DiagnosisResult:
-    """Linear dynamics behind a sensor that is not linear, where they explain all records better than all that was tried."""
-    experiment = found.experiment
-    if is_adequate(found.model, experiment):
-        return found
-    forms = {name: settings.candidates[name].forms for name in MOTION_SENSOR}
-    best = min([found.model.score, *(item.candidate.score for item in found.ranking)])
-    for before, after in sorted(sensor_candidates(experiment, forms), key=lambda pair: pair[1].score):
-        judge = Selection(experiment, before, settings, singles=[])
-        surely = unseen_improvement(found.model, after, experiment) > UNSEEN
-        if not (surely and after.score < best - TIED and judge.passes(before, after)):
-            continue
-        judge.tried = [after]
-        share = judge.share_removed(after)
-        return replace(
-            found,
-            base=before,
-            status=judge.status(after, [], share),
-            path=[before, after],
-            tied_with=[],
-            ranking=[*judge.ranking(after), *found.ranking],
-            explainable_share_removed=share,
-            refined_status=judge.refined_status(after, None),
-        )
-    return found
-
-
 class Confirmation(Selection):
     """Keeps what passes by simulation, as the search does by the turned-round records.
 
@@ -178,8 +216,8 @@ class Confirmation(Selection):
     settings : DiagnosisSettings
     named, rivals : sequence of Candidate
         Models that were named, and others.
-    zero_of : callable
-        From a fit of theirs to the zero of the motion's sensor.
+    zero_factor : float
+        Ratio of the zero of the motion's sensor to the zero of their fits.
     evaluations : int
         Of the error, at most, to fit one of them.
     """
@@ -191,13 +229,13 @@ class Confirmation(Selection):
         settings: DiagnosisSettings,
         named: Sequence[Candidate] = (),
         rivals: Sequence[Candidate] = (),
-        zero_of: Callable[[Fit], float] = lambda fit: fit.zero,
+        zero_factor: float = 1.0,
         evaluations: int = EVALUATIONS,
     ):
         super().__init__(experiment, base, settings, singles=[])
         self.named = named
         self.rivals = rivals
-        self.zero_of = zero_of
+        self.zero_factor = zero_factor
         self.evaluations = evaluations
 
     @cached_property
@@ -222,7 +260,7 @@ class Confirmation(Selection):
             structure = ForwardStructure(self.base.fit.structure.base, item.fit.structure.forms)
             if structure.forms and structure.forms not in known:
                 known.add(structure.forms)
-                start = item.fit.linear, item.fit.nonlinear, self.zero_of(item.fit)
+                start = item.fit.linear, item.fit.nonlinear, self.zero_factor * item.fit.zero
                 found = fit_by_simulation(self.experiment, structure, *start, self.evaluations)
                 if np.isfinite(found.score):
                     self.tried.append(found)
@@ -256,7 +294,7 @@ def refine_forward(
     NumericalError
         If an effect makes the model worse.
     """
-    experiment, base = prepare_with_base(records, settings)
+    experiment, base = _with_base(prepare_forward(records, settings), settings)
     model = base.fit.structure.base
     usable = forward_catalogue(effects, model, experiment.training)
     for name in effects:

@@ -31,7 +31,8 @@ from lumbar.tissue.diagnosis.selection.candidate import (
     unseen_improvement,
     with_forms,
 )
-from lumbar.tissue.diagnosis.selection.result import DiagnosisResult, Ranked, Status
+from lumbar.tissue.diagnosis.selection.result import Ranked, Status
+from lumbar.tissue.diagnosis.selection.state import DiagnosisState
 from lumbar.tissue.diagnosis.selection.thresholds import (
     BLIND,
     COMPLETE,
@@ -175,25 +176,10 @@ class Selection:
         self.tried = list(self.singles)
         self.contradicting: dict[Candidate, bool] = {}
 
-    def result(self) -> DiagnosisResult:
-        """Select effects and judge the selected model."""
-        path = list(self.selected_path)
-        model = path[-1] = self.settled(path[-1])
-        tied = self.ties(model)
-        share = self.share_removed(model)
-        status = self.status(model, tied, share)
-        further = self.further(model)
-        return DiagnosisResult(
-            experiment=self.experiment,
-            base=self.base,
-            status=status,
-            path=path,
-            tied_with=tied,
-            ranking=self.ranking(model),
-            explainable_share_removed=share,
-            refined_status=status if model is self.base else self.refined_status(model, further),
-            further=further,
-        )
+    def fitted_path(self) -> list[Candidate]:
+        """Select effects and return the path from the base to the model, its last fit continued to the optimum."""
+        *before, model = self.selected_path
+        return [*before, self.settled(model)]
 
     def polished(self, models: list[Candidate]) -> list[Candidate]:
         """Models, the best first, some with what their base holds fixed fitted anew; nothing is, along one axis."""
@@ -355,19 +341,67 @@ class Selection:
             return Status.UNEXPLAINED  # an effect of time or path is missing
         return Status.ADEQUATE if is_adequate(model, self.experiment, COMPLETE) else Status.UNEXPLAINED
 
-    def ranking(self, model: Candidate) -> list[Ranked]:
-        """The selected set first, then every other set tried, best first."""
-        sets = by_score(best_by_effect([*self.tried, *([model] if model is not self.base else [])]))
-        others = [item for item in sets if set(item.effects) != set(model.effects)]
+    def best_sets(self, model: Candidate) -> list[Candidate]:
+        """Return the selected set, then the other sets tried, best first."""
         chosen = [] if model is self.base else [model]
-        return [self.rank(item) for item in [*chosen, *others][:_SHOWN]]
+        sets = by_score(best_by_effect([*self.tried, *chosen]))
+        return [*chosen, *(item for item in sets if set(item.effects) != set(model.effects))][:_SHOWN]
 
-    def rank(self, candidate: Candidate) -> Ranked:
-        """A set of effects with its evidence."""
-        experiment = self.experiment
-        units = experiment.input_unit, experiment.output_unit
-        return Ranked(
-            candidate,
-            self.p_value(self.base, candidate),
-            estimates(candidate.fit, experiment.training, *units),
-        )
+    def ranking(self, model: Candidate) -> list[Ranked]:
+        """Return `best_sets` with p-values and parameters."""
+        training, units = self.experiment.training, (self.experiment.input_unit, self.experiment.output_unit)
+        return [
+            Ranked(item, self.p_value(self.base, item), estimates(item.fit, training, *units))
+            for item in self.best_sets(model)
+        ]
+
+
+def select_effects(state: DiagnosisState) -> DiagnosisState:
+    """Select the effects that the base lacks, by forward selection."""
+    return after_selection(state, Selection(state.experiment, state.base, state.settings))
+
+
+def after_selection(
+    state: DiagnosisState, selection: Selection, step: str = "select effects", **changes
+) -> DiagnosisState:
+    """Return the state with the path that a selection has found, and other changes."""
+    path = selection.fitted_path()
+    changes |= {
+        "experiment": selection.experiment,
+        "base": selection.base,
+        "selection": selection,
+        "path": path,
+    }
+    return state.next(step, _selection_reason(selection, path), **changes)
+
+
+def _selection_reason(selection: Selection, path: list[Candidate]) -> str:
+    """Say which effects were selected and how the error fell, or how near the best of them came."""
+    unit, base, model = selection.experiment.output_unit, path[0], path[-1]
+    if model.effects:
+        errors = f"from {base.test_rms:.4g} to {model.test_rms:.4g} {unit}"
+        return f"selected: {' and '.join(model.effects)}; the error on unseen records falls {errors}"
+    if not selection.tried:
+        return "no effect passes"
+    best = min(selection.tried, key=lambda item: item.score)
+    chance = f"p = {selection.p_value(base, best):.2g}, at most {LEVEL:g} is needed"
+    return f"no effect passes; the best, {' and '.join(best.effects)}, leaves {best.test_rms:.4g} {unit} unseen ({chance})"
+
+
+def find_ties(state: DiagnosisState) -> DiagnosisState:
+    """Compare the selected model with all other sets that were tried, and judge the base and the model."""
+    selection, model = state.selection, state.model
+    tied, share = selection.ties(model), selection.share_removed(model)
+    status, further = selection.status(model, tied, share), selection.further(model)
+    others = ", ".join(" and ".join(item.effects) for item in tied)
+    removed = f"{100 * share:.3g} % of what a model could explain is removed"
+    return state.next(
+        "find ties",
+        f"{removed}; as likely: {others}" if others else f"{removed}; no other set of effects is as likely",
+        status=status,
+        refined_status=status if model is selection.base else selection.refined_status(model, further),
+        tied_with=tied,
+        explainable_share_removed=share,
+        further=further,
+        ranking=selection.ranking(model),
+    )

@@ -9,13 +9,13 @@ import numpy as np
 from lumbar.base.errors import InputError, NumericalError
 from lumbar.records.record import Record
 from lumbar.tissue.diagnosis.finding import Finding
-from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings, prepare_for
+from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData
 from lumbar.tissue.diagnosis.fitting.joint_fit import Fit
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.fitting.uncertainty import check_excited, derived_estimates, estimates
+from lumbar.tissue.diagnosis.selection.base_choice import find_base
 from lumbar.tissue.diagnosis.selection.candidate import Candidate, is_adequate, with_forms
-from lumbar.tissue.diagnosis.selection.diagnose import choose_base
 from lumbar.tissue.diagnosis.selection.forward_selection import exchange, extend
 from lumbar.tissue.diagnosis.selection.result import (
     distinguishing_digits,
@@ -159,7 +159,7 @@ def refine(
         from lumbar.tissue.diagnosis.forward.forward_diagnosis import refine_forward
 
         return refine_forward(records, chosen, settings)
-    experiment = prepare_for(records, settings)
+    experiment = Experiment.from_records(records, settings)
     # Each effect with the forms that the records' channels allow.
     usable, left_out = usable_effects(chosen, experiment.training.motion.channels, experiment.training.scale)
     for name in chosen:
@@ -182,7 +182,7 @@ def _added_in_turn(
     experiment: Experiment, chosen: dict[str, Effect], base: str
 ) -> tuple[Experiment, list[Candidate]]:
     """Records from the tissue's surface on, and path of fitted models: base, base and first effect, …."""
-    experiment, first = choose_base(experiment, base, chosen)
+    experiment, first = find_base(experiment, base, chosen)
     return experiment, added_in_turn(experiment, first, chosen)
 
 

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from enum import StrEnum
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 from lumbar.base.yaml_file import shipped_yaml
 from lumbar.tissue.diagnosis.finding import Finding
@@ -40,6 +41,18 @@ class Status(StrEnum):
     """The selected effects cannot be distinguished from others on these records."""
     UNEXPLAINED = "unexplained"
     """Something is missing that the selected effects do not explain."""
+
+
+@dataclass(frozen=True)
+class Step:
+    """One step of a diagnosis."""
+
+    step: str
+    """Name, e.g. ``"choose the base"``."""
+    reason: str
+    """What it did or found, with numbers."""
+    status: Status | None
+    """Status of the base model after the step; None as long as no model was judged."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,10 +92,14 @@ class DiagnosisResult:
     """Forms that need channels which the records do not have, with these channels."""
     findings: tuple[Finding, ...] = ()
     """What is true of the records and is no physical effect."""
-    diagnosed_again: bool = True
-    """Whether a further effect was looked for beside those selected."""
+    is_searched_further: bool = True
+    """Whether a further effect was searched for in addition to those selected."""
     linear: Candidate | None = None
     """Linear dynamics of higher order that explain more than the refined model, as a base of their own."""
+    proposal: Any = None
+    """The search of a law for what the catalogue leaves (`law.proposal.Proposal`); None if none was made."""
+    steps: tuple[Step, ...] = ()
+    """Steps of the diagnosis in their order."""
 
     @property
     def model(self) -> Candidate:
@@ -105,6 +122,15 @@ class DiagnosisResult:
         """The finding that input and output, a sign or channels are the wrong way round; None where they are not."""
         wrong = ("direction", "sign", "force_channels")
         return next((item for item in self.findings if item.kind in wrong), None)
+
+    @property
+    def decided_by(self) -> Step | None:
+        """The step that set the status: the last one with another status than the step before it."""
+        decided, before = None, None
+        for step in self.steps:
+            if step.status != before:
+                decided, before = step, step.status
+        return decided
 
     @property
     def complete(self) -> bool | None:
@@ -156,6 +182,7 @@ class DiagnosisResult:
                 {"effect": form.effect, "form": form.name, "missing_channels": list(missing)}
                 for form, missing in self.not_tried
             ],
+            "steps": [asdict(item) for item in self.steps],
         }
 
 
@@ -242,6 +269,15 @@ def headline(result: DiagnosisResult) -> str:
         return f"{missing}."
     near = "a_little" if result.explainable_share_removed < EXPLAINS else "nearest"
     return missing + _SAID[near].format(named=named, s="s" * (len(result.selected) == 1), share=share)
+
+
+def explain(result: DiagnosisResult) -> list[str]:
+    """Return one line per step: its name, what it did or found, and which step decided the status."""
+    decided = result.decided_by
+    return [
+        f"{item.step}: {item.reason}" + (f" [decided: {item.status}]" if item is decided else "")
+        for item in result.steps
+    ]
 
 
 def error_falls(result: DiagnosisResult) -> str:
@@ -364,7 +400,7 @@ def what_is_left(result: DiagnosisResult) -> str:
     if floor is not None and is_adequate(model, result.experiment):
         return "What is left is noise as far as can be told."
     left = "something unexplained is left and " if result.refined_status == Status.UNEXPLAINED else ""
-    if not result.diagnosed_again:
+    if not result.is_searched_further:
         return f"{left}no further effect was looked for.".capitalize()
     return f"Diagnosed again, {left}none of the most promising further effects passes."
 

@@ -1,4 +1,4 @@
-"""Points of a static test, a table of position and force without a clock: which law of position alone a spring is missing."""
+"""Points of a static test, a table of position and force without a clock: which law of position only a spring is missing."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -17,10 +17,17 @@ from lumbar.tissue.diagnosis.fitting.preparation import (
     choose_training,
     put_together,
 )
+from lumbar.tissue.diagnosis.selection.alternatives import report_zeros
+from lumbar.tissue.diagnosis.selection.base_choice import at_surface, first_surface
 from lumbar.tissue.diagnosis.selection.candidate import Candidate, fit_base
-from lumbar.tissue.diagnosis.selection.findings import offsets
-from lumbar.tissue.diagnosis.selection.forward_selection import Selection, extend
-from lumbar.tissue.diagnosis.selection.result import DiagnosisResult, Status
+from lumbar.tissue.diagnosis.selection.forward_selection import (
+    Selection,
+    after_selection,
+    extend,
+    find_ties,
+)
+from lumbar.tissue.diagnosis.selection.result import Status
+from lumbar.tissue.diagnosis.selection.state import DiagnosisState
 from lumbar.tissue.diagnosis.selection.thresholds import UNSEEN
 from lumbar.tissue.effects.catalogue import with_forms_that
 from lumbar.tissue.models.bases import BASES, CHOSEN_BY_DATA, Base
@@ -33,47 +40,68 @@ _EVERY = 3
 _SPRINGS = ("LE", "LE-contact")
 
 
-Met = Callable[[Experiment], tuple[Experiment, Candidate] | None]
+def prepare_points(state: DiagnosisState) -> DiagnosisState:
+    """Prepare points in the order of their positions; one in three is unseen if there is no other table.
 
-
-def diagnose_points(
-    records: Sequence[Record], settings: DiagnosisSettings, met_at_surface: Met
-) -> DiagnosisResult:
-    """Diagnose which law of position alone a spring is missing.
-
-    Neither rates nor delays, relaxation, hysteresis or drift can be seen in points without a clock, nor faults of one: none of
-    them is looked for, and nothing is filtered. Points count in the order of their positions. `met_at_surface` fits a spring that
-    is met at a surface.
+    Rates, delays, relaxation, hysteresis and drift cannot be seen in points without a clock, nor faults of a clock: none of them
+    is searched, and nothing is filtered.
 
     Raises
     ------
     InputError
-        If tables with and without a clock are mixed, a table has few points, or the base is none of a static test.
+        If tables with and without a clock are mixed, a table has few points, or the base is not one of a static test.
     """
-    experiment = _prepare(records, settings)
-    scale = experiment.training.scale
-    catalogue = with_forms_that(settings.candidates, lambda form: form.is_static, scale)
-    settings = replace(settings, catalogue=catalogue, most_effects=1)
-    experiment, base = _spring(experiment, settings, met_at_surface)
-    found = _StaticSelection(experiment, base, settings).result()
-    if _bends(found.model, experiment):
-        # Neighbours err alike: the points lie on a curve that no law tried has.
-        found = replace(found, refined_status=Status.UNEXPLAINED)
-        if found.model is found.base:
-            found = replace(found, status=Status.UNEXPLAINED)
-    own = experiment.tests[0].name == experiment.training.records[0].name
-    unseen = f"One point in {_EVERY} was held back as unseen" if own else "Other tables are the unseen points"
+    experiment = experiment_of_points(state.records, state.settings)
+    catalogue = with_forms_that(
+        state.settings.candidates, lambda form: form.is_static, experiment.training.scale
+    )
+    is_held_back = experiment.tests[0].name == experiment.training.records[0].name
+    unseen = (
+        f"One point in {_EVERY} was held back as unseen"
+        if is_held_back
+        else "Other tables are the unseen points"
+    )
     count = sum(len(record) for record in experiment.records)
     sentence = (
         f"These {count} points have no clock and are treated as a static test: only laws of {experiment.input_quantity} were "
         f"tried, because rates, delays, relaxation, hysteresis, drift and faults of a clock cannot be seen in them. {unseen}; "
         "nothing was filtered."
     )
-    finding = Finding("static_points", sentence, float(count), "1")
-    return replace(found, findings=(finding, *offsets(found)))
+    return state.next(
+        "prepare points",
+        f"{count} points without a clock; {len(catalogue)} laws of position can be tried",
+        Finding("static_points", sentence, float(count), "1"),
+        experiment=experiment,
+        settings=replace(state.settings, catalogue=catalogue, most_effects=1),
+    )
 
 
-class _StaticSelection(Selection):
+def choose_spring(state: DiagnosisState) -> DiagnosisState:
+    """Choose the spring of the settings, or the likelier of a fastened one and one that is met at a surface."""
+    experiment, base = _spring(state.experiment, state.settings)
+    reason = f"{base.fit.structure.base.name}: error {base.test_rms:.4g} {experiment.output_unit} unseen"
+    return state.next("choose the base", reason, experiment=experiment, base=base, path=[base])
+
+
+def select_law(state: DiagnosisState) -> DiagnosisState:
+    """Select the law of position that the spring lacks."""
+    return after_selection(state, StaticSelection(state.experiment, state.base, state.settings))
+
+
+def check_curve(state: DiagnosisState) -> DiagnosisState:
+    """Check whether errors of neighbouring points are alike: then the points are on a curve that no law tried has."""
+    step = "check the curve"
+    if not errors_are_alike(state.model, state.experiment):
+        return state.next(step, "errors of neighbouring points differ as noise does")
+    status = state.status if state.selected else Status.UNEXPLAINED
+    reason = "errors of neighbouring points are alike: no law tried has this curve"
+    return state.next(step, reason, status=status, refined_status=Status.UNEXPLAINED)
+
+
+POINT_STEPS = (prepare_points, choose_spring, select_law, find_ties, check_curve, report_zeros)
+
+
+class StaticSelection(Selection):
     """A search whose false alarms are counted by the F test: simulated ones are of long records and of all effects."""
 
     def p_value(self, before: Candidate, after: Candidate) -> float:
@@ -84,7 +112,8 @@ class _StaticSelection(Selection):
         return float(min(1.0, self.forms * scipy.special.fdtrc(more, left, gained * left / more)))
 
 
-def _prepare(records: Sequence[Record], settings: DiagnosisSettings) -> Experiment:
+def experiment_of_points(records: Sequence[Record], settings: DiagnosisSettings) -> Experiment:
+    """Return points as training and unseen data, each in the order of the positions."""
     same_units(list(records))
     clocked = [record.name for record in records if not record.points]
     if clocked:
@@ -103,25 +132,24 @@ def _prepare(records: Sequence[Record], settings: DiagnosisSettings) -> Experime
             )
     chosen, others = choose_training(list(records), settings.train)
     check_unseen(chosen, others)
-    fitted, tests = list(map(_points, chosen)), list(map(_points, others))
+    fitted, tests = [_points(record) for record in chosen], [_points(record) for record in others]
     if not tests:
         tests = [_points(record, lambda number: number % _EVERY == 1) for record in chosen]
         fitted = [_points(record, lambda number: number % _EVERY != 1) for record in chosen]
     return put_together(chosen[0], fitted, tests, None, records=tuple(records), points=True).from_rest()
 
 
-def _points(record: Record, wanted=lambda number: number >= 0) -> FitData:
-    """Points in the order of their positions; of these, those whose numbers are wanted."""
+def _points(record: Record, wanted: Callable[[np.ndarray], np.ndarray] | None = None) -> FitData:
+    """Points in the order of their positions; only those with a number that is wanted, if that is given."""
     order = np.argsort(record["input"], kind="stable")
-    order = order[wanted(np.arange(len(order)))]
+    if wanted is not None:
+        order = order[wanted(np.arange(len(order)))]
     number = np.arange(float(len(order)))
     return FitData(record.name, Motion(number, record["input"][order], 1.0), record["output"][order])
 
 
-def _spring(
-    experiment: Experiment, settings: DiagnosisSettings, met_at_surface: Met
-) -> tuple[Experiment, Candidate]:
-    """The spring that is asked for, or the likelier one: met at a surface, if that beats every law beside the fastened one."""
+def _spring(experiment: Experiment, settings: DiagnosisSettings) -> tuple[Experiment, Candidate]:
+    """Fit the spring of the settings, or the likelier one: met at a surface, if that beats every law with the fastened one."""
     name = settings.base
     if isinstance(name, Base):
         if not name.form.is_static:
@@ -132,15 +160,17 @@ def _spring(
             f"base {name}: points of a static test have no clock, and a spring alone can be fitted to them: {', '.join(_SPRINGS)}"
         )
     fastened = fit_base(BASES["LE"], experiment)
-    met = None if name == "LE" else met_at_surface(experiment)
+    met = None
+    if name != "LE" and first_surface(experiment) is not None:
+        met = at_surface(experiment, ("LE-contact",))
     if met is None or name == "LE-contact":
         return met or (experiment, fastened)
     rivals = [fastened, *extend(fastened, settings.candidates, experiment)]
     return met if met[1].score < min(item.score for item in rivals) else (experiment, fastened)
 
 
-def _bends(model: Candidate, experiment: Experiment) -> bool:
-    """Whether errors of neighbouring points are surely alike (J. von Neumann, Ann. Math. Stat. 12 (1941) 367-395)."""
+def errors_are_alike(model: Candidate, experiment: Experiment) -> bool:
+    """Whether errors of neighbouring points are significantly alike (J. von Neumann, Ann. Math. Stat. 12 (1941) 367-395)."""
     parts = [*experiment.training.records, *experiment.tests]
     position = np.concatenate([part.motion.position for part in parts])
     errors = np.concatenate([model.fit.errors(part) for part in parts])[np.argsort(position, kind="stable")]

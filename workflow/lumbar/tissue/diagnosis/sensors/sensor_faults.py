@@ -241,3 +241,28 @@ def _repair(record: Record) -> tuple[Record, list[Finding]]:
             record = found.record
             findings += found.findings
     return record, findings
+
+
+_OF_STEP = {"position_noise": 1.0, "quantisation": 12**-0.5}
+"""RMS of the noise that a finding's value tells of."""
+
+
+def force_of_position_noise(
+    records: Sequence[Record], sound: Sequence[Record], faults: Sequence[Finding]
+) -> float:
+    """Largest RMS, over the records, of the force that position noise makes within the band, at the records' own stiffness.
+
+    The noise that was found, which is white, less what was taken off beyond the band.
+    """
+    largest = 0.0
+    for before, after in zip(records, sound, strict=True):
+        sizes = [
+            _OF_STEP[item.kind] * item.value
+            for item in faults
+            if item.record == before.name and item.kind in _OF_STEP
+        ]
+        if sizes and len(before) == len(after):
+            within = max(sizes) ** 2 - float(np.mean((before["input"] - after["input"]) ** 2))
+            stiffness = float(np.std(after["output"]) / np.std(after["input"]))
+            largest = max(largest, stiffness * float(np.sqrt(max(within, 0.0))))
+    return largest

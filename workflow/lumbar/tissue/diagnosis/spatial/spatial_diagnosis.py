@@ -1,15 +1,23 @@
-"""What a model of tissue in space is missing: from records of several axes to a result."""
+"""What a model of tissue in space is missing: steps of the diagnosis of records of several axes, and effects that are added."""
 
 from dataclasses import replace
+from functools import partial
 
 from lumbar.base.errors import InputError
 from lumbar.records.record import Record
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
+from lumbar.tissue.diagnosis.selection.base_choice import reweigh_errors
 from lumbar.tissue.diagnosis.selection.candidate import Candidate, with_forms
-from lumbar.tissue.diagnosis.selection.forward_selection import Selection, extend
+from lumbar.tissue.diagnosis.selection.forward_selection import (
+    Selection,
+    after_selection,
+    extend,
+    find_ties,
+)
 from lumbar.tissue.diagnosis.selection.refine import added_in_turn
-from lumbar.tissue.diagnosis.selection.result import DiagnosisResult, Status
+from lumbar.tissue.diagnosis.selection.result import Status
+from lumbar.tissue.diagnosis.selection.state import DiagnosisState
 from lumbar.tissue.diagnosis.selection.thresholds import TIED
 from lumbar.tissue.diagnosis.spatial.force_channels import exchanged_channels
 from lumbar.tissue.diagnosis.spatial.spatial_base import KINDS, choose_base, freed, held, likelier
@@ -26,28 +34,103 @@ _ROUNDS = 3
 """Times that base and axes are chosen anew beside the effects that were selected."""
 
 
-def diagnose(records: list[Record], settings: DiagnosisSettings) -> DiagnosisResult:
-    """Diagnose what a base is missing on records of several axes, as `lumbar.tissue.diagnosis.selection.diagnose`.
+def prepare_axes(state: DiagnosisState) -> DiagnosisState:
+    """Repair sensor faults and estimate the noise, axis by axis; leave out effects without a form in space.
 
     Raises
     ------
     InputError
-        For a base that is not one of `KINDS`, and as `prepare`.
+        As `prepare`.
     """
-    experiment = prepare(records, settings)
-    axes = records[0].axes
-    settings = replace(settings, catalogue=usable_in_space(settings.searched, axes, experiment))
+    experiment, axes = prepare(state.records, state.settings), state.records[0].axes
+    usable = usable_in_space(state.settings.searched, axes, experiment)
+    floor, unit = experiment.floor, experiment.output_unit
+    noise = f"{floor.rms:.3g} {unit} per axis" if floor else "unknown: no record repeats"
+    faults = (
+        ", ".join(f"{item.kind.replace('_', ' ')} in {item.record}" for item in experiment.faults) or "none"
+    )
+    return state.next(
+        "estimate the noise floor",
+        f"axes {', '.join(axes)}; noise {noise}; sensor faults: {faults}; {len(usable)} effects can be tried",
+        *experiment.faults,
+        prepared=experiment,
+        experiment=experiment,
+        settings=replace(state.settings, catalogue=usable),
+    )
+
+
+def check_channels(state: DiagnosisState) -> DiagnosisState:
+    """Stop if the channels of the force are exchanged: no effect is searched in such records.
+
+    Raises
+    ------
+    InputError
+        For a base that is not one of `KINDS`.
+    """
+    step, experiment, axes = "check channels", state.experiment, state.records[0].axes
+    kinds = _kinds(state.settings)
+    finding = exchanged_channels(experiment, axes, state.settings.layout)
+    if finding is None:
+        return state.next(step, "channels of force and position belong to the same axes")
+    base = choose_base(experiment, axes, kinds)
+    return state.next(
+        step,
+        "the channels of the force are not those of the axes of the position",
+        finding,
+        base=base,
+        path=[base],
+        status=Status.UNEXPLAINED,
+        refined_status=Status.UNEXPLAINED,
+        is_decided=True,
+    )
+
+
+def select_in_space(state: DiagnosisState) -> DiagnosisState:
+    """Choose base, symmetry and axes and select effects, until the effects no longer change what is chosen.
+
+    One effect at first: as long as the axes are wrong, a second one would be searched in vain.
+    """
+    experiment, settings, axes = state.experiment, state.settings, state.records[0].axes
     kinds = _kinds(settings)
-    exchanged = exchanged_channels(experiment, axes, settings.layout)
-    if exchanged is not None:
-        base, told = choose_base(experiment, axes, kinds), (*experiment.faults, exchanged)
-        return DiagnosisResult(
-            experiment, base, Status.UNEXPLAINED, [base], [], [], 0.0, Status.UNEXPLAINED, findings=told
-        )
-    result = _search(experiment, settings, axes, kinds)
-    if experiment.error_dwarfs_noise(result.model.train_rms):
-        result = _search(experiment.without_whitening(), settings, axes, kinds)
-    return replace(result, findings=(*experiment.faults, *spatial_findings(result, axes)))
+    base, singles = choose_base(experiment, axes, kinds), None
+    single_effect = replace(settings, most_effects=1)
+    for chosen in (single_effect, *[settings] * _ROUNDS):
+        selection = SpatialSelection(experiment, held(base, experiment), chosen, singles)
+        better = _better_base(selection.selected_path[-1], experiment, axes, kinds)
+        if better is not None:
+            base = better
+            singles = extend(base, settings.catalogue, experiment, most=_PROMISING)
+            continue
+        singles = selection.singles
+        if chosen is settings:
+            break
+    else:
+        selection = SpatialSelection(experiment, base, settings, singles)
+    return after_selection(state, selection, "choose the base and select effects")
+
+
+def free_axes(state: DiagnosisState) -> DiagnosisState:
+    """Fit the principal axes together with the other parameters."""
+    path = [freed(item, state.experiment) for item in state.path]
+    reason = f"error {path[-1].test_rms:.4g} {state.experiment.output_unit} unseen with the axes fitted too"
+    return state.next("fit the axes", reason, base=path[0], path=path)
+
+
+def report_mounting(state: DiagnosisState) -> DiagnosisState:
+    """Report how the force sensor is mounted, and directions that the training record hardly excites."""
+    findings = spatial_findings(state, state.records[0].axes)
+    kinds = ", ".join(item.kind.replace("_", " ") for item in findings)
+    return state.next("report mounting and excitation", kinds or "nothing to report", *findings)
+
+
+SEARCH_IN_SPACE = (select_in_space, find_ties, free_axes)
+SPATIAL_STEPS = (
+    prepare_axes,
+    check_channels,
+    *SEARCH_IN_SPACE,
+    partial(reweigh_errors, search=SEARCH_IN_SPACE),
+    report_mounting,
+)
 
 
 def refine(
@@ -98,32 +181,6 @@ def _kinds(settings: DiagnosisSettings) -> tuple[str, ...]:
     raise InputError(f"improvement.base: {name} has no form in space; there are auto, {', '.join(KINDS)}")
 
 
-def _search(
-    experiment: Experiment, settings: DiagnosisSettings, axes: tuple[str, ...], kinds: tuple[str, ...]
-) -> DiagnosisResult:
-    """Choose base, symmetry and axes and select effects, until the effects no longer change what is chosen.
-
-    One effect at first: beside axes that are not right yet a second one would be looked for in vain.
-    """
-    base, singles = choose_base(experiment, axes, kinds), None
-    alone = replace(settings, most_effects=1)
-    for chosen in (alone, *[settings] * _ROUNDS):
-        selection = _Selection(experiment, held(base, experiment), chosen, singles)
-        better = _better_base(selection.selected_path[-1], experiment, axes, kinds)
-        if better is not None:
-            base = better
-            singles = extend(base, settings.catalogue, experiment, most=_PROMISING)
-            continue
-        singles = selection.singles
-        if chosen is settings:
-            break
-    else:
-        selection = _Selection(experiment, base, settings, singles)
-    found = selection.result()
-    path = [freed(item, experiment) for item in found.path]
-    return replace(found, base=path[0], path=path)
-
-
 def _better_base(
     model: Candidate, experiment: Experiment, axes: tuple[str, ...], kinds: tuple[str, ...]
 ) -> Candidate | None:
@@ -142,7 +199,7 @@ def _better_base(
     return held(replace(best, fit=with_forms(best.fit, ())), experiment)
 
 
-class _Selection(Selection):
+class SpatialSelection(Selection):
     """A search with the principal axes where they are, which pairs of effects have fitted anew."""
 
     def polished(self, models: list[Candidate]) -> list[Candidate]:

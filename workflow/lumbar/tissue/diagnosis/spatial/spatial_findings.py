@@ -6,7 +6,7 @@ from lumbar.tissue.diagnosis.finding import Finding
 from lumbar.tissue.diagnosis.fitting.joint_fit import Fit, fit_base
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.fitting.uncertainty import estimates, scaled_covariance
-from lumbar.tissue.diagnosis.selection.findings import position_offset
+from lumbar.tissue.diagnosis.selection.alternatives import position_offset
 from lumbar.tissue.diagnosis.selection.result import (
     DiagnosisResult,
     Status,
@@ -15,6 +15,7 @@ from lumbar.tissue.diagnosis.selection.result import (
     error_falls,
     headline,
 )
+from lumbar.tissue.diagnosis.selection.state import DiagnosisState
 from lumbar.tissue.diagnosis.spatial.location_in_space import in_words, upward
 from lumbar.tissue.models.bases import BASES
 from lumbar.tissue.models.space import matrices_of, symmetric_base
@@ -49,12 +50,12 @@ def headline_in_space(result: DiagnosisResult) -> str:
     return f"{missing} {told}: with {'both' if tissue else 'it'} {fall}.{beside}"
 
 
-def spatial_findings(result: DiagnosisResult, axes: tuple[str, ...]) -> list[Finding]:
+def spatial_findings(state: DiagnosisState, axes: tuple[str, ...]) -> list[Finding]:
     """Findings of the force sensor, and of directions that the training record hardly excites."""
-    experiment, fit = result.experiment, result.model.fit
+    experiment, fit = state.experiment, state.model.fit
     known = estimates(fit, experiment.training, experiment.input_unit, experiment.output_unit)
     found = []
-    named = result.selected if result.status in NAMED else ()
+    named = state.selected if state.status in NAMED else ()
     if "turned_frame" in named:
         found.append(_turned([item for item in known if item.effect == "turned_frame"], axes))
     if "crosstalk" in named:

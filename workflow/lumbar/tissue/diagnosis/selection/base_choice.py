@@ -1,0 +1,208 @@
+"""The base that the records require: chosen before effects are known, and reconsidered with them."""
+
+import numpy as np
+import scipy
+
+from lumbar.tissue.diagnosis.fitting.joint_fit import fit
+from lumbar.tissue.diagnosis.fitting.preparation import Experiment
+from lumbar.tissue.diagnosis.selection.candidate import (
+    Candidate,
+    best_by_effect,
+    exchange_base,
+    fit_base,
+    is_adequate,
+    is_worthwhile,
+    refit,
+)
+from lumbar.tissue.diagnosis.selection.forward_selection import extend, select_effects
+from lumbar.tissue.diagnosis.selection.state import DiagnosisState, run
+from lumbar.tissue.diagnosis.selection.thresholds import TIED
+from lumbar.tissue.models.bases import BASES, CHOSEN_BY_DATA, Base
+from lumbar.tissue.models.form import Effect
+
+TISSUE_BASES = ("KB", "KV", "Maxwell", "LE")
+"""Bases of a fastened tool that are tried."""
+CONTACT_BASES = ("KB-contact", "KV-contact", "LE-contact")
+"""Bases of a tool that is not fastened to the tissue."""
+_SURFACES = 40
+"""Depths at which the surface is looked for."""
+_SEARCHED = 0.06
+"""Share of the range about the first surface in which the best one is sought."""
+_SPRINGS = 0.9
+"""Squared error of a spring that is met, in those of a fastened one, up to which contact is tried."""
+_WITH_EFFECT = 3
+"""Effects, those with the best screening, with which the surface is sought again."""
+_LEAST_SHARE = 0.03
+"""Share of the samples that must lie above the surface."""
+_FLAT = 0.1
+"""Spread of the force above the surface, in those of the whole record, up to which nothing is touched there."""
+
+
+def choose_base(state: DiagnosisState) -> DiagnosisState:
+    """Choose the base that the settings name, or the one that explains all records best."""
+    experiment, base = find_base(state.experiment, state.settings.base, state.settings.candidates)
+    unit, name = experiment.output_unit, base.fit.structure.base.name
+    reason = f"{name}: error {base.train_rms:.4g} {unit} in training, {base.test_rms:.4g} {unit} unseen"
+    return state.next("choose the base", reason, experiment=experiment, base=base, path=[base])
+
+
+def reconsider_base(state: DiagnosisState) -> DiagnosisState:
+    """Choose the base again, with the selected effects; if another one is better, select effects again."""
+    step = "reconsider the base"
+    if state.settings.base != CHOSEN_BY_DATA or not state.selected:
+        return state.next(step, "not needed: the base is given, or no effect was selected")
+    other = better_base(state.model, state.experiment)
+    if other is None:
+        return state.next(step, "no other base explains the records better with the selected effects")
+    experiment, base = find_base(state.experiment, other, state.settings.candidates)
+    reason = f"{other} explains the records better with {' and '.join(state.selected)}"
+    return select_effects(state.next(step, reason, experiment=experiment, base=base, path=[base]))
+
+
+SEARCH = (choose_base, select_effects, reconsider_base)
+"""Steps from prepared records to the selected model."""
+
+
+def reweigh_errors(state: DiagnosisState, search: tuple = SEARCH) -> DiagnosisState:
+    """Repeat a search without whitening if the model's error is far above the noise."""
+    step, rms = "weigh errors", f"{state.model.train_rms:.4g} {state.experiment.output_unit}"
+    if not state.prepared.error_dwarfs_noise(state.model.train_rms):
+        return state.next(step, f"not needed: {rms} is near the noise, or that is white or unknown")
+    reason = f"{rms} is far above the noise: its colour is ignored, and base and effects are searched again"
+    again = state.next(step, reason, experiment=state.prepared.without_whitening(), status=None)
+    return run(search, again)
+
+
+def find_base(
+    experiment: Experiment, name: str | Base, catalogue: dict[str, Effect]
+) -> tuple[Experiment, Candidate]:
+    """Fit the base that is named, or the one that the data ask for.
+
+    By the likelihood of all records and the number of parameters. A base with contact must beat a fastened one with any
+    single effect: one that likewise loses the tissue, or one that clips the force.
+
+    `name` is a key of `lumbar.tissue.models.bases.BASES`, a base of one's own, or `CHOSEN_BY_DATA`. The experiment's
+    positions are counted from the tissue's surface where the base is one with contact.
+    """
+    # Surfaces are positions as recorded, also where a base is chosen again.
+    experiment = experiment.with_origin(experiment.rest[0])
+    if isinstance(name, Base):
+        return experiment, fit_base(name, experiment)
+    if name != CHOSEN_BY_DATA:
+        if BASES[name].contact:
+            return _surface_of_refined(*at_surface(experiment, (name,)), catalogue)
+        return experiment, fit_base(BASES[name], experiment)
+    fastened = min((fit_base(BASES[base], experiment) for base in TISSUE_BASES), key=lambda item: item.score)
+    if not _springs_show_contact(experiment):
+        return experiment, fastened
+    rivals = [fastened, *extend(fastened, catalogue, experiment)]
+    if any(is_adequate(item, experiment) for item in rivals):
+        return experiment, fastened
+    from_surface, touching = at_surface(experiment, CONTACT_BASES)
+    from_surface, touching = _surface_of_refined(from_surface, touching, catalogue)
+    if touching.score < min(item.score for item in rivals):
+        return from_surface, touching
+    return experiment, fastened
+
+
+def _springs_show_contact(experiment: Experiment) -> bool:
+    """Whether a spring that is met at a surface leaves less than a fastened one, by more than a clipped response would."""
+    surface = first_surface(experiment)
+    if surface is None:
+        return False
+    fastened, touched = (
+        fit_base(BASES["LE"], experiment),
+        fit_base(BASES["LE-contact"], experiment.with_origin(surface)),
+    )
+    return touched.fit.squared_error < _SPRINGS * fastened.fit.squared_error
+
+
+def better_base(model: Candidate, experiment: Experiment) -> str | None:
+    """Name of the base that surely explains all records better with the same effects; None where there is none.
+
+    What a model lacks may have passed for a Maxwell branch as long as it was lacking. A base without fewer parameters
+    must be worth them as a further effect must: a branch can take up a little of any model's error, and its spring then tells on
+    the other parameters (a mass m beside a dashpot b is m + bτ beside a branch).
+    """
+    mine = model.fit.structure.base
+    bases = [BASES[name] for name in (CONTACT_BASES if mine.contact else TISSUE_BASES) if name != mine.name]
+    bare = fit_base(mine, experiment)
+    better = [
+        item
+        for item in (exchange_base(model, base, experiment) for base in bases)
+        if item.score < model.score - TIED
+        and (item.parameters < model.parameters or is_worthwhile(bare, model, item, experiment))
+    ]
+    best = min(better, key=lambda item: item.score, default=None)
+    return best and best.fit.structure.base.name
+
+
+def first_surface(experiment: Experiment) -> float | None:
+    """Position from which on a spring explains the training record best, or None where nothing is flat above it."""
+    training = experiment.training
+    position, force = (training.trim(item) for item in (training.motion.position, training.force))
+    reach = np.ptp(position)
+    if reach == 0:
+        return None
+    trials = position.min() + reach * np.linspace(0.02, 0.8, _SURFACES)
+    ones = np.ones(len(position))
+
+    def left(surface: float) -> float:
+        columns = np.column_stack([ones, np.maximum(position - surface, 0.0)])
+        solution, *_ = np.linalg.lstsq(columns, force, rcond=None)
+        return float(np.sum((columns @ solution - force) ** 2)) if solution[1] > 0 else np.inf
+
+    errors = [left(surface) for surface in trials]
+    if not np.isfinite(min(errors)):
+        return None
+    surface = float(trials[int(np.argmin(errors))])
+    above = position < surface - 0.02 * reach
+    if np.mean(above) < _LEAST_SHARE or np.std(force[above]) > _FLAT * np.std(force):
+        return None
+    return surface
+
+
+def at_surface(experiment: Experiment, names: tuple[str, ...]) -> tuple[Experiment, Candidate]:
+    """Find the surface of the tissue, and the best of several bases with contact from there."""
+    start = first_surface(experiment)
+    if start is None:
+        start = float(experiment.training.motion.position.min())
+    first = experiment.with_origin(start)
+    best = min((fit_base(BASES[name], first) for name in names), key=lambda item: item.fit.squared_error)
+    experiment, best = with_surface(experiment, best, start)
+    found = [fit_base(BASES[name], experiment) for name in names if name != best.fit.structure.base.name]
+    return experiment, min([best, *found], key=lambda item: item.score)
+
+
+def _surface_of_refined(
+    experiment: Experiment, base: Candidate, catalogue: dict[str, Effect]
+) -> tuple[Experiment, Candidate]:
+    """Surface that fits best with the best single effect: what the base lacks moves it."""
+    singles = best_by_effect(extend(base, catalogue, experiment, most=_WITH_EFFECT, all_forms=False))
+    refined = [with_surface(experiment, item, experiment.surface) for item in singles[:_WITH_EFFECT]]
+    refined = [pair for pair in refined if pair[1].score < base.score - TIED]
+    if not refined:
+        return experiment, base
+    moved, _ = min(refined, key=lambda pair: pair[1].score)
+    return moved, refit(base.fit.structure, base.fit.nonlinear, moved)
+
+
+def with_surface(experiment: Experiment, model: Candidate, start: float) -> tuple[Experiment, Candidate]:
+    """Refit a model with contact together with the position of the surface.
+
+    Brent's bounded method on the error that is left at each surface, the model's parameters fitted anew.
+    """
+    reach = _SEARCHED * float(np.ptp(experiment.training.motion.position))
+
+    def squared_error(surface: float) -> float:
+        training = experiment.with_origin(surface).training
+        return fit(model.fit.structure, training, model.fit.nonlinear).squared_error
+
+    found = scipy.optimize.minimize_scalar(
+        squared_error,
+        bounds=(start - reach, start + reach),
+        method="bounded",
+        options={"xatol": 1e-3 * reach},
+    )
+    moved = experiment.with_origin(float(found.x))
+    return moved, refit(model.fit.structure, model.fit.nonlinear, moved)
