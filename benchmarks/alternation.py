@@ -17,9 +17,9 @@ import pandas as pd
 
 from lumbar.base.errors import NumericalError
 from lumbar.base.files import read_json, write_csv
-from lumbar.lifting.stability.comparison.percent_differences import percent_differences
-from lumbar.lifting.stability.model.eq_4_2_regulator import ClosedLoops, close_loops
-from lumbar.lifting.stability.model.trajectories import PLANES, THESIS, LiftStates, Trajectory
+from lumbar.lifting.stability.comparison.percent_differences import comparisons_of, percent_differences
+from lumbar.lifting.stability.model.eqs_4_1_to_4_4_closed_loop import ClosedLoops, close_loops
+from lumbar.lifting.stability.model.pendulum_trajectories import PLANES, THESIS, LiftStates, Trajectory
 from lumbar.lifting.stability.programme.eqs_4_5_to_4_7_alternation import (
     ACCURACY,
     DEGREE,
@@ -32,8 +32,7 @@ from lumbar.lifting.stability.programme.eqs_4_5_to_4_7_in_cvxpy import (
     s_procedure,
     unknown,
 )
-from lumbar.lifting.stability.programme.polynomials import monomials
-from lumbar.lifting.stability.programme.sum_of_squares import Certificate
+from lumbar.lifting.stability.programme.sum_of_squares import Certificate, monomials
 from lumbar.settings.stability import StabilitySettings
 
 PROJECT = Path(__file__).resolve().parents[1]
@@ -84,7 +83,8 @@ def differences(items: list[Trajectory], areas: np.ndarray) -> np.ndarray:
     frame = pd.DataFrame([vars(item) for item in items])[
         ["subject", "experience", "box_mass_kg", "com", "plane"]
     ]
-    rows = percent_differences(frame.assign(mean_area=areas), "mean_area", frame)
+    comparisons = comparisons_of(list(zip(frame["experience"], frame["box_mass_kg"], strict=True)))
+    rows = percent_differences(frame.assign(mean_area=areas), "mean_area", comparisons)
     return np.array([row[plane] for row in rows for plane in PLANES])
 
 

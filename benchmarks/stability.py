@@ -25,8 +25,8 @@ from lumbar.lifting.stability.funnel.exact_funnel import exact_funnels, funnel_v
 from lumbar.lifting.stability.funnel.interval_proof import proved_share
 from lumbar.lifting.stability.funnel.lyapunov_family import best_of_family
 from lumbar.lifting.stability.funnel.monte_carlo_check import monte_carlo_check
-from lumbar.lifting.stability.model.eq_4_2_regulator import close_loops
-from lumbar.lifting.stability.model.trajectories import trajectories_of_lift
+from lumbar.lifting.stability.model.eqs_4_1_to_4_4_closed_loop import close_loops
+from lumbar.lifting.stability.model.pendulum_trajectories import trajectories_of_lift
 from lumbar.settings.stability import StabilitySettings
 
 ROWS: list[dict] = []

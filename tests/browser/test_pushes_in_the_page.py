@@ -10,9 +10,9 @@ from lumbar.interface.lift_page import lift_page
 from lumbar.lifting.stability.funnel import monte_carlo_check
 from lumbar.lifting.stability.funnel.exact_funnel import exact_funnels
 from lumbar.lifting.stability.funnel.monte_carlo_check import preimage, simulate
-from lumbar.lifting.stability.model.eq_4_2_regulator import close_loops
+from lumbar.lifting.stability.model.eqs_4_1_to_4_4_closed_loop import close_loops
+from lumbar.lifting.stability.model.pendulum_trajectories import LiftStates, headline
 from lumbar.lifting.stability.model.torque_limits import reference_of, torque_range
-from lumbar.lifting.stability.model.trajectories import LiftStates, headline
 from lumbar.settings.stability import StabilitySettings
 
 pytestmark = pytest.mark.nightly

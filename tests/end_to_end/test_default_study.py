@@ -150,7 +150,9 @@ def test_a_subjects_mass_reruns_only_what_depends_on_it(folder):
 
 
 def test_editing_a_library_module_reruns_what_uses_it(folder):
-    path = folder / "workflow" / "lumbar" / "lifting" / "stability" / "model" / "eq_4_2_regulator.py"
+    path = (
+        folder / "workflow" / "lumbar" / "lifting" / "stability" / "model" / "eqs_4_1_to_4_4_closed_loop.py"
+    )
     before = path.read_text(encoding="utf-8")
     path.write_text(before + "\n# a change\n", encoding="utf-8")
     try:

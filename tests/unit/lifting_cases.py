@@ -5,10 +5,9 @@ from dataclasses import replace
 import numpy as np
 
 from lumbar.interface.lift import Lift
-from lumbar.lifting.movement.lift import analyse_lift
-from lumbar.lifting.stability.model.eq_4_1_pendulum import Pendulums, gather
-from lumbar.lifting.stability.model.eq_4_2_regulator import Weights
-from lumbar.lifting.stability.model.trajectories import Trajectory
+from lumbar.lifting.movement.lift_analysis import analyse_lift
+from lumbar.lifting.stability.model.eqs_4_1_to_4_4_closed_loop import Pendulums, Weights, gather
+from lumbar.lifting.stability.model.pendulum_trajectories import Trajectory
 from lumbar.records.markers import MarkerRecording
 from lumbar.settings.lifting import LiftingSettings
 from lumbar.settings.stability import RegulatorSettings

@@ -13,16 +13,17 @@ def main(input, output, settings: StabilitySettings, labels: dict[str, str], sou
 
     from lumbar.base.files import read_json, write_csv
     from lumbar.lifting.stability.basins import DTYPES, areas_table
-    from lumbar.lifting.stability.comparison.decomposition import decomposition_table
-    from lumbar.lifting.stability.comparison.percent_differences import Study
+    from lumbar.lifting.stability.comparison.changed_pendulums import decomposition_table
+    from lumbar.lifting.stability.comparison.percent_differences import ComparedLifts
     from lumbar.lifting.stability.comparison.table_4_1 import alternations_table, tables_4_1
-    from lumbar.lifting.stability.model.failures import (
+    from lumbar.lifting.stability.model.pendulum_trajectories import (
+        THESIS,
+        LiftStates,
         announcement,
         failures_frame,
         failures_table,
         join_rows,
     )
-    from lumbar.lifting.stability.model.trajectories import THESIS, LiftStates
     from lumbar.lifting.stability.programme.eqs_4_5_to_4_7_in_cvxpy import cross_check
 
     facts = [read_json(path) for path in input.facts]
@@ -37,18 +38,19 @@ def main(input, output, settings: StabilitySettings, labels: dict[str, str], sou
         for name in ("boa", "failures")
     )
     boa, failures = (frame.assign(experience=frame["subject"].map(labels)) for frame in (boa, failures))
-    study = Study(lifts, boa, settings, pd.read_csv(input.published), source_label)
+    study = ComparedLifts(lifts, boa, settings, pd.read_csv(input.published), source_label)
     boa, disagreements = cross_check(boa, study.trajectories(convention=THESIS), settings)
     failures = join_rows([failures, failures_frame(disagreements)])
     parts, without = decomposition_table(study)
     failures = join_rows([failures, failures_frame(without)])
-    table, controls, failures = tables_4_1(study, parts.frame, failures)
+    tables = tables_4_1(study, parts.frame, failures)
+    failures = tables.missing
     if "thesis_method" in settings.checks:
         alternations_table(study).write(stem(output.table_4_1_alternations))
     write_csv(output.boa, boa)
     write_csv(output.failures, failures)
-    table.write(stem(output.table_4_1))
-    controls.write(stem(output.table_4_1_controls))
+    tables.table.write(stem(output.table_4_1))
+    tables.controls.write(stem(output.table_4_1_controls))
     parts.write(stem(output.table_4_1_parts))
     areas_table(boa, settings, source_label).write(stem(output.basin_areas))
     failures_table(failures, source_label).write(stem(output.missing_basins))
@@ -63,7 +65,7 @@ def _draw(
     """Choose the lift shown, read its funnels, draw."""
     import pandas as pd
 
-    from lumbar.lifting.stability.model.trajectories import trajectories_of_lift
+    from lumbar.lifting.stability.model.pendulum_trajectories import trajectories_of_lift
     from lumbar.publishing.figures.stability_figures import (
         comparison_figure,
         figure_4_3,

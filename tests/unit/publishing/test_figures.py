@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from periodic_records import STEP, noise, noisy_record, record, relaxing_force
 
-from lumbar.lifting.movement import lift as lifting
+from lumbar.lifting.movement import lift_analysis as lifting
 from lumbar.lifting.movement import lift_tables
 from lumbar.publishing.figures.comparison_figures import comparison_figure, default_segment
 from lumbar.publishing.figures.lifting_figures import events_figure, pendulum_figure, segments_figure

@@ -72,7 +72,7 @@ def _closing(found: Lift, output: Path) -> list[str]:
 def run_basin(options) -> None:
     """Compute and check the basins, write areas and funnels, and end with an error if a basin is missing."""
     from lumbar.interface.lift_basins import basins
-    from lumbar.lifting.stability.model.failures import announcement
+    from lumbar.lifting.stability.model.pendulum_trajectories import announcement
 
     settings = given_settings(options)
     facts = read_json(options.facts) if options.facts else None

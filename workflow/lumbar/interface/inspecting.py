@@ -12,7 +12,7 @@ from lumbar.base.errors import InputError, NumericalError
 from lumbar.base.files import replacing
 from lumbar.interface.lift import Lift, lift
 from lumbar.interface.reading import read
-from lumbar.lifting.movement.lift import NEW_STUDY, analyse_lift
+from lumbar.lifting.movement.lift_analysis import NEW_STUDY, analyse_lift
 from lumbar.lifting.movement.rigid_filling import BodyFilling
 from lumbar.lifting.quality.body import THIGH, find_body_axes, landmarks
 from lumbar.lifting.quality.gate import usable_markers

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from lumbar.base.errors import InputError
 from lumbar.interface.verb import Result, data_label
-from lumbar.lifting.movement import lift as lifting
+from lumbar.lifting.movement import lift_analysis as lifting
 from lumbar.lifting.movement import lift_tables
 from lumbar.lifting.movement.event_detection import several_lifts
 from lumbar.lifting.movement.events import comparison, event_sources

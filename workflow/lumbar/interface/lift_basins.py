@@ -14,8 +14,14 @@ from lumbar.base.files import read_json
 from lumbar.interface.lift import Lift
 from lumbar.interface.verb import NOT_SAID, Result, read_table
 from lumbar.lifting.stability.basins import LiftBasins, basins_of_lift
-from lumbar.lifting.stability.model.failures import failures_frame
-from lumbar.lifting.stability.model.trajectories import THESIS, Failure, LiftStates, Trajectory, headline
+from lumbar.lifting.stability.model.pendulum_trajectories import (
+    THESIS,
+    Failure,
+    LiftStates,
+    Trajectory,
+    failures_frame,
+    headline,
+)
 from lumbar.settings.section import SEED
 from lumbar.settings.stability import StabilitySettings
 

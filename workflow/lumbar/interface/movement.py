@@ -200,9 +200,12 @@ def measure_person(
 def _basin_areas(lifts: Mapping[str, Lift], settings: StabilitySettings) -> pd.DataFrame:
     """Average cross-sections of the basins (exact method) of some lifts, with both signs of gravity."""
     from lumbar.lifting.stability.funnel.exact_funnel import exact_funnels
-    from lumbar.lifting.stability.model.eq_4_2_regulator import close_loops
-    from lumbar.lifting.stability.model.failures import compute_together
-    from lumbar.lifting.stability.model.trajectories import Trajectory, trajectories_of_lift
+    from lumbar.lifting.stability.model.eqs_4_1_to_4_4_closed_loop import close_loops
+    from lumbar.lifting.stability.model.pendulum_trajectories import (
+        Trajectory,
+        compute_together,
+        trajectories_of_lift,
+    )
 
     sound: list[tuple[str, Trajectory]] = []
     rows: list[tuple] = []
@@ -236,7 +239,7 @@ def _basin_areas(lifts: Mapping[str, Lift], settings: StabilitySettings) -> pd.D
 
 def _unmeasured(reason: str) -> pd.DataFrame:
     """Rows of all measures of a lift that could not be analysed."""
-    from lumbar.lifting.stability.model.trajectories import COMS, PLANES
+    from lumbar.lifting.stability.model.pendulum_trajectories import COMS, PLANES
 
     rows = [
         (measure.name, plane, measure.unit, measure.safer, measure.source)

@@ -6,7 +6,7 @@ import pytest
 
 import lumbar
 from lumbar.base.errors import InputError
-from lumbar.lifting.movement.lift import analyse_lift
+from lumbar.lifting.movement.lift_analysis import analyse_lift
 from lumbar.lifting.movement.lift_tables import summary
 from lumbar.records.markers import read_markers
 from lumbar.settings.layout import MarkerLayout

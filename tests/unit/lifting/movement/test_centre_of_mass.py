@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 from lumbar.base.errors import InputError
 from lumbar.lifting.movement.centre_of_mass import (
     COMS,
+    DE_LEVA,
     DUMAS,
     WINTER,
     absent_segments,
@@ -35,8 +36,6 @@ from lumbar.lifting.movement.joint_centres import (
 from lumbar.records.markers import MarkerRecording, read_markers
 from lumbar.settings.layout import MarkerLayout
 from lumbar.settings.lifting import ALIASES
-
-DE_LEVA = {sex: segment_table("de_leva", sex) for sex in ("female", "male")}
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,7 @@ from scipy.signal import sosfilt, sosfiltfilt, sosfreqz
 
 from lumbar.base.errors import InputError
 from lumbar.lifting.movement.cleaning import (
+    ISLAND,
     clean,
     derivative,
     dual_pass_sections,
@@ -16,7 +17,6 @@ from lumbar.lifting.movement.cleaning import (
     low_pass,
     shortest_stretch,
 )
-from lumbar.lifting.movement.gaps import ISLAND
 from lumbar.records.markers import MarkerRecording
 from lumbar.settings.lifting import LiftingSettings
 from refusing import refusal
@@ -141,8 +141,8 @@ def with_an_island(recording, marker):
 
 def test_an_island_between_gaps_that_stay_is_left_out():
     recording = standing_up()
-    smooth, complete, gaps = clean(with_an_island(recording, "HEAD"), SETTINGS)
-    assert np.isnan(complete["HEAD"][ISLAND_FRAMES]).all()
-    assert np.flatnonzero(np.isnan(smooth["HEAD"][:, 0])).tolist() == list(range(60, 160))
-    assert [(gap.first_frame, gap.n_frames) for gap in gaps if gap.outcome == ISLAND] == [(100, 10)]
-    np.testing.assert_array_equal(smooth["C7"], low_pass(recording["C7"], 100.0))
+    cleaned = clean(with_an_island(recording, "HEAD"), SETTINGS)
+    assert np.isnan(cleaned.complete["HEAD"][ISLAND_FRAMES]).all()
+    assert np.flatnonzero(np.isnan(cleaned.smooth["HEAD"][:, 0])).tolist() == list(range(60, 160))
+    assert [(gap.first_frame, gap.n_frames) for gap in cleaned.gaps if gap.outcome == ISLAND] == [(100, 10)]
+    np.testing.assert_array_equal(cleaned.smooth["C7"], low_pass(recording["C7"], 100.0))

@@ -9,7 +9,7 @@ import pytest
 from lumbar.base.errors import InputError, NumericalError
 from lumbar.interface.lift import lift
 from lumbar.lifting.movement.joint_centres import trunk_points
-from lumbar.lifting.movement.lift import analyse_lift
+from lumbar.lifting.movement.lift_analysis import analyse_lift
 from lumbar.lifting.movement.lift_tables import states_frame, summary
 from lumbar.lifting.movement.pendulum_states import (
     THESIS_CHOICE,
@@ -17,7 +17,7 @@ from lumbar.lifting.movement.pendulum_states import (
     pivot_trajectory,
     turn,
 )
-from lumbar.lifting.stability.model.trajectories import own_choice
+from lumbar.lifting.stability.model.pendulum_trajectories import own_choice
 from lumbar.records.markers import MarkerRecording, read_markers
 from lumbar.settings.lifting import LiftingSettings
 from lumbar.twin.examples import example_lift

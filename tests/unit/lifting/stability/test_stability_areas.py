@@ -9,11 +9,11 @@ from lifting_cases import minimum_jerk
 
 from lumbar.base.errors import InputError
 from lumbar.lifting.stability.basins import CHECK_COLUMNS, areas_table, basins_of_lift, boa_columns
-from lumbar.lifting.stability.comparison.percent_differences import percent_differences
-from lumbar.lifting.stability.comparison.table_4_1_controls import varied_areas
+from lumbar.lifting.stability.comparison.changed_pendulums import varied_areas
+from lumbar.lifting.stability.comparison.percent_differences import comparisons_of, percent_differences
 from lumbar.lifting.stability.funnel.exact_funnel import exact_funnels
-from lumbar.lifting.stability.model.eq_4_2_regulator import close_loops
-from lumbar.lifting.stability.model.trajectories import (
+from lumbar.lifting.stability.model.eqs_4_1_to_4_4_closed_loop import close_loops
+from lumbar.lifting.stability.model.pendulum_trajectories import (
     COMS,
     PLANES,
     find_problems,
@@ -205,14 +205,10 @@ def rows_of(values):
     )
 
 
-def differences(values):
-    areas = rows_of(values)
-    return percent_differences(areas, "mean_area", areas)
-
-
 def test_percent_differences_by_hand():
     areas = {("expert", 23.0): 2.2, ("expert", 15.0): 2.75, ("novice", 23.0): 2.0, ("novice", 15.0): 1.0}
-    rows = {row["comparison"]: row for row in differences(areas)}
+    found = percent_differences(rows_of(areas), "mean_area", comparisons_of(list(areas)))
+    rows = {row["comparison"]: row for row in found}
     assert rows["expert_vs_novice"]["lateral_bending"] == pytest.approx(10.0)
     assert rows["decrease_in_mass_expert"]["flexion_extension"] == pytest.approx(25.0)
     assert rows["decrease_in_mass_novice"]["flexion_extension"] == pytest.approx(-50.0)

@@ -10,8 +10,8 @@ from lifting_cases import WEIGHTS, minimum_jerk, pendulums_of
 
 from lumbar.base.errors import NumericalError
 from lumbar.lifting.stability.funnel.exact_funnel import funnel_variants
-from lumbar.lifting.stability.funnel.interval import Interval
 from lumbar.lifting.stability.funnel.interval_proof import (
+    Interval,
     _coefficient_rates,
     _coefficients,
     _derivatives,
@@ -22,21 +22,22 @@ from lumbar.lifting.stability.funnel.interval_proof import (
     proved_share,
 )
 from lumbar.lifting.stability.funnel.monte_carlo_check import monte_carlo_check
-from lumbar.lifting.stability.model.eq_4_2_regulator import regulate
+from lumbar.lifting.stability.model.eqs_4_1_to_4_4_closed_loop import regulate
 from lumbar.lifting.stability.programme.eqs_4_5_to_4_7_alternation import RESOLUTION, alternate, level_factors
 from lumbar.lifting.stability.programme.eqs_4_5_to_4_7_in_cvxpy import (
     AGREEMENT,
     RateProgramme,
     rate_differences,
 )
-from lumbar.lifting.stability.programme.polynomials import (
+from lumbar.lifting.stability.programme.sum_of_squares import (
+    Certificate,
+    SumOfSquares,
     circle_map,
     circle_maximum,
     gram_map,
     growth_polynomial,
     monomials,
 )
-from lumbar.lifting.stability.programme.sum_of_squares import Certificate, SumOfSquares
 
 
 @pytest.fixture(scope="module", params=["hanging", "inverted"])

@@ -11,12 +11,15 @@ from test_stability_table import lift_states, study_of
 
 from lumbar.base.errors import InputError, NumericalError
 from lumbar.lifting.stability.basins import basins_of_lift
-from lumbar.lifting.stability.comparison import table_4_1_controls
-from lumbar.lifting.stability.comparison.decomposition import decomposition_table
+from lumbar.lifting.stability.comparison import changed_pendulums
+from lumbar.lifting.stability.comparison.changed_pendulums import decomposition_table
 from lumbar.lifting.stability.comparison.table_4_1 import tables_4_1
-from lumbar.lifting.stability.model.eq_4_1_pendulum import pendulum_label
-from lumbar.lifting.stability.model.failures import compute_together
-from lumbar.lifting.stability.model.trajectories import COMS, PLANES
+from lumbar.lifting.stability.model.pendulum_trajectories import (
+    COMS,
+    PLANES,
+    compute_together,
+    pendulum_label,
+)
 from lumbar.publishing.figures.stability_figures import comparison_figure, figure_4_3, figure_4_4
 from study_settings import changed
 
@@ -108,8 +111,9 @@ def test_table_4_1_names_the_missing_basin_in_place_of_its_number(published, mon
     )
     gone = (study.boa["subject"] == "novice") & (study.boa["com"] == "thorax") & (study.boa["time"] == "real")
     parts = decomposition_table(study)[0].frame
-    monkeypatch.setattr(table_4_1_controls, "varied_areas", areas)
-    table, controls, missing = tables_4_1(replace(study, boa=study.boa[~gone]), parts)
+    monkeypatch.setattr(changed_pendulums, "varied_areas", areas)
+    made = tables_4_1(replace(study, boa=study.boa[~gone]), parts)
+    table, controls, missing = made.table, made.controls, made.missing
     rows = table.frame.set_index(["comparison", "com"])
     row = rows.loc["expert_vs_novice", "thorax"]
     assert row["status"].startswith("no basin: novice 23 kg thorax lateral_bending")
@@ -127,7 +131,7 @@ def test_a_lift_without_any_basin_is_still_compared_by_name(published):
     study = study_of(
         [lost, lift_states(box=15.0, thesis=False)], FAST.model_copy(update={"checks": ()}), published
     )
-    table, *_ = tables_4_1(study, decomposition_table(study)[0].frame)
+    table = tables_4_1(study, decomposition_table(study)[0].frame).table
     status = table.frame.set_index(["comparison", "com"])["status"]
     assert status["decrease_in_mass_expert", "pelvis"].startswith(
         "no basin: expert 23 kg pelvis lateral_bending"

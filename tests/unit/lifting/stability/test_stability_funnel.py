@@ -12,15 +12,16 @@ from statsmodels.stats.proportion import proportion_confint
 from lumbar.base.errors import NumericalError
 from lumbar.lifting.stability.funnel.exact_funnel import boundary_growth, exact_funnels, reachable_area
 from lumbar.lifting.stability.funnel.monte_carlo_check import quadratic_form, simulate, upper_share
-from lumbar.lifting.stability.model.eq_4_1_pendulum import feedforward_torque, remainder
-from lumbar.lifting.stability.model.eq_4_2_regulator import (
+from lumbar.lifting.stability.model.eqs_4_1_to_4_4_closed_loop import (
     Weights,
     cost_to_go,
     cost_to_go_euler,
     determinant,
+    feedforward_torque,
     gain,
     normal_axes,
     regulate,
+    remainder,
     riccati_rate,
 )
 from lumbar.settings.stability import RegulatorSettings

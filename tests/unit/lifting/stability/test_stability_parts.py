@@ -8,14 +8,13 @@ import pytest
 from test_stability_areas import lift
 from test_stability_table import INVERTED, OWN, lift_states, study_of
 
-from lumbar.lifting.stability.comparison.decomposition import (
+from lumbar.lifting.stability.comparison.changed_pendulums import (
     EXCHANGED,
     PARTS,
     contributions,
     decomposition_table,
     exchanged,
 )
-from lumbar.lifting.stability.comparison.percent_differences import percent_differences
 
 
 def table(lifts, project):
@@ -28,7 +27,7 @@ def table(lifts, project):
 
 def printed(study, frame):
     """The differences of Table 4.1 by row of `frame`."""
-    found = percent_differences(study.areas("exact", OWN), "mean_area", study.people)
+    found = study.percent_differences(study.areas("exact", OWN))
     cells = pd.DataFrame(found).set_index(["comparison", "com"])
     return [cells.loc[(row.comparison, row.com), row.plane] for row in frame.itertuples()]
 

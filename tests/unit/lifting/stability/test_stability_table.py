@@ -12,18 +12,18 @@ from test_stability_areas import SETTINGS, lift, states_and_facts
 
 from lumbar.lifting.movement.pendulum_states import THESIS_CHOICE
 from lumbar.lifting.stability.basins import basins_of_lift
-from lumbar.lifting.stability.comparison.decomposition import decomposition_table
-from lumbar.lifting.stability.comparison.percent_differences import Study
-from lumbar.lifting.stability.comparison.table_4_1 import published_sentence, tables_4_1
+from lumbar.lifting.stability.comparison.changed_pendulums import decomposition_table
+from lumbar.lifting.stability.comparison.percent_differences import ComparedLifts
+from lumbar.lifting.stability.comparison.table_4_1 import published_note, tables_4_1
 from lumbar.lifting.stability.funnel.exact_funnel import exact_funnels
-from lumbar.lifting.stability.model.eq_4_2_regulator import close_loops
-from lumbar.lifting.stability.model.failures import join_rows
-from lumbar.lifting.stability.model.trajectories import (
+from lumbar.lifting.stability.model.eqs_4_1_to_4_4_closed_loop import close_loops
+from lumbar.lifting.stability.model.pendulum_trajectories import (
     COMS,
     PLANES,
     THESIS,
     Convention,
     LiftStates,
+    join_rows,
 )
 
 FAST = SETTINGS.model_copy(update={"knots": 101, "checks": ()})
@@ -51,7 +51,7 @@ def study_of(lifts, settings, published):
         thesis = item.trajectories(THESIS)[0]
         summary = basins_of_lift(found, settings, 1, thesis).summary
         boa.append(summary.assign(experience=item.facts["experience"]))
-    return Study(lifts, join_rows(boa), settings, published, "test")
+    return ComparedLifts(lifts, join_rows(boa), settings, published, "test")
 
 
 @pytest.fixture(scope="module")
@@ -151,7 +151,7 @@ def test_null_control_compares_the_same_pendulums_standing_still(made):
     """Standing still, expert and novice differ in mass and duration only."""
     lifts = lift_states(), lift_states("novice", duration=1.9, body=15.0)
     expert, novice = (areas_from_the_file(one, OWN, still=True) for one in lifts)
-    rows = made[1].frame.set_index(["comparison", "com", "plane"])
+    rows = made.controls.frame.set_index(["comparison", "com", "plane"])
     row = rows.loc[("expert_vs_novice", "thorax", "flexion_extension")]
     assert row["null_percent"] == pytest.approx(100 * (expert / novice - 1), abs=0.01)
     assert abs(row["null_percent"] - row["percent"]) > 0.1
@@ -168,8 +168,8 @@ def test_without_the_thesiss_pendulums_each_is_named():
 
 
 def test_table_4_1_stands_beside_the_published_one(made, published):
-    table, controls, missing = made
-    assert missing.empty
+    table, controls = made.table, made.controls
+    assert made.missing.empty
     assert table.frame[["comparison", "com"]].equals(published[["comparison", "com"]])
     assert set(published.columns) <= set(table.frame.columns)
     assert (
@@ -185,7 +185,7 @@ def test_table_4_1_stands_beside_the_published_one(made, published):
 
 
 def test_controls_hold_the_headline_within_its_range(made, study):
-    table, controls, _ = made
+    table, controls = made.table, made.controls
     rows = controls.frame[controls.frame["comparison"] == "expert_vs_novice"]
     assert ((rows["lowest_percent"] <= rows["percent"]) & (rows["percent"] <= rows["highest_percent"])).all()
     first = rows.set_index(["com", "plane"]).loc[("pelvis", "flexion_extension"), "percent"]
@@ -199,5 +199,5 @@ def test_controls_hold_the_headline_within_its_range(made, study):
 
 
 def test_published_columns_contradict_one_another(published):
-    text = published_sentence(published)
+    text = published_note(published)
     assert "correlate -0.87" in text and "6 of 9 rows have opposite signs" in text

@@ -1,18 +1,15 @@
 """Trunk segments, their published parameters, and centres of mass: of segments, with and without the box, and of the body."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise, product
 from math import hypot, nan
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from lumbar.base.errors import InputError
-from lumbar.base.yaml_file import shipped_yaml
-from lumbar.lifting.movement.carried_object import carried_object
-from lumbar.lifting.movement.events import Event, held_frames
+from lumbar.lifting.movement.events import Event, carried_object, held_frames
 from lumbar.lifting.movement.joint_centres import MID_HIP, SIDES, TrunkPoints, limb_joints, unit
 from lumbar.records.markers import MarkerRecording
 
@@ -26,11 +23,11 @@ class LimbSegment(NamedTuple):
     """A segment of one side, or of the middle, in Winter's Table 4.1."""
 
     mass: float
-    """Share of the body's."""
+    """Share of the body's mass."""
     centre: float
-    """From the upper end, share of the segment's length."""
+    """Distance from the upper end, share of the segment's length."""
     gyration: float = nan
-    """Radius about the centre, across the segment, share of its length; NaN where nothing needs it."""
+    """Radius of gyration about the centre, across the segment, share of its length; NaN if not needed."""
 
 
 TRUNK_SHARE = 0.497
@@ -51,20 +48,20 @@ STRAIGHT_ARM, STRAIGHT_LEG = ("SHOULDER", "WRIST", WHOLE_ARM), (MID_HIP, "ANKLE"
 
 @dataclass(frozen=True)
 class Segment:
-    """One trunk segment between two of its ends."""
+    """One trunk segment between two ends."""
 
     name: str
     """One of `COMS`."""
     proximal: str
+    """Upper end, by the names of `lumbar.lifting.movement.joint_centres.SKIN_MARKERS`."""
     distal: str
-    """`proximal`, `distal`: its upper and lower end, by the names of `lumbar.lifting.movement.joint_centres.SKIN_MARKERS`.
-    """
+    """Lower end, by these names."""
     mass_share: float
     """Mass as a share of body mass."""
     com_share: float
     """Distance of the centre of mass from the proximal end, as a share of the distance between the ends."""
     forward_share: float = 0.0
-    """How far the centre of mass lies ahead of the line between the ends, as a share of the same distance."""
+    """Distance of the centre of mass ahead of the line between the ends, as a share of the same distance."""
 
 
 @dataclass(frozen=True)
@@ -75,45 +72,84 @@ class SegmentTable:
     segments: tuple[Segment, ...]
     """In the order of `COMS`."""
     source: str
-    """Publication, with what had to be adapted."""
+    """Publication, with the adaptations."""
 
     @property
     def ends(self) -> tuple[str, ...]:
-        """Ends of the segments, from top to bottom."""
+        """Return the ends of the segments, from top to bottom."""
         return tuple(
             dict.fromkeys(end for segment in self.segments for end in (segment.proximal, segment.distal))
         )
 
     def ends_of(self, name: str) -> tuple[str, str]:
-        """Upper and lower end of one segment."""
+        """Return the upper and lower end of one segment."""
         return next((segment.proximal, segment.distal) for segment in self.segments if segment.name == name)
 
 
-def _published(name: str, said: Mapping, sex: str) -> SegmentTable:
-    """A table of ``segments.yaml`` for one sex, or for both."""
-    own = said[sex]
-    centres = _on_lines(own["centre"], own["pelvis_line"]) if "pelvis_line" in own else own["centre"]
-    shares = [centre if isinstance(centre, tuple) else (centre, 0.0) for centre in centres]
-    segments = tuple(
-        Segment(com, *ends, mass, *share)
-        for com, ends, mass, share in zip(COMS, pairwise(said["ends"]), own["mass"], shares, strict=True)
+def _table(
+    name: str,
+    source: str,
+    ends: Sequence[str],
+    mass: Sequence[float],
+    centre: Sequence[float],
+    forward: Sequence[float] = (0.0, 0.0, 0.0),
+) -> SegmentTable:
+    """Return a table with masses as shares of the body's, and centres as shares along and ahead of the segments' lines."""
+    segments = zip(COMS, pairwise(ends), mass, centre, forward, strict=True)
+    return SegmentTable(name, tuple(Segment(com, *ends, *shares) for com, ends, *shares in segments), source)
+
+
+WINTER = _table(
+    "winter",
+    "Winter, Biomechanics and Motor Control of Human Movement, 4th ed. (2009), Table 4.1, after Dempster (1955): thorax "
+    "C7/T1-T12/L1, abdomen T12/L1-L4/L5, pelvis L4/L5-greater trochanter",
+    ("C7T1", "T12L1", "L4L5", MID_HIP),
+    mass=(0.216, 0.139, 0.142),
+    centre=(0.82, 0.44, 0.105),
+)
+
+
+def _de_leva(sex: str, mass: Sequence[float], centre: Sequence[float]) -> SegmentTable:
+    source = (
+        f"de Leva, J. Biomech. 29 (1996) 1223-1230, Table 4 ({sex}): upper trunk cervicale-xiphion, middle trunk "
+        "xiphion-omphalion, lower trunk omphalion-mid-hip. Adapted: C7/T1 stands for the level of the cervicale, and L4/L5 for "
+        "the navel (omphalion), which carries no marker and lies at about its level. Its segments end at other heights than "
+        "Winter's: compare the trunk's centre, not segments"
     )
-    return SegmentTable(name if sex == "both" else f"{name}_{sex}", segments, said["source"].format(sex=sex))
+    return _table(f"de_leva_{sex}", source, ("C7T1", "XIPHOID_LEVEL", "L4L5", MID_HIP), mass, centre)
 
 
-def _on_lines(centres, pelvis_line: tuple[float, float]) -> list[tuple[float, float]]:
-    """Centres (forward, up; shares of the length) as shares along and ahead of their segments' lines."""
+def _dumas(
+    sex: str,
+    mass: Sequence[float],
+    centre: Sequence[tuple[float, float]],
+    pelvis_line: tuple[float, float],
+) -> SegmentTable:
+    """Return the table of one sex; centres forward and up of the upper end, the pelvis's line L5/S1-hips in its own axes."""
+    source = (
+        f"Dumas and Wojtusch, Handbook of Human Motion (2018), Table 1 ({sex}), after McConville et al. and Young et al.: thorax "
+        "C7/T1-T12/L1, abdomen T12/L1-L5/S1, pelvis L5/S1-hips. Adapted: the pelvis's centre, published in the axes of ASIS and "
+        "PSIS, is taken along and ahead of the line L5/S1-hips, as both lie in the regressions it comes with"
+    )
     (forward, up), length = pelvis_line, hypot(*pelvis_line)
-    thorax, abdomen, (x, y) = centres
-    pelvis = (x * forward + y * up) / length, (y * forward - x * up) / length
-    return [(-thorax[1], thorax[0]), (-abdomen[1], abdomen[0]), pelvis]
+    thorax, abdomen, (x, y) = centre
+    along = (-thorax[1], -abdomen[1], (x * forward + y * up) / length)
+    ahead = (thorax[0], abdomen[0], (y * forward - x * up) / length)
+    return _table(f"dumas_{sex}", source, ("C7T1", "T12L1", "L5S1", MID_HIP), mass, along, ahead)
 
 
-_TABLES = {
-    name: {sex: _published(name, said, sex) for sex in ("both", "male", "female") if sex in said}
-    for name, said in shipped_yaml(Path(__file__).with_name("segments.yaml")).items()
+DE_LEVA = {
+    "male": _de_leva("male", (0.1596, 0.1633, 0.1117), (0.5066, 0.4502, 0.6115)),
+    "female": _de_leva("female", (0.1545, 0.1465, 0.1247), (0.5050, 0.4512, 0.4920)),
 }
-WINTER, DUMAS = _TABLES["winter"]["both"], _TABLES["dumas"]
+DUMAS = {
+    "male": _dumas(
+        "male", (0.304, 0.029, 0.142), ((0.0, -0.555), (0.176, -0.361), (-0.002, -0.282)), (0.240, -0.338)
+    ),
+    "female": _dumas(
+        "female", (0.263, 0.041, 0.147), ((0.015, -0.542), (0.219, -0.410), (-0.072, -0.228)), (0.201, -0.385)
+    ),
+}
 
 
 def segment_table(name: str, sex: str) -> SegmentTable:
@@ -121,14 +157,15 @@ def segment_table(name: str, sex: str) -> SegmentTable:
 
     De Leva's and Dumas's parameters differ between the sexes, Winter's do not.
     """
-    tables = _TABLES[name]
-    if "both" not in tables and sex not in tables:
+    if name == "winter":
+        return WINTER
+    tables = {"de_leva": DE_LEVA, "dumas": DUMAS}[name]
+    if sex not in tables:
         raise InputError(
             f"lifting.segments is {name}, whose parameters differ between the sexes, but subject.sex is "
-            f"{sex!r}; "
-            "set female or male, or choose winter"
+            f"{sex!r}; set female or male, or choose winter"
         )
-    return tables.get("both") or tables[sex]
+    return tables[sex]
 
 
 @dataclass(frozen=True)
@@ -138,17 +175,17 @@ class CentreOfMass:
     name: str
     """One of `COMS`."""
     position: np.ndarray
-    """Shape (n, 3): of the segment alone, metres."""
+    """Shape (n, 3): position without the box, metres."""
     position_with_box: np.ndarray
-    """Shape (n, 3): of the segment with its share of the box while the box is held; that of the segment otherwise."""
+    """Shape (n, 3): position with the segment's share of the box while it is held; without the box otherwise."""
     mass_kg: float
-    """Of the segment alone."""
+    """Mass of the segment without the box."""
     mass_with_box_kg: float
-    """With its share of the box."""
+    """Mass with its share of the box."""
 
 
 def segment_centres(points: TrunkPoints, table: SegmentTable) -> dict[str, np.ndarray]:
-    """Centre of mass of each trunk segment, shape (n, 3) in metres; NaN where a marker was not seen.
+    """Return the centre of mass of each trunk segment, shape (n, 3) in metres; NaN if a marker is not seen.
 
     It lies on the line from the segment's proximal to its distal end, at the table's share of the distance, or ahead
     of that line by another share. Segments of `absent_segments` are left out.
@@ -158,7 +195,7 @@ def segment_centres(points: TrunkPoints, table: SegmentTable) -> dict[str, np.nd
         if segment.name not in absent:
             proximal, line = points[segment.proximal], points[segment.distal] - points[segment.proximal]
             centres[segment.name] = proximal + segment.com_share * line
-            # Where the person's right is not seen, only a centre ahead of its line is not known.
+            # If the subject's right is not seen, only a centre ahead of its line is not known.
             if segment.forward_share:
                 forward = unit(np.cross(-line, points.right)) * np.linalg.norm(line, axis=1, keepdims=True)
                 centres[segment.name] += segment.forward_share * forward
@@ -166,7 +203,7 @@ def segment_centres(points: TrunkPoints, table: SegmentTable) -> dict[str, np.nd
 
 
 def absent_segments(points: TrunkPoints, table: SegmentTable) -> dict[str, str]:
-    """Segments of a table whose ends a recording lacks, each with what is missing and why."""
+    """Return the segments with ends that a recording lacks, each with the missing markers and a remedy."""
     absent = {}
     for segment in table.segments:
         lacking = [
@@ -182,25 +219,12 @@ def absent_segments(points: TrunkPoints, table: SegmentTable) -> dict[str, str]:
 
 
 def trunk_centre(centres: dict[str, np.ndarray], table: SegmentTable) -> np.ndarray:
-    """Common centre of mass of the table's segments, shape (n, 3) in metres."""
+    """Return the common centre of mass of the table's segments, shape (n, 3) in metres."""
     lacking = [segment.name for segment in table.segments if segment.name not in centres]
     if lacking:
         raise InputError(f"no centre of mass of {', '.join(lacking)}, and so none of the trunk")
     masses = [segment.mass_share for segment in table.segments]
     return np.average([centres[segment.name] for segment in table.segments], axis=0, weights=masses)
-
-
-def box_shares(table: SegmentTable, box_mass: float, share: str) -> dict[str, float]:
-    """Mass of the box that each centre of mass carries, in kilograms.
-
-    `share` is by_mass (in proportion to the segments' masses, so that trunk and box together keep their mass) or whole (each
-    pendulum carries the whole box).
-    """
-    trunk = sum(segment.mass_share for segment in table.segments)
-    return {
-        segment.name: box_mass * (segment.mass_share / trunk if share == "by_mass" else 1.0)
-        for segment in table.segments
-    }
 
 
 def centres_of_mass(
@@ -212,15 +236,15 @@ def centres_of_mass(
     share: str,
     events: dict[str, Event],
 ) -> dict[str, CentreOfMass]:
-    """Centres of mass of the trunk over the whole recording.
+    """Return the centres of mass of the trunk over the whole recording.
 
-    The box counts as a point mass at the centre of its markers, or of the hands where it has none, carried from
-    lift-off to release, and shared among the centres of mass as `box_shares` says; masses in kilograms. The result is in
-    the order of `COMS`, as far as the recording has their landmarks. Where neither box nor hands are seen while it is held,
-    it is not known where they are with the box: NaN.
+    The box is a point mass at the centre of its markers, or of the hands if it has none, carried from lift-off to release.
+    `share` is by_mass (each centre of mass carries a part in proportion to the segments' masses, so that trunk and box together
+    keep their mass) or whole (each pendulum carries the whole box); masses in kilograms. The result is in the order of `COMS`, as
+    far as the recording has their landmarks. Positions with the box are NaN while it is held and neither box nor hands are seen.
     """
     segments = segment_centres(points, table)
-    carried = box_shares(table, box_mass, share)
+    trunk = sum(segment.mass_share for segment in table.segments)
     held = held_frames(recording.time, events)
     box, _ = carried_object(recording)
     if box is None:
@@ -230,16 +254,17 @@ def centres_of_mass(
         if segment.name not in segments:
             continue
         mass, position = segment.mass_share * body_mass, segments[segment.name]
-        total = mass + carried[segment.name]
+        carried = box_mass * (segment.mass_share / trunk if share == "by_mass" else 1.0)
+        total = mass + carried
         with_box = position.copy()
         if box_mass > 0:
-            with_box[held] = (mass * position[held] + carried[segment.name] * box[held]) / total
+            with_box[held] = (mass * position[held] + carried * box[held]) / total
         result[segment.name] = CentreOfMass(segment.name, position, with_box, mass, total)
     return {name: result[name] for name in COMS if name in result}
 
 
 def head_centre(recording: MarkerRecording, points: TrunkPoints) -> np.ndarray:
-    """Centre of head and neck, shape (n, 3) in metres: of the head's markers, or on the line of the trunk where there are none.
+    """Return the centre of head and neck, shape (n, 3) in metres: of the head's markers, else on the line of the trunk.
 
     Markers that are hidden while C7/T1 is seen do not count.
     """
@@ -252,7 +277,7 @@ def head_centre(recording: MarkerRecording, points: TrunkPoints) -> np.ndarray:
 def limb_parts(
     points: Mapping[str, np.ndarray], side: str, whole: str
 ) -> Iterator[tuple[LimbSegment, np.ndarray, np.ndarray]]:
-    """Segments of an arm or a leg (`whole`: ARM or LEG) of one side with their ends; one straight piece where its joint lacks.
+    """Yield the segments of an arm or a leg (`whole`: ARM or LEG) of one side with their ends; one piece without its joint.
 
     `points` are shoulders, elbows, wrists, knees, ankles by name, and `MID_HIP`.
     """
@@ -262,7 +287,7 @@ def limb_parts(
 
 
 def whole_body_centre(recording: MarkerRecording, points: TrunkPoints, table: SegmentTable) -> np.ndarray:
-    """Centre of mass of the whole body without the box, shape (n, 3) in metres.
+    """Return the centre of mass of the whole body without the box, shape (n, 3) in metres.
 
     The trunk is that of the segment table; head and limbs have Winter's shares between the joints of `limb_joints`.
 

@@ -1,44 +1,162 @@
-"""Cleaning a marker recording: gaps filled, what is seen too briefly left out, low-pass filtered; and derivatives.
+"""Cleaning of marker recordings: short gaps filled, isolated frames left out, low-pass filter; and derivatives.
 
-The filter is a Butterworth low-pass, forward and backward.
-Two passes of a filter of order n leave the phase alone but attenuate twice, so each pass has a higher cut-off
-than the two together: Winter, *Biomechanics and Motor Control of Human Movement*, 4th ed., section 3.4.4.2.
+A gap is an interval in which a marker is not seen. Short gaps between seen frames are bridged by a cubic spline through the
+frames next to them. Nothing is extrapolated: a gap at the start or end of a recording stays.
+
+The filter is a Butterworth low-pass, forward and backward. Two passes of a filter of order n keep the phase but attenuate twice,
+so each pass has a higher cut-off than the two together: Winter, *Biomechanics and Motor Control of Human Movement*, 4th ed.,
+section 3.4.4.2.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from lumbar.base.errors import InputError, Problems
-from lumbar.lifting.movement.gaps import Gap, fill_gaps, without_islands
 from lumbar.records.markers import MarkerRecording
 from lumbar.records.stretches import runs
 from lumbar.settings.lifting import LiftingSettings
 
+FILLED, TOO_LONG, AT_START, AT_END, ALONE, ISLAND = (
+    "filled",
+    "longer than allowed",
+    "at the start",
+    "at the end",
+    "too few frames beside it",
+    "seen too briefly to be filtered: left out",
+)
+SPLINE = "cubic spline"
+_BESIDE = 2
+"""Seen frames needed on each side of a gap: position and direction there."""
 PASSES = 2
 EXTENSION_PERIODS = 3
-"""Periods of the cut-off after which a second-order filter has forgotten how a stretch was continued, to about 1e-7."""
+"""Periods of the cut-off after which the continuation of an interval affects a second-order filter by only about 1e-7."""
 _OVERSHOOT_MARGIN = 1.5
 """Factor on the extension for the larger overshoot of other orders."""
 
 
-def clean(
-    recording: MarkerRecording, settings: LiftingSettings
-) -> tuple[MarkerRecording, MarkerRecording, list[Gap]]:
-    """Fill short gaps, leave out what is seen too briefly to be filtered, and filter.
+@dataclass(frozen=True)
+class Gap:
+    """An interval in which one marker is not seen."""
 
-    Gaps that stay are no error here: whoever needs a marker says what a gap in it means. A recording that is too short for
-    the filter altogether is one. Returned are the recording ready for derivatives, NaN where a gap stays open; the same without
-    the filter; and the gaps of every marker, with those frames last that were seen too briefly.
+    marker: str
+    first_frame: int
+    """Index of the first missing frame, from 0."""
+    n_frames: int
+    """Number of missing frames."""
+    start_s: float
+    """Time of the first missing frame, on the recording's clock."""
+    length_s: float
+    """Missing frames divided by the rate."""
+    outcome: str
+    """``"filled"``, or why it was not: ``"longer than allowed"``, ``"at the start"``, ``"at the end"``, ``"too few frames
+    beside it"``; for frames that were seen, ``"seen too briefly to be filtered: left out"``."""
+    method: str = ""
+    """How it was filled; empty if it was not."""
+
+    @property
+    def filled(self) -> bool:
+        """Return whether the gap was bridged."""
+        return self.outcome == FILLED
+
+
+@dataclass(frozen=True)
+class CleanRecording:
+    """A recording ready for derivatives."""
+
+    smooth: MarkerRecording
+    """Filtered; NaN while a gap stays open."""
+    complete: MarkerRecording
+    """The same without the filter."""
+    gaps: list[Gap]
+    """Gaps of every marker, then the frames that were seen too briefly."""
+
+
+def clean(recording: MarkerRecording, settings: LiftingSettings) -> CleanRecording:
+    """Fill short gaps, leave out intervals that are too short to be filtered, and filter.
+
+    Gaps that stay are not errors here; a recording that is too short for the filter altogether is one.
     """
     complete, gaps = fill_gaps(recording, settings.gaps.maximum_s)
     cutoff, order = settings.filter.cutoff_Hz, settings.filter.order
     complete, islands = without_islands(complete, shortest_stretch(cutoff, complete.rate))
-    return filter_markers(complete, cutoff, order), complete, [*gaps, *islands]
+    return CleanRecording(filter_markers(complete, cutoff, order), complete, [*gaps, *islands])
+
+
+def fill_gaps(recording: MarkerRecording, maximum_s: float = 0.2) -> tuple[MarkerRecording, list[Gap]]:
+    """Bridge gaps of up to `maximum_s` (missing frames divided by the rate) by cubic splines; 0 bridges none.
+
+    Each gap is bridged separately, by the interpolating spline through the frames seen within `maximum_s` of its ends, so that a
+    distant part of the recording has no influence. Seen frames are unchanged to the last bit; a gap that stays is NaN. Every gap
+    is returned too, by marker and time.
+    """
+    if not (np.isfinite(maximum_s) and maximum_s >= 0):
+        raise InputError(f"gaps.maximum_s is {maximum_s}; a non-negative number of seconds is needed")
+    gaps: list[Gap] = []
+    positions = {}
+    for marker, points in recording.positions.items():
+        positions[marker], found = _fill(marker, points, recording, maximum_s)
+        gaps.extend(found)
+    return replace(recording, positions=positions), gaps
+
+
+def _fill(
+    marker: str, points: np.ndarray, recording: MarkerRecording, maximum_s: float
+) -> tuple[np.ndarray, list[Gap]]:
+    seen = np.isfinite(points).all(axis=1)
+    filled = points.copy()
+    # At least the two frames on each side, even if only very short gaps are bridged.
+    reach = max(_BESIDE, round(maximum_s * recording.rate))
+    gaps = []
+    for gap in runs(~seen):
+        length_s = (gap.stop - gap.start) / recording.rate
+        first = max(0, gap.start - reach)
+        before = first + np.flatnonzero(seen[first : gap.start])
+        after = gap.stop + np.flatnonzero(seen[gap.stop : gap.stop + reach])
+        if gap.start == 0:
+            outcome = AT_START
+        elif gap.stop == len(points):
+            outcome = AT_END
+        elif length_s > maximum_s:
+            outcome = TOO_LONG
+        else:
+            outcome = FILLED if min(len(before), len(after)) >= _BESIDE else ALONE
+        if outcome == FILLED:
+            from scipy.interpolate import CubicSpline
+
+            support = np.concatenate((before, after))
+            spline = CubicSpline(recording.time[support], points[support])
+            filled[gap] = spline(recording.time[gap])
+        start_s, method = float(recording.time[gap.start]), SPLINE if outcome == FILLED else ""
+        gaps.append(Gap(marker, gap.start, gap.stop - gap.start, start_s, length_s, outcome, method))
+    return filled, gaps
+
+
+def without_islands(recording: MarkerRecording, shortest: int) -> tuple[MarkerRecording, list[Gap]]:
+    """Leave out intervals of at most `shortest` frames between gaps, which cannot be filtered, and return them too.
+
+    Raises
+    ------
+    InputError
+        If the recording itself has no more frames.
+    """
+    if len(recording) <= shortest:
+        raise InputError(
+            f"{recording.source or recording.name}: {len(recording)} frames; the filter needs more than {shortest}"
+        )
+    positions, islands = {}, []
+    for marker, points in recording.positions.items():
+        short = [run for run in runs(np.isfinite(points).all(axis=1)) if run.stop - run.start <= shortest]
+        positions[marker] = points.copy() if short else points
+        for run in short:
+            positions[marker][run] = np.nan
+            frames, start_s = run.stop - run.start, float(recording.time[run.start])
+            islands.append(Gap(marker, run.start, frames, start_s, frames / recording.rate, ISLAND))
+    return replace(recording, positions=positions), islands
 
 
 def dual_pass_sections(cutoff_Hz: float, rate: float, order: int = 2) -> np.ndarray:
-    """Second-order sections of the filter of one pass, of the given order, shape (n_sections, 6).
+    """Return the second-order sections of the filter of one pass, of the given order, shape (n_sections, 6).
 
     The cut-off of each pass is raised so that both together attenuate by 3 dB at `cutoff_Hz`. Winter's
     correction ``(2**(1/passes) - 1)**(1/(2*order))``, 0.802 for a second-order filter, divides the pre-warped
@@ -59,12 +177,12 @@ def dual_pass_sections(cutoff_Hz: float, rate: float, order: int = 2) -> np.ndar
 
 
 def shortest_stretch(cutoff_Hz: float, rate: float) -> int:
-    """Frames of one period of the cut-off: a stretch must be longer to be filtered."""
+    """Return the frames of one period of the cut-off: an interval must be longer to be filtered."""
     return int(np.ceil(rate / cutoff_Hz))
 
 
 def extension_frames(cutoff_Hz: float, rate: float, order: int = 2) -> int:
-    """Frames by which a stretch is extended, so that no order leaves a larger transient than order 2.
+    """Return the frames by which an interval is extended, so that no order leaves a larger transient than order 2.
 
     The slowest poles of a Butterworth filter decay with ``sin(pi/(2*order))`` times its cut-off, which
     `dual_pass_sections` raises: at order 8 about four times more slowly than at order 2.
@@ -77,24 +195,24 @@ def extension_frames(cutoff_Hz: float, rate: float, order: int = 2) -> int:
 
 
 def _slowest_decay(order: int) -> float:
-    """Decay rate of the slowest poles of one pass, relative to the angular cut-off of both passes."""
+    """Return the decay rate of the slowest poles of one pass, relative to the angular cut-off of both passes."""
     return np.sin(np.pi / (2 * order)) / (2 ** (1 / PASSES) - 1) ** (1 / (2 * order))
 
 
 def low_pass(values: np.ndarray, rate: float, cutoff_Hz: float = 6.0, order: int = 2) -> np.ndarray:
-    """Filter forward and backward, each contiguous stretch of finite values on its own.
+    """Filter forward and backward, each contiguous interval of finite values separately.
 
-    At both ends a stretch is continued by its own point reflection (odd extension) over three periods of the
-    cut-off (more at orders other than 2: `extension_frames`), or as far as it reaches, which keeps position and
-    velocity there. Within one period of an end or of a gap the result leans on this assumption.
+    At both ends an interval is continued by its point reflection (odd extension) over three periods of the cut-off (more at
+    orders other than 2: `extension_frames`), or by its whole length, which keeps position and velocity there. Within one period
+    of an end or of a gap the result depends on this assumption.
 
-    `values` have shape (n_frames,) or (n_frames, k), with NaN where missing, as in the result; a row with a NaN counts
-    as missing altogether. `cutoff_Hz` and `order` are as of `dual_pass_sections`.
+    `values` have shape (n_frames,) or (n_frames, k), NaN if missing, as in the result; a row with a NaN is missing altogether.
+    `cutoff_Hz` and `order` are as for `dual_pass_sections`.
 
     Raises
     ------
     InputError
-        When a stretch is no longer than one period of the cut-off.
+        If an interval is no longer than one period of the cut-off.
     """
     from scipy.signal import sosfiltfilt
 
@@ -115,7 +233,7 @@ def low_pass(values: np.ndarray, rate: float, cutoff_Hz: float = 6.0, order: int
 
 
 def filter_markers(recording: MarkerRecording, cutoff_Hz: float = 6.0, order: int = 2) -> MarkerRecording:
-    """Filter every marker of a recording with `low_pass`; an error names every marker with a stretch that is too short."""
+    """Filter every marker of a recording with `low_pass`; an error names every marker with an interval that is too short."""
     # A cut-off that does not fit the rate is one problem, not one per marker.
     dual_pass_sections(cutoff_Hz, recording.rate, order)
     problems = Problems(recording.source or recording.name)
@@ -130,14 +248,14 @@ def filter_markers(recording: MarkerRecording, cutoff_Hz: float = 6.0, order: in
 
 
 def derivative(values: np.ndarray, rate: float, order: int = 1) -> np.ndarray:
-    """Differentiate filtered values by central differences, each contiguous stretch on its own.
+    """Differentiate filtered values by central differences, each contiguous interval separately.
 
-    Three-point formulas of second-order accuracy; one-sided ones at the ends. A sine of frequency f comes out
-    too small by the factor ``sin(x)/x`` (first) or ``(sin(x/2)/(x/2))**2`` (second derivative), x = 2πf/rate:
-    2.4 % and 1.2 % at 6 Hz and 100 frames per second.
+    Three-point formulas of second-order accuracy; one-sided ones at the ends. The result for a sine of frequency f is too small
+    by the factor ``sin(x)/x`` (first) or ``(sin(x/2)/(x/2))**2`` (second derivative), x = 2πf/rate: 2.4 % and 1.2 % at 6 Hz and
+    100 frames per second.
 
-    Values have the shape (n_frames,) or (n_frames, k), NaN where missing, as has the result, in their unit per second (per
-    second squared). A stretch must have the 3 frames that the formulas need, 4 for the second derivative.
+    Values and result have the shape (n_frames,) or (n_frames, k), NaN if missing; the unit is per second (per second squared). An
+    interval must have the 3 frames that the formulas need, 4 for the second derivative.
     """
     if order not in (1, 2):
         raise ValueError(f"derivative of order {order}; 1 and 2 are offered")
@@ -157,7 +275,7 @@ def derivative(values: np.ndarray, rate: float, order: int = 1) -> np.ndarray:
 
 
 def _second(values: np.ndarray, rate: float) -> np.ndarray:
-    """Second differences; the ends by the four-point one-sided formula of the same order of accuracy."""
+    """Return second differences; at the ends by the four-point one-sided formula of the same order of accuracy."""
     result = np.empty_like(values)
     result[1:-1] = values[2:] - 2 * values[1:-1] + values[:-2]
     result[0] = 2 * values[0] - 5 * values[1] + 4 * values[2] - values[3]

@@ -1,33 +1,20 @@
-"""MarkerFinding the events of a lift: the box leaves its support, the first toe-off, the start of the deposit, the release.
+"""Detection of the events of a lift: the box leaves its support, the first toe-off, the start of the deposit, the release.
 
-The box is lifted when it rises for good: before, it may slide on its support. The lift ends with the first toe-off. The
-deposit starts at the last instant before the box goes down for good. The thesis (section 4.2.3.1) takes a minimum of the
-wrists' speed, which can be asked for; while a box is swung over a shelf that is found on the way up. Where there are no
-markers on the box, the hands stand for it. An event that a recording does not hold is a result, with its reason.
+The box is lifted when it rises finally: before, it may slide on its support. The lift ends with the first toe-off. The deposit
+starts at the last instant before the box goes down finally. The thesis (section 4.2.3.1) takes a minimum of the wrists' speed,
+which a setting selects; if a box is swung over a shelf, that minimum is on the way up. Without markers on the box the hands
+replace it. An event that a recording does not hold is a result, with its reason.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
 from itertools import pairwise
-from pathlib import Path
 from typing import Literal
 
 import numpy as np
 
 from lumbar.base.errors import InputError
-from lumbar.base.yaml_file import shipped_yaml
-from lumbar.lifting.movement.carried_object import (
-    WRISTS,
-    carried_object,
-    great_swings,
-    greatest_rise,
-    last_hand_descent,
-    lift_windows,
-    speed,
-    turning_points,
-    wrist_centre,
-)
 from lumbar.lifting.movement.cleaning import derivative
 from lumbar.lifting.movement.events import (
     ABSENT,
@@ -35,27 +22,36 @@ from lumbar.lifting.movement.events import (
     DETECTED,
     EVENTS,
     IN_FILE,
+    WRISTS,
     Event,
     SeveralEvents,
+    carried_object,
     check_order,
     file_event,
+    great_swings,
+    greatest_rise,
     refuse_without,
+    several_lifts,
+    speed,
+    turning_points,
+    wrist_centre,
 )
 from lumbar.records.markers import MarkerRecording
 from lumbar.records.stretches import runs
 from lumbar.settings.lifting import EventSettings
 from lumbar.settings.subject import DeclaredEvents
 
-_HOW: dict[str, str] = shipped_yaml(Path(__file__).with_suffix(".yaml"))
 TOES = ("L_TOE", "R_TOE")
-ONSET = 0.1
-"""What rises or descends for good has begun to, without doubt, once it has gone this share of the way."""
+ONSET_SHARE = 0.1
+"""Share of a final rise or descent after which it has certainly begun."""
 STANDS_OUT, LEAST_SHARE = 1.5, 0.5
-"""A descent of less than `descent_m`, but of this share of it, is a deposit where it is so many times every other."""
+"""A descent of less than `descent_m`, but of the second share of it, is a deposit if it is so many times every other."""
+MIN_SLIDE_S = 0.1
+"""Shortest sliding before the rise that is reported."""
 
 
-class NotFound(Exception):
-    """An event that the recording does not hold; the text says why."""
+class NoEvent(Exception):
+    """An event that the recording does not hold; the text is the reason."""
 
 
 def find_events(
@@ -63,7 +59,7 @@ def find_events(
     settings: EventSettings,
     declared: DeclaredEvents | Literal["file"] | None = None,
 ) -> dict[str, Event]:
-    """Find the events of a lift; those declared by hand, or marked in the file where it is asked for, replace detected ones.
+    """Find the events of a lift; those declared by hand, or marked in the file if it is selected, replace detected ones.
 
     The recording is filtered; `declared` are those of the trial in the subject's file. Events are returned by the names in
     `EVENTS`; one that the recording does not hold is absent, with its reason.
@@ -71,7 +67,7 @@ def find_events(
     Raises
     ------
     InputError
-        If declared events are out of order with the others or lie outside the recording; if the file's are to be taken and
+        If declared events are out of order with the others or outside the recording; if the file's events are selected and
         it has none, or several of a kind.
     """
     from_file = settings.taken_from == IN_FILE or declared == IN_FILE
@@ -82,79 +78,52 @@ def find_events(
     check_order(recording, given)
     search = _Search(recording, settings)
     for name in ("lift_off", "release", "toe_off", "deposit_start"):
-        found = search.event(name)
+        event = search.event(name)
         if name in given:
-            how = f"set in the subject's file ({declared.reason or 'no reason given'}); {_detection_says(found)}"
-            found = _replaced(found, given[name], DECLARED, how)
-        search.found[name] = _with_file(recording, settings, name, found, search, from_file)
-    times = {name: search.found[name].time_s for name in EVENTS}
-    check_order(recording, {name: time for name, time in times.items() if time is not None})
+            how = f"set in the subject's file ({declared.reason or 'no reason given'})"
+            event = _replaced(event, given[name], DECLARED, how)
+        search.found[name] = _with_file(search, name, event, from_file)
     events = {name: search.found[name] for name in EVENTS}
+    check_order(recording, {name: event.time_s for name, event in events.items() if event.time_s is not None})
     doubt = several_lifts(recording, events, settings)
     if doubt:
         events["release"] = replace(events["release"], how=f"{events['release'].how}; {doubt}")
     return events
 
 
-def _with_file(
-    recording: MarkerRecording,
-    settings: EventSettings,
-    name: str,
-    event: Event,
-    search: _Search,
-    from_file: bool,
-) -> Event:
-    """An event with what the file says of it, which replaces a detected one where it is asked for."""
-    if name == "toe_off" and not search.anything_is_lifted():
+def _with_file(search: _Search, name: str, event: Event, from_file: bool) -> Event:
+    """Return an event with the time that the file gives it, which replaces a detected one if `from_file`."""
+    recording = search.whole
+    if name == "toe_off" and not search.has_lift():
         return event
     try:
-        marked = file_event(recording, settings.labels, name, search.begin, search.end)
+        marked = file_event(recording, search.settings.labels, name, search.begin, search.end)
     except SeveralEvents as several:
         if from_file and event.method != DECLARED:
             raise InputError(f"{recording.source}: {name} in the file: {several}") from several
         return replace(event, file=str(several))
     if marked is None:
         return event
-    said = {"file_s": marked.time, "file": marked.full_label}
-    if event.method == DECLARED or not from_file:
-        return replace(event, **said)
-    how = f"marked in the file as {marked.full_label}; {_detection_says(event)}"
-    return replace(_replaced(event, marked.time, IN_FILE, how), **said)
+    if from_file and event.method != DECLARED:
+        event = _replaced(event, marked.time, IN_FILE, f"marked in the file as {marked.full_label}")
+    return replace(event, file_s=marked.time, file=marked.full_label)
 
 
-def _replaced(found: Event, time: float, method: str, how: str) -> Event:
-    """Return a detected event at the time that somebody gives it."""
-    kept = {"detected_s": found.time_s, "descent_s": found.descent_s, "thesis_s": found.thesis_s}
-    return Event(time, method, how, **kept)
-
-
-def _detection_says(found: Event) -> str:
-    return "detection finds none" if found.time_s is None else f"detection says {found.time_s:.2f} s"
-
-
-def several_lifts(recording: MarkerRecording, events: dict[str, Event], settings: EventSettings) -> str:
-    """Say whether what is lifted rises so often that it may be several lifts, and in which windows; else nothing."""
-    _, carried = carried_object(recording)
-    start, stop = (events[name].time_s for name in ("lift_off", "release"))
-    if start is None or stop is None:
-        return ""
-    # Hands rise for other reasons too before they hold something and after; a box does not.
-    held = (carried == "box") | ((recording.time >= start) & (recording.time <= stop))
-    hidden = {name: np.where(held[:, None], part, np.nan) for name, part in recording.positions.items()}
-    windows = lift_windows(replace(recording, positions=hidden), settings)
-    if len(windows) < 2:
-        return ""
-    listed = ", ".join(f"[{first:.2f}, {last:.2f}]" for first, last in windows)
-    who, when = ("box rises", "") if carried == "box" else ("hands rise", " from lift-off to release")
-    return f"the {who} {len(windows)} times{when}: one lift or several, each a trial with window_s {listed}?"
+def _replaced(event: Event, time: float, method: str, how: str) -> Event:
+    """Return a detected event at another time."""
+    detected = "no event detected" if event.time_s is None else f"detected at {event.time_s:.2f} s"
+    kept = {"detected_s": event.time_s, "descent_s": event.descent_s, "thesis_s": event.thesis_s}
+    return Event(time, method, f"{how}; {detected}", **kept)
 
 
 class _Search:
-    """Finds events one after the other: each is searched between those found before."""
+    """Searches the events one after the other: each between those already found."""
 
     def __init__(self, recording: MarkerRecording, settings: EventSettings):
         points, self.what = carried_object(recording)
-        self.whole, self.settings, self.found = recording, settings, {}
+        self.whole, self.settings = recording, settings
+        self.found: dict[str, Event] = {}
+        # The longest part of the recording in which the carried object is always seen, and its positions there.
         self.part = self.points = None
         if points is not None and np.isfinite(points).any():
             seen = runs(np.isfinite(points).all(axis=1))
@@ -162,32 +131,40 @@ class _Search:
             self.points = carried_object(self.part)[0]
 
     def event(self, name: str) -> Event:
-        """One event by its name in `EVENTS`."""
+        """Return one event by its name in `EVENTS`."""
+        seen = []
+        if self.part is not None and len(self.part) < len(self.whole):
+            first, last = self.part.time[[0, -1]]
+            seen = [
+                f"searched only from {first:.2f} to {last:.2f} s, where the {self.what} {self._is} always seen"
+            ]
         try:
-            if name in ("toe_off", "deposit_start") and not self.anything_is_lifted():
-                raise NotFound("neither a lift-off nor a release")
+            if name in ("toe_off", "deposit_start") and not self.has_lift():
+                raise NoEvent("neither a lift-off nor a release")
             if name == "toe_off":
                 return _toe_off(self.whole, self.settings, self.begin, self.end)
             if self.part is None:
-                raise NotFound("no box markers and no wrist markers: what is lifted is not seen")
-            found = getattr(self, f"_{name}")()
-        except NotFound as reason:
-            return Event(None, ABSENT, "; ".join([str(reason), *self._seen()]))
-        words = [] if self.what == "box" else ["hands taken for the box, which has no markers"]
-        return replace(found, how="; ".join([*words, *self._seen(), found.how]))
+                raise NoEvent("no box markers and no wrist markers: the carried object is not seen")
+            found = {
+                "lift_off": self._lift_off,
+                "release": self._box_release if self.what == "box" else self._hands_release,
+                "deposit_start": self._deposit_start,
+            }[name]()
+        except NoEvent as reason:
+            return Event(None, ABSENT, "; ".join([str(reason), *seen]))
+        hands = [] if self.what == "box" else ["hands instead of the box, which has no markers"]
+        return replace(found, how="; ".join([*hands, *seen, found.how]))
 
-    def _seen(self) -> list[str]:
-        """Words for the part in which what is lifted is seen, where that is not all."""
-        if self.part is None or len(self.part) == len(self.whole):
-            return []
-        first, last = self.part.time[[0, -1]]
-        are = "is" if self.what == "box" else "are"
-        return [
-            f"the {self.what} {are} seen without a gap from {first:.2f} to {last:.2f} s, and looked for there alone"
-        ]
+    @property
+    def _is(self) -> str:
+        return "is" if self.what == "box" else "are"
 
-    def anything_is_lifted(self) -> bool:
-        """Whether a lift-off or a release is known."""
+    @property
+    def _goes(self) -> str:
+        return "goes" if self.what == "box" else "go"
+
+    def has_lift(self) -> bool:
+        """Return whether a lift-off or a release is known."""
         return any(self.found[name].time_s is not None for name in ("lift_off", "release"))
 
     @property
@@ -203,85 +180,127 @@ class _Search:
         return float(self.whole.time[-1]) if time is None else time
 
     def _lift_off(self) -> Event:
-        """Last instant before the box rises for good; of a box that is only taken down, the first movement."""
-        if self.what != "box":
-            return self._rise(self._hands()[0])
-        moved, height = self._first_movement(), self.points[:, 2]
-        if (height[moved:] >= height[moved] + self.settings.rise_m).any():
-            return self._rise(moved)
-        return Event(
-            float(self.part.time[moved]), DETECTED, _HOW["never_rises"].format(settings=self.settings)
-        )
-
-    def _hands(self) -> tuple[int, int]:
-        rises = great_swings(self.points[:, 2], self.settings.hands_rise_m, 1)
-        if not rises:
-            most = greatest_rise(self.points[:, 2])
-            raise NotFound(_HOW["hands_low"].format(settings=self.settings, most=most))
-        return rises[0]
-
-    def _rise(self, moved: int) -> Event:
-        """Last instant before what moves from the frame `moved` on rises by `rise_m`, which it does."""
-        height, climb = self.points[:, 2], derivative(self.points, self.part.rate)[:, 2]
-        high = moved + int(np.flatnonzero(height[moved:] >= height[moved] + self.settings.rise_m)[0])
-        still = np.flatnonzero(climb[moved:high] <= self.settings.box_rest_m_s)
+        """Return the last instant before the object rises finally; for a box that is only taken down, the first movement."""
+        settings, time, height = self.settings, self.part.time, self.points[:, 2]
+        moved = self._first_movement() if self.what == "box" else self._first_hand_rise()
+        risen = np.flatnonzero(height[moved:] >= height[moved] + settings.rise_m)
+        if self.what == "box" and not risen.size:
+            how = (
+                f"last rest of the box (slower than {settings.box_rest_m_s:g} m/s) before it first moves faster than "
+                f"{settings.box_speed_m_s:g} m/s for at least {settings.box_sustained_s:g} s; it never rises by "
+                f"{settings.rise_m:g} m"
+            )
+            return Event(float(time[moved]), DETECTED, how)
+        # Onset: the last rest before the object is higher by `rise_m`.
+        climb = derivative(self.points, self.part.rate)[:, 2]
+        high = moved + int(risen[0])
+        still = np.flatnonzero(climb[moved:high] <= settings.box_rest_m_s)
         onset = moved + int(still[-1]) if still.size else moved
+        # Bounds that depend on no threshold: the last instant without a rise, and a tenth of the rise.
         before = np.flatnonzero(climb[: onset + 1] <= 0)
-        rise = height[high] - height[onset]
-        latest = onset + int(np.flatnonzero(height[onset:] >= height[onset] + ONSET * rise)[0])
-        slid = self.part.time[onset] - self.part.time[moved]
-        how = _HOW["rises"].format(settings=self.settings, moved=self.part.time[moved])
-        how += ", sliding at first" if slid > 0.1 else ""
-        times = self.part.time[[onset, before[-1] if before.size else 0, latest]]
-        return Event(float(times[0]), DETECTED, how, earliest_s=float(times[1]), latest_s=float(times[2]))
+        earliest = before[-1] if before.size else 0
+        tenth = height[onset] + ONSET_SHARE * (height[high] - height[onset])
+        latest = onset + int(np.flatnonzero(height[onset:] >= tenth)[0])
+        how = (
+            f"last instant at which it rises no faster than {settings.box_rest_m_s:g} m/s before it is {settings.rise_m:g} m "
+            f"higher; it moves from {time[moved]:.2f} s"
+        )
+        how += ", sliding at first" if time[onset] - time[moved] > MIN_SLIDE_S else ""
+        bounds = {"earliest_s": float(time[earliest]), "latest_s": float(time[latest])}
+        return Event(float(time[onset]), DETECTED, how, **bounds)
+
+    def _first_hand_rise(self) -> int:
+        """Return the first index of the first great rise of the hands."""
+        least = self.settings.hands_rise_m
+        rises = great_swings(self.points[:, 2], least, 1)
+        if not rises:
+            raise NoEvent(
+                f"the hands never rise by {least:g} m (lifting.events.hands_rise_m), only by "
+                f"{greatest_rise(self.points[:, 2]):.3f} m at most"
+            )
+        return rises[0][0]
 
     def _first_movement(self) -> int:
-        """Index of the last rest of the box before it first moves."""
+        """Return the index of the last rest of the box before it first moves."""
         threshold, lasting = self.settings.box_speed_m_s, self.settings.box_sustained_s
-        moving = speed(self.points, self.part.rate)
-        first = _first_run(moving > threshold, max(1, round(lasting * self.part.rate)))
+        pace, samples = speed(self.points, self.part.rate), max(1, round(lasting * self.part.rate))
+        first = _first_run(pace > threshold, samples)
         if first is None:
-            kept = _kept(moving, max(1, round(lasting * self.part.rate)))
-            raise NotFound(_HOW["box_still"].format(settings=self.settings, kept=kept))
+            raise NoEvent(
+                f"the box never moves faster than {threshold:g} m/s for {lasting:g} s (lifting.events.box_speed_m_s), only than "
+                f"{_sustained(pace, samples):.3f} m/s"
+            )
         if first == 0:
-            raise NotFound("the box moves from the first frame: its lift-off is not there")
-        rest = np.flatnonzero(moving[:first] <= self.settings.box_rest_m_s)
+            raise NoEvent("the box moves from the first frame: its lift-off was not recorded")
+        rest = np.flatnonzero(pace[:first] <= self.settings.box_rest_m_s)
         return int(rest[-1]) + 1 if rest.size else first
 
-    def _release(self) -> Event:
-        if self.what != "box":
-            return self._hands_release()
-        time, threshold = self.part.time, self.settings.box_speed_m_s
+    def _box_release(self) -> Event:
+        """Return the end of the box's movement, or the instant at which the wrists part from it."""
+        time, settings = self.part.time, self.settings
+        # The wrists part from the box, if they are seen to grip it.
         separation, wrists = None, wrist_centre(self.part)
-        if wrists is not None:  # they part from the box, where they are seen to grip it
-            apart = np.linalg.norm(wrists - self.points, axis=1)
-            separation = self._grip_ends(apart, closing=False)
+        if wrists is not None:
+            separation = self._grip_ends(np.linalg.norm(wrists - self.points, axis=1), closing=False)
         end = len(time) - 1 if separation is None else separation
         pace = speed(self.points, self.part.rate)
-        moving = np.flatnonzero((pace > threshold) & (time >= self.begin) & (np.arange(len(time)) <= end))
+        is_moving = (pace > settings.box_speed_m_s) & (time >= self.begin) & (np.arange(len(time)) <= end)
+        moving = np.flatnonzero(is_moving)
         if moving.size == 0:
-            raise NotFound(f"the box does not move after {self.begin:.2f} s")
-        parted = "" if separation is None else f"; the wrists part from it at {time[separation]:.2f} s"
+            raise NoEvent(f"the box does not move after {self.begin:.2f} s")
         if moving[-1] < end:
-            # Slow placing goes on below the threshold of movement; it ends at rest, or when the hands leave.
-            rest = np.flatnonzero(pace[moving[-1] : end + 1] <= self.settings.box_rest_m_s)
+            # Slow placing continues below the threshold of movement; it ends at rest, or when the hands leave.
+            rest = np.flatnonzero(pace[moving[-1] : end + 1] <= settings.box_rest_m_s)
             stop = int(moving[-1] + rest[0]) if rest.size else end
-            return Event(
-                float(time[stop]), DETECTED, _HOW["rests"].format(settings=self.settings, parted=parted)
-            )
+            how = f"the box comes to rest (slower than {settings.box_rest_m_s:g} m/s)"
+            how += "" if separation is None else f"; the wrists part from it at {time[separation]:.2f} s"
+            return Event(float(time[stop]), DETECTED, how)
         if separation is None:
-            raise NotFound(f"the box still moves at the last frame looked at, {time[-1]:.2f} s")
-        return Event(float(time[separation]), DETECTED, _HOW["parted"].format(settings=self.settings))
+            raise NoEvent(f"the box still moves at the last searched frame, {time[-1]:.2f} s")
+        how = f"the wrists part from the moving box by more than {settings.separation_m:g} m"
+        return Event(float(time[separation]), DETECTED, how)
 
-    def _hands_part(self) -> int | None:
-        """Index at which the hands leave what they hold together: their distance is no longer that of the grip."""
-        if not all(name in self.part for name in WRISTS):
-            return None
-        apart = np.linalg.norm(self.part["L_WRIST"] - self.part["R_WRIST"], axis=1)
-        return self._grip_ends(apart, closing=True)
+    def _hands_release(self) -> Event:
+        """Return the end of the last descent of the hands before they part, or of the last great one if they do not part."""
+        if self.found["lift_off"].method == ABSENT:
+            self._first_hand_rise()
+        time, hands, settings = self.part.time, self.points, self.settings
+        parted = None
+        if all(name in self.part for name in WRISTS):
+            apart = np.linalg.norm(self.part["L_WRIST"] - self.part["R_WRIST"], axis=1)
+            parted = self._grip_ends(apart, closing=True)
+        first, held = int(np.searchsorted(time, self.begin)), None
+        if parted is not None:
+            points = turning_points(hands[first : parted + 1, 2], settings.descent_m)
+            falls = [
+                pair for pair in pairwise(points) if hands[first + pair[1], 2] < hands[first + pair[0], 2]
+            ]
+            held = falls[-1] if falls else None
+        # Hands that part before they have gone down were not holding yet, or never together: only great descents count.
+        great = great_swings(hands[first:, 2], settings.descent_m, -1)
+        if held is None and not great:
+            raise NoEvent(
+                f"no deposit: the hands do not go down by {settings.descent_m:g} m (lifting.events.descent_m) after "
+                f"{self.begin:.2f} s, only by {greatest_rise(-hands[first:, 2]):.3f} m at most"
+            )
+        top, bottom = (first + index for index in held or great[-1])
+        climb = derivative(hands, self.part.rate)[:, 2]
+        falling = np.flatnonzero(climb[top : bottom + 1] < -settings.box_rest_m_s)
+        stop = min(top + int(falling[-1]) + 1, bottom) if falling.size else bottom
+        if stop >= len(time) - 1:
+            raise NoEvent(f"the hands still go down at the last searched frame, {time[-1]:.2f} s")
+        how = (
+            f"the hands stop going down (slower than {settings.box_rest_m_s:g} m/s) after "
+            f"{hands[top, 2] - hands[bottom, 2]:.2f} m; "
+        )
+        if held is None:
+            how += "the last great descent: it is not seen whether they hold anything"
+        else:
+            how += f"they part, or close, by more than {settings.separation_m:g} m at {time[parted]:.2f} s"
+        return Event(float(time[stop]), DETECTED, how)
 
     def _grip_ends(self, distance: np.ndarray, closing: bool) -> int | None:
-        """Index from which a distance is larger than in the grip after the lift-off, or with `closing` smaller; None if never."""
+        """Return the first index with a larger distance than in the grip, or with `closing` also a smaller one; None if never."""
         after = self.part.time >= self.begin
         grip = distance[after & (self.part.time <= self.begin + self.settings.grip_s)]
         if not np.isfinite(grip).any():
@@ -290,121 +309,99 @@ class _Search:
         left = after & ((np.abs(change) if closing else change) > self.settings.separation_m)
         return _first_run(left, max(1, round(self.settings.box_sustained_s * self.part.rate)))
 
-    def _hands_release(self) -> Event:
-        """End of the last descent of the hands before they part; of the last great one where it is not seen that they do."""
-        if self.found["lift_off"].method == ABSENT:
-            self._hands()
-        time, hands, settings = self.part.time, self.points, self.settings
-        climb, parted = derivative(hands, self.part.rate)[:, 2], self._hands_part()
-        first = int(np.searchsorted(time, self.begin))
-        held = (
-            None
-            if parted is None
-            else last_hand_descent(hands[first : parted + 1, 2], settings, greatest=False)
-        )
-        # Hands that part before they have gone down were not holding yet, or never together.
-        lowered = held or last_hand_descent(hands[first:, 2], settings, greatest=True)
-        if lowered is None:
-            most = greatest_rise(-hands[first:, 2])
-            raise NotFound(_HOW["hands_high"].format(settings=settings, lift_off=self.begin, most=most))
-        top, bottom = (first + index for index in lowered)
-        falling = np.flatnonzero(climb[top : bottom + 1] < -settings.box_rest_m_s)
-        stop = min(top + int(falling[-1]) + 1, bottom) if falling.size else bottom
-        if stop >= len(time) - 1:
-            raise NotFound(f"the hands still go down at the last frame looked at, {time[-1]:.2f} s")
-        words = {"settings": settings, "way": hands[top, 2] - hands[bottom, 2]}
-        if held is None:
-            return Event(float(time[stop]), DETECTED, _HOW["hands_last"].format(**words))
-        return Event(float(time[stop]), DETECTED, _HOW["hands_part"].format(**words, parted=time[parted]))
-
     def _deposit_start(self) -> Event:
-        """Last instant before what is carried goes down for good, or the wrists' last least speed before that."""
+        """Return the last instant before the object goes down finally, or the wrists' last minimum of speed before that."""
         what, settings, toe_off = self.what, self.settings, self.found["toe_off"].time_s
         start, release = self.begin if toe_off is None else toe_off, self.end
-        goes = "goes" if what == "box" else "go"
         searched = np.flatnonzero((self.part.time > start) & (self.part.time <= release))
         if searched.size < 3:
-            raise NotFound(
-                f"the {what} {'is' if what == 'box' else 'are'} not seen from {start:.2f} to {release:.2f} s"
-            )
-        height, climb = self.points[searched, 2], derivative(self.points, self.part.rate)[searched, 2]
-        time, (last, needed) = self.part.time[searched], _descents(height, settings)
-        onset = self._last_stop(height, climb, settings.descent_m)
-        if onset is None:
-            onset = self._last_stop(height, climb, needed, least=needed)
-        if onset is None:
-            lower = np.arange(int(1e3 * last), 4, -1) / 1e3
-            stops = ((way, self._last_stop(height, climb, way, least=way)) for way in lower)
-            told = [_HOW["would_find"].format(way=way, at=time[at]) for way, at in stops if at is not None]
-            words = {"what": what, "goes": goes, "way": height.max() - height[-1], "until": time[-1]}
-            raise NotFound(_HOW["no_deposit"].format(**words, needed=needed, decides="".join(told[:1])))
-        starts = {
-            "descent_s": float(time[onset]),
-            "thesis_s": self._slowest_wrists(searched, onset),
-        }
+            raise NoEvent(f"the {what} {self._is} not seen from {start:.2f} to {release:.2f} s")
+        time, height = self.part.time[searched], self.points[searched, 2]
+        climb = derivative(self.points, self.part.rate)[searched, 2]
+        onset = self._descent_onset(time, height, climb)
+        starts = {"descent_s": float(time[onset]), "thesis_s": self._slowest_wrists(searched, onset)}
         if settings.deposit_start == "wrist_minimum":
-            words = {
-                "what": what,
-                "begin": "begins" if what == "box" else "begin",
-                "down": starts["descent_s"],
-            }
+            before = f"before the {what} {self._goes} down at {starts['descent_s']:.2f} s"
             if starts["thesis_s"] is None:
-                raise NotFound(_HOW["no_wrist_minimum"].format(**words, settings=settings))
-            return Event(starts["thesis_s"], DETECTED, _HOW["wrist_minimum"].format(**words), **starts)
+                raise NoEvent(
+                    f"the wrists' speed is not known or has no minimum {settings.prominence_m_s:g} m/s deep "
+                    f"(lifting.events.prominence_m_s) {before}"
+                )
+            how = f"last local minimum of the wrists' speed {before}"
+            return Event(starts["thesis_s"], DETECTED, how, **starts)
+        # Bounds that depend on no threshold: the last instant without a descent, and a tenth of the descent.
         left = float(height[onset] - height[-1])
         not_down = np.flatnonzero(climb[: onset + 1] >= 0)
-        latest = onset + int(np.flatnonzero(height[onset:] <= height[onset] - ONSET * left)[0])
-        how = _HOW["goes_down"].format(what=what, goes=goes, settings=settings, left=left)
-        earliest = time[not_down[-1] if not_down.size else 0]
-        return Event(
-            starts["descent_s"],
-            DETECTED,
-            how,
-            earliest_s=float(earliest),
-            latest_s=float(time[latest]),
-            **starts,
+        earliest = not_down[-1] if not_down.size else 0
+        latest = onset + int(np.flatnonzero(height[onset:] <= height[onset] - ONSET_SHARE * left)[0])
+        how = (
+            f"last instant at which the {what} {self._goes} down no faster than {settings.box_rest_m_s:g} m/s before the last "
+            f"{left:.2f} m to the release"
+        )
+        bounds = {"earliest_s": float(time[earliest]), "latest_s": float(time[latest])}
+        return Event(starts["descent_s"], DETECTED, how, **bounds, **starts)
+
+    def _descent_onset(self, time: np.ndarray, height: np.ndarray, climb: np.ndarray) -> int:
+        """Return the index from which the object goes down finally.
+
+        A deposit is a descent of `descent_m`, or of less if the object hardly goes down otherwise.
+        """
+        least = LEAST_SHARE * self.settings.descent_m
+        ends = height[turning_points(height, least / 2)]
+        falls = [high - low for high, low in pairwise(ends) if high > low] or [0.0]
+        others = STANDS_OUT * max(falls[:-1], default=0.0)
+        needed = float(np.clip(others, least, self.settings.descent_m))
+        onset = self._last_stop(height, climb, self.settings.descent_m)
+        if onset is None:
+            onset = self._last_stop(height, climb, needed, least=needed)
+        if onset is not None:
+            return onset
+        # The largest smaller setting that would find a deposit.
+        lower = np.arange(int(1e3 * falls[-1]), 4, -1) / 1e3
+        stops = ((way, self._last_stop(height, climb, way, least=way)) for way in lower)
+        hints = (f"; {way:g} would give one from {time[at]:.2f} s" for way, at in stops if at is not None)
+        raise NoEvent(
+            f"no deposit: the {self.what} {self._goes} down by {height.max() - height[-1]:.3f} m before {time[-1]:.2f} s; a "
+            f"deposit needs {needed:.2g} m here from the last rest or rise (lifting.events.descent_m{next(hints, '')})"
         )
 
-    def _last_stop(self, height, climb, way: float, least: float = 0.0) -> int | None:
-        """Index of the last rest in the last rise or stay from which there is `way`, in metres, to go down.
+    def _last_stop(self, height: np.ndarray, climb: np.ndarray, way: float, least: float = 0.0) -> int | None:
+        """Return the index of the last rest in the last rise or stay from which there are `way` metres to go down.
 
-        Slowing down, or a small rise on the way, is none: a stay lasts, and a rise is a lift of its own. Two speeds tell
-        them, so that noise neither cuts a stay nor makes one. A descent may be too slow to be told from a stay by them:
-        rests with less than `least` below them, in metres, are none.
+        Slowing down, or a small rise on the way, is no stop: a stay lasts, and a rise is a lift by itself. Two speeds separate
+        them, so that noise neither cuts a stay nor makes one. A descent may be too slow to be distinguished from a stay by them:
+        rests with less than `least` metres below them do not count.
         """
         rests = (climb >= -self.settings.box_rest_m_s) & (height - height[-1] >= least)
         stops = []
         for run in runs(climb >= -self.settings.box_speed_m_s):
-            lasts = (
-                run.stop - run.start >= self.settings.stay_s * self.part.rate or np.ptp(height[run]) >= way
-            )
+            lasting = run.stop - run.start >= self.settings.stay_s * self.part.rate
             resting = run.start + np.flatnonzero(rests[run])
-            if lasts and resting.size and height[resting[-1]] - height[-1] >= way:
+            if (lasting or np.ptp(height[run]) >= way) and resting.size:
                 stops.append(int(resting[-1]))
-        return stops[-1] if stops else None
+        high_enough = [stop for stop in stops if height[stop] - height[-1] >= way]
+        return high_enough[-1] if high_enough else None
 
     def _slowest_wrists(self, searched: np.ndarray, onset: int) -> float | None:
-        """Time of the last local minimum of the wrists' speed before the descent: the thesis's start of the deposit."""
+        """Return the time of the last local minimum of the wrists' speed before the descent, as in the thesis."""
         from scipy.signal import find_peaks
 
         wrists = wrist_centre(self.part)
-        if wrists is None:
+        pace = None if wrists is None else speed(wrists, self.part.rate)[searched]
+        if pace is None or not np.isfinite(pace).all():
             return None
-        slow = speed(wrists, self.part.rate)[searched]
-        if not np.isfinite(slow).all():
-            return None
-        minima, _ = find_peaks(-slow, prominence=self.settings.prominence_m_s)
+        minima, _ = find_peaks(-pace, prominence=self.settings.prominence_m_s)
         minima = minima[minima <= onset]
         return float(self.part.time[searched[minima[-1]]]) if minima.size else None
 
 
 def _first_run(flags: np.ndarray, samples: int) -> int | None:
-    """Index at which `flags` first stays true for at least `samples` samples."""
+    """Return the index at which `flags` first stays true for at least `samples` samples."""
     return next((run.start for run in runs(flags) if run.stop - run.start >= samples), None)
 
 
-def _kept(values: np.ndarray, samples: int) -> float:
-    """Largest value that is kept for so many samples; 0 where none is."""
+def _sustained(values: np.ndarray, samples: int) -> float:
+    """Return the largest value that is exceeded for this number of samples; 0 if there is none."""
     if len(values) < samples:
         return 0.0
     least = np.lib.stride_tricks.sliding_window_view(values, samples).min(axis=1)
@@ -412,34 +409,29 @@ def _kept(values: np.ndarray, samples: int) -> float:
 
 
 def _toe_off(recording: MarkerRecording, settings: EventSettings, lift_off: float, release: float) -> Event:
+    """Return the first step between lift-off and release."""
     toes = [name for name in TOES if name in recording]
     if not toes:
         return Event(None, ABSENT, "no toe markers: the end of the lift is not known")
-    threshold, lasting = settings.toe_speed_m_s, settings.toe_sustained_s
     searched = (recording.time > lift_off) & (recording.time < release)
     # 65 ms are 13 frames at 200 Hz, whatever the rounding of the product.
-    samples = max(1, int(np.ceil(lasting * recording.rate - 1e-9)))
+    samples = max(1, int(np.ceil(settings.toe_sustained_s * recording.rate - 1e-9)))
     starts, unseen, fastest = {}, [], 0.0
     for name in toes:
         foot = speed(recording[name], recording.rate)
-        fastest = max(fastest, _kept(foot[searched], samples))
-        first = _first_run((foot > threshold) & searched, samples)
+        fastest = max(fastest, _sustained(foot[searched], samples))
+        first = _first_run((foot > settings.toe_speed_m_s) & searched, samples)
         if first is not None:
             starts[name] = float(recording.time[first])
         if np.isnan(foot[searched]).any():
             unseen.append(name)
-    words = {"settings": settings, "toes": ", ".join(toes), "fastest": fastest}
-    gaps = f"; not seen all the time: {', '.join(unseen)}" if unseen else ""
-    rule = _HOW["toe_off"].format(**words)
+    gaps = f"; not always seen: {', '.join(unseen)}" if unseen else ""
+    rule = (
+        f"toe faster than {settings.toe_speed_m_s:g} m/s for at least {settings.toe_sustained_s:g} s between lift-off and "
+        "release"
+    )
     if not starts:
-        return Event(None, ABSENT, f"{_HOW['no_toe_off'].format(**words, rule=rule)}{gaps}")
+        how = f"no toe-off: no {rule} ({', '.join(toes)}), only than {fastest:.2f} m/s (lifting.events.toe_speed_m_s)"
+        return Event(None, ABSENT, how + gaps)
     first_toe = min(starts, key=starts.__getitem__)
     return Event(starts[first_toe], DETECTED, f"{first_toe} first: {rule}{gaps}")
-
-
-def _descents(height: np.ndarray, settings: EventSettings) -> tuple[float, float]:
-    """The last descent, and that which is a deposit: `descent_m`, or less where what is carried hardly goes down otherwise."""
-    least = LEAST_SHARE * settings.descent_m
-    falls = [high - low for high, low in pairwise(height[turning_points(height, least / 2)]) if high > low]
-    others = STANDS_OUT * max(falls[:-1], default=0.0)
-    return (falls or [0.0])[-1], float(np.clip(others, least, settings.descent_m))

@@ -1,65 +1,63 @@
-"""Events of a lift: when each is and how that was found, the phases between them, and marks in the recording's own file."""
+"""Events of a lift: time and origin of each, the phases between them, the carried object, and marks in the recording's file."""
 
 import re
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 
 from lumbar.base.errors import InputError, Problems
-from lumbar.lifting.movement.carried_object import carried_object
+from lumbar.lifting.movement.cleaning import derivative
 from lumbar.records.marker_file import RecordedEvent
 from lumbar.records.markers import MarkerRecording
-from lumbar.settings.lifting import EventLabels
+from lumbar.settings.lifting import EventLabels, EventSettings
 
 EVENTS = ("lift_off", "toe_off", "deposit_start", "release")
 """In the order in which they happen. Any of them may be absent: a lifter deposits without a step, or not at all."""
 NEAREST_S = 5e-4
-"""Differences below this are none."""
+"""Differences below this are zero."""
 DETECTED, DECLARED, IN_FILE, ABSENT = "detected", "declared", "file", "absent"
+WRISTS = ("L_WRIST", "R_WRIST")
+GREAT = 0.5
+"""Least share of the greatest swing for another one to be great too. Reaching, swinging arms and small corrections also move
+hands up and down."""
+LOWEST = 0.1
+"""Share of a rise within which the object is still at its lowest."""
 
 
 @dataclass(frozen=True)
 class Event:
-    """One event and how it was found."""
+    """One event and its origin."""
 
     time_s: float | None
-    """On the recording's clock; None for an event that does not happen or cannot be told."""
+    """Time on the recording's clock; None for an event that does not happen or is not known."""
     method: str
     """{"detected", "declared", "file", "absent"}."""
     how: str
-    """The rule and the numbers behind it, or why there is no such event, for the reader."""
+    """The rule and its numbers, or the reason for an absent event, for the reader."""
     detected_s: float | None = None
-    """What detection says where the event is declared by hand or taken from the file; None where it finds nothing."""
+    """Detected time of an event that is declared by hand or taken from the file; None if none is detected."""
     earliest_s: float | None = None
+    """Last instant without movement in its direction: no threshold gives an earlier event; None if the rule has no such bound."""
     latest_s: float | None = None
-    """`earliest_s`, `latest_s`: between these the event has happened whatever the threshold: the last instant of no
-    movement in its direction, and a tenth of the way done; None where the rule knows no such instants."""
+    """Instant at which a tenth of the movement is done: no threshold gives a later event; None if the rule has no such bound."""
     descent_s: float | None = None
+    """Start of the deposit by the rule ``descent``; None if there is none, and for other events."""
     thesis_s: float | None = None
-    """`descent_s`, `thesis_s`: starts of the deposit by either rule of ``events.deposit_start``, the second the thesis's;
-    None where it finds nothing, and of other events."""
+    """Start of the deposit by the thesis's rule ``wrist_minimum``; None if there is none, and for other events."""
     file_s: float | None = None
-    """What the recording's own file says; None where it says nothing, or several things."""
+    """Time in the recording's own file; None if the file has no such event, or several."""
     file: str = ""
-    """The file's label, or which ones it has."""
+    """The file's label, or those of several."""
 
     def as_dict(self) -> dict:
         """Plain data for JSON."""
         return asdict(self)
 
 
-def started_by(event: Event, rule: str) -> Event:
-    """Return the start of the deposit by one rule of ``events.deposit_start``, from that by the other."""
-    time = {"descent": event.descent_s, "wrist_minimum": event.thesis_s}[rule]
-    return Event(
-        time, ABSENT if time is None else DETECTED, f"by deposit_start: {rule}; otherwise {event.how}"
-    )
-
-
 def phases(time: np.ndarray, events: dict[str, Event]) -> np.ndarray:
-    """Phase of every sample: before, lift, carry, deposit or after.
+    """Return the phase of every sample: before, lift, carry, deposit or after.
 
     Without a toe-off the lift lasts until the start of the deposit and there is no carry. Times and phases have shape (n,).
     """
@@ -77,15 +75,126 @@ def phases(time: np.ndarray, events: dict[str, Event]) -> np.ndarray:
 
 
 def held_frames(time: np.ndarray, events: dict[str, Event]) -> np.ndarray:
-    """Whether the box is held, shape (n,): from lift-off to release, as far as there are such events."""
+    """Return whether the box is held, shape (n,): from lift-off to release, as far as there are such events."""
     start, stop = (events[name].time_s for name in ("lift_off", "release"))
     if start is None and stop is None:
         return np.zeros(len(time), dtype=bool)
     return (time >= (time[0] if start is None else start)) & (time <= (time[-1] if stop is None else stop))
 
 
+def best_seen(recording: MarkerRecording, names: Iterable[str]) -> list[str]:
+    """Return those markers that are seen whenever the longest seen one is; none without markers."""
+    seen = {name: np.isfinite(recording[name]).all(axis=1) for name in names if name in recording}
+    if not seen:
+        return []
+    best = max(seen.values(), key=np.count_nonzero)
+    return [name for name, when in seen.items() if when[best].all()]
+
+
+def mean_of_best_seen(recording: MarkerRecording, names: Iterable[str]) -> np.ndarray | None:
+    """Return the mean of `best_seen` markers, shape (n, 3) in metres; None without markers, NaN while they are not seen.
+
+    A marker that is missing for a while is left out altogether: it would shift the mean when it comes and goes.
+    """
+    best = best_seen(recording, names)
+    return np.mean([recording[name] for name in best], axis=0) if best else None
+
+
+def box_centre(recording: MarkerRecording) -> np.ndarray | None:
+    """Return the centre of the box markers."""
+    return mean_of_best_seen(recording, [name for name in recording.positions if name.startswith("BOX_")])
+
+
+def wrist_centre(recording: MarkerRecording) -> np.ndarray | None:
+    """Return the mean of the wrists in the recording."""
+    return mean_of_best_seen(recording, WRISTS)
+
+
+def carried_object(recording: MarkerRecording) -> tuple[np.ndarray | None, str]:
+    """Return the positions of the box, or of the hands if it has no markers, and ``"box"`` or ``"hands"``."""
+    box = box_centre(recording)
+    return (wrist_centre(recording), "hands") if box is None else (box, "box")
+
+
+def speed(points: np.ndarray, rate: float) -> np.ndarray:
+    """Return the speed of filtered positions, shape (n,) in m/s; NaN if a sample is missing."""
+    return np.linalg.norm(derivative(points, rate), axis=1)
+
+
+def turning_points(height: np.ndarray, size: float) -> list[int]:
+    """Return the indices of alternate highest and lowest points, at least `size` apart; fewer than two if it never moves so far.
+
+    Examples
+    --------
+    >>> turning_points(np.array([0.0, 1.0, 0.9, 1.2, 0.2, 0.3]), 0.5)
+    [0, 3, 4]
+    """
+    points: list[int] = []
+    low = high = direction = 0
+    for index, value in enumerate(height):
+        low = index if direction <= 0 and value < height[low] else low
+        high = index if direction >= 0 and value > height[high] else high
+        if direction <= 0 and value - height[low] >= size:
+            points.append(low)
+            high, direction = index, 1
+        elif direction >= 0 and height[high] - value >= size:
+            points.append(high)
+            low, direction = index, -1
+    return [*points, high if direction > 0 else low] if points else []
+
+
+def great_swings(height: np.ndarray, size: float, sign: int) -> list[tuple[int, int]]:
+    """Return the first and last index of every great rise (`sign` 1) or descent (-1) of at least `size`."""
+    swings = [
+        pair
+        for pair in pairwise(turning_points(height, size))
+        if sign * (height[pair[1]] - height[pair[0]]) > 0
+    ]
+    greatest = max((abs(height[last] - height[first]) for first, last in swings), default=0.0)
+    return [pair for pair in swings if abs(height[pair[1]] - height[pair[0]]) >= GREAT * greatest]
+
+
+def greatest_rise(height: np.ndarray) -> float:
+    """Return the greatest rise above an earlier height, metres."""
+    return float(np.max(height - np.minimum.accumulate(height)))
+
+
+def lift_windows(recording: MarkerRecording, settings: EventSettings) -> list[tuple[float, float]]:
+    """Return the parts of a recording in seconds, one for each great rise of the object of at least `hands_rise_m`.
+
+    They are cut in the middle of the time for which it stays lowest between two rises.
+    """
+    points, _ = carried_object(recording)
+    seen = np.isfinite(points).all(axis=1) if points is not None else np.zeros(len(recording), bool)
+    if not seen.any():
+        return []
+    time, height = recording.time[seen], points[seen, 2]
+    swings, edges = great_swings(height, settings.hands_rise_m, 1), [float(recording.time[0])]
+    for (_, before), (low, high) in pairwise(swings):
+        lowest = height[before:high] <= height[low] + LOWEST * (height[high] - height[low])
+        edges.append(float(np.median(time[before:high][lowest])))
+    return list(pairwise([*edges, float(recording.time[-1])])) if swings else []
+
+
+def several_lifts(recording: MarkerRecording, events: dict[str, Event], settings: EventSettings) -> str:
+    """Return a question with time windows if the object rises so often that it may be several lifts; else nothing."""
+    _, carried = carried_object(recording)
+    start, stop = (events[name].time_s for name in ("lift_off", "release"))
+    if start is None or stop is None:
+        return ""
+    # Hands rise for other reasons too before and after they hold something; a box does not.
+    held = (carried == "box") | ((recording.time >= start) & (recording.time <= stop))
+    hidden = {name: np.where(held[:, None], part, np.nan) for name, part in recording.positions.items()}
+    windows = lift_windows(replace(recording, positions=hidden), settings)
+    if len(windows) < 2:
+        return ""
+    listed = ", ".join(f"[{first:.2f}, {last:.2f}]" for first, last in windows)
+    who, when = ("box rises", "") if carried == "box" else ("hands rise", " from lift-off to release")
+    return f"the {who} {len(windows)} times{when}: one lift or several, each a trial with window_s {listed}?"
+
+
 def event_sources(recording: MarkerRecording, events: dict[str, Event]) -> dict[str, str]:
-    """What each event was found in: box, hands or toes; set by hand; marked in the file; or absent."""
+    """Return the source of each event: box, hands or toes; set by hand; marked in the file; or absent."""
     _, carried = carried_object(recording)
     words = {DECLARED: "set by hand", IN_FILE: "marked in the file", ABSENT: ABSENT}
     return {
@@ -95,7 +204,7 @@ def event_sources(recording: MarkerRecording, events: dict[str, Event]) -> dict[
 
 
 def check_order(recording: MarkerRecording, times: dict[str, float]) -> None:
-    """Raise `InputError` for times, by event, that lie outside the recording or are not in the order of `EVENTS`."""
+    """Raise `InputError` for times, by event, that are outside the recording or not in the order of `EVENTS`."""
     problems = Problems(f"{recording.source}: events")
     start, stop = float(recording.time[0]), float(recording.time[-1])
     for name, time in times.items():
@@ -113,11 +222,11 @@ def check_order(recording: MarkerRecording, times: dict[str, float]) -> None:
 
 
 class SeveralEvents(Exception):
-    """Marks of which any may be the one meant; the text says which."""
+    """Several marks that may be the event; the text lists them."""
 
 
 def marks_of(recording: MarkerRecording, labels: EventLabels, name: str) -> list[RecordedEvent]:
-    """Events of the file, within the recording, whose label is one of those that stand for an event of a lift."""
+    """Return the events of the file, within the recording, with a label that means this event of a lift."""
     wanted = set(map(_folded, getattr(labels, name)))
     return [event for event in _within(recording) if _folded(event.label) in wanted]
 
@@ -125,27 +234,29 @@ def marks_of(recording: MarkerRecording, labels: EventLabels, name: str) -> list
 def file_event(
     recording: MarkerRecording, labels: EventLabels, name: str, start: float, stop: float
 ) -> RecordedEvent | None:
-    """Return the event of the file that stands for one of a lift; None where there is none.
+    """Return the event of the file that means one of a lift; None if there is none.
 
-    `labels` in the file stand for each event. Of steps (`name` ``"toe_off"``) the first between `start` and `stop` is
-    meant, in seconds; any other event stands once.
+    `labels` are those that mean each event. Among steps (`name` ``"toe_off"``) it is the first between `start` and `stop`, in
+    seconds; any other event may be there only a single time.
 
     Raises
     ------
     SeveralEvents
-        The event stands more than once.
+        The event is there several times.
     """
     found = marks_of(recording, labels, name)
     if name == "toe_off":
         return next((event for event in found if start < event.time < stop), None)
     if len(found) > 1:
         times = ", ".join(f"{event.full_label} at {event.time:.2f} s" for event in found)
-        raise SeveralEvents(f"{times}: which one is meant is not known (window_s of the trial takes one out)")
+        raise SeveralEvents(
+            f"{times}: it is not known which one is meant (window_s of the trial selects one)"
+        )
     return found[0] if found else None
 
 
 def refuse_without(recording: MarkerRecording, labels: EventLabels, names: tuple[str, ...]) -> None:
-    """Raise `InputError` where the file's events are to be taken, and it has none of a lift."""
+    """Raise `InputError` if a file has no event of a lift although its events are selected."""
     if any(marks_of(recording, labels, name) for name in names):
         return
     within = _within(recording)
@@ -153,27 +264,27 @@ def refuse_without(recording: MarkerRecording, labels: EventLabels, names: tuple
     outside = len(recording.events) - len(within)
     found += f", and {outside} outside {_span(recording)}" if outside else ""
     raise InputError(
-        f"{recording.source}: its own events are to be taken, but it {found}; lifting.events.labels says which labels mean "
-        "lift_off, toe_off, deposit_start and release; or take those detected (lifting.events.taken_from, the trial's events)"
+        f"{recording.source}: the file's events are selected, but it {found}; set lifting.events.labels to the labels that mean "
+        "lift_off, toe_off, deposit_start and release; or select those detected (lifting.events.taken_from, the trial's events)"
     )
 
 
 def comparison(recording: MarkerRecording, events: Mapping[str, Event], labels: EventLabels) -> list[str]:
-    """Say in sentences how far the file's events lie from those detected, and which of its labels mean none of a lift."""
+    """Return sentences on how far the file's events are from those detected, and on labels that mean no event of a lift."""
     lines = [f"events of the file: {line}" for name in events if (line := _compared(name, events[name]))]
     meant = {name: marks_of(recording, labels, name) for name in events}
     within = _within(recording)
     unnamed = [event for event in within if not any(event in found for found in meant.values())]
     unused = [event for name, found in meant.items() for event in found if not events[name].file]
     for found, why in (
-        (unnamed, "whose labels mean none of a lift by lifting.events.labels"),
-        (unused, "that are not compared, for they do not lie between a lift-off and a release"),
+        (unnamed, "with labels that mean no event of a lift by lifting.events.labels"),
+        (unused, "that are not compared, because they are not between a lift-off and a release"),
+        (
+            [event for event in recording.events if event not in within],
+            f"outside {_span(recording)}, not used",
+        ),
     ):
         lines += [f"events of the file {why}: {_listed(found)}"] if found else []
-    outside = [event for event in recording.events if event not in within]
-    lines += (
-        [f"events of the file outside {_span(recording)}, not used: {_listed(outside)}"] if outside else []
-    )
     return lines
 
 
@@ -187,13 +298,13 @@ def _listed(events: list[RecordedEvent]) -> str:
 def _compared(name: str, event: Event) -> str:
     if event.file_s is None:
         return f"{name}: {event.file}" if event.file else ""
-    found = event.detected_s if event.method in ("declared", "file") else event.time_s
-    said = f"{name} {event.file_s:.3f} s ({event.file})"
-    if found is None:
-        return f"{said}; detection finds none"
-    late = found - event.file_s
+    detected = event.detected_s if event.method in (DECLARED, IN_FILE) else event.time_s
+    in_file = f"{name} {event.file_s:.3f} s ({event.file})"
+    if detected is None:
+        return f"{in_file}; none detected"
+    late = detected - event.file_s
     where = "the same" if abs(late) < NEAREST_S else f"{abs(late):.3f} s {'later' if late > 0 else 'earlier'}"
-    return f"{said}; detection says {found:.3f} s, {where}"
+    return f"{in_file}; detected at {detected:.3f} s, {where}"
 
 
 def _within(recording: MarkerRecording) -> list[RecordedEvent]:

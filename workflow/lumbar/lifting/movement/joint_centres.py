@@ -1,8 +1,8 @@
 """Ends of the trunk's segments: joint centres of pelvis and spine by published regressions, or markers on the skin.
 
-Axes of the pelvis: right along the line from the left to the right anterior superior iliac spine (ASIS), up normal to
-the plane of both ASIS and the middle of the posterior ones (PSIS), forward across both. Its origin is the middle of the
-ASIS. Regressions for one sex take the mean of both rows where the sex is not known.
+Axes of the pelvis: right along the line from the left to the right anterior superior iliac spine (ASIS), up normal to the
+plane of both ASIS and the middle of the posterior ones (PSIS), forward across both. Its origin is the middle of the ASIS.
+Regressions that differ between the sexes take the mean of both rows for an unknown sex.
 
 Sources
 -------
@@ -14,9 +14,10 @@ Dumas and Wojtusch, Estimation of the body segment inertial parameters, Handbook
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -46,7 +47,7 @@ SKIN_MARKERS = {
 }
 """Markers whose mean is the point on the skin, which the thesis takes."""
 SKIN_OFF_MM = {"C7T1": 75.0, "T12L1": 70.0, "XIPHOID_LEVEL": 90.0, "L4L5": 80.0, "L5S1": 85.0, MID_HIP: 20.0}
-"""How far the point on the skin is from the joint's centre, about: the regressions' distances on an adult."""
+"""Approximate distance of the point on the skin from the joint's centre: by the regressions on an adult."""
 _HIP_OFF_MM = {"harrington": 15.0, "hara": 15.0, "reed": 25.0}
 _SPINE_OFF_MM, _WITHOUT_T8_OFF_MM = 20.0, 25.0
 L5_SHARE = 0.2
@@ -62,11 +63,11 @@ class TrunkPoint:
     position: np.ndarray
     """Shape (n, 3): metres."""
     rule: str
-    """What it is, and from what it was computed."""
+    """Definition, with its source."""
     inner: bool
     """Whether it is a joint's centre and not a point on the skin."""
     off_mm: float
-    """How far from the joint's centre it may be: of hips the published error, of the others an assumption."""
+    """Possible distance from the joint's centre: for hips the published error, otherwise an assumption."""
     markers: tuple[str, ...]
     """Markers it was computed from."""
 
@@ -78,11 +79,11 @@ class TrunkPoints:
     points: dict[str, TrunkPoint]
     """By the names of `SKIN_MARKERS`."""
     missing: dict[str, str]
-    """Points that the recording does not hold, with the markers that would give them."""
+    """Points that the recording does not have, with the markers that would give them."""
     right: np.ndarray
-    """Shape (n, 3): unit vector to the person's right."""
+    """Shape (n, 3): unit vector to the subject's right."""
     hips: dict[str, np.ndarray]
-    """``L_HIP``, ``R_HIP``: what `MID_HIP` is the middle of, shape (n, 3) in metres; none without it."""
+    """``L_HIP``, ``R_HIP``, whose middle is `MID_HIP`, shape (n, 3) in metres; empty without it."""
 
     def __getitem__(self, name: str) -> np.ndarray:
         return self.points[name].position
@@ -90,12 +91,17 @@ class TrunkPoints:
     def __contains__(self, name: str) -> bool:
         return name in self.points
 
+    def markers(self, names: Iterable[str]) -> list[str]:
+        """Return the markers that the named points are computed from."""
+        used = (self.points[name].markers for name in names if name in self)
+        return list(dict.fromkeys(marker for markers in used for marker in markers))
+
     def on_skin(self, names: Iterable[str]) -> list[str]:
-        """Sentences about those of the named points that are no joint centres."""
+        """Return the rules of those of the named points that are not joint centres."""
         return [self.points[name].rule for name in names if name in self and not self.points[name].inner]
 
 
-class _Lacking(Exception):
+class _MissingMarkers(Exception):
     """Markers, or ends above, that a rule needs and the recording does not have; the text names them."""
 
     def __init__(self, text: str, markers: Iterable[str] = ()):
@@ -106,8 +112,8 @@ class _Lacking(Exception):
 def trunk_points(recording: MarkerRecording, ends: str, hips: str, sex: str) -> TrunkPoints:
     """Find the ends of the trunk's segments.
 
-    Where a joint's centre cannot be estimated, the marker on the skin stands for it, and its rule says so and how far it
-    may be off. Joint centres of the file are taken as they are.
+    If a joint's centre cannot be estimated, the marker on the skin replaces it, and its rule reports this and the possible error.
+    Joint centres of the file are used unchanged.
     The recording is filtered; `ends` are inner (joint centres) or skin (the thesis's markers), `hips` one of `HIP_RULES`.
     """
     inner = _InnerPoints(recording, hips, sex)
@@ -119,25 +125,35 @@ def trunk_points(recording: MarkerRecording, ends: str, hips: str, sex: str) -> 
             try:
                 found[name] = inner.point(name, found)
                 continue
-            except _Lacking as lacking:
-                inside = lacking
+            except _MissingMarkers as error:
+                inside = error
         try:
             found[name] = _skin_point(recording, name, str(inside or ""))
-        except _Lacking as lacking:
-            said = inside is not None and lacking.markers <= inside.markers
-            missing[name] = "; ".join(map(str, filter(None, (inside, None if said else lacking))))
-    hips: dict[str, np.ndarray] = {}
-    if MID_HIP in found:
-        inside = found[MID_HIP].inner and not recording.joints
-        hips = inner.hips_of_sides() if inside else {name: recording[name] for name in SKIN_MARKERS[MID_HIP]}
-    return TrunkPoints(found, missing, _rightward(recording), hips)
+        except _MissingMarkers as error:
+            repeated = inside is not None and error.markers <= inside.markers
+            missing[name] = "; ".join(map(str, filter(None, (inside, None if repeated else error))))
+    sides: dict[str, np.ndarray] = {}
+    if MID_HIP in found and found[MID_HIP].inner and not recording.joints:
+        pelvis, hip = inner.pelvis.pelvis, inner.hip.centre
+        sides = {
+            f"{side}_HIP": pelvis.point(hip.forward, hip.up, sign * hip.right)
+            for side, sign in (("L", -1), ("R", 1))
+        }
+    elif MID_HIP in found:
+        sides = {name: recording[name] for name in SKIN_MARKERS[MID_HIP]}
+    # The subject's right: by the first pair of markers in the recording, else that of the laboratory.
+    right = np.tile([1.0, 0.0, 0.0], (len(recording), 1))
+    pair = next((pair for pair in _PAIRS if all(name in recording for name in pair)), None)
+    if pair is not None:
+        right = unit(recording[pair[1]] - recording[pair[0]])
+    return TrunkPoints(found, missing, right, sides)
 
 
 def limb_joints(recording: MarkerRecording) -> dict[str, np.ndarray]:
-    """Elbows, wrists, knees and ankles of both sides, shape (n, 3) in metres, as far as the recording has them.
+    """Return elbows, wrists, knees and ankles of both sides, shape (n, 3) in metres, as far as the recording has them.
 
-    A joint is the middle of its lateral and medial marker, where the second is seen whenever the first is and no alias has made
-    the joint of several markers already; otherwise it is its marker.
+    A joint is the middle of its lateral and medial marker, if the second is seen whenever the first is and no alias has already
+    computed the joint from several markers; otherwise it is its marker.
     """
     names = (f"{side}_{joint}" for side in SIDES for joint in ("ELBOW", "WRIST", "KNEE", "ANKLE"))
     joints = {name: recording[name] for name in names if name in recording}
@@ -164,37 +180,64 @@ def _skin_point(recording: MarkerRecording, name: str, reason: str) -> TrunkPoin
 def _need(recording: MarkerRecording, markers: tuple[str, ...]) -> None:
     lacking = list(dict.fromkeys(name for name in markers if name not in recording))
     if lacking:
-        raise _Lacking(f"no marker {', '.join(lacking)}", lacking)
+        raise _MissingMarkers(f"no marker {', '.join(lacking)}", lacking)
 
 
-def _rightward(recording: MarkerRecording) -> np.ndarray:
-    for left, right in _PAIRS:
-        if left in recording and right in recording:
-            return unit(recording[right] - recording[left])
-    return np.tile([1.0, 0.0, 0.0], (len(recording), 1))
+class HipCentre(NamedTuple):
+    """Coordinates of the right hip's centre along the axes of the pelvis, metres."""
+
+    forward: float
+    up: float
+    right: float
+
+
+@dataclass(frozen=True)
+class _SeenPelvis:
+    """The pelvis of a recording."""
+
+    pelvis: Pelvis
+    markers: tuple[str, ...]
+    filled: str
+    """Text on frames that were filled; empty without any."""
+
+
+@dataclass(frozen=True)
+class _RuledHip:
+    """The right hip by one of `HIP_RULES`."""
+
+    centre: HipCentre
+    markers: tuple[str, ...]
+    source: str
+    """Publication."""
 
 
 class _InnerPoints:
-    """Joint centres of one recording; a rule raises _Lacking where its markers are not there."""
+    """Joint centres of one recording; a rule raises `_MissingMarkers` if its markers are missing."""
 
     def __init__(self, recording: MarkerRecording, hips: str, sex: str):
         self.recording, self.hips, self.sex = recording, hips, sex
 
     def point(self, name: str, found: dict[str, TrunkPoint]) -> TrunkPoint:
         """Return a point by its name in `SKIN_MARKERS`; those above it on the spine are in `found`."""
-        rules: dict[str, Callable[[], TrunkPoint]] = {
-            "C7T1": self.cervical,
-            "T12L1": self.thoracolumbar,
-            "XIPHOID_LEVEL": lambda: self.level_of_xiphoid(found),
-            "L4L5": lambda: self.fourth_lumbar(found),
-            "L5S1": self.lumbosacral,
-            MID_HIP: self.middle_of_hips,
-        }
-        return rules[name]()
+        match name:
+            case "C7T1":
+                return self.cervical()
+            case "T12L1":
+                return self.thoracolumbar()
+            case "XIPHOID_LEVEL":
+                return self.level_of_xiphoid(found)
+            case "L4L5":
+                return self.fourth_lumbar(found)
+            case "L5S1":
+                return self.lumbosacral()
+        hip = self.hip
+        rule = f"{MID_HIP} is the middle of the hip joint centres ({hip.source}){self.pelvis.filled}"
+        position = self.pelvis.pelvis.point(hip.centre.forward, hip.centre.up)
+        return TrunkPoint(position, rule, True, _HIP_OFF_MM[self.hips], hip.markers)
 
     @cached_property
-    def pelvis(self) -> tuple[Pelvis, tuple[str, ...], str]:
-        """The pelvis, its markers and what was filled; the sacrum's marker may stand for both PSIS."""
+    def pelvis(self) -> _SeenPelvis:
+        """The pelvis; the sacrum's marker may replace both PSIS."""
         recording = self.recording
         psis = ("L_PSIS", "R_PSIS")
         if not all(name in recording for name in psis) and "SACRUM" in recording:
@@ -203,61 +246,43 @@ class _InnerPoints:
         _need(recording, markers)
         body = {name: recording[name] for name in _PELVIS_MARKERS if name in recording}
         seen, frames = fill_from_body(body)
-        carried = ", ".join(f"{name} in {count} frames" for name, count in frames.items() if name in markers)
+        counts = ", ".join(f"{name} in {count} frames" for name, count in frames.items() if name in markers)
+        filled = f"; not seen and filled from the rest of the pelvis: {counts}" if counts else ""
         middle = np.mean([seen[name] for name in psis], axis=0)
-        pelvis = pelvis_of(seen["L_ASIS"], seen["R_ASIS"], middle, recording.source)
-        return (
-            pelvis,
-            markers,
-            f"; not seen and carried by the rest of the pelvis: {carried}" if carried else "",
+        return _SeenPelvis(
+            pelvis_of(seen["L_ASIS"], seen["R_ASIS"], middle, recording.source), markers, filled
         )
 
     @cached_property
-    def hip(self) -> tuple[tuple[float, float, float], tuple[str, ...], str]:
-        """Coordinates of the right hip along the pelvis's axes, the markers they come from, and whose rule it is."""
-        pelvis, markers, _ = self.pelvis
+    def hip(self) -> _RuledHip:
+        """The right hip by the chosen rule."""
+        recording, seen = self.recording, self.pelvis
         if self.hips == "harrington":
-            return harrington_hips(pelvis), markers, "Harrington et al. 2007"
+            return _RuledHip(harrington_hips(seen.pelvis), seen.markers, "Harrington et al. 2007")
         if self.hips == "reed":
-            return reed_hips(pelvis, self.sex), markers, "Reed et al. 1999"
-        legs, source = ("L_ANKLE", "R_ANKLE"), "Hara et al. 2016, leg from ASIS to ankle marker"
-        _need(self.recording, legs)
-        return hara_hips(self.leg_length()), (*markers, *legs), source
-
-    def hips_of_sides(self) -> dict[str, np.ndarray]:
-        pelvis, (forward, up, right) = self.pelvis[0], self.hip[0]
-        return {"L_HIP": pelvis.point(forward, up, -right), "R_HIP": pelvis.point(forward, up, right)}
-
-    def middle_of_hips(self) -> TrunkPoint:
-        (pelvis, _, filled), (centre, markers, source) = self.pelvis, self.hip
-        return TrunkPoint(
-            pelvis.point(centre[0], centre[1]),
-            f"{MID_HIP} is the middle of the hip joint centres ({source}){filled}",
-            True,
-            _HIP_OFF_MM[self.hips],
-            markers,
-        )
-
-    def leg_length(self) -> float:
-        """Distance of ASIS and ankle when the legs are straightest, mean of both sides, metres."""
-        sides = [
-            np.linalg.norm(self.recording[f"{side}_ASIS"] - self.recording[f"{side}_ANKLE"], axis=1)
-            for side in "LR"
+            return _RuledHip(reed_hips(seen.pelvis, self.sex), seen.markers, "Reed et al. 1999")
+        legs = ("L_ANKLE", "R_ANKLE")
+        _need(recording, legs)
+        # Distance of ASIS and ankle with the straightest legs, mean of both sides.
+        lengths = [
+            np.linalg.norm(recording[f"{side}_ASIS"] - recording[f"{side}_ANKLE"], axis=1) for side in "LR"
         ]
-        return float(np.mean([np.nanpercentile(side, 95) for side in sides]))
+        length = float(np.mean([np.nanpercentile(side, 95) for side in lengths]))
+        source = "Hara et al. 2016, leg from ASIS to ankle marker"
+        return _RuledHip(hara_hips(length), (*seen.markers, *legs), source)
 
     def lumbosacral(self) -> TrunkPoint:
-        pelvis, markers, filled = self.pelvis
-        position = lumbosacral_centre(pelvis, self.sex)
-        return self.spine("L5S1", position, f"joint centre of L5/S1 (Reed et al. 1999){filled}", markers)
+        seen = self.pelvis
+        position = lumbosacral_centre(seen.pelvis, self.sex)
+        rule = f"joint centre of L5/S1 (Reed et al. 1999){seen.filled}"
+        return self.spine("L5S1", position, rule, seen.markers)
 
     def fourth_lumbar(self, found: dict[str, TrunkPoint]) -> TrunkPoint:
         if "T12L1" not in found:
-            raise _Lacking("no T12/L1 above it")
+            raise _MissingMarkers("no T12/L1 above it")
         below, above = self.lumbosacral(), found["T12L1"]
         position = below.position + L5_SHARE * (above.position - below.position)
-        filled = self.pelvis[2]
-        rule = f"centre of L4/L5, {L5_SHARE:g} of the way from L5/S1 to T12/L1{filled}"
+        rule = f"centre of L4/L5, {L5_SHARE:g} of the way from L5/S1 to T12/L1{self.pelvis.filled}"
         off = below.off_mm + L5_SHARE * above.off_mm
         return self.spine("L4L5", position, rule, (*below.markers, *above.markers), off)
 
@@ -273,19 +298,16 @@ class _InnerPoints:
         markers = ("T12", above, "C7", "MANUBRIUM")
         _need(self.recording, markers)
         position = thoracolumbar_centre(*(self.recording[name] for name in markers), self.sex)
-        rule = (
-            "joint centre of T12/L1 (Reed et al. 1999"
-            + ("" if above == "T8" else ", C7 in place of T8")
-            + ")"
-        )
-        off = _SPINE_OFF_MM if above == "T8" else _WITHOUT_T8_OFF_MM
+        rule, off = "joint centre of T12/L1 (Reed et al. 1999)", _SPINE_OFF_MM
+        if above != "T8":
+            rule, off = "joint centre of T12/L1 (Reed et al. 1999, C7 in place of T8)", _WITHOUT_T8_OFF_MM
         return self.spine("T12L1", position, rule, markers, off)
 
     def level_of_xiphoid(self, found: dict[str, TrunkPoint]) -> TrunkPoint:
         """Foot of the perpendicular from the xiphoid on the line C7/T1-T12/L1."""
         _need(self.recording, ("XIPHOID",))
         if not all(name in found and found[name].inner for name in ("C7T1", "T12L1")):
-            raise _Lacking("no C7/T1 and T12/L1 inside the body")
+            raise _MissingMarkers("no C7/T1 and T12/L1 inside the body")
         top, bottom = found["C7T1"], found["T12L1"]
         down = unit(bottom.position - top.position)
         along = np.sum((self.recording["XIPHOID"] - top.position) * down, axis=1, keepdims=True)
@@ -307,23 +329,25 @@ class Pelvis:
     origin: np.ndarray
     """Middle of the ASIS, metres."""
     forward: np.ndarray
+    """Unit vector."""
     up: np.ndarray
+    """Unit vector."""
     right: np.ndarray
-    """`forward`, `up`, `right`: unit vectors."""
+    """Unit vector."""
     width: float
+    """Distance between the ASIS, median over time, metres."""
     depth: float
-    """`width`, `depth`: distance of the ASIS from each other and of their middle from that of the PSIS: medians over time,
-    metres."""
+    """Distance of their middle from that of the PSIS, median over time, metres."""
 
     def point(self, forward: float, up: float, right: float = 0.0) -> np.ndarray:
-        """Trajectory, shape (n, 3), of a point of the pelvis, in metres along its axes."""
+        """Return the trajectory, shape (n, 3), of a point of the pelvis, in metres along its axes."""
         return self.origin + forward * self.forward + up * self.up + right * self.right
 
 
 def pelvis_of(
     left_asis: np.ndarray, right_asis: np.ndarray, middle_of_psis: np.ndarray, source: str = ""
 ) -> Pelvis:
-    """Axes and size of the pelvis from trajectories of its markers, each of shape (n, 3) in metres."""
+    """Return axes and size of the pelvis from trajectories of its markers, each of shape (n, 3) in metres."""
     origin = (left_asis + right_asis) / 2
     right = unit(right_asis - left_asis)
     up = unit(np.cross(right_asis - middle_of_psis, left_asis - middle_of_psis))
@@ -334,37 +358,38 @@ def pelvis_of(
     return Pelvis(origin, np.cross(up, right), up, right, width, depth)
 
 
-def harrington_hips(pelvis: Pelvis) -> tuple[float, float, float]:
-    """Forward, up and rightward coordinate of the right hip's centre in metres (Harrington et al. 2007).
+def harrington_hips(pelvis: Pelvis) -> HipCentre:
+    """Return the right hip's centre (Harrington et al. 2007).
 
     The published equations that need no length of the leg, with pelvic depth PD and width PW in millimetres:
     -0.24 PD - 9.9, -0.30 PW - 10.9, 0.33 PW + 7.3.
     """
-    return (-0.24 * pelvis.depth - 0.0099, -0.30 * pelvis.width - 0.0109, 0.33 * pelvis.width + 0.0073)
+    return HipCentre(
+        -0.24 * pelvis.depth - 0.0099, -0.30 * pelvis.width - 0.0109, 0.33 * pelvis.width + 0.0073
+    )
 
 
-def hara_hips(leg_length: float) -> tuple[float, float, float]:
-    """Forward, up and rightward coordinate of the right hip's centre from the leg's length, metres (Hara et al. 2016).
+def hara_hips(leg_length: float) -> HipCentre:
+    """Return the right hip's centre from the leg's length in metres (Hara et al. 2016).
 
     The leg's length is that from ASIS to medial malleolus, LL in millimetres: 11 - 0.063 LL, -9 - 0.078 LL,
     8 + 0.086 LL.
     """
-    return (0.011 - 0.063 * leg_length, -0.009 - 0.078 * leg_length, 0.008 + 0.086 * leg_length)
+    return HipCentre(0.011 - 0.063 * leg_length, -0.009 - 0.078 * leg_length, 0.008 + 0.086 * leg_length)
 
 
-def reed_hips(pelvis: Pelvis, sex: str) -> tuple[float, float, float]:
-    """Forward, up and rightward coordinate of the right hip's centre in metres (Reed et al. 1999)."""
-    forward, up, right = (share * pelvis.width for share in _row(_HIPS, sex))
-    return forward, up, right
+def reed_hips(pelvis: Pelvis, sex: str) -> HipCentre:
+    """Return the right hip's centre (Reed et al. 1999)."""
+    return HipCentre(*(share * pelvis.width for share in _row(_HIPS, sex)))
 
 
 def lumbosacral_centre(pelvis: Pelvis, sex: str) -> np.ndarray:
-    """Centre of L5/S1, shape (n, 3) in metres (Reed et al. 1999)."""
+    """Return the centre of L5/S1, shape (n, 3) in metres (Reed et al. 1999)."""
     return pelvis.point(*(share * pelvis.width for share in _row(_LUMBOSACRAL, sex)))
 
 
 def cervical_centre(c7: np.ndarray, suprasternale: np.ndarray, below: np.ndarray, sex: str) -> np.ndarray:
-    """Centre of C7/T1 from markers, each of shape (n, 3) in metres (Reed et al. 1999).
+    """Return the centre of C7/T1 from markers, each of shape (n, 3) in metres (Reed et al. 1999).
 
     `below` is one of the spine further down, which gives the sagittal plane.
     """
@@ -377,7 +402,7 @@ def cervical_centre(c7: np.ndarray, suprasternale: np.ndarray, below: np.ndarray
 def thoracolumbar_centre(
     t12: np.ndarray, above: np.ndarray, c7: np.ndarray, suprasternale: np.ndarray, sex: str
 ) -> np.ndarray:
-    """Centre of T12/L1 from markers, each of shape (n, 3) in metres (Reed et al. 1999).
+    """Return the centre of T12/L1 from markers, each of shape (n, 3) in metres (Reed et al. 1999).
 
     `above` is T8; with C7 in its place the point is moved along the spine by about the sine of the angle between both lines.
     """
@@ -388,13 +413,13 @@ def thoracolumbar_centre(
 
 
 def unit(vectors: np.ndarray) -> np.ndarray:
-    """Vectors of length one, shape (n, 3); NaN where a vector has no length."""
+    """Return the vectors divided by their lengths, shape (n, 3); NaN for a vector without length."""
     length = np.linalg.norm(vectors, axis=-1, keepdims=True)
     return vectors / np.where(length > 0, length, np.nan)
 
 
 def typical_distance(start: np.ndarray, end: np.ndarray) -> float:
-    """Median over time of the distance of two trajectories: a size of the body."""
+    """Return the median over time of the distance of two trajectories: a size of the body."""
     distance = np.linalg.norm(end - start, axis=-1)
     seen = distance[np.isfinite(distance)]
     return float(np.median(seen)) if seen.size else np.nan

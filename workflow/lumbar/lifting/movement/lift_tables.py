@@ -11,24 +11,28 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lumbar.base.errors import InputError
-from lumbar.lifting.movement.carried_object import (
+from lumbar.lifting.movement.centre_of_mass import COMS, head_centre, segment_centres, whole_body_centre
+from lumbar.lifting.movement.event_detection import TOES
+from lumbar.lifting.movement.events import (
+    DECLARED,
+    EVENTS,
+    IN_FILE,
     WRISTS,
     best_seen,
     box_centre,
     carried_object,
+    held_frames,
+    phases,
     speed,
     wrist_centre,
 )
-from lumbar.lifting.movement.centre_of_mass import COMS, head_centre, segment_centres, whole_body_centre
-from lumbar.lifting.movement.event_detection import TOES
-from lumbar.lifting.movement.events import DECLARED, EVENTS, IN_FILE, held_frames, phases
 from lumbar.lifting.movement.joint_centres import INNER, MID_HIP, SIDES, limb_joints
 from lumbar.lifting.movement.pendulum_states import PendulumChoice
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from lumbar.lifting.movement.lift import AnalysedLift
+    from lumbar.lifting.movement.lift_analysis import AnalysedLift
     from lumbar.lifting.movement.pendulum_states import PendulumStates
     from lumbar.settings.lifting import LiftingSettings
     from lumbar.settings.subject import SubjectSettings, TrialSettings

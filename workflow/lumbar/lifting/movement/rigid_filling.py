@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lumbar.lifting.movement.gaps import FILLED, Gap
+from lumbar.lifting.movement.cleaning import FILLED, Gap
 from lumbar.lifting.quality.findings import NOTED, Legend, MarkerFinding
 from lumbar.records.marker_aliases import labels_of
 from lumbar.records.stretches import runs

@@ -10,9 +10,9 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 
 from lumbar.base.errors import LumbarError
-from lumbar.lifting.stability.model.eq_4_1_pendulum import feedforward_torque
+from lumbar.lifting.stability.model.eqs_4_1_to_4_4_closed_loop import feedforward_torque
+from lumbar.lifting.stability.model.pendulum_trajectories import Trajectory
 from lumbar.lifting.stability.model.total_body import total_body_pendulum
-from lumbar.lifting.stability.model.trajectories import Trajectory
 from lumbar.publishing.figures.palette import MEASURED, SEGMENTS
 from lumbar.publishing.figures.style import (
     DOUBLE_COLUMN,

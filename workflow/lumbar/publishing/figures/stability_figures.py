@@ -11,13 +11,17 @@ from matplotlib.collections import PolyCollection
 from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 
+from lumbar.lifting.stability.basins import METHODS, thesis_methods
 from lumbar.lifting.stability.funnel.exact_funnel import Funnels
 from lumbar.lifting.stability.funnel.lyapunov_family import best_of_family
 from lumbar.lifting.stability.funnel.monte_carlo_check import preimage
-from lumbar.lifting.stability.methods import METHODS, thesis_methods
-from lumbar.lifting.stability.model.eq_4_2_regulator import close_loops, normal_axes
-from lumbar.lifting.stability.model.failures import compute_together
-from lumbar.lifting.stability.model.trajectories import THESIS, Convention, Trajectory
+from lumbar.lifting.stability.model.eqs_4_1_to_4_4_closed_loop import close_loops, normal_axes
+from lumbar.lifting.stability.model.pendulum_trajectories import (
+    THESIS,
+    Convention,
+    Trajectory,
+    compute_together,
+)
 from lumbar.publishing.figures.palette import MEASURED, SEGMENTS
 from lumbar.publishing.figures.style import DOUBLE_COLUMN, house_style, new_figure, say_instead
 from lumbar.settings.stability import PendulumSettings, StabilitySettings

@@ -15,10 +15,15 @@ from lumbar.lifting.movement.joint_centres import MID_HIP
 from lumbar.lifting.movement.lift_tables import HEAD, LOAD, WHOLE_BODY, com_of, points_of
 from lumbar.lifting.movement.pendulum_states import PLANES
 from lumbar.lifting.stability.funnel.exact_funnel import Funnels, exact_funnels
-from lumbar.lifting.stability.model.eq_4_2_regulator import ClosedLoops, close_loops
-from lumbar.lifting.stability.model.failures import compute_together
+from lumbar.lifting.stability.model.eqs_4_1_to_4_4_closed_loop import ClosedLoops, close_loops
+from lumbar.lifting.stability.model.pendulum_trajectories import (
+    Failure,
+    LiftStates,
+    Trajectory,
+    compute_together,
+    headline,
+)
 from lumbar.lifting.stability.model.torque_limits import exceeds, reference_of, torque_range
-from lumbar.lifting.stability.model.trajectories import Failure, LiftStates, Trajectory, headline
 from lumbar.settings.stability import StabilitySettings
 
 

@@ -15,7 +15,7 @@ from lumbar.lifting.measures.course import Course, Lifter, course_of_lift
 from lumbar.lifting.measures.lift_values import values_of_lift
 from lumbar.lifting.measures.registry import MEASURES, WINDOWS, measure_in_words
 from lumbar.lifting.movement.lift_tables import points_of
-from lumbar.lifting.stability.model.trajectories import Failure, LiftStates
+from lumbar.lifting.stability.model.pendulum_trajectories import Failure, LiftStates
 from lumbar.publishing.explorer.one_file import Drawn, embedded_pictures, one_file
 from lumbar.publishing.figures.lifting_figures import EVENT_LABELS
 from lumbar.publishing.figures.palette import MEASURED, SEGMENTS, SERIES

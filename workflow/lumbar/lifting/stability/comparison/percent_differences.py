@@ -1,14 +1,12 @@
-"""The percent differences of Table 4.1: what a study compares, average cross-section by average cross-section."""
+"""The percent differences of Table 4.1: the comparisons of a study, average cross-section by average cross-section."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-from lumbar.base.yaml_file import shipped_yaml
-from lumbar.lifting.stability.model.trajectories import (
+from lumbar.lifting.stability.model.pendulum_trajectories import (
     COMS,
     PLANES,
     Convention,
@@ -18,14 +16,14 @@ from lumbar.lifting.stability.model.trajectories import (
 )
 from lumbar.settings.stability import GROUPS, StabilitySettings
 
-_SAID: dict[str, str] = shipped_yaml(Path(__file__).with_name("table_4_1.yaml"))
 LIGHTER_BOX = "decrease_in_mass_"
 """Start of the names of the comparisons of one lifter's lightest box with the heaviest."""
+COMPUTED = "computed"
 
 
 @dataclass(frozen=True)
-class Study:
-    """What the tables of a study are made of."""
+class ComparedLifts:
+    """Lifts of a study and their basins, for the tables."""
 
     lifts: Sequence[LiftStates]
     """With ``experience`` among their facts."""
@@ -35,20 +33,16 @@ class Study:
     published: pd.DataFrame
     """The thesis's Table 4.1."""
     source_label: str
-    """Where the data come from."""
+    """Source of the data."""
 
     @property
-    def people(self) -> pd.DataFrame:
-        """Label and box of every lift: it counts also where all its basins are missing."""
-        return pd.DataFrame(
-            [
-                {"experience": lift.facts["experience"], "box_mass_kg": lift.facts["box_mass_kg"]}
-                for lift in self.lifts
-            ]
-        )
+    def comparisons(self) -> list["BasinComparison"]:
+        """Comparisons of the study; a lift counts also if all its basins are missing."""
+        lifts = [(lift.facts["experience"], lift.facts["box_mass_kg"]) for lift in self.lifts]
+        return comparisons_of(lifts, self.settings.compare.groups)
 
     @property
-    def printed(self) -> pd.DataFrame:
+    def published_percents(self) -> pd.DataFrame:
         """The thesis's percentages by comparison, as this study names it, and centre of mass."""
         named = self.published["comparison"].map(comparison_names(self.settings.compare.groups))
         return self.published.assign(comparison=named).set_index(["comparison", "com"])
@@ -58,51 +52,70 @@ class Study:
         """The study's own convention: its lifts are made by the same settings."""
         return headline(self.settings, self.lifts[0].facts)
 
-    def trajectories(self, mass=None, convention: Convention | None = None) -> list[Trajectory]:
-        """Sound trajectories of all lifts, of the headline unless said; `mass` changes their masses (of the facts)."""
-        lifts = self.lifts if mass is None else [replace(lift, facts=mass(lift.facts)) for lift in self.lifts]
+    def trajectories(
+        self,
+        change_masses: Callable[[Mapping], Mapping] | None = None,
+        convention: Convention | None = None,
+    ) -> list[Trajectory]:
+        """Return the valid trajectories of all lifts, by default of the headline; `change_masses` changes their facts."""
+        lifts = self.lifts
+        if change_masses is not None:
+            lifts = [replace(lift, facts=change_masses(lift.facts)) for lift in lifts]
         return [item for lift in lifts for item in lift.trajectories(convention or self.headline)[0]]
 
     def areas(self, method: str, convention: Convention) -> pd.DataFrame:
-        """Rows of `boa` of one method and convention."""
+        """Return the rows of `boa` of one method and convention."""
         chosen = {"method": method, **vars(convention)}
         return self.boa[(self.boa[list(chosen)] == list(chosen.values())).all(axis=1)]
 
+    def percent_differences(self, areas: pd.DataFrame, column: str = "mean_area") -> list[dict]:
+        """Return `percent_differences` of the study's comparisons."""
+        return percent_differences(areas, column, self.comparisons)
 
-def comparisons(people: pd.DataFrame, groups: tuple[str, str] = GROUPS):
-    """Yield name, (experience, mass) before and after, and whether the study can tell.
 
-    `people` has columns ``experience`` and ``box_mass_kg``: a lift counts also where all its basins are missing. `groups`
-    are the labels of the people compared, the first with the second.
-    """
-    lifts = {
-        (str(name), float(mass))
-        for name, mass in zip(people["experience"], people["box_mass_kg"], strict=True)
-    }
-    masses = {name: sorted(mass for who, mass in lifts if who == name) for name, _ in lifts}
-    others = sorted(set(masses) - set(groups))
+@dataclass(frozen=True)
+class BasinComparison:
+    """One comparison of Table 4.1: of two groups, or of a group's heaviest with its lightest box."""
+
+    name: str
+    before: tuple[str, float] | None = None
+    """Experience and box mass in kg of the side that is compared with; None if the study has no such lifts."""
+    after: tuple[str, float] | None = None
+    """The same of the other side."""
+    status: str = COMPUTED
+    """`COMPUTED`, or the reason why the study cannot make the comparison."""
+
+
+def comparisons_of(
+    lifts: Sequence[tuple[str, float]], groups: tuple[str, str] = GROUPS
+) -> list[BasinComparison]:
+    """Return the comparisons of lifts, given by experience and box mass; `groups` are compared, the first with the second."""
+    masses: dict[str, list[float]] = {}
+    for name, mass in sorted({(str(name), float(mass)) for name, mass in lifts}):
+        masses.setdefault(name, []).append(mass)
     first, second = groups
-    between = "_vs_".join(groups)
     shared = set(masses.get(first, [])) & set(masses.get(second, []))
     absent = [name for name in groups if name not in masses]
     if absent:
-        yield between, None, None, f"not testable: no {' and no '.join(absent)}"
+        between = BasinComparison("_vs_".join(groups), status=f"not testable: no {' and no '.join(absent)}")
     elif not shared:
-        yield between, None, None, "not testable: no box mass in common"
+        between = BasinComparison("_vs_".join(groups), status="not testable: no box mass in common")
     else:
-        yield between, (second, max(shared)), (first, max(shared)), "computed"
-    for name in (*groups, *others):
-        found = masses.get(name, [])
-        comparison = f"{LIGHTER_BOX}{name}"
-        if len(found) > 1:
-            yield comparison, (name, found[-1]), (name, found[0]), "computed"
+        heaviest = max(shared)
+        between = BasinComparison("_vs_".join(groups), (second, heaviest), (first, heaviest))
+    found = [between]
+    for name in (*groups, *sorted(set(masses) - set(groups))):
+        boxes = masses.get(name, [])
+        if len(boxes) > 1:
+            found.append(BasinComparison(f"{LIGHTER_BOX}{name}", (name, boxes[-1]), (name, boxes[0])))
         else:
-            reason = f"one box mass ({found[0]:g} kg)" if found else f"no {name}"
-            yield comparison, None, None, f"not testable: {reason}"
+            reason = f"one box mass ({boxes[0]:g} kg)" if boxes else f"no {name}"
+            found.append(BasinComparison(f"{LIGHTER_BOX}{name}", status=f"not testable: {reason}"))
+    return found
 
 
 def percent_differences(
-    areas: pd.DataFrame, column: str, people: pd.DataFrame, groups: tuple[str, str] = GROUPS
+    areas: pd.DataFrame, column: str, comparisons: Sequence[BasinComparison]
 ) -> list[dict]:
     """Compare average cross-sections as Table 4.1 does.
 
@@ -113,70 +126,70 @@ def percent_differences(
         and trials of the same experience are averaged.
     column : str
         The areas compared.
-    people, groups
-        As for `comparisons`.
 
     Returns
     -------
     list of dict
-        ``comparison, com, status`` and, per plane, the percentage or NaN where the study cannot tell or a basin is
+        ``comparison, com, status`` and, per plane, the percentage, NaN if the study cannot make the comparison or a basin is
         missing; the status names it.
     """
     table = areas.groupby(["experience", "box_mass_kg", "com", "plane"])[column].mean().to_dict()
     rows = []
-    for comparison, before, after, status in comparisons(people, groups):
+    for comparison in comparisons:
         for com in COMS:
-            row = {"comparison": comparison, "com": com, "status": status}
-            gone = []
-            for plane in PLANES:
-                row[plane] = np.nan
-                if status != "computed":
-                    continue
-                sides = [(*side, com, plane) for side in (before, after)]
-                gone += [side for side in sides if side not in table]
+            row = {"comparison": comparison.name, "com": com, "status": comparison.status}
+            row |= dict.fromkeys(PLANES, np.nan)
+            absent = []
+            for plane in PLANES if comparison.status == COMPUTED else ():
+                sides = [(*side, com, plane) for side in (comparison.before, comparison.after)]
+                absent += [side for side in sides if side not in table]
                 if all(side in table for side in sides):
                     base, other = (table[side] for side in sides)
                     row[plane] = float(100 * (other - base) / base)
-            if gone:
-                names = [f"{name} {mass:g} kg {com} {plane}" for name, mass, com, plane in gone]
+            if absent:
+                names = [f"{name} {mass:g} kg {com} {plane}" for name, mass, com, plane in absent]
                 row["status"] = f"no basin: {', '.join(names)}"
             rows.append(row)
     return rows
 
 
 def comparison_names(groups: tuple[str, str]) -> dict[str, str]:
-    """Names of the comparisons of two groups by those that the thesis's Table 4.1 has them under.
+    """Return the names of the comparisons of two groups by those in the thesis's Table 4.1.
 
     Examples
     --------
     >>> comparison_names(("trained", "untrained"))["expert_vs_novice"]
     'trained_vs_untrained'
     """
-    between = {"_vs_".join(GROUPS): "_vs_".join(groups)}
-    within = {
-        f"{LIGHTER_BOX}{thesis}": f"{LIGHTER_BOX}{name}" for thesis, name in zip(GROUPS, groups, strict=True)
+    pairs = zip(GROUPS, groups, strict=True)
+    return {"_vs_".join(GROUPS): "_vs_".join(groups)} | {
+        f"{LIGHTER_BOX}{thesis}": f"{LIGHTER_BOX}{name}" for thesis, name in pairs
     }
-    return between | within
 
 
-def headline_words(settings: StabilitySettings) -> str:
-    """Say the headline's sign, time and mass."""
+def headline_label(settings: StabilitySettings) -> str:
+    """Return the headline's sign, time and mass as text."""
     pendulum = settings.pendulum
     sign = {"inverted": "as people stand", "hanging": "hanging"}[pendulum.sign]
     return ", ".join([sign, f"{pendulum.time} time", pendulum.mass.replace("_", " ")])
 
 
-def regulator_sentence(settings: StabilitySettings) -> str:
-    """Say what regulator all basins have."""
-    regulator, pendulum = settings.regulator, settings.pendulum
-    weights = {
-        "state": [list(row) for row in regulator.state_weight],
-        "terminal": [list(row) for row in regulator.terminal_weight],
-    }
-    return _SAID["regulator"].format(regulator=regulator, damping=pendulum.damping_N_m_s, **weights)
+def regulator_note(settings: StabilitySettings) -> str:
+    """Return a note on the regulator of all basins."""
+    regulator = settings.regulator
+    state, terminal = (
+        [list(row) for row in each] for each in (regulator.state_weight, regulator.terminal_weight)
+    )
+    return (
+        f"Regulator of all basins: Q = {state}, R = {regulator.control_weight:g}, Qf = {terminal}; b = {settings.pendulum.damping_N_m_s:g} N·m·s/rad; it is assumed, and the "
+        "same for all"
+    )
 
 
 def comparison_definition(settings: StabilitySettings) -> str:
-    """Say what the comparisons are."""
+    """Return the definition of the comparisons."""
     first, second = settings.compare.groups
-    return _SAID["comparison"].format(first=first, second=second)
+    return (
+        f"{first}_vs_{second}: 100(A_{first} − A_{second})/A_{second} with the heaviest box of both; decrease_in_mass_…: "
+        "100(A_light − A_heavy)/A_heavy with that lifter's heaviest and lightest box; A = (1/T)∫πρ/√det S dt in rad²/s"
+    )

@@ -1,50 +1,66 @@
 """Table 4.1: percent differences of average cross-sections, published, in the thesis's wording, and as people stand.
 
-It holds the published percentages beside those of this study under the thesis's own convention (`THESIS`) and
-under the headline's. A basin that could not be computed is named in place of its number.
+The published percentages are next to those of this study under the thesis's own convention (`THESIS`) and under the headline's. A
+basin that could not be computed is named in place of its number.
 
-Beside it stands the same by the thesis's method after one, two and four alternations: what of it its solver makes and not the
-lifters. From the second alternation on ρ changes only at knots that have a multiplier again (`eqs_4_5_to_4_7_alternation`);
-without these the table is that of one alternation, to the last digit.
+The table of controls reports, per difference, the share that comes from the movement, the null control, the range when weights,
+damping, body mass and the sharing of the box are changed one at a time, and whether the difference survives this.
+
+The table of alternations gives the same by the thesis's method after one, two and four alternations: the part that its solver
+makes and not the lifters. From the second alternation ρ changes only at knots that have a multiplier again
+(`eqs_4_5_to_4_7_alternation`); without these the table is that of one alternation, to the last digit.
 """
 
-from pathlib import Path
+from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
 
-from lumbar.base.yaml_file import shipped_yaml
+from lumbar.lifting.measures.compare_groups import Difference, compare_means
 from lumbar.lifting.stability.basins import decimals
-from lumbar.lifting.stability.comparison.percent_differences import (
-    Study,
-    comparison_definition,
-    headline_words,
-    percent_differences,
-    regulator_sentence,
+from lumbar.lifting.stability.comparison.changed_pendulums import (
+    BODY_MASS_SHARE,
+    CHANGES,
+    NULL_CONTROL,
+    areas_under_changes,
 )
-from lumbar.lifting.stability.comparison.table_4_1_controls import controls_table, variants
-from lumbar.lifting.stability.model.failures import failures_frame, join_rows
-from lumbar.lifting.stability.model.trajectories import PLANES, THESIS
+from lumbar.lifting.stability.comparison.percent_differences import (
+    COMPUTED,
+    BasinComparison,
+    ComparedLifts,
+    comparison_definition,
+    headline_label,
+    regulator_note,
+)
+from lumbar.lifting.stability.model.pendulum_trajectories import PLANES, THESIS, failures_frame, join_rows
 from lumbar.lifting.stability.programme.eqs_4_5_to_4_7_alternation import EVIDENCE, RESOLUTION
 from lumbar.tables.described import columns_of, described
 from lumbar.tables.table import Table
 
-_SAID: dict[str, str] = shipped_yaml(Path(__file__).with_suffix(".yaml"))
 THESIS_DECIMALS = 1
-"""Digits after the point that the thesis's engine has in a percentage: with areas of the digits they have
-(`eqs_4_5_to_4_7_alternation.RESOLUTION`) it may be off by some tenths."""
+"""Digits after the point of a percentage by the thesis's method: with areas of the digits that they have
+(`eqs_4_5_to_4_7_alternation.RESOLUTION`) it may be wrong by some tenths."""
+MOVEMENT_SHARE = 0.5
+"""Share of a difference that must come from the movement, and not from duration, mass and length, for it to survive."""
 
 
-def tables_4_1(
-    study: Study, parts: pd.DataFrame, failures: pd.DataFrame | None = None
-) -> tuple[Table, Table, pd.DataFrame]:
-    """Return Table 4.1, the table of its controls, and all basins that are missing.
+@dataclass(frozen=True)
+class Tables41:
+    """Table 4.1 of a study."""
 
-    `parts` is that of `decomposition_table`. `failures` are the basins of the lifts that could not be computed, columns
-    `failures.COLUMNS`; those returned are these and the controls'.
+    table: Table
+    controls: Table
+    missing: pd.DataFrame
+    """All basins that are missing, rows of ``failures.csv``."""
+
+
+def tables_4_1(study: ComparedLifts, parts: pd.DataFrame, failures: pd.DataFrame | None = None) -> Tables41:
+    """Return Table 4.1, the table of its controls, and all missing basins.
+
+    `parts` is the result of `decomposition_table`. `failures` are the basins of the lifts that could not be computed; those of
+    the controls are added.
     """
-    groups = study.settings.compare.groups
-    varied, failed = variants(study)
+    varied, failed = areas_under_changes(study)
     missing = join_rows([*([] if failures is None else [failures]), failures_frame(failed)])
     own, thesis = (study.areas("exact", convention) for convention in (study.headline, THESIS))
     areas = {
@@ -55,23 +71,21 @@ def tables_4_1(
         "initial": (own, "initial_area"),
         "minimum": (own, "minimum_area"),
     }
-    differences = {
-        name: percent_differences(frame, column, study.people, groups)
-        for name, (frame, column) in areas.items()
-    }
+    differences = {name: study.percent_differences(frame, column) for name, (frame, column) in areas.items()}
     table = _first_table(study, differences, missing)
-    return table, controls_table(study, differences, own, parts), missing
+    return Tables41(table, controls_table(study, differences, own, parts), missing)
 
 
-def _first_table(study: Study, differences: dict[str, list[dict]], missing: pd.DataFrame) -> Table:
+def _first_table(study: ComparedLifts, differences: dict[str, list[dict]], missing: pd.DataFrame) -> Table:
+    """Return the percentages as published, in the thesis's wording and as people stand."""
     settings = study.settings
-    printed, rows = study.printed, []
+    published, rows = study.published_percents, []
     for index, row in enumerate(differences["headline"]):
         here = row["comparison"], row["com"]
         entry = dict(zip(("comparison", "com"), here, strict=True))
         entry |= {f"{plane}_percent": differences["thesis"][index][plane] for plane in PLANES}
         for plane in PLANES:
-            entry[f"{plane}_published_percent"] = printed[f"{plane}_percent"].get(here, np.nan)
+            entry[f"{plane}_published_percent"] = published[f"{plane}_percent"].get(here, np.nan)
             if "thesis_method" in settings.checks:
                 value = differences["thesis_method"][index][plane]
                 entry[f"{plane}_thesis_method_percent"] = round(value, THESIS_DECIMALS)
@@ -80,15 +94,13 @@ def _first_table(study: Study, differences: dict[str, list[dict]], missing: pd.D
     frame = pd.DataFrame(rows)
     numbers = [name for name in frame.columns if name.endswith("percent")]
     frame = frame.astype(dict.fromkeys(numbers, float))
-    shown = [
-        name for name in columns_of("lifting/stability", "table_4_1") if name in frame
-    ]  # as the thesis pairs them
-    if (frame["status"] == "computed").all():
+    shown = [name for name in columns_of("lifting/stability", "table_4_1") if name in frame]
+    if (frame["status"] == COMPUTED).all():
         shown.remove("status")
     words = {
         "comparison": comparison_definition(settings),
         "thesis": THESIS,
-        "headline": headline_words(settings),
+        "headline": headline_label(settings),
     }
     return described(
         "lifting/stability",
@@ -97,42 +109,155 @@ def _first_table(study: Study, differences: dict[str, list[dict]], missing: pd.D
         study.source_label,
         words,
         notes=(
-            published_sentence(study.published),
-            regulator_sentence(settings),
-            *(_SAID["missing"].format(row=row) for row in missing.itertuples()),
+            published_note(study.published),
+            regulator_note(settings),
+            *(
+                f"Could not be computed and is left out: {row.subject} {row.box_mass_kg:g} kg, {row.com}, {row.plane}: "
+                f"{row.basin}: {row.reason}"
+                for row in missing.itertuples()
+            ),
         ),
         first=tuple(name for name in shown if not name.endswith("thesis_method_percent")),
     )
 
 
-def published_sentence(published: pd.DataFrame) -> str:
-    """Say how the two published columns agree with one another, computed from them."""
+def controls_table(
+    study: ComparedLifts,
+    differences: dict[str, list[dict]],
+    areas: pd.DataFrame,
+    parts: pd.DataFrame,
+) -> Table:
+    """Return the controls of the headline: a row per comparison, centre of mass and plane.
+
+    Parameters
+    ----------
+    differences : dict of str to list of dict
+        Results of `percent_differences` with the same rows: ``headline``, its sections ``initial`` and ``minimum``, its null
+        control and every change.
+    areas : pandas.DataFrame
+        Areas of the headline.
+    parts : pandas.DataFrame
+        Result of `decomposition_table`.
+    """
+    settings = study.settings
+    comparisons = {comparison.name: comparison for comparison in study.comparisons}
+    own = parts.set_index(["comparison", "com", "plane"])
+    shares = (own["start_percent"] + own["course_percent"]) / own["percent"]
+    rows = []
+    for plane in PLANES:
+        for index, row in enumerate(differences["headline"]):
+            key = {"comparison": row["comparison"], "com": row["com"], "plane": plane}
+            found = {name: rows_of[index][plane] for name, rows_of in differences.items()}
+            percents = {name: None if np.isnan(value) else value for name, value in found.items()}
+            percent, share = percents["headline"], shares.get(tuple(key.values()))
+            under_changes = {text: percents[name] for name, text in CHANGES.items() if name in percents}
+            spread = [value for value in (percent, *under_changes.values()) if value is not None]
+            here = areas[(areas["com"] == row["com"]) & (areas["plane"] == plane)]
+            persons = _difference(here, comparisons[row["comparison"]])
+            rows.append(
+                {
+                    **key,
+                    "percent": percent,
+                    "movement_share": share,
+                    "initial_percent": percents["initial"],
+                    "minimum_percent": percents["minimum"],
+                    "null_percent": percents[NULL_CONTROL],
+                    "thesis_percent": percents["thesis"],
+                    "lowest_percent": min(spread, default=None),
+                    "highest_percent": max(spread, default=None),
+                    "verdict": row["status"]
+                    if row["status"].startswith("no basin") and percent is None
+                    else verdict(percent, share, under_changes, persons),
+                }
+            )
+    frame = pd.DataFrame(rows)
+    numbers = [name for name in frame.columns if name.endswith("percent") or name == "movement_share"]
+    frame = frame.astype(dict.fromkeys(numbers, float))[columns_of("lifting/stability", "table_4_1_controls")]
+    words = {
+        "thesis": THESIS,
+        "comparison": comparison_definition(settings),
+        "headline": headline_label(settings),
+        "factor": settings.sensitivity_factor,
+        "body": 100 * BODY_MASS_SHARE,
+    }
+    notes = (regulator_note(settings),)
+    return described("lifting/stability", "table_4_1_controls", frame, study.source_label, words, notes=notes)
+
+
+def verdict(
+    percent: float | None, movement: float | None, changed: dict[str, float | None], persons: Difference
+) -> str:
+    """Return whether a percentage survives its controls, with the reasons; `percent` is None if the study cannot compute it.
+
+    `movement` is the share that comes from the posture at the start and the course, None if unknown; `changed` has the percentage
+    under each change, by its name; `persons` is the difference over subjects. Its interval is given in percent of the mean that
+    is compared with.
+    """
+    if percent is None:
+        return "not testable in this study"
+    turned = [name for name, value in changed.items() if value is not None and value * percent <= 0]
+    reasons = []
+    if turned:
+        reasons.append(f"its sign turns with {', '.join(turned)}")
+    if movement is not None and movement < MOVEMENT_SHARE:
+        reasons.append(f"{100 * (1 - movement):.0f} % of it come from duration, mass and length")
+    unknown = [name for name, value in changed.items() if value is None]
+    if movement is None:
+        unknown.append("its parts exchanged")
+    if unknown:
+        reasons.append(f"no basin with {', '.join(unknown)}")
+    certainty = persons.remark
+    if persons.low is not None and persons.high is not None:
+        if persons.low <= 0 <= persons.high:
+            reasons.append("its interval over persons contains 0")
+        low, high = (100 * end / persons.second for end in (persons.low, persons.high))
+        certainty = f"95 % interval over persons [{low:+.2f}, {high:+.2f}] %"
+    if reasons:
+        return f"does not survive: {'; '.join(reasons)} ({certainty})"
+    return f"survives parts and sensitivity ({certainty})"
+
+
+def _difference(areas: pd.DataFrame, comparison: BasinComparison) -> Difference:
+    """Compare the areas behind one percentage over subjects, or return the reason why there is no interval."""
+    if comparison.before is None or comparison.after is None:
+        return Difference(np.nan, np.nan, (0, 0), remark="nothing to compare")
+    sides = [
+        areas[(areas["experience"] == experience) & (areas["box_mass_kg"] == mass)]
+        .groupby("subject")["mean_area"]
+        .mean()
+        for experience, mass in (comparison.after, comparison.before)
+    ]
+    (after, _), (before, _) = comparison.after, comparison.before
+    return compare_means(*sides, paired=before == after, names=(after, before))
+
+
+def published_note(published: pd.DataFrame) -> str:
+    """Return a note on the agreement of the two published columns, computed from them."""
     lateral, forward = (published[f"{plane}_percent"].to_numpy(float) for plane in PLANES)
     opposite = int((lateral * forward < 0).sum())
     correlation = np.corrcoef(lateral, forward)[0, 1]
-    return _SAID["published"].format(correlation=correlation, opposite=opposite, rows=len(lateral))
+    return (
+        f"The published columns correlate {correlation:+.2f} with one another, and {opposite} of {len(lateral)} rows have "
+        "opposite signs in the two planes. Mass and duration are the same in both planes and the length nearly so: no effect "
+        "of only mass, length and duration makes such columns"
+    )
 
 
-DECIMALS = 1
-"""After the point: areas have two or three digits."""
-
-
-def alternations_table(study: Study) -> Table:
-    """Return the table of a study whose checks hold the thesis's method."""
-    groups, own = study.settings.compare.groups, study.areas("thesis", THESIS)
+def alternations_table(study: ComparedLifts) -> Table:
+    """Return the table after one, two and four alternations of a study with the check ``thesis_method``."""
+    own = study.areas("thesis", THESIS)
     done = study.settings.thesis_method.alternations
     columns = {f"after_{number}": f"mean_area_after_{number}" for number in EVIDENCE} | {
         "thesis": "mean_area"
     }
-    found = {name: percent_differences(own, column, study.people, groups) for name, column in columns.items()}
-    found["exact"] = percent_differences(study.areas("exact", THESIS), "mean_area", study.people, groups)
-    printed, rows = study.printed, []
+    found = {name: study.percent_differences(own, column) for name, column in columns.items()}
+    found["exact"] = study.percent_differences(study.areas("exact", THESIS))
+    published, rows = study.published_percents, []
     for index, row in enumerate(found["thesis"]):
         for plane in PLANES:
             entry = {"comparison": row["comparison"], "com": row["com"], "plane": plane}
-            entry["published_percent"] = printed[f"{plane}_percent"].get(
-                (row["comparison"], row["com"]), np.nan
-            )
+            here = row["comparison"], row["com"]
+            entry["published_percent"] = published[f"{plane}_percent"].get(here, np.nan)
             entry |= {f"{name}_percent": float(found[name][index][plane]) for name in ("exact", *columns)}
             rows.append(entry)
     frame = pd.DataFrame(rows)
@@ -143,47 +268,63 @@ def alternations_table(study: Study) -> Table:
         study.source_label,
         {"comparison": comparison_definition(study.settings), "done": done},
         notes=(
-            jumps_sentence(own),
-            sizes_sentence(frame, done),
-            alternations_sentence(frame, done),
-            *([digits_sentence(own)] if len(own) else []),
+            jumps_note(own),
+            sizes_note(frame, done),
+            alternations_note(frame, done),
+            *([digits_note(own)] if len(own) else []),
         ),
     )
 
 
-def jumps_sentence(areas: pd.DataFrame) -> str:
-    """Name the basins whose ρ a further alternation than the first changed, and what it does to their areas."""
+def jumps_note(areas: pd.DataFrame) -> str:
+    """Return a note on the basins with a ρ that a further alternation than the first changed, and the effect on their areas."""
     moved = areas[areas["jumped_knots"] > 0]
     if moved.empty:
-        return _SAID["no_jumps"].format(basins=len(areas))
+        return f"In none of {len(areas)} basins a further alternation than the first has a multiplier at any knot"
     each = []
     for row in moved.itertuples():
-        percent, plane = 100 * (row.mean_area / row.mean_area_after_1 - 1), row.plane.replace("_", " ")
-        where = _SAID["one_knot" if row.jumped_knots == 1 else "knots"].format(row=row)
-        each.append(_SAID["jump"].format(row=row, plane=plane, where=where, percent=percent))
-    return _SAID["jumps"].format(moved=len(moved), basins=len(areas), each="; ".join(each))
+        knots = f"{row.jumped_knots} knots from {row.first_jump:.3f} T to {row.last_jump:.3f} T"
+        if row.jumped_knots == 1:
+            knots = f"1 knot at {row.first_jump:.3f} T"
+        each.append(
+            f"{row.subject} {row.box_mass_kg:g} kg, {row.com}, {row.plane.replace('_', ' ')}: {knots}, by up to "
+            f"{row.largest_jump:.2g}, mean area {100 * (row.mean_area / row.mean_area_after_1 - 1):+.1f} %"
+        )
+    return (
+        f"In {len(moved)} of {len(areas)} basins some knots have a multiplier again after the first alternation, and ρ grows "
+        f"there: {'; '.join(each)}. All others are those of one alternation. The solver of step 1 and the number of knots "
+        "decide which they are"
+    )
 
 
-def digits_sentence(areas: pd.DataFrame) -> str:
-    """Say what the digits of the thesis's areas leave of a difference."""
+def digits_note(areas: pd.DataFrame) -> str:
+    """Return a note on the digits of the thesis's areas."""
     step = max(100 * 10.0 ** -decimals(area, RESOLUTION["mean_area"]) / area for area in areas["mean_area"])
-    return _SAID["digits"].format(step=step)
+    return (
+        "Areas by the thesis's method are rounded to the digits that a solver's tolerance allows (boa.csv); the last digit is "
+        f"up to {step:.1f} % of an area: smaller differences by that method are not significant"
+    )
 
 
-def sizes_sentence(frame: pd.DataFrame, done: int) -> str:
-    """Compare the published sizes with those of one alternation and of all, plane by plane."""
-    words = []
+def sizes_note(frame: pd.DataFrame, done: int) -> str:
+    """Return a comparison of the published sizes with those of one alternation and of all, plane by plane."""
+    sizes = []
     for plane, rows in frame.groupby("plane", sort=False):
-        sizes = [rows[f"{name}_percent"].abs().max() for name in ("published", "exact", "after_1", "thesis")]
-        words.append(_SAID["sizes"].format(plane=plane.replace("_", " "), sizes=sizes, done=done))
-    return f"Largest difference, {'; '.join(words)}"
+        largest = {
+            name: rows[f"{name}_percent"].abs().max() for name in ("published", "exact", "after_1", "thesis")
+        }
+        sizes.append(
+            f"{plane.replace('_', ' ')}: {largest['published']:.1f} % published, {largest['exact']:.1f} exact, "
+            f"{largest['after_1']:.1f} after 1 alternation, {largest['thesis']:.1f} after {done}"
+        )
+    return f"Largest difference, {'; '.join(sizes)}"
 
 
-def alternations_sentence(frame: pd.DataFrame, done: int) -> str:
-    """Say whether a method that has converged stands behind the numbers: one alternation or four would then be the same."""
+def alternations_note(frame: pd.DataFrame, done: int) -> str:
+    """Return whether the method has converged: then one alternation or four would give the same."""
     other = 4 if done < 4 else 1
     change = (frame[f"after_{other}_percent"] - frame["thesis_percent"]).abs().max()
-    words = f"{other} alternation{'s' if other > 1 else ''} in place of {done}"
-    if not change >= 0.5 * 10**-DECIMALS:
-        return f"{words}: no cell changes"
-    return f"{words}: a cell changes by {change:.3g} percentage points, the alternation has not converged"
+    start = f"{other} alternation{'s' if other > 1 else ''} in place of {done}"
+    if not change >= 0.5 * 10**-THESIS_DECIMALS:
+        return f"{start}: no cell changes"
+    return f"{start}: a cell changes by {change:.3g} percentage points, the alternation has not converged"

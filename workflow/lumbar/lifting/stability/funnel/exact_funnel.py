@@ -29,8 +29,13 @@ from functools import cache
 import numpy as np
 
 from lumbar.base.errors import NumericalError
-from lumbar.lifting.stability.model.eq_4_1_pendulum import remainder
-from lumbar.lifting.stability.model.eq_4_2_regulator import ClosedLoops, NormalForm, determinant, normal_axes
+from lumbar.lifting.stability.model.eqs_4_1_to_4_4_closed_loop import (
+    ClosedLoops,
+    NormalForm,
+    determinant,
+    normal_axes,
+    remainder,
+)
 
 SAMPLES = 48
 """Points on the boundary among which Newton's starts are chosen, for semi-axes up to `SMALL_SEMI_AXIS`."""

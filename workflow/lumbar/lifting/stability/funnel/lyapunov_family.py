@@ -16,7 +16,7 @@ import numpy as np
 
 from lumbar.base.errors import NumericalError
 from lumbar.lifting.stability.funnel.exact_funnel import Funnels, exact_funnels
-from lumbar.lifting.stability.model.eq_4_2_regulator import ClosedLoops
+from lumbar.lifting.stability.model.eqs_4_1_to_4_4_closed_loop import ClosedLoops
 
 RELATIVE_TOLERANCE = 1e-9
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from lumbar.base.errors import NumericalError
 from lumbar.lifting.stability.funnel.exact_funnel import Funnels
-from lumbar.lifting.stability.model.eq_4_2_regulator import ClosedLoops, normal_axes
+from lumbar.lifting.stability.model.eqs_4_1_to_4_4_closed_loop import ClosedLoops, normal_axes
 
 LEVEL_TOLERANCE = 1e-6
 """Relative excess of V over ρ that still counts as the boundary: starts lie on it."""

@@ -4,9 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lumbar.lifting.stability.model.eq_4_1_pendulum import Pendulums
-from lumbar.lifting.stability.model.eq_4_2_regulator import ClosedLoops
-from lumbar.lifting.stability.model.trajectories import Trajectory
+from lumbar.lifting.stability.model.eqs_4_1_to_4_4_closed_loop import ClosedLoops, Pendulums
+from lumbar.lifting.stability.model.pendulum_trajectories import Trajectory
 from lumbar.settings.stability import StabilitySettings
 
 

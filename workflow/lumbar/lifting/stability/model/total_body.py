@@ -7,7 +7,7 @@ import pandas as pd
 from lumbar.base.errors import InputError
 from lumbar.lifting.movement.lift_tables import WHOLE_BODY, points_of
 from lumbar.lifting.movement.pendulum_states import pendulum_states
-from lumbar.lifting.stability.model.trajectories import Trajectory
+from lumbar.lifting.stability.model.pendulum_trajectories import Trajectory
 
 PLANE = "flexion_extension"
 

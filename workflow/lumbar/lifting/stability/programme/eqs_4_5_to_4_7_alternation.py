@@ -35,14 +35,15 @@ import numpy as np
 from numpy.polynomial.polynomial import polyvander
 
 from lumbar.lifting.stability.funnel.exact_funnel import Funnels, boundary_growth, even_knots
-from lumbar.lifting.stability.model.eq_4_2_regulator import (
+from lumbar.lifting.stability.model.eqs_4_1_to_4_4_closed_loop import (
     ClosedLoops,
     NormalForm,
     cost_to_go_euler,
     determinant,
     with_cost,
 )
-from lumbar.lifting.stability.programme.polynomials import (
+from lumbar.lifting.stability.programme.sum_of_squares import (
+    Certificate,
     circle_map,
     circle_maximum,
     growth_polynomial,
@@ -50,7 +51,6 @@ from lumbar.lifting.stability.programme.polynomials import (
     harmonics_of_monomials,
     monomials,
 )
-from lumbar.lifting.stability.programme.sum_of_squares import Certificate
 
 DEGREE = 3
 """Taylor degree of the sine: the least that knows that it is no line. The thesis names none."""

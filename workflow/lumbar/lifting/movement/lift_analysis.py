@@ -1,6 +1,6 @@
-"""One lift from its markers to the pendulums of the deposit: the study's, and those of the thesis's choice."""
+"""Analysis of one lift from its markers to the pendulums of the deposit: the study's, and those of the thesis's choice."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,10 +14,9 @@ from lumbar.lifting.movement.centre_of_mass import (
     centres_of_mass,
     segment_table,
 )
-from lumbar.lifting.movement.cleaning import clean, shortest_stretch
+from lumbar.lifting.movement.cleaning import ISLAND, Gap, clean, shortest_stretch
 from lumbar.lifting.movement.event_detection import find_events
-from lumbar.lifting.movement.events import Event, started_by
-from lumbar.lifting.movement.gaps import Gap, refuse_open_gaps, why_missing, within
+from lumbar.lifting.movement.events import ABSENT, DETECTED, Event
 from lumbar.lifting.movement.joint_centres import TrunkPoints, trunk_points
 from lumbar.lifting.movement.pendulum_states import (
     PIVOTS,
@@ -37,7 +36,13 @@ from lumbar.settings.lifting import LiftingSettings
 from lumbar.settings.subject import SubjectSettings, TrialSettings
 
 NEW_STUDY = "'lumbar new-study'"
-"""The command that writes the aliases of a folder of recordings."""
+"""Command that writes the aliases of a folder of recordings."""
+CUT_OR_KEEP = (
+    "cut the recording (window_s of the trial), give the marker an alias of others, or set gaps.longer: keep"
+)
+"""Remedy for a lift with a gap."""
+MAX_SPLINE_S = 1.0
+"""Longest gap that lifting.gaps.maximum_s may bridge."""
 
 
 @dataclass(frozen=True)
@@ -57,9 +62,9 @@ class AnalysedLift:
     """Ends of the segments."""
     centres: dict[str, CentreOfMass]
     pivot: np.ndarray | None
-    """Shape (n, 3), or None: metres; None where the recording lacks its markers."""
+    """Shape (n, 3), metres; None if the recording lacks its markers."""
     heading: float
-    """Radians by which the axes were turned."""
+    """Radians by which the axes were rotated."""
     states: dict[tuple[str, str], PendulumStates]
     """By centre of mass and plane."""
     missing: dict[str, str]
@@ -77,34 +82,46 @@ def analyse_lift(
 ) -> AnalysedLift:
     """Fill gaps, filter, find the events, the centres of mass and the pendulum's states during the deposit.
 
-    What a recording does not hold is left out, with its reason: events in `AnalysedLift.events`, pendulums in
+    Results that a recording does not allow are left out, with the reason: events in `AnalysedLift.events`, pendulums in
     `AnalysedLift.missing`.
 
-    `recording` is as read. What was filled then (`filled`) goes into the report, what was left out (`findings`) into
-    the reasons of what is missing.
+    `recording` is as read. Gaps filled then (`filled`) go into the report, frames left out (`findings`) into the reasons of
+    missing results.
 
     Raises
     ------
     InputError
-        Naming the file and what is wrong with it: neither an event nor a centre of mass can be had from it, events set by
-        hand contradict it, or with ``gaps.longer: error`` a gap that matters stays open.
+        With the file and its problem: it gives neither an event nor a centre of mass, events set by hand contradict it, or
+        with ``gaps.longer: error`` a gap that matters stays open.
     """
-    smooth, complete, found = clean(recording, settings)
-    smooth, window = within_window(smooth, trial, settings), trial.window_s
-    gaps = [*filled, *(gap for gap in found if window is None or within(gap, *window))]
+    cleaned, window = clean(recording, settings), trial.window_s
+    smooth, complete = within_window(cleaned.smooth, trial, settings), cleaned.complete
+    gaps = [*filled, *(gap for gap in cleaned.gaps if window is None or _overlaps(gap, *window))]
+
     events = find_events(smooth, settings.events, trial.events)
     table = segment_table(settings.segments, subject.sex)
     points = _points(smooth, subject, settings)
     missing = absent_segments(points, table)
-    _refuse_nothing(smooth, events, missing)
+    _require_content(smooth, events, missing)
     times = [event.time_s for event in events.values() if event.time_s is not None]
     if settings.gaps.longer == "error" and times:
         needed = _needed(points, table.ends, settings.pivot)
         refuse_open_gaps(smooth, gaps, settings.gaps.maximum_s, needed, min(times), max(times))
-    angle, without_frame = _frame_angle(smooth, settings.frame, events)
+
+    # The axes of the planes are those of the laboratory, or rotated with the hips at the start of the deposit.
+    angle, without_frame = 0.0, None
+    if settings.frame != "laboratory" and events["deposit_start"].time_s is not None:
+        try:
+            angle = heading(smooth, events["deposit_start"].time_s)
+        except InputError as error:
+            without_frame = str(error)
     if angle:
-        smooth, complete = _turned(smooth, angle), _turned(complete, angle)
+        smooth, complete = (
+            replace(one, positions={name: turn(points, angle) for name, points in one.positions.items()})
+            for one in (smooth, complete)
+        )
         points = _points(smooth, subject, settings)
+
     share = settings.box.share
     centres = centres_of_mass(smooth, points, table, subject.mass_kg, trial.box_mass_kg, share, events)
     pivot, without_pivot = _pivot(smooth, points, settings.pivot)
@@ -114,8 +131,8 @@ def analyse_lift(
         missing[com] = str(error)
         if isinstance(error, SamplesMissing):
             needed = _needed(points, table.ends_of(com), settings.pivot)
-            ends = _markers_of(points, table.ends_of(com))
-            missing[com] += f"; {why_missing(smooth, needed, ends, error.frames, gaps, findings)}"
+            ends = points.markers(table.ends_of(com))
+            missing[com] += f"; {_reason_for_missing(smooth, needed, ends, error.frames, gaps, findings)}"
     return AnalysedLift(
         name, smooth, complete, gaps, events, table, points, centres, pivot, angle, states, missing
     )
@@ -129,7 +146,7 @@ def _pendulums(
     settings: LiftingSettings,
     without: str,
 ) -> tuple[dict[tuple[str, str], PendulumStates], dict[str, LumbarError]]:
-    """States of the deposit by centre of mass and plane, and why a centre has none: `without`, if that is the case for all."""
+    """Return the states of the deposit by centre of mass and plane, and errors by centre without them: `without` if all are."""
     states: dict[tuple[str, str], PendulumStates] = {}
     errors: dict[str, LumbarError] = {}
     for com, centre in centres.items():
@@ -158,7 +175,7 @@ class ThesisPendulums:
 
     @property
     def facts(self) -> dict:
-        """The choice, mean lengths in m by centre of mass and plane, and what is missing; data for JSON."""
+        """Choice, mean lengths in m by centre of mass and plane, and missing centres; data for JSON."""
         lengths: dict[str, dict[str, float]] = {}
         for (com, plane), states in self.states.items():
             lengths.setdefault(com, {})[plane] = float(states.length.mean())
@@ -182,9 +199,12 @@ def thesis_pendulums(
         box = trial.box_mass_kg, settings.box.share
         centres = centres_of_mass(lift.recording, points, lift.table, subject.mass_kg, *box, events)
     pivot, without_pivot = _pivot(lift.recording, points, THESIS_CHOICE.pivot)
-    if own.deposit_start != THESIS_CHOICE.deposit_start:
-        start = started_by(events["deposit_start"], THESIS_CHOICE.deposit_start)
-        events = {**events, "deposit_start": start}
+    rule = THESIS_CHOICE.deposit_start
+    if own.deposit_start != rule:
+        start = events["deposit_start"]
+        how = f"by deposit_start: {rule}; otherwise {start.how}"
+        method = ABSENT if start.thesis_s is None else DETECTED
+        events = {**events, "deposit_start": Event(start.thesis_s, method, how)}
     reason = no_deposit(events) or without_pivot or ""
     states, errors = _pendulums(lift.recording, centres, pivot, events, settings, reason)
     absent = {com: reason for com, reason in lift.missing.items() if com not in lift.centres}
@@ -199,7 +219,7 @@ def _points(recording: MarkerRecording, subject: SubjectSettings, settings: Lift
 def within_window(
     smooth: MarkerRecording, trial: TrialSettings, settings: LiftingSettings
 ) -> MarkerRecording:
-    """The trial's window of a filtered recording."""
+    """Return the trial's window of a filtered recording."""
     if trial.window_s is None:
         return smooth
     start, stop = trial.window_s
@@ -213,7 +233,7 @@ def within_window(
     return smooth.at(inside)
 
 
-def _refuse_nothing(recording: MarkerRecording, events: dict[str, Event], missing: dict[str, str]) -> None:
+def _require_content(recording: MarkerRecording, events: dict[str, Event], missing: dict[str, str]) -> None:
     """Raise an error for a recording that holds neither an event of a lift nor a centre of mass."""
     if len(missing) < len(COMS) or any(event.time_s is not None for event in events.values()):
         return
@@ -230,7 +250,7 @@ def _refuse_nothing(recording: MarkerRecording, events: dict[str, Event], missin
 
 
 def recognised_unaliased(recording: MarkerRecording) -> str:
-    """Say what to do about markers whose usual meaning is known and that no alias names; empty where there are none."""
+    """Return a remedy for markers with a known meaning that no alias names; empty if there are none."""
     known = [
         one for one in landmarks(x for x in recording.unused if x not in THIGH) if one in recording.absent
     ]
@@ -238,17 +258,12 @@ def recognised_unaliased(recording: MarkerRecording) -> str:
 
 
 def _needed(points: TrunkPoints, ends: Sequence[str], pivot: str) -> list[str]:
-    """Markers that some ends of segments and the pivot are computed from."""
-    return list(dict.fromkeys([*PIVOTS[pivot], *_markers_of(points, [*ends, *PIVOTS[pivot]])]))
-
-
-def _markers_of(points: TrunkPoints, ends: Sequence[str]) -> list[str]:
-    used = [points.points[name] for name in ends if name in points]
-    return list(dict.fromkeys(marker for end in used for marker in end.markers))
+    """Return the markers that some ends of segments and the pivot are computed from."""
+    return list(dict.fromkeys([*PIVOTS[pivot], *points.markers([*ends, *PIVOTS[pivot]])]))
 
 
 def no_deposit(events: dict[str, Event]) -> str | None:
-    """Why there is no deposit to take pendulums from; None where there is one."""
+    """Return the reason why the deposit is not known; None if it is."""
     lacking = [
         f"{name}: {events[name].how}" for name in ("deposit_start", "release") if events[name].time_s is None
     ]
@@ -258,30 +273,102 @@ def no_deposit(events: dict[str, Event]) -> str | None:
 def _pivot(
     recording: MarkerRecording, points: TrunkPoints, pivot: str
 ) -> tuple[np.ndarray | None, str | None]:
-    """The pivot's trajectory, or why there is none."""
+    """Return the pivot's trajectory, or the reason why there is none."""
     try:
         return pivot_trajectory(recording, points, pivot), None
     except InputError as error:
         return None, str(error)
 
 
-def _frame_angle(
-    recording: MarkerRecording, frame: str, events: dict[str, Event]
-) -> tuple[float, str | None]:
-    """Angle by which the axes are turned about the vertical, and why it is not known where it is not.
+def _overlaps(item: Gap | MarkerFinding, start: float, stop: float) -> bool:
+    """Return whether a gap or a finding overlaps the interval between two times in seconds."""
+    return item.start_s <= stop and item.start_s + item.length_s > start
 
-    The axes of the planes are those of the laboratory, or turned with the hips at the deposit's start.
+
+def refuse_open_gaps(
+    recording: MarkerRecording,
+    gaps: list[Gap],
+    maximum_s: float,
+    markers: Collection[str] | None = None,
+    start_s: float = -np.inf,
+    stop_s: float = np.inf,
+) -> None:
+    """Raise an error that lists the gaps left open in `markers` (default all) between two times, with a remedy."""
+    problems = Problems(recording.source or recording.name)
+    for gap in gaps:
+        concerns = (markers is None or gap.marker in markers) and (
+            gap.start_s <= stop_s and gap.start_s + gap.length_s >= start_s
+        )
+        if concerns and not gap.filled:
+            problems.add(
+                gap.marker, f"not seen for {gap.length_s:.3g} s from {gap.start_s:.3f} s ({gap.outcome})"
+            )
+    if problems.entries:
+        problems.add("", f"gaps up to {maximum_s:g} s between seen frames are filled", CUT_OR_KEEP)
+    problems.raise_if_any()
+
+
+def _reason_for_missing(
+    recording: MarkerRecording,
+    needed: Collection[str],
+    ends: Collection[str],
+    frames: np.ndarray,
+    gaps: Sequence[Gap],
+    findings: Sequence[MarkerFinding],
+) -> str:
+    """Return which markers are missing and a remedy, for frames left out by findings and for gaps of the file.
+
+    Parameters
+    ----------
+    recording : MarkerRecording
+        Filtered; of the whole file or of a window of it.
+    needed, ends : collection of str
+        Markers that the samples are computed from, and those of them that ends of segments need, not only the pivot.
+    frames : ndarray of int
+        Missing samples, in order.
+    gaps : sequence of Gap
+        Gaps after the findings' frames were left out.
     """
-    time = events["deposit_start"].time_s
-    if frame == "laboratory" or time is None:
-        return 0.0, None
-    try:
-        return heading(recording, time), None
-    except InputError as error:
-        return 0.0, str(error)
+    start, stop = recording.time[frames[[0, -1]]]
+    unseen = [name for name in needed if name in recording and not np.isfinite(recording[name][frames]).all()]
+    causes = [
+        finding
+        for finding in findings
+        if _overlaps(finding, start, stop) and set(unseen) & set(finding.concerns)
+    ]
+    open_gaps = [
+        gap
+        for gap in gaps
+        if gap.marker in unseen
+        and not gap.filled
+        and gap.outcome != ISLAND
+        and _overlaps(gap, start, stop)
+        and not _explained(gap, causes)
+    ]
+    gappy = sorted({gap.marker for gap in open_gaps})
+    reasons = [
+        f"left out by the quality checks: {', '.join(finding.markers)} from {finding.start_s:.2f} to "
+        f"{finding.start_s + finding.length_s:.2f} s ({finding.kind}): {finding.remedy}"
+        for finding in causes
+    ]
+    if gappy or not causes:
+        longest_s = max((gap.length_s for gap in open_gaps), default=0.0)
+        remedies = ["fill them in the capture software"]
+        if longest_s <= MAX_SPLINE_S:
+            remedies = [f"raise lifting.gaps.maximum_s (a spline over {longest_s:.2g} s is a guess)"]
+        # Another pivot helps only if no segment needs the markers.
+        remedies += ["use another pivot"] if not set(gappy) & set(ends) else []
+        if gappy and all(name.endswith(("ASIS", "PSIS")) for name in gappy):
+            remedies.append("set lifting.segment_ends: skin, which needs no ASIS and PSIS")
+        where = f"not seen in the file: {', '.join(gappy)}: " if gappy else ""
+        reasons.append(where + ", or ".join(remedies))
+    return "; ".join(reasons)
 
 
-def _turned(recording: MarkerRecording, angle: float) -> MarkerRecording:
-    return replace(
-        recording, positions={name: turn(points, angle) for name, points in recording.positions.items()}
-    )
+def _explained(gap: Gap, findings: Sequence[MarkerFinding]) -> bool:
+    """Return whether all frames of a gap were left out by findings."""
+    frames = set(range(gap.first_frame, gap.first_frame + gap.n_frames))
+    for finding in findings:
+        if gap.marker in finding.concerns:
+            frames -= set(range(finding.frames.start, finding.frames.stop))
+    return not frames

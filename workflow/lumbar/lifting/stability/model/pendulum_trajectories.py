@@ -1,19 +1,24 @@
 """From the pendulum states of one lift to its reference trajectories, under the choices that Eq. 4.1 and its text leave open.
 
-A `Convention` is one such set of choices, `THESIS` the thesis's own. Trajectories are checked before they are used; the
-unsound ones are named as a `Failure`.
+A `Convention` is one such set of choices, `THESIS` the thesis's. Trajectories are checked before they are used. A basin that
+cannot be computed is a `Failure`, a row of ``stability/failures.csv``: it drops out with its reason, and the others stay.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+import csv
+import os
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
-from lumbar.base.errors import Problems
+from lumbar.base.errors import NumericalError, Problems
 from lumbar.lifting.movement.pendulum_states import CHOICES, THESIS_CHOICE
+from lumbar.tables.described import columns_of, described
+from lumbar.tables.table import Table
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -21,8 +26,11 @@ if TYPE_CHECKING:
     from lumbar.lifting.movement.pendulum_states import PendulumStates
     from lumbar.settings.stability import StabilitySettings
 
+
 COMS = ("thorax", "abdomen", "pelvis")
 PLANES = ("lateral_bending", "flexion_extension")
+SIGNS = {"hanging": 1.0, "inverted": -1.0}
+"""Sign σ of the gravity term of Eq. 4.1."""
 MINIMUM_SAMPLES = 20
 SHORTEST_LENGTH_M = 0.1
 VELOCITY_TOLERANCE = 0.1
@@ -81,6 +89,11 @@ class Trajectory:
     def ranges(self) -> np.ndarray:
         """Ranges of θ0 and θ̇0 in rad and rad/s, shape (2,)."""
         return np.array([np.ptp(self.angle), np.ptp(self.angular_velocity)])
+
+
+def pendulum_label(trajectory: Trajectory, sign: str) -> str:
+    """Return the name of a trajectory's pendulum in messages and in `lumbar.base.errors.NumericalError.label`."""
+    return f"{trajectory.label} ({sign})"
 
 
 def in_unit_time(trajectory: Trajectory) -> Trajectory:
@@ -295,3 +308,97 @@ def headline(settings: StabilitySettings, facts: Mapping) -> Convention:
     """Return the convention of the headline: the study's own choices, those of a lift's facts among them."""
     pendulum = settings.pendulum
     return Convention(pendulum.sign, pendulum.time, pendulum.mass, **own_choice(facts))
+
+
+Result = TypeVar("Result")
+
+
+def compute_together(
+    compute: Callable[[list[Trajectory]], Result],
+    trajectories: list[Trajectory],
+    basin: str,
+    failures: list[Failure],
+) -> list[tuple[list[Trajectory], Result]]:
+    """Compute all trajectories at once; where the error's label is that of one, it is tried by itself and the others
+    together again, else each by itself.
+
+    The integration takes as many steps for one basin as for a hundred.
+
+    `basin` says what is computed, for `Failure.basin`; `failures` grows by those that fail by themselves. Returned are
+    the trajectories that were computed together, with their result.
+
+    Examples
+    --------
+    >>> compute_together(len, ["thorax", "pelvis"], "exact", [])
+    [(['thorax', 'pelvis'], 2)]
+    """
+    found = []
+    left = list(trajectories)
+    while left:
+        try:
+            return [*found, (left, compute(left))]
+        except NumericalError as error:
+            label = error.label
+            if len(left) == 1:
+                failures.append(Failure.of(left[0], basin, str(error)))
+                return found
+        alone = [item for item in left if label in (pendulum_label(item, sign) for sign in SIGNS)] or left
+        left = [item for item in left if item not in alone]
+        for item in alone:
+            try:
+                found.append(([item], compute([item])))
+            except NumericalError as error:
+                failures.append(Failure.of(item, basin, str(error)))
+    return found
+
+
+def failures_frame(failures: list[Failure]) -> pd.DataFrame:
+    """Return failures as the rows of ``failures.csv``."""
+    import pandas as pd
+
+    return pd.DataFrame(
+        [asdict(item) for item in failures], columns=columns_of("lifting/stability", "missing_basins")
+    )
+
+
+def join_rows(frames: list[pd.DataFrame]) -> pd.DataFrame:
+    """Join the same table of several lifts; one without rows decides no type."""
+    import pandas as pd
+
+    filled = [frame for frame in frames if len(frame)]
+    return pd.concat(filled, ignore_index=True) if filled else frames[0]
+
+
+def announcement(path: str | os.PathLike) -> str:
+    """Return a message that names every basin in a ``failures.csv``; empty where there is none."""
+    with Path(path).open(encoding="utf-8", newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    if not rows:
+        return ""
+    count = f"{len(rows)} basin{'s' if len(rows) > 1 else ''} of attraction could not be computed ({path})"
+    return "\n".join(
+        [
+            f"WARNING: {count}; the tables leave out and name:",
+            *(
+                f"  - {row['subject']} {float(row['box_mass_kg']):g} kg, {row['com']}, {row['plane']}: "
+                f"{row['basin']}: {row['reason']}"
+                for row in rows
+            ),
+        ]
+    )
+
+
+def failures_table(failures: pd.DataFrame, source_label: str) -> Table:
+    """Return the basins that could not be computed as a published table; where none is missing, a row says so."""
+    none, no_rows = failures.empty, failures_frame([])
+    if none:
+        failures = no_rows.astype(object)
+        failures.loc[0] = dict.fromkeys(no_rows) | {"basin": "none", "reason": "every basin was computed"}
+    return described(
+        "lifting/stability",
+        "missing_basins",
+        failures,
+        source_label,
+        notes=("Every basin was computed" if none else "These basins are in no other table",),
+        may_be_empty=frozenset(no_rows) - {"basin", "reason"} if none else frozenset(),
+    )

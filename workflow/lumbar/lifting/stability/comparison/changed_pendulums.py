@@ -1,0 +1,311 @@
+"""Average cross-sections of changed pendulums: the controls of Table 4.1, and the parts that its differences come from.
+
+Controls: weights, damping, body mass and the sharing of the box are changed one at a time; the sine is replaced by its Taylor
+polynomials; the null control stands still.
+
+Parts: two pendulums differ in duration, length, mass, posture at the start, and the course of the movement. Any of these may
+be taken from the one and the rest from the other, which makes 32 pendulums and as many areas. The contribution of a part is
+what it adds to the area, averaged over all orders in which the parts can be exchanged (Shapley, in Contributions to the Theory
+of Games II (1953) 307–317): the five add up to the difference.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import combinations, product
+from math import factorial
+
+import numpy as np
+import pandas as pd
+
+from lumbar.base.errors import NumericalError
+from lumbar.lifting.stability.comparison.percent_differences import (
+    COMPUTED,
+    ComparedLifts,
+    comparison_definition,
+    headline_label,
+)
+from lumbar.lifting.stability.funnel.exact_funnel import Funnels, exact_funnels, integrate_backward
+from lumbar.lifting.stability.model.eqs_4_1_to_4_4_closed_loop import (
+    Weights,
+    close_loops,
+    gather,
+    regulate,
+)
+from lumbar.lifting.stability.model.pendulum_trajectories import (
+    COMS,
+    PLANES,
+    Failure,
+    Trajectory,
+    at_rest,
+    compute_together,
+)
+from lumbar.lifting.stability.programme.sum_of_squares import circle_maximum, growth_polynomial
+from lumbar.settings.stability import StabilitySettings
+from lumbar.tables.described import described
+from lumbar.tables.table import Table
+
+BODY_MASS_SHARE = 0.1
+"""Share by which the body mass of all subjects is raised and lowered."""
+
+_KEYS = ("subject", "experience", "box_mass_kg", "com", "plane")
+VARIANTS = ("base", *(f"{name}{change}" for name in ("Q", "R", "b") for change in ("/", "*")))
+"""``base``, and ``Q``, ``R``, ``b`` divided and multiplied by the factor of the configuration."""
+TAYLOR = {f"taylor_{degree}": degree for degree in (3, 5, 7)}
+"""Degree of the sine's polynomial by change."""
+CHANGES = {
+    "lighter": "lighter bodies",
+    "heavier": "heavier bodies",
+    "box_share": "the box shared the other way",
+    **{f"{name}/": f"{name} divided" for name in ("Q", "R", "b")},
+    **{f"{name}*": f"{name} multiplied" for name in ("Q", "R", "b")},
+    **{name: f"Taylor degree {degree}" for name, degree in TAYLOR.items()},
+}
+NULL_CONTROL = "null"
+"""Name of the areas of the same pendulums standing still at θ0 = 0."""
+
+
+def _scale_body_mass(facts: Mapping, factor: float) -> dict:
+    """Change the masses of a lift's facts as if the subject weighed `factor` times as much."""
+    masses = {
+        com: {"without_box": factor * own["without_box"]}
+        | {"with_box": own["with_box"] + (factor - 1) * own["without_box"]}
+        for com, own in facts["mass_kg"].items()
+    }
+    return {**facts, "mass_kg": masses}
+
+
+def _exchange_box_share(facts: Mapping) -> dict:
+    """Give the whole box to every centre of mass instead of a part in proportion, or the reverse."""
+    box = float(facts["box_mass_kg"])
+    own = {com: item["without_box"] for com, item in facts["mass_kg"].items()}
+    whole = facts["box"]["share"] == "by_mass"
+    masses = {
+        com: {"without_box": mass, "with_box": mass + (box if whole else box * mass / sum(own.values()))}
+        for com, mass in own.items()
+    }
+    return {**facts, "mass_kg": masses}
+
+
+OTHER_MASSES = {
+    "lighter": partial(_scale_body_mass, factor=1 - BODY_MASS_SHARE),
+    "heavier": partial(_scale_body_mass, factor=1 + BODY_MASS_SHARE),
+    "box_share": _exchange_box_share,
+}
+
+
+def areas_under_changes(study: ComparedLifts) -> tuple[dict[str, pd.DataFrame], list[Failure]]:
+    """Return average cross-sections under every change that the headline is tested with.
+
+    The areas by change have columns ``subject, experience, box_mass_kg, com, plane, mean_area``. Areas that could not
+    be computed have no row; they are the failures.
+    """
+    settings, trajectories = study.settings, study.trajectories()
+    cases = dict.fromkeys((*VARIANTS, *TAYLOR), trajectories) | {
+        name: study.trajectories(mass) for name, mass in OTHER_MASSES.items()
+    }
+    cases[NULL_CONTROL] = [at_rest(item) for item in trajectories]
+    # All changes with the true sine together are fastest; only if one has no basin each is computed separately.
+    try:
+        true_sine = {name: items for name, items in cases.items() if name not in (*TAYLOR, NULL_CONTROL)}
+        together = varied_areas(true_sine, settings) if trajectories else {}
+    except NumericalError:
+        together = {}
+    areas: dict[str, pd.DataFrame] = {}
+    failures: list[Failure] = []
+    for name, items in cases.items():
+        found = list(zip(items, together[name], strict=True)) if name in together else []
+
+        def areas_of(items: list[Trajectory], name=name) -> np.ndarray:
+            if name in TAYLOR:
+                return taylor_areas(items, settings, TAYLOR[name])
+            return varied_areas({name: items}, settings)[name]
+
+        basin = f"Table 4.1, {CHANGES.get(name, 'null control')}"
+        for some, values in compute_together(areas_of, [] if found else items, basin, failures):
+            found += zip(some, values, strict=True)
+        rows = [{key: getattr(item, key) for key in _KEYS} | {"mean_area": area} for item, area in found]
+        areas[name] = pd.DataFrame(rows, columns=[*_KEYS, "mean_area"])
+    return areas, failures
+
+
+def varied_areas(cases: Mapping[str, list[Trajectory]], settings: StabilitySettings) -> dict[str, np.ndarray]:
+    """Return average cross-sections (exact method) with Q, R and b changed, all computed together.
+
+    The areas are given by change, shape (trajectories,). A key of `cases` that is one of `VARIANTS` gets that change;
+    under any other name the trajectories are unchanged.
+
+    Raises
+    ------
+    NumericalError
+        One of them has no basin.
+    """
+    counts = [len(own) for own in cases.values()]
+    factors = {"/": 1 / settings.sensitivity_factor, "*": settings.sensitivity_factor}
+    changes = [{name[0]: factors[name[1]]} if name[1:] in factors else {} for name in cases]
+    items = [item for own in cases.values() for item in own]
+    scale = {
+        quantity: np.repeat([change.get(quantity, 1.0) for change in changes], counts)
+        for quantity in ("Q", "R", "b")
+    }
+    pendulum, base = settings.pendulum, Weights.of(settings.regulator)
+    weights = Weights(base.state * scale["Q"][:, None], base.control * scale["R"], base.terminal)
+    damping = pendulum.damping_N_m_s * scale["b"]
+    pendulums = gather(items, pendulum.sign, damping, pendulum.gravity_m_s2, settings.fewer_knots)
+    areas = exact_funnels(regulate(pendulums, weights), settings.goal_level).mean_area
+    return dict(zip(cases, np.split(areas, np.cumsum(counts)[:-1]), strict=True))
+
+
+def taylor_areas(trajectories: list[Trajectory], settings: StabilitySettings, degree: int) -> np.ndarray:
+    """Return average cross-sections (exact method) with the sine replaced by its Taylor polynomial of a degree.
+
+    Raises
+    ------
+    NumericalError
+        The polynomial has no finite basin.
+    """
+    fewer = settings.model_copy(update={"knots": settings.fewer_knots})
+    loops = close_loops(trajectories, settings.pendulum.sign, fewer)
+    goal = np.full(len(trajectories), np.log(settings.goal_level))
+
+    def slope(point, log_level):
+        polynomial = growth_polynomial(loops.form(point), np.exp(log_level), degree)
+        return circle_maximum(polynomial, degree + 1)
+
+    with np.errstate(over="ignore", invalid="ignore"):
+        level = np.exp(integrate_backward(loops, goal, slope))
+        areas = Funnels(f"Taylor {degree}", loops.pendulums.duration, loops.cost[::2], level).mean_area
+    if not np.isfinite(areas).all():
+        index = int(np.argmin(np.isfinite(areas)))
+        label = loops.pendulums.labels[index]
+        raise NumericalError(f"{label}: no finite basin with Taylor degree {degree}", label)
+    return areas
+
+
+PARTS = ("duration", "length", "mass", "start", "course")
+EXCHANGED = [frozenset(taken) for count in range(len(PARTS) + 1) for taken in combinations(PARTS, count)]
+"""Every choice of parts that are taken from the second pendulum."""
+MAX_PAIRS = 30
+"""Largest number of pairs of lifts that are decomposed."""
+MIN_PERSONS = 3
+"""Subjects of either side that an interval needs."""
+
+
+@dataclass(frozen=True)
+class _LiftPair:
+    """Two lifts that are compared."""
+
+    before: Trajectory
+    after: Trajectory
+    weight: int
+    subject: str
+    """Subject of both lifts, or of the side with fewer subjects."""
+
+
+def exchanged(before: Trajectory, after: Trajectory, taken: frozenset[str]) -> Trajectory:
+    """Return the pendulum `before` with some parts of the one `after`."""
+    of = {part: after if part in taken else before for part in PARTS}
+    course, faster = of["course"], of["course"].duration / of["duration"].duration
+    return replace(
+        before,
+        time=(course.time - course.time[0]) / faster,
+        angle=of["start"].angle[0] + course.angle - course.angle[0],
+        angular_velocity=course.angular_velocity * faster,
+        angular_acceleration=course.angular_acceleration * faster**2,
+        mass_kg=of["mass"].mass_kg,
+        length_m=of["length"].length_m,
+    )
+
+
+def contributions(areas: np.ndarray) -> np.ndarray:
+    """Return the contribution of each of `PARTS`, in percent of the area before; `areas`, shape (..., 32), are by `EXCHANGED`."""
+    index = {taken: position for position, taken in enumerate(EXCHANGED)}
+    found = []
+    for part in PARTS:
+        total = 0.0
+        for taken in EXCHANGED:
+            if part not in taken:
+                others = len(PARTS) - 1 - len(taken)
+                weight = factorial(len(taken)) * factorial(others) / factorial(len(PARTS))
+                total = total + weight * (areas[..., index[taken | {part}]] - areas[..., index[taken]])
+        found.append(100 * total / areas[..., 0])
+    return np.stack(found, axis=-1)
+
+
+def jackknife_interval(value: np.ndarray, left_out: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return Student's 95 % interval of an estimate from those without each subject, shape (subjects, ...)."""
+    from scipy.stats import t
+
+    count = len(left_out)
+    error = np.sqrt((count - 1) * np.var(left_out, axis=0))
+    reach = t.ppf(0.975, count - 1) * error
+    return value - reach, value + reach
+
+
+def decomposition_table(study: ComparedLifts) -> tuple[Table, list[Failure]]:
+    """Return the contributions to every difference of the headline, and the intermediate pendulums without a basin."""
+    lifts: dict[tuple, list[Trajectory]] = {}
+    for item in study.trajectories():
+        lifts.setdefault((item.experience, item.box_mass_kg, item.com, item.plane), []).append(item)
+    rows, failures = [], []
+    for comparison in study.comparisons:
+        for com, plane in product(COMS, PLANES) if comparison.status == COMPUTED else ():
+            sides = [lifts.get((*side, com, plane), []) for side in (comparison.before, comparison.after)]
+            pairs, areas = [], []
+            for pair in _pairs(*sides):
+                between = [exchanged(pair.before, pair.after, taken) for taken in EXCHANGED]
+                try:
+                    areas.append(varied_areas({"parts": between}, study.settings)["parts"])
+                    pairs.append(pair)
+                except NumericalError as error:
+                    failures.append(Failure.of(between[0], "Table 4.1, its parts", str(error)))
+            if pairs:
+                key = {"comparison": comparison.name, "com": com, "plane": plane}
+                rows.append({**key, **_row(pairs, np.array(areas))})
+    words = {"comparison": comparison_definition(study.settings), "headline": headline_label(study.settings)}
+    columns = ["comparison", "com", "plane", "percent"]
+    columns += [f"{part}{end}_percent" for part in PARTS for end in ("", "_low", "_high")] + ["pairs"]
+    frame = pd.DataFrame(rows, columns=columns)
+    return described("lifting/stability", "table_4_1_parts", frame, study.source_label, words), failures
+
+
+def _pairs(before: list[Trajectory], after: list[Trajectory]) -> list[_LiftPair]:
+    """Pair the lifts of one subject, or subject by subject; evenly chosen among many.
+
+    Equal shares of both sides overlap in a pair, so that every lift of a side weighs alike, whatever the number of the other.
+    """
+    people = [{item.subject for item in side} for side in (before, after)]
+    shared = people[0] & people[1]
+    if shared:
+        before, after = (
+            sorted((item for item in side if item.subject in shared), key=lambda item: item.subject)
+            for side in (before, after)
+        )
+    fewer = int(len(people[1]) < len(people[0]))
+    first, second = len(before), len(after)
+    if not first * second:
+        return []
+    starts = np.union1d(np.arange(first) * second, np.arange(second) * first)
+    pairs = []
+    for start, weight in zip(starts, np.diff(starts, append=first * second), strict=True):
+        lifts = before[start // second], after[start // first]
+        pairs.append(_LiftPair(*lifts, int(weight), lifts[fewer].subject))
+    chosen = np.unique(np.linspace(0, len(pairs) - 1, min(len(pairs), MAX_PAIRS)).astype(int))
+    return [pairs[index] for index in chosen]
+
+
+def _row(pairs: list[_LiftPair], areas: np.ndarray) -> dict[str, float]:
+    """Return contributions, and their intervals from leaving out one subject's pairs after the other.
+
+    `areas`, shape (pairs, 32), are by `EXCHANGED`.
+    """
+    weight, person = np.array([pair.weight for pair in pairs]), np.array([pair.subject for pair in pairs])
+    whole, persons = contributions(np.average(areas, axis=0, weights=weight)), np.unique(person)
+    row = {"percent": float(whole.sum()), "pairs": len(areas)}
+    ends = np.full((2, len(PARTS)), np.nan)
+    if len(persons) >= MIN_PERSONS:
+        left_out = [np.average(areas, axis=0, weights=weight * (person != one)) for one in persons]
+        ends = np.array(jackknife_interval(whole, contributions(np.array(left_out))))
+    for part, value, low, high in zip(PARTS, whole, *ends, strict=True):
+        row |= {f"{part}_percent": value, f"{part}_low_percent": low, f"{part}_high_percent": high}
+    return row
