@@ -17,8 +17,7 @@ from lumbar.base.files import read_json
 from lumbar.interface.lift import Lift, lift
 from lumbar.interface.verb import NOT_SAID, Result, read_table
 from lumbar.lifting.measures.course import Course, Lifter, course_of_lift
-from lumbar.lifting.measures.lift_values import values_of_lift
-from lumbar.lifting.measures.registry import MEASURES, WINDOWS
+from lumbar.lifting.measures.lift_values import MEASURES, WINDOWS, values_of_lift
 from lumbar.settings.lifting import ALIASES, LiftingSettings
 from lumbar.settings.stability import StabilitySettings
 from lumbar.settings.subject import SubjectSettings, TrialSettings

@@ -13,8 +13,7 @@ from lumbar.base.files import write_csv, write_json
 from lumbar.interface.movement import measure_movement
 from lumbar.lifting.measures.back_load import Link, net_moment
 from lumbar.lifting.measures.course import Lifter, course_of_lift
-from lumbar.lifting.measures.lift_values import long_table, measures_page, write_measures
-from lumbar.lifting.measures.registry import ALL, SAGITTAL
+from lumbar.lifting.measures.lift_values import ALL, SAGITTAL, long_table, measures_page, write_measures
 from lumbar.records.markers import read_markers
 from lumbar.settings.lifting import LiftingSettings
 from lumbar.settings.stability import MeasureSettings

@@ -54,7 +54,7 @@ class Course:
     """What a lift was at every instant."""
 
     frame: pd.DataFrame
-    """Of shape (n, …); `lumbar.lifting.measures.registry` names the columns of the measures. Those of `missing` are not
+    """Of shape (n, …); `lumbar.lifting.measures.lift_values` names the columns of the measures. Those of `missing` are not
     there."""
     missing: dict[str, str] = field(default_factory=dict)
     """Columns that the recording does not allow, with the reason."""

@@ -1,10 +1,11 @@
-"""One number per measure and plane of a lift: the long table that statistics and comparisons read, and its page."""
+"""Measures of a lift: unit, safer direction and source of each, one number per measure and plane, and their tables."""
 
 from __future__ import annotations
 
 import os
 from collections import Counter
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,18 +13,9 @@ import numpy as np
 import pandas as pd
 
 from lumbar.base.files import write_csv, write_text
-from lumbar.lifting.measures.registry import (
-    AT_RELEASE,
-    CARRIED,
-    DEPOSIT,
-    FARTHEST,
-    INTEGRAL,
-    LARGEST,
-    MEASURES,
-    SMALLEST,
-    WINDOWS,
-    Measure,
-)
+from lumbar.base.yaml_file import shipped_yaml
+from lumbar.lifting.measures.back_load import TRUNK_SOURCE
+from lumbar.lifting.measures.balance import ANKLE_SOURCE
 from lumbar.tables.described import described
 from lumbar.tables.layout import value_in_words
 from lumbar.tables.table import SYNTHETIC_TWIN, Table
@@ -31,19 +23,100 @@ from lumbar.tables.table import SYNTHETIC_TWIN, Table
 if TYPE_CHECKING:
     from lumbar.lifting.measures.course import Course
 
+
+ALL, SAGITTAL, FRONTAL = "all", "flexion_extension", "lateral_bending"
+"""All directions, or one of the planes of `lumbar.lifting.movement.pendulum_states.PLANES`."""
+CARRIED, DEPOSIT = "carried", "deposit"
+WINDOWS = {
+    CARRIED: "from lift-off to release, or as far of it as was recorded",
+    DEPOSIT: "from the start of the deposit to the release",
+}
+"""Phases of a lift for which a number is computed."""
+SMALLEST, LARGEST, FARTHEST = "smallest", "largest", "farthest"
+AT_RELEASE, INTEGRAL = "at_release", "integral"
+"""Reductions of a course in time to one number; farthest is the largest distance from zero."""
+
+
+@dataclass(frozen=True)
+class Measure:
+    """One measure of a lift."""
+
+    name: str
+    """Identifier in all tables."""
+    symbol: str
+    """Symbol for print."""
+    unit: str
+    """Unit for print."""
+    safer: str
+    """``higher`` or ``lower``: direction away from a step, or to a smaller load of the back; empty if neither is safer."""
+    meaning: str
+    """One sentence, with the sign."""
+    source: str
+    """Equation and paper."""
+    columns: dict[str, str] = field(hash=False)
+    """By plane: the column of `lumbar.lifting.measures.course.course_of_lift` that it is computed from."""
+    how: str
+    """One of the reductions above."""
+    phase: str = DEPOSIT
+    """One of `WINDOWS`."""
+    headline: bool = False
+    """Whether a summary names it."""
+
+
+def headline_sentence(name: str, value: float, size: str) -> str:
+    """Return the meaning of a headline measure's value for the lift; `size` is the value without its sign, with the unit."""
+    positive, negative = {
+        "l5s1_moment_peak_carried": (f"The low back bears up to {size}.", ""),
+        "lumbar_flexion_peak_carried": (
+            f"The lumbar spine bends by up to {size} more than in standing.",
+            "The lumbar spine never bends more than in standing.",
+        ),
+        "margin_of_stability": (
+            f"The extrapolated centre stays inside the base, {size} from its edge.",
+            f"The extrapolated centre leaves the base by {size}.",
+        ),
+        "smallest_impulse": (
+            f"A push of {size} moves the extrapolated centre over the edge.",
+            f"It is over the edge unless a push of {size} brings it back.",
+        ),
+    }[name]
+    return negative if value < 0 else positive
+
+
+def measure_in_words(name: str) -> str:
+    """Return the printed form of a measure or of a plane's part of its name: ``l5s1_moment`` as ``L5/S1 moment``."""
+    words = name.replace("flexion_extension", "flexion/extension").replace("_", " ").replace("l5s1", "L5/S1")
+    return words[:1].upper() + words[1:]
+
+
+def _measures() -> dict[str, Measure]:
+    catalogue = shipped_yaml(Path(__file__).with_name("measures.yaml"))
+    sources: dict[str, str] = {"ankles": ANKLE_SOURCE, "strength": TRUNK_SOURCE}
+    for name, text in catalogue["sources"].items():
+        sources[name] = text.format(**sources)
+    return {
+        name: Measure(name, **fields | {"source": fields["source"].format(**sources)})
+        for name, fields in catalogue["measures"].items()
+    }
+
+
+MEASURES = _measures()
+"""All measures by name, in the order of the tables."""
+
+
 COLUMNS = (
     *("lift", "person", "group", "box_mass_kg", "trial"),
     *("measure", "plane", "value", "unit", "safer", "source", "reason"),
 )
-"""The contract of the long table: one row per lift, measure and plane. `value` is empty where it is absent, and `reason` says
-why; `trial` counts the lifts of one person with one box."""
+"""Columns of the long table, one row per lift, measure and plane. An absent `value` is empty and has a `reason`; `trial` counts
+the lifts of one subject with one box."""
 
 
 def values_of_lift(course: Course, facts: Mapping) -> pd.DataFrame:
     """Reduce the course of a lift to its measures: columns ``measure, plane, value, unit, safer, source, reason``.
 
-    `facts` are those of `lumbar.lifting.measures.course.Lifter`, with ``start_s, stop_s`` of the deposit and ``no_deposit``, why
-    there is none.
+    `facts` are those of `lumbar.lifting.measures.course.Lifter`, with ``start_s, stop_s`` of the deposit and ``no_deposit``, the
+    reason if there is none.
     """
     rows = []
     for measure in MEASURES.values():
@@ -54,19 +127,23 @@ def values_of_lift(course: Course, facts: Mapping) -> pd.DataFrame:
 
 
 def _value(course: Course, facts: Mapping, measure: Measure, column: str) -> tuple[float, str]:
-    """The number and no reason, or none and why."""
+    """Return the number and an empty reason, or NaN and the reason."""
     if column in course.missing:
         return np.nan, course.missing[column]
-    within = _within(course, facts, measure.phase)
+    if measure.phase == CARRIED:
+        within, empty = (course.frame["load_held"] == 1).to_numpy(), "the box is never held"
+    else:
+        within, empty = (course.frame["phase"] == "deposit").to_numpy(), facts["no_deposit"]
+        within = within & (not empty)
     if not within.any():
-        return np.nan, facts["no_deposit"] if measure.phase == DEPOSIT else "the box is never held"
+        return np.nan, empty
     time, values = (course.frame.loc[within, name].to_numpy(dtype=float) for name in ("time_s", column))
     if not np.isfinite(values).all():
         gone = ~np.isfinite(values)
         first = float(time[gone][0])
         return np.nan, (
-            f"not known at {gone.sum()} of {len(values)} instants, the first at {first:.2f} s: a marker behind one of "
-            f"{', '.join(course.unseen[column])} is not seen there, or no foot stands"
+            f"not known at {gone.sum()} of {len(values)} instants, the first at {first:.2f} s: a marker of one of "
+            f"{', '.join(course.unseen[column])} is not seen there, or no foot is on the ground"
         )
     if measure.how == INTEGRAL:
         from scipy.integrate import trapezoid
@@ -79,13 +156,6 @@ def _value(course: Course, facts: Mapping, measure: Measure, column: str) -> tup
         AT_RELEASE: lambda part: part[-1],
     }
     return float(reduce[measure.how](values)), ""
-
-
-def _within(course: Course, facts: Mapping, phase: str) -> np.ndarray:
-    """Which instants belong to a phase of the lift, shape (n,)."""
-    if phase == CARRIED:
-        return (course.frame["load_held"] == 1).to_numpy()
-    return (course.frame["phase"] == "deposit").to_numpy() & (not facts["no_deposit"])
 
 
 def long_table(lifts: Iterable[tuple[pd.DataFrame, Mapping]], labels: Mapping[str, str]) -> pd.DataFrame:
@@ -109,7 +179,7 @@ def long_table(lifts: Iterable[tuple[pd.DataFrame, Mapping]], labels: Mapping[st
     return pd.concat(frames, ignore_index=True) if frames else pd.DataFrame(columns=list(COLUMNS))
 
 
-SENSITIVITY = "Synthetic lifters show that the measures see movement; whether who moves so falls or aches sooner they cannot show"
+SENSITIVITY = "Synthetic lifters show that the measures depend on the movement; they cannot show who falls or has pain sooner"
 
 
 def measures_page(values: pd.DataFrame, source_label: str) -> Table:

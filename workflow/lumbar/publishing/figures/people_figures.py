@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.figure import Figure
 
-from lumbar.lifting.measures.registry import measure_in_words
+from lumbar.lifting.measures.lift_values import measure_in_words
 from lumbar.publishing.figures.style import DOUBLE_COLUMN, house_style, new_figure
 
 if TYPE_CHECKING:

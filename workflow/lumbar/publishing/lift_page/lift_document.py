@@ -12,8 +12,13 @@ from bokeh.models import ColumnDataSource
 from lumbar.base.files import write_text
 from lumbar.base.templates import in_print
 from lumbar.lifting.measures.course import Course, Lifter, course_of_lift
-from lumbar.lifting.measures.lift_values import values_of_lift
-from lumbar.lifting.measures.registry import MEASURES, WINDOWS, measure_in_words
+from lumbar.lifting.measures.lift_values import (
+    MEASURES,
+    WINDOWS,
+    headline_sentence,
+    measure_in_words,
+    values_of_lift,
+)
 from lumbar.lifting.movement.lift_tables import points_of
 from lumbar.lifting.stability.model.pendulum_trajectories import Failure, LiftStates
 from lumbar.publishing.explorer.one_file import Drawn, embedded_pictures, one_file
@@ -193,9 +198,7 @@ class LiftPage:
                 "value": "" if row.reason else _in_print(row.value, row.unit),
                 "reason": row.reason,
                 "below": row.safer == "higher" and row.value < 0,
-                "told": MEASURES[row.measure]
-                .told[bool(row.value < 0)]
-                .format(size=_in_print(abs(row.value), row.unit)),
+                "told": headline_sentence(row.measure, row.value, _in_print(abs(row.value), row.unit)),
                 "safer": row.safer,
                 "meaning": MEASURES[row.measure].meaning,
                 "phase": WINDOWS[MEASURES[row.measure].phase],
