@@ -176,13 +176,12 @@ def headline_label(settings: StabilitySettings) -> str:
 
 def regulator_note(settings: StabilitySettings) -> str:
     """Return a note on the regulator of all basins."""
-    regulator = settings.regulator
-    state, terminal = (
-        [list(row) for row in each] for each in (regulator.state_weight, regulator.terminal_weight)
-    )
+    regulator, damping = settings.regulator, settings.pendulum.damping_N_m_s
+    state = [list(row) for row in regulator.state_weight]
+    terminal = [list(row) for row in regulator.terminal_weight]
     return (
-        f"Regulator of all basins: Q = {state}, R = {regulator.control_weight:g}, Qf = {terminal}; b = {settings.pendulum.damping_N_m_s:g} N·m·s/rad; it is assumed, and the "
-        "same for all"
+        f"Regulator of all basins: Q = {state}, R = {regulator.control_weight:g}, Qf = {terminal}; b = {damping:g} N·m·s/rad; it "
+        "is assumed, and the same for all"
     )
 
 
