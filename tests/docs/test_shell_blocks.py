@@ -52,7 +52,9 @@ def quoted(page: str) -> list[str]:
     """Lines that the commands of a page print, as it says; but for one on a record that is not there."""
     shown = [block for block in blocks(PAGES[page], "") if not COMMAND.search(block)] * (page in QUOTING)
     lines = [line.strip(" …") for block in shown for line in block.splitlines()]
-    return [line for line in lines if line and not line.startswith("To tell saturation from hysteresis")]
+    return [
+        line for line in lines if line and not line.startswith("To distinguish saturation from hysteresis")
+    ]
 
 
 def is_printed(line: str, told: str) -> bool:

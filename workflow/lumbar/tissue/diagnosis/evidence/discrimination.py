@@ -9,12 +9,10 @@ of the difference instead, which does not reward mere length: a small difference
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Self
 
 import numpy as np
 
-from lumbar.base.yaml_file import shipped_yaml
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData
 from lumbar.tissue.diagnosis.fitting.joint_fit import Fit
 from lumbar.tissue.diagnosis.fitting.joint_fit import fit as refit
@@ -25,7 +23,6 @@ from lumbar.tissue.diagnosis.selection.thresholds import TIED
 from lumbar.tissue.models.motion import Motion
 from lumbar.tissue.signals.spectrum import Kinematics, occupied_band, peak_kinematics
 
-_SAID: dict[str, str] = shipped_yaml(Path(__file__).with_suffix(".yaml"))
 _LONGEST, _ENOUGH = 0.3, 3000
 """Share of the training record's samples, and samples, up to the larger of which an excitation lasts unless it repeats the
 record."""
@@ -319,13 +316,25 @@ def _left_after_refit(
 
 
 def separation_sentence(separation: Separation, diagnosis: DiagnosisResult) -> str:
-    """The proposal in words."""
+    """Propose the excitation, or say that none of those tried helps."""
     unit = diagnosis.experiment.output_unit
     pair = f"{effects_text(diagnosis.selected)} from {effects_text(separation.closest)}"
-    words = {"pair": pair, "found": separation, "unit": unit, "own": diagnosis.experiment.training.name}
+    excitation, distance = separation.excitation.words, separation.distance
     if not separation.separates:
-        return _SAID["not_separated"].format(**words)
+        return (
+            f"None of {separation.tried} excitations tried within the machine's limits would distinguish {pair}: the best, "
+            f"{excitation}, separates them by only {distance:.2g} noise standard deviations."
+        )
     if not separation.improves:
-        return _SAID["separated_already"].format(**words)
-    beyond_range = "" if separation.excitation.within else _SAID["extrapolated"]
-    return _SAID["separated"].format(**words) + beyond_range
+        return (
+            f"The existing records separate {pair} better ({separation.recorded:.2g} noise standard deviations) than any of "
+            f"{separation.tried} excitations tried within the machine's limits ({distance:.2g}). No further record of these "
+            "kinds is proposed."
+        )
+    proposal = (
+        f"To distinguish {pair}, record {excitation} and fit on it: it would separate them by {distance:.2g} noise standard "
+        f"deviations ({separation.rms:.2g} {unit} RMS); your record {diagnosis.experiment.training.name}: "
+        f"{separation.recorded:.2g}."
+    )
+    outside = " It leaves the range of your record: both models are extrapolated there."
+    return proposal if separation.excitation.within else proposal + outside

@@ -15,7 +15,6 @@ import numpy as np
 import scipy
 
 from lumbar.base.files import write_json, write_text
-from lumbar.base.yaml_file import shipped_yaml
 from lumbar.settings.signals import MachineSettings
 from lumbar.tables.layout import unit_in_print
 from lumbar.tissue.diagnosis.evidence.discrimination import Separation, motion_csv, separating_excitation
@@ -40,7 +39,6 @@ from lumbar.tissue.models.form import Effect, Form
 from lumbar.tissue.models.motion import along_axes
 from lumbar.tissue.signals.spectrum import Kinematics, occupied_band
 
-_SAID: dict[str, str] = shipped_yaml(Path(__file__).with_suffix(".yaml"))
 ALIKE = 15.0
 """Degrees: candidates of one cluster add forces that differ by no more (97 % of the force in common)."""
 _STARTS = 3
@@ -281,14 +279,26 @@ def limitations(diagnosis: DiagnosisResult, evidence: Evidence) -> list[str]:
     experiment = diagnosis.experiment
     found = [_range(experiment)]
     if experiment.tests[0].name == experiment.training.name:
-        found.append(_SAID["one_table" if experiment.points else "one_record"])
+        found.append(
+            "Whether the model holds for another specimen or day: there is only one table. Record a second one."
+            if experiment.points
+            else "Whether the model holds for another excitation: there is only one record, and its last part serves as the "
+            "unseen one. Record a second excitation."
+        )
     if experiment.points:
-        found.append(_SAID["positions_once"])
+        found.append(
+            "Whether the remaining error is noise: measure the same positions again, in another order."
+        )
     elif experiment.floor is None:
-        found.append(_SAID["nothing_repeats"])
+        found.append(
+            "Whether the remaining error is noise: no record repeats. Record at least three periods of one excitation and give "
+            "its period."
+        )
     if diagnosis.tied_with:
         others = " or ".join(effects_text(item.effects) for item in diagnosis.tied_with)
-        found.append(_SAID["either"].format(named=effects_text(diagnosis.selected), others=others))
+        found.append(
+            f"Whether it is {effects_text(diagnosis.selected)} or {others}: both explain the records equally well."
+        )
     found += _other_forms_as_good(diagnosis, evidence)
     found += _wide_parameters(diagnosis)
     return found + _too_small(diagnosis, evidence)
@@ -297,15 +307,16 @@ def limitations(diagnosis: DiagnosisResult, evidence: Evidence) -> list[str]:
 def _range(experiment: Experiment) -> str:
     motions = [part for item in (experiment.training, *experiment.tests) for part in along_axes(item.motion)]
     positions = np.concatenate([item.position for item in motions])
-    words = {"low": positions.min(), "high": positions.max(), "unit": experiment.input_unit}
+    unit = experiment.input_unit
+    anything = f"Anything outside {positions.min():.3g} to {positions.max():.3g} {unit}"
     if experiment.points:
-        return _SAID["outside_points"].format(**words)
+        return f"{anything}, and anything that depends on time, speed or direction: points of a static test do not show it."
     speed = max(float(np.abs(steady_velocity(item.position, item.sampling_time)).max()) for item in motions)
     training = max(along_axes(experiment.training.motion), key=lambda item: float(np.var(item.position)))
     band = occupied_band(training.position, training.sampling_time)
     bottom, top = (f"{frequency:.2g}" for frequency in band)
     frequencies = f"outside {bottom} to {top} Hz" if bottom != top else f"at a frequency other than {top} Hz"
-    return _SAID["outside"].format(**words, speed=speed, frequencies=frequencies)
+    return f"{anything}, above {speed:.3g} {unit}/s or {frequencies}: the tool did not move there."
 
 
 def _other_forms_as_good(diagnosis: DiagnosisResult, evidence: Evidence) -> list[str]:
@@ -344,8 +355,11 @@ def _too_small(diagnosis: DiagnosisResult, evidence: Evidence) -> list[str]:
     listed = ", ".join(
         f"{readable(item.effect)} {item.easiest:.2g} to {item.hardest:.2g}" for item in hardest
     )
-    words = {"least": easiest.easiest, "unit": unit, "effect": readable(easiest.effect), "listed": listed}
-    return [_SAID["too_small"].format(**words)]
+    return [
+        f"Effects that are too small to be seen. To be selected, an effect must add at least {easiest.easiest:.2g} {unit} RMS to "
+        f"the training record ({readable(easiest.effect)}); hardest to see in this excitation, depending on their parameters: "
+        f"{listed} {unit}."
+    ]
 
 
 def write_diagnosis(

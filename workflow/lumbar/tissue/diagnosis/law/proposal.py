@@ -3,11 +3,9 @@
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 
-from lumbar.base.yaml_file import shipped_yaml
 from lumbar.tissue.diagnosis.finding import Finding
 from lumbar.tissue.diagnosis.fitting.joint_fit import Fit, fit
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
@@ -39,7 +37,6 @@ from lumbar.tissue.models.form import Form
 from lumbar.tissue.models.model_data import unit_of
 from lumbar.tissue.models.parameter import NonlinearParameter, Parameter
 
-_SAID: dict[str, str] = shipped_yaml(Path(__file__).with_suffix(".yaml"))
 NAME = "proposed_law"
 CONFIRMED = 3.09
 """Standard errors by which the loss must fall on unseen seconds that no choice has looked at (one-sided 0.1 %: a few laws are
@@ -122,37 +119,39 @@ class Proposal:
     @property
     def validity(self) -> str:
         """Where the law was found, and what is known of it beyond."""
-        tried, force = self.extrapolation, self.experiment.output_unit
-        where = _SAID["range"].format(found=self.range, unit=self.experiment.input_unit)
+        tried, force, unit = self.extrapolation, self.experiment.output_unit, self.experiment.input_unit
+        fitted = f"z from {self.range.low:.3g} to {self.range.high:.3g} {unit}, |v| up to {self.range.speed:.3g} {unit}/s"
         if tried is None:
-            return where + _SAID["not_tried"]
-        parts = ("inner",) if tried.beyond_rms is None else ("inner", "beyond")
-        told = "".join(_SAID[part].format(inner=100 * INNER, tried=tried, force=force) for part in parts)
-        return where + told + _SAID["guess" if tried.holds else "no_guess"]
+            return f"{fitted}; beyond that range it was not tried, because the records are too short"
+        outside = (
+            f"; fitted to the inner {100 * INNER:.0f} % of that range its error outside is {tried.inner_rms:.3g} {force}, "
+            f"compared with {tried.all_rms:.3g} {force} if fitted to all"
+        )
+        if tried.beyond_rms is not None:
+            outside += f", and {tried.beyond_rms:.3g} {force} on unseen samples beyond the range"
+        return f"{fitted}{outside}{'; farther out it is a guess' if tried.holds else ': it does not extrapolate'}"
 
     @property
     def sentences(self) -> list[str]:
         """The proposal, in plain English."""
         unit, floor, before = self.experiment.output_unit, self.experiment.floor, self.before
-        beside = "" if floor is None else f", noise floor {floor.rms:.3g} {unit}"
-        name = "+".join([before.fit.structure.base.name, *before.effects])
+        noise = "" if floor is None else f", noise floor {floor.rms:.3g} {unit}"
+        base = before.fit.structure.base.name
+        name, unseen = "+".join([base, *before.effects]), f"unseen error {before.test_rms:.3g} {unit}{noise}"
         if not self.is_needed:
-            return [_SAID["no_law"].format(name=name, before=before, unit=unit, beside=beside)]
-        on = "+".join([before.fit.structure.base.name, *self.start.effects])
+            return [f"No law is needed: {name} leaves only noise ({unseen})."]
         if self.law is None:
             tried = [(" + ".join(term.name for term in law.terms), refused) for law, refused in self.tried]
             return [
-                _SAID["no_formula"].format(name=name, before=before, unit=unit, beside=beside),
+                f"No short formula was found for the error that {name} leaves ({unseen}).",
                 *(f"Not proposed: {terms}: {refused}." for terms, refused in tried),
             ]
         states = "".join(f", d{symbol}/dt = {rate}" for symbol, rate in self.form.state)
-        formula = f"{self.form.equation}{states}"
-        words = {"on": on, "formula": formula, "words": self.words, "mark": MARK}
-        rms = {"before": before.test_rms, "after": self.law.candidate.test_rms}
-        gone = {"percent": 100 * self.share_removed, "certainty": self.certainty}
         return [
-            _SAID["proposed"].format(**words),
-            _SAID["falls"].format(**rms, unit=unit, beside=beside, **gone),
+            f"Proposed for {'+'.join([base, *self.start.effects])}: F = {self.form.equation}{states} ({self.words}); {MARK}.",
+            f"The unseen error falls from {before.test_rms:.3g} to {self.law.candidate.test_rms:.3g} {unit}{noise}; "
+            f"{100 * self.share_removed:.0f} % of the explainable error is removed on unseen seconds that no choice has used "
+            f"({self.certainty:.1f} standard errors).",
             f"It was found for {self.validity}.",
         ]
 
