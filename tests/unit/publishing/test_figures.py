@@ -259,8 +259,10 @@ def test_location_has_three_panels_with_what_was_found(tests):
     for axis in figure.axes:
         assert axis.get_xlabel() and axis.get_ylabel()
     assert time.patches[0].get_data().values == pytest.approx(location.views["time"].table["rms"])
-    assert depth.lines[0].get_ydata() == pytest.approx(location.views["depth"].table["mean"], nan_ok=True)
+    assert depth.lines[0].get_ydata() == pytest.approx(
+        location.views["position and velocity"].table["mean"], nan_ok=True
+    )
     assert turning.lines[0].get_ydata() == pytest.approx(location.views["reversals"].table["mean"])
     assert len({str(line._dash_pattern) for line in depth.lines[:3]}) == 3
-    assert f"depth: {100 * location.views['depth'].share:.0f} %" in depth.get_title(loc="right")
+    assert f"depth: {100 * location.shares['depth']:.0f} %" in depth.get_title(loc="right")
     assert f"noise {location.residual.floor.rms:.3g} N" in figure.get_suptitle()

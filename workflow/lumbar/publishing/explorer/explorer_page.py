@@ -48,10 +48,10 @@ from lumbar.tissue.models.form import Effect
 PAGE = "publishing/explorer/explorer.html.jinja"
 PICTURES = (
     ("course", "Measured and simulated over time", True, "time"),
-    ("residual", "Measured less simulated over time; grey: ± the noise's RMS", True, "cycles"),
-    ("loop", "Output over input in the time that is shown: loops", False, "linear dynamics"),
+    ("residual", "Measured less simulated over time; grey: ± the noise's RMS", True, "candidate causes"),
+    ("loop", "Output over input in the time that is shown: loops", False, ""),
     ("plane", "Error of the first model in the motion", False, "position and velocity"),
-    ("depth", "Mean error over depth; ▲ advancing, ▼ retracting", False, "depth"),
+    ("depth", "Mean error over depth; ▲ advancing, ▼ retracting", False, ""),
     ("turns", "Mean error around reversals, along the motion after them", False, "reversals"),
     ("spectrum", "Spectrum of the error; grey: noise", True, "frequency"),
 )

@@ -14,7 +14,7 @@ from lumbar.publishing.figures.style import (
 )
 from lumbar.tables.layout import unit_in_print
 from lumbar.tissue.diagnosis.residuals.locate import Location
-from lumbar.tissue.diagnosis.residuals.residual import SIGNIFICANT, Residual, View, percent
+from lumbar.tissue.diagnosis.residuals.residual import SIGNIFICANT, View, percent
 
 _BAND = {"color": "#cccccc", "linewidth": 0}
 
@@ -26,11 +26,15 @@ def location_figure(location: Location) -> Figure:
     views, residual = location.views, location.residual
     time, depth, turning = axes
     _draw_time(time, views["time"], location)
-    _draw_depth(depth, views["depth"], location)
+    _draw_depth(depth, views["position and velocity"], location)
     _draw_reversals(turning, views["reversals"], unit_in_print(residual.unit))
     label_panels(axes)
     for name, axis in (("time", time), ("depth", depth), ("reversals", turning)):
-        axis.set_title(_with_share(views[name], residual), loc="right", fontsize=7)
+        # The title gives the share, or that there is no relation; it says nothing about the error's size.
+        title = percent(location.shares[name])
+        if location.p_values[name] >= SIGNIFICANT:
+            title = "all repeats" if name == "time" and residual.folding is not None else "no relation"
+        axis.set_title(f"{name}: {title}", loc="right", fontsize=7)
     unit = unit_in_print(residual.unit)
     floor = "noise unknown" if residual.floor is None else f"noise {residual.floor.rms:.3g} {unit}"
     figure.suptitle(
@@ -38,14 +42,6 @@ def location_figure(location: Location) -> Figure:
         fontsize=8,
     )
     return figure
-
-
-def _with_share(view: View, residual: Residual) -> str:
-    """What a panel says of the error: its share, or that it says nothing; that is no word about the error's size."""
-    if view.p_value < SIGNIFICANT:
-        return f"{view.name}: {percent(view.share)}"
-    repeats = view.name == "time" and residual.folding is not None
-    return f"{view.name}: {'all repeats' if repeats else 'no relation'}"
 
 
 def _draw_time(axis, view: View, location: Location) -> None:

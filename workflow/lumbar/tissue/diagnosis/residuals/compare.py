@@ -9,7 +9,6 @@ from lumbar.records.record import Record
 from lumbar.tables.described import described
 from lumbar.tables.table import Table
 from lumbar.tissue.diagnosis.noise.noise_floor import NoiseFloor, autocovariance
-from lumbar.tissue.diagnosis.residuals.residual import said
 from lumbar.tissue.identification.metrics import fit_ratio, mean_residual, variance_accounted_for
 
 RESAMPLES = 300
@@ -79,9 +78,20 @@ class Comparison:
 
     @property
     def sentence(self) -> str:
-        """The comparison in words."""
-        left = "unknown_noise" if self.floor is None else "only_noise" if self.is_noise else "beside_noise"
-        return said("explained", of=self) + said(left, of=self)
+        """The comparison in one sentence."""
+        vaf, rms, unit = self.vaf, self.rms.value, self.unit
+        explained = (
+            f"{self.record}: the model explains {vaf.value:.4g} % of the output's variance ({vaf.low:.4g} to {vaf.high:.4g} %); "
+            f"its error is {rms:.3g} {unit} RMS"
+        )
+        if self.floor is None:
+            return f"{explained}; no record repeats, so how much of it is noise is unknown."
+        if self.is_noise:
+            return f"{explained}, no more than the noise of {self.floor.rms:.3g} {unit}."
+        return (
+            f"{explained}, with {self.floor.rms:.3g} {unit} of noise: a better model could explain {self.explainable_rms:.3g} "
+            f"{unit}, {self.explainable_percent:.2g} % of the variance."
+        )
 
 
 def compare_record(

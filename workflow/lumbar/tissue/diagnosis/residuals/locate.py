@@ -16,43 +16,26 @@ from lumbar.tissue.diagnosis.fitting.joint_fit import Fit
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment, in_session
 from lumbar.tissue.diagnosis.noise.noise_floor import NoiseFloor
 from lumbar.tissue.diagnosis.noise.periods import fold_periods
+from lumbar.tissue.diagnosis.residuals.candidate_causes import (
+    Cause,
+    causes_sentence,
+    causes_view,
+    rank_causes,
+)
 from lumbar.tissue.diagnosis.residuals.compare import Comparison, compare_record, settling_samples
 from lumbar.tissue.diagnosis.residuals.motion_diagnostics import (
-    cycle_view,
-    depth_view,
-    map_view,
+    motion_view,
     reversal_view,
 )
 from lumbar.tissue.diagnosis.residuals.residual import SIGNIFICANT, Residual, View, percent, steady_velocity
-from lumbar.tissue.diagnosis.residuals.residual_tests import (
-    Cause,
-    causes_sentence,
-    correlation_view,
-    linear_view,
-    rank_causes,
-    whiteness_view,
-)
 from lumbar.tissue.diagnosis.residuals.time_frequency import frequency_view, time_view
 from lumbar.tissue.identification.metrics import settling_time
 from lumbar.tissue.models.measured_motion import for_base
 from lumbar.tissue.models.motion import Motion
 
-VIEWS = (
-    time_view,
-    cycle_view,
-    frequency_view,
-    map_view,
-    depth_view,
-    reversal_view,
-    linear_view,
-    whiteness_view,
-    correlation_view,
-)
+VIEWS = (time_view, frequency_view, motion_view, reversal_view, causes_view)
 ALL_BUT_NOISE = 1.05
-"""Error in noise floors below which it hardly exceeds them."""
-_RANKED = ("time", "position and velocity", "depth", "reversals", "linear dynamics")
-"""Views whose shares compete; that of the spectrum is about all of a repeating error."""
-_WITHOUT_SHARE = ("cycles", "whiteness", "correlations", "work")
+"""Ratio of error to noise floor below which the error hardly exceeds it."""
 
 
 def locate(
@@ -133,22 +116,33 @@ class Location:
     """Of the error of all records that were looked at together, by how well they are told from each other."""
 
     @property
-    def ranking(self) -> list[View]:
-        """Views in the order of `causes`, then by the share of the explainable error they account for."""
+    def shares(self) -> dict[str, float]:
+        """Share of the explainable error by cause, in the order of `causes`, then the largest first.
+
+        The spectrum has no part in it: all of a repeating error is in it.
+        """
+        motion, linear = self.views["position and velocity"], self.views["candidate causes"]
+        found = {
+            "time": self.views["time"].share,
+            "position and velocity": motion.share,
+            "depth": motion.numbers["depth_share"],
+            "reversals": self.views["reversals"].share,
+            "linear dynamics": linear.numbers["linear_share"],
+        }
         order = {cause.name: place for place, cause in enumerate(self.causes)}
-        ranked = [self.views[name] for name in _RANKED]
-        return sorted(ranked, key=lambda view: (order.get(view.name, len(order)), -view.share))
+        return dict(sorted(found.items(), key=lambda item: (order.get(item[0], len(order)), -item[1])))
+
+    @property
+    def p_values(self) -> dict[str, float]:
+        """Probability that noise alone shows as much, by view, and by cause within two of the views."""
+        motion, linear = self.views["position and velocity"], self.views["candidate causes"]
+        found = {view.name: view.p_value for view in self.views.values()}
+        return found | {"depth": motion.numbers["depth_p"], "linear dynamics": linear.numbers["linear_p"]}
 
     @property
     def is_noise(self) -> bool:
-        """Whether no view shows more than noise would, allowing for their number.
-
-        Where the noise is unknown its colour is too, and whiteness does not count. Cycles never do: in coloured noise
-        short ones scatter more than long ones.
-        """
-        uncounted = {"cycles"} if self.residual.floor is not None else {"cycles", "whiteness"}
-        counted = [view for view in self.views.values() if view.name not in uncounted]
-        return min(view.p_value for view in counted) * len(counted) >= SIGNIFICANT
+        """Whether no test shows more than noise would, with allowance for their number."""
+        return min(self.p_values.values()) * len(self.p_values) >= SIGNIFICANT
 
     @property
     def is_all_but_noise(self) -> bool:
@@ -169,23 +163,24 @@ class Location:
     @property
     def headline(self) -> str:
         """The main finding in one sentence."""
-        residual = self.residual
+        residual, floor = self.residual, self.residual.floor
+        unit, rms = residual.unit, np.sqrt(residual.variance)
+        error = f"{self.record}: the error is {rms:.3g} {unit}"
+        constant = f"a constant offset of {self.offset:+.3g} {unit} is {percent(self.offset_share)} of it"
+        constant = f"; {constant}" if self.offset_share > 0.05 else ""
+        if self.is_noise and floor is None:
+            return f"{error}; no view distinguishes it from noise of the same spectrum{constant}."
         if self.is_noise:
             return f"{self.record}: no view shows more than noise would."
         if self.is_all_but_noise:
-            return (
-                f"{self.record}: the error is all but noise, {np.sqrt(residual.variance):.3g} {residual.unit} beside a floor of "
-                f"{residual.floor.rms:.3g} {residual.unit}; the views that stand out concern the rest."
-            )
-        listed = [f"{view.name} ({percent(view.share)})" for view in self.ranking if view.share >= 0.005]
-        told = f"it is seen along {', '.join(listed[:3])}" if listed else "no view accounts for it"
-        if self.offset_share > 0.05:
-            told += f"; a constant offset of {self.offset:+.3g} {residual.unit} is {percent(self.offset_share)} of it"
-        if residual.floor is None:
-            return f"{self.record}: of the error's {np.sqrt(residual.variance):.3g} {residual.unit}, {told}; the views overlap."
+            return f"{error}, hardly more than the noise floor of {floor.rms:.3g} {unit}; significant views describe the rest."
+        listed = [f"{name} ({percent(share)})" for name, share in self.shares.items() if share >= 0.005]
+        seen = f"it is seen along {', '.join(listed[:3])}" if listed else "no view accounts for it"
+        if floor is None:
+            return f"{error}; {seen}{constant}; the views overlap."
         return (
-            f"{self.record}: {np.sqrt(residual.explainable):.3g} {residual.unit} of the error's {np.sqrt(residual.variance):.3g} "
-            f"{residual.unit} are not noise; {told}; the views overlap."
+            f"{self.record}: {np.sqrt(residual.explainable):.3g} {unit} of the error's {rms:.3g} {unit} are not noise; {seen}"
+            f"{constant}; the views overlap."
         )
 
     @property
@@ -269,7 +264,9 @@ def all_records_sentence(locations: Sequence[Location], where: str = "") -> str:
     `where` are other words for all records.
     """
     if all(item.is_noise or item.is_all_but_noise for item in locations):
-        return "All records: what is left is noise, or all but noise."
+        if any(item.residual.floor is None for item in locations):
+            return "All records: no view distinguishes the error from noise of the same spectrum."
+        return "All records: the error is noise, or hardly more than noise."
     where = where or (f"All {len(locations)} records" if len(locations) > 1 else "This record")
     return causes_sentence(locations[0].causes, where, locations[0].residual.base_words)
 
@@ -304,7 +301,7 @@ def location_table(reports: Sequence[Any], source_label: str) -> Table:
         {
             "record": item.record.name,
             "view": view.name,
-            "share": None if view.name in _WITHOUT_SHARE else view.share,
+            "share": view.share,
             "p_value": view.p_value,
             "finding": view.sentence,
         }

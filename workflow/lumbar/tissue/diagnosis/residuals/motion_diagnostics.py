@@ -1,62 +1,27 @@
-"""Where in the motion a model fails: over position and velocity, over depth, around reversals, from cycle to cycle."""
+"""Where in the motion a model fails: over position and velocity, and around reversals."""
 
 import numpy as np
-import scipy
 
 from lumbar.tissue.diagnosis.residuals.residual import (
     SIGNIFICANT,
+    Average,
     Residual,
     View,
     only,
     percent,
     probability,
-    said,
 )
 
 DEPTHS = 20
 _POSITIONS, _SPEEDS = 12, 5
 _FEWEST_SAMPLES = 5
 SIGNIFICANT_Z = 3.0
-"""Standard deviations from which on the mean of a single cell of the map stands out of the noise."""
+"""Standard deviations at which the mean of a single cell of the map exceeds the noise."""
 _MOSTLY = 0.8
 _LEAST_TURN = 0.03
 """A reversal counts if the motion since the last one exceeds this share of the position's range."""
 _MIRRORED = 0.6
 """Share of the map's energy in bins whose mirrored bin is visited too that an even/odd split asks for."""
-_FEWEST_CYCLES = 8
-_RELATED = 0.3
-"""Rank correlation from which on a relation is worth telling, however significant."""
-_COLUMNS = ("start", "stop", "amplitude", "speed", "rms")
-
-
-def depth_view(residual: Residual) -> View:
-    """Mean residual against position, advancing and retracting.
-
-    Columns ``position``, ``mean``, ``deviation`` (under noise), and ``advancing``, ``retracting`` means.
-    """
-    edges = spread_edges(residual.position, DEPTHS)
-    count = len(edges) - 1
-    groups = binned(residual.position, edges)
-    number = np.bincount(groups, minlength=count)
-    groups = np.where(number[groups] >= _FEWEST_SAMPLES, groups, -1)
-    average = residual.averages(groups, count)
-    advancing = _means(residual.values, np.where(residual.velocity > 0, groups, -1), count)
-    retracting = _means(residual.values, np.where(residual.velocity < 0, groups, -1), count)
-    position = _means(residual.position, groups, count)
-    table = {
-        "position": position,
-        "mean": average.mean,
-        "deviation": average.deviation,
-        "advancing": advancing,
-        "retracting": retracting,
-    }
-    words = {"residual": residual, "share": only(average.share), "chance": probability(average.p_value)}
-    sentence = said("no_depth", **words)
-    if average.p_value < SIGNIFICANT:
-        ends = [int(np.nanargmin(average.mean)), int(np.nanargmax(average.mean))]
-        shape = _shape_words(position, average.mean, average.deviation) if average.share > 0.1 else ""
-        sentence = said("depth", means=average.mean[ends], places=position[ends], shape=shape, **words)
-    return View("depth", average.significant_share, average.p_value, sentence, table)
 
 
 def _means(values: np.ndarray, groups: np.ndarray, count: int) -> np.ndarray:
@@ -80,39 +45,69 @@ def _shape_words(position: np.ndarray, mean: np.ndarray, deviation: np.ndarray) 
     return ", different at the two ends"
 
 
-def map_view(residual: Residual) -> View:
-    """Mean residual over position and velocity, by direction.
+def motion_view(residual: Residual) -> View:
+    """Mean residual over position and velocity, and over position by itself, advancing and retracting.
 
-    Columns ``position_low``, ``position_high``, ``velocity_low``, ``velocity_high``, ``mean``, ``z_score`` (mean over
-    its deviation under noise) and ``count``; bins with fewer than five samples hold NaN.
+    Columns ``position``, ``mean``, ``deviation`` (under noise), and ``advancing``, ``retracting`` means. Numbers ``even_share``,
+    ``odd_share`` (of the map over position and velocity), ``depth_share`` and ``depth_p`` (of position by itself). Share and
+    p-value are those of the map.
     """
+    # The map: cells of position and velocity with enough samples.
     position_edges, velocity_edges = map_edges(residual.position, residual.velocity)
     columns, rows = len(position_edges) - 1, len(velocity_edges) - 1
     cell = binned(residual.velocity, velocity_edges) * columns + binned(residual.position, position_edges)
-    number = np.bincount(cell, minlength=rows * columns)
-    groups = np.where(number[cell] >= _FEWEST_SAMPLES, cell, -1)
-    average = residual.averages(groups, rows * columns)
-    low_row, low_column = np.divmod(np.arange(rows * columns), columns)
-    table = {
-        "position_low": position_edges[low_column],
-        "position_high": position_edges[low_column + 1],
-        "velocity_low": velocity_edges[low_row],
-        "velocity_high": velocity_edges[low_row + 1],
-        "mean": average.mean,
-        "z_score": average.mean / average.deviation,
-        "count": average.count,
-    }
+    average = residual.averages(_filled(cell, rows * columns), rows * columns)
     even, odd = _even_odd(residual, average, rows, columns, position_edges, velocity_edges)
-    numbers = {"even_share": even, "odd_share": odd}
-    words = {"residual": residual, "share": only(average.share), "chance": probability(average.p_value)}
-    sentence = said("no_map", **words)
+    # The same over position by itself.
+    edges = spread_edges(residual.position, DEPTHS)
+    groups = _filled(binned(residual.position, edges), len(edges) - 1)
+    depth = residual.averages(groups, len(edges) - 1)
+    table = {
+        "position": _means(residual.position, groups, len(edges) - 1),
+        "mean": depth.mean,
+        "deviation": depth.deviation,
+        "advancing": _means(residual.values, np.where(residual.velocity > 0, groups, -1), len(edges) - 1),
+        "retracting": _means(residual.values, np.where(residual.velocity < 0, groups, -1), len(edges) - 1),
+    }
+    numbers = {
+        "even_share": even,
+        "odd_share": odd,
+        "depth_share": depth.significant_share,
+        "depth_p": depth.p_value,
+    }
+    both = f"Over position and velocity: the mean error depends on neither ({probability(average.p_value)})"
     if average.p_value < SIGNIFICANT:
-        parity = "" if even is None else said("parity", odd=percent(odd), even=percent(even))
-        if not np.any(np.abs(table["z_score"]) >= SIGNIFICANT_Z):
-            parity += ", as a pattern: no single cell stands out of the noise"
-        rest = "little is left for" if average.share > _MOSTLY else "the rest needs"
-        sentence = said("map", parity=parity, largest=_largest(residual, table), rest=rest, **words)
+        both = (
+            f"Over position and velocity: their present values account for {only(average.share)} of the {residual.base_words} "
+            f"({probability(average.p_value)})"
+        )
+        if even is not None:
+            both += f", {percent(odd)} with a force mirrored with the motion (odd), {percent(even)} with another one (even)"
+        if not np.any(np.abs(average.mean / average.deviation) >= SIGNIFICANT_Z):
+            both += ", as a pattern: no single cell exceeds the noise"
+        rest = "little remains for" if average.share > _MOSTLY else "the rest needs"
+        largest = _largest(residual, average.mean, position_edges, velocity_edges)
+        both += f"; the mean error is {largest}; {rest} history, time or faster dynamics"
+    sentence = f"{both}. {_depth_sentence(residual, depth, table)}"
     return View("position and velocity", average.significant_share, average.p_value, sentence, table, numbers)
+
+
+def _filled(groups: np.ndarray, count: int) -> np.ndarray:
+    """The groups, with −1 for those of too few samples."""
+    return np.where(np.bincount(groups, minlength=count)[groups] >= _FEWEST_SAMPLES, groups, -1)
+
+
+def _depth_sentence(residual: Residual, depth: Average, table: dict[str, np.ndarray]) -> str:
+    chance, unit, at = probability(depth.p_value), residual.unit, residual.position_unit
+    if depth.p_value >= SIGNIFICANT:
+        return f"Over depth the mean error does not change ({chance})."
+    position, mean = table["position"], table["mean"]
+    low, high = int(np.nanargmin(mean)), int(np.nanargmax(mean))
+    shape = _shape_words(position, mean, table["deviation"]) if depth.share > 0.1 else ""
+    return (
+        f"Depth by itself accounts for {only(depth.share)} of the {residual.base_words} ({chance}); the mean error runs from "
+        f"{mean[low]:+.3g} {unit} at {position[low]:.3g} {at} to {mean[high]:+.3g} {unit} at {position[high]:.3g} {at}{shape}."
+    )
 
 
 def map_edges(position: np.ndarray, velocity: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -125,13 +120,18 @@ def binned(values: np.ndarray, edges: np.ndarray) -> np.ndarray:
     return np.clip(np.searchsorted(edges, values, side="right") - 1, 0, len(edges) - 2)
 
 
-def _largest(residual: Residual, table: dict[str, np.ndarray]) -> str:
-    """Where on the map the mean error is largest, in words."""
-    cell = int(np.nanargmax(np.abs(table["mean"])))
-    slow, fast = sorted(abs(table[name][cell]) for name in ("velocity_low", "velocity_high"))
-    at = {name: values[cell] for name, values in table.items()}
-    way = "advancing" if at["velocity_high"] > 0 else "retracting"
-    return said("largest", residual=residual, at=at, way=way, slow=slow, fast=fast)
+def _largest(
+    residual: Residual, mean: np.ndarray, position_edges: np.ndarray, velocity_edges: np.ndarray
+) -> str:
+    """Say where on the map the mean error is largest."""
+    cell = int(np.nanargmax(np.abs(mean)))
+    row, column = divmod(cell, len(position_edges) - 1)
+    slow, fast = sorted(np.abs(velocity_edges[row : row + 2]))
+    direction, at = "advancing" if velocity_edges[row + 1] > 0 else "retracting", residual.position_unit
+    return (
+        f"largest, {mean[cell]:+.3g} {residual.unit}, from {position_edges[column]:.3g} to "
+        f"{position_edges[column + 1]:.3g} {at} while {direction} at {slow:.3g} to {fast:.3g} {at}/s"
+    )
 
 
 def spread_edges(values: np.ndarray, count: int) -> np.ndarray:
@@ -208,7 +208,8 @@ def reversal_view(residual: Residual) -> View:
     turns, directions = (turns[inside], directions[inside]) if half else (turns[:0], directions[:0])
     if turns.size < 4:
         empty = {name: np.zeros(0) for name in ("time", "mean", "deviation")}
-        return View("reversals", 0.0, 1.0, said("few_reversals", number=turns.size), empty)
+        sentence = f"Around reversals: the motion turns only {turns.size} times, too few to evaluate."
+        return View("reversals", 0.0, 1.0, sentence, empty, {"opposed": False})
     stride = max(1, half // 20)
     offsets = np.arange(-half, half + 1, stride)
     weights = np.zeros((len(offsets), len(residual.values)))
@@ -224,15 +225,25 @@ def reversal_view(residual: Residual) -> View:
     contrast = np.where(offsets > 0, 1.0, np.where(offsets < 0, -1.0, 0.0)) / np.sum(offsets > 0)
     change, deviation = float(contrast @ mean), float(np.sqrt(contrast @ covariance @ contrast))
     average = _since_reversal(residual, turns, directions)
-    words = {"number": turns.size, "share": only(average.share), "chance": probability(average.p_value)}
-    sentence = said("no_reversals", **words)
-    opposed = change > max(3 * deviation, 0.5 * np.sqrt(residual.explainable))
-    if average.p_value < SIGNIFICANT:
-        words |= {"change": change, "twice": 2 * deviation, "reach": half * residual.sampling_time}
-        meaning = said("opposed") if opposed else ""
-        sentence = said("reversals", residual=residual, meaning=meaning, **words)
-    numbers = {"reversals": int(turns.size), "change": change, "change_deviation": deviation}
-    numbers["opposed"] = bool(opposed and average.p_value < SIGNIFICANT)
+    chance = probability(average.p_value)
+    significant = average.p_value < SIGNIFICANT
+    opposed = bool(significant and change > max(3 * deviation, 0.5 * np.sqrt(residual.explainable)))
+    sentence = f"Around reversals: no change is significant ({chance}, {turns.size} reversals)."
+    if significant:
+        sentence = (
+            f"Around reversals: the time since the last of {turns.size} reversals and its direction account for "
+            f"{only(average.share)} of the {residual.base_words} ({chance}); the error along the motion changes by {change:+.3g} "
+            f"± {2 * deviation:.2g} {residual.unit} within {half * residual.sampling_time:.2g} s of them"
+        )
+        sentence += (
+            ": a force against the motion, or its memory, is not modelled correctly." if opposed else "."
+        )
+    numbers = {
+        "reversals": int(turns.size),
+        "change": change,
+        "change_deviation": deviation,
+        "opposed": opposed,
+    }
     return View("reversals", average.significant_share, average.p_value, sentence, table, numbers)
 
 
@@ -247,57 +258,3 @@ def _since_reversal(residual: Residual, turns: np.ndarray, directions: np.ndarra
     upward = directions[np.maximum(last, 0)] > 0
     groups = np.where(known, bin_number + (len(edges) + 1) * upward, -1)
     return residual.averages(groups, 2 * (len(edges) + 1))
-
-
-def cycle_view(residual: Residual) -> View:
-    """RMS of the residual in every cycle of the motion, from one lower turning point to the next.
-
-    Columns ``start``, ``stop`` (s), ``amplitude`` (half the stroke), ``speed`` (largest) and ``rms``.
-    """
-    turns, directions = reversals(residual.position)
-    bounds = turns[directions > 0]
-    if len(bounds) <= _FEWEST_CYCLES:
-        words = f"Over cycles: the motion has {max(len(bounds) - 1, 0)}, too few to compare."
-        return View("cycles", 0.0, 1.0, words, {name: np.zeros(0) for name in _COLUMNS})
-    table = _cycles(residual, bounds)
-    rms, unit = table["rms"], residual.unit
-    with_amplitude, amplitude_p = rank_correlation(table["amplitude"], rms)
-    with_speed, speed_p = rank_correlation(table["speed"], rms)
-    p_value = min(1.0, 2 * min(amplitude_p, speed_p))  # Bonferroni
-    low, high = np.quantile(rms, [0.1, 0.9])
-    spread = f"in eight of ten of the motion's {len(rms)} cycles the error's RMS lies from {low:.3g} to {high:.3g} {unit}"
-    numbers = {"cycles": len(rms), "rank_with_amplitude": with_amplitude, "rank_with_speed": with_speed}
-    related = [
-        f"{'grows' if rank > 0 else 'falls'} with their {name} (rank correlation {rank:+.2f}, {probability(p)})"
-        for name, rank, p in (("amplitude", with_amplitude, amplitude_p), ("speed", with_speed, speed_p))
-        if 2 * p < SIGNIFICANT and abs(rank) > _RELATED
-    ]
-    told = f"it {' and '.join(related)}" if related else "it hardly depends on their amplitude or speed"
-    return View("cycles", 0.0, p_value, f"Over cycles: {spread}; {told}.", table, numbers)
-
-
-def _cycles(residual: Residual, bounds: np.ndarray) -> dict[str, np.ndarray]:
-    """What `cycle_view` tabulates; `bounds` are the samples of the lower turning points."""
-    inside = slice(bounds[0], bounds[-1])
-    starts, lengths = bounds[:-1] - bounds[0], np.diff(bounds)
-    position, speed = residual.position[inside], np.abs(residual.velocity[inside])
-    stroke = np.maximum.reduceat(position, starts) - np.minimum.reduceat(position, starts)
-    return {
-        "start": residual.time[bounds[:-1]],
-        "stop": residual.time[bounds[1:]],
-        "amplitude": stroke / 2,
-        "speed": np.maximum.reduceat(speed, starts),
-        "rms": np.sqrt(np.add.reduceat(residual.values[inside] ** 2, starts) / lengths),
-    }
-
-
-def rank_correlation(first: np.ndarray, second: np.ndarray) -> tuple[float, float]:
-    """Spearman's rank correlation and its two-sided p-value by Student's t; for values without ties.
-
-    C. Spearman, Am. J. Psychol. 15 (1904) 72-101.
-    """
-    ranks = [np.argsort(np.argsort(values)) for values in (first, second)]
-    correlation = float(np.corrcoef(*ranks)[0, 1])
-    degrees = len(first) - 2
-    size = abs(correlation) * np.sqrt(degrees / max(1 - correlation**2, 1e-300))
-    return correlation, float(2 * scipy.special.stdtr(degrees, -size))

@@ -8,12 +8,10 @@ else decides what is significant.
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
-from pathlib import Path
 
 import numpy as np
 import scipy
 
-from lumbar.base.yaml_file import shipped_yaml
 from lumbar.tissue.diagnosis.noise.noise_floor import NoiseFloor, autocovariance, prediction_error_filter
 from lumbar.tissue.diagnosis.noise.periods import Folding
 
@@ -22,7 +20,6 @@ SIGNIFICANT = 0.01
 _SHIFTS = 41
 _ORDER = 20
 """Of the autoregressive model that stands for unknown noise."""
-_SAID: dict[str, str] = shipped_yaml(Path(__file__).with_name("views.yaml"))
 
 
 @dataclass(frozen=True)
@@ -220,26 +217,21 @@ def steady_velocity(position: np.ndarray, sampling_time: float) -> np.ndarray:
 
 @dataclass(frozen=True)
 class View:
-    """Where the error is, seen along one thing."""
+    """The error along one quantity."""
 
     name: str
-    """E.g. ``"depth"``."""
-    share: float
-    """Share of the explainable error's variance that this view accounts for, the noise's part taken off. Views overlap:
+    """E.g. ``"reversals"``."""
+    share: float | None
+    """Share of the explainable error's variance that this view accounts for, without noise; None if it has none. Views overlap:
     shares of several do not add up."""
     p_value: float
     """Probability that noise alone shows as much."""
     sentence: str
-    """What is seen, with numbers, in plain English."""
+    """The view in plain English, with numbers."""
     table: dict[str, np.ndarray]
     """Columns of equal length, as drawn."""
     numbers: dict = field(default_factory=dict)
     """Single figures behind the sentence."""
-
-
-def said(what: str, **words) -> str:
-    """What a view says, from ``views.yaml``; `words` stand for what is in braces there."""
-    return _SAID[what].format(**words)
 
 
 def percent(share: float) -> str:
@@ -255,5 +247,5 @@ def probability(p_value: float) -> str:
 
 
 def only(share: float) -> str:
-    """Share with the word that puts a small one in its place."""
+    """Share for a sentence, marked if it is small."""
     return f"only {percent(share)}" if share < 0.1 else percent(share)

@@ -6,7 +6,7 @@ import numpy as np
 import scipy
 
 from lumbar.tissue.diagnosis.noise.nonrepeating import excess, remove_structure
-from lumbar.tissue.diagnosis.residuals.residual import SIGNIFICANT, Residual, View, percent, probability, said
+from lumbar.tissue.diagnosis.residuals.residual import SIGNIFICANT, Residual, View, percent, probability
 
 _WINDOWS = 10
 _LEAST_CYCLE = 0.5
@@ -48,24 +48,32 @@ def time_view(residual: Residual) -> View:
     }
     numbers = {"level_slope": slope, "level_p": slope_p, "rms_trend_p": rms_p}
     unit, word = residual.unit, "window" if residual.folding is None else "period"
+    trend = "no trend" if rms_p > 0.05 else "rising" if rms[-1] > rms[0] else "falling"
     spread = f"RMS from {rms.min():.3g} to {rms.max():.3g} {unit} over {count} {word}{'s' * (count != 1)}"
-    trend = f"{'no trend' if rms_p > 0.05 else ('it rises' if rms[-1] > rms[0] else 'it falls')} ({probability(rms_p)})"
+    spread = f"{spread}, {trend} ({probability(rms_p)})"
     if residual.folding is None:
-        significant = average.p_value < SIGNIFICANT
-        share = percent(average.share) if average.share > 0 else "no more than of any smooth error, 0 %"
-        level = said("windows_change" if significant else "windows_alike", share=share, residual=residual)
-        sentence = said("windows", spread=spread, trend=trend, level=level)
+        level = "the mean error of the windows is no larger than chance"
+        if average.p_value < SIGNIFICANT:
+            level = (
+                "the mean error changes between windows by more than noise would: "
+                f"{percent(average.share)} of the {residual.base_words}"
+            )
+            level += ", as for any smooth error" if average.share == 0 else ""
+        sentence = f"Along time: {spread}; {level}. The input does not repeat, so time and what the input does then look alike."
         return View("time", average.significant_share, average.p_value, sentence, table, numbers)
     share, p_value = _not_repeating(residual)
     numbers |= {"not_repeating_share": share}
-    change = slope * (residual.time[-1] - residual.time[0])
     if p_value >= SIGNIFICANT:
-        sentence = said("repeats", spread=spread, trend=trend)
-    else:
-        level = said("level_changes", residual=residual, change=change) if slope_p < SIGNIFICANT else ""
-        words = {"share": percent(share), "spread": spread, "trend": trend}
-        sentence = said("does_not_repeat", residual=residual, level=level, **words)
-    return View("time", share if p_value < SIGNIFICANT else 0.0, p_value, sentence, table, numbers)
+        sentence = f"Along time: the error repeats with the input; {spread}. Nothing depends on time alone."
+        return View("time", 0.0, p_value, sentence, table, numbers)
+    level, change = "", slope * (residual.time[-1] - residual.time[0])
+    if slope_p < SIGNIFICANT:
+        level = f", its level changes by {change:+.3g} {unit} over the record"
+    sentence = (
+        f"Along time: {percent(share)} of the {residual.base_words} does not repeat with the input{level}; {spread}. This part "
+        "depends on time or history: a drift, a changing stiffness, or a disturbance at another frequency."
+    )
+    return View("time", share, p_value, sentence, table, numbers)
 
 
 def time_edges(residual: Residual) -> np.ndarray:
@@ -173,11 +181,13 @@ def _lines(residual: Residual) -> View:
     share = sum(shares.values())
     p_value = min(1.0, len(p_values) * min(p_values.values()))  # Bonferroni
     if p_value >= SIGNIFICANT:
-        sentence = "Over frequency: no line stands out of the noise."
+        sentence = "Over frequency: no line exceeds the noise."
     else:
         lower, upper = _quartiles(power - noise, frequency)
-        told = _line_sentence(residual, shares, p_values, excited, classes, power - noise)
-        sentence = said("lines", lower=lower, upper=upper, told=told)
+        lines = _line_sentence(residual, shares, p_values, excited, classes, power - noise)
+        sentence = (
+            f"Over frequency: half of the repeating error is between {lower:.2g} and {upper:.2g} Hz. {lines}"
+        )
     numbers["nonlinear_p"] = nonlinear_p
     return View("frequency", residual.share(share * residual.explainable), p_value, sentence, table, numbers)
 
@@ -203,25 +213,39 @@ def _quartiles(power: np.ndarray, frequency: np.ndarray) -> tuple[float, float]:
 
 
 def _line_sentence(residual: Residual, shares, p_values, excited, classes, excess) -> str:
-    on_excited = said("on_excited", share=percent(shares[EXCITED]), residual=residual, lines=len(excited))
+    on_excited = (
+        f"{percent(shares[EXCITED])} of the {residual.base_words} is on the {len(excited)} excited lines"
+    )
     if not np.all(excited % 2 == 1):
-        offset, above, told = shares.get(BELOW, 0.0), shares.get(ABOVE, 0.0), said("nothing_above")
-        steady = said("steady", share=percent(offset)) if offset > 0.01 else ""
+        offset, above = shares.get(BELOW, 0.0), shares.get(ABOVE, 0.0)
+        steady = f", {percent(offset)} is a constant offset or below them" if offset > 0.01 else ""
+        higher = "above them nothing exceeds the noise"
         if above > 0:
-            told = said("above", share=percent(above), chance=probability(p_values[ABOVE]))
-        return said("even_and_odd_lines", excited=on_excited, steady=steady, told=told)
+            chance = probability(p_values[ABOVE])
+            higher = f"{percent(above)} is above them ({chance}), where only a nonlinear force can put it"
+        return (
+            f"{on_excited}{steady}; {higher}; the grid excites even and odd lines alike, so it cannot separate them: an odd grid "
+            "with detection lines would."
+        )
     even, odd = shares.get(EVEN, 0.0), shares.get(ODD, 0.0)
+    even_force = (
+        " (even nonlinearity: a force that is not mirrored with the motion, such as one-sided contact or z²)"
+    )
+    odd_force = " (odd nonlinearity: a mirrored force, such as friction or z³)"
     parts = [
         on_excited,
-        said("even_lines", share=percent(even)) + (said("even_force") if even > 0.05 else ""),
-        said("odd_lines", share=percent(odd)) + (said("odd_force") if odd > 0.05 else ""),
+        f"{percent(even)} on even multiples of the fundamental{even_force if even > 0.05 else ''}",
+        f"{percent(odd)} on odd multiples that were left out{odd_force if odd > 0.05 else ''}",
     ]
     inside = (classes == ODD) & (np.arange(len(classes)) <= excited.max())
     if odd > 0 and len(excited) > 1 and inside.sum() > 1:
         hidden = residual.share(len(excited) * float(np.mean(excess[inside])))
-        parts.append(said("as_strong", share=percent(min(hidden, shares[EXCITED]))))
+        parts.append(
+            "if it is as strong on the excited lines, odd nonlinearity accounts for "
+            f"{percent(min(hidden, shares[EXCITED]))} of the error there and linear dynamics for the rest"
+        )
     if even == 0 and odd == 0:
-        parts = [on_excited, said("no_nonlinearity")]
+        parts = [on_excited, "no nonlinearity exceeds the noise on the lines that were left out"]
     return "; ".join(parts) + "."
 
 
@@ -248,21 +272,29 @@ def _bands(residual: Residual) -> View:
     if residual.floor is None:
         total = table["rms"] ** 2 / np.sum(table["rms"] ** 2)
         within, above = percent(float(total[inside].sum())), percent(float(total[~inside].sum()))
-        sentence = said("bands_unknown", inside=within, outside=above, edge=frequency[edge])
+        sentence = (
+            f"Over frequency: {within} of the error is in the input's band up to {frequency[edge]:.2g} Hz, {above} above it; how "
+            "much of that is noise is unknown, because no record repeats."
+        )
         return View("frequency", 0.0, 1.0, sentence, table, numbers)
     p_values = [_band_p(power[low:high].sum(), noise[low:high].sum(), high - low) for low, high in pairs]
     p_value = min(1.0, len(p_values) * min(p_values))  # Bonferroni: the smallest of so many bands
     if p_value >= SIGNIFICANT:
-        sentence = "Over frequency: no band stands out of the noise."
+        sentence = "Over frequency: no band exceeds the noise."
         return View("frequency", 0.0, p_value, sentence, table, numbers)
     excess = np.maximum(table["rms"] ** 2 - table["noise_rms"] ** 2, 0.0)
     within, above = float(excess[inside].sum() / excess.sum()), float(excess[~inside].sum() / excess.sum())
     above_p = _band_p(power[edge + 1 :].sum(), noise[edge + 1 :].sum(), len(power) - edge - 1)
     lower, upper = _quartiles((power - noise)[1:], frequency[1:])
-    exceeds = "above_band" if above_p < SIGNIFICANT else "nothing_above_band"
-    told = said(exceeds, share=percent(above), chance=probability(above_p))
-    words = {"lower": lower, "upper": upper, "within": percent(within), "edge": frequency[edge]}
-    sentence = said("bands", residual=residual, told=told, **words)
+    higher = "above it nothing exceeds the noise"
+    if above_p < SIGNIFICANT:
+        higher = (
+            f"{percent(above)} above it ({probability(above_p)}), where only a nonlinear force can put it"
+        )
+    sentence = (
+        f"Over frequency: half of the {residual.base_words} is between {lower:.2g} and {upper:.2g} Hz; {percent(within)} is in "
+        f"the input's band up to {frequency[edge]:.2g} Hz, {higher}."
+    )
     numbers |= {f"share {BETWEEN}": within, f"share {ABOVE}": above}
     return View("frequency", residual.share(float(excess.sum())), p_value, sentence, table, numbers)
 

@@ -356,7 +356,7 @@ def work_view(residual: SpatialResidual, frame: np.ndarray | None = None) -> Vie
         sentence += f", and as much on the model, within noise ({probability(p_value)})."
     table = {"measured": measured, "simulated": measured - missing, "deviation": np.sqrt(np.diag(covariance))}
     table |= {f"direction_{axis}": frame[place] for place, axis in enumerate(residual.axes)}
-    return View("work", 0.0, p_value, sentence, table)
+    return View("work", None, p_value, sentence, table)
 
 
 def _plain(value: float, sign: str = "") -> str:

@@ -1,4 +1,4 @@
-"""Tests of a simulation's residual: whether it is noise, what it is related to, and which cause is told from the others.
+"""Candidate causes of a simulation's residual: what it correlates with, and which cause is distinguished from the others.
 
 A residual that is related to the input holds dynamics or nonlinearity that a better model would explain (Ljung,
 System Identification, 2nd ed., section 16.6). Even functions of the input, z² and |v|, show what a correlation with the
@@ -11,13 +11,11 @@ leaves a linear part whatever is missing. So linear dynamics are fitted once to 
 beside them: what it takes of what they leave tells it from them.
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import scipy
 
-from lumbar.tissue.diagnosis.noise.noise_floor import autocovariance
 from lumbar.tissue.diagnosis.residuals.motion_diagnostics import (
     DEPTHS,
     binned,
@@ -33,13 +31,11 @@ from lumbar.tissue.diagnosis.residuals.residual import (
     only,
     percent,
     probability,
-    said,
 )
 from lumbar.tissue.diagnosis.residuals.time_frequency import time_edges, time_view
 from lumbar.tissue.models.transfer_function import filtered
 
 _NORMAL_975 = 1.959964
-_WHITENESS_LAGS = 20
 _LAGS = 25
 _RELAXATIONS = 8
 """Time constants, spread evenly in logarithm, that span linear dynamics."""
@@ -49,48 +45,70 @@ _WEAK = 0.3
 LINEAR_FUNCTIONS = ("z", "v")
 EVEN_FUNCTIONS = ("z²", "|v|")
 ODD_FUNCTIONS = ("z³", "sign v", "v|v|")
+_KINDS = {
+    "position and velocity": LINEAR_FUNCTIONS,
+    "even functions": EVEN_FUNCTIONS,
+    "odd functions": ODD_FUNCTIONS,
+}
+_MEANINGS = {
+    "position and velocity": "; linear dynamics",
+    "even functions": "; an even nonlinearity: a force that is not mirrored with the motion",
+    "odd functions": "; an odd nonlinearity: a force that is mirrored with the motion",
+}
+_CAUSES = {
+    "time": "it does not repeat with the motion, as a drift, a softening or a disturbance",
+    "position and velocity": "a damping or friction that depends on the present velocity",
+    "depth": "a stiffness that depends on depth, a contact or a limit of the force",
+    "reversals": "a memory of the last reversal, as hysteresis or play",
+    "linear dynamics": "linear dynamics that the model lacks, as inertia, delay or another relaxation",
+    "constant offset": "a zero of the sensor or a mean force that the model lacks",
+}
+"""Physical meaning of every cause that `rank_causes` compares."""
 
 
-def ljung_box(values: np.ndarray, lags: int) -> tuple[float, float]:
-    """Ljung–Box statistic N(N+2) Σ ρ²/(N−k) and its p-value with `lags` degrees of freedom (Biometrika 65, 1978)."""
-    size = len(values)
-    covariance = autocovariance(values - values.mean(), lags)
-    if covariance[0] <= 0:
-        return 0.0, 1.0
-    correlation = covariance[1:] / covariance[0]
-    statistic = float(size * (size + 2) * np.sum(correlation**2 / (size - np.arange(1, lags + 1))))
-    return statistic, float(scipy.special.chdtrc(lags, statistic))
+def causes_view(residual: Residual) -> View:
+    """Cross-correlation of the residual with functions of the input, and how much better linear dynamics could explain.
 
+    Of even and odd functions only the part counts that is neither linear in the input nor shared with functions of the other
+    kind: z² is related to z³ unless the motion is mirrored about zero. Linear dynamics are position, velocity and relaxations of
+    the position with eight time constants.
 
-def whiteness_view(residual: Residual) -> View:
-    """Ljung–Box test of the residual, whitened by the noise's spectrum where the noise is coloured.
-
-    Columns ``lag`` (s), ``correlation`` and ``limit`` (95 %).
+    Columns ``function``, ``lag`` (s, of the input's past), ``correlation`` and ``limit`` (95 % under noise alone). Numbers:
+    p-value of every function, ``p even``, ``p odd``, ``linear_share`` and ``linear_p``. The p-value is that of the correlations.
     """
-    whitened = np.convolve(residual.values, residual.whitening, mode="valid")
-    lags = min(_WHITENESS_LAGS, len(whitened) // 5)
-    _, p_value = ljung_box(whitened, lags)
-    centred = whitened - whitened.mean()
-    energy = np.sum(centred**2)
-    correlation = np.array([centred[lag:] @ centred[: len(centred) - lag] for lag in range(1, lags + 1)])
-    correlation /= energy if energy > 0 else 1.0
-    table = {
-        "lag": np.arange(1, lags + 1) * residual.sampling_time,
-        "correlation": correlation,
-        "limit": np.full(lags, _NORMAL_975 / np.sqrt(len(whitened))),
+    linear = _linear_columns(residual)
+    numbers = _linear_numbers(residual, linear)
+    functions = {name: values - values.mean() for name, values in _functions(residual).items()}
+    columns, p_values = [], {}
+    for name, signal in functions.items():
+        if name not in LINEAR_FUNCTIONS:
+            others = ODD_FUNCTIONS if name in EVEN_FUNCTIONS else EVEN_FUNCTIONS
+            known = np.column_stack([linear, *(functions[other] for other in others)])
+            basis = _orthonormal(known / np.maximum(np.sqrt(np.mean(known**2, axis=0)), 1e-300))
+            signal = signal - basis @ (basis.T @ signal)
+        lags, correlation, limit, p_values[name] = cross_correlation(residual, signal)
+        step = residual.sampling_time
+        columns += [(name, lag * step, value, limit) for lag, value in zip(lags, correlation, strict=True)]
+    names = ("function", "lag", "correlation", "limit")
+    table = {key: np.array(column) for key, column in zip(names, zip(*columns, strict=True), strict=True)}
+    p_value = _bonferroni(p_values, p_values)
+    numbers |= {f"p {name}": value for name, value in p_values.items()}
+    numbers |= {
+        "p even": _bonferroni(p_values, EVEN_FUNCTIONS),
+        "p odd": _bonferroni(p_values, ODD_FUNCTIONS),
     }
-    noise = "noise of the floor's colour" if len(residual.whitening) > 1 else "white noise"
-    words = {"noise": noise, "lags": lags, "chance": probability(p_value), "next": correlation[0]}
-    sentence = said("not_noise" if p_value < SIGNIFICANT else "noise", **words)
-    return View("whiteness", 0.0, p_value, sentence, table)
+    correlated = _correlation_sentence(table, p_values, p_value)
+    sentence = f"Candidate causes: {_linear_sentence(residual, numbers)}. {correlated}"
+    return View("candidate causes", None, p_value, sentence, table, numbers)
 
 
-def linear_view(residual: Residual) -> View:
-    """How much of the residual better linear dynamics could explain.
+def _bonferroni(p_values: Mapping[str, float], names: Collection[str]) -> float:
+    """Probability that the smallest of some p-values is due to chance."""
+    return min(1.0, len(names) * min(p_values[name] for name in names))
 
-    The residual is projected on position, velocity and relaxations of the position with eight time constants.
-    """
-    columns = _linear_columns(residual)
+
+def _linear_numbers(residual: Residual, columns: np.ndarray) -> dict[str, float]:
+    """Project the residual on linear dynamics: share beyond chance (0 unless significant) and p-value."""
     covariance = residual.covariance(columns.T)
     p_value = chi_square_p(columns.T @ residual.values, covariance)
 
@@ -98,13 +116,20 @@ def linear_view(residual: Residual) -> View:
         return float(np.sum((columns.T @ values) ** 2)) / values.size
 
     share = residual.share_beyond_chance(explained, float(np.trace(covariance)) / len(residual.values))
-    if p_value < SIGNIFICANT:
-        told = said("richer" if share > _MOSTLY else "not_richer")
-        words = {"share": only(share), "chance": probability(p_value), "told": told}
-        sentence = said("linear", residual=residual, **words)
-    else:
-        sentence = said("not_linear", chance=probability(p_value))
-    return View("linear dynamics", share if p_value < SIGNIFICANT else 0.0, p_value, sentence, {})
+    return {"linear_share": share if p_value < SIGNIFICANT else 0.0, "linear_p": p_value}
+
+
+def _linear_sentence(residual: Residual, numbers: dict[str, float]) -> str:
+    share, chance = numbers["linear_share"], probability(numbers["linear_p"])
+    if numbers["linear_p"] >= SIGNIFICANT:
+        return f"the error is not related to the input linearly ({chance})"
+    rest = (
+        "a richer linear model is worth trying" if share > _MOSTLY else "the rest is not linear in the input"
+    )
+    return (
+        "stiffness, damping and relaxations fitted to the error itself (linear dynamics) would explain "
+        f"{only(share)} of the {residual.base_words} of this record ({chance}); {rest}"
+    )
 
 
 def _linear_columns(residual: Residual) -> np.ndarray:
@@ -134,40 +159,6 @@ def linear_columns(residual: Residual, times: np.ndarray) -> np.ndarray:
 def _orthonormal(columns: np.ndarray) -> np.ndarray:
     left, values, _ = np.linalg.svd(columns, full_matrices=False)
     return left[:, values > 1e-5 * values[0]]
-
-
-def correlation_view(residual: Residual) -> View:
-    """Cross-correlation of the residual with the input and with even and odd functions of it.
-
-    Of the others is taken what is neither linear in the input nor shared with functions of the other kind: z² is
-    related to z³ wherever the motion is not mirrored about zero.
-
-    Columns ``function``, ``lag`` (s, of the input's past), ``correlation`` and ``limit`` (95 % under noise alone).
-    """
-    functions = {name: values - values.mean() for name, values in _functions(residual).items()}
-    linear = _linear_columns(residual)
-    table: dict[str, list] = {"function": [], "lag": [], "correlation": [], "limit": []}
-    numbers = {}
-    for name, signal in functions.items():
-        if name not in LINEAR_FUNCTIONS:
-            others = ODD_FUNCTIONS if name in EVEN_FUNCTIONS else EVEN_FUNCTIONS
-            known = np.column_stack([linear, *(functions[other] for other in others)])
-            basis = _orthonormal(known / np.maximum(np.sqrt(np.mean(known**2, axis=0)), 1e-300))
-            signal = signal - basis @ (basis.T @ signal)
-        lags, correlation, limit, p_value = cross_correlation(residual, signal)
-        table["function"] += [name] * len(lags)
-        table["lag"] += list(lags * residual.sampling_time)
-        table["correlation"] += list(correlation)
-        table["limit"] += [limit] * len(lags)
-        numbers[f"p {name}"] = p_value
-    even = min(1.0, len(EVEN_FUNCTIONS) * min(numbers[f"p {name}"] for name in EVEN_FUNCTIONS))
-    odd = min(1.0, len(ODD_FUNCTIONS) * min(numbers[f"p {name}"] for name in ODD_FUNCTIONS))
-    p_value = min(1.0, len(numbers) * min(numbers.values()))
-    numbers |= {"p even": even, "p odd": odd}
-    arrays = {key: np.array(column) for key, column in table.items()}
-    return View(
-        "correlations", 0.0, p_value, _correlation_sentence(arrays, numbers, p_value), arrays, numbers
-    )
 
 
 def _functions(residual: Residual) -> dict[str, np.ndarray]:
@@ -207,27 +198,30 @@ def cross_correlation(residual: Residual, signal: np.ndarray) -> tuple[np.ndarra
     return lags, covariance / scale, limit, chi_square_p(covariance, together, 1e-3)
 
 
-def _correlation_sentence(table: dict[str, np.ndarray], numbers: dict, p_value: float) -> str:
+def _correlation_sentence(table: dict[str, np.ndarray], p_values: Mapping[str, float], p_value: float) -> str:
     if p_value >= SIGNIFICANT:
-        return said("not_related", chance=probability(p_value))
-    found = []
-    for kind, names in (("linear", LINEAR_FUNCTIONS), ("even", EVEN_FUNCTIONS), ("odd", ODD_FUNCTIONS)):
-        if min(1.0, len(names) * min(numbers[f"p {name}"] for name in names)) < SIGNIFICANT:
+        return f"No correlation with a function of the input is significant ({probability(p_value)})."
+    # The largest correlation of every kind of function that is significant.
+    largest = []
+    for kind, names in _KINDS.items():
+        if _bonferroni(p_values, names) < SIGNIFICANT:
             mine = np.isin(table["function"], names)
             top = int(np.argmax(np.abs(table["correlation"][mine])))
-            found.append((table["correlation"][mine][top], table["function"][mine][top], kind))
-    found.sort(key=lambda item: -abs(item[0]))
-    weak = _WEAK * abs(found[0][0])
-    strong, faint = (
-        ", ".join(
-            said(f"{kind}_{how}", value=value, name=name)
-            for value, name, kind in found
-            if (abs(value) > weak) == (how == "strongly")
-        )
-        for how in ("strongly", "weakly")
+            largest.append((table["correlation"][mine][top], table["function"][mine][top], kind))
+    largest.sort(key=lambda item: -abs(item[0]))
+    weak = _WEAK * abs(largest[0][0])
+    strong = ", ".join(
+        f"{kind} (up to {value:+.2f} with {name}{_MEANINGS[kind]})"
+        for value, name, kind in largest
+        if abs(value) > weak
     )
-    also = said("weakly", faint=faint) if faint else ""
-    return said("related", strong=strong, also=also, limit=np.median(table["limit"]))
+    faint = ", ".join(
+        f"{kind} ({value:+.2f} with {name})" for value, name, kind in largest if abs(value) <= weak
+    )
+    faint = f"; weakly also with {faint}" if faint else ""
+    return (
+        f"The error correlates with {strong}{faint}; noise alone stays below {np.median(table['limit']):.2g}."
+    )
 
 
 _SHARES = np.linspace(0, 1, 9)
@@ -236,6 +230,8 @@ _MOST, _WORTH = 0.5, 0.05
 """Shares of what linear dynamics leave and of the explainable error that another cause takes where it explains more."""
 _LEAST = 0.01
 """Share of the explainable error below which a cause is not told."""
+_OUTSIDE_REST = ("constant offset", "linear dynamics")
+"""Causes that are no part of what linear dynamics and a constant of each record leave."""
 _SMALLEST = 1e-10
 """Eigenvalue of the columns' products, as a share of the largest, below which a direction is rounding."""
 
@@ -269,25 +265,31 @@ def rank_causes(residuals: Sequence[Residual]) -> list[Cause]:
         return []
     linear = _linear(residuals)
 
-    def left(groups: np.ndarray | None = None) -> float:
-        return max(_mean_square_left(values, linear, groups) - noise, 0.0) / explainable
+    def left(columns: np.ndarray = linear, groups: np.ndarray | None = None) -> float:
+        return max(_mean_square_left(values, columns, groups) - noise, 0.0) / explainable
 
-    rest, left_by = left(), {name: left(groups) for name, groups in _groups(residuals).items()}
+    rest, left_by = left(), {name: left(groups=groups) for name, groups in _groups(residuals).items()}
+    # The last columns are the records' constants: an offset is not linear dynamics.
+    centred = left(linear[:, -len(residuals) :])
     shares = {
-        "linear dynamics": 1 - rest,
+        "constant offset": 1 - centred,
+        "linear dynamics": centred - rest,
         "depth": rest - left_by["depth"],
         "position and velocity": left_by["depth"] - left_by["position and velocity"],
         "reversals": rest - left_by["reversals"],
         "time": _time_share(residuals, rest - left_by["time"]),
     }
     causes = [
-        Cause(name, share, share if name == "linear dynamics" else share / max(rest, share))
+        Cause(name, share, share if name in _OUTSIDE_REST else share / max(rest, share))
         for name, share in shares.items()
         if share > 0
     ]
-    others = [item for item in causes if item.name != "linear dynamics"]
+    # A constant comes last if anything else is worth naming, linear dynamics after a cause that takes most of what they leave.
+    known = any(item.share > _WORTH for item in causes if item.name != "constant offset")
+    others = [item for item in causes if item.name not in _OUTSIDE_REST]
     beaten = any(item.share > _WORTH and item.share_of_rest > _MOST for item in others)
-    return sorted(causes, key=lambda item: (beaten and item.name == "linear dynamics", -item.share))
+    last = {"constant offset": known, "linear dynamics": beaten}
+    return sorted(causes, key=lambda item: (last.get(item.name, False), -item.share))
 
 
 def _linear(residuals: Sequence[Residual]) -> np.ndarray:
@@ -354,18 +356,22 @@ def _time_share(residuals: Sequence[Residual], of_windows: float) -> float:
     return sum(time_view(item).share * item.explainable for item in repeating) / total
 
 
-def causes_sentence(causes: Sequence[Cause], where: str, of: str) -> str:
-    """Say which cause is told best from the others, with its share `of` the error, and what the next ones take."""
-    told = [item for item in causes if item.share >= _LEAST]
-    if not told:
+def causes_sentence(causes: Sequence[Cause], where: str, error: str) -> str:
+    """Name the cause that is distinguished best, with its share of the `error`, and the shares of the next ones."""
+    notable = [item for item in causes if item.share >= _LEAST]
+    if not notable:
         return f"{where}: no cause that was tried accounts for the error."
-    first, *others = told
-    beside = f", {percent(first.share_of_rest)} of what linear dynamics leave"
-    beside = "" if first.name in ("linear dynamics", "time") else beside
-    sentence = f"{where}: {first.name} first ({percent(first.share)} of the {of}{beside}): {said(f'{first.name} means')}"
+    first, *others = notable
+    of_rest = f", {percent(first.share_of_rest)} of what linear dynamics leave"
+    of_rest = "" if first.name in (*_OUTSIDE_REST, "time") else of_rest
+    sentence = (
+        f"{where}: {first.name} first ({percent(first.share)} of the {error}{of_rest}): {_CAUSES[first.name]}"
+    )
     if first.name == "linear dynamics" and 1 - first.share > _WORTH:
         sentence += f", though {percent(1 - first.share)} of it is not linear in the motion"
+    if not others:
+        return f"{sentence}."
     listed = ", ".join(f"{item.name} ({percent(item.share)})" for item in others)
-    resembled = "; any force that follows the motion looks linear in part"
-    resembled = resembled if any(item.name == "linear dynamics" for item in others) else ""
-    return f"{sentence}; then {listed}{resembled}." if listed else f"{sentence}."
+    linear = any(item.name == "linear dynamics" for item in others)
+    resembled = "; any force that follows the motion looks linear in part" if linear else ""
+    return f"{sentence}; then {listed}{resembled}."
