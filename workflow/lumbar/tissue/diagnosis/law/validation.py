@@ -43,7 +43,7 @@ class PartialData(FitData):
     @classmethod
     def of(cls, whole: FitData, counts: np.ndarray) -> "PartialData":
         """Let only these samples of a record count."""
-        alike = {item.name: getattr(whole, item.name) for item in fields(FitData)}
+        alike = {item.name: getattr(whole, item.name) for item in fields(FitData) if item.init}
         return cls(**alike, whole=whole, counts=counts)
 
     @property
