@@ -1,4 +1,4 @@
-"""The default study as a whole: complete, labelled, repeatable, and, made coarse, re-run only where something changed."""
+"""The default study: complete, labelled, repeatable; only what depends on a change runs again."""
 
 import hashlib
 import json
@@ -15,6 +15,7 @@ from running import ZIG_CACHE, copy_project, snakemake
 
 # Wall-clock readings differ between runs; everything else is compared byte for byte.
 VOLATILE = ("logs", "benchmarks")
+TWO_CHAPTERS = ("signals", "survey")
 
 
 def coarse_project(folder: Path) -> Path:
@@ -59,10 +60,24 @@ def whole_run(tmp_path_factory):
     return folder
 
 
-@pytest.fixture(params=["coarse", pytest.param("whole", marks=pytest.mark.nightly)])
+@pytest.fixture(scope="module")
+def chapters_run(tmp_path_factory):
+    """Folder of a project copy in which two chapters of the coarse study were run."""
+    folder = coarse_project(tmp_path_factory.mktemp("chapters"))
+    done(folder, "--cores", "2", *TWO_CHAPTERS, "results/thesis/run_environment.json")
+    return folder
+
+
+@pytest.fixture(params=["chapters", pytest.param("whole", marks=pytest.mark.nightly)])
 def folder(request):
-    """Folder of the default study after its run."""
+    """Folder of the default study after a run of two chapters, or of all."""
     return request.getfixturevalue(f"{request.param}_run")
+
+
+@pytest.fixture
+def chapters(folder, chapters_run):
+    """Chapters that were run in the folder, as targets; none means all."""
+    return TWO_CHAPTERS if folder == chapters_run else ()
 
 
 @pytest.fixture
@@ -83,17 +98,18 @@ def digests(folder: Path) -> dict[str, str]:
     }
 
 
-def expected_artefacts(folder: Path) -> list[Path]:
+def expected_artefacts(folder: Path, chapters: tuple[str, ...] = ()) -> list[Path]:
     run = json.loads((results(folder) / "run_environment.json").read_text(encoding="utf-8"))
     assert run["versions"]["python"]
     config = yaml.safe_load((results(folder) / "run_config.yaml").read_text(encoding="utf-8"))
     study = load_study(config, root=folder)
-    return [results(folder) / path for artefact in study.artefacts for path in artefact.paths(study.lifts)]
+    made = [item for item in study.artefacts if not chapters or item.chapter in chapters]
+    return [results(folder) / path for artefact in made for path in artefact.paths(study.lifts)]
 
 
-def test_every_artefact_is_there(folder):
-    paths = expected_artefacts(folder)
-    assert len(paths) > 50
+def test_every_artefact_is_there(folder, chapters):
+    paths = expected_artefacts(folder, chapters)
+    assert len(paths) > (20 if chapters else 50)
     missing = [str(path) for path in paths if not path.is_file() or path.stat().st_size == 0]
     assert not missing
 
@@ -118,8 +134,8 @@ def test_no_table_holds_a_number_that_is_not_finite(folder):
         assert not re.search(r"(^|,)-?(nan|inf)(,|$)", text, flags=re.M), path
 
 
-def test_a_second_run_has_nothing_to_do(folder):
-    assert "Nothing to be done" in run(folder, "--cores", "1", "--dry-run").text
+def test_a_second_run_has_nothing_to_do(folder, chapters):
+    assert "Nothing to be done" in run(folder, "--cores", "1", "--dry-run", *chapters).text
 
 
 def change_mass(folder: Path, subject: str) -> None:
@@ -130,15 +146,16 @@ def change_mass(folder: Path, subject: str) -> None:
     path.write_text(changed, encoding="utf-8")
 
 
-def test_a_subjects_mass_reruns_only_what_depends_on_it(folder):
-    path = folder / "config" / "subjects" / "expert.yaml"
+@pytest.mark.nightly
+def test_a_subjects_mass_reruns_only_what_depends_on_it(whole_run):
+    path = whole_run / "config" / "subjects" / "expert.yaml"
     before = path.read_text(encoding="utf-8")
-    change_mass(folder, "expert")
+    change_mass(whole_run, "expert")
     try:
-        plan = done(folder, "--cores", "1", "--dry-run")
+        plan = done(whole_run, "--cores", "1", "--dry-run")
     finally:
         path.write_text(before, encoding="utf-8")
-    of_expert = {path.name for path in (results(folder) / "lifting").glob("expert_*kg")}
+    of_expert = {path.name for path in (results(whole_run) / "lifting").glob("expert_*kg")}
     assert set(re.findall(r"Job \d+: (\w+kg): ", plan.text)) == of_expert
     rules = set(plan.jobs)
     assert {"stability_tables", "examine_claims"} <= rules
@@ -150,17 +167,15 @@ def test_a_subjects_mass_reruns_only_what_depends_on_it(folder):
 
 
 def test_editing_a_library_module_reruns_what_uses_it(folder):
-    path = (
-        folder / "workflow" / "lumbar" / "lifting" / "stability" / "model" / "eqs_4_1_to_4_4_closed_loop.py"
-    )
+    path = min((folder / "workflow" / "lumbar" / "tissue" / "survey").glob("[!_]*.py"))
     before = path.read_text(encoding="utf-8")
     path.write_text(before + "\n# a change\n", encoding="utf-8")
     try:
-        plan = done(folder, "--cores", "1", "--dry-run", "table_4_1", "table_3_2")
+        plan = done(folder, "--cores", "1", "--dry-run", *TWO_CHAPTERS)
     finally:
         path.write_text(before, encoding="utf-8")
-    assert "table_4_1" in plan.jobs
-    assert "table_3_2" not in plan.jobs
+    assert "analyse_survey" in plan.jobs
+    assert "design_signals" not in plan.jobs
 
 
 @pytest.mark.nightly
@@ -217,11 +232,12 @@ def test_another_seed_moves_table_3_1_but_not_its_order(coarse_run, copy):
         assert (shares.KB < shares.HO).all()
 
 
-def test_report_holds_every_artefact_and_nothing_from_elsewhere(folder):
-    done(folder, "--cores", "1", "report")
-    text = (results(folder) / "report.html").read_text(encoding="utf-8")
+@pytest.mark.nightly
+def test_report_holds_every_artefact_and_nothing_from_elsewhere(whole_run):
+    done(whole_run, "--cores", "1", "report")
+    text = (results(whole_run) / "report.html").read_text(encoding="utf-8")
     links = set(re.findall(r'href="([^"#]+)"', text))
-    assert {str(path.relative_to(results(folder))) for path in expected_artefacts(folder)} <= links
+    assert {str(path.relative_to(results(whole_run))) for path in expected_artefacts(whole_run)} <= links
     assert "Not made" not in text
     assert not re.search(r"https?:", text)
     assert len(text) < 9e6
