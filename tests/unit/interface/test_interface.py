@@ -137,6 +137,7 @@ def test_the_verdict_is_written_before_what_may_fail_beside_it(diagnosis, tmp_pa
     assert (tmp_path / "ladder.csv").is_file()
 
 
+@pytest.mark.nightly
 def test_an_object_saves_what_the_command_writes(diagnosis, folder, run, tmp_path):
     """One stage, two callers, the same bytes."""
     out = run.done("diagnose", folder, "--output", tmp_path / "command")

@@ -16,6 +16,7 @@ def diagnosis():
     return lumbar.diagnose([record(FRICTION)], settings=SETTINGS, source_label="made up")
 
 
+@pytest.mark.nightly
 def test_the_page_tells_axes_effect_pictures_and_how_to_repeat_it(diagnosis, tmp_path):
     assert diagnosis.selected == ("coulomb_friction",)
     diagnosis.save(tmp_path)

@@ -147,6 +147,7 @@ def test_an_outsider_gets_the_same_area_from_the_file(convention):
     assert exact_funnels(loops).mean_area[0] == pytest.approx(areas_from_the_file(one, convention), rel=1e-6)
 
 
+@pytest.mark.nightly
 def test_null_control_compares_the_same_pendulums_standing_still(made):
     """Standing still, expert and novice differ in mass and duration only."""
     lifts = lift_states(), lift_states("novice", duration=1.9, body=15.0)

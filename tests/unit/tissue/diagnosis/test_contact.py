@@ -64,6 +64,7 @@ def test_a_base_chosen_again_finds_the_same_surface(pressed):
     assert fastened.surface == 0.0
 
 
+@pytest.mark.nightly
 def test_what_hardens_under_the_tool_is_named(pressed_hard):
     assert (pressed_hard.status, pressed_hard.selected) == ("named", ("hardening_stiffness",))
     assert pressed_hard.experiment.surface == pytest.approx(3.0, rel=0.01)

@@ -190,6 +190,7 @@ def test_records_that_hardly_move_are_not_trained_on():
     assert not told([records[0], small], "trained_otherwise")[1]
 
 
+@pytest.mark.nightly
 def test_one_session_is_suggested_where_the_stiffness_falls_cycle_by_cycle():
     worn = np.repeat(0.9 * 0.99 ** np.arange(8), 500)
     _, (finding,) = told(springs({"a": worn[:2000], "b": worn[2000:]}), "falling_stiffness")

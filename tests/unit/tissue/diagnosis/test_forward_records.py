@@ -47,6 +47,7 @@ def test_nothing_is_named_where_nothing_is_hidden():
     assert found.model.output.offset == pytest.approx(ZERO, abs=0.001)
 
 
+@pytest.mark.nightly
 def test_the_friction_and_its_size_are_found(friction):
     _, found = friction
     told = found.result.status, found.selected, found.result.complete

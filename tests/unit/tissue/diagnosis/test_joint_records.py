@@ -136,6 +136,7 @@ def test_records_that_are_fitted_together_are_sampled_alike():
         prepare([softening_record("a", 13), softening_record("b", 14)], ["a", "d"])
 
 
+@pytest.mark.nightly
 def test_the_noises_colour_is_left_out_where_the_error_is_a_models():
     """An error far above the noise is fitted as it is; one at the noise is whitened."""
     texture = lambda time, force: 3.0 * np.sin(7.0 * force)  # noqa: E731, nothing of the catalogue

@@ -40,6 +40,7 @@ def leads(records, **settings) -> tuple:
     return found, [item for item in found.findings if item.kind == "force_leads"]
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("lead", "branch", "hardening"),
     [
