@@ -18,7 +18,6 @@ from lumbar.tissue.diagnosis.selection.forward_selection import extend
 from lumbar.tissue.effects import catalogue
 from lumbar.tissue.effects.catalogue import CATALOGUES, TISSUE, load_effects
 from lumbar.tissue.effects.hooks import HOOKS
-from lumbar.tissue.effects.notation import shipped_effect
 from lumbar.tissue.models.bases import BASES
 from lumbar.tissue.models.form import Place
 from lumbar.tissue.models.motion import Motion
@@ -172,13 +171,14 @@ def test_the_catalogues_files_are_read_as_a_users(path):
     strict = read_yaml(path, problems, anchors=False)
     problems.raise_if_any()
     assert strict.content == yaml.safe_load(path.read_text(encoding="utf-8"))
-    for form in shipped_effect(path).forms:
+    effect = getattr(catalogue, path.parent.name.upper())[path.stem]
+    for form in effect.forms:
         form.check()
     if hooked := sorted(HOOKS.keys() & {key for form in strict.content["forms"] for key in form}):
         with pytest.raises(InputError, match=f"{hooked[0]}: unknown key"):
             load_effects(path)
     else:
-        assert load_effects(path)[path.stem] == shipped_effect(path)
+        assert load_effects(path)[path.stem] == effect
 
 
 def test_hooks_are_named_and_used():

@@ -175,7 +175,7 @@ def test_channels_follow_the_motion():
 
 def residual_of(added):
     """Return what the base leaves of an added moment."""
-    columns = np.stack(BASES["pendulum"].columns(MOTION, np.zeros(0)), axis=1)
+    columns = np.stack(BASES["pendulum"].form.columns(MOTION, np.zeros(0)), axis=1)
     return added - columns @ np.linalg.lstsq(columns, added, rcond=None)[0]
 
 

@@ -159,4 +159,4 @@ def test_settings_find_it_beside_them_and_say_what_is_wrong_with_it(base):
 
 def test_the_example_is_sound(project):
     tanks = read_base(project / "examples" / "own_base" / "two_tanks.yaml")
-    assert dict(tanks.start) == {"upper": "upper_0", "lower": "lower_0"}
+    assert dict(tanks.form.start) == {"upper": "upper_0", "lower": "lower_0"}

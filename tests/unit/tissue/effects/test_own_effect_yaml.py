@@ -190,7 +190,7 @@ def test_the_pages_examples_are_read(project, tmp_path):
     page = (project / "docs" / "tissue" / "own_effect.md").read_text(encoding="utf-8")
     effect, base = re.findall(r"```yaml\n(.*?)```", page, re.DOTALL)
     assert catalogue_with([written(tmp_path, effect)])["own_friction"].forms[0].state
-    assert len(read_base(written(tmp_path, base)).state) == 3
+    assert len(read_base(written(tmp_path, base)).form.state) == 3
 
 
 CREEP = """

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from lumbar.base.errors import InputError, Problems
-from lumbar.base.yaml_file import YamlFile, shipped_yaml, way_of
+from lumbar.base.yaml_file import YamlFile, way_of
 from lumbar.tissue.models.expression import parse
 from lumbar.tissue.models.form import Effect, Form, Place
 from lumbar.tissue.models.parameter import SCALES, Constant, LinearParameter, NonlinearParameter
@@ -30,17 +30,6 @@ _STATE_KEYS = ("rate", "start")
 _LINEAR_KEYS = ("name", "unit", "latex", "sign")
 _NONLINEAR_FLAGS = ("follows_record", "decisive")
 _NONLINEAR_KEYS = ("name", "unit", "latex", "start", "scale", "points", "reach", "lines", *_NONLINEAR_FLAGS)
-
-
-def shipped_effect(path: Path) -> Effect:
-    """Read an effect of the catalogue, which may name hooks.
-
-    What a user's file is searched for (keys that stand twice, equations that cannot be used) is left to the tests.
-    """
-    from lumbar.tissue.effects.hooks import HOOKS
-
-    file = YamlFile(path.name, shipped_yaml(path))
-    return EffectReader(Problems(f"effect {path.name}"), file, HOOKS).effect()
 
 
 def _key(place: str, key: str) -> str:

@@ -20,7 +20,7 @@ from lumbar.tissue.identification.arx_search import (
     search,
     select,
 )
-from lumbar.tissue.identification.metrics import block_bootstrap, central_spread, largest_relative_uncertainty
+from lumbar.tissue.identification.metrics import block_bootstrap, largest_relative_uncertainty
 from lumbar.tissue.identification.output_error import fit_output_error, relaxation_starts
 from lumbar.tissue.models.fitted_model import FittedModel
 from lumbar.tissue.models.model_data import ARX, GIVEN, OUTPUT_ERROR, FittedParameter, Port, Scores, unit_of
@@ -101,8 +101,13 @@ def given_model(
 
 def distinct(models: list[FittedModel]) -> list[FittedModel]:
     """Return the models of several identifications: what is not fitted stands at the end, once, without a record's scores."""
-    given = {model.name: model.without_scores() for model in models if model.estimator == GIVEN}
-    return [*(model for model in models if model.estimator != GIVEN), *given.values()]
+    fitted = [model for model in models if model.estimator != GIVEN]
+    given = {}
+    for model in models:
+        if model.estimator == GIVEN:
+            scores = Scores(free_parameters=model.scores.free_parameters, rank=model.scores.rank)
+            given[model.name] = replace(model, trained_on=None, scores=scores)
+    return [*fitted, *given.values()]
 
 
 def ports_of(record: Record, *offsets: float) -> tuple[Port, Port]:
@@ -235,6 +240,11 @@ class _Estimates:
         deviations = path.standard_deviations(regression.alpha or 0.0)
         if deviations is not None:
             deviations = deviations * path.target_scale / path.column_scale
+        spread = None
+        if draws is not None:
+            # Half the width of the central 68.27 %: σ of a normal distribution, robust to outliers.
+            low, high = np.quantile(draws, [0.158655, 0.841345], axis=0)
+            spread = (high - low) / 2.0
         fitted = structure.transfer_function(coefficients)
         if structure.order == 1 and fitted.poles[0] < 0:
             remark = "; ".join(filter(None, [remark, f"negative pole {fitted.poles[0]:.3f}: no relaxation"]))
@@ -256,9 +266,7 @@ class _Estimates:
                 rank=path.rank,
                 condition_number=path.condition_number,
                 mru_percent=largest_relative_uncertainty(coefficients, deviations),
-                mru_bootstrap_percent=largest_relative_uncertainty(
-                    coefficients, None if draws is None else central_spread(draws)
-                ),
+                mru_bootstrap_percent=largest_relative_uncertainty(coefficients, spread),
             ),
             remark=remark,
             valid_for=motion_range(self.record["input"], self.data.sampling_time),

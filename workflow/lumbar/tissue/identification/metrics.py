@@ -159,14 +159,3 @@ def block_bootstrap(
     normal = resampled[:, :parameters, :parameters] + alpha**2 * np.eye(parameters)
     inverse = np.linalg.pinv(normal, hermitian=True, rcond=1e-14)
     return np.einsum("rij,rj->ri", inverse, resampled[:, :parameters, parameters])
-
-
-def central_spread(draws: np.ndarray) -> np.ndarray:
-    """Half the width of the central 68.27 % of the draws: σ of a normal distribution, deaf to outliers; shape (parameters,).
-
-    Parameters
-    ----------
-    draws : numpy.ndarray, shape (resamples, parameters)
-    """
-    low, high = np.quantile(draws, [0.158655, 0.841345], axis=0)
-    return (high - low) / 2.0

@@ -9,11 +9,9 @@ from typing import Any
 import numpy as np
 
 from lumbar.base.yaml_file import shipped_yaml
-from lumbar.tissue.models.equation import CStep, Solution
 from lumbar.tissue.models.form import Form, HandWritten, LinearParameter, NonlinearParameter, Place
-from lumbar.tissue.models.motion import Motion, OneMotion
+from lumbar.tissue.models.motion import Motion
 from lumbar.tissue.models.operators import relaxation, surface_of_branch, surface_of_dashpot
-from lumbar.tissue.models.parameter import Constant
 
 _RESPONSES = {"tissue": "F", "pendulum": "M"}  # symbol of the response of a base of each system
 
@@ -22,56 +20,39 @@ _RESPONSES = {"tissue": "F", "pendulum": "M"}  # symbol of the response of a bas
 class Base:
     """A base model."""
 
-    name: str
-    """As in the thesis: ``"KB"`` …."""
-    equation: str
-    """Expression of its force, as of a parallel `Form`."""
-    linear: tuple[LinearParameter, ...]
-    nonlinear: tuple[NonlinearParameter, ...] = ()
-    """`linear`, `nonlinear`: parameters."""
-    state: tuple[tuple[str, str], ...] = ()
-    """States and their rates of change, as of a `Form`."""
-    solution: Solution | None = None
-    """The states in closed form."""
+    form: Form
+    """All of its force, with the name as in the thesis: ``"KB"`` …."""
     system: str = "tissue"
     """What it is a model of, which decides the catalogue of effects: ``tissue`` or ``pendulum``."""
     sensor_zero: bool = True
     """Whether a sensor with a zero of its own gives the response, so that a constant belongs to every fit. A pendulum's
     moment is computed; a constant in it would be one of the person."""
-    hand_written: HandWritten | None = None
-    """Instead of the equation, as of a `Form`."""
     touching: Callable[[Any, np.ndarray], np.ndarray] | None = None
     """For a tool that is not fastened to the tissue, which it meets at position 0 and never pulls: from motion and
     nonlinear parameters to whether it touches, (samples,). Where it does not, effects add no force."""
-    start: tuple[tuple[str, str], ...] = ()
-    """What the states begin with, as of a `Form`."""
-    constants: tuple[Constant, ...] = ()
-    """Numbers that the equations call by a symbol."""
     definition: Mapping | None = field(default=None, compare=False, repr=False)
-    """Of a base of one's own: what its file says."""
+    """Of a user-defined base: the content of its file."""
     spatial: Any = None
     """Of a tissue in space: its `lumbar.tissue.models.space.SpatialBase`."""
 
-    @cached_property
-    def form(self) -> Form:
-        """The base as a form: what it adds to the force is all of it."""
-        return Form(
-            name=self.name,
-            equation=self.equation,
-            place=Place.PARALLEL,
-            linear=self.linear,
-            nonlinear=self.nonlinear,
-            state=self.state,
-            start=self.start,
-            constants=self.constants,
-            solution=self.solution,
-            hand_written=self.hand_written,
-            effect="base",
-        )
+    @property
+    def name(self) -> str:
+        """Name of its form."""
+        return self.form.name
+
+    @property
+    def linear(self) -> tuple[LinearParameter, ...]:
+        """Parameters that its force is proportional to."""
+        return self.form.linear
+
+    @property
+    def nonlinear(self) -> tuple[NonlinearParameter, ...]:
+        """Its other parameters."""
+        return self.form.nonlinear
 
     @cached_property
     def memory_key(self) -> str:
-        """What a motion remembers its forces by."""
+        """Name of its forces in the cache of a motion."""
         return self.name if self.spatial is None else f"{self.name} {hash(self.spatial)}"
 
     @property
@@ -81,7 +62,7 @@ class Base:
 
     @property
     def own(self) -> bool:
-        """Whether it is one of a user's own, which goes from whatever was put in to whatever was measured."""
+        """Whether it is user-defined, from any input to any response."""
         return self.definition is not None
 
     @property
@@ -97,15 +78,6 @@ class Base:
     def latex(self) -> str:
         """The equation in LaTeX."""
         return f"{self._response} = {self.form.latex}"
-
-    @property
-    def c_step(self) -> CStep | None:
-        """The sum of its forces in C, sample by sample."""
-        return self.form.c_step
-
-    def columns(self, motion: OneMotion, nonlinear: np.ndarray) -> list[np.ndarray]:
-        """Forces, one per linear parameter at size 1, each of shape (samples,)."""
-        return self.form.columns(motion, nonlinear)
 
 
 def elongation(motion: Motion, nonlinear: np.ndarray) -> tuple[np.ndarray]:
@@ -138,32 +110,37 @@ def _dashpot_in_contact(motion: Motion, nonlinear: np.ndarray) -> list[np.ndarra
     return [touching * (surface + nonlinear[0] * motion.velocity)]
 
 
-_BY_HAND: dict[str, dict] = {
-    "LE-contact": {"touching": lambda motion, nonlinear: motion.position > 0},
-    "KV-contact": {
-        "hand_written": HandWritten(columns=_dashpot_in_contact),
-        "touching": lambda motion, nonlinear: _dashpot_meets(motion, nonlinear)[1],
-    },
-    "KB-contact": {
-        "hand_written": HandWritten(columns=_branch_in_contact),
-        "touching": lambda motion, nonlinear: _branch_meets(motion, nonlinear)[1],
-    },
+_HAND_WRITTEN = {
+    "KV-contact": HandWritten(columns=_dashpot_in_contact),
+    "KB-contact": HandWritten(columns=_branch_in_contact),
 }
-"""What no equation expresses, by name of the base."""
+_TOUCHING: dict[str, Callable[[Any, np.ndarray], np.ndarray]] = {
+    "LE-contact": lambda motion, nonlinear: motion.position > 0,
+    "KV-contact": lambda motion, nonlinear: _dashpot_meets(motion, nonlinear)[1],
+    "KB-contact": lambda motion, nonlinear: _branch_meets(motion, nonlinear)[1],
+}
 
 
-def _base(name: str, parameters: Mapping, state: Mapping | None = None, **said) -> Base:
-    """A base as ``bases.yaml`` says it, with what is written by hand; states are those of a Maxwell branch."""
-    linear = [LinearParameter(symbol=key, **item) for key, item in parameters.items() if "scale" not in item]
-    nonlinear = [
-        NonlinearParameter(symbol=key, **item | {"reach": tuple(item["reach"])})
-        for key, item in parameters.items()
-        if "scale" in item
-    ]
-    states: dict[str, Any] = {"state": tuple(state.items()), "solution": elongation} if state else {}
-    return Base(
-        name, linear=tuple(linear), nonlinear=tuple(nonlinear), **states, **said, **_BY_HAND.get(name, {})
+def _base(name: str, equation: str, parameters: Mapping, state: Mapping | None = None, **facts) -> Base:
+    """A base of ``bases.yaml``, with what is written by hand; states are those of a Maxwell branch."""
+    linear, nonlinear = [], []
+    for symbol, item in parameters.items():
+        if "scale" in item:
+            nonlinear.append(NonlinearParameter(symbol=symbol, **item | {"reach": tuple(item["reach"])}))
+        else:
+            linear.append(LinearParameter(symbol=symbol, **item))
+    form = Form(
+        name,
+        equation,
+        Place.PARALLEL,
+        tuple(linear),
+        tuple(nonlinear),
+        state=tuple((state or {}).items()),
+        solution=elongation if state else None,
+        hand_written=_HAND_WRITTEN.get(name),
+        effect="base",
     )
+    return Base(form, touching=_TOUCHING.get(name), **facts)
 
 
 BASES = {

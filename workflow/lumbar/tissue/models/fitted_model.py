@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,7 +15,7 @@ from lumbar.tissue.models.bases import Base
 from lumbar.tissue.models.driven_motion import linearised
 from lumbar.tissue.models.form import Effect
 from lumbar.tissue.models.measured_motion import for_base, with_measured_motion
-from lumbar.tissue.models.model_data import ModelData, Scores, headline, in_html, in_text
+from lumbar.tissue.models.model_data import ModelData, headline, in_html, in_text
 from lumbar.tissue.models.model_entry import checked_entry, entry_of
 from lumbar.tissue.models.motion import Motion, SpatialMotion
 from lumbar.tissue.models.structure import ForwardStructure, Structure
@@ -188,14 +188,6 @@ class FittedModel(ModelData):
         problems.raise_if_any()
         assert found is not None  # else there were problems
         return cls(**found)
-
-    def without_scores(self) -> FittedModel:
-        """The model without what it owes to one record."""
-        return replace(
-            self,
-            trained_on=None,
-            scores=Scores(free_parameters=self.scores.free_parameters, rank=self.scores.rank),
-        )
 
     def __repr__(self) -> str:
         """One line: name, how it was found, how well it does."""

@@ -250,12 +250,6 @@ class Form:
         assert self.hand_written is not None  # no equation transforms a motion
         return self.hand_written.input_transform(motion, nonlinear)
 
-    def mixed(self, columns: list[np.ndarray], nonlinear: np.ndarray) -> list[np.ndarray]:
-        """Forces along the axes, each of shape (axes × samples,), as a form of a frame lets them be read."""
-        assert self.hand_written is not None and self.hand_written.matrix is not None
-        matrix = self.hand_written.matrix(nonlinear)
-        return [(matrix @ item.reshape(len(matrix), -1)).ravel() for item in columns]
-
     def output_transform(self, force: np.ndarray, motion: OneMotion, nonlinear: np.ndarray) -> np.ndarray:
         """Measured force that an output form makes of a force."""
         if self.hand_written:

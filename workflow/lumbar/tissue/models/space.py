@@ -184,16 +184,16 @@ class SpatialBase:
     @cached_property
     def structural(self) -> Base:
         """The base that structures are made of."""
-        return replace(
-            self.base,
+        form = replace(
+            self.base.form,
             name=f"{self.symmetry} {self.base.name}",
             equation=self.base.form.latex,
             linear=self.linear,
             nonlinear=self.nonlinear,
             state=(),
             hand_written=HandWritten(columns=self.columns, c_step=lambda: self._c_step, spatial=True),
-            spatial=self,
         )
+        return replace(self.base, form=form, spatial=self)
 
     def held(self, nonlinear: np.ndarray) -> "SpatialBase":
         """The base whose frames are where these parameters turn them; a fit leaves them there."""
@@ -226,7 +226,8 @@ def symmetric_base(base: Base, axes: tuple[str, ...]) -> Base:
         for row, column in places
     )
     written = HandWritten(columns=columns, spatial=True)
-    return replace(base, linear=linear, state=(), hand_written=written, spatial=("symmetric", axes))
+    any_matrix = replace(base.form, linear=linear, state=(), hand_written=written)
+    return replace(base, form=any_matrix, spatial=("symmetric", axes))
 
 
 def matrices_of(linear: np.ndarray, count: int, size: int) -> list[np.ndarray]:
@@ -300,7 +301,7 @@ class PlaneContact:
         """Forces along the axes, one after the other, of every linear parameter at size 1."""
         normal, _ = self.plane(nonlinear)
         own, speed = nonlinear[: len(self.base.nonlinear)], nonlinear[len(self.base.nonlinear)]
-        into = self.base.columns(self._pressed(motion, nonlinear), own)
+        into = self.base.form.columns(self._pressed(motion, nonlinear), own)
         velocity = motion.velocity.reshape(len(self.axes), -1)
         along = velocity - np.multiply.outer(normal, normal @ velocity)
         size = np.sqrt(np.sum(along**2, axis=0))
@@ -319,16 +320,15 @@ class PlaneContact:
     @cached_property
     def structural(self) -> Base:
         """The base that structures are made of."""
-        return replace(
-            self.base,
+        form = replace(
+            self.base.form,
             name=f"{self.base.name} with a plane",
             linear=self.linear,
             nonlinear=self.nonlinear,
             state=(),
             hand_written=HandWritten(columns=self.columns, spatial=True),
-            touching=self.touching,
-            spatial=self,
         )
+        return replace(self.base, form=form, touching=self.touching, spatial=self)
 
     def held(self, nonlinear: Sequence[float]) -> "PlaneContact":
         """The base with the plane where these parameters have moved it."""

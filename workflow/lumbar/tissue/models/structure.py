@@ -79,7 +79,7 @@ class Structure:
         for form in self.forms:
             if form.place is Place.INPUT:
                 seen = self._of(form.memory_key, form.input_transform, seen, parts[form.key])
-        columns = self._of(self.base.memory_key, self.base.columns, seen, base)
+        columns = self._of(self.base.memory_key, self.base.form.columns, seen, base)
         touching = None if self.base.touching is None else self.base.touching(seen, base)
         for form in self.forms:
             if form.place is Place.PARALLEL:
@@ -87,7 +87,9 @@ class Structure:
                 columns = [*columns, *(added if touching is None else [touching * item for item in added])]
         for form in self.forms:
             if form.place is Place.FRAME:
-                columns = form.mixed(columns, parts[form.key])
+                # The forces along the axes, as a turned or coupled sensor reads them.
+                matrix = form.hand_written.matrix(parts[form.key])
+                columns = [(matrix @ item.reshape(len(matrix), -1)).ravel() for item in columns]
         return np.array(columns).T
 
     @staticmethod

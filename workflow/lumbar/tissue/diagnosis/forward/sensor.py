@@ -13,7 +13,7 @@ from lumbar.tissue.diagnosis.linear.linear_dynamics import LinearDynamics, linea
 from lumbar.tissue.diagnosis.linear.poles import Poles, forces
 from lumbar.tissue.diagnosis.selection.candidate import Candidate, evaluate
 from lumbar.tissue.models.bases import Base
-from lumbar.tissue.models.form import Form, HandWritten, LinearParameter, NonlinearParameter
+from lumbar.tissue.models.form import Form, HandWritten, LinearParameter, NonlinearParameter, Place
 from lumbar.tissue.models.motion import Motion
 from lumbar.tissue.models.structure import Structure
 
@@ -163,9 +163,10 @@ def _base_of(dynamics: LinearDynamics) -> Base:
     ]
     rates += [(f"rate_{number + 1}", "1/s") for number in range(len(poles.rates))]
     values = np.exp(poles.to_vector())
-    return Base(
+    form = Form(
         name=f"linear-{poles.order}",
         equation=rf"\text{{linear dynamics of {poles.order} poles}}",
+        place=Place.PARALLEL,
         linear=tuple(
             LinearParameter(name, unit, 0, symbol=f"c{index}") for index, (name, unit) in enumerate(gains)
         ),
@@ -175,9 +176,10 @@ def _base_of(dynamics: LinearDynamics) -> Base:
             )
             for index, ((name, unit), value) in enumerate(zip(rates, values, strict=True))
         ),
-        sensor_zero=False,
         hand_written=HandWritten(columns=_columns(poles, held)),
+        effect="base",
     )
+    return Base(form, sensor_zero=False)
 
 
 def _columns(poles: Poles, held: bool) -> Callable[[Motion, np.ndarray], list[np.ndarray]]:

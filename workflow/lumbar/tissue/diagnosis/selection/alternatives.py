@@ -278,7 +278,7 @@ def linear_alternative(model: Candidate, experiment: Experiment) -> tuple[Candid
         return None
     unit, order = experiment.output_unit, linear.fit.order
     structure = model.fit.structure
-    states = len(structure.base.state) + sum(len(form.state) for form in structure.forms)
+    states = len(structure.base.form.state) + sum(len(form.state) for form in structure.forms)
     if is_adequate(model, experiment) and order <= states:
         return None
     words = {
