@@ -84,7 +84,7 @@ MATH: dict[str, Callable] = {
     "clip": lambda x, low, high: min(max(x, low), high),
     "where": lambda condition, x, y: x if condition else y,
 }
-"""The same for plain numbers, one at a time."""
+"""Functions for plain numbers, by the names of the operations."""
 
 
 class Evaluator:
@@ -108,7 +108,7 @@ class Evaluator:
         self._results = [self._place(expression) for expression in expressions]
 
     def _place(self, expression: Expression) -> int:
-        """Where the value of an expression will stand."""
+        """Return the index of the value of an expression."""
         if expression in self._places:
             return self._places[expression]
         value: float | None = None
@@ -168,7 +168,7 @@ def derivative(expression: Expression, symbol: str) -> Expression:
     Raises
     ------
     InputError
-        If the symbol stands in an exponent.
+        If the symbol is in an exponent.
 
     Examples
     --------
@@ -275,7 +275,7 @@ def linear_parts(expression: Expression, linear: Collection[str]) -> dict[str, E
 
 
 def never_negative(expression: Expression, positive: Collection[str]) -> bool:
-    """Whether an expression is seen to be at least 0, given symbols that are."""
+    """Whether an expression is certainly at least 0 if these symbols are."""
     match expression:
         case Number(value):
             return value >= 0

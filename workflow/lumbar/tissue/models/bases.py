@@ -21,19 +21,19 @@ class Base:
     """A base model."""
 
     form: Form
-    """All of its force, with the name as in the thesis: ``"KB"`` …."""
+    """Its whole force, with the thesis's name: ``"KB"`` …."""
     system: str = "tissue"
-    """What it is a model of, which decides the catalogue of effects: ``tissue`` or ``pendulum``."""
+    """``tissue`` or ``pendulum``, which decides the catalogue of effects."""
     sensor_zero: bool = True
-    """Whether a sensor with a zero of its own gives the response, so that a constant belongs to every fit. A pendulum's
-    moment is computed; a constant in it would be one of the person."""
+    """Whether the response is measured by a sensor with an unknown zero, so that every fit has a constant. A pendulum's moment
+    is computed; a constant in it would be physical."""
     touching: Callable[[Any, np.ndarray], np.ndarray] | None = None
     """For a tool that is not fastened to the tissue, which it meets at position 0 and never pulls: from motion and
     nonlinear parameters to whether it touches, (samples,). Where it does not, effects add no force."""
     definition: Mapping | None = field(default=None, compare=False, repr=False)
-    """Of a user-defined base: the content of its file."""
+    """Content of the file of a user-defined base."""
     spatial: Any = None
-    """Of a tissue in space: its `lumbar.tissue.models.space.SpatialBase`."""
+    """`lumbar.tissue.models.space.SpatialBase` of a tissue in space."""
 
     @property
     def name(self) -> str:
@@ -149,13 +149,12 @@ BASES = {
 }
 """Base models by name.
 
-KB is the Kelvin–Boltzmann model: a spring beside a Maxwell branch. A tool that is not fastened to the tissue has the bases
-with ``-contact``: positions count from the surface that it meets. The pendulum is Eq. 4.1: M is the moment that
-the person exerts at the pivot, positive with the angle θ from the vertical (not centred). Its gravity moment has the
-sign the data give it: m g ℓ > 0 where θ counts from straight down (hanging, as published), −m g ℓ < 0 where it counts
-from straight up (inverted).
+KB is the Kelvin–Boltzmann model: a spring parallel to a Maxwell branch. A tool that is not fastened to the tissue has the bases
+with ``-contact``: positions count from the surface that it meets. The pendulum is Eq. 4.1: M is the moment that the person exerts
+at the pivot, positive with the angle θ from the vertical (not centred). Its gravity moment has the sign that the data give:
+m g ℓ > 0 if θ counts from straight down (hanging, as published), −m g ℓ < 0 if it counts from straight up (inverted).
 """
 
 
 CHOSEN_BY_DATA = "auto"
-"""Name that stands for the base of a tissue that the data ask for."""
+"""Name of the setting by which the data decide the base of a tissue."""

@@ -58,7 +58,7 @@ class ForceBalance:
     """Forces of a model that is driven by a force."""
 
     pieces: tuple[Form, ...]
-    """The base as a form, then the forms beside it."""
+    """The base as a form, then the parallel forms of effects."""
 
     @cached_property
     def parameters(self) -> tuple[str, ...]:
@@ -114,7 +114,7 @@ class ForceBalance:
     def slopes(
         self, known: Mapping[str, np.ndarray | float], shape: tuple[int, ...]
     ) -> tuple[np.ndarray, np.ndarray]:
-        """The same, and their derivatives by z, ż, z̈ and the states, shape (1 + states, 3 + states, *shape)."""
+        """R and the rates, and their derivatives by z, ż, z̈ and the states, shape (1 + states, 3 + states, *shape)."""
         count = 1 + len(self.states)
         found = [np.broadcast_to(item, shape) for item in self._evaluators[1](known)]
         slopes = np.array(found[count:], dtype=float).reshape(count, len(MOTION) + count - 1, *shape)
@@ -135,7 +135,7 @@ def linearised(form: Form, *parameters: Sequence[float]) -> tuple[np.ndarray, np
 
 
 def _own(symbol: str, index: int) -> str:
-    """Symbol of a piece: two forms may call different things alike."""
+    """Symbol of a piece: two forms may use the same symbol."""
     return f"{symbol}__{index}"
 
 
@@ -165,7 +165,7 @@ _STEPS_TOGETHER = 400  # taken together without a guess
 
 @dataclass(frozen=True, eq=False)
 class Driven:
-    """A motion that was found."""
+    """A simulated motion."""
 
     position: np.ndarray
     velocity: np.ndarray
@@ -177,7 +177,7 @@ class Driven:
 
     @property
     def finite(self) -> bool:
-        """Whether it was found at all."""
+        """Whether the simulation succeeded."""
         return bool(np.isfinite(self.points).all())
 
 
@@ -191,7 +191,7 @@ class ForceDrive:
     step: float
     """Seconds."""
     size: float
-    """Of the positions."""
+    """Typical size of the positions."""
     parts: int = 1
     """Steps from sample to sample."""
 
@@ -217,7 +217,7 @@ class ForceDrive:
             while first < steps:
                 last = min(first + together, steps)
                 window = slice(first, last)
-                if failures or guess is None:  # what is left of an iteration that failed is no guess
+                if failures or guess is None:  # a failed iteration leaves no useful guess
                     points[:, window] = np.concatenate([begun[:1], begun[2:]])[:, None, None]
                 found, good = self._converged(parameters, begun, points[:, window], window)
                 points[:, first : first + good] = found[:, :good]

@@ -42,7 +42,7 @@ def _no_constants(parameters: Mapping[str, float], sampling_time: float) -> dict
 
 @dataclass(frozen=True)
 class CStep:
-    """One sample of a form in C99.
+    """C99 code of one sample of a form.
 
     The code becomes the body of a function. It knows by name
 
@@ -62,17 +62,17 @@ class CStep:
     """Expression: the force that a parallel form adds, the position that an input form passes on, the force that an output
     form makes of ``force``. Of a parallel form in space the force along every axis; signals are then ``position_x`` …."""
     statements: str = ""
-    """What comes before it."""
+    """Statements before it."""
     memory: int | Memory = 0
-    """How many numbers the form keeps from sample to sample; a callable gets all parameters by name."""
+    """Numbers that the form keeps from sample to sample; a callable gets all parameters by name."""
     constants: Constants = _no_constants
     """From parameters by name and the sampling time in seconds to further numbers by name, computed at export.
     One named ``pole`` is a pole in discrete time and counts when stability is judged."""
     history: int | Memory = 0
-    """How many earlier positions it asks for; a callable as of `memory`."""
+    """Earlier positions that it needs; a callable gets all parameters by name."""
 
     def numbers(self, parameters: Mapping[str, float], sampling_time: float) -> dict[str, float]:
-        """All numbers that the code knows by name.
+        """Return all numbers that the code knows by name.
 
         Raises
         ------
@@ -85,11 +85,11 @@ class CStep:
         return {**parameters, **constants}
 
     def memory_size(self, numbers: Mapping[str, float]) -> int:
-        """How many numbers the form keeps, given those that its code knows."""
+        """Return the numbers that the form keeps, from those that its code knows."""
         return self.memory(numbers) if callable(self.memory) else self.memory
 
     def history_size(self, numbers: Mapping[str, float]) -> int:
-        """How many earlier positions it asks for, given the numbers that its code knows."""
+        """Return the earlier positions that it needs, from the numbers that its code knows."""
         return self.history(numbers) if callable(self.history) else self.history
 
 
@@ -100,12 +100,12 @@ Solution = Callable[[Motion, np.ndarray], tuple[np.ndarray, ...]]
 
 @dataclass(frozen=True)
 class Equation:
-    """An equation and what its symbols stand for."""
+    """An equation and the meaning of its symbols."""
 
     text: str
     """Expression of the force, e.g. ``"Fc*tanh(v/vs)"``."""
     transforms: bool
-    """Whether it makes a measured force of the force ``F``; else it is a force of its own."""
+    """Whether it is the measured force for a force ``F``; else it is a force that is added."""
     linear: tuple[LinearParameter, ...]
     nonlinear: tuple[NonlinearParameter, ...]
     """`linear`, `nonlinear`: parameters."""
@@ -113,7 +113,7 @@ class Equation:
     states: tuple[tuple[str, str], ...]
     """Symbol and rate of change of every state."""
     starts: tuple[tuple[str, str], ...] = ()
-    """Symbol and value at the beginning of the states that do not begin at 0."""
+    """Symbol and value at the start of the states that do not start at 0."""
 
     @cached_property
     def tree(self) -> Expression:
@@ -142,7 +142,7 @@ class Equation:
 
     @cached_property
     def columns(self) -> tuple[Expression, ...]:
-        """What each linear parameter is multiplied by; the whole equation where there is none."""
+        """Factor of each linear parameter; the whole equation if there are none."""
         if self.transforms:
             return (self.force,)
         found = linear_parts(self.force, [item.symbol for item in self.linear])
@@ -160,7 +160,7 @@ class Equation:
 
     @cached_property
     def channels(self) -> tuple[str, ...]:
-        """Roles of channels beside input and output that it needs."""
+        """Roles of further channels that it needs."""
         needed = (SIGNALS[name].channel for name in sorted(self.signals))
         return tuple(dict.fromkeys(filter(None, needed)))
 
@@ -170,7 +170,7 @@ class Equation:
 
     @property
     def signals(self) -> set[str]:
-        """Signals that it uses beside those of its states."""
+        """Signals that the force uses, without those of the states' rates."""
         return symbols(self.force) & SIGNALS.keys()
 
     @cached_property
@@ -220,7 +220,7 @@ class Equation:
 
     @cached_property
     def latex(self) -> str:
-        """The equation, those of its states, and what its constants are."""
+        """The equation, those of its states, and its constants, in LaTeX."""
         names = {name: item.latex for name, item in SIGNALS.items() if item.latex}
         for item in self.declared:
             names[item.symbol] = item.in_latex
@@ -239,7 +239,7 @@ class Equation:
 
     @cached_property
     def portable_terms(self) -> tuple[Expression, ...]:
-        """What C adds up, term by term, in operations with the same bits on every platform."""
+        """Terms that C adds up, in operations with the same bits on every platform."""
         terms = self.columns
         if not self.transforms:
             named = zip(self.linear, self.columns, strict=True)
@@ -250,9 +250,9 @@ class Equation:
         return tuple(portable(substitute(term, self._given)) for term in terms)
 
     def c_step(self, solution: str = "") -> CStep | None:
-        """The same in C; None where it needs a channel that a running loop does not have.
+        """Return the C code of one sample; None if it needs a channel that a running loop does not have.
 
-        `solution` are statements that write the states of the next sample, in place of the solver's.
+        `solution` are statements that write the states of the next sample, instead of the solver's.
         """
         if self.channels:
             return None

@@ -2,10 +2,9 @@
 
 The text is Python's notation for formulas, read by `ast.parse` and never run: ``Fc*tanh(v/vs)``.
 
-A tree keeps the order of operations in which it was written, so that NumPy and C round alike and numbers do not move when a
-library is renewed. That is why sympy does not do this work: ``sympify("2*pi*f*t")`` and its printers order terms and factors
-anew, and its import alone costs 0.8 s of CPU time where that of this module costs 0.05 s (sympy 1.14, measured side by side
-on one busy core). In the tests it is the other account.
+A tree keeps the order of operations in which it was written, so that NumPy and C round in the same way and numbers do not move
+with a new version of a library. Sympy is not used for that reason: ``sympify("2*pi*f*t")`` and its printers reorder terms and
+factors, and its import costs 0.8 s of CPU time, that of this module 0.05 s (sympy 1.14). The tests compare with sympy.
 """
 
 from __future__ import annotations
@@ -55,7 +54,7 @@ its limits, where(condition, yes, no) chooses, sum(n, 1, 7, term) adds the terms
 called ``A_1`` ….
 """
 VECTOR_NAMES = {"norm": "abs", "dot": "*"}
-"""What operations are called too, for readers who think of vectors."""
+"""Other names of operations, for vectors."""
 COMPARISONS = ("<", "<=", ">", ">=")
 
 
@@ -161,7 +160,7 @@ def expand_sums(expression: Expression) -> Expression:
 
 
 def whole_power(exponent: Expression) -> int:
-    """Exponent of a power that is a product; 0 where it is none."""
+    """Exponent of a power that is computed as a product; 0 of other powers."""
     if isinstance(exponent, Number) and exponent.value.is_integer() and 2 <= exponent.value <= 8:
         return int(exponent.value)
     return 0
@@ -252,7 +251,7 @@ class _Reader:
         self.operations = 0
 
     def read(self, node: ast.expr, depth: int) -> Expression:
-        """Return the expression of a node, or say why there is none."""
+        """Return the expression of a node, or raise the reason why it is not allowed."""
         if depth > DEEPEST:
             raise InputError(f"{_shown(self.text)} is nested more than {DEEPEST} deep")
         match node:

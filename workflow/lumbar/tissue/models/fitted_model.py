@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, repr=False)
 class FittedModel(ModelData):
-    """A model from deviations of the input about rest to deviations of the output; its data are those of `ModelData`.
+    """A model from deviations of the input about rest to deviations of the output; its fields are those of `ModelData`.
 
     Examples
     --------
@@ -94,7 +94,7 @@ class FittedModel(ModelData):
     def to_control(self) -> control.TransferFunction:
         """Transfer function of python-control: in z with ``dt``, or in s for a base without effects.
 
-        The pendulum is linearised about θ = 0, a base of one's own about 0 of its input and states.
+        The pendulum is linearised about θ = 0, a user-defined base about 0 of its input and states.
 
         Raises
         ------
@@ -198,7 +198,7 @@ class FittedModel(ModelData):
         return in_text(self)
 
     def _repr_html_(self) -> str:
-        """The same for a notebook."""
+        """Equation, parameters and scores for a notebook."""
         return in_html(self)
 
 
@@ -211,8 +211,8 @@ def models_document(
     """Return the content of a file of models.
 
     The models are those of an error ladder, from the base to the last; `source_label` says where the data come from.
-    `noise_floor_rms` is that of the training record, in the output's unit; None where it is not known. Bases and effects of
-    users' own that were read from YAML stand in it as their files said them, so that the models are whole without these.
+    `noise_floor_rms` is that of the training record, in the output's unit; None if it is not known. The content of the YAML files
+    of user-defined bases and effects is included, so that the models are complete without these files.
     """
     models = list(models)
     structures = [model.structure for model in models if isinstance(model.structure, Structure)]

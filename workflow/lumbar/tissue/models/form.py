@@ -47,24 +47,22 @@ Contradiction = Callable[[dict[str, float], Any, np.ndarray, float, float | None
 
 @dataclass(frozen=True)
 class HandWritten:
-    """Simulation and C code of a form that no equation can say, both by hand."""
+    """Hand-written simulation and C code of a form that no equation expresses; the form's place decides which are needed."""
 
-    # Which of the three there is follows from the form's place.
     columns: Columns = None  # type: ignore[assignment]
-    """Parallel forms: from motion and nonlinear parameters to one force per linear parameter, each of
-    shape (samples,)."""
+    """Parallel forms: from motion and nonlinear parameters to one force per linear parameter, each of shape (samples,)."""
     input_transform: InputTransform = None  # type: ignore[assignment]
+    """Input forms: from motion and nonlinear parameters to the motion that reaches the tissue."""
     output_transform: OutputTransform = None  # type: ignore[assignment]
-    """`input_transform`, `output_transform`: callable, optional: input forms: from motion and nonlinear parameters to the
-    motion the tissue sees. Output forms: from force, motion and nonlinear parameters to the measured force."""
+    """Output forms: from force, motion and nonlinear parameters to the measured force."""
     c_step: CStep | Callable[[], CStep | None] | None = None
-    """The same in C, sample by sample, or what makes it; a form without it cannot be exported to a haptic device."""
+    """C code of one sample, or a function that returns it; a form without it cannot be exported to a haptic device."""
     channels: tuple[str, ...] = ()
-    """Roles of channels beside input and output that it needs."""
+    """Roles of further channels that it needs."""
     matrix: Callable[[np.ndarray], np.ndarray] | None = None
-    """Forms of a frame: from nonlinear parameters to what the forces along the axes are multiplied by, (axes, axes)."""
+    """Forms of a frame: from nonlinear parameters to the matrix that multiplies the forces along the axes, (axes, axes)."""
     spatial: bool = False
-    """Whether it holds for motions in space as it stands."""
+    """Whether it is valid for motions in space unchanged."""
 
 
 @dataclass(frozen=True)
@@ -77,8 +75,8 @@ class Form:
     name: str
     """Unique within its effect, e.g. ``"cubic"``."""
     equation: str
-    """Expression in the parameters' symbols and the signals of `lumbar.tissue.models.motion`: the force that a
-    parallel form adds, or what an output form makes of the force ``F``. LaTeX where `hand_written`."""
+    """Expression in the parameters' symbols and the signals of `lumbar.tissue.models.parameter`: the force that a parallel form
+    adds, or the measured force that an output form returns for the force ``F``. LaTeX if `hand_written`."""
     place: Place
     """Input forms are hand-written."""
     linear: tuple[LinearParameter, ...] = ()
@@ -90,43 +88,40 @@ class Form:
     """Symbol and value when a record begins of each state that is not 0 then: an expression in position and parameters."""
     constants: tuple[Constant, ...] = ()
     starts: Starts | None = None
-    """Starting nonlinear parameters from the motion and the residual force, instead of the nonlinear
-    parameters' grids."""
+    """From the motion and the residual force to starting nonlinear parameters, instead of the parameters' grids."""
     solution: Solution | None = None
-    """The states in closed form, from motion and nonlinear parameters; faster or more exact than the
-    solver's."""
+    """From motion and nonlinear parameters to the states in closed form; faster or more exact than the solver."""
     c_solution: str = ""
-    """C statements that write the states of the next sample, where the solver's step is less exact."""
+    """C statements that write the states of the next sample, if the solver's step is less exact."""
     hand_written: HandWritten | None = None
     """Instead of the equation."""
     general: bool = False
-    """Whether it holds other forms of its effect as special cases: a search takes it only where these leave much."""
+    """Whether it contains other forms of its effect as special cases: a search selects it only if these leave much."""
     one_axis: bool = False
-    """Whether there is none like it in space: it counts along one axis alone."""
+    """Whether it has no equivalent in space."""
     essential: tuple[str, ...] = ()
-    """Linear parameters without which the mechanism is not there; default any of them."""
+    """Linear parameters that must not be 0 for the mechanism to be present; default any of them."""
     contradiction: Contradiction | None = None
-    """From parameters by name, motion, measured force less the sensor's zero, RMS of the noise and the
-    excitation's period (s, None where it has none): in words, what of the record contradicts the parameters; else
-    ``""``."""
+    """From parameters by name, motion, measured force less the sensor's zero, RMS of the noise and the excitation's period (s, or
+    None) to a sentence: how the record contradicts the parameters; ``""`` if it does not."""
     effect: str = field(default="", compare=True)
-    """Name of the effect, which sets it."""
+    """Name of its effect; set by the effect."""
     definition: Mapping | None = field(default=None, compare=False, repr=False)
-    """That of the effect, which sets it."""
+    """Content of the user's file of its effect; set by the effect."""
     axes: tuple[str, ...] = ()
-    """Names of the axes along which it acts; none of one axis."""
+    """Names of the axes along which it acts in space; empty for one axis."""
     channel: str = ""
-    """Of several axes: those whose channels alone it transforms, as ``"y"`` or ``"xz"``; empty for all alike."""
+    """Axes of the only channels that it transforms in space, e.g. ``"y"`` or ``"xz"``; empty for all."""
     written: tuple[LinearParameter, ...] = ()
-    """Linear parameters as the equation has them, where it acts along several axes."""
+    """Linear parameters of the equation itself, if it acts along several axes."""
 
     def in_space(self, axes: tuple[str, ...]) -> Self:
-        """The form for motions along these axes.
+        """Return the form for motions along these axes.
 
         Raises
         ------
         InputError
-            If its equation means nothing in space.
+            If its equation has no meaning in space.
         """
         if self.one_axis or (self.hand_written and not self.hand_written.spatial):
             raise InputError(f"{self.key} counts along one axis")
@@ -141,7 +136,7 @@ class Form:
         return SpatialEquation(self.equation, transforms, linear, *given, axes=axes, channel=self.channel)
 
     def with_constants(self, values: Mapping[str, float]) -> Self:
-        """The form with other values of constants, by symbol; what it has no constant for is left out."""
+        """Return the form with other values of its constants, by symbol; other symbols are ignored."""
         constants = tuple(
             replace(item, value=values[item.symbol], given=True)
             if values.get(item.symbol, item.value) != item.value
@@ -151,13 +146,13 @@ class Form:
         return replace(self, constants=constants)
 
     def check(self) -> None:
-        """Refuse an equation that cannot be used.
+        """Raise all problems of the equation.
 
         Raises
         ------
         InputError
-            If it uses symbols that nobody declares, is not proportional to the linear parameters, or has no finite value
-            or slope at rest: all problems at once.
+            If it uses undeclared symbols, is not proportional to the linear parameters, or has no finite value or slope at
+            rest (`lumbar.tissue.models.equation_check`).
         """
         problems = Problems(f"form {self.key.strip('/')}")
         for where, found in self.problems():
@@ -165,7 +160,7 @@ class Form:
         problems.raise_if_any()
 
     def problems(self) -> list[tuple[str, str]]:
-        """What is wrong with the equation: where, and what was found and is allowed."""
+        """Return the problems of the equation: key, and what was found and is allowed."""
         if self.hand_written:
             return []
         if self.place is Place.INPUT:
@@ -182,7 +177,7 @@ class Form:
 
     @cached_property
     def memory_key(self) -> str:
-        """What a motion remembers its forces by: its key, and the constants that were given."""
+        """Name of its forces in the cache of a motion: its key, and the constants that were given."""
         return " ".join([self.key, *(f"{item.symbol}={item.value}" for item in self.constants if item.given)])
 
     @cached_property
@@ -205,7 +200,7 @@ class Form:
 
     @cached_property
     def latex(self) -> str:
-        """What the form contributes or does, in LaTeX."""
+        """The equation in LaTeX."""
         if self.hand_written:
             return self.equation
         arrow = r"F \to " if self.place is Place.OUTPUT else ""
@@ -213,7 +208,7 @@ class Form:
 
     @property
     def text(self) -> str:
-        """The same in plain text, as a terminal shows it; of a hand-written form its name."""
+        """The equation in plain text, for terminals; the name of a hand-written form."""
         if self.hand_written:
             return self.name
         states = (f"d{name}/dt = {rate}" for name, rate in self.state)
@@ -223,17 +218,17 @@ class Form:
 
     @cached_property
     def channels(self) -> tuple[str, ...]:
-        """Roles of channels beside input and output that it needs; without them it is left out of a search."""
+        """Roles of further channels that it needs; without them a search leaves it out."""
         return self.hand_written.channels if self.hand_written else self._equation.channels
 
     @property
     def is_static(self) -> bool:
-        """Whether position and force alone decide what it adds: no rate, path, time, state or further channel."""
+        """Whether it depends on position and force only: no rate, path, time, state or further channel."""
         return not (self.hand_written or self.state) and self._equation.signals <= set(POSITIONS)
 
     @cached_property
     def c_step(self) -> CStep | None:
-        """The same in C, sample by sample; None where it cannot be exported to a haptic device."""
+        """C code of one sample; None if it cannot be exported to a haptic device."""
         if not self.hand_written:
             return self._equation.c_step(self.c_solution)
         written = self.hand_written.c_step
@@ -246,19 +241,19 @@ class Form:
         return self._equation.forces(motion, nonlinear, self.solution)
 
     def input_transform(self, motion: OneMotion, nonlinear: np.ndarray) -> OneMotion:
-        """Motion that an input form lets the tissue see."""
+        """Return the motion that reaches the tissue behind an input form."""
         assert self.hand_written is not None  # no equation transforms a motion
         return self.hand_written.input_transform(motion, nonlinear)
 
     def output_transform(self, force: np.ndarray, motion: OneMotion, nonlinear: np.ndarray) -> np.ndarray:
-        """Measured force that an output form makes of a force."""
+        """Return the measured force of an output form."""
         if self.hand_written:
             return self.hand_written.output_transform(force, motion, nonlinear)
         return self._equation.forces(motion, nonlinear, self.solution, force)[0]
 
 
 def _by_channel(form: Form, alone: Sequence[Form]) -> Form:
-    """The form with parameters of their own in some channels, from those that transform one channel alone."""
+    """Return the form with separate parameters in some channels, from the forms `alone` that transform one channel each."""
     channels = "".join(one.channel for one in alone)
     nonlinear = tuple(
         replace(item, name=f"{item.name}_{axis}", symbol=f"{item.symbol}_{axis}", points=_POINTS_PER_CHANNEL)
@@ -310,30 +305,30 @@ class Effect:
     source: str
     """Reference."""
     experiment: str = ""
-    """Which excitation shows it best, for ties."""
+    """The excitation that shows it best, for ties."""
     sensors: str = ""
-    """What of the measuring chain looks the same in the records, one sentence."""
+    """One sentence: the part of the measuring chain that looks the same in the records."""
     accumulates: bool = False
     """Whether it grows with time or path from each record's start, so that short records hardly show it."""
     unrepeated: bool = False
-    """Whether it acts on a clock of its own, apart from the excitation's."""
+    """Whether it has its own clock, independent of the excitation."""
     linear: bool = False
-    """Whether a linear time-invariant model stays one with it."""
+    """Whether a linear time-invariant model remains one with it."""
     rate_independent: bool = False
     """Whether its force is the same however fast a path is travelled."""
     rival: bool = False
-    """Whether it is asked only where it would look like what is named, and not searched for by itself."""
+    """Whether it is only compared with similar effects that were selected, and never searched for."""
     definition: Mapping | None = field(default=None, compare=False, repr=False)
     """Content of the user's file that it was read from, for files of models to carry; None of others."""
 
     def in_space(self, axes: tuple[str, ...]) -> tuple[Self | None, dict[str, str]]:
-        """The effect for motions along these axes, None where no form has a meaning there; and why forms have none."""
+        """Return the effect for motions along these axes, None if no form has a meaning there; and the reasons by form."""
         forms, without = [], {}
         for form in self.forms:
             try:
                 forms.append(read := form.in_space(axes))
                 if form is self.forms[0] and form.place is Place.OUTPUT:
-                    # One channel of a sensor may be at its limit where the others are not, or several, each at its own.
+                    # One channel of a sensor may be at its limit while the others are not, or several, each at its own.
                     alone = [replace(read, name=f"{form.name}_{axis}", channel=axis) for axis in axes]
                     some = [each for count in range(2, len(axes) + 1) for each in combinations(alone, count)]
                     forms += [*alone, *(_by_channel(read, each) for each in some)]

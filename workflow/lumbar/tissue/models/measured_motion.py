@@ -1,10 +1,9 @@
-"""Motion as measured, freed from noise before it is differentiated.
+"""Measured motion, filtered before it is differentiated.
 
-Of forward records it stands beside the force that drives it, as the channel that a simulation takes its beginning from.
-
-Angles of a pendulum come from markers and carry their noise, or come rounded from a file. The second derivative multiplies noise
-by the square of its frequency: rounding to five decimals at 100 Hz makes 0.14 rad/s², a millirad of noise 48 rad/s². So the angle
-is replaced by a quintic spline fitted by least squares, whose knots lie as far apart as cross-validation allows.
+In forward records it is the channel from which a simulation estimates its start. Angles of a pendulum come from noisy markers,
+or rounded from a file. The second derivative multiplies noise by the square of its frequency: rounding to five decimals at
+100 Hz makes 0.14 rad/s², a millirad of noise 48 rad/s². The angle is therefore replaced by a quintic spline fitted by least
+squares, with knots as far apart as cross-validation allows.
 """
 
 from dataclasses import replace
@@ -18,7 +17,7 @@ from lumbar.tissue.models.bases import Base
 from lumbar.tissue.models.motion import JoinedMotions, Motion
 
 MEASURED = "measured_motion"
-"""Role of the channel with the motion as measured, of which a simulation takes its beginning."""
+"""Role of the channel with the measured motion, from which a simulation estimates its start."""
 _BLOCKS = 8  # of a record, whose spectra are averaged
 _MIN_POWER_RATIO = 4.0  # of the motion to the noise, at a frequency with visible motion
 _NOISE_SHARE = 0.25  # of the frequencies, the highest ones, that show the noise
@@ -28,17 +27,16 @@ _MAX_CUTOFF = 0.45  # cycles per sample; above it nothing is smoothed
 
 
 def with_measured_motion(record: Record) -> Record:
-    """The record with its motion once more, smoothed, as the channel that a simulation takes its beginning from."""
+    """Return the record with its filtered output as a further channel, from which a simulation estimates its start."""
     output = record.channels["output"]
-    return replace(
-        record, channels={**record.channels, MEASURED: replace(output, values=without_noise(output.values))}
-    )
+    filtered = replace(output, values=without_noise(output.values))
+    return replace(record, channels={**record.channels, MEASURED: filtered})
 
 
 def without_noise(signal: np.ndarray) -> np.ndarray:
-    """A signal without the frequencies at which noise is all that is seen: zero-phase Butterworth filter.
+    """Return a signal without the frequencies that show only noise, by a zero-phase Butterworth filter.
 
-    The noise is what the highest quarter of the frequencies holds; a motion has little there.
+    The highest quarter of the frequencies gives the level of the noise; a motion has little power there.
     """
     frequency, power = scipy.signal.welch(signal, nperseg=min(len(signal), max(len(signal) // _BLOCKS, 64)))
     noise = float(np.median(power[frequency > 0.5 * (1 - _NOISE_SHARE)]))
@@ -50,14 +48,14 @@ def without_noise(signal: np.ndarray) -> np.ndarray:
 
 
 SPACINGS = 2.0 * 1.4 ** np.arange(18)
-"""Distances of knots that are tried, in samples. With the first one the angle is left as it is."""
+"""Distances of knots in samples that are tried. The first one leaves the angle unchanged."""
 FEWEST_KNOTS = 12
 _PAST_THE_LEAST = 2.0
 """Once the error is above its least by this factor, the knots have become too far apart to follow the movement."""
 
 
 def for_base(record: Record, base: Base) -> Record:
-    """Return the record as a base asks for it: a pendulum's with a smooth angle, others as they are.
+    """Return the record as a base needs it: a pendulum's with a smooth angle, others unchanged.
 
     Raises
     ------
@@ -76,7 +74,7 @@ def for_base(record: Record, base: Base) -> Record:
 
 
 def with_smooth_angle(record: Record) -> Record:
-    """Return the record with its input freed from noise, or as it is where it has none that a spline could tell.
+    """Return the record with its input smoothed by a spline, or unchanged if no spline improves it.
 
     The knots' distance is the one with the least generalised cross-validation error (Craven and Wahba, Numer. Math. 31
     (1979) 377-403).
@@ -93,7 +91,7 @@ def with_smooth_angle(record: Record) -> Record:
             break
     if best is None:
         return record
-    return replace(record, channels={**record.channels, "input": replace(channel, values=best)})
+    return record.with_values(input=best)
 
 
 def _least_squares_spline(values: np.ndarray, spacing: float) -> tuple[np.ndarray, int]:

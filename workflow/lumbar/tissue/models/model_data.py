@@ -1,4 +1,4 @@
-"""What a fitted model is, in data and in words: structure, parameters by name with intervals, how well it does."""
+"""A fitted model as data and as text: structure, parameters by name with intervals, scores."""
 
 import html
 import re
@@ -42,7 +42,7 @@ class FittedParameter:
     effect: str = ""
     """Effect it belongs to; empty for the base's own."""
     derived: bool = False
-    """Whether it follows from the other parameters, as k1 of Kelvin–Boltzmann does, and is not needed to simulate."""
+    """Whether it follows from the other parameters, e.g. k1 of Kelvin–Boltzmann, and is not needed to simulate."""
 
     @property
     def key(self) -> str:
@@ -92,14 +92,14 @@ class MotionRange:
 
 @dataclass(frozen=True)
 class Scores:
-    """How well a model does and how well it is determined; None where a number does not exist."""
+    """Errors of a model and how well it is determined; None if a number does not exist."""
 
     vaf_percent: float | None = None
     fit_percent: float | None = None
     mean_residual: float | None = None
     """`vaf_percent`, `fit_percent`, `mean_residual`: of the free run on the training record (Eqs 3.12, 3.11, 3.10)."""
     nmse_train: float | None = None
-    """Of the prediction one step ahead (Eq. 3.13)."""
+    """NMSE of the prediction one step ahead (Eq. 3.13)."""
     tests: tuple[str, ...] = ()
     """Names of the unseen records."""
     vaf_tests_percent: tuple[float | None, ...] = ()
@@ -142,17 +142,17 @@ class ModelData:
     alpha: float | None = None
     """Ridge coefficient (Eq. 3.7), where one is used."""
     parameters: tuple[FittedParameter, ...] = ()
-    """Of base and effects, then the derived ones."""
+    """Parameters of base and effects, then the derived ones."""
     no_parameters_because: str = ""
-    """Why there are none, or no derived ones."""
+    """Reason for missing parameters, or missing derived ones."""
     scores: Scores = field(default_factory=Scores)
     remark: str = ""
     valid_for: MotionRange | None = None
     """Motion of the record it was fitted to; None for a given model, and where a file does not say."""
     zeros: tuple[float, ...] = ()
-    """Of several axes: what the force sensor reads along each where the model gives 0."""
+    """Reading of the force sensor along each of several axes if the model gives 0."""
     rests: tuple[float, ...] = ()
-    """Of several axes: the position along each from which the model's are counted; empty where it is 0."""
+    """Position along each of several axes from which the model counts; empty if 0."""
 
     @property
     def discrete(self) -> bool:

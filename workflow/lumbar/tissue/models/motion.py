@@ -57,10 +57,10 @@ class Motion:
     sampling_time: float
     """Seconds."""
     smooth: bool = True
-    """Whether the position is a smooth signal. A position that went through play is not: its derivatives are taken by
-    differences instead of by a spline."""
+    """Whether the position is a smooth signal. A position behind play is not: its derivatives are differences instead of those of
+    a spline."""
     channels: dict[str, np.ndarray] = field(default_factory=dict)
-    """What else was measured beside input and output, by role, for effects that need it."""
+    """Further measured signals by role, for effects that need them."""
     between: np.ndarray | None = None
     """Shape (1 + (samples - 1) * `SUBSTEPS`,): position in steps between the samples, if it is not smooth but known
     there."""
@@ -71,14 +71,14 @@ class Motion:
 
     @classmethod
     def of(cls, record: Record, role: str = "input", offset: float = 0.0) -> Motion:
-        """Motion of one channel of a record, counted from `offset`, with the channels beside input and output."""
-        beside = {
+        """Return the motion of one channel of a record, counted from `offset`, with the further channels."""
+        channels = {
             name: channel.values
             for name, channel in record.channels.items()
             if name not in (role, "input", "output")
         }
         time = record.time - record.time[0]
-        return cls(time, record[role] - offset, record.sampling_time, channels=beside)
+        return cls(time, record[role] - offset, record.sampling_time, channels=channels)
 
     def __len__(self) -> int:
         return len(self.position)
@@ -162,7 +162,7 @@ class Motion:
 
     @cached_property
     def stretch(self) -> np.ndarray:
-        """For every sample the number of the monotone stretch between `turns` it lies in."""
+        """For every sample the number of its monotone interval between `turns`."""
         samples = self._turning[1]
         return np.append(np.repeat(np.arange(len(samples) - 1), np.diff(samples)), len(samples) - 2)
 
@@ -276,7 +276,7 @@ class SampledMotion(Motion):
 
 @dataclass(frozen=True, eq=False)
 class JoinedMotions:
-    """Motions one after the other, each on its own clock and with a path and a memory of its own."""
+    """Motions one after the other, each with its own clock, path and cache."""
 
     parts: tuple[Motion, ...]
     """Sampled at the same interval."""
@@ -311,7 +311,7 @@ class JoinedMotions:
 
     @property
     def channels(self) -> dict[str, np.ndarray]:
-        """What all records have beside input and output."""
+        """Further channels that all records have."""
         common = set.intersection(*(set(part.channels) for part in self.parts))
         return {
             name: np.concatenate([part.channels[name] for part in self.parts])
@@ -354,12 +354,12 @@ class SpatialMotion(JoinedMotions):
         return self.parts[self.names.index(axis)]
 
     def each(self, change: Callable[[Motion], Motion]) -> Self:
-        """The motion with that along every axis changed."""
+        """Return the motion with every axis changed."""
         return replace(self, parts=tuple(map(change, self.parts)))
 
     @cached_property
     def increments(self) -> np.ndarray:
-        """Length of the way since the sample before, shape (samples,); 0 for the first."""
+        """Length of the path since the sample before, shape (samples,); 0 for the first."""
         return np.sqrt(sum(part.increments**2 for part in self.parts))
 
     @cached_property
@@ -369,7 +369,7 @@ class SpatialMotion(JoinedMotions):
 
     @property
     def channels(self) -> dict[str, np.ndarray]:
-        """The axes, as what components of signals need."""
+        """Positions along the axes, as the channels of signals along an axis."""
         return {f"axis {name}": part.position for name, part in zip(self.names, self.parts, strict=True)}
 
     def delayed(self, delay: float) -> Self:

@@ -25,7 +25,7 @@ class Parameter:
     unit: str
     """In terms of the output's unit ``{y}`` and the input's ``{x}``, e.g. ``"{y}/{x}^3"``."""
     symbol: str = field(default="", kw_only=True)
-    """How equations call it, e.g. ``"Fc"``."""
+    """Its symbol in equations, e.g. ``"Fc"``."""
     latex: str = field(default="", kw_only=True)
     """Its LaTeX; without, it follows from the symbol: ``F_c``."""
 
@@ -64,16 +64,16 @@ class NonlinearParameter(Parameter):
     """For time constants: the range of the fit reaches from a fifth of the sampling interval to a fifth of the record's
     duration where these are beyond the parameter's own, and starting values from two intervals on."""
     signed: bool = field(default=False, kw_only=True)
-    """Whether it may have either sign: what a fit counts is then its exponential. Of angles, and couplings of channels."""
+    """Whether it may have either sign: a fit then searches its exponential. For angles and couplings of channels."""
     decisive: bool = field(default=False, kw_only=True)
-    """Whether a value at the end of its range says that the mechanism is not there, or is another one."""
+    """Whether a value at the end of its range means that the mechanism is absent, or is another one."""
 
     def shown(self, counted: float) -> float:
-        """Its value, of the number that a fit counts."""
+        """Return its value, from the number that a fit searches."""
         return float(np.log(counted)) if self.signed else counted
 
     def counted(self, value: float) -> float:
-        """The number that a fit counts, of its value."""
+        """Return the number that a fit searches, from its value."""
         return float(np.exp(value)) if self.signed else value
 
     def grid(self, size: float, sampling_time: float | None = None) -> np.ndarray:
@@ -136,7 +136,7 @@ class MotionSignal:
     latex: str = ""
     """Empty where it is the symbol."""
     channel: str = ""
-    """Role of the channel beside input and output that it needs; empty without."""
+    """Role of the further channel that it needs; empty if none."""
 
 
 def _channel(role: str, latex: str, meaning: str) -> MotionSignal:

@@ -54,11 +54,11 @@ class Structure:
         return all(form.place is not Place.OUTPUT for form in self.forms)
 
     def with_form(self, form: Form) -> Self:
-        """Structure with one form more."""
+        """Return the structure with one more form."""
         return replace(self, forms=(*self.forms, form))
 
     def without(self, effect: str) -> Self:
-        """Structure without one effect."""
+        """Return the structure without one effect."""
         return replace(self, forms=tuple(form for form in self.forms if form.effect != effect))
 
     def nonlinear_of(self, nonlinear: np.ndarray) -> tuple[np.ndarray, dict[str, np.ndarray]]:
