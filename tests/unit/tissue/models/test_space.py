@@ -54,12 +54,8 @@ FORMS = [
 
 
 def _numbers(form, motion) -> np.ndarray:
-    return np.array(
-        [
-            item.grid(motion.scale(item.scale) if item.scale != "force" else 1.0, 0.01)[0]
-            for item in form.nonlinear
-        ]
-    )
+    scales = [1.0 if item.scale == "force" else motion.scale(item.scale) for item in form.nonlinear]
+    return np.array([item.grid(scale, 0.01)[0] for item, scale in zip(form.nonlinear, scales, strict=True)])
 
 
 def _forces(form, motion: SpatialMotion, nonlinear) -> np.ndarray:
@@ -90,9 +86,8 @@ def test_along_one_axis_a_form_is_that_of_one_axis(form, spatial):
         nonlinear = 20 * nonlinear  # where it turns between two samples is told by neither to the last digit
     found = _forces(spatial, along, nonlinear)
     if form.place == "output":
-        single = form.output_transform(motion.position + 0.3 * motion.velocity, motion.parts[0], nonlinear)[
-            None
-        ]
+        force = motion.position + 0.3 * motion.velocity
+        single = form.output_transform(force, motion.parts[0], nonlinear)[None]
     else:
         single = np.array(form.columns(motion.parts[0], nonlinear))
     of_x = found[:: 3 if len(spatial.linear) > len(form.linear) else 1]
@@ -103,23 +98,18 @@ def test_along_one_axis_a_form_is_that_of_one_axis(form, spatial):
 
 
 @pytest.mark.parametrize(
-    ("text", "read"),
+    ("text", "components"),
     [
-        (
-            "v*abs(v)",
-            ["sqrt(max(v_x*v_x + v_y*v_y, 1e-300))*v_x", "sqrt(max(v_x*v_x + v_y*v_y, 1e-300))*v_y"],
-        ),
-        ("dot(z, v)*z", ["(z_x*v_x + z_y*v_y)*z_x", "(z_x*v_x + z_y*v_y)*z_y"]),
-        ("norm(z)", "sqrt(max(z_x*z_x + z_y*z_y, 1e-300))"),
+        ("v*abs(v)", [f"sqrt(max(v_x*v_x + v_y*v_y, 1e-300))*v_{axis}" for axis in "xy"]),
+        ("dot(z, v)*z", [f"(z_x*v_x + z_y*v_y)*z_{axis}" for axis in "xy"]),
+        ("norm(z)", ["sqrt(max(z_x*z_x + z_y*z_y, 1e-300))"]),
     ],
 )
-def test_an_expression_in_components(text, read):
+def test_an_expression_in_components(text, components):
     vectors = {name: (Symbol(f"{name}_x"), Symbol(f"{name}_y")) for name in "zv"}
-    found = in_space(parse(text), vectors)
-    told = [*map(to_text, found)] if isinstance(found, tuple) else to_text(found)
-    assert told == (
-        [to_text(parse(item)) for item in read] if isinstance(read, list) else to_text(parse(read))
-    )
+    read = in_space(parse(text), vectors)
+    parts = read if isinstance(read, tuple) else (read,)
+    assert [*map(to_text, parts)] == [to_text(parse(item)) for item in components]
 
 
 @pytest.mark.parametrize(
@@ -204,13 +194,8 @@ def test_the_sensor_turns_and_mixes():
 def test_a_zero_belongs_to_a_channel(zeros, wanted):
     """Of all records, or of each."""
     motions = JoinedMotions((_motion(3), _motion(3, 1)))
-    fit = Fit(
-        Structure(_base(Symmetry.ISOTROPIC, "LE").structural),
-        np.zeros(1),
-        np.zeros(0),
-        0.0,
-        zeros=np.array(zeros, float),
-    )
+    structure = Structure(_base(Symmetry.ISOTROPIC, "LE").structural)
+    fit = Fit(structure, np.zeros(1), np.zeros(0), 0.0, zeros=np.array(zeros, float))
     assert np.allclose(fit.simulate(motions), np.repeat(np.array(wanted, float), len(TIME)))
 
 

@@ -148,6 +148,7 @@ def block_bootstrap(
             f"bootstrap: {rows} rows make {blocks} blocks of {block_rows}; at least {FEWEST_BLOCKS} "
             "are needed: shorten tissue.bootstrap.block_s or record for longer"
         )
+    # Normal equations of every block; those of a resample are sums of them.
     joined = np.column_stack([regressors, target])
     grams = np.empty((blocks, parameters + 1, parameters + 1))
     for block in range(blocks):

@@ -140,6 +140,7 @@ class Motion:
         inner = samples[1:-1]
         if not self.smooth or not len(inner):
             return turns, samples
+        # Vertex of the parabola through three samples, then one step of Newton's method for a velocity of 0.
         before, at, after = position[inner - 1], position[inner], position[inner + 1]
         vertex = 0.5 * (after - before) / (2 * at - before - after)
         time = self.time[inner] + self.sampling_time * np.clip(vertex, -1.0, 1.0)
@@ -148,7 +149,7 @@ class Motion:
             step = np.nan_to_num(speed / curvature, posinf=0.0, neginf=0.0) / self.sampling_time
         time = time - self.sampling_time * np.clip(step, -0.5, 0.5)
         extreme = self._spline(time)
-        # A rest, or a corner, where the spline does not reach beyond the sample, turns at the sample itself.
+        # A rest, or a corner at which the spline does not pass the sample, turns at the sample itself.
         rests = (before == at) & (position[np.maximum(inner - 2, 0)] == at)
         beyond = ((extreme - at) * np.sign(2 * at - before - after) > 0) & ~rests
         turns[1:-1] = np.where(beyond, extreme, at)

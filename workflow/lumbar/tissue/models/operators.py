@@ -171,7 +171,7 @@ def elastoplastic(motion: Motion, distance: float) -> np.ndarray:
 
 
 def surface_of_branch(motion: Motion, share: float, time_constant: float) -> tuple[np.ndarray, np.ndarray]:
-    """Position of the dashpot of a Maxwell branch beside a spring, under a tool that is not fastened.
+    """Position of the dashpot of a Maxwell branch parallel to a spring, under a tool that is not fastened.
 
     Force over the sum of both stiffnesses: x − (1 − share) w, with ẇ = (x − w)/τ; in contact x is the tool's
     position (linear between samples), else the force is 0: x = (1 − share) w.
@@ -193,7 +193,7 @@ def surface_of_branch(motion: Motion, share: float, time_constant: float) -> tup
 
 
 def surface_of_dashpot(motion: Motion, retardation_time: float) -> tuple[np.ndarray, np.ndarray]:
-    """Surface of a spring beside a dashpot under a tool that is not fastened, and whether the tool touches it.
+    """Surface of a spring parallel to a dashpot under a tool that is not fastened, and whether the tool touches it.
 
     Force over stiffness: x + T v. The free surface comes back with the retardation time T.
     """
@@ -204,10 +204,12 @@ def surface_of_dashpot(motion: Motion, retardation_time: float) -> tuple[np.ndar
     surface, touching = np.zeros(len(position)), np.zeros(len(position), dtype=bool)
     index, height = 0, 0.0
     while index < len(position):
+        # In contact the surface is the tool's position, until the force or the depth would become negative.
         stop = ends[index] if position[index] > height and pressing[index] else index
         surface[index:stop], touching[index:stop] = position[index:stop], True
         if stop > index:
             height, index = float(position[stop - 1]) * recovery, stop
+        # Free, it recovers until the tool meets it again.
         if index < len(position):
             count = _until_met(position, pressing, index, height, recovery)
             surface[index : index + count] = height * recovery ** np.arange(count)
@@ -240,14 +242,15 @@ def _until_met(
 
 
 def _touches(position, following: float, recovery: float, followed) -> tuple[np.ndarray, np.ndarray]:
-    """Dashpot and contact, from one meeting of tool and surface to the next."""
+    """Dashpot and contact, interval by interval of contact and of free recovery."""
     dashpot, touching = np.zeros(len(position)), np.zeros(len(position), dtype=bool)
     ends = _next(position <= 0)
     index, now, before = 0, max(float(position[0]), 0.0), max(float(position[0]), 0.0)
     if position[0] > 0:
         dashpot[0], touching[0], index = now, True, 1
     while index < len(position):
-        if touching[index - 1] if index else False:
+        if index and touching[index - 1]:
+            # In contact: follow the tool until it leaves the surface at rest, or the force would become negative.
             stop = min(ends[index] + 1, len(position))
             reached = followed(position[index:stop], before, now)
             pulls = position[index:stop] - following * reached <= 0
@@ -255,11 +258,12 @@ def _touches(position, following: float, recovery: float, followed) -> tuple[np.
             dashpot[index : index + count], touching[index : index + count] = reached[:count], True
             now = float(reached[count - 1]) if count else now
             index += count
-            if index < len(position):  # it lets go at this sample
+            if index < len(position):  # the tool leaves at this sample
                 now *= recovery
                 dashpot[index] = now
                 index += 1
         else:
+            # Free: the dashpot recovers exponentially until the tool meets the surface again.
             start_now = now * recovery if index else now
             count = _until_met(position, None, index, following * start_now, recovery)
             dashpot[index : index + count] = start_now * recovery ** np.arange(count)

@@ -242,6 +242,7 @@ class StateEquation:
         `guess` has the same shape; without one they are where they begin.
         """
         begin = np.broadcast_to(begin, len(self.names))
+        # Begin with states that do not move; linearise every step; solve all steps as one banded system.
         states = np.repeat(begin[:, None], steps + 1, axis=1) if guess is None else guess
         with np.errstate(all="ignore"):
             for _ in range(_MOST_ITERATIONS):
