@@ -25,7 +25,7 @@ SUBSTEPS = 4
 class ResultCache:
     """Results that were computed from the data of one object, e.g. forces on a motion; the object owns it as a field."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         self._latest: dict[tuple[str, bytes], Any] = {}
         self._lasting: dict[Hashable, Any] = {}
 

@@ -88,6 +88,7 @@ class Structure:
         for form in self.forms:
             if form.place is Place.FRAME:
                 # The forces along the axes, as a turned or coupled sensor reads them.
+                assert form.hand_written is not None and form.hand_written.matrix is not None
                 matrix = form.hand_written.matrix(parts[form.key])
                 columns = [(matrix @ item.reshape(len(matrix), -1)).ravel() for item in columns]
         return np.array(columns).T

@@ -73,7 +73,7 @@ class DiagnosisSettings:
         chosen = read_base(base) if is_data(base) else base
         load_drives = improvement.forward and system_of(base) == "tissue"
         settling_s = settings.tissue.settling_s
-        if settling_s is None and isinstance(chosen, Base) and chosen.start:
+        if settling_s is None and isinstance(chosen, Base) and chosen.form.start:
             settling_s = 0.0  # it says how records begin
         return cls(
             base=chosen,
