@@ -11,32 +11,31 @@ from typing import TextIO, cast
 from lumbar.base.environment import use_one_thread
 from lumbar.base.errors import did_you_mean, printable, user_message
 from lumbar.base.files import check_place
-from lumbar.cli import device, explore, lifting, recordings, tissue
 from lumbar.cli.options import add_commands
 
 COMMANDS = {
-    "import": recordings.run_import,
-    "check": recordings.run_check,
-    "bandwidth": tissue.run_bandwidth,
-    "signals": tissue.run_signals,
-    "identify": tissue.run_identify,
-    "compare": tissue.run_compare,
-    "locate": tissue.run_locate,
-    "diagnose": tissue.run_diagnose,
-    "propose": tissue.run_propose,
-    "explore": explore.run_explore,
-    "refine": tissue.run_refine,
-    "render": device.run_render,
-    "export": device.run_export,
-    "survey": tissue.run_survey,
-    "new-study": lifting.run_new_study,
-    "inspect": recordings.run_inspect,
-    "lift": lifting.run_lift,
-    "basin": lifting.run_basin,
+    "import": "recordings:run_import",
+    "check": "recordings:run_check",
+    "bandwidth": "tissue:run_bandwidth",
+    "signals": "tissue:run_signals",
+    "identify": "tissue:run_identify",
+    "compare": "tissue:run_compare",
+    "locate": "tissue:run_locate",
+    "diagnose": "tissue:run_diagnose",
+    "propose": "tissue:run_propose",
+    "explore": "explore:run_explore",
+    "refine": "tissue:run_refine",
+    "render": "device:run_render",
+    "export": "device:run_export",
+    "survey": "tissue:run_survey",
+    "new-study": "lifting:run_new_study",
+    "inspect": "recordings:run_inspect",
+    "lift": "lifting:run_lift",
+    "basin": "lifting:run_basin",
 }
-"""What runs each command of ``commands.yaml``."""
+"""Module and function of each command of ``commands.yaml``; the module is imported when its command runs."""
 INTERRUPTED = 130
-"""Exit status after Ctrl-C, as of every program that SIGINT ends."""
+"""Exit status after Ctrl-C."""
 
 
 class _Version(argparse.Action):
@@ -48,7 +47,7 @@ class _Version(argparse.Action):
 
 
 class _Parser(argparse.ArgumentParser):
-    """Says of a misspelt command or option which is meant."""
+    """Parser that suggests the command or option for a misspelt one."""
 
     def parse_known_args(self, args=None, namespace=None):
         given = sys.argv[1:] if args is None else args
@@ -79,7 +78,7 @@ def build_parser() -> argparse.ArgumentParser:
 
 
 class _Terminal:
-    """Standard output that commands no terminal, whatever stands in files or is their name."""
+    """Standard output without control sequences from files or their names."""
 
     def __init__(self, inner: TextIO):
         self.inner = inner
@@ -102,7 +101,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns
     -------
     int
-        0; 1 where the data or settings cannot be used or a file cannot be written (the message is on standard
+        0; 1 if the data or settings cannot be used or a file cannot be written (the message is on standard
         error); 130 after Ctrl-C; argparse exits with 2 for a wrong command line.
     """
     use_one_thread()
@@ -119,13 +118,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print("lumbar: interrupted", file=sys.stderr)
         return INTERRUPTED
     except BrokenPipeError:
-        # Nobody reads on, as in "lumbar … | head"; what Python still holds back must not raise again at its exit.
+        # The reader has ended, as in "lumbar … | head"; Python's buffered output must not raise again at its exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
     except Exception as error:
-        told = user_message(error)
-        if told is None:
+        message = user_message(error)
+        if message is None:
             raise
-        print(f"lumbar: {told}", file=sys.stderr)
+        print(f"lumbar: {message}", file=sys.stderr)
         return 1
     return 0

@@ -1,9 +1,11 @@
-"""The commands as ``commands.yaml`` tells them to argparse, and what several of them read from their options."""
+"""The commands of ``commands.yaml`` as parsers, and the settings that their options name."""
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Mapping, Sequence
+import pkgutil
+from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -50,14 +52,14 @@ TYPES = {
     "span": _span,
     "named_span": _named_span,
 }
-"""What ``commands.yaml`` calls types of options."""
+"""Types of options by their names in ``commands.yaml``."""
 
 
-def add_commands(commands: Any, runs: Mapping[str, Callable[[argparse.Namespace], None]]) -> None:
-    """Add all commands to the parser of all; each gets its options, with its `parser` among them."""
-    said = shipped_yaml(Path(__file__).with_name("commands.yaml"))
-    shared = said.pop("shared")
-    for name, command in said.items():
+def add_commands(commands: Any, runs: Mapping[str, str]) -> None:
+    """Add the parser of every command with its options; `runs` names the function of each, as in ``module:function``."""
+    described = shipped_yaml(Path(__file__).with_name("commands.yaml"))
+    shared = described.pop("shared")
+    for name, command in described.items():
         about = command["help"]
         parser = commands.add_parser(
             name,
@@ -67,11 +69,16 @@ def add_commands(commands: Any, runs: Mapping[str, Callable[[argparse.Namespace]
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
         _add_options(parser, command["options"], shared)
-        parser.set_defaults(run=runs[name], parser=parser)
+        parser.set_defaults(run=partial(_run, runs[name]), parser=parser)
+
+
+def _run(function: str, options: argparse.Namespace) -> None:
+    """Import and call the function of a command."""
+    pkgutil.resolve_name(f"lumbar.cli.{function}")(options)
 
 
 def _add_options(parser: Any, options: Sequence[str | Mapping], shared: Mapping[str, Sequence]) -> None:
-    """Add options to a parser or group: a word stands for shared ones, ``one of`` for some that exclude each other."""
+    """Add options to a parser or group: a string names shared options, ``one of`` a group of exclusive options."""
     for entry in options:
         if isinstance(entry, str):
             _add_options(parser, shared[entry], shared)
@@ -85,7 +92,7 @@ def _add_options(parser: Any, options: Sequence[str | Mapping], shared: Mapping[
 
 
 def given_settings(options: argparse.Namespace) -> StudySettings:
-    """Return the settings that ``--config`` and ``--trust`` give; errors as of `lumbar.load_settings`."""
+    """Return the settings of ``--config`` and ``--trust``; errors as in `lumbar.load_settings`."""
     if not options.config:
         from lumbar.settings.study_settings import StudySettings
 

@@ -2,30 +2,26 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+import lumbar
 from lumbar.base.errors import InputError, Problems
 from lumbar.cli.options import given_settings
-
-if TYPE_CHECKING:
-    from lumbar.settings.study_settings import StudySettings
+from lumbar.interface.reading import is_column_file, is_marker_file
+from lumbar.settings.study_settings import StudySettings
 
 
 def run_import(options) -> None:
-    """Read the files, show what was guessed, write records and study unless asked not to."""
+    """Read the files, print the guesses, write records and study unless ``--dry-run`` is given."""
     if options.output is None and not options.dry_run:
         options.parser.error("give --output DIR, or --dry-run to see what would be written")
-    from lumbar.interface.importing import import_recordings
-
-    names = ("time", "position", "force", "time_unit", "position_unit", "force_unit", "rate", "flip_force")
-    imported = import_recordings(
-        options.files,
-        **{
-            name: getattr(options, name)
-            for name in (*names, "trim", "cut", "cut_by", "table", "encoding", "accept_clipped", "name")
-        },
+    names = (
+        *("time", "position", "force", "time_unit", "position_unit", "force_unit", "rate", "flip_force"),
+        *("trim", "cut", "cut_by", "table", "encoding", "accept_clipped", "name"),
     )
+    choices = {name: getattr(options, name) for name in names}
+    imported = lumbar.import_recordings(options.files, **choices)
     print(imported)
     if options.dry_run:
         return
@@ -49,8 +45,6 @@ def run_check(options) -> None:
 
 
 def _files(paths: list[Path]) -> list[Path]:
-    from lumbar.interface.reading import is_column_file, is_marker_file
-
     kinds = (is_column_file, is_marker_file)
     files = []
     for given in paths:
@@ -65,9 +59,7 @@ def _files(paths: list[Path]) -> list[Path]:
 
 
 def _reading(file: Path, chapter: str, settings: StudySettings) -> dict:
-    """Entry of the plan of `lumbar.records.checking.check_recordings`."""
-    from lumbar.interface.reading import is_marker_file
-
+    """Return an entry of the plan of `lumbar.records.checking.check_recordings`."""
     if is_marker_file(file):
         layout = settings.lifting.markers.model_dump(mode="json")
         return {"chapter": "lifting", "reader": "markers", "path": str(file), "layout": layout}
@@ -92,10 +84,8 @@ def _line(description: dict) -> str:
 
 
 def run_inspect(options) -> None:
-    """Inspect the files, print what was found, draw it where asked; files that cannot be read come last."""
-    import json
-
-    from lumbar.interface.inspecting import check_picture, inspect
+    """Inspect the files, print the reports, draw one if asked; errors of unreadable files come last."""
+    from lumbar.interface.inspecting import check_picture
 
     if options.picture and len(options.files) > 1:
         raise InputError(f"--picture draws one file; {len(options.files)} are given")
@@ -105,7 +95,7 @@ def run_inspect(options) -> None:
     problems, found = Problems("files"), []
     for file in options.files:
         try:
-            found.append(inspect(file, settings=settings, height_m=options.height))
+            found.append(lumbar.inspect(file, settings=settings, height_m=options.height))
         except InputError as error:
             problems.add("", str(error))
     if options.json:

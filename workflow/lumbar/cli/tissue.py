@@ -1,82 +1,74 @@
-"""Commands on tissue tests, the motion behind them and ratings: from ``lumbar bandwidth`` to ``lumbar propose``; ``survey``."""
+"""Commands on tissue tests, surgeons' motion and ratings: from ``lumbar bandwidth`` to ``lumbar propose``; ``survey``."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import Any
 
+import lumbar
 from lumbar.base.errors import InputError
 from lumbar.cli.options import given_settings
-
-if TYPE_CHECKING:
-    from lumbar.interface.refinement import Refinement
-    from lumbar.records.record import RecordSet
-    from lumbar.settings.study_settings import StudySettings
+from lumbar.settings.study_settings import StudySettings, record_layout
 
 
 def run_bandwidth(options) -> None:
-    """Print the bandwidths; write them and the spectra where a folder is given."""
-    from lumbar.interface.reading import read
-    from lumbar.interface.surgeons import bandwidth
-
+    """Print the bandwidths; write them and the spectra if a folder is given."""
     settings = given_settings(options)
-    surgeon, data = settings.surgeon, options.data or options.folder.name
-    trials = read(options.folder, layout=surgeon.layout, rate=surgeon.rate_Hz)
-    found = bandwidth(trials, settings=surgeon, seed=settings.seed, source_label=data)
-    print(found)
+    surgeon = settings.surgeon
+    trials = lumbar.read(options.folder, layout=surgeon.layout, rate=surgeon.rate_Hz)
+    label = options.data or options.folder.name
+    result = lumbar.bandwidth(trials, settings=surgeon, seed=settings.seed, source_label=label)
+    print(result)
     if options.output:
-        found.save(options.output)
+        result.save(options.output)
 
 
 def run_signals(options) -> None:
     """Design the signals, check them against the machine, write them."""
-    from lumbar.interface.surgeons import design_signals
-
     settings = given_settings(options)
     band = options.bandwidth if options.band is None else options.band
-    found = design_signals(band, settings=settings.signals, seed=settings.seed)
-    found.save(options.output)
-    print(f"{found}, in {options.output}")
+    result = lumbar.design_signals(band, settings=settings.signals, seed=settings.seed)
+    result.save(options.output)
+    print(f"{result}, in {options.output}")
 
 
 def run_identify(options) -> None:
-    """Identify on one record, test on the others, write models.json and the tables, print what was found."""
-    from lumbar.interface.identification import identify
-    from lumbar.interface.reading import read
-
+    """Identify on one record, test on the others, write models.json and the tables, print the result."""
     settings = given_settings(options)
-    records = read(options.folder, layout=settings.tissue.layout, rate=settings.tissue.rate_Hz)
-    train = options.train or max(records, key=len).name
-    found = identify(records, train, settings=settings, source_label=options.data or options.folder.name)
-    found.save(options.output)
-    print(found)
+    records = lumbar.read(options.folder, layout=settings.tissue.layout, rate=settings.tissue.rate_Hz)
+    train, label = options.train or max(records, key=len).name, options.data or options.folder.name
+    result = lumbar.identify(records, train, settings=settings, source_label=label)
+    result.save(options.output)
+    print(result)
     if options.passive:
-        fits = found.passive(records, settings=settings.runtime)
-        fits.save(options.output, found.source_label)
+        fits = result.passive(records, settings=settings.runtime)
+        fits.save(options.output, result.source_label)
         print(fits)
     print(f"identified on {train}; models.json, table_3_1 and physical_parameters are in {options.output}")
 
 
 def fit_settings(options) -> StudySettings:
-    """Settings of the files of ``--config``, with what the options of `FIT` say in their place."""
+    """Return the settings of ``--config``, overridden by the options on the fit."""
     settings = given_settings(options)
-    said = {name: getattr(options, name) for name in ("base", "train", "forward", "session")}
-    given = {name: value for name, value in said.items() if value is not None}
+    values = {name: getattr(options, name) for name in ("base", "train", "forward", "session")}
+    given = {name: value for name, value in values.items() if value is not None}
     return settings.model_copy(update={"improvement": settings.improvement.model_copy(update=given)})
 
 
-def read_folder(options) -> tuple[RecordSet, StudySettings, str]:
-    """Return the records of the folder with their periods, how they are fitted, and what they are called."""
-    from lumbar.interface.reading import read
-    from lumbar.settings.study_settings import record_layout
+def fit_arguments(options) -> dict[str, Any]:
+    """Return ``records`` of the folder with their periods, ``settings`` and ``source_label`` of a fit."""
     from lumbar.tissue.diagnosis.noise.periods import fold_periods
 
     settings = fit_settings(options)
     layout, rate = record_layout(settings, settings.improvement.base)
     periods = dict(map(_period, options.period))
-    records = read(options.folder, layout=layout, rate=rate).with_periods(periods)
+    records = lumbar.read(options.folder, layout=layout, rate=rate).with_periods(periods)
     for name, seconds in periods.items():
-        fold_periods(records[name], seconds)  # a period that is asked for and cannot be used is an error
-    return records, settings, options.data or options.folder.name
+        fold_periods(records[name], seconds)  # a given period that cannot be used is an error
+    return {
+        "records": records,
+        "settings": settings,
+        "source_label": options.data or options.folder.name,
+    }
 
 
 def _period(text: str) -> tuple[str, float]:
@@ -90,42 +82,32 @@ def _period(text: str) -> tuple[str, float]:
     return name, value
 
 
-def _refinement(options) -> Refinement:
-    """Fit the base with the effects of ``--add`` to the records of the folder."""
-    from lumbar.interface.refinement import refine
-
-    records, settings, data = read_folder(options)
-    return refine(records, options.add, settings=settings, source_label=data)
-
-
 def run_compare(options) -> None:
-    """Fit the model, compare it with every record, write table, pictures and page, and tell it."""
-    _save_and_print(_refinement(options).compare(), options)
+    """Fit the model, compare it with every record, write table, figures and page, print the comparison."""
+    result = lumbar.refine(effects=options.add, **fit_arguments(options)).compare()
+    result.save(options.output)
+    print(result)
 
 
 def run_locate(options) -> None:
-    """Fit the model, see where it fails on every record, write table, pictures and page, and tell it."""
-    _save_and_print(_refinement(options).locate(), options)
+    """Fit the model, locate its errors on every record, write table, figures and page, print the location."""
+    result = lumbar.refine(effects=options.add, **fit_arguments(options)).locate()
+    result.save(options.output)
+    print(result)
 
 
 def run_refine(options) -> None:
     """Refit base and effects jointly, write refined.json, print the error ladder and draw it."""
-    _save_and_print(_refinement(options), options)
+    result = lumbar.refine(effects=options.add, **fit_arguments(options))
+    result.save(options.output)
+    print(result)
     print(f"The ladder is drawn in {options.output / 'ladder.svg'}; a device plays the last model:")
     print(f"  lumbar export {options.output / 'refined.json'} --output fmu")
 
 
-def _save_and_print(found, options) -> None:
-    found.save(options.output)
-    print(found)
-
-
 def run_diagnose(options) -> None:
     """Diagnose, write result, evidence, page and error ladder, print the result and its steps if asked for."""
-    from lumbar.interface.diagnosis import diagnose
-
-    records, settings, data = read_folder(options)
-    diagnosis = diagnose(records, settings=settings, source_label=data)
+    diagnosis = lumbar.diagnose(**fit_arguments(options))
     diagnosis.save(options.output, options.pictures)
     print(diagnosis)
     if options.explain:
@@ -138,11 +120,8 @@ def run_diagnose(options) -> None:
 
 
 def run_propose(options) -> None:
-    """Diagnose, look for a law, print it, and write the effect's file and picture where there is something to write."""
-    from lumbar.interface.diagnosis import propose
-
-    records, settings, data = read_folder(options)
-    law = propose(records, settings=settings, source_label=data)
+    """Diagnose, search a law, print it, and write the effect's file and figure if there is a law."""
+    law = lumbar.propose(**fit_arguments(options))
     if options.output and law.found:
         law.save(options.output, options.output.stem)
     if options.picture and law.proposal.is_needed:
@@ -152,11 +131,10 @@ def run_propose(options) -> None:
 
 def run_survey(options) -> None:
     """Write tables, figures and survey.json, and print the overall tests."""
-    from lumbar.interface.participants import analyse_survey
-
-    settings = given_settings(options)
-    data = options.data or options.file.name
-    found = analyse_survey(options.file, settings=settings.survey, seed=settings.seed, source_label=data)
-    found.save(options.output)
-    print(found)
+    settings, label = given_settings(options), options.data or options.file.name
+    result = lumbar.analyse_survey(
+        options.file, settings=settings.survey, seed=settings.seed, source_label=label
+    )
+    result.save(options.output)
+    print(result)
     print(f"tables and figures are in {options.output}")

@@ -37,6 +37,8 @@ class Index:
     lifts: Sequence[ServedLift] = ()
     results: Path | None = None
     """``results/<study>``, served unchanged; None without a study."""
+    first: str = INDEX
+    """Address that is opened first."""
 
     @property
     def report(self) -> str:
