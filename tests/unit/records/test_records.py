@@ -9,7 +9,8 @@ from scipy.io import savemat
 
 from lumbar.base.errors import InputError
 from lumbar.records.columns import read_record
-from lumbar.records.record import Channel, Record, check_record, resample, same_units
+from lumbar.records.record import Channel, Record, check_record, same_units
+from lumbar.records.sampling import resample
 from lumbar.settings.layout import ColumnLayout
 from refusing import refusal
 from study_settings import changed
@@ -151,14 +152,14 @@ def commas(form: str) -> str:
             with_lines({4: "0.02,abc,1", 8: "0.06,,1"}), {},
             ["2 problems", "line 4: input is 'abc'", "line 8: input is ''"],
         ),
-        (commas("{:.3f};{:.3f};{:.3f}"), {}, ["line 2: 6 cells; 3 are expected: check delimiter and decimal"]),
+        (commas("{:.3f};{:.3f};{:.3f}"), {}, ["line 2: 6 cells; 3 are needed: check delimiter and decimal"]),
         (commas("{:.3f};{:.3f};{:.3f}"), {"decimal": ","}, ["both as delimiter and as decimal mark"]),
         # Comments and empty lines count: it is the line an editor shows.
         (
             with_lines({6: "0.04,1,nan"}, "# a comment", ""), {"comment": "#"},
             ["line 8: output is nan; every value must be a finite number, of at most 1e+06 N in size"],
         ),
-        (with_lines({5: "0.03,1"}), {}, ["line 5: 2 cells; 3 are expected"]),
+        (with_lines({5: "0.03,1"}), {}, ["line 5: 2 cells; 3 are needed"]),
         (with_lines({5: "0.03,1,1e307"}), {"columns": {"output": {"scale": 1e3}}}, ["line 5: output is inf"]),
         (
             text_of(TWICE, "t,z,f,f", "{:.6f},{:.6f},{:.6f},{:.6f}"), {},

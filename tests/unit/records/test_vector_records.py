@@ -6,7 +6,8 @@ import pytest
 import lumbar
 from case_tables import cases
 from lumbar.base.errors import InputError
-from lumbar.records.record import Channel, Record, exchanged, forced, resample
+from lumbar.records.record import Channel, Record, exchanged, forced
+from lumbar.records.sampling import resample
 from lumbar.settings.layout import ColumnLayout, columns
 from refusing import refusal
 

@@ -124,8 +124,12 @@ def _system_error(error: OSError) -> str:
     return f"{text}; {free:.1f} MB are free in {folder}: make room, then run it again"
 
 
+MAX_PROBLEMS = 20
+"""Problems of one file that a message lists."""
+
+
 class Problems:
-    """Collects every problem of one input, so that a user mends them all at once.
+    """Collect every problem of one input, so that a user can fix them together.
 
     Examples
     --------
@@ -136,30 +140,42 @@ class Problems:
         ...
     lumbar.base.errors.InputError: trial.csv: 1 problem
       - line 4: force_N is 'abc'; a number is needed
+
+    Parameters
+    ----------
+    subject : str
+        File or setting that the problems are in.
+    most : int, optional
+        Number of problems at which they are raised: a file of another kind has one in every line.
     """
 
-    def __init__(self, subject: str):
+    def __init__(self, subject: str, most: int | None = None):
         self.subject = subject
+        self.most = most
         self.entries: list[str] = []
 
     def add(self, place: str, found: str, allowed: str = "") -> None:
-        """Note one problem.
+        """Add one problem.
 
         Parameters
         ----------
         place : str
             File line, column or configuration key.
         found : str
-            What stands there.
+            Value that is wrong.
         allowed : str, optional
-            What may stand there, or what to do about it.
+            Values that are allowed, or what to do about it.
         """
         text = f"{place}: {found}" if place else found
         self.entries.append(f"{text}; {allowed}" if allowed else text)
+        if len(self.entries) == self.most:
+            self.entries.append(f"reading stopped after {self.most} problems")
+            self.raise_if_any()
 
     def extend(self, other: Problems) -> None:
-        """Take over the problems of another collection, naming its subject."""
-        self.entries.extend(f"{other.subject}: {entry}" for entry in other.entries)
+        """Add the problems of another collection, with its subject."""
+        for entry in other.entries:
+            self.add(other.subject, entry)
 
     def raise_if_any(self) -> None:
         """Raise one `InputError` that lists all problems, if there are any."""

@@ -22,7 +22,8 @@ from lumbar.page_server.served_sets import ExploredSet, ServedSets
 from lumbar.records.importing.raw_table import Asked
 from lumbar.records.importing.roles import Choices
 from lumbar.records.importing.study_file import common_rate
-from lumbar.records.record import Record, resample
+from lumbar.records.record import Record
+from lumbar.records.sampling import resample
 from lumbar.settings.section import NAME
 
 if TYPE_CHECKING:

@@ -17,92 +17,35 @@ A layout is `lumbar.settings.layout.ColumnLayout`; in a study's YAML::
 ``unit``. A column with ``optional: true`` may be absent from a file with a header, and may be constant.
 """
 
-import csv
+import itertools
 import os
 import re
 import shlex
 import sys
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from lumbar.base.errors import InputError, Problems
 from lumbar.base.files import require_file
-from lumbar.records.record import (
-    FEWEST_SAMPLES,
-    LARGEST,
-    Channel,
-    Record,
-    check_record,
-    resample,
-    samples_between,
+from lumbar.records.number_table import (
+    Dialect,
+    read_numbers,
+    read_plain_numbers,
+    split_rows,
+    stream_lines,
 )
+from lumbar.records.record import Channel, Record, check_record
+from lumbar.records.sampling import fill_missing_rows, resample, samples_between
 from lumbar.records.stretches import check_clipping
-from lumbar.records.text_rows import number, stop_at_many
 from lumbar.records.unpacking import read_readable, stem_of
-from lumbar.settings.layout import ColumnLayout, ColumnSettings
-
-LONGEST_GAP = 10
-"""Rows in a row that are filled at most: over more of them a motion cannot be guessed."""
-LARGEST_SHARE = 0.05
-"""Share of a record's rows that is filled at most."""
-_OFF_CLOCK = 0.1
-"""How far a step over a gap may be from a whole number of sampling intervals."""
-
-
-def with_missing_rows(
-    record: Record, lines: Sequence[int] | None = None
-) -> tuple[Record, Sequence[int] | None]:
-    """Fill gaps of a few rows by a cubic spline; `record` itself where there is none, or one that cannot be filled.
-
-    Returns
-    -------
-    Record
-        With the samples that were filled in as its `filled`.
-    sequence of int or None
-        Line of each sample; of a filled one, the line before it.
-    """
-    if len(record.time) < FEWEST_SAMPLES or not _finite(record):
-        return record, lines
-    steps = np.diff(record.time)
-    step = float(np.median(steps))
-    if step <= 0:
-        return record, lines
-    share = steps / step
-    rows = np.round(share).astype(int)
-    missing = rows - 1
-    even = (np.abs(share - rows) <= _OFF_CLOCK) & (rows >= 1) & (missing <= LONGEST_GAP)
-    if not missing.any() or not even.all() or missing.sum() > LARGEST_SHARE * len(record.time):
-        return record, lines
-    places = np.concatenate([[0], np.cumsum(rows)])
-    every = np.arange(places[-1] + 1)
-    filled = np.setdiff1d(every, places)
-    time = np.interp(every, places, record.time)
-    if lines is not None:
-        before = np.searchsorted(places, every, side="right") - 1
-        lines = [lines[index] for index in before]
-    whole = replace(record, time=time, filled=tuple(filled.tolist()))
-    return whole.with_values(**_interpolated(record, places, every)), lines
-
-
-def _finite(record: Record) -> bool:
-    series = [record.time, *(channel.values for channel in record.channels.values())]
-    return all(np.all(np.abs(values) <= LARGEST) for values in series)
-
-
-def _interpolated(record: Record, places: np.ndarray, every: np.ndarray) -> dict[str, np.ndarray]:
-    from scipy.interpolate import make_interp_spline
-
-    values = {}
-    for role, channel in record.channels.items():
-        values[role] = make_interp_spline(places, channel.values, k=3)(every)
-        values[role][places] = channel.values
-    return values
-
+from lumbar.settings.layout import AXES, SIDES, ColumnLayout, ColumnSettings
 
 TIME = "time"
+_SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0}
+_IN_STUDY = "  the study beside it says which columns the records of this folder have: --config {}"
+_ELSEWHERE = "  files of other columns, units, separators, decimal marks or encodings: lumbar import {} --output FOLDER"
 
 
 def read_record(
@@ -132,7 +75,12 @@ def read_record(
     path = Path(path)
     size = require_file(path)
     try:
-        raw, lines = _read_columns(path, layout, size)
+        if layout.format == "mat":
+            raw, lines = _read_mat(path, layout), None
+        else:
+            if size >= _ANNOUNCED_BYTES:
+                print(f"{path.name}: reading {size / 1e6:.0f} MB", file=sys.stderr, flush=True)
+            raw, lines = read_readable(path, _read_text, layout)
     except InputError as error:
         study = path.parent / "study.yaml"
         words, file = (_IN_STUDY, study) if study.is_file() else (_ELSEWHERE, path)
@@ -163,7 +111,7 @@ def read_record(
     }
     name, period = name or stem_of(path), None if points else period
     record = Record(name, scaled[TIME], channels, str(path), period, trim=trim, points=points)
-    record, lines = with_missing_rows(record, lines)
+    record, lines = fill_missing_rows(record, lines)
     may_rest = [role for role, column in columns.items() if column.optional]
     check_record(record, may_rest=may_rest, lines=lines)
     if layout.clipped == "refuse":
@@ -179,136 +127,41 @@ def _without_clock(values: dict[str, np.ndarray]) -> bool:
     return time is None or (len(time) > 1 and bool(np.all(np.isnan(time)) or np.all(time == time[0])))
 
 
-_IN_STUDY = "  the study beside it says which columns the records of this folder have: --config {}"
-_ELSEWHERE = "  files of other columns, units, separators, decimal marks or encodings: lumbar import {} --output FOLDER"
+_ANNOUNCED_BYTES = 5_000_000
+"""Size from which a file is announced."""
+_PLAIN_BYTES = 50_000
+"""Size from which a file is first tried as a plain table of numbers."""
 
 
-def _read_columns(
-    path: Path, layout: ColumnLayout, size: int
-) -> tuple[dict[str, np.ndarray], Sequence[int] | None]:
-    """Columns by role, and the line of each sample where the format has lines."""
-    if layout.format == "mat":
-        return _read_mat(path, layout), None
-    if size >= _LARGE:
-        print(f"{path.name}: reading {size / 1e6:.0f} MB", file=sys.stderr, flush=True)
-    return read_readable(path, _read_either, layout)
-
-
-def _read_either(path: Path, layout: ColumnLayout) -> tuple[dict[str, np.ndarray], Sequence[int]]:
-    return _read_plain_table(path, layout) or _read_text(path, layout)
-
-
-_LARGE = 5_000_000
-"""Bytes from which on a file is announced."""
-_WORTH_IT = 50_000
-"""Bytes from which on a file is first tried as a plain table of numbers."""
-_MOST_COLUMNS = 1000
-"""Columns up to which it is: all of them are kept, the others' numbers too."""
-_SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0}
-
-
-_SHOWN = 60
-"""Characters of a cell that a message shows."""
-_LONGEST_LINE = 1_000_000
-"""Characters of one line."""
-
-
-def _lines(path: Path):
-    with path.open(encoding="utf-8-sig") as stream:
-        number = 0
-        try:
-            while line := stream.readline(_LONGEST_LINE + 1):
-                number += 1
-                if len(line) > _LONGEST_LINE:
-                    raise InputError(
-                        f"{path}: line {number} has more than {_LONGEST_LINE} characters; rows of numbers are needed"
-                    )
-                yield number, line
-        except UnicodeDecodeError as error:
-            raise InputError(f"{path}: not a readable text file ({error})") from error
-
-
-def _read_plain_table(path: Path, layout: ColumnLayout) -> tuple[dict[str, np.ndarray], range] | None:
-    """Columns by role and lines of a large file that is nothing but a header and numbers; None of any other.
-
-    Fifty times as fast as going through it line by line, which is left to say where a file is not as it should be.
-    """
-    if layout.decimal != "." or path.stat().st_size < _WORTH_IT:
-        return None
-    separator = None if layout.delimiter == "whitespace" else layout.delimiter
-    with path.open(encoding="utf-8-sig", errors="replace") as stream:
-        begins = [_split(stream.readline(_LONGEST_LINE), separator) for _ in range(2)]
-    if max(map(len, begins)) > _MOST_COLUMNS:
-        return None
-    header, first = (begins[0], 2) if layout.header else (None, 1)
-    try:
-        table = np.loadtxt(
-            path, comments=None, delimiter=separator, skiprows=first - 1, ndmin=2, encoding="utf-8-sig"
-        )
-    except (ValueError, OverflowError):  # also what the decoder raises
-        return None
-    lines = range(first, first + len(table))  # unless some are blank, which are passed over
-    with path.open("rb") as stream:
-        if lines.stop - 1 != sum(1 for _ in stream) or not np.isfinite(table).all():
-            return None
-    if header is not None and len(header) != table.shape[1]:
-        return None
-    positions = _positions(path, layout.columns, header)
-    if max(positions.values()) >= table.shape[1]:
-        return None
-    return {role: table[:, position].copy() for role, position in positions.items()}, lines
-
-
-def _read_text(path: Path, layout: ColumnLayout) -> tuple[dict[str, np.ndarray], list[int]]:
-    """Columns by role, and the line of each sample."""
-    delimiter = layout.delimiter
-    separator = None if delimiter == "whitespace" else delimiter
-    comment = layout.comment
-    decimal = layout.decimal
-    positions: dict[str, int] | None = None
-    problems = Problems(str(path))
-    if decimal == separator:
-        raise InputError(f"{path}: the layout has {decimal!r} both as delimiter and as decimal mark")
-    by_name = any(isinstance(column.column, str) for column in layout.columns.values())
-    width: int | None = None
-    rows: list[list[float]] = []
-    lines: list[int] = []
-    for place, line in _lines(path):
-        text = line.strip()
-        if not text or (comment and text.startswith(comment)):
-            continue
-        cells = _split(line, separator)
-        if positions is None:
-            header = cells if layout.header else None
-            positions = _positions(path, layout.columns, header)
-            if header is not None:
-                width = len(header) if by_name else None
-                continue
-        width = width or len(cells)
-        if len(cells) != width:
-            # A decimal comma or a missing cell would shift all columns after it.
-            problems.add(
-                f"line {place}", f"{len(cells)} cells", f"{width} are expected: check delimiter and decimal"
-            )
-        else:
-            rows.append(_numbers(cells, positions, place, decimal, problems))
-            lines.append(place)
-        stop_at_many(problems)
-    problems.raise_if_any()
-    if positions is None or not rows:
+def _read_text(path: Path, layout: ColumnLayout) -> tuple[dict[str, np.ndarray], Sequence[int]]:
+    """Return columns by role, and the line of each sample."""
+    dialect = Dialect(
+        None if layout.delimiter == "whitespace" else layout.delimiter, layout.decimal, layout.comment
+    )
+    if dialect.decimal == dialect.delimiter:
+        raise InputError(f"{path}: the layout has {dialect.decimal!r} both as delimiter and as decimal mark")
+    rows = split_rows(stream_lines(path), dialect, str(path))
+    first = next(rows, None)
+    if first is None:
         raise InputError(f"{path}: no data rows")
-    table = np.array(rows)
-    return dict(zip(positions, table.T, strict=True)), lines
-
-
-def _split(line: str, separator: str | None) -> list[str]:
-    """Cells of one line; quotes protect separators, and empty cells at the end keep their place."""
-    if separator is None:
-        return line.split()
-    try:
-        return [cell.strip() for cell in next(csv.reader([line.rstrip("\r\n")], delimiter=separator), [])]
-    except csv.Error:  # a cell of more than 131072 characters
-        return line.split(separator)
+    header = first.cells if layout.header else None
+    positions = _positions(path, layout.columns, header)
+    # A decimal comma or a missing cell would shift all columns after it.
+    by_name = any(isinstance(column.column, str) for column in layout.columns.values())
+    width = len(first.cells) if header and by_name else None
+    if header is None:
+        rows = itertools.chain([first], rows)
+    if path.stat().st_size >= _PLAIN_BYTES:
+        begins = first.line + (header is not None)
+        lines = itertools.islice(stream_lines(path), begins - 1, None)
+        plain = read_plain_numbers(lines, dialect, len(first.cells), begins)
+        if plain is not None and max(positions.values()) < len(first.cells):
+            values = {role: plain.values[:, position].copy() for role, position in positions.items()}
+            return values, plain.lines
+    table = read_numbers(rows, positions, str(path), dialect, width, may_be_empty=[TIME])
+    if not table.lines:
+        raise InputError(f"{path}: no data rows")
+    return dict(zip(positions, table.values.T, strict=True)), table.lines
 
 
 def _positions(path: Path, columns: dict[str, ColumnSettings], header: list[str] | None) -> dict[str, int]:
@@ -339,29 +192,6 @@ def _positions(path: Path, columns: dict[str, ColumnSettings], header: list[str]
             problems.add(role, f"no column {wanted!r}", f"the header has {', '.join(header)}")
     problems.raise_if_any()
     return positions
-
-
-def _numbers(
-    cells: list[str], positions: dict[str, int], line: int, decimal: str, problems: Problems
-) -> list[float]:
-    values = []
-    for role, position in positions.items():
-        if position >= len(cells):
-            problems.add(f"line {line}", f"{len(cells)} columns", f"{role} is column {position + 1}")
-            values.append(np.nan)
-            continue
-        if role == TIME and not cells[position]:
-            values.append(np.nan)  # of points; a single one missing is refused with its line
-            continue
-        text = cells[position] if decimal == "." else cells[position].replace(decimal, ".")
-        try:
-            values.append(number(text))
-        except ValueError:
-            comma = " (with decimal commas, set layout.decimal to ',')" if "," in cells[position] else ""
-            found = cells[position] if len(cells[position]) <= _SHOWN else cells[position][:_SHOWN] + "…"
-            problems.add(f"line {line}", f"{role} is {found!r}", f"a number is needed{comma}")
-            values.append(np.nan)
-    return values
 
 
 def _read_mat(path: Path, layout: ColumnLayout) -> dict[str, np.ndarray]:
@@ -406,10 +236,63 @@ def column_of(columns: Mapping[str, ColumnSettings], role: str) -> ColumnSetting
     return columns[role] if role in columns else columns[role[: -len("_x")]]
 
 
-def _along_axes(columns: dict[str, ColumnSettings], header, problems: Problems) -> dict[str, ColumnSettings]:
-    """Columns by role, with an axis each where the header names some."""
+def _along_axes(
+    columns: dict[str, ColumnSettings], header: Collection[str], problems: Problems
+) -> dict[str, ColumnSettings]:
+    """Columns by role, those of position and force with an axis each where the header has them; what is wrong goes to `problems`.
+
+    Only names that say quantity and unit, as in the default layout, have an axis between the two.
+    """
     if not any(re.search("_[xyz]_", str(name)) for name in header):
         return columns
-    from lumbar.records.vector_columns import along_axes
+    single = {side: columns[side] for side in SIDES if side in columns}
+    named = all(item.column == f"{item.quantity}_{item.unit}" for item in single.values())
+    if not named or {item.quantity for item in single.values()} != {"position", "force"}:
+        return columns
+    found = {side: _of_axes(column, header) for side, column in single.items()}
+    if not any(found.values()):
+        return columns
+    _check(single, found, header, problems)
+    expanded: dict[str, ColumnSettings] = {}
+    for role, column in columns.items():
+        own = {
+            f"{role}_{axis}": column.model_copy(update={"column": name})
+            for axis, name in found.get(role, {}).items()
+        }
+        expanded |= own if role in single else {role: column}
+    return expanded
 
-    return along_axes(columns, header, problems)
+
+def _of_axes(column: ColumnSettings, header: Sequence[str]) -> dict[str, str]:
+    """Names in the header by axis, whatever their unit; the layout's own unit goes first."""
+    named = re.compile(rf"{column.quantity}_([{''.join(AXES)}])_(\S+)")
+    matches = sorted(filter(None, map(named.fullmatch, header)), key=lambda match: match[2] == column.unit)
+    names = {match[1]: match[0] for match in matches}
+    return dict(sorted(names.items()))
+
+
+def _check(
+    single: dict[str, ColumnSettings],
+    found: dict[str, dict[str, str]],
+    header: Collection[str],
+    problems: Problems,
+) -> None:
+    """Note columns of one axis beside those of several, axes of one side alone, one axis alone and other units."""
+    axes = sorted({axis for names in found.values() for axis in names})
+    if len(axes) == 1:
+        names = ", ".join(str(column.column) for column in single.values())
+        problems.add("", f"columns of {axes[0]} alone", f"a record has two or three axes, or one: {names}")
+    for side, column in single.items():
+        if column.column in header:
+            beside = next(name for names in found.values() for name in names.values())
+            allowed = "one axis or several: give the columns that are not meant another name"
+            problems.add(str(column.column), f"stands beside {beside}", allowed)
+        for axis in axes:
+            wanted = f"{column.quantity}_{axis}_{column.unit}"
+            name = found[side].get(axis)
+            if name is None:
+                allowed = f"position and force need the same axes: {', '.join(axes)}"
+                problems.add(wanted, "no such column", allowed)
+            elif name != wanted:
+                allowed = f"{wanted} is needed, or a layout with its unit"
+                problems.add(name, f"another unit than {column.unit}", allowed)

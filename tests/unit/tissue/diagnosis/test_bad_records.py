@@ -12,7 +12,6 @@ from column_files import write_columns, write_records
 from lumbar.base.errors import InputError
 from lumbar.records.record import Record
 from lumbar.records.stretches import check_clipping
-from lumbar.settings.tissue import TissueSettings
 from lumbar.tissue.diagnosis.fitting.decimation import ENOUGH, MOST, limit_samples
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.fitting.preparation import check_excitation
@@ -232,17 +231,12 @@ def test_a_motion_that_needs_its_rate_keeps_it_and_only_what_is_too_long_is_cut(
     assert np.array_equal(long["input"], wide[: len(long)])
 
 
-def test_a_large_table_is_read_as_every_small_one(tmp_path, monkeypatch):
-    from lumbar.records import columns
-
+def test_large_table_is_read_as_line_by_line(tmp_path):
     path = tmp_path / "table.csv"
-    position, force = noise(500, 1) * 1e-3, noise(500, 2) * 1e5
-    write_columns(path, time_s=np.arange(500) * 0.01, position_mm=position, force_N=force)
-    careful = lumbar.read(path)["table"]
-    monkeypatch.setattr(columns, "_LARGE", 0)
-    monkeypatch.setattr(columns, "_WORTH_IT", 0)
-    assert columns._read_plain_table(path, TissueSettings().layout) is not None
-    fast = lumbar.read(path)["table"]
-    assert all(np.array_equal(fast[role], careful[role]) for role in ("input", "output"))
-    path.write_text(path.read_text().replace("\n0.01,", "\n# note\n0.01,", 1))
-    assert columns._read_plain_table(path, TissueSettings().layout) is None
+    position, force = noise(5000, 1) * 1e-3, noise(5000, 2) * 1e5
+    write_columns(path, time_s=np.arange(5000) * 0.01, position_mm=position, force_N=force)
+    in_one_pass = lumbar.read(path)["table"]
+    path.write_text(path.read_text().replace("\n0.01,", "\n\n0.01,", 1))
+    line_by_line = lumbar.read(path)["table"]
+    for role in ("input", "output"):
+        np.testing.assert_array_equal(in_one_pass[role], line_by_line[role])

@@ -30,8 +30,8 @@ from lumbar.records.record import (
     Record,
     check_record,
     place_of,
-    samples_between,
 )
+from lumbar.records.sampling import samples_between
 from lumbar.records.stretches import check_clipping, runs
 
 _MOST_PARTS = 200

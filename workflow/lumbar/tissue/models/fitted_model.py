@@ -10,7 +10,6 @@ import numpy as np
 
 from lumbar.base.errors import InputError, NumericalError, Problems
 from lumbar.records.record import Record
-from lumbar.records.text_rows import stop_at_many
 from lumbar.tissue.models.bases import Base
 from lumbar.tissue.models.driven_motion import linearised
 from lumbar.tissue.models.form import Effect
@@ -257,6 +256,5 @@ def read_models(
         fields = checked_entry(entry, catalogues, own)
         models += [FittedModel(**fields)] if fields else []
         problems.extend(own)
-        stop_at_many(problems)
     problems.raise_if_any()
     return models

@@ -1,0 +1,109 @@
+"""The reader of numbers under a header: lines, rows, numbers."""
+
+import numpy as np
+import pytest
+
+from lumbar.base.errors import InputError
+from lumbar.records.number_table import (
+    Dialect,
+    NumberTable,
+    Row,
+    decode_lines,
+    parse_number,
+    read_numbers,
+    read_plain_numbers,
+    split_rows,
+)
+from refusing import refusal
+
+ROWS = np.random.default_rng(3).normal(0, 1e3, (40, 3)).round(6)
+
+
+def text_of(delimiter: str, decimal: str = ".") -> list[str]:
+    return [delimiter.join(f"{value!r}".replace(".", decimal) for value in row) for row in ROWS.tolist()]
+
+
+def read(lines, dialect=None, columns=None, **options) -> NumberTable:
+    dialect = dialect or Dialect()
+    rows = split_rows(lines, dialect, "a.csv")
+    return read_numbers(rows, columns or {"x": 0, "y": 1, "z": 2}, "a.csv", dialect, **options)
+
+
+@pytest.mark.parametrize(
+    "dialect", [Dialect(), Dialect("\t"), Dialect(";", ","), Dialect(None), Dialect("|", ",")], ids=str
+)
+def test_plain_numbers_are_those_of_single_rows(dialect):
+    lines = text_of(dialect.delimiter or "  ", dialect.decimal)
+    table, plain = read(lines, dialect), read_plain_numbers(lines, dialect, 3)
+    np.testing.assert_array_equal(table.values, ROWS)
+    np.testing.assert_array_equal(plain.values, ROWS)
+    assert list(table.lines) == list(plain.lines) == list(range(1, 41))
+
+
+@pytest.mark.parametrize("line", ["1,2", "1,2,3,4", "1,2,x", "1,2,nan", "# 1,2,3", "", '1,2,"3"'])
+def test_other_tables_are_no_plain_ones(line):
+    lines = text_of(",")
+    assert read_plain_numbers([*lines[:9], line, *lines[9:]], Dialect(), 3) is None
+    assert read_plain_numbers([line, *lines], Dialect(), 3) is None
+
+
+def test_rows_are_counted_as_an_editor_counts_lines():
+    lines = ["# made up", "", "x,y,z", "", "1, 2 ,3", "#", '4,"5,5",6']
+    rows = list(split_rows(lines, Dialect(comment="#"), "a.csv", first=5))
+    assert rows == [Row(7, ["x", "y", "z"]), Row(9, ["1", "2", "3"]), Row(11, ["4", "5,5", "6"])]
+
+
+def test_quotes_join_lines_only_if_the_dialect_allows_it():
+    lines = ["who,why", 'a,"first', 'second"', "b,none"]
+    several = Dialect(quotes_span_lines=True)
+    assert [row.line for row in split_rows(lines, several, "a.csv")] == [1, 2, 4]
+    assert [row.line for row in split_rows(lines, Dialect(), "a.csv")] == [1, 2, 3, 4]
+    with pytest.raises(InputError, match="line 2: not a row of a table"):
+        list(split_rows(["a,b", '"' + "x" * 200_000], several, "a.csv"))
+
+
+def test_all_wrong_cells_are_listed_with_line_and_column():
+    message = refusal(read, ["1,2,3", "1,,3", "1,2", "", "1,abc,1_0", f"1,2,{'9' * 100}x"])
+    for problem in ("line 2: y is ''", "line 3: 2 cells; 3 are needed", "line 5: y is 'abc'; a number"):
+        assert problem in message
+    assert "line 5: z is '1_0'" in message and f"line 6: z is '{'9' * 60}…'" in message
+
+
+def test_empty_cells_are_missing_only_in_columns_that_allow_it():
+    table = read(["1,2,3", ",2,3"], may_be_empty=["x"])
+    assert np.isnan(table.values[1, 0]) and table.values[1, 1] == 2
+    with pytest.raises(InputError, match="line 2: x is ''"):
+        read(["1,2,3", ",2,3"], may_be_empty=["y"])
+
+
+def test_narrow_table_names_the_column_that_is_missing():
+    with pytest.raises(InputError, match="line 1: 2 columns; z is column 3"):
+        read(["1,2", "3,4"])
+
+
+def test_many_problems_end_the_reading():
+    assert "stopped after 20 problems" in refusal(read, ["1,2,3", *["x,y,z"] * 1000])
+
+
+@pytest.mark.parametrize(("text", "value"), [("1D3", 1e3), ("-2.5d-01", -0.25), (".5", 0.5), ("+1E2", 100)])
+def test_numbers_as_programs_write_them(text, value):
+    assert parse_number(text) == value
+
+
+@pytest.mark.parametrize("text", ["1_000", "١٢", "0x10", "1,5", "d3", "1d", ""])
+def test_texts_that_are_no_numbers(text):
+    with pytest.raises(ValueError, match="could not convert"):
+        parse_number(text)
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "utf-16-le", "cp1252"])
+def test_encodings_of_western_text_are_recognised(encoding):
+    text = "Prüfkraft µm\r\n1,5\r2\n"
+    assert decode_lines(text.encode(encoding), "a.csv")[0] == ["Prüfkraft µm", "1,5", "2", ""]
+
+
+def test_other_bytes_are_refused_unless_labels_do_not_matter():
+    content = "a\nМаркер".encode("cp1251")
+    with pytest.raises(InputError, match=r"a\.csv: line 2 is not UTF-8"):
+        decode_lines(content, "a.csv")
+    assert decode_lines(content, "a.csv", lenient=True)[0][0] == "a"

@@ -1,0 +1,335 @@
+"""Numbers under a header: the one reader of text tables and of the cells of sheets.
+
+Lines (`stream_lines`, `decode_lines`) are split into rows of cells by a dialect (`split_rows`), and the cells of columns become
+numbers (`read_numbers`). What a header says depends on the format: its reader takes the cells of the header from the same rows.
+`read_plain_numbers` splits and converts a table of nothing but numbers in one pass, fifty times as fast.
+"""
+
+import codecs
+import csv
+import itertools
+import re
+from array import array
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from lumbar.base.errors import MAX_PROBLEMS, InputError, Problems
+
+ENCODINGS = "gbk (Chinese), shift_jis (Japanese), cp1251 (Cyrillic), cp1250 (Central Europe) or cp1252 (Western Europe)"
+"""Examples, for messages."""
+MAX_LINE_CHARACTERS = 1_000_000
+MAX_PLAIN_COLUMNS = 1000
+MAX_SHOWN_CHARACTERS = 60
+"""Characters of a cell that a message shows."""
+
+
+class Row(NamedTuple):
+    """Cells of one row."""
+
+    line: int
+    """Number of the line in the file, from 1; the first one if a cell in quotes spans several."""
+    cells: list[str]
+
+
+@dataclass(frozen=True)
+class Dialect:
+    """How the rows of a table are written."""
+
+    delimiter: str | None = ","
+    """One character; None for any blanks."""
+    decimal: str = "."
+    comment: str | None = None
+    """Beginning of lines that are skipped."""
+    quotes_span_lines: bool = False
+    """Whether a cell in quotes may hold line breaks, as in answers of people; among numbers, an open quote is a mistake."""
+
+    def split(self, line: str) -> list[str]:
+        """Return the cells of one line. Quotes protect delimiters."""
+        if self.delimiter is None:
+            return line.split()
+        cells = line.split(self.delimiter)
+        if '"' in line:
+            with suppress(csv.Error):  # a cell of more than 131072 characters
+                cells = next(csv.reader([line], **self.csv_options), [])
+        return [cell.strip() for cell in cells]
+
+    def number(self, cell: str) -> float:
+        """Return the number in a cell; raise ValueError if there is none."""
+        return parse_number(cell if self.decimal == "." else cell.replace(self.decimal, "."))
+
+    @property
+    def csv_options(self) -> dict[str, Any]:
+        """Options of `csv.reader`."""
+        return {"delimiter": self.delimiter, "skipinitialspace": self.delimiter != " "}
+
+
+@dataclass(frozen=True)
+class NumberTable:
+    """Numbers of rows, with the line of each."""
+
+    values: np.ndarray
+    """Shape (rows, columns)."""
+    lines: Sequence[int]
+    """Line of each row in the file, from 1."""
+
+
+def parse_number(text: str) -> float:
+    """Return the number in a text, as programs write numbers.
+
+    Python's own ``float`` also takes ``1_000`` and the digits of other scripts, which are mistakes in a file. Fortran's
+    exponents are read.
+
+    Raises
+    ------
+    ValueError
+        The text is no number.
+
+    Examples
+    --------
+    >>> parse_number("-1.5e3"), parse_number("2.5D-01")
+    (-1500.0, 0.25)
+    >>> parse_number("1_000")
+    Traceback (most recent call last):
+        ...
+    ValueError: could not convert string to float: '1_000'
+    """
+    if "_" in text or not text.isascii():
+        raise ValueError(f"could not convert string to float: {text!r}")
+    try:
+        return float(text)
+    except ValueError:
+        return float(re.sub("(?<=[0-9.])[dD](?=[-+0-9])", "e", text))
+
+
+def stream_lines(path: Path) -> Iterator[str]:
+    """Yield the lines of a file of UTF-8 text, with a byte-order mark or without.
+
+    Raises
+    ------
+    InputError
+        The file holds other bytes, or a line of more than `MAX_LINE_CHARACTERS`.
+    """
+    with path.open(encoding="utf-8-sig") as stream:
+        number = 0
+        try:
+            while line := stream.readline(MAX_LINE_CHARACTERS + 1):
+                number += 1
+                if len(line) > MAX_LINE_CHARACTERS:
+                    raise InputError(
+                        f"{path}: line {number} has more than {MAX_LINE_CHARACTERS} characters; rows of numbers are needed"
+                    )
+                yield line
+        except UnicodeDecodeError as error:
+            raise InputError(f"{path}: not UTF-8 text ({error}); save it as UTF-8") from error
+
+
+def decode_lines(
+    content: bytes, source: str, encoding: str | None = None, lenient: bool = False
+) -> tuple[list[str], str]:
+    """Return the lines of a text, as an editor counts them, and its encoding.
+
+    Parameters
+    ----------
+    encoding : str, optional
+        As Python names it. Default: UTF-16, UTF-8 or Windows-1252, whichever the bytes show.
+    lenient : bool
+        Whether other bytes than those of western words are read as Windows-1252, too.
+
+    Raises
+    ------
+    InputError
+        With the first line that cannot be decoded.
+    """
+    if encoding:
+        text = _decode_as(content, source, encoding)
+    else:
+        text, encoding = _recognise(content, source, lenient)
+    return _split_lines(text), encoding
+
+
+def _split_lines(text: str) -> list[str]:
+    return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+
+
+def _decode_as(content: bytes, source: str, encoding: str) -> str:
+    try:
+        return content.decode(encoding).removeprefix("\ufeff")
+    except UnicodeDecodeError as error:
+        before = _split_lines(content[: error.start].decode(encoding, "ignore"))
+        found = ascii(content[error.start : error.start + 20])[1:]
+        raise InputError(
+            f"{source}: line {len(before)} cannot be read by --encoding {encoding} ({found})"
+        ) from error
+
+
+def _recognise(content: bytes, source: str, lenient: bool) -> tuple[str, str]:
+    """Return the text and its encoding."""
+    if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return content.decode("utf-16", errors="replace"), "UTF-16"
+    # Of UTF-16 without a mark, every other byte of western text is zero.
+    beginning = content[:2000]
+    for encoding, first in (("utf-16-le", 1), ("utf-16-be", 0)):
+        if len(beginning) > 8 and beginning[first::2].count(0) > 0.4 * len(beginning):
+            return content.decode(encoding, errors="replace"), encoding.upper()
+    try:
+        return content.decode("utf-8-sig"), "UTF-8"
+    except UnicodeDecodeError:
+        text = content.decode("cp1252", errors="replace")
+        if not lenient:
+            _check_western(text, content, source)
+        return text, "Windows-1252"
+
+
+_NO_ASCII = re.compile(r"[^\x00-\x7f]+")
+_WESTERN = re.compile(r"[À-ÖØ-öø-ÿŒœŸ°±²³µ·×§®©€‘’“”–—…]|[äöüÄÖÜ]ß|éé|ç[ãõ]")
+"""Signs between ASCII letters in western words; two letters of other alphabets make longer or other runs."""
+
+
+def _check_western(text: str, content: bytes, source: str) -> None:
+    """Raise unless all signs beyond ASCII are those of western words in Windows-1252."""
+    for run in _NO_ASCII.finditer(text):
+        before, after = text[: run.start()][-1:], text[run.end() :][:1]
+        if _WESTERN.fullmatch(run[0]) and not (run[0] in "°²³" and before.isalpha() and after.isalpha()):
+            continue
+        lines = _split_lines(text[: run.start()])
+        start = run.start() - len(lines[-1])
+        line = re.split(rb"[\r\n]", content[start : start + 60])[0]
+        raise InputError(
+            f"{source}: line {len(lines)} is not UTF-8 ({ascii(line)[1:]}); say what it is written in, as --encoding "
+            f"{ENCODINGS}"
+        )
+
+
+def split_rows(lines: Iterable[str], dialect: Dialect, source: str, first: int = 1) -> Iterator[Row]:
+    """Yield the rows of a table; blank lines and comments are skipped.
+
+    Parameters
+    ----------
+    first : int
+        Number of the first of these lines in the file.
+
+    Raises
+    ------
+    InputError
+        A cell that spans lines has more than 131072 characters.
+    """
+    number, begins = first - 1, 0
+
+    def counted() -> Iterator[str]:
+        nonlocal number, begins
+        for line in lines:
+            number += 1
+            text = line.strip()
+            if text and not (dialect.comment and text.startswith(dialect.comment)):
+                begins = begins or number
+                yield line
+
+    if not dialect.quotes_span_lines:
+        yield from (Row(number, dialect.split(line)) for line in counted())
+        return
+    try:
+        for cells in csv.reader(counted(), **dialect.csv_options):
+            yield Row(begins, [cell.strip() for cell in cells])
+            begins = 0
+    except csv.Error as error:
+        raise InputError(f"{source}: line {begins}: not a row of a table ({error})") from error
+
+
+def read_numbers(
+    rows: Iterable[Row],
+    columns: Mapping[str, int],
+    source: str,
+    dialect: Dialect,
+    width: int | None = None,
+    may_be_empty: Collection[str] = (),
+) -> NumberTable:
+    """Return the numbers in columns of rows.
+
+    Parameters
+    ----------
+    columns : mapping of str to int
+        Position from 0 by the name that messages give to the column.
+    width : int, optional
+        Cells of every row. Default: as in the first row. In a row with more or fewer, numbers are in the wrong columns.
+    may_be_empty : collection of str
+        Names of columns in which an empty cell is NaN.
+
+    Raises
+    ------
+    InputError
+        With the lines that have more or fewer cells, or a cell that is no number.
+    """
+    problems = Problems(source, most=MAX_PROBLEMS)
+    positions = list(columns.values())
+    values, lines = array("d"), array("q")
+    for line, cells in rows:
+        width = width or len(cells)
+        if not lines and max(positions) >= width:
+            name = max(columns, key=lambda name: columns[name])
+            raise InputError(f"{source}: line {line}: {width} columns; {name} is column {columns[name] + 1}")
+        if len(cells) != width:
+            problems.add(
+                f"line {line}", f"{len(cells)} cells", f"{width} are needed: check delimiter and decimal"
+            )
+            continue
+        try:
+            values.extend([dialect.number(cells[position]) for position in positions])
+        except ValueError:
+            for name, position in columns.items():
+                values.append(
+                    _number_or_problem(cells[position], name, line, dialect, may_be_empty, problems)
+                )
+        lines.append(line)
+    problems.raise_if_any()
+    return NumberTable(np.array(values).reshape(len(lines), len(positions)), lines)
+
+
+def _number_or_problem(
+    cell: str, name: str, line: int, dialect: Dialect, may_be_empty: Collection[str], problems: Problems
+) -> float:
+    if not cell and name in may_be_empty:
+        return np.nan
+    try:
+        return dialect.number(cell)
+    except ValueError:
+        comma = " (with decimal commas, set layout.decimal to ',')" if "," in cell else ""
+        shown = cell if len(cell) <= MAX_SHOWN_CHARACTERS else cell[:MAX_SHOWN_CHARACTERS] + "…"
+        problems.add(f"line {line}", f"{name} is {shown!r}", f"a number is needed{comma}")
+        return np.nan
+
+
+def read_plain_numbers(
+    lines: Iterable[str], dialect: Dialect, width: int, first: int = 1
+) -> NumberTable | None:
+    """Return all columns of a table of nothing but finite numbers; None of any other, which is left to `read_numbers`.
+
+    Parameters
+    ----------
+    width : int
+        Cells of every row. Wide tables are other ones: the numbers of all columns are kept.
+    first : int
+        Number of the first of these lines in the file.
+    """
+    lines, count = iter(lines), 0
+    start = next(lines, "")
+    if len(dialect.split(start)) != width or width > MAX_PLAIN_COLUMNS:
+        return None
+
+    def counted() -> Iterator[str]:
+        nonlocal count
+        for line in itertools.chain([start], lines):
+            count += 1
+            yield line if dialect.decimal == "." else line.replace(dialect.decimal, ".")
+
+    try:
+        table = np.loadtxt(counted(), comments=None, delimiter=dialect.delimiter, ndmin=2)
+    except (ValueError, OverflowError):
+        return None
+    if table.shape != (count, width) or not np.isfinite(table).all():  # loadtxt passes over blank lines
+        return None
+    return NumberTable(table, range(first, first + count))
