@@ -17,9 +17,8 @@ from lumbar.tissue.effects.catalogue import catalogues_with
 from lumbar.tissue.fmu.build.compiler import cache_folder, resolve_targets
 from lumbar.tissue.fmu.build.export_model import AS_IN_THESIS, export_models, find_models
 from lumbar.tissue.haptics.device_table import device_table, device_text, with_device
-from lumbar.tissue.haptics.judgement import judge, oscillating_and_calm
-from lumbar.tissue.haptics.passivity import z_width
-from lumbar.tissue.haptics.verdict import Judgement
+from lumbar.tissue.haptics.loop_verdict import LoopVerdict, judge_models
+from lumbar.tissue.haptics.z_width import z_width
 from lumbar.tissue.models.fitted_model import FittedModel, read_models
 
 if TYPE_CHECKING:
@@ -167,7 +166,7 @@ def render(
     settings: RuntimeSettings | None = None,
     source_label: str = "",
 ) -> Rendering:
-    """Say what models do on a haptic device in a person's hand: passive, stable, or oscillating.
+    """Judge models on a haptic device in a subject's hand: passive, stable, or unstable.
 
     Each model is judged as it is exported and at the rate of the servo. The analysis is exact for linear models (passivity of
     a sampled force after Colgate and Schenkel, 1997; poles of the loop with device, hand and hold); models with effects are
@@ -221,46 +220,46 @@ def render(
 
 
 def rendering_of(models: Sequence[FittedModel], settings: RuntimeSettings, source_label: str) -> Rendering:
-    """Judge models on the device of the settings; models that cannot be rendered are refused with the reason, not an error."""
-    judgements, refused = judge(models, settings)
-    return Rendering(tuple(judgements), tuple(refused), settings, source_label)
+    """Judge models on the device of the settings; the reason why a model cannot be judged is kept, not raised."""
+    verdicts, refused = judge_models(models, settings)
+    return Rendering(tuple(verdicts), tuple(refused), settings, source_label)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Rendering(Result):
-    """What models do on a device."""
+    """Verdicts on models on a device."""
 
-    judgements: tuple[Judgement, ...]
-    """``analysis`` (damping needed, largest stable gain), ``run`` (the simulated loop) and the lowest safe rates of each
-    model at each rate."""
+    verdicts: tuple[LoopVerdict, ...]
+    """``analysis`` (damping needed, largest stable gain), ``run`` (the simulated loop), the worst hand and the lowest safe
+    rates of each model at each rate."""
     refused: tuple[str, ...]
     """Why models have no counterpart at a rate."""
     settings: RuntimeSettings
-    """With the device."""
+    """Settings with the device."""
     source_label: str
 
-    def __getitem__(self, index: int) -> Judgement:
-        return self.judgements[index]
+    def __getitem__(self, index: int) -> LoopVerdict:
+        return self.verdicts[index]
 
-    def __iter__(self) -> Iterator[Judgement]:
-        return iter(self.judgements)
+    def __iter__(self) -> Iterator[LoopVerdict]:
+        return iter(self.verdicts)
 
     def __len__(self) -> int:
-        return len(self.judgements)
+        return len(self.verdicts)
 
     @property
     def table(self) -> Table:
         """Model × device, with the definition of every number."""
-        return device_table(self.judgements, self.refused, self.settings, self.source_label)
+        return device_table(self.verdicts, self.refused, self.settings, self.source_label)
 
     @property
     def linear(self) -> list[FittedModel]:
-        """The transfer functions among the models, each once, without those that have one rate alone, as the thesis ran them."""
+        """The transfer functions among the models, each once, without those of the thesis, which have only one rate."""
         given = [item.fitted for item in self if item.fitted is not None and item.fitted.discrete]
         return list({model.name: model for model in given if not model.name.endswith(AS_IN_THESIS)}.values())
 
     def z_width_figure(self) -> Figure:
-        """Damping needed against the rate, and the stiffness that the device can render against its damping.
+        """Draw the damping needed against the rate, and the stiffness that the device can render against its damping.
 
         Raises
         ------
@@ -274,13 +273,26 @@ class Rendering(Result):
         return z_width_figure(z_width(self.linear, self.settings), self.settings.device)
 
     def loop_figure(self) -> Figure:
-        """The loop that oscillates beside the mended one, of the best fitting model that has both; else the first two loops."""
+        """Draw an oscillating loop next to a calm one of the same model, the best fitting with both; else the first two loops."""
         from lumbar.publishing.figures.runtime_figures import loop_figure
 
-        return loop_figure(oscillating_and_calm(self.judgements) or self.judgements[:2])
+        pairs = [
+            (before, after)
+            for before in self
+            for after in self
+            if before.analysis.name == after.analysis.name
+            and before.run.oscillates
+            and not after.run.oscillates
+        ]
+
+        def fit(pair: tuple[LoopVerdict, LoopVerdict]) -> float:
+            fitted = pair[0].fitted
+            return (fitted and fitted.scores.vaf_percent) or 0.0
+
+        return loop_figure(max(pairs, key=fit, default=self.verdicts[:2]))
 
     def files(self) -> Iterator[tuple[str, Any]]:
-        """The table ``rendering`` and the figures ``closed_loop`` and, of transfer functions, ``z_width``."""
+        """Return the table ``rendering`` and the figures ``closed_loop`` and, for transfer functions, ``z_width``."""
         yield "rendering", self.table
         yield "closed_loop", self.loop_figure()
         if self.linear:
@@ -291,13 +303,9 @@ class Rendering(Result):
 
     def __str__(self) -> str:
         """Device and hand, then one paragraph per loop."""
-        return "\n".join([device_text(self.settings.device), *map(_loop_sentence, self), *self.refused])
-
-
-def _loop_sentence(item: Judgement) -> str:
-    rates = [
-        f"{word} from {rate:.4g} Hz on"
-        for word, rate in (("stable", item.lowest_stable_rate), ("passive", item.lowest_passive_rate))
-        if rate is not None
-    ]
-    return "; ".join([item.finding, *rates])
+        lines = [device_text(self.settings.device)]
+        for item in self:
+            rates = {"stable": item.lowest_stable_rate, "passive": item.lowest_passive_rate}
+            known = [f"{word} from {rate:.4g} Hz on" for word, rate in rates.items() if rate is not None]
+            lines.append("; ".join([item.finding, *known]))
+        return "\n".join([*lines, *self.refused])

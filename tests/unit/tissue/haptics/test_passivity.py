@@ -17,15 +17,15 @@ from tissue_fits import COEFFICIENTS
 from lumbar.settings.runtime import DeviceSettings, RuntimeSettings
 from lumbar.tissue.effects.catalogue import TISSUE, catalogue_with
 from lumbar.tissue.haptics.closed_loop import SampledModel, largest_stable_gain, propagation
-from lumbar.tissue.haptics.judgement import judge_exported, run_loop
-from lumbar.tissue.haptics.passive_fit import (
+from lumbar.tissue.haptics.loop_verdict import judge_loop, run_loop
+from lumbar.tissue.haptics.passive_models import (
     Branches,
     DeviceCondition,
     fit_branches,
     fit_passive,
+    takes_energy,
     unit_branch,
 )
-from lumbar.tissue.haptics.passive_models import takes_energy
 from lumbar.tissue.haptics.passivity import required_damping
 from lumbar.tissue.haptics.rendered_model import export_at, fmu_of, stepping
 from lumbar.tissue.haptics.simulation import simulate
@@ -146,7 +146,8 @@ def test_device_and_hand_move_as_integrated():
 
 
 def test_an_unstable_model_has_no_stable_gain():
-    assert largest_stable_gain(SampledModel("", np.ones(1), np.array([1, -1.1]), 0.01), STYLUS) == (0.0, 0.0)
+    model = SampledModel("", np.ones(1), np.array([1, -1.1]), 0.01)
+    assert largest_stable_gain(model, STYLUS).gain == 0.0
 
 
 def test_a_resonance_narrower_than_the_angles_between_asks_for_its_damping():
@@ -225,7 +226,7 @@ def disagreement(rng):
     """What is wrong about one drawn loop; empty where nothing is."""
     model, values, hand = drawn_loop(rng)
     device = changed(RuntimeSettings(), device=values | {"hand_stiffness_N_m": hand}).device
-    found, expected = largest_stable_gain(model, device)[0], gain_by_eigenvalues(model, values, hand)
+    found, expected = largest_stable_gain(model, device).gain, gain_by_eigenvalues(model, values, hand)
     stiffness = model.numerator.sum() / model.denominator.sum()
     if stiffness < -1e-6 and np.isfinite(required_damping(model, 200)):
         return f"passive with {stiffness:g} N/m"
@@ -302,14 +303,14 @@ def contradictions(form: str, encoder_um: float, cache: Path, project: Path) -> 
     entry = entry_of_effects("KB", {form: {**FORM_NUMBERS, **OWN}[form]}, catalogue)
     settings = changed(SETTINGS, compiler_cache=str(cache), device={"encoder_um": encoder_um})
     exported = export_at(read_models(models_json(entry), {"tissue": catalogue})[0], settings, 1000.0)
-    verdict = judge_exported(exported, settings)
+    verdict = judge_loop(exported, settings)
     if not verdict.stable:
         return []
     shaken = []
     with fmu_of(exported, settings) as fmu:
         for push_mm in PUSHES_MM:
             with stepping(fmu) as step:
-                run = run_loop(verdict.model, settings.device, step, push_mm)
+                run = run_loop(verdict.analysis, step, push_mm)
             shaken += [] if run.calm else [f"{push_mm:g} mm: {run.outcome}; {verdict.finding}"]
     return shaken
 

@@ -1,4 +1,4 @@
-"""The loop of matrices: against that of one axis along principal axes, against all poles of the loop, and as it is told."""
+"""The loop of matrices: against that of one axis along principal axes, and against all poles of the loop."""
 
 from dataclasses import replace
 
@@ -10,9 +10,10 @@ from lumbar.base.errors import InputError
 from lumbar.settings.runtime import DeviceSettings, RuntimeSettings
 from lumbar.tissue.haptics import closed_loop, passivity
 from lumbar.tissue.haptics.closed_loop import SampledModel, propagation
-from lumbar.tissue.haptics.device_table import with_device
-from lumbar.tissue.haptics.in_space import SpatialLoop, largest_stable_gain, required_damping, spatial_loops
-from lumbar.tissue.haptics.judgement import judge_exported
+from lumbar.tissue.haptics.in_space import SpatialLoop
+from lumbar.tissue.haptics.loop_verdict import LoopStatus, judge_loop
+from lumbar.tissue.haptics.rendered_model import render_model
+from study_settings import changed
 
 STEP, LONG = 1e-3, 1500
 DEVICE = DeviceSettings()
@@ -61,13 +62,13 @@ def test_below_the_largest_gain_every_pole_is_inside_and_above_one_is_not():
         device = DEVICE.model_copy(
             update={"damping_N_s_m": generator.uniform(0.1, 6.0), "mass_kg": generator.uniform(0.05, 0.5)}
         )
-        gain, frequency, direction = largest_stable_gain(loop_of(spring, branch, decay), device)
-        assert np.linalg.norm(direction) == pytest.approx(1.0)
+        limit = loop_of(spring, branch, decay).largest_stable_gain(device)
+        assert np.linalg.norm(limit.direction) == pytest.approx(1.0)
         for share in (0.01, 0.3, 0.9, 0.9995):
-            assert radius(spring, branch, decay, share * min(gain, 1e6), device) < 1.0
-        if np.isfinite(gain):
-            assert radius(spring, branch, decay, 1.0005 * gain, device) > 1.0
-            assert frequency > 0
+            assert radius(spring, branch, decay, share * min(limit.gain, 1e6), device) < 1.0
+        if np.isfinite(limit.gain):
+            assert radius(spring, branch, decay, 1.0005 * limit.gain, device) > 1.0
+            assert limit.frequency > 0
             bounded += 1
     assert bounded > 20
 
@@ -77,7 +78,7 @@ def test_no_direction_needs_more_damping_than_the_matrix():
     for delay in (0.0, 0.0004, 0.0013):
         spring, branch = drawn(generator), drawn(generator)
         loop = loop_of(spring, branch, 0.97, delay)
-        needed, worst = required_damping(loop)
+        needed, worst = loop.required_damping()
 
         def along(direction, loop=loop):
             projected = np.einsum("i,sij,j->s", direction, loop.impulse, direction)
@@ -91,39 +92,37 @@ def test_no_direction_needs_more_damping_than_the_matrix():
 
 def test_a_spring_that_pushes_on_is_never_stable():
     loop = loop_of(np.diag([500.0, -1.0, 200.0]), np.zeros((3, 3)), 0.97)
-    needed, direction = required_damping(loop)
+    needed, direction = loop.required_damping()
     assert (needed, abs(direction[1])) == (np.inf, pytest.approx(1.0))
     free = DEVICE.model_copy(update={"hand_stiffness_N_m": 0.0})
-    assert largest_stable_gain(loop, free)[0] == 0.0
-    assert largest_stable_gain(loop, DEVICE.model_copy(update={"hand_stiffness_N_m": 0.5}))[
-        0
-    ] == pytest.approx(0.5)
+    assert loop.largest_stable_gain(free).gain == 0.0
+    held = DEVICE.model_copy(update={"hand_stiffness_N_m": 0.5})
+    assert loop.largest_stable_gain(held).gain == pytest.approx(0.5)
 
 
 def test_principal_axes_are_loops_of_their_own():
-    """Orthotropic KB as it is exported: damping and gain are those along the stiffest axis, which is named."""
-    ((loop,), meets) = spatial_loops(spatial_export({}, moving_average_ms=3.0), DEVICE)
-    found = []
+    """Orthotropic KB as it is exported: damping and gain are those along the stiffest axis, which is returned."""
+    model = render_model(spatial_export({}, moving_average_ms=3.0), DEVICE)
+    (loop,), damping, limits = model.loops, [], []
     for spring, branch in zip(1e3 * STIFFNESS, 1e3 * BRANCH, strict=True):
         impulse = branch * branch_impulse(np.exp(-STEP / RELAXATION)) + spring * (np.arange(LONG) == 0)
         one = SampledModel("KB", np.convolve(impulse, np.full(3, 1 / 3)), np.ones(1), STEP)
-        found.append((passivity.required_damping(one), *closed_loop.largest_stable_gain(one, DEVICE)))
-    needed, asks = required_damping(loop)
-    gain, frequency, along = largest_stable_gain(loop, DEVICE)
-    assert (needed, gain, frequency) == (
-        pytest.approx(max(item[0] for item in found), rel=1e-9),
-        pytest.approx(min(item[1] for item in found), rel=1e-4),
-        pytest.approx(found[0][2], rel=1e-3),
-    )
-    assert abs(asks @ FRAME[:, 0]) == pytest.approx(1.0, abs=1e-9)
-    assert abs(along @ FRAME[:, 0]) == pytest.approx(1.0, abs=1e-6)
-    assert not meets.linearised
+        damping.append(passivity.required_damping(one))
+        limits.append(closed_loop.largest_stable_gain(one, DEVICE))
+    needed, direction = loop.required_damping()
+    limit = loop.largest_stable_gain(DEVICE)
+    assert needed == pytest.approx(max(damping), rel=1e-9)
+    assert limit.gain == pytest.approx(min(item.gain for item in limits), rel=1e-4)
+    assert limit.frequency == pytest.approx(limits[0].frequency, rel=1e-3)
+    assert abs(direction @ FRAME[:, 0]) == pytest.approx(1.0, abs=1e-9)
+    assert abs(limit.direction @ FRAME[:, 0]) == pytest.approx(1.0, abs=1e-6)
+    assert model.reach is None
 
 
 def test_sines_in_time_take_no_more_energy_than_the_damping_pays():
-    """Along the direction that is named one of them takes all of it; along others less."""
+    """Along the direction that is returned one of them takes all of it; along others less."""
     model = spatial_export({}, ("x", "z"))
-    needed, worst = required_damping(spatial_loops(model, DEVICE)[0][0])
+    needed, worst = render_model(model, DEVICE).loops[0].required_damping()
     taken = {}
     for direction in (worst, worst[::-1] * [1.0, -1.0], np.array([1.0, 0.0])):
         found = []
@@ -142,16 +141,11 @@ def test_sines_in_time_take_no_more_energy_than_the_damping_pays():
 def test_an_export_is_judged_along_the_worst_direction(zig_cache, tmp_path):
     settings = RuntimeSettings(compiler_cache=str(zig_cache))
     model = spatial_export({}, moving_average_ms=3.0)
-    said = with_device([model], settings, [model.identified])[0].on_device
-    assert "In event mode: orthotropic_KB at 1000 Hz: passive in any hand (" in said[1]
-    assert "along x, y, z = (0.73, 0.56, 0.4) it needs most damping" in said[1]
-    assert "Read as FMI 2.0 reads" in said[2]
-    soft = settings.model_copy(
-        update={"device": DEVICE.model_copy(update={"mass_kg": 0.02, "damping_N_s_m": 0.5})}
-    )
-    judged = judge_exported(model, soft)
+    verdict = judge_loop(model, settings)
+    assert verdict.status is LoopStatus.PASSIVE
+    np.testing.assert_allclose(np.abs(verdict.analysis.damping_direction), [0.73, 0.56, 0.4], atol=0.005)
+    soft = changed(settings, device={"mass_kg": 0.02, "damping_N_s_m": 0.5})
+    judged = judge_loop(model, soft)
     assert not judged.stable and judged.run.oscillates
-    with pytest.raises(InputError, match="a whole multiple or part of it; rate_Hz is 300"):
-        judge_exported(
-            model, settings.model_copy(update={"device": DEVICE.model_copy(update={"rate_Hz": 300.0})})
-        )
+    with pytest.raises(InputError, match="rate_Hz is 300"):
+        judge_loop(model, changed(settings, device={"rate_Hz": 300.0}))

@@ -16,17 +16,11 @@ from lumbar.settings.runtime import DeviceSettings, RuntimeSettings
 from lumbar.tissue.fmu.build.compiler import TARGETS
 from lumbar.tissue.fmu.instance import UnzippedFmu
 from lumbar.tissue.haptics.closed_loop import SampledModel, largest_stable_gain
-from lumbar.tissue.haptics.judgement import analyse
+from lumbar.tissue.haptics.loop_verdict import analyse
 from lumbar.tissue.haptics.passivity import required_damping
 from lumbar.tissue.haptics.rendered_model import export_at, render_model, stepping
-from lumbar.tissue.haptics.simulation import (
-    TissueForce,
-    difference_equation,
-    encoder_ripple,
-    from_tick_to_tick,
-    simulate,
-)
-from lumbar.tissue.haptics.ticks import PeriodicModel, realisation
+from lumbar.tissue.haptics.simulation import TissueForce, difference_equation, encoder_ripple, simulate
+from lumbar.tissue.haptics.ticks import PeriodicModel, from_tick_to_tick, realisation
 from running import PROJECT
 
 STYLUS = RuntimeSettings().device
@@ -176,13 +170,13 @@ def drawn_sequence(seed: int, ticks: int) -> tuple[PeriodicModel, DeviceSettings
 def test_ticks_that_repeat_are_stable_up_to_the_gain_and_not_above(seed):
     """In time through the loader's rule, for as long as the largest pole needs to double or halve a motion ten times."""
     loop, device = drawn_sequence(seed, 3)
-    gain, frequency = loop.largest_stable_gain(device)
-    assert 0 < frequency <= 0.5 / loop.sampling_time
+    limit = loop.largest_stable_gain(device)
+    assert 0 < limit.frequency <= 0.5 / loop.sampling_time
     for share in (0.7, 1.4):
-        growing = np.log(np.abs(np.linalg.eigvals(loop.monodromy(device, share * gain))).max())
+        growing = np.log(loop.transitions(device).radius(share * limit.gain))
         assert (growing > 0) == (share > 1)
         seconds = 10 * np.log(2) / abs(growing) * sum(loop.intervals)
-        scaled = loop.model.scaled(share * gain)
+        scaled = loop.model.scaled(share * limit.gain)
         assert (growth(scaled, loop.intervals, device, loop.delay, seconds) > 1) == (share > 1)
 
 
@@ -194,10 +188,12 @@ def test_ticks_that_are_alike_are_those_of_the_exact_analysis(seed, ticks, sampl
     model, device = drawn_model(rng), drawn_device(rng)
     intervals = (model.sampling_time * samples / ticks,) * ticks
     loop = PeriodicModel(replace(model, delay=0.0), intervals, delay=model.delay)
-    assert loop.largest_stable_gain(device) == pytest.approx(largest_stable_gain(model, device), rel=1e-6)
+    found, expected = loop.largest_stable_gain(device), largest_stable_gain(model, device)
+    assert found.gain == pytest.approx(expected.gain, rel=1e-6)
+    assert found.frequency == pytest.approx(expected.frequency, rel=1e-6)
     needed = required_damping(model)
     assert required_damping(loop) == pytest.approx(needed, rel=1e-4, abs=1e-9)
-    if loop.largest_stable_gain(device)[0] > 1:
+    if found.gain > 1:
         assert encoder_ripple(loop, device) == pytest.approx(encoder_ripple(model, device), rel=1e-4)
 
 
@@ -237,11 +233,13 @@ def test_a_servo_slower_by_a_whole_factor_is_a_model_of_its_own(seed, samples):
 
 def test_a_long_impulse_response_has_the_states_of_what_gave_it():
     impulse = lfilter([2.0, -1.9, 0.1], [1.0, -1.94, 0.9408], np.eye(1, 4000)[0])
-    a, b, c, d = realisation(SampledModel("", impulse, np.ones(1), 0.001))
-    np.testing.assert_allclose(sorted(np.linalg.eigvals(a)), [0.96, 0.98], atol=1e-9)
-    np.testing.assert_allclose([d, c @ b, c @ a @ b], impulse[:3], atol=1e-9)
+    found = realisation(SampledModel("", impulse, np.ones(1), 0.001))
+    np.testing.assert_allclose(sorted(np.linalg.eigvals(found.a)), [0.96, 0.98], atol=1e-9)
+    np.testing.assert_allclose(
+        [found.d, found.c @ found.b, found.c @ found.a @ found.b], impulse[:3], atol=1e-9
+    )
     average = SampledModel("", np.full(200, 0.005), np.ones(1), 0.001)
-    assert len(realisation(average)[0]) == 199
+    assert len(realisation(average).a) == 199
 
 
 def test_rates_without_a_common_period_are_judged_where_their_clocks_meet_worst():

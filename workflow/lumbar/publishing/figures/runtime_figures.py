@@ -10,8 +10,8 @@ from matplotlib.figure import Figure
 from lumbar.publishing.figures.palette import MODELS, SERIES, model_line, model_look
 from lumbar.publishing.figures.style import DOUBLE_COLUMN, house_style, label_panels, new_figure, note
 from lumbar.settings.runtime import DeviceSettings
-from lumbar.tissue.haptics.passivity import ZWidth
-from lumbar.tissue.haptics.verdict import Judgement
+from lumbar.tissue.haptics.loop_verdict import LoopVerdict
+from lumbar.tissue.haptics.z_width import ZWidth
 
 _FMI_LOOKS = {
     "3.0": {"label": "FMI 3.0, event mode", "color": "#0072B2", "marker": "o", "linestyle": "-"},
@@ -98,12 +98,12 @@ def z_width_figure(found: ZWidth, device: DeviceSettings) -> Figure:
 
 
 @house_style
-def loop_figure(judgements: Sequence[Judgement]) -> Figure:
+def loop_figure(verdicts: Sequence[LoopVerdict]) -> Figure:
     """Draw simulated loops, at least one, side by side: position and force of each."""
     figure, axes = new_figure(
-        DOUBLE_COLUMN, 3.6, nrows=2, ncols=len(judgements), sharex=True, sharey="row", squeeze=False
+        DOUBLE_COLUMN, 3.6, nrows=2, ncols=len(verdicts), sharex=True, sharey="row", squeeze=False
     )
-    for column, item in enumerate(judgements):
+    for column, item in enumerate(verdicts):
         run = item.run
         colour = _MOVING if run.oscillates else _AT_REST
         position, force = axes[:, column]
@@ -111,7 +111,8 @@ def loop_figure(judgements: Sequence[Judgement]) -> Figure:
         force.step(run.time, run.force, where="post", color=colour)
         for bound in (-item.model.limit, item.model.limit):
             force.axhline(bound, color="#000000", linewidth=0.6, linestyle=(0, (4, 2)))
-        does = f"oscillates at {run.frequency:.1f} Hz" if run.oscillates else "comes to rest"
+        does = "runs away" if run.runs_away else "comes to rest"
+        does = f"oscillates at {run.frequency:.1f} Hz" if run.oscillates else does
         position.set_title(f"{item.analysis.name} at {item.analysis.rate:.4g} Hz: {does}", loc="center")
         force.set(xlabel="Time (s)", xlim=(0.0, _SHOWN_S))
     axes[0, 0].set(ylabel="Stylus (mm)")

@@ -18,36 +18,65 @@ _SMALLEST_ANGLE, _SLOWEST = 1e-4, 1e-6
 _NEAR = np.sinh(np.linspace(-4.0, 4.0, 33))
 """Angles near a pole, in multiples of its distance to the unit circle."""
 _LONG = 64
-"""Coefficients that are summed at once."""
+"""Coefficients in a block of a long polynomial."""
 _ROUNDING = 1e-9
 """Share of a numerator's coefficients below which their sum is 0."""
 
 
 def all_angles(points: int = 2000, smallest: float = _SMALLEST_ANGLE) -> np.ndarray:
-    """Angles ωT from near 0 to π: evenly spaced, and closer and closer towards 0, where slow relaxations lie."""
+    """Return angles ωT from near 0 to π: evenly spaced, and ever denser towards 0, because slow relaxations are there."""
     slow = np.geomspace(smallest, np.pi / points, points // 4)
     return np.concatenate([slow[:-1], np.linspace(slow[-1], np.pi, points)])
 
 
 def angles_near(poles: np.ndarray) -> np.ndarray:
-    """Angles in (0, π) about those of poles, as dense as a resonance of each is narrow."""
-    # Once for both of a conjugate pair.
+    """Return angles in (0, π) about those of poles, as dense as the resonance of each is narrow."""
+    # `unique` keeps one of a conjugate pair.
     near = np.unique(np.abs(np.angle(poles))[:, None] + (1.0 - np.abs(poles))[:, None] * _NEAR)
     return near[(near > 0.0) & (near < np.pi)]
 
 
-def _polynomial(coefficients: np.ndarray, angles: np.ndarray) -> np.ndarray:
-    """Polynomial in z⁻¹ at exp(jθ); by single powers where most have none, as after a delay or in a model that is held."""
-    powers = np.flatnonzero(coefficients)
-    if 4 * len(powers) < len(coefficients):
-        return np.exp(-1j * np.multiply.outer(angles, powers)) @ coefficients[powers]
-    if len(coefficients) <= _LONG:
-        return np.polyval(coefficients[::-1], np.exp(-1j * np.asarray(angles)))
-    # Horner's rule takes a step of Python a coefficient: here rows of coefficients, then their sums at the powers between.
-    rows = np.pad(coefficients, (0, -len(coefficients) % _LONG)).reshape(-1, _LONG)
+def evaluate_polynomials(coefficients: np.ndarray, angles: np.ndarray) -> np.ndarray:
+    """Return polynomials in z⁻¹ at exp(jθ).
+
+    Parameters
+    ----------
+    coefficients : numpy.ndarray, shape (powers,) or (powers, polynomials)
+    angles : numpy.ndarray, shape (angles,)
+        Of any shape for a single polynomial.
+
+    Returns
+    -------
+    numpy.ndarray, shape (angles,) or (angles, polynomials)
+        Complex values.
+    """
+    if coefficients.ndim == 1:
+        # After a delay, and in a model that runs several times over, most powers have no coefficient.
+        powers = np.flatnonzero(coefficients)
+        if 4 * len(powers) < len(coefficients):
+            return np.exp(-1j * np.multiply.outer(angles, powers)) @ coefficients[powers]
+        if len(coefficients) <= _LONG:
+            return np.polyval(coefficients[::-1], np.exp(-1j * np.asarray(angles)))
+    # Horner's rule takes a Python step per coefficient. Instead sum blocks of coefficients, then the blocks.
+    blocks = np.pad(coefficients.T, (*[(0, 0)] * (coefficients.ndim - 1), (0, -len(coefficients) % _LONG)))
+    blocks = blocks.reshape(*blocks.shape[:-1], -1, _LONG)
     within = np.exp(-1j * np.multiply.outer(angles, np.arange(_LONG)))
-    between = np.exp(-1j * np.multiply.outer(angles, _LONG * np.arange(len(rows))))
-    return ((within.real @ rows.T + 1j * (within.imag @ rows.T)) * between).sum(-1)
+    between = np.exp(-1j * np.multiply.outer(angles, _LONG * np.arange(blocks.shape[-2])))
+    sums = ((within.real @ blocks.mT + 1j * (within.imag @ blocks.mT)) * between).sum(-1)
+    return np.moveaxis(sums, 0, -1) if coefficients.ndim > 1 else sums
+
+
+@dataclass(frozen=True)
+class StableGain:
+    """The end of a loop's stable gains."""
+
+    gain: float
+    """Largest factor on the model's force below which the loop is stable for every factor from 0; 0 for an unstable model,
+    infinite if no gain is too large."""
+    frequency: float
+    """Frequency in Hz of the oscillation that begins there; 0 if the loop runs away."""
+    direction: np.ndarray | None = None
+    """Unit vector of that motion in space; None along one axis."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +95,7 @@ class SampledModel:
 
     def response(self, angles: np.ndarray) -> np.ndarray:
         """H(exp(jθ)) at angles θ = ωT in radians, without `delay`; shape of `angles`, complex."""
-        return _polynomial(self.numerator, angles) / _polynomial(self.denominator, angles)
+        return evaluate_polynomials(self.numerator, angles) / evaluate_polynomials(self.denominator, angles)
 
     @property
     def poles(self) -> np.ndarray:
@@ -158,38 +187,31 @@ def loop_response(model: SampledModel, device: DeviceSettings) -> Callable[[np.n
     return response
 
 
-def largest_stable_gain(model: SampledModel, device: DeviceSettings) -> tuple[float, float]:
-    """Largest factor on the model's force below which the loop is stable for every factor from 0 on.
+def largest_stable_gain(model: SampledModel, device: DeviceSettings) -> StableGain:
+    """Return the largest stable gain of a loop; other kinds of loops have a method for it.
 
-    Where the loop's frequency response meets the negative real axis at −r, a factor 1/r puts a pole on the unit circle; device
-    and hand alone and the model alone are stable, so that the first such factor is the end of the stable ones. It meets the axis
-    at z = −1, at z = 1, where a negative static stiffness overcomes the hand, and in between.
+    If the loop's frequency response crosses the negative real axis at −r, a factor 1/r puts a pole on the unit circle. Device
+    with hand and the model are stable by themselves, so that the smallest of these factors ends the stable ones. The response
+    is real at z = −1, at z = 1 (a negative static stiffness overcomes the hand), and at crossings in between.
 
-    A stylus that nobody holds (a hand without stiffness) stays where it is left, which is no instability: without static
-    stiffness of the model the pole z = 1 of its place is left out, with a negative one no factor is stable.
-
-    Returns
-    -------
-    gain : float
-        0 for an unstable model, infinite where no gain is too large.
-    frequency : float
-        At which the loop begins to oscillate there, in Hz; 0 where it runs away.
+    A stylus without a hand (a hand without stiffness) stays at any position, which is not an instability: if the model has no
+    static stiffness, the pole z = 1 of this position is left out; with a negative static stiffness no factor is stable.
     """
     if not isinstance(model, SampledModel):
         return model.largest_stable_gain(device)
     if not model.stable:
-        return 0.0, 0.0
-    response = loop_response(model, device)
-    gains = [(-1.0 / found, 0.0) for found in [_static_response(model, device)] if found < 0]
-    for angle in (*_real_crossings(response), np.pi):  # real at π
-        found = response(angle).real
-        if found < 0:
-            gains.append((float(-1.0 / found), float(angle / (2.0 * np.pi * model.sampling_time))))
-    return min(gains, default=(float("inf"), 0.0))
+        return StableGain(0.0, 0.0)
+    response, gains = loop_response(model, device), []
+    if (static := _static_response(model, device)) < 0:
+        gains.append(StableGain(-1.0 / static, 0.0))
+    for angle in (*_real_crossings(response), np.pi):
+        if (value := response(angle).real) < 0:
+            gains.append(StableGain(float(-1.0 / value), float(angle / (2.0 * np.pi * model.sampling_time))))
+    return min(gains, key=lambda item: (item.gain, item.frequency), default=StableGain(float("inf"), 0.0))
 
 
 def _static_response(model: SampledModel, device: DeviceSettings) -> float:
-    """The loop's response at z = 1, without the pole of a free stylus's place."""
+    """Return the loop's response at z = 1, without the pole of a free stylus's position."""
     stiffness = model.static_stiffness
     if device.hand_stiffness_N_m:
         return stiffness / device.hand_stiffness_N_m
@@ -201,27 +223,28 @@ def _static_response(model: SampledModel, device: DeviceSettings) -> float:
 
 
 def _real_crossings(response: Callable[[np.ndarray], np.ndarray]) -> list[float]:
-    """Angles at which a loop's response crosses the real axis, two close together included."""
+    """Return the angles at which a loop's response crosses the real axis, two close together included."""
 
     def imaginary(angle: float) -> float:
         return response(angle).imag
 
     angles = all_angles(smallest=_SLOWEST)
     values = response(angles).imag
+    # Between two angles of one sign the imaginary part may dip below 0 and return: search every local minimum of its size.
     size, positive = np.abs(values), np.signbit(values)
     dips = (size[1:-1] < size[:-2]) & (size[1:-1] < size[2:])
     dips &= (positive[1:-1] == positive[:-2]) & (positive[1:-1] == positive[2:])
     between = []
     for index in np.flatnonzero(dips) + 1:
-        sign = np.sign(values[index])
         lowest = scipy.optimize.minimize_scalar(
             lambda angle, sign: sign * imaginary(angle),
-            args=(sign,),
+            args=(np.sign(values[index]),),
             bounds=angles[[index - 1, index + 1]],
             method="bounded",
         )
         if lowest.fun < 0:
             between.append(lowest.x)
+    # Every change of sign brackets a crossing.
     angles = np.sort(np.r_[angles, between])
     positive = np.signbit(response(angles).imag)
     return [

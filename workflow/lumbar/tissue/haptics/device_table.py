@@ -1,4 +1,4 @@
-"""What every model asks of a device: the table model × device, words for an FMU's page, a warning or refusal at export."""
+"""The requirements of models on a device: the table model × device, text for an FMU's page, a warning or error at export."""
 
 import math
 import sys
@@ -10,19 +10,17 @@ from lumbar.settings.runtime import DeviceSettings, RuntimeSettings
 from lumbar.tables.described import described
 from lumbar.tables.table import Table
 from lumbar.tissue.fmu.build.export_model import ExportModel
-from lumbar.tissue.haptics.in_space import analyse_in_space, spatial_loops
-from lumbar.tissue.haptics.judgement import analyse, judge_exported
-from lumbar.tissue.haptics.passivity import FASTEST_HZ
-from lumbar.tissue.haptics.rendered_model import REACH_MM, render_model, renderable
+from lumbar.tissue.haptics.loop_verdict import LoopVerdict, analyse, judge_loop
+from lumbar.tissue.haptics.rendered_model import REACH_MM, is_renderable, render_model
 from lumbar.tissue.haptics.simulation import DURATION_S, PUSH_MM, PUSH_S
-from lumbar.tissue.haptics.verdict import Analysis, Judgement
+from lumbar.tissue.haptics.z_width import FASTEST_HZ
 from lumbar.tissue.models.fitted_model import FittedModel
 
 
 def device_table(
-    judgements: Sequence[Judgement], refused: Sequence[str], settings: RuntimeSettings, source_label: str
+    verdicts: Sequence[LoopVerdict], refused: Sequence[str], settings: RuntimeSettings, source_label: str
 ) -> Table:
-    """Return the table; `refused` says why models have no row at a rate."""
+    """Return the table; `refused` are the reasons why models have no row at a rate."""
     rows = [
         {
             "model": item.analysis.name,
@@ -35,11 +33,11 @@ def device_table(
             "lowest_stable_rate_Hz": item.lowest_stable_rate,
             "oscillation_Hz": item.run.frequency,
             "simulated": item.run.outcome,
-            "worst_hand": item.worst_hand.words if item.worst_hand else "",
+            "worst_hand": item.worst_hand.label if item.worst_hand else "",
             "stable_in_worst_hand": _yes(item.worst_hand.stable) if item.worst_hand else "",
             "oscillation_N": item.run.peak_to_peak,
         }
-        for item in judgements
+        for item in verdicts
     ]
     words = {
         "device": device_text(settings.device),
@@ -54,7 +52,7 @@ def device_table(
         "Models with effects are analysed through their linearisations, within the positions that they were fitted to, "
         f"±{REACH_MM:g} mm where these are not known, and simulated as their FMUs."
     )
-    linearised = any(item.model.linearised for item in judgements)
+    linearised = any(item.model.reach for item in verdicts)
     return described(
         "tissue/haptics",
         "rendering",
@@ -66,7 +64,7 @@ def device_table(
 
 
 def device_text(device: DeviceSettings) -> str:
-    """One sentence on device and hand."""
+    """Describe device and hand in one sentence."""
     hand = f"{device.hand_stiffness_N_m:g} N/m"
     hand += f", {device.hand_damping_N_s_m:g} N·s/m" if device.hand_damping_N_s_m else ""
     hand += f", {device.hand_mass_kg:g} kg" if device.hand_mass_kg else ""
@@ -79,7 +77,7 @@ def device_text(device: DeviceSettings) -> str:
 
 
 def finite(value: float) -> float | None:
-    """A number of a table; None, an empty cell, where it is infinite."""
+    """Return a number of a table; None, an empty cell, if it is infinite."""
     return value if math.isfinite(value) else None
 
 
@@ -96,61 +94,49 @@ _ADVICE = (
 def with_device(
     models: Sequence[ExportModel], settings: RuntimeSettings, fitted: Sequence[FittedModel]
 ) -> list[ExportModel]:
-    """Judge the models on the device, say so in their ``on_device``, and warn of those that are not safe.
+    """Judge the models on the device, describe the result in their ``on_device``, and warn of those that are not safe.
 
     Parameters
     ----------
     fitted : sequence of FittedModel
-        What they were exported from.
+        The models that they were exported from.
     settings : RuntimeSettings
-        ``device.unsafe`` says whether an unstable loop is told on standard error or is an error.
+        ``device.unsafe`` decides whether an unstable loop is a warning on standard error or an error.
 
     Raises
     ------
     NumericalError
         A loop is unstable and ``unsafe`` is ``"refuse"``.
     """
-    device, told, unsafe = settings.device, [], []
+    device, judged, unsafe = settings.device, [], []
     for model, source in zip(models, fitted, strict=True):
-        if not renderable(model):
-            told.append(model)
+        if not is_renderable(model):
+            judged.append(model)
             continue
-        judged = judge_exported(model, settings, source)
+        verdict = judge_loop(model, settings, source)
         sentences = [device_text(device)]
-        damping = model.guards.device_damping
-        bounded = 0.0 < damping <= device.damping_N_s_m and judged.analysis.prompt
-        if bounded:
+        # The bound holds if each force acts from its own sample to the next one.
+        is_prompt = verdict.analysis.is_in_step and not device.delay_ms
+        is_bounded = 0.0 < model.guards.device_damping <= device.damping_N_s_m and is_prompt
+        if is_bounded:
             sentences.append(
                 "The bound by device_damping, which the analysis leaves out, keeps the device passive whatever it says."
             )
-        if not (judged.safe or (bounded and judged.run.calm)):
-            unsafe.append(judged)
-        # A force that does not depend on the position of its own sample is read alike.
-        sentences.append(
-            f"{'In event mode' if model.feedthrough else 'However it is read'}: {judged.finding}."
-        )
+        if not (verdict.safe or (is_bounded and verdict.run.calm)):
+            unsafe.append(verdict)
+        # A client reads a force that does not depend on the position of its own sample alike in both ways.
+        reading = "In event mode" if model.feedthrough else "However it is read"
+        sentences.append(f"{reading}: {verdict.finding}.")
         if model.feedthrough:
-            late = _read_late(model, device)
-            sentences.append(
-                f"Read as FMI 2.0 reads, the position set after, by the analysis: {late.finding}."
+            late = analyse(render_model(model, device, late=True), device).finding
+            sentences.append(f"Read as FMI 2.0 reads, the position set after, by the analysis: {late}.")
+        judged.append(replace(model, on_device=tuple(sentences)))
+    if unsafe:
+        text = "\n".join(f"  {verdict.finding}" for verdict in unsafe)
+        if device.unsafe == "refuse":
+            raise NumericalError(
+                f"not safe on the device of runtime.device, not exported:\n{text}\n{_ADVICE}, or set runtime.device.unsafe: "
+                "warn"
             )
-        told.append(replace(model, on_device=tuple(sentences)))
-    _tell(unsafe, device)
-    return told
-
-
-def _read_late(model: ExportModel, device: DeviceSettings) -> Analysis:
-    if model.axes:
-        return analyse_in_space(model, device, *spatial_loops(model, device, late=True))[0]
-    return analyse(render_model(model, device, late=True), device)
-
-
-def _tell(unsafe: list[Judgement], device: DeviceSettings) -> None:
-    if not unsafe:
-        return
-    text = "\n".join(f"  {found.finding}" for found in unsafe)
-    if device.unsafe == "refuse":
-        raise NumericalError(
-            f"not safe on the device of runtime.device, not exported:\n{text}\n{_ADVICE}, or say runtime.device.unsafe: warn"
-        )
-    print(f"WARNING: not safe on the device of runtime.device:\n{text}\n  {_ADVICE}", file=sys.stderr)
+        print(f"WARNING: not safe on the device of runtime.device:\n{text}\n  {_ADVICE}", file=sys.stderr)
+    return judged

@@ -1,10 +1,21 @@
-"""The thesis's models fitted as passive ones, and what that costs: %VAF beside the free fits, and the damping they need."""
+"""Passive models: fits of springs next to Maxwell branches with stiffnesses of 0 or more, and their cost in %VAF.
+
+Such a network takes energy at every frequency and can be discretised at every rate. For given relaxation times the error of the
+free run is quadratic in the stiffnesses: the best fit is a convex programme. The condition that a device is passive with the
+averaged, held and delayed force too (`lumbar.tissue.haptics.passivity`) is a second-order cone at every frequency. The sampled
+admittance of hand and device is −(1 − exp(−jωT))/T · Σₙ exp(−jωₙτ) Yₙ/ωₙ², ωₙ = ω + 2πn/T, for forces late by a part τ of the
+sampling time, and every Yₙ may lie anywhere in the disc of centre and radius 1/(2b). The loop has no pole for any of them if
+|2b − L S(τ)| > |L| S(0), with L = (1 − exp(−jωT)) H/T and S(τ) = Σₙ exp(−jωₙτ)/ωₙ²: with p + jq = L S(τ) and r = S(0)/|S(τ)|
+p + √(r² p² + (r² − 1) q²) ≤ 2b, and L is linear in the stiffnesses.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import clarabel
 import numpy as np
+import scipy
 
 from lumbar.base.errors import NumericalError
 from lumbar.base.files import write_json
@@ -14,10 +25,8 @@ from lumbar.tables.described import described
 from lumbar.tables.table import Table
 from lumbar.tissue.haptics.closed_loop import SampledModel, all_angles
 from lumbar.tissue.haptics.device_table import device_text, finite
-from lumbar.tissue.haptics.judgement import analyse
-from lumbar.tissue.haptics.passive_fit import Branches, DeviceCondition, fit_passive
-from lumbar.tissue.haptics.rendered_model import export_at, render_model, renderable, scale_of
-from lumbar.tissue.haptics.verdict import Analysis
+from lumbar.tissue.haptics.loop_verdict import LoopAnalysis, analyse
+from lumbar.tissue.haptics.rendered_model import export_at, is_renderable, render_model, scale_of
 from lumbar.tissue.identification.arx_search import IdentificationData
 from lumbar.tissue.identification.identify_tissue import ports_of, scores_of
 from lumbar.tissue.models.fitted_model import FittedModel, models_document
@@ -25,12 +34,168 @@ from lumbar.tissue.models.model_data import ARX, OUTPUT_ERROR
 from lumbar.tissue.models.transfer_function import TransferFunction
 from lumbar.tissue.signals.spectrum import motion_range
 
+SLOWEST_S, TIMES = 20.0, 25
+"""Longest relaxation time in seconds, and number of times from half a sample on."""
+_ANGLES = 120
+_NEGLIGIBLE = 1e-4
+"""Share of the largest stiffness below which a branch is left out."""
+_MARGIN = 2e-3
+"""Share of the device's damping held in reserve: there are cones at some frequencies only, met to a solver's tolerance."""
+_ROUNDING = 1e-9
 PASSIVE = "passive"
 """Estimator of these fits."""
 _STRUCTURES = {"LE": (True, 0), "Maxwell": (False, 1), "KB": (True, 1), "HO": (True, None)}
-"""Whether a model has a spring, and its number of Maxwell branches; None for as many as the data ask for."""
+"""Whether a model has a spring, and its number of Maxwell branches; None for as many as the data require."""
 _FREE = {ARX: "free, ridge ARX", OUTPUT_ERROR: "free, output error"}
-_ROUNDING = 1e-9
+
+
+@dataclass(frozen=True)
+class Branches:
+    """A spring next to Maxwell branches."""
+
+    stiffnesses: tuple[float, ...]
+    """Stiffnesses in output unit per input unit."""
+    times: tuple[float, ...]
+    """Relaxation times in seconds; infinite for the spring."""
+
+    def transfer_function(self, sampling_time: float) -> TransferFunction:
+        """Return the ramp-invariant transfer function at a sampling time in seconds."""
+        poles = [float(np.exp(-sampling_time / time)) for time in self.times if np.isfinite(time)]
+        numerator = np.zeros(len(poles) + 1)
+        for stiffness, time in zip(self.stiffnesses, self.times, strict=True):
+            branch = unit_branch(time, sampling_time)
+            others = [pole for pole in poles if pole != -branch.denominator[-1]]
+            numerator += stiffness * np.convolve(branch.numerator, np.atleast_1d(np.poly(others)))
+        return TransferFunction(tuple(numerator), tuple(np.atleast_1d(np.poly(poles))))
+
+    def __str__(self) -> str:
+        return " + ".join(
+            f"{stiffness:.3g} relaxing in {time:.3g} s" if np.isfinite(time) else f"spring of {stiffness:.3g}"
+            for stiffness, time in zip(self.stiffnesses, self.times, strict=True)
+        )
+
+
+def unit_branch(time: float, sampling_time: float) -> TransferFunction:
+    """Return a branch of stiffness 1: τ/T (1 − a)(1 − z⁻¹)/(1 − a z⁻¹) with a = exp(−T/τ), or 1 for the spring."""
+    if not np.isfinite(time):
+        return TransferFunction((1.0,))
+    share = -np.expm1(-sampling_time / time) * time / sampling_time
+    return TransferFunction((share, -share), (1.0, -float(np.exp(-sampling_time / time))))
+
+
+@dataclass(frozen=True)
+class DeviceCondition:
+    """The condition of a device on the force that it renders."""
+
+    damping: float
+    """Damping of the device, N·s/m."""
+    rendering: SampledModel
+    """Average, rate and delay with which a static force of 1 per unit of position is rendered, in N/m."""
+
+    def columns(self, times: Sequence[float]) -> tuple[np.ndarray, np.ndarray]:
+        """Return L S(τ) of every branch at every angle, complex, shape (angles, branches); and S(0)/|S(τ)|, shape (angles,)."""
+        angles, period, delay = all_angles(_ANGLES), self.rendering.sampling_time, self.rendering.delay
+        forward = np.exp(1j * angles)
+        in_time = period**2 / (2.0 * (1.0 - np.cos(angles)))
+        late = in_time.astype(complex)
+        if delay:
+            # −T times the transform of max(kT − τ, 0), a double integrator sampled late.
+            late = -period * (period * forward / (forward - 1.0) ** 2 - delay / (forward - 1.0))
+        held = self.rendering.response(angles) * (1.0 - np.exp(-1j * angles)) / period * late
+        branches = [SampledModel.of("", unit_branch(time, period), period) for time in times]
+        responses = [branch.response(angles) for branch in branches]
+        return held[:, None] * np.column_stack(responses), in_time / np.abs(late)
+
+
+def fit_branches(
+    data: IdentificationData, times: Sequence[float], condition: DeviceCondition | None = None
+) -> tuple[Branches, float]:
+    """Fit stiffnesses for given relaxation times to the free run; return those above 0 and the sum of the squared errors.
+
+    Parameters
+    ----------
+    times : sequence of float
+        Seconds; infinite for the spring.
+    condition : DeviceCondition, optional
+        Without it the model is passive; with it the device that renders the model is passive, too.
+
+    Raises
+    ------
+    NumericalError
+        If the solver does not solve the programme.
+    """
+    regressors = np.column_stack(
+        [unit_branch(time, data.sampling_time).simulate(data.inputs) for time in times]
+    )[data.skip :]
+    reduced, target = np.linalg.qr(regressors)
+    projected = reduced.T @ data.outputs[data.skip :]
+    stiffnesses = _solve(
+        target, projected, condition and condition.columns(times), condition and condition.damping
+    )
+    kept = stiffnesses > _NEGLIGIBLE * stiffnesses.max(initial=0.0)
+    chosen = Branches(tuple(stiffnesses[kept].tolist()), tuple(np.array(times)[kept].tolist()))
+    error = data.outputs[data.skip :] - regressors[:, kept] @ stiffnesses[kept]
+    return chosen, float(error @ error)
+
+
+def _solve(factor: np.ndarray, projected: np.ndarray, columns, damping: float | None) -> np.ndarray:
+    """Minimise ‖R k − q‖² subject to k ≥ 0 and the cones of the device."""
+    count = factor.shape[1]
+    # The solver's tolerances are absolute: scale the stiffnesses to similar sizes.
+    size = np.linalg.norm(factor, axis=0)
+    scaled = factor / size
+    rows, bounds, cones = [-np.eye(count)], [np.zeros(count)], [clarabel.NonnegativeConeT(count)]
+    if columns is not None:
+        values, ratio = columns
+        values = values / size / damping
+        for value, r in zip(values, ratio, strict=True):
+            # (2 − p, r p, √(r² − 1) q) is in the cone; p and q are per unit of the device's damping.
+            rows.append(
+                np.vstack([value.real, -r * value.real, -np.sqrt(max(r * r - 1.0, 0.0)) * value.imag])
+            )
+            bounds.append(np.array([2.0 * (1.0 - _MARGIN), 0.0, 0.0]))
+            cones.append(clarabel.SecondOrderConeT(3))
+    settings = clarabel.DefaultSettings()
+    settings.verbose = False
+    solver = clarabel.DefaultSolver(
+        scipy.sparse.csc_matrix(np.triu(scaled.T @ scaled)),
+        -scaled.T @ projected,
+        scipy.sparse.csc_matrix(np.vstack(rows)),
+        np.concatenate(bounds),
+        cones,
+        settings,
+    )
+    found = solver.solve()
+    if found.status not in (clarabel.SolverStatus.Solved, clarabel.SolverStatus.AlmostSolved):
+        raise NumericalError(f"the passive fit is not solved: {found.status}")
+    return np.maximum(np.array(found.x), 0.0) / size
+
+
+def fit_passive(
+    data: IdentificationData, spring: bool, branches: int | None, condition: DeviceCondition | None = None
+) -> Branches:
+    """Fit the passive model of a structure, relaxation times included.
+
+    Parameters
+    ----------
+    branches : int or None
+        0 or 1 Maxwell branch with the best relaxation time; None for as many as the data require.
+    """
+    first = [np.inf] if spring else []
+    times = np.geomspace(data.sampling_time / 2.0, SLOWEST_S, TIMES)
+    if branches == 0:
+        return fit_branches(data, first, condition)[0]
+    if branches is None:
+        return fit_branches(data, [*first, *times], condition)[0]
+
+    def error(logarithm: float) -> float:
+        return fit_branches(data, [*first, float(np.exp(logarithm))], condition)[1]
+
+    coarse = np.log(times[::2])
+    best = int(np.argmin([error(logarithm) for logarithm in coarse]))
+    ends = coarse[max(best - 1, 0)], coarse[min(best + 1, len(coarse) - 1)]
+    found = scipy.optimize.minimize_scalar(error, bounds=ends, method="bounded", options={"xatol": 1e-4})
+    return fit_branches(data, [*first, float(np.exp(found.x))], condition)[0]
 
 
 @dataclass(frozen=True)
@@ -38,15 +203,15 @@ class PassiveFits:
     """Free and passive fits of one record."""
 
     free: tuple[FittedModel, ...]
-    """As identified, by both estimators."""
+    """Models as identified, by both estimators."""
     passive: tuple[FittedModel, ...]
-    """``<model>-passive``, and ``<model>-passive-<rate>Hz`` where the device is passive with it at that rate, too."""
+    """``<model>-passive``, and ``<model>-passive-<rate>Hz`` with which the device is passive at that rate, too."""
     settings: RuntimeSettings
     rates: tuple[float, float]
-    """That of identification and that of the servo, in Hz."""
+    """Rate of identification and rate of the servo, in Hz."""
 
     def table(self, source_label: str) -> Table:
-        """Return the table model × (free, passive); `source_label` says where the records come from."""
+        """Return the table model × (free, passive); `source_label` is the source of the records."""
         names = dict.fromkeys(model.name for model in self.free)
         rows = [row for name in names for row in _rows(name, self)]
         own, servo = self.rates
@@ -71,9 +236,9 @@ def fit_passive_models(
     settings: RuntimeSettings,
     settling_s: float | None,
 ) -> PassiveFits:
-    """Fit the exported models once more, within the passive ones; `settling_s` seconds at the start do not count.
+    """Fit the exported models again, within the passive ones; `settling_s` seconds at the start do not count.
 
-    Those of a device are left out where the records hold no length or no force.
+    Fits for the device are left out if the records are not of a length and a force.
     """
     free = tuple(
         model
@@ -88,7 +253,7 @@ def fit_passive_models(
         found = fit_passive(data, *_STRUCTURES[name])
         plain = _fitted(name, PASSIVE, found, training, data, others)
         passive.append(plain)
-        for rate in dict.fromkeys(rates if renderable(plain) else ()):
+        for rate in dict.fromkeys(rates if is_renderable(plain) else ()):
             safe = found
             if not _on_device(plain, settings.model_copy(update={"output_rate_limit": None}), rate).passive:
                 safe = fit_passive(data, *_STRUCTURES[name], device_condition(plain, settings, rate))
@@ -97,8 +262,8 @@ def fit_passive_models(
 
 
 def device_condition(model: FittedModel, settings: RuntimeSettings, rate: float) -> DeviceCondition:
-    """What the device of the settings asks of a model's force at a rate in Hz."""
-    metre, newton = scale_of(model.name, model.input, model.output)
+    """Return the condition of the settings' device on a model's force at a rate in Hz."""
+    metre, newton = scale_of(model)
     samples = export_at(model, settings, rate).moving_average
     average = np.full(samples, newton / metre / samples)
     rendering = SampledModel("", average, np.ones(1), 1.0 / rate).late(1e-3 * settings.device.delay_ms)
@@ -129,10 +294,10 @@ def _fitted(
 
 
 def takes_energy(structure: TransferFunction) -> bool:
-    """Whether a discrete model takes energy at every frequency: H(1) ≥ 0, and Im H(exp(jωT)) ≥ 0 for 0 < ωT < π.
+    """Return whether a discrete model takes energy at every frequency: H(1) ≥ 0, and Im H(exp(jωT)) ≥ 0 for 0 < ωT < π.
 
-    With the work of a force on the motion between its samples as the mean of their forces times the way, a sine of amplitude
-    1 does the work π Im H in a cycle; a spring that pushes would give out energy without end.
+    If the work between two samples is the mean of their forces times the displacement, a sine of amplitude 1 does the work
+    π Im H in a cycle; a spring that pushes would give out energy without end.
     """
     response = SampledModel.of("", structure, 1.0).response(all_angles())
     rounding = _ROUNDING * np.abs(response).max()
@@ -141,7 +306,7 @@ def takes_energy(structure: TransferFunction) -> bool:
     )
 
 
-def _on_device(model: FittedModel, settings: RuntimeSettings, rate: float) -> Analysis:
+def _on_device(model: FittedModel, settings: RuntimeSettings, rate: float) -> LoopAnalysis:
     device = settings.device
     return analyse(render_model(export_at(model, settings, rate), device), device)
 
@@ -185,8 +350,8 @@ def _row(
     }
 
 
-def _analysis(model: FittedModel, settings: RuntimeSettings, rate: float) -> Analysis | None:
-    if not renderable(model):
+def _analysis(model: FittedModel, settings: RuntimeSettings, rate: float) -> LoopAnalysis | None:
+    if not is_renderable(model):
         return None
     try:
         return _on_device(model, settings, rate)

@@ -1,4 +1,4 @@
-"""An exported model as the device meets it: linear ones exactly, with effects through their linearisations."""
+"""An exported model as the device meets it: linear ones exactly, models with effects through their linearisations."""
 
 import tempfile
 from collections.abc import Callable, Iterator
@@ -20,27 +20,27 @@ from lumbar.tissue.fmu.build.package import export_fmus
 from lumbar.tissue.fmu.conventions import work_units
 from lumbar.tissue.fmu.instance import Instance, UnzippedFmu
 from lumbar.tissue.haptics.closed_loop import SampledModel
-from lumbar.tissue.haptics.simulation import PUSH_MM, Step, on_servo
-from lumbar.tissue.haptics.ticks import PeriodicModel
+from lumbar.tissue.haptics.in_space import SpatialLoop
+from lumbar.tissue.haptics.simulation import PUSH_MM, Step
+from lumbar.tissue.haptics.ticks import PeriodicModel, on_servo
 from lumbar.tissue.models.fitted_model import FittedModel
-from lumbar.tissue.models.model_data import Port
 
-_WATCHED_S, _MOST_SAMPLES = 4.0, 4000
-"""How long the force after a small step is followed."""
+_WATCHED_S, _MAX_SAMPLES = 4.0, 4000
+"""Duration over which the force after a small step is followed."""
 STEPS_MM, DEPTH_MM = (1e-6, 1e-3, 1.0), 2.0
-"""A model with effects is linearised about rest and about this depth: by its slope, which a step of a nanometre gives where
-friction turns its sign within a fraction of a millimetre a second, and by steps of other sizes, the encoder's among them; by a
-micrometre's where it is steepest and least steep, too."""
+"""Steps by which a model with effects is linearised about rest and about this depth. A step of a nanometre gives the slope even
+if friction changes its sign within a fraction of a millimetre per second; steps of other sizes, the encoder's among them, give
+the response to larger motion. Where the force is steepest and least steep the step is a micrometre."""
 REACH_MM = PUSH_MM
-"""How far to both sides of rest a model with effects is looked at where the motion that it was fitted to is not known."""
+"""Distance to both sides of rest within which a model with effects is linearised if its fitted motion is not known."""
 _ENDED = 1e-12
-"""Share of an impulse response's size below which its end is left out."""
+"""Share of an impulse response's size below which its end is omitted."""
 
 
 def export_at(model: FittedModel, settings: RuntimeSettings, rate: float) -> ExportModel:
-    """Return a model as it would be exported at a rate in Hz, its moving average over as many samples at every rate.
+    """Return a model as it would be exported at a rate in Hz, its moving average over the same number of samples at every rate.
 
-    A model as the thesis ran it has its own rate and average.
+    A model as the thesis ran it keeps its rate and average.
 
     Raises
     ------
@@ -62,206 +62,160 @@ def export_at(model: FittedModel, settings: RuntimeSettings, rate: float) -> Exp
 class RenderedModel:
     """A model in the units of a device."""
 
-    name: str
+    exported: ExportModel
     sampled: tuple[SampledModel, ...]
-    """The model, or its linearisations, at the FMU's own samples, in N/m."""
-    loops: tuple[SampledModel | PeriodicModel, ...]
+    """The model, or its linearisations, at the FMU's samples, in N/m; empty in space."""
+    loops: tuple[SampledModel | PeriodicModel | SpatialLoop, ...]
     """The same as the servo of the device meets them."""
-    metre: float
-    newton: float
-    """`metre`, `newton`: one unit of the model's input in m, one of its output in N, positive where it resists as it is
-    displayed."""
-    input: Port
-    output: Port
-    limit: float
-    """Largest force in N."""
     reach: tuple[float, float] | None = None
-    """Positions in mm about rest between which it was linearised; None of a model that is linear, effects or not."""
-    beside: str = ""
-    """What its linearisations do not hold and may give out energy, in words: a limit on the force's rate, which makes large ones
-    late, or a force that changes with time alone."""
+    """Positions in mm about rest between which it was linearised; None for a model that is linear, with effects or without."""
+    omitted: str = ""
+    """What its linearisations omit and may give out energy, in words: a limit on the force's rate, which makes large forces
+    late, or a force that changes with time only."""
+
+    @property
+    def name(self) -> str:
+        """Name of the exported model."""
+        return self.exported.name
+
+    @property
+    def metre(self) -> float:
+        """One unit of the model's input in m."""
+        return scale_of(self.exported)[0]
+
+    @property
+    def newton(self) -> float:
+        """One unit of the model's output in N, positive if the force resists as it is displayed."""
+        return self.exported.resistance * scale_of(self.exported)[1]
+
+    @property
+    def limit(self) -> float:
+        """Largest force in N."""
+        return scale_of(self.exported)[1] * self.exported.output_limit
+
+    @property
+    def needs_its_fmu(self) -> bool:
+        """Whether only the FMU itself simulates the model: it has effects, or guards of the force."""
+        guards = self.exported.guards
+        return not isinstance(self.exported.dynamics, LinearModel) or guards.active or guards.contact
 
     @property
     def of_large_motion(self) -> list[SampledModel | PeriodicModel]:
-        """Those of the loops that are linearised by the largest steps: forces are of the size that a push gives."""
+        """The loops that are linearised by the largest steps, which have forces of the size that a push gives."""
         large = [item for item in self.loops if item.name.endswith(_by_steps(STEPS_MM[-1]))]
         return large or list(self.loops)
 
-    @property
-    def linearised(self) -> bool:
-        """Whether the model has effects."""
-        return len(self.sampled) > 1
-
     def in_loop(self, force_of: Step) -> Step:
         """Return an FMU's step, in the model's units, as a loop takes it: from m to N against the motion."""
+        metre, newton, source, force = self.metre, self.newton, self.exported.input, self.exported.output
 
         def step(position: float) -> float:
-            given = self.input.offset + position / self.metre
-            return self.newton * (force_of(given) - self.output.offset)
+            return newton * (force_of(source.offset + position / metre) - force.offset)
 
         return step
 
 
-def render_model(model: ExportModel, device: DeviceSettings, *, late: bool = False) -> RenderedModel:
+def render_model(exported: ExportModel, device: DeviceSettings, *, late: bool = False) -> RenderedModel:
     """Return a model in the units of the device, with the hold, the average and the delays that it is rendered with.
 
     Parameters
     ----------
-    model : ExportModel
-        Its `resistance`, 1 or -1, is the sign of the force that resists where it is displayed.
+    exported : ExportModel
+        Its `resistance`, 1 or -1, is the sign of the force that resists when it is displayed.
     late : bool
-        Whether the client reads the force before it has set the position of the same sample, as FMI 2.0 has it: the
+        Whether the client reads the force before it has set the position of the same sample, as in FMI 2.0: the
         feed-through is one sample late, with effects the whole force.
 
     Raises
     ------
     InputError
-        If the input is no length or the output no force.
+        If the input is not a length or the output not a force; along several axes if the servo's ticks are not whole
+        samples.
     NumericalError
         If the force of a model with effects overflows.
     """
-    reach, still = None, np.zeros(1)
-    if isinstance(model.dynamics, LinearModel):
-        whole = SampledModel.of(model.name, model.dynamics.transfer_function, model.sampling_time)
+    metre, newton = scale_of(exported)
+    found, linearised = [], None
+    if isinstance(exported.dynamics, LinearModel):
+        whole = SampledModel.of(exported.name, exported.dynamics.transfer_function, exported.sampling_time)
         found = [_fed_late(whole) if late else whole]
     else:
-        unit = 1e3 * scale_of(model.name, model.input, model.output)[0]
-        responses, reach, still = linearised(model, device, unit)
-        found = [_sampled(*item, model.sampling_time) for item in responses]
-        found = [item.scaled(unit).late(model.sampling_time if late else 0.0) for item in found]
-    average = np.full(model.moving_average, 1.0 / model.moving_average)
-    found = [replace(item, numerator=np.convolve(item.numerator, average)) for item in found]
-    metre, newton = scale_of(model.name, model.input, model.output)
-    signed = model.resistance * newton
-    sampled = tuple(item.scaled(signed / metre) for item in found)
-    loops = tuple(loop for item in sampled for loop in on_servo(item, device, held=late))
-    return RenderedModel(
-        model.name,
-        sampled,
-        loops,
-        metre,
-        signed,
-        model.input,
-        model.output,
-        newton * model.output_limit,
-        reach,
-        beside(model.guards.rate_limit > 0, still),
-    )
+        linearised = _linearise(exported, device)
+    if exported.axes:
+        loops = [_spatial_loop(*item, exported, device, late) for item in linearised.impulses]
+    else:
+        found = found or [_sampled(*item, exported, late) for item in linearised.impulses]
+        average = np.full(exported.moving_average, 1.0 / exported.moving_average)
+        found = [replace(item, numerator=np.convolve(item.numerator, average)) for item in found]
+        found = [item.scaled(exported.resistance * newton / metre) for item in found]
+        loops = [loop for item in found for loop in on_servo(item, device, held=late)]
+    omitted = ["a limit on its rate"] * (exported.guards.rate_limit > 0)
+    omitted += ["a force that changes with time alone"] * bool(linearised and linearised.changes_at_rest)
+    reach = linearised and linearised.reach
+    return RenderedModel(exported, tuple(found), tuple(loops), reach, " and ".join(omitted))
 
 
-Responses = list[tuple[str, np.ndarray]]
-"""Impulse responses of a model that is not linear, with their names; each of shape (samples, axes, axes)."""
+@dataclass(frozen=True)
+class Linearisation:
+    """A model that is not linear, linearised."""
+
+    impulses: list[tuple[str, np.ndarray]]
+    """Impulse responses with their names, in the model's unit of force per mm; each of shape (samples, axes, axes). One if
+    all are the same, like those of a linear model."""
+    reach: tuple[float, float] | None
+    """See `RenderedModel`."""
+    changes_at_rest: bool
+    """Whether the force changes with time at a constant position."""
 
 
-def linearised(
-    model: ExportModel, device: DeviceSettings, unit: float
-) -> tuple[Responses, tuple[float, float] | None, np.ndarray]:
-    """Return the `impulse_responses` of a model, one unit of whose input is so many mm, and what `RenderedModel` has beside them.
+def _linearise(exported: ExportModel, device: DeviceSettings) -> Linearisation:
+    """Linearise a model for small and large motion about rest and about depths along every axis.
 
-    That is where they were looked for, None where all are the same, and the forces at rest.
+    An impulse response is half the difference of the forces after a step forth and a step back, over the step.
     """
-    axes = len(model.axes)
-    # Ends of the motion about rest over which it is linearised, in mm: those of what it was fitted to, where they are known.
-    low, high = -REACH_MM, REACH_MM
-    if model.valid_for:
-        ends = model.valid_for.lowest, model.valid_for.highest
-        low, high = (unit * (end - model.input.offset) for end in ends)
-    reach = min(low, 0.0), max(high, 0.0)
+    axes, offset = len(exported.axes) or 1, exported.output.offset
+    unit = 1e3 * scale_of(exported)[0]
+    samples = min(_MAX_SAMPLES, round(_WATCHED_S / exported.sampling_time))
 
-    def limited(positions: np.ndarray) -> np.ndarray:
-        places = positions if axes else positions[:, 0]
-        forces = shortened(model.output.offset + model.dynamics.response(places / unit), model.output_limit)
+    def response(positions: np.ndarray) -> np.ndarray:
+        """Return forces from positions in mm, both of shape (samples, axes)."""
+        places = positions if exported.axes else positions[:, 0]
+        forces = shortened(offset + exported.dynamics.response(places / unit), exported.output_limit)
         return forces.reshape(positions.shape)
 
-    found = impulse_responses(limited, model.name, model.sampling_time, device, reach, axes or 1)
-    still = limited(np.zeros((watched(model.sampling_time), axes or 1)))
-    return found, reach if len(found) > 1 else None, still
-
-
-def scale_of(name: str, input: Port, output: Port) -> tuple[float, float]:
-    """One unit of a model's input in m and one of its output in N; errors as of `render_model`."""
-    units = work_units(input.unit, output.unit)
-    if units is None or units[2] != "N·s/m":
-        raise InputError(
-            f"{name}: it takes {input.quantity} in {input.unit!r} and gives {output.quantity} in {output.unit!r}; the "
-            "device of runtime.device moves along a line and needs a length and a force"
-        )
-    return units[:2]
-
-
-def watched(sampling_time: float) -> int:
-    """Samples over which a model is followed."""
-    return min(_MOST_SAMPLES, round(_WATCHED_S / sampling_time))
-
-
-def beside(rate_limited: bool, still: np.ndarray) -> str:
-    """Words for `RenderedModel`, of the forces at a position that stays."""
-    alone = np.ptp(still) > _ENDED * max(np.abs(still).max(), 1.0)
-    found = ["a limit on its rate"] * rate_limited + ["a force that changes with time alone"] * bool(alone)
-    return " and ".join(found)
-
-
-def renderable(model: FittedModel | ExportModel) -> bool:
-    """Whether a model takes a length and gives a force, which is what a device that moves along a line needs."""
-    units = work_units(model.input.unit, model.output.unit)
-    return units is not None and units[2] == "N·s/m"
-
-
-def _fed_late(model: SampledModel) -> SampledModel:
-    """The model with its feed-through one sample late, H(z) − D + D/z."""
-    parts = model.numerator, model.denominator
-    length = max(map(len, parts)) + 1
-    numerator, denominator = (np.pad(part, (0, length - len(part))) for part in parts)
-    through = numerator[0] / denominator[0]
-    return replace(model, numerator=numerator - through * denominator + through * np.roll(denominator, 1))
-
-
-def impulse_responses(
-    response: Callable[[np.ndarray], np.ndarray],
-    name: str,
-    sampling_time: float,
-    device: DeviceSettings,
-    reach: tuple[float, float],
-    axes: int,
-) -> Responses:
-    """Impulse responses of a model that is not linear, for small and large motion about rest and about depths along every axis.
-
-    Half the difference of the forces after a step forth and a step back, over the step, in the model's unit of force
-    per mm; one where all are the same, as those of a linear model are.
-
-    Parameters
-    ----------
-    response : callable
-        From positions in mm, the first held before, to forces, both of shape (samples, axes).
-    sampling_time : float
-        Seconds.
-    reach : tuple of float
-        As of `reach_mm`.
-    """
-    samples, along = watched(sampling_time), np.eye(axes)
-    steps = sorted({*STEPS_MM, 1e-3 * device.encoder_um} - {0.0})
+    # Ends of the motion in mm about rest: those of the data that it was fitted to, if they are known.
+    ends = (-REACH_MM, REACH_MM)
+    if known := exported.valid_for:
+        ends = tuple(unit * (end - exported.input.offset) for end in (known.lowest, known.highest))
+    reach = min(ends[0], 0.0), max(ends[1], 0.0)
+    # Axis and depth, and the step there.
+    along, steps = np.eye(axes), sorted({*STEPS_MM, 1e-3 * device.encoder_um} - {0.0})
     depths = [(0, 0.0), *((axis, DEPTH_MM) for axis in range(axes))]
     places = [(*depth, step) for depth in depths for step in steps]
     for axis, end in product(range(axes), filter(None, reach)):
         places += [(axis, depth, STEPS_MM[1]) for depth in _steepest(response, end, along[axis], samples)]
-    found: Responses = []
+    impulses = []
     for axis, depth, step in dict.fromkeys(places):
         about, impulse = depth * along[axis], np.empty((samples, axes, axes))
         for column, way in enumerate(along):
+            # The position is constant before the step, for as long as after it.
             moved = np.multiply.outer(np.repeat([0.0, step], samples), way)
             forth, back = (response(about + sign * moved)[samples:] for sign in (1.0, -1.0))
             impulse[:, :, column] = np.diff((forth - back) / (2.0 * step), axis=0, prepend=0.0)
         where = ", ".join(f"{part:.4g}" for part in about)
-        found.append((f"{name} about {f'({where})' if axes > 1 else where} mm, {_by_steps(step)}", impulse))
-    size = np.abs(found[0][1]).max()
-    same = all(np.abs(item - found[0][1]).max() <= 1e-9 * size for _, item in found)
-    return found[:1] if same else found
+        where = f"({where})" if axes > 1 else where
+        impulses.append((f"{exported.name} about {where} mm, {_by_steps(step)}", impulse))
+    size = np.abs(impulses[0][1]).max()
+    same = all(np.abs(item - impulses[0][1]).max() <= 1e-9 * size for _, item in impulses)
+    still = response(np.zeros((samples, axes)))
+    changes = bool(np.ptp(still) > _ENDED * max(np.abs(still).max(), 1.0))
+    return Linearisation(impulses[:1] if same else impulses, None if same else reach, changes)
 
 
 def _steepest(
     response: Callable[[np.ndarray], np.ndarray], end: float, axis: np.ndarray, samples: int
 ) -> tuple[float, float]:
-    """Depths at which the force rises most and least on a slow way from rest along an axis to an end, in mm."""
+    """Return the depths in mm at which the force rises most and least on a slow path from rest along an axis to an end."""
     way = np.linspace(0.0, end, samples)
     slopes = np.diff(response(np.multiply.outer(way, axis)) @ axis) / np.diff(way)
     return float(way[slopes.argmax()]), float(way[slopes.argmin()])
@@ -271,12 +225,64 @@ def _by_steps(step_mm: float) -> str:
     return f"steps of {step_mm:g} mm"
 
 
-def _sampled(name: str, impulse: np.ndarray, sampling_time: float) -> SampledModel:
-    """A model of one axis of an impulse response up to where it has died away."""
+def _sampled(name: str, impulse: np.ndarray, exported: ExportModel, late: bool) -> SampledModel:
+    """Return a linearisation of one axis, its impulse response up to the time when it has died away."""
     numerator = impulse[:, 0, 0]
     last = np.flatnonzero(np.abs(numerator) > _ENDED * np.abs(numerator).max())
-    kept = numerator[: last[-1] + 1 if len(last) else 1]
-    return SampledModel(name, kept, np.ones(1), sampling_time)
+    kept = 1e3 * scale_of(exported)[0] * numerator[: last[-1] + 1 if len(last) else 1]
+    return SampledModel(name, kept, np.ones(1), exported.sampling_time).late(late * exported.sampling_time)
+
+
+def _spatial_loop(
+    name: str, impulse: np.ndarray, exported: ExportModel, device: DeviceSettings, late: bool
+) -> SpatialLoop:
+    """Return a linearisation in space as the servo meets it, each element of its matrix like a model of one axis."""
+    average = np.full(exported.moving_average, 1.0 / exported.moving_average)
+    size = 1e3 * exported.resistance * scale_of(exported)[1]
+    numerators = []
+    for element in impulse.reshape(len(impulse), -1).T:
+        model = SampledModel(name, size * np.convolve(element, average), np.ones(1), exported.sampling_time)
+        loop, *others = on_servo(model.late(late * exported.sampling_time), device, held=late)
+        if others or not isinstance(loop, SampledModel):
+            raise InputError(
+                f"{name}: along several axes a loop is judged with ticks at the model's own rate or a whole multiple or part "
+                f"of it; rate_Hz is {device.rate_Hz:g}"
+            )
+        numerators.append(loop.numerator)
+    unit = SampledModel(name, np.ones(1), np.ones(1), loop.sampling_time, loop.delay)
+    return SpatialLoop(name, np.array(numerators).T.reshape(-1, *impulse.shape[1:]), unit)
+
+
+def scale_of(model: FittedModel | ExportModel) -> tuple[float, float]:
+    """Return one unit of a model's input in m and one of its output in N.
+
+    Raises
+    ------
+    InputError
+        If these are not a length and a force, which a device that moves along a line needs.
+    """
+    units = work_units(model.input.unit, model.output.unit)
+    if units is None or units[2] != "N·s/m":
+        raise InputError(
+            f"{model.name}: its input is {model.input.quantity} in {model.input.unit!r}, its output {model.output.quantity} in "
+            f"{model.output.unit!r}; the device of runtime.device moves along a line and needs a length and a force"
+        )
+    return units[:2]
+
+
+def is_renderable(model: FittedModel | ExportModel) -> bool:
+    """Return whether a model's input is a length and its output a force."""
+    units = work_units(model.input.unit, model.output.unit)
+    return units is not None and units[2] == "N·s/m"
+
+
+def _fed_late(model: SampledModel) -> SampledModel:
+    """Return the model with its feed-through one sample late, H(z) − D + D/z."""
+    parts = model.numerator, model.denominator
+    length = max(map(len, parts)) + 1
+    numerator, denominator = (np.pad(part, (0, length - len(part))) for part in parts)
+    through = numerator[0] / denominator[0]
+    return replace(model, numerator=numerator - through * denominator + through * np.roll(denominator, 1))
 
 
 @contextmanager

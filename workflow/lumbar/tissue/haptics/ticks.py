@@ -1,21 +1,24 @@
-"""A loop whose ticks fall unevenly among the FMU's samples and repeat after several: exact from tick to tick.
+"""A model on a servo of any rate: its ticks among the FMU's samples, exact from tick to tick.
 
-Device, forces in flight and model go over into each other by a matrix for each tick; of their product over a period, the
-monodromy matrix, the spectral radius decides (S. Bittanti and P. Colaneri, Periodic Systems: Filtering and Control, Springer
-2009, chapter 3).
+If ticks are not at the samples but repeat after several, a transition matrix for each tick maps position, velocity, pending
+forces and the model's states to the next tick. The spectral radius of their product over a period, the monodromy matrix,
+decides on stability (S. Bittanti and P. Colaneri, Periodic Systems: Filtering and Control, Springer 2009, chapter 3).
 """
 
 from collections import deque
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
+from fractions import Fraction
 from functools import cached_property
 from itertools import chain, cycle
 from typing import Self
 
 import numpy as np
 
+from lumbar.base.errors import InputError
 from lumbar.settings.runtime import DeviceSettings
-from lumbar.tissue.haptics.closed_loop import SampledModel, propagation
+from lumbar.tissue.haptics.closed_loop import SampledModel, StableGain, propagation
+from lumbar.tissue.models.transfer_function import filtered
 
 REACHED = 1e-3
 """Share of a sampling time within which the instant of a sample counts as reached, as in ``tissue_force.h``."""
@@ -27,7 +30,7 @@ largest singular value and of the response."""
 
 
 def shares(age: float, interval: float, sampling_time: float) -> list[float]:
-    """Where on the line from the tick before, 0, to this one, 1, the samples lie that this tick takes; none before the first.
+    """Return the samples that a tick takes, as shares of the way from the tick before, 0, to this one, 1.
 
     Parameters
     ----------
@@ -42,25 +45,34 @@ def shares(age: float, interval: float, sampling_time: float) -> list[float]:
     return [instant / interval if instant < late else 1.0 for instant in instants]
 
 
-States = tuple[np.ndarray, np.ndarray, np.ndarray, float]
-"""Matrices A, B, C and D; shapes (n, n), (n,), (n,) and none."""
+@dataclass(frozen=True)
+class Realisation:
+    """State space of a model at its own samples."""
+
+    a: np.ndarray
+    """Shape (states, states)."""
+    b: np.ndarray
+    """Shape (states,)."""
+    c: np.ndarray
+    """Shape (states,)."""
+    d: float
 
 
-def realisation(model: SampledModel) -> States:
-    """State space of a model at its own samples, without `delay`: of a long impulse response as few states as it has."""
+def realisation(model: SampledModel) -> Realisation:
+    """Return a state space of a model without its `delay`; a long impulse response gets as few states as it allows."""
     numerator, denominator = model.numerator / model.denominator[0], model.denominator / model.denominator[0]
-    found = _of_impulses(numerator) if len(denominator) == 1 and len(numerator) > _LONG else None
-    if found is not None:
-        return found
+    if len(denominator) == 1 and len(numerator) > _LONG and (few := _reduced(numerator)):
+        return few
     order = max(len(numerator), len(denominator)) - 1
     numerator, denominator = (np.pad(part, (0, order + 1 - len(part))) for part in (numerator, denominator))
     states = np.eye(order, k=1)
     states[:, :1] = -denominator[1:, None]
-    return states, numerator[1:] - denominator[1:] * numerator[0], np.eye(1, order)[0], float(numerator[0])
+    by_input = numerator[1:] - denominator[1:] * numerator[0]
+    return Realisation(states, by_input, np.eye(1, order)[0], float(numerator[0]))
 
 
-def _of_impulses(impulse: np.ndarray) -> States | None:
-    """By the singular values of the Hankel matrix; None where few states do not give the response back.
+def _reduced(impulse: np.ndarray) -> Realisation | None:
+    """Realise an impulse response by the singular values of its Hankel matrix; None if it cannot be reproduced with few states.
 
     S. Y. Kung, A new identification and model reduction algorithm via singular value decomposition, Proc. 12th Asilomar
     Conference on Circuits, Systems and Computers (1978) 705–714.
@@ -75,40 +87,41 @@ def _of_impulses(impulse: np.ndarray) -> States | None:
     for sample in range(len(given)):
         given[sample], state = observed[0] @ state, states @ state
     same = np.abs(given - impulse[1:]).sum() <= _WITHIN * np.abs(impulse).sum()
-    return (states, start, observed[0], float(impulse[0])) if same else None
+    return Realisation(states, start, observed[0], float(impulse[0])) if same else None
 
 
-def taken_samples(states: States, forces: int, samples: int) -> tuple[np.ndarray, np.ndarray]:
-    """What a tick that takes so many samples makes of the state before it, and of the positions of the samples.
+def taken_samples(model: Realisation, forces: int, samples: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return how a tick maps the state before it, and the positions of the samples that it takes, to the state after it.
 
     The state is that of `PeriodicModel.transitions`; shapes (n, n) and (n, samples).
 
     Parameters
     ----------
     forces : int
-        Of so many of the newest ticks that the state holds.
+        Number of newest ticks that have their forces in the state.
+    samples : int
+        Number of samples that the tick takes.
     """
-    a, b, c, d = states
     first = 2 + forces
-    kept, by_position = np.eye(first + len(a)), np.zeros((first + len(a), samples))
+    kept, by_position = np.eye(first + len(model.a)), np.zeros((first + len(model.a), samples))
     kept[3:first, 2:first] = np.eye(forces - 1, forces)
     for sample in range(samples):
-        kept[2], by_position[2] = c @ kept[first:], c @ by_position[first:]
-        by_position[2, sample] += d
-        kept[first:], by_position[first:] = a @ kept[first:], a @ by_position[first:]
-        by_position[first:, sample] += b
+        kept[2], by_position[2] = model.c @ kept[first:], model.c @ by_position[first:]
+        by_position[2, sample] += model.d
+        kept[first:], by_position[first:] = model.a @ kept[first:], model.a @ by_position[first:]
+        by_position[first:, sample] += model.b
     return kept, by_position
 
 
 def acting_forces(interval: float, delay: float, before: Iterable[float]) -> list[tuple[int, float]]:
-    """What acts from a tick to the next one: how many ticks old a force is, and for how many seconds; in their order.
+    """Return the forces that act from a tick to the next one, in order: age in ticks and duration in seconds.
 
     Parameters
     ----------
     delay : float
         Seconds from a tick to its force.
     before : iterable of float
-        The intervals before, the newest first, without end.
+        Endless intervals before this one, the newest first.
     """
     found, end, begins = [], interval, delay
     for age, earlier in enumerate(before):
@@ -122,23 +135,35 @@ def acting_forces(interval: float, delay: float, before: Iterable[float]) -> lis
     return found[::-1]
 
 
-def tick_transition(
-    states: States, device: DeviceSettings, forces: int, acting: list[tuple[int, float]], line: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Of one tick what `PeriodicModel.transitions` has of all: from what acts before it and the `shares` of its samples."""
-    kept, by_position = taken_samples(states, forces, len(line))
-    moved, pushed = np.eye(len(kept)), np.zeros_like(kept)
-    for age, seconds in acting:
-        transition, by_force = propagation(device, seconds)
-        moved[:2], pushed[:2] = transition @ moved[:2], transition @ pushed[:2]
-        pushed[:2, 2 + age] -= by_force
-    by_readings = by_position @ np.stack([1.0 - line, line], axis=1)
-    free = kept @ moved + np.outer(by_readings[:, 1], moved[0])
-    free[:, 0] += by_readings[:, 0]
-    return free, kept @ pushed + np.outer(by_readings[:, 1], pushed[0]), by_readings
-
-
 _GAINS, _HALVINGS = np.geomspace(1e-4, 1e4, 241), 40
+
+
+@dataclass(frozen=True)
+class Transitions:
+    """Transition matrices of a loop from each tick of a period to the next.
+
+    The state is position, velocity, forces of the newest ticks at gain 1, and the model's states.
+    """
+
+    free: np.ndarray
+    """Shape (ticks, n, n): at gain 0."""
+    driven: np.ndarray
+    """Shape (ticks, n, n): what a gain of 1 adds."""
+    by_readings: np.ndarray
+    """Shape (ticks, n, 2): what an error of the position read at the one and at the other tick adds."""
+    has_free_position: bool
+    """Whether nothing draws the stylus to a position, neither hand nor model: a pole at 1 is then not an instability."""
+
+    def monodromy(self, gain: float = 1.0) -> np.ndarray:
+        """Return the transition matrix over a period with the model's force times a gain."""
+        return product(self.free + gain * self.driven)
+
+    def radius(self, gain: float = 1.0) -> float:
+        """Return the largest magnitude of a pole over a period, which is below 1 in a stable loop."""
+        poles = np.linalg.eigvals(self.monodromy(gain))
+        if self.has_free_position:
+            poles = np.delete(poles, np.abs(poles - 1.0).argmin())
+        return float(np.abs(poles).max())
 
 
 @dataclass(frozen=True)
@@ -146,7 +171,7 @@ class PeriodicModel:
     """A model on a servo whose ticks repeat after several."""
 
     model: SampledModel
-    """At the FMU's own samples, without delay."""
+    """The model at the FMU's samples, without delay."""
     intervals: tuple[float, ...]
     """Seconds from each tick of a period to the next; their sum is a whole number of samples."""
     age: float = 0.0
@@ -157,12 +182,12 @@ class PeriodicModel:
     """Whether samples between two ticks have the position of the first instead of one on a straight line."""
 
     def late(self, seconds: float) -> Self:
-        """The model with its force later by this time."""
+        """Return the model with its force later by this time."""
         return replace(self, delay=self.delay + seconds)
 
     @property
     def name(self) -> str:
-        """Of the model."""
+        """Name of the model."""
         return self.model.name
 
     @property
@@ -171,17 +196,17 @@ class PeriodicModel:
         return sum(self.intervals) / len(self.intervals)
 
     def ticks(self) -> Iterator[float]:
-        """Intervals one after the other, from a first tick at the instant of a sample on; without end."""
+        """Return endless intervals, beginning with a tick at the instant of a sample."""
         return chain([self.age] if self.age else [], cycle(self.intervals))
 
     @cached_property
-    def states(self) -> States:
+    def states(self) -> Realisation:
         """State space of the model."""
         return realisation(self.model)
 
     @property
     def static_stiffness(self) -> float:
-        """Of the model."""
+        """Static stiffness of the model in N/m."""
         return self.model.static_stiffness
 
     @cached_property
@@ -203,63 +228,43 @@ class PeriodicModel:
             before.rotate(1)
         return found
 
-    def transitions(self, device: DeviceSettings) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Transition matrices from each tick to the next.
+    def transitions(self, device: DeviceSettings) -> Transitions:
+        """Return the transition matrices of the loop with device and hand."""
+        forces = 1 + max(age for parts in self.acting for age, _ in parts)
+        free, driven, readings = [], [], []
+        for acting, line in zip(self.acting, self.taken, strict=True):
+            kept, by_position = taken_samples(self.states, forces, len(line))
+            # Move device and hand through the pieces of the interval, in each of which one force acts.
+            moved, pushed = np.eye(len(kept)), np.zeros_like(kept)
+            for age, seconds in acting:
+                transition, by_force = propagation(device, seconds)
+                moved[:2], pushed[:2] = transition @ moved[:2], transition @ pushed[:2]
+                pushed[:2, 2 + age] -= by_force
+            # The samples' positions are on the straight line between the readings at both ticks.
+            by_readings = by_position @ np.stack([1.0 - line, line], axis=1)
+            free.append(kept @ moved + np.outer(by_readings[:, 1], moved[0]))
+            free[-1][:, 0] += by_readings[:, 0]
+            driven.append(kept @ pushed + np.outer(by_readings[:, 1], pushed[0]))
+            readings.append(by_readings)
+        has_free_position = not (device.hand_stiffness_N_m or self.static_stiffness)
+        return Transitions(np.array(free), np.array(driven), np.array(readings), has_free_position)
 
-        Returns
-        -------
-        free, driven : numpy.ndarray, shape (ticks, n, n)
-            At gain 0, and what a gain of 1 adds; of position, velocity, forces of the newest ticks at gain 1 and the model's
-            states.
-        by_readings : numpy.ndarray, shape (ticks, n, 2)
-            What an error of the position that is read at the one and at the other tick adds.
-        """
-        states, forces = self.states, 1 + max(age for parts in self.acting for age, _ in parts)
-        ticks = zip(self.acting, self.taken, strict=True)
-        found = [tick_transition(states, device, forces, parts, line) for parts, line in ticks]
-        free, driven, by_readings = map(np.array, zip(*found, strict=True))
-        return free, driven, by_readings
-
-    def monodromy(self, device: DeviceSettings, gain: float = 1.0) -> np.ndarray:
-        """Transition matrix over a period with the model's force times a gain."""
-        free, driven, _ = self.transitions(device)
-        return product(free + gain * driven)
-
-    def largest_stable_gain(self, device: DeviceSettings) -> tuple[float, float]:
-        """Largest factor on the model's force below which the loop is stable for every factor from 0 on.
-
-        Factors are tried 8 % apart, and halved where the first unstable one is found.
-
-        Returns
-        -------
-        gain : float
-            0 for an unstable model, infinite where no gain is too large.
-        frequency : float
-            At which the loop begins to oscillate there, in Hz.
-        """
-        free, driven, _ = self.transitions(device)
-
-        drifts = not (device.hand_stiffness_N_m or self.static_stiffness)
-
-        def stable(gain: float) -> bool:
-            poles = np.linalg.eigvals(product(free + gain * driven))
-            if drifts:  # a stylus that nobody holds stays where it is left
-                poles = np.delete(poles, np.abs(poles - 1.0).argmin())
-            return bool(np.abs(poles).max() < 1.0)
-
-        unstable = next((index for index, gain in enumerate(_GAINS) if not stable(gain)), None)
+    def largest_stable_gain(self, device: DeviceSettings) -> StableGain:
+        """Try factors 8 % apart, and halve the interval below the first unstable one."""
+        loop = self.transitions(device)
+        unstable = next((index for index, gain in enumerate(_GAINS) if not loop.radius(gain) < 1.0), None)
         if unstable is None:
-            return float("inf"), 0.0
+            return StableGain(float("inf"), 0.0)
         if unstable == 0:
-            return 0.0, 0.0
+            return StableGain(0.0, 0.0)
         low, high = _GAINS[unstable - 1 : unstable + 1]
         for _ in range(_HALVINGS):
             middle = (low + high) / 2.0
-            low, high = (middle, high) if stable(middle) else (low, middle)
-        return float(low), self._frequency(free + high * driven)
+            low, high = (middle, high) if loop.radius(middle) < 1.0 else (low, middle)
+        return StableGain(float(low), self._frequency(loop.free + high * loop.driven))
 
     def _frequency(self, transitions: np.ndarray) -> float:
-        """Of the largest pole's motion in Hz."""
+        """Return the frequency in Hz of the largest pole's motion."""
         poles, motions = np.linalg.eig(product(transitions))
         largest = np.abs(poles).argmax()
         state, positions = motions[:, largest], []
@@ -268,12 +273,12 @@ class PeriodicModel:
             state = transition @ state
         ticks, angle = len(positions), float(np.angle(poles[largest]))
         turning = np.abs(np.fft.fft(np.array(positions) * np.exp(-1j * angle * np.arange(ticks) / ticks)))
-        # Of the parts of a motion that turns by that angle over a period the strongest.
+        # The motion turns by that angle over a period: take its strongest component.
         angle = (angle + 2.0 * np.pi * turning.argmax()) / ticks
         return float(abs((angle + np.pi) % (2.0 * np.pi) - np.pi) / (2.0 * np.pi * self.sampling_time))
 
     def response(self, angles: np.ndarray) -> np.ndarray:
-        """Forces of the ticks of a period by their positions, both turning by an angle over it; without `delay`.
+        """Return the forces of a period's ticks by their positions, both turning by an angle over it, without `delay`.
 
         Complex, shape (angles, ticks, ticks).
         """
@@ -296,7 +301,7 @@ class PeriodicModel:
 
 
 def product(transitions: np.ndarray) -> np.ndarray:
-    """Product of matrices in the order of time; by pairs, which is fast for many."""
+    """Return the product of matrices in the order of time, computed by pairs."""
     while len(transitions) > 1:
         pairs = transitions[1::2] @ transitions[: len(transitions) - 1 : 2]
         transitions = np.concatenate([pairs, transitions[len(transitions) // 2 * 2 :]])
@@ -304,7 +309,79 @@ def product(transitions: np.ndarray) -> np.ndarray:
 
 
 def in_ticks(model: SampledModel | PeriodicModel) -> PeriodicModel:
-    """The model with its ticks; those of one that ticks with its samples are all alike."""
+    """Return a model as a periodic one: with a tick at each sample all ticks are alike."""
     if isinstance(model, PeriodicModel):
         return model
     return PeriodicModel(replace(model, delay=0.0), (model.sampling_time,), delay=model.delay)
+
+
+LONGEST_GAP_S = 0.25
+"""``longest_gap`` of ``tissue_force.h``."""
+MOST_TICKS, PLACES = 256, 8
+"""Ticks after which they must be at the same place among the samples again. Other rates are judged at the nearest one with this
+property, with the first tick at each of these places, because a clock that drifts comes to all of them."""
+_ROUNDING = 1e-9
+
+
+def on_servo(
+    model: SampledModel, device: DeviceSettings, *, held: bool = False
+) -> tuple[SampledModel | PeriodicModel, ...]:
+    """Return a model that samples by its own clock as the servo of a device meets it, with the forces' delay.
+
+    Parameters
+    ----------
+    held : bool
+        Whether a sample has the position of the tick before, as with a client of FMI 2.0.
+
+    Returns
+    -------
+    tuple of SampledModel or PeriodicModel
+        One model from sample to sample if the servo is faster by a whole factor; from tick to tick if it is slower by one;
+        with ticks that repeat after several if neither rate is a multiple of the other; several of these if they do not
+        repeat within `MOST_TICKS`.
+
+    Raises
+    ------
+    InputError
+        If the loader does not take the gap between two ticks.
+    """
+    if 1.0 / device.rate_Hz > LONGEST_GAP_S:
+        raise InputError(
+            f"runtime.device: at {device.rate_Hz:g} Hz ticks are {1.0 / device.rate_Hz:.3g} s apart; the loaders treat more than "
+            f"{LONGEST_GAP_S:g} s as a fault: use a faster servo"
+        )
+    seconds, wanted = 1e-3 * device.delay_ms, 1.0 / (device.rate_Hz * model.sampling_time)
+    ratio = Fraction(wanted).limit_denominator(MOST_TICKS)
+    intervals = (float(ratio) * model.sampling_time,) * ratio.denominator
+    if abs(ratio - wanted) > _ROUNDING * wanted:
+        # The last place is just before the next instant.
+        places = np.linspace(0.0, 1.0 - 2.0 * REACHED, PLACES) * model.sampling_time / ratio.denominator
+        return tuple(PeriodicModel(model, intervals, float(place), seconds, held) for place in places)
+    if ratio.numerator == 1:
+        return (model.late(seconds),)
+    if ratio.denominator == 1:
+        return (from_tick_to_tick(model, ratio.numerator, held).late(seconds),)
+    return (PeriodicModel(model, intervals, delay=seconds, held=held),)
+
+
+def from_tick_to_tick(model: SampledModel, samples: int, held: bool) -> SampledModel:
+    """Return a model from tick to tick, if each tick comes a whole number of samples after the one before.
+
+    A filter interpolates the positions between the ticks; of the forces those at the ticks remain (P. P. Vaidyanathan, Multirate
+    Systems and Filter Banks (1993), section 4.2).
+    """
+    late, first = (np.ones(samples), 0) if held else (np.bartlett(2 * samples + 1)[1:-1], samples - 1)
+    poles = np.roots(model.denominator) ** samples
+    denominator = np.real(np.atleast_1d(np.poly(poles)))
+    # Behind the filter each pole adds samples - 1 powers of 1/z to the numerator, before decimation.
+    order = (len(model.numerator) - 1 + (samples - 1) * (len(poles) + 1)) // samples
+    impulse = np.zeros(order * samples + 1 + first)
+    impulse[: len(late)] = late[: len(impulse)]
+    forces = filtered(model.numerator, model.denominator, impulse)[first::samples]
+    return SampledModel(
+        model.name,
+        np.convolve(denominator, forces)[: order + 1],
+        denominator,
+        samples * model.sampling_time,
+        model.delay,
+    )

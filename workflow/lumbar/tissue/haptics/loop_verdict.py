@@ -1,0 +1,398 @@
+"""The verdict on a model on a device in a hand: whether the sampled loop is passive, stable or unstable, and what limits it.
+
+`judge_loop` combines the analysis of the loop, delays and sampling included, with its simulation and the worst corner of the
+hand's range; `loop_sentence` is the only sentence about the result.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from itertools import product, repeat
+
+import numpy as np
+
+from lumbar.base.errors import InputError, NumericalError
+from lumbar.settings.runtime import DeviceSettings, RuntimeSettings
+from lumbar.tissue.fmu.build.export_model import AS_IN_THESIS, ExportModel
+from lumbar.tissue.haptics.closed_loop import StableGain, largest_stable_gain
+from lumbar.tissue.haptics.in_space import SpatialLoop
+from lumbar.tissue.haptics.passivity import required_damping
+from lumbar.tissue.haptics.rendered_model import (
+    RenderedModel,
+    export_at,
+    fmu_of,
+    render_model,
+    scale_of,
+    stepping,
+)
+from lumbar.tissue.haptics.simulation import (
+    PUSH_MM,
+    PUSHES_MM,
+    LoopRun,
+    Step,
+    TissueForce,
+    difference_equation,
+    encoder_ripple,
+    one_step,
+    simulate,
+    worst_run,
+)
+from lumbar.tissue.haptics.ticks import in_ticks
+from lumbar.tissue.haptics.z_width import lowest_rates
+from lumbar.tissue.models.fitted_model import FittedModel
+
+MAX_STATES = 400
+"""States of a loop in which the response to the encoder's errors is followed; longer impulse responses are left out."""
+MAX_STATES_IN_HANDS = 100
+"""States of a loop that is judged in the corners of the hand's range."""
+
+
+class LoopStatus(StrEnum):
+    """What is known of a loop."""
+
+    PASSIVE = "passive"
+    """Device and model give out no energy, in any passive hand."""
+    STABLE = "stable"
+    """Stable in the hand of the settings."""
+    UNSTABLE = "unstable"
+
+
+@dataclass(frozen=True)
+class LoopAnalysis:
+    """The linear analysis of a model in the loop; for a model with effects the worst of its linearisations."""
+
+    model: RenderedModel
+    device: DeviceSettings
+    damping: float
+    """Smallest damping of the device for a passive loop in N·s/m."""
+    limits: tuple[StableGain, ...]
+    """End of the stable gains of each loop of the model."""
+    damping_direction: np.ndarray | None = None
+    """Direction in space that needs this damping; None along one axis."""
+
+    @property
+    def name(self) -> str:
+        """Name of the model."""
+        return self.model.name
+
+    @property
+    def rate(self) -> float:
+        """Rate in Hz at which the model samples the position."""
+        return 1.0 / self.model.exported.sampling_time
+
+    @property
+    def worst(self) -> int:
+        """Number of the loop with the smallest stable gain."""
+        return min(range(len(self.limits)), key=lambda index: self.limits[index].gain)
+
+    @property
+    def gain(self) -> float:
+        """Largest stable factor on the model's force."""
+        return self.limits[self.worst].gain
+
+    @property
+    def stable(self) -> bool:
+        """Whether the loop is stable in the hand of the settings."""
+        return self.gain > 1.0
+
+    @property
+    def passive(self) -> bool:
+        """Whether the device is passive with the model, in any passive hand."""
+        return self.damping <= self.device.damping_N_s_m and self.stable and not self.model.omitted
+
+    @property
+    def status(self) -> LoopStatus:
+        """Status by the analysis."""
+        if self.passive:
+            return LoopStatus.PASSIVE
+        return LoopStatus.STABLE if self.stable else LoopStatus.UNSTABLE
+
+    @property
+    def is_in_step(self) -> bool:
+        """Whether the servo's rate is a whole multiple of the model's."""
+        times = self.device.rate_Hz / self.rate
+        return round(times) >= 1 and abs(times - round(times)) < 1e-9 * times
+
+    @property
+    def finding(self) -> str:
+        """The result of the analysis in a sentence."""
+        return loop_sentence(self)
+
+
+@dataclass(frozen=True)
+class WorstHand:
+    """The corner of the hand's range, of stiffness and damping, in which a loop is least stable."""
+
+    stiffness: float
+    """Stiffness in N/m."""
+    damping: float
+    """Damping in N·s/m."""
+    radius: float
+    """Largest magnitude of a pole of the loop over a period."""
+
+    @property
+    def stable(self) -> bool:
+        """Whether the loop is stable there."""
+        return self.radius < 1.0
+
+    @property
+    def label(self) -> str:
+        """Stiffness and damping with their units."""
+        return f"a hand of {self.stiffness:g} N/m and {self.damping:g} N·s/m"
+
+
+@dataclass(frozen=True)
+class LoopVerdict:
+    """The verdict on a model at one rate on the device of the settings: the worse one of analysis and simulation."""
+
+    analysis: LoopAnalysis
+    run: LoopRun
+    """The simulated loop that is least at rest."""
+    worst_hand: WorstHand | None = None
+    """None in space, or if a loop has too many states for this search."""
+    fitted: FittedModel | None = None
+    """The model that was exported."""
+    lowest_passive_rate: float | None = None
+    """Rate in Hz from which the loop is passive; None if there is no such rate, or if it was not searched."""
+    lowest_stable_rate: float | None = None
+    """Rate in Hz from which the loop is stable; None like `lowest_passive_rate`."""
+
+    @property
+    def model(self) -> RenderedModel:
+        """The model in the units of the device."""
+        return self.analysis.model
+
+    @property
+    def status(self) -> LoopStatus:
+        """Status by analysis and simulation."""
+        return self.analysis.status if self.run.calm else LoopStatus.UNSTABLE
+
+    @property
+    def passive(self) -> bool:
+        """Whether the device is passive with the model in any passive hand, and the simulation comes to rest."""
+        return self.status is LoopStatus.PASSIVE
+
+    @property
+    def stable(self) -> bool:
+        """Whether the loop is stable in the hand of the settings, by analysis and simulation."""
+        return self.status is not LoopStatus.UNSTABLE
+
+    @property
+    def safe(self) -> bool:
+        """Whether it is stable in the hand of the settings and in the worst corner of the hand's range."""
+        return self.stable and (self.worst_hand is None or self.worst_hand.stable)
+
+    @property
+    def finding(self) -> str:
+        """The verdict in a sentence."""
+        return loop_sentence(self.analysis, self.run, self.worst_hand)
+
+
+def loop_sentence(
+    analysis: LoopAnalysis, run: LoopRun | None = None, worst_hand: WorstHand | None = None
+) -> str:
+    """Return the verdict, which of analysis and simulation decided if they differ, and the numbers of both."""
+    model, device, limit = analysis.model, analysis.device, analysis.limits[analysis.worst]
+    suffices, omitted = analysis.damping <= device.damping_N_s_m, model.omitted
+    within = f" from {model.reach[0]:.3g} to {model.reach[1]:.3g} mm" if model.reach else ""
+    if not analysis.stable:
+        loop = model.loops[analysis.worst].name.removeprefix(model.name)
+        decided = f" by its linearisation{loop}" if model.reach else " by the analysis"
+        state = "UNSTABLE" + (decided if run and run.calm else "")
+    elif run and not run.calm:
+        state = "UNSTABLE by the simulation"
+    elif analysis.passive:
+        state = f"passive in any hand{within}"
+    else:
+        state = f"stable in this hand{within}, not passive{f' with {omitted}' if suffices else ''}"
+    parts = [f"it needs {analysis.damping:.3g} N·s/m to be passive{omitted and f' without {omitted}'}"]
+    if np.isinf(analysis.damping):
+        parts = ["no damping makes it passive: its static stiffness is negative"]
+    if 0 < limit.gain < np.inf:
+        ends = f"it oscillates at {limit.frequency:.3g} Hz" if limit.frequency else "it runs away"
+        parts.append(f"largest stable gain {limit.gain:.3g}, where {ends}")
+    else:
+        parts.append(f"no gain is {'too large' if limit.gain else 'stable'}")
+    if analysis.damping_direction is not None:
+        directions = f"along {_direction(model, analysis.damping_direction)} it needs most damping"
+        if limit.gain < np.inf:
+            directions += f", along {_direction(model, limit.direction)} the least gain is stable"
+        parts.append(directions)
+    if run:
+        parts.append(f"simulated, {run.outcome}")
+    if worst_hand:
+        parts.append(f"{'stable' if worst_hand.stable else 'UNSTABLE'} in {worst_hand.label}")
+    served = "" if analysis.is_in_step else f", served at {device.rate_Hz:.6g} Hz"
+    return f"{model.name} at {analysis.rate:.4g} Hz{served}: {state} ({'; '.join(parts)})"
+
+
+def _direction(model: RenderedModel, direction: np.ndarray) -> str:
+    signed = direction * (1.0 if direction[np.abs(direction).argmax()] > 0 else -1.0)
+    values = ", ".join(f"{value + 0.0:.2g}" for value in np.round(signed, 3))
+    return f"{', '.join(model.exported.axes)} = ({values})"
+
+
+def analyse(model: RenderedModel, device: DeviceSettings) -> LoopAnalysis:
+    """Analyse the loop of a model, or of all its linearisations."""
+    needs = [
+        loop.required_damping() if isinstance(loop, SpatialLoop) else (required_damping(loop), None)
+        for loop in model.loops
+    ]
+    damping, direction = max(needs, key=lambda item: item[0])
+    limits = tuple(largest_stable_gain(loop, device) for loop in model.loops)
+    return LoopAnalysis(model, device, damping, limits, direction)
+
+
+def judge_loop(
+    exported: ExportModel,
+    settings: RuntimeSettings,
+    fitted: FittedModel | None = None,
+    lowest: tuple[float | None, float | None] = (None, None),
+) -> LoopVerdict:
+    """Judge a model as it is exported: linear analysis, simulation, and the worst corner of the hand's range.
+
+    A linear model is simulated by its difference equation, any other one with its FMU in the loop. Models of several axes are
+    judged in the settings' hand only.
+
+    Parameters
+    ----------
+    fitted : FittedModel, optional
+        The model that was exported.
+    lowest : tuple of float or None
+        Lowest passive and lowest stable rate, if they are known.
+
+    Raises
+    ------
+    InputError
+        Like `lumbar.tissue.haptics.rendered_model.render_model`.
+    """
+    analysis = analyse(render_model(exported, settings.device), settings.device)
+    ripple = expected_ripple(analysis)
+    if analysis.model.needs_its_fmu:
+        runs = []
+        with fmu_of(exported, settings) as fmu:
+            for direction, push_mm in product(_push_directions(analysis), PUSHES_MM):
+                with stepping(fmu) as step:
+                    runs.append(run_loop(analysis, step, push_mm, direction, ripple))
+        run = worst_run(runs)
+    else:
+        run = run_loop(analysis, ripple=ripple)
+    return LoopVerdict(analysis, run, find_worst_hand(analysis), fitted, *lowest)
+
+
+def expected_ripple(analysis: LoopAnalysis) -> float:
+    """Return the ripple of `LoopRun` that a model's loops explain."""
+    model, device = analysis.model, analysis.device
+    if model.exported.axes:
+        is_steady = analysis.stable and device.hand_stiffness_N_m > 0
+        return max(
+            loop.encoder_ripple(device) if is_steady else loop.one_step(device) for loop in model.loops
+        )
+    # In a stable loop the steps may go on wherever it comes to rest, even at rest, where an effect may be stiffest.
+    few = [loop for loop in map(in_ticks, model.loops) if len(loop.states.a) <= MAX_STATES]
+    if analysis.stable and few:
+        return max(encoder_ripple(loop, device) for loop in few)
+    return max(one_step(loop, device) for loop in model.of_large_motion)
+
+
+def run_loop(
+    analysis: LoopAnalysis,
+    force_of: Step | None = None,
+    push_mm: float = PUSH_MM,
+    direction: float | np.ndarray = 1.0,
+    ripple: float | None = None,
+) -> LoopRun:
+    """Simulate a push into an analysed model and what follows.
+
+    Parameters
+    ----------
+    force_of : callable, optional
+        From a position to its force in the model's units, sample by sample: the FMU itself. A model with effects needs it;
+        a linear one is simulated by its difference equation without it.
+    direction : float or numpy.ndarray, shape (axes,)
+        Direction of the push.
+    ripple : float, optional
+        See `expected_ripple`, which is the default.
+    """
+    model, device = analysis.model, analysis.device
+    step = difference_equation(model.sampled[0]) if force_of is None else model.in_loop(force_of)
+    spatial = bool(model.exported.axes)
+    intervals = repeat(1.0 / device.rate_Hz) if spatial else in_ticks(model.loops[analysis.worst]).ticks()
+    return simulate(
+        TissueForce(step, model.exported.sampling_time),
+        intervals,
+        device,
+        model.limit,
+        delay=1e-3 * device.delay_ms,
+        ripple=expected_ripple(analysis) if ripple is None else ripple,
+        push_mm=push_mm,
+        direction=direction,
+    )
+
+
+def _push_directions(analysis: LoopAnalysis) -> list:
+    """Return directions to push in: those that limit the loop, and the axes of the stiffness that a fast motion meets."""
+    if analysis.damping_direction is None:
+        return [1.0]
+    fast = [loop.response(np.array([np.pi]))[0].real for loop in analysis.model.loops]
+    stiffest = max(fast, key=lambda item: np.abs(item).max())
+    limiting = [analysis.damping_direction, analysis.limits[analysis.worst].direction]
+    found = [*limiting, *np.linalg.eigh(stiffest + stiffest.T)[1].T]
+    return [
+        item for index, item in enumerate(found) if all(abs(item @ other) < 0.999 for other in found[:index])
+    ]
+
+
+def find_worst_hand(analysis: LoopAnalysis) -> WorstHand | None:
+    """Return the corner of the hand's range in which the loops are least stable; None in space or with too many states."""
+    device = analysis.device
+    if analysis.model.exported.axes:
+        return None
+    loops = [in_ticks(loop) for loop in analysis.model.loops]
+    if any(len(loop.states.a) > MAX_STATES_IN_HANDS for loop in loops):
+        return None
+    corners = []
+    for stiffness, damping in product(device.hands_stiffness_N_m, device.hands_damping_N_s_m):
+        hand = device.model_copy(update={"hand_stiffness_N_m": stiffness, "hand_damping_N_s_m": damping})
+        corners.append(WorstHand(stiffness, damping, max(loop.transitions(hand).radius() for loop in loops)))
+    return max(corners, key=lambda corner: corner.radius)
+
+
+def judge_models(
+    models: Sequence[FittedModel], settings: RuntimeSettings
+) -> tuple[list[LoopVerdict], list[str]]:
+    """Judge models as they are exported and at the rate of the servo.
+
+    Returns
+    -------
+    list of LoopVerdict
+        For each model that of the rate it was identified at, that of ``settings.rate_Hz`` and that of the servo; for a model as
+        the thesis ran it only the first.
+    list of str
+        Why a model is not judged, or not at a rate: its input is not a length, or it has no counterpart there.
+
+    Raises
+    ------
+    InputError
+        If a model cannot be exported.
+    """
+    found, refused = [], []
+    for model in models:
+        try:
+            scale_of(model)
+        except InputError as error:
+            refused.append(str(error))
+            continue
+        identified = 1.0 / model.sampling_time
+        own = settings.rate_Hz or identified
+        fixed = model.name.endswith(AS_IN_THESIS)
+        rates = {identified} if fixed else {identified, own, max(identified, settings.device.rate_Hz)}
+        lowest = lowest_rates(model, settings) if model.discrete and not fixed else (None, None)
+        for rate in sorted(rates):
+            try:
+                exported = export_at(model, settings, rate)
+            except NumericalError as error:
+                refused.append(str(error))
+            else:
+                found.append(judge_loop(exported, settings, model, lowest))
+    return found, list(dict.fromkeys(refused))
