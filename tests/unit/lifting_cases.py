@@ -65,12 +65,12 @@ ATHLETE = {
     "XIPHOID": "XIPH",
     "L5": "SACROL",
     "SACRUM": {"mean": ["LPSI", "RPSI"]},
+    **{f"{side}_SHOULDER": f"{side}ACR" for side in "LR"},
     **{f"{side}_HIP": {"from": f"{side}ASI", "offset_m": [0, 0, -0.1]} for side in "LR"},
     **{
         f"{side}_{name}": {"mean": [side + label for label in labels]}
         for side in "LR"
         for name, labels in {
-            "SHOULDER": ["ACR"],
             "WRIST": ["WRR", "WRU"],
             "ELBOW": ["CUBL", "CUBM"],
             "KNEE": ["KNEL", "KNEM"],

@@ -8,8 +8,7 @@ import pytest
 
 import lumbar
 from lumbar.base.errors import InputError
-from lumbar.interface.marker_set import marker_set
-from lumbar.interface.new_study import new_study
+from lumbar.interface.new_study import marker_set, new_study
 from lumbar.records.markers import read_markers
 from lumbar.settings.layout import MarkerLayout
 from lumbar.settings.subject import SubjectSettings

@@ -1,9 +1,9 @@
-"""``lumbar.lift``: which trial a marker file is the recording of, and from its markers to the pendulums of the deposit."""
+"""``lumbar.lift``: from the markers of a trial to the pendulums of the deposit."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -17,8 +17,7 @@ from lumbar.lifting.movement.event_detection import several_lifts
 from lumbar.lifting.movement.events import comparison, event_sources
 from lumbar.lifting.movement.rigid_filling import BodyFilling
 from lumbar.lifting.quality.screening import QualitySheet, Screening, naming, read_screened
-from lumbar.records.markers import MarkerRecording, read_markers
-from lumbar.settings.layout import MarkerLayout
+from lumbar.records.markers import read_markers
 from lumbar.settings.lifting import LiftingSettings
 from lumbar.settings.subject import SubjectSettings, TrialSettings
 
@@ -44,23 +43,23 @@ def lift(
     markers : path
         C3D, TRC, CSV or BVH file, also packed (``.gz``).
     subject : SubjectSettings or path
-        The person: settings, or a file as in ``config/subjects``.
+        Settings of the subject, or a file as in ``config/subjects``.
     box_mass_kg : float, optional
         Mass of the box; default that of the trial.
     trial : TrialSettings or str, optional
-        The trial, or the name of its lift, as ``ann_15kg_2``; default the one among the subject's trials whose marker
-        file this is. A subject without trials needs none.
+        The trial, or the name of its lift, e.g. ``ann_15kg_2``; default the subject's trial with this marker file. A subject
+        without trials needs none.
     name : str, optional
         Name of the lift; default that of the trial, as in a study.
     static : path, optional
-        Marker file of a static trial; default the subject's, looked for below the folder that the trial's file lies below.
+        Marker file of a static trial; default the subject's, searched below the folder of the trial's file.
     source_label : str
-        Words for the source of the data; default the folder or file they were read from.
+        Label of the data's source; default the folder or file they were read from.
 
     Raises
     ------
     InputError, NumericalError
-        Naming the file and what is wrong with it.
+        With the file and its problem.
 
     Examples
     --------
@@ -73,38 +72,26 @@ def lift(
     deposit_start: 5.820 s (box; 5.78 to 6.06)
     release: 7.070 s (box)
     """
-    subject = subject_of(subject)
-    settings = settings or LiftingSettings()
+    if not isinstance(subject, SubjectSettings):
+        from lumbar.study.load_study import load_subject
+
+        subject = load_subject(Path(subject))
     found, trial = trial_of(subject, Path(markers), box_mass_kg, trial)
-    name = name or found
-    settings = settings.of_trial(trial)
-    static = static or _beside(f"subject.static of {subject.name}", subject.static, trial, Path(markers))
-    standing = (
-        None if static is None else labelled_markers(static, settings.markers, subject.height_m).positions
-    )
+    name, settings = name or found, (settings or LiftingSettings()).of_trial(trial)
+    static = static or _static_file(subject, trial, Path(markers))
+    standing = None
+    if static is not None:
+        # A static trial is read by its own labels; alone it need not have all markers of a lift.
+        bare = settings.markers.model_copy(update={"aliases": {}, "required": None, "check_axes": False})
+        screening = Screening(subject.height_m, settings.markers.aliases)
+        with naming(static):
+            standing = read_markers(static, bare, minimum_frames=1, screen=screening).positions
     bodies = BodyFilling(settings, standing)
     recording, sheet = read_screened(markers, settings.markers, name, subject.height_m, bodies)
     sheet = replace(sheet, findings=(*sheet.findings, *bodies.findings))
     analysed = lifting.analyse_lift(recording, name, subject, trial, settings, bodies.gaps, sheet.findings)
     source_label = data_label(source_label, [recording.source])
     return Lift(analysed, subject, trial, settings, source_label, sheet)
-
-
-def labelled_markers(path: str | os.PathLike, layout: MarkerLayout, height_m: float) -> MarkerRecording:
-    """Markers of a file by their own labels, in metres and standard axes, without what cannot be a body's."""
-    bare = layout.model_copy(update={"aliases": {}, "required": None, "check_axes": False})
-    screening = Screening(height_m, layout.aliases)
-    with naming(path):
-        return read_markers(path, bare, minimum_frames=1, screen=screening)
-
-
-def subject_of(subject: SubjectSettings | str | os.PathLike) -> SubjectSettings:
-    """Return the person, read from a file where one is given."""
-    if isinstance(subject, SubjectSettings):
-        return subject
-    from lumbar.study.load_study import load_subject
-
-    return load_subject(Path(subject))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -119,7 +106,7 @@ class Lift(Result):
     settings: LiftingSettings
     source_label: str
     quality: QualitySheet
-    """What is in the recording and what in it cannot be a body: such stretches were left out."""
+    """Report on the recording, with the intervals that were left out because they cannot be a body."""
 
     @property
     def name(self) -> str:
@@ -133,7 +120,7 @@ class Lift(Result):
 
     @cached_property
     def facts(self) -> dict:
-        """What the pendulums are made of: masses, lengths, pivots, rules, assumptions; and what measures need beside."""
+        """Masses, lengths, pivots, rules and assumptions of the pendulums, and further facts for measures."""
         return {
             **lift_tables.summary(self.analysed, self.subject, self.trial, self.settings),
             "thesis_pendulum": self._in_thesis and self._in_thesis.facts,
@@ -168,25 +155,24 @@ class Lift(Result):
 
     @property
     def without_pendulum(self) -> list[str]:
-        """Indented lines on centres of mass without a pendulum, and on what would give them markers."""
-        reasons = [
-            *without_pendulum(self.analysed.missing),
-            lifting.recognised_unaliased(self.analysed.recording),
-        ]
+        """Indented lines on centres of mass without a pendulum, with the remedy for missing markers."""
+        reasons = [*self._missing(), lifting.recognised_unaliased(self.analysed.recording)]
         return [f"  {line}" for reason in reasons for line in reason.splitlines()]
 
-    @property
-    def doubt(self) -> str:
-        """Whether the recording may hold several lifts; empty where not."""
-        return several_lifts(self.analysed.recording, self.analysed.events, self.settings.events)
+    def _missing(self) -> list[str]:
+        """Return one line for all centres of mass that have no pendulum for the same reason."""
+        coms: dict[str, list[str]] = {}
+        for com, reason in self.analysed.missing.items():
+            coms.setdefault(reason, []).append(com)
+        return [f"no pendulum of {', '.join(names)}: {reason}" for reason, names in coms.items()]
 
     @property
     def file_events(self) -> list[str]:
-        """Lines on the events that the file itself holds, beside those detected."""
+        """Lines on the events in the file itself, compared with those detected."""
         return comparison(self.analysed.recording, self.analysed.events, self.settings.events.labels)
 
     def event_rows(self) -> list[dict]:
-        """The events, in the order in which they happen."""
+        """Return the events, in the order in which they happen."""
         return [event.as_dict() for event in self.analysed.events.values()]
 
     def files(self) -> Iterator[tuple[str, Any]]:
@@ -207,23 +193,19 @@ class Lift(Result):
         rules = self.settings.events.model_dump(mode="json")
         in_file = {"file": self.file_events} if self.file_events else {}
         yield "events.json", {"lift": self.name, "events": events, **in_file, "rules": rules, **label}
-        file = Path(self.quality.file).name  # the same wherever recordings lie
+        file = Path(self.quality.file).name  # independent of the folder of the recordings
         yield "quality.json", {"lift": self.name, **self.quality.as_dict(), "file": file, **label}
         yield "pendulum.json", {**self.facts, **label}
 
     def __str__(self) -> str:
-        return "\n".join([self.seen, *without_pendulum(self.analysed.missing)])
+        return "\n".join([self.seen, *self._missing()])
 
     @property
     def seen(self) -> str:
-        """What was found in the recording: its events, and what cannot be a body's."""
-        findings = [f"{finding.outcome}: {finding}" for finding in self.quality.findings]
-        return "\n".join([*self._events_in_words(), *findings])
-
-    def _events_in_words(self) -> list[str]:
-        """Each event, what it was found in, between which times it must lie; and what hands leave open."""
-        sources, lines = event_sources(self.analysed.recording, self.analysed.events), []
-        for name, event in self.analysed.events.items():
+        """Events of the recording with their sources and bounds, and findings."""
+        recording, events, lines = self.analysed.recording, self.analysed.events, []
+        sources = event_sources(recording, events)
+        for name, event in events.items():
             if event.time_s is None:
                 lines.append(f"{name}: none ({event.how})")
                 continue
@@ -232,20 +214,14 @@ class Lift(Result):
             lines.append(f"{name}: {event.time_s:.3f} s ({sources[name]}{between})")
         if "hands" in sources.values():
             lines.append(
-                "the hands stand for the box, which has no markers; whether they hold anything is not known"
+                "the hands replace the box, which has no markers; it is not known whether they hold anything"
             )
-        return [*lines, *filter(None, [self.doubt]), *self.file_events]
+        doubt = several_lifts(recording, events, self.settings.events)
+        findings = [f"{finding.outcome}: {finding}" for finding in self.quality.findings]
+        return "\n".join([*lines, *filter(None, [doubt]), *self.file_events, *findings])
 
     def __repr__(self) -> str:
         return f"<Lift {self.name}>"
-
-
-def without_pendulum(missing: Mapping[str, str]) -> list[str]:
-    """Say once which centres of mass have no pendulum for the same reason."""
-    coms: dict[str, list[str]] = {}
-    for com, reason in missing.items():
-        coms.setdefault(reason, []).append(com)
-    return [f"no pendulum of {', '.join(names)}: {reason}" for reason, names in coms.items()]
 
 
 def trial_of(
@@ -254,87 +230,70 @@ def trial_of(
     box_mass_kg: float | None,
     trial: TrialSettings | str | None = None,
 ) -> tuple[str, TrialSettings]:
-    """Return the trial that a file is the recording of, with the name of its lift.
+    """Return the trial recorded in a file, with the name of its lift.
 
-    `trial` is the trial itself, or the name of its lift; `box_mass_kg` picks among several lifts of the same file.
+    `trial` is the trial itself, or the name of its lift; `box_mass_kg` selects among several lifts of the same file.
 
     Raises
     ------
     InputError
-        Listing the subject's trials, if none or several of them fit: events declared for another file are another
-        lift's.
+        With the subject's trials, if none or several of them fit: events declared for another file are another lift's.
     """
     if box_mass_kg is not None and not 0 <= box_mass_kg <= 100:
         raise InputError(f"mass of the box is {box_mass_kg:g} kg; allowed: 0 to 100")
     if isinstance(trial, TrialSettings) or not subject.trials:
         if isinstance(trial, str):
             raise InputError(f"{subject.name} has no trials, so none is named {trial!r}")
-        if trial is None:
-            if box_mass_kg is None:
-                raise InputError(
-                    f"{subject.name} has no trials: give the mass of the box (--box-mass KG; box_mass_kg in Python)"
-                )
-            trial = TrialSettings(box_mass_kg=box_mass_kg, markers=markers.name)
-        chosen = trial if box_mass_kg is None else trial.model_copy(update={"box_mass_kg": box_mass_kg})
+        if trial is None and box_mass_kg is None:
+            raise InputError(
+                f"{subject.name} has no trials: give the mass of the box (--box-mass KG; box_mass_kg in Python)"
+            )
+        chosen = trial or TrialSettings(box_mass_kg=box_mass_kg, markers=markers.name)
+        if box_mass_kg is not None:
+            chosen = chosen.model_copy(update={"box_mass_kg": box_mass_kg})
         return f"{subject.name}_{chosen.box_mass_kg:g}kg", chosen
-    lifts = lift_names(subject)
+    from lumbar.study.load_study import name_lifts
+
+    lifts = {name: lift.trial for name, lift in name_lifts({subject.name: subject}).items()}
     if trial is not None:
         fitting = {name: item for name, item in lifts.items() if name == trial}
-        sought = f"no trial of {subject.name} is named {trial!r}"
+        problem = f"no trial of {subject.name} is named {trial!r}"
     else:
-        fitting = _recorded_in(lifts, markers)
-        sought = f"{markers}: no trial of {subject.name} names this file"
+        # The trials with the longest common end of the path, at least the name of the file.
+        common = {name: _common_parts(item, markers) for name, item in lifts.items()}
+        longest = max(common.values())
+        fitting = {name: lifts[name] for name, length in common.items() if length == longest > 0}
+        problem = f"{markers}: no trial of {subject.name} names this file"
     if box_mass_kg is not None and fitting:
-        others = fitting
-        fitting = {name: item for name, item in others.items() if item.box_mass_kg == box_mass_kg}
-        sought = f"{markers}: {', '.join(others)} had no box of {box_mass_kg:g} kg"
+        problem = f"{markers}: {', '.join(fitting)} had no box of {box_mass_kg:g} kg"
+        fitting = {name: item for name, item in fitting.items() if item.box_mass_kg == box_mass_kg}
     if len(fitting) == 1:
         return next(iter(fitting.items()))
     if fitting:
-        sought = f"{markers}: several trials of {subject.name} name this file ({', '.join(fitting)}); name one of them"
-    listed = "\n".join(
-        f"  - {name}: {item.markers}, box of {item.box_mass_kg:g} kg" for name, item in lifts.items()
-    )
-    own = (
-        "\n'lumbar new-study FOLDER' writes settings and a person's file for recordings of your own"
-        if trial is None
-        else ""
-    )
-    raise InputError(f"{sought}; its trials are\n{listed}{own}")
+        problem = f"{markers}: several trials of {subject.name} name this file ({', '.join(fitting)}); name one of them"
+    lines = [f"  - {name}: {item.markers}, box of {item.box_mass_kg:g} kg" for name, item in lifts.items()]
+    if trial is None:
+        lines.append("'lumbar new-study FOLDER' writes settings and a subject's file for your own recordings")
+    raise InputError("\n".join([f"{problem}; its trials are", *lines]))
 
 
-def lift_names(subject: SubjectSettings) -> dict[str, TrialSettings]:
-    """Trials of one person by the names that a study gives their lifts."""
-    from lumbar.study.load_study import name_lifts
-
-    return {name: lift.trial for name, lift in name_lifts({subject.name: subject}).items()}
-
-
-def _recorded_in(lifts: dict[str, TrialSettings], markers: Path) -> dict[str, TrialSettings]:
-    """Lifts whose marker file this is: by as much of the path as both have, by the name at least."""
-    path = markers.resolve().parts
-
-    def shared(trial: TrialSettings) -> int:
-        parts = Path(trial.markers).parts
-        if path[-len(parts) :] == parts:
-            return len(parts)
-        return 1 if parts[-1] == path[-1] else 0
-
-    lengths = {name: shared(trial) for name, trial in lifts.items()}
-    longest = max(lengths.values())
-    return {name: lifts[name] for name, length in lengths.items() if length == longest > 0}
+def _common_parts(trial: TrialSettings, markers: Path) -> int:
+    """Return how many parts of its path the trial's file shares with another: all, only the name, or none."""
+    path, parts = markers.resolve().parts, Path(trial.markers).parts
+    return len(parts) if path[-len(parts) :] == parts else int(parts[-1] == path[-1])
 
 
-def _beside(key: str, named: str | None, trial: TrialSettings, markers: Path) -> Path | None:
-    """Return a file that is named relative to the folder which the trial's file is named relative to."""
-    if named is None:
+def _static_file(subject: SubjectSettings, trial: TrialSettings, markers: Path) -> Path | None:
+    """Return the subject's static trial, which is named relative to the same folder as the trial's file."""
+    if subject.static is None:
         return None
     path, parts = markers.resolve(), Path(trial.markers).parts
     root = path.parents[len(parts) - 1] if path.parts[-len(parts) :] == parts else path.parent
-    places = [root / named, path.parent / Path(named).name]
+    places = [root / subject.static, path.parent / Path(subject.static).name]
     found = next((place for place in places if place.is_file()), None)
     if found is None:
+        expected = " or ".join(map(str, dict.fromkeys(places)))
         raise InputError(
-            f"{key} is {named}, and there is no file " + " or ".join(map(str, dict.fromkeys(places)))
+            f"subject.static of {subject.name} is {subject.static}, and there is no file {expected}"
         )
     return found

@@ -232,16 +232,6 @@ def contributions(areas: np.ndarray) -> np.ndarray:
     return np.stack(found, axis=-1)
 
 
-def jackknife_interval(value: np.ndarray, left_out: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return Student's 95 % interval of an estimate from those without each subject, shape (subjects, ...)."""
-    from scipy.stats import t
-
-    count = len(left_out)
-    error = np.sqrt((count - 1) * np.var(left_out, axis=0))
-    reach = t.ppf(0.975, count - 1) * error
-    return value - reach, value + reach
-
-
 def decomposition_table(study: ComparedLifts) -> tuple[Table, list[Failure]]:
     """Return the contributions to every difference of the headline, and the intermediate pendulums without a basin."""
     lifts: dict[tuple, list[Trajectory]] = {}
@@ -299,13 +289,18 @@ def _row(pairs: list[_LiftPair], areas: np.ndarray) -> dict[str, float]:
 
     `areas`, shape (pairs, 32), are by `EXCHANGED`.
     """
+    from scipy.stats import t
+
     weight, person = np.array([pair.weight for pair in pairs]), np.array([pair.subject for pair in pairs])
     whole, persons = contributions(np.average(areas, axis=0, weights=weight)), np.unique(person)
     row = {"percent": float(whole.sum()), "pairs": len(areas)}
     ends = np.full((2, len(PARTS)), np.nan)
     if len(persons) >= MIN_PERSONS:
+        # Jackknife: Student's 95 % interval from the contributions without each subject.
         left_out = [np.average(areas, axis=0, weights=weight * (person != one)) for one in persons]
-        ends = np.array(jackknife_interval(whole, contributions(np.array(left_out))))
+        error = np.sqrt((len(persons) - 1) * np.var(contributions(np.array(left_out)), axis=0))
+        reach = t.ppf(0.975, len(persons) - 1) * error
+        ends = np.array([whole - reach, whole + reach])
     for part, value, low, high in zip(PARTS, whole, *ends, strict=True):
         row |= {f"{part}_percent": value, f"{part}_low_percent": low, f"{part}_high_percent": high}
     return row

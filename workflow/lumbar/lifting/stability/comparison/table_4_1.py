@@ -270,8 +270,8 @@ def alternations_table(study: ComparedLifts) -> Table:
         notes=(
             jumps_note(own),
             sizes_note(frame, done),
-            alternations_note(frame, done),
-            *([digits_note(own)] if len(own) else []),
+            _convergence_note(frame, done),
+            *([_digits_note(own)] if len(own) else []),
         ),
     )
 
@@ -297,7 +297,7 @@ def jumps_note(areas: pd.DataFrame) -> str:
     )
 
 
-def digits_note(areas: pd.DataFrame) -> str:
+def _digits_note(areas: pd.DataFrame) -> str:
     """Return a note on the digits of the thesis's areas."""
     step = max(100 * 10.0 ** -decimals(area, RESOLUTION["mean_area"]) / area for area in areas["mean_area"])
     return (
@@ -320,7 +320,7 @@ def sizes_note(frame: pd.DataFrame, done: int) -> str:
     return f"Largest difference, {'; '.join(sizes)}"
 
 
-def alternations_note(frame: pd.DataFrame, done: int) -> str:
+def _convergence_note(frame: pd.DataFrame, done: int) -> str:
     """Return whether the method has converged: then one alternation or four would give the same."""
     other = 4 if done < 4 else 1
     change = (frame[f"after_{other}_percent"] - frame["thesis_percent"]).abs().max()

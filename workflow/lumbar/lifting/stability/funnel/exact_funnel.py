@@ -23,7 +23,7 @@ found by sampling and Newton's method.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
@@ -212,13 +212,7 @@ def funnel_variants(
     wanted = [(0.0, 0.0), (margin, 0.0), (0.0, negative_control)]
     changes = np.unique(wanted, axis=0)
     which = [int(np.flatnonzero((changes == row).all(axis=1))[0]) for row in wanted]
-    level = _backward(loops, terminal_level, changes)[:, which]
-    return variants_of(loops, level, margin)
-
-
-def variants_of(loops: ClosedLoops, level: np.ndarray, margin: float) -> FunnelVariants:
-    """Return the variants of which `level` has ρ, shape (knots, 3, pendulums); one that reaches too far is an error."""
-    pendulums = loops.pendulums
+    level, pendulums = _backward(loops, terminal_level, changes)[:, which], loops.pendulums
     semi_axis = normal_axes(loops.cost[::2])[0] * np.sqrt(level[:, 0])
     lost = ~(semi_axis < LARGEST_SEMI_AXIS)
     if lost.any():
@@ -229,11 +223,12 @@ def variants_of(loops: ClosedLoops, level: np.ndarray, margin: float) -> FunnelV
             "hips 2 suits) or lower its state weight",
             label=pendulums.labels[index],
         )
-    exact = Funnels("exact", pendulums.duration, loops.cost[::2], level[:, 0])
+    methods = ("exact", f"exact, margin {margin:g} 1/s", "exact, negative control")
     return FunnelVariants(
-        exact,
-        replace(exact, method=f"exact, margin {margin:g} 1/s", level=level[:, 1]),
-        replace(exact, method="exact, negative control", level=level[:, 2]),
+        *(
+            Funnels(method, pendulums.duration, loops.cost[::2], level[:, number])
+            for number, method in enumerate(methods)
+        )
     )
 
 
@@ -307,11 +302,3 @@ def reachable_area(loops: ClosedLoops, terminal_level: float = 1.0) -> np.ndarra
     rate = (pendulums.damping + loops.gains[..., 1]) / pendulums.inertia
     exponent = pendulums.duration * simpson(rate, x=np.linspace(0.0, 1.0, len(rate)), axis=0)
     return np.pi * terminal_level / np.sqrt(determinant(loops.cost[-1])) * np.exp(exponent)
-
-
-def even_knots(available: int, wanted: int) -> np.ndarray:
-    """Return evenly spaced knots, first and last included, as near to `wanted` as the spacing allows."""
-    intervals = available - 1
-    divisors = [number for number in range(1, intervals + 1) if intervals % number == 0]
-    nearest = min(divisors, key=lambda number: abs(number - (wanted - 1)))
-    return np.arange(0, available, intervals // nearest)

@@ -19,12 +19,21 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
 from lumbar.base.errors import NumericalError
 from lumbar.lifting.stability.model.pendulum_trajectories import SIGNS, Trajectory, pendulum_label
 from lumbar.settings.stability import RegulatorSettings, StabilitySettings
+
+
+class Linearisation(NamedTuple):
+    """A = [[0, 1], [a21, a22]] and B = [0, b2] (Eq. 4.3)."""
+
+    a21: np.ndarray
+    a22: np.ndarray
+    b2: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -45,13 +54,10 @@ class Pendulums:
     """Shape (points, pendulums): θ0 in rad on an even grid from t = 0 to T: the knots and the points halfway between them.
     """
 
-    def linearisation(self, angle: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return a21, a22 and b2 of A = [[0, 1], [a21, a22]] and B = [0, b2] (Eq. 4.3)."""
-        return (
-            -self.gravity_torque * np.cos(angle) / self.inertia,
-            -self.damping / self.inertia,
-            1 / self.inertia,
-        )
+    def linearisation(self, angle: np.ndarray) -> Linearisation:
+        """Return the linearised pendulum (Eq. 4.3) at angles of shape (..., pendulums)."""
+        stiffness = self.gravity_torque * np.cos(angle)
+        return Linearisation(-stiffness / self.inertia, -self.damping / self.inertia, 1 / self.inertia)
 
 
 def gather(
@@ -147,13 +153,6 @@ def gain(pendulums: Pendulums, control_weight: np.ndarray, cost: np.ndarray) -> 
     return scale * cost[..., 1], scale * cost[..., 2]
 
 
-def decay_matrix(pendulums: Pendulums, weights: Weights, cost: np.ndarray) -> np.ndarray:
-    """Return Q + SBR⁻¹BᵀS = Q + KᵀRK: how fast V falls along the linear loop, V̇ = −x̄ᵀ(Q + KᵀRK)x̄."""
-    first, second = gain(pendulums, weights.control, cost)
-    feedback = np.stack([first**2, first * second, second**2], axis=-1)
-    return weights.state + np.asarray(weights.control)[..., None] * feedback
-
-
 def riccati_rate(pendulums: Pendulums, weights: Weights, angle: np.ndarray, cost: np.ndarray) -> np.ndarray:
     """Return −Ṡ = Q − SBR⁻¹BᵀS + SA + AᵀS (Eq. 4.2), shape (pendulums, 3)."""
     a21, a22, b2 = pendulums.linearisation(angle)
@@ -190,6 +189,10 @@ def cost_to_go(pendulums: Pendulums, weights: Weights) -> np.ndarray:
     reference = CubicSpline(phase, pendulums.angle)
     terminal = np.broadcast_to(weights.terminal, (count, 3))
 
+    # Fastest rate of the steady closed loop, √(Q22/R)/I, times the duration: steps that an explicit method needs.
+    fastest = np.sqrt(weights.state[..., 2] / weights.control) / pendulums.inertia
+    stiffness = float((fastest * pendulums.duration).max())
+
     # Time runs backward from T and is scaled to each trajectory's length: remaining = 1 − t/T.
     def backward(remaining, flat):
         rate = riccati_rate(pendulums, weights, reference(1.0 - remaining), flat.reshape(count, 3))
@@ -201,7 +204,7 @@ def cost_to_go(pendulums: Pendulums, weights: Weights) -> np.ndarray:
             backward,
             (0.0, 1.0),
             terminal.ravel(),
-            method="Radau" if _stiffness(pendulums, weights) > STIFF else "DOP853",
+            method="Radau" if stiffness > STIFF else "DOP853",
             t_eval=phase,
             rtol=RELATIVE_TOLERANCE,
             atol=RELATIVE_TOLERANCE * float(np.abs(terminal).max()),
@@ -213,12 +216,6 @@ def cost_to_go(pendulums: Pendulums, weights: Weights) -> np.ndarray:
     cost = solution.y.T.reshape(points, count, 3)[::-1]
     _require_definite(pendulums, cost)
     return cost
-
-
-def _stiffness(pendulums: Pendulums, weights: Weights) -> float:
-    """Fastest rate of the steady closed loop, √(Q22/R)/I, times the duration: steps that an explicit method needs."""
-    rate = np.sqrt(weights.state[..., 2] / weights.control) / pendulums.inertia
-    return float((rate * pendulums.duration).max())
 
 
 def cost_to_go_euler(pendulums: Pendulums, weights: Weights) -> np.ndarray:
@@ -291,11 +288,19 @@ def normal_form(pendulums: Pendulums, angle: np.ndarray, cost: np.ndarray, decay
     )
 
 
-def normal_axes(cost: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return a, p, q of the ellipse x̄ᵀSx̄ = 1: e = a·z1, ω = p·z1 + q·z2 with z on the unit circle."""
+class NormalAxes(NamedTuple):
+    """Numbers of the ellipse x̄ᵀSx̄ = 1: e = a·z1, ω = p·z1 + q·z2 with z on the unit circle."""
+
+    a: np.ndarray
+    p: np.ndarray
+    q: np.ndarray
+
+
+def normal_axes(cost: np.ndarray) -> NormalAxes:
+    """Return the axes of the ellipses of S, shape (..., 3)."""
     s12, s22 = cost[..., 1], cost[..., 2]
     amplitude = np.sqrt(s22 / determinant(cost))
-    return amplitude, -amplitude * s12 / s22, 1 / np.sqrt(s22)
+    return NormalAxes(amplitude, -amplitude * s12 / s22, 1 / np.sqrt(s22))
 
 
 @dataclass(frozen=True)
@@ -339,14 +344,11 @@ class ClosedLoops:
             labels=tuple(given.labels[number] for number in index),
             **{name: getattr(given, name)[..., index] for name in arrays},
         )
-        own = Weights(
-            *(
-                part[index] if part.ndim > shared else part
-                for part, shared in ((weights.state, 1), (weights.control, 0), (weights.terminal, 1))
-            )
-        )
+        # Weights are shared by all pendulums, or have one row for each.
+        shared = ((weights.state, 1), (weights.control, 0), (weights.terminal, 1))
+        weights = Weights(*(part[index] if part.ndim > least else part for part, least in shared))
         parts = (part[:, index] for part in (self.cost, self.decay, self.gains))
-        return ClosedLoops(pendulums, own, *parts)
+        return ClosedLoops(pendulums, weights, *parts)
 
 
 def regulate(pendulums: Pendulums, weights: Weights) -> ClosedLoops:
@@ -356,8 +358,10 @@ def regulate(pendulums: Pendulums, weights: Weights) -> ClosedLoops:
 
 def with_cost(pendulums: Pendulums, weights: Weights, cost: np.ndarray) -> ClosedLoops:
     """Close the loop with the gain of a given solution S of the Riccati equation."""
-    gains = np.stack(gain(pendulums, weights.control, cost), axis=-1)
-    return ClosedLoops(pendulums, weights, cost, decay_matrix(pendulums, weights, cost), gains)
+    k1, k2 = gain(pendulums, weights.control, cost)
+    # Q + SBR⁻¹BᵀS = Q + KᵀRK: V falls along the linear loop as V̇ = −x̄ᵀ(Q + KᵀRK)x̄.
+    feedback = np.asarray(weights.control)[..., None] * np.stack([k1**2, k1 * k2, k2**2], axis=-1)
+    return ClosedLoops(pendulums, weights, cost, weights.state + feedback, np.stack([k1, k2], axis=-1))
 
 
 def close_loops(

@@ -118,7 +118,9 @@ def at_rest(trajectory: Trajectory) -> Trajectory:
 
 
 def find_problems(trajectory: Trajectory) -> Problems:
-    """Collect what keeps a trajectory from having a basin of attraction."""
+    """Return the problems that keep a trajectory from having a basin of attraction."""
+    from scipy.integrate import cumulative_trapezoid
+
     problems = Problems(trajectory.label)
     if len(trajectory.time) < MINIMUM_SAMPLES:
         problems.add("", f"{len(trajectory.time)} samples", f"at least {MINIMUM_SAMPLES} are needed")
@@ -149,22 +151,18 @@ def find_problems(trajectory: Trajectory) -> Problems:
         row = beyond[0]
         found = f"angle {trajectory.angle[row]:.3g} rad"
         problems.add(f"sample {row + 1}", found, "a COM over or under its pivot lies within ±π")
-    elif (stray := _velocity_error(trajectory)) > VELOCITY_TOLERANCE:
+        return problems
+    integral = cumulative_trapezoid(trajectory.angular_velocity, trajectory.time, initial=0.0)
+    error = trajectory.angle - trajectory.angle[0] - integral
+    # A hundredth of a radian is below what markers resolve: a COM that hardly moves must not fail.
+    stray = float(np.ptp(error) / max(np.ptp(trajectory.angle), 0.1))
+    if stray > VELOCITY_TOLERANCE:
         problems.add(
             "angular_velocity",
             f"its integral strays from the angle by {100 * stray:.0f} % of the angle's range",
             f"at most {100 * VELOCITY_TOLERANCE:.0f} %: it must be the derivative of the angle",
         )
     return problems
-
-
-def _velocity_error(trajectory: Trajectory) -> float:
-    from scipy.integrate import cumulative_trapezoid
-
-    integral = cumulative_trapezoid(trajectory.angular_velocity, trajectory.time, initial=0.0)
-    error = trajectory.angle - trajectory.angle[0] - integral
-    # A hundredth of a radian is below what markers resolve: a COM that stays put must not fail.
-    return float(np.ptp(error) / max(np.ptp(trajectory.angle), 0.1))
 
 
 NO_TRAJECTORY = "trajectory"

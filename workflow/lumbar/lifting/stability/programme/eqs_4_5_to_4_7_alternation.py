@@ -34,7 +34,7 @@ from functools import cache
 import numpy as np
 from numpy.polynomial.polynomial import polyvander
 
-from lumbar.lifting.stability.funnel.exact_funnel import Funnels, boundary_growth, even_knots
+from lumbar.lifting.stability.funnel.exact_funnel import Funnels, boundary_growth
 from lumbar.lifting.stability.model.eqs_4_1_to_4_4_closed_loop import (
     ClosedLoops,
     NormalForm,
@@ -230,7 +230,12 @@ def alternate(
         A programme that has a multiplier ended without one.
     """
     certificate = certificate or Certificate(DEGREE, ACCURACY)
-    chosen = even_knots(loops.knots, knots)
+    # Evenly spaced knots, first and last included, as near to the wanted number as the spacing allows.
+    intervals = loops.knots - 1
+    divisors = [number for number in range(1, intervals + 1) if intervals % number == 0]
+    chosen = np.arange(
+        0, loops.knots, intervals // min(divisors, key=lambda number: abs(number - (knots - 1)))
+    )
     pendulums = loops.pendulums
     cost = cost_to_go_euler(pendulums, loops.weights)[chosen]
     at_knots = with_cost(replace(pendulums, angle=pendulums.angle[2 * chosen]), loops.weights, cost)
