@@ -13,7 +13,7 @@ from lumbar.interface.reading import read
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.selection.diagnose import diagnose
 from lumbar.tissue.diagnosis.selection.refine import fitted_model, refine, refined_document
-from lumbar.tissue.diagnosis.selection.result import details, explain, headline
+from lumbar.tissue.diagnosis.selection.result import explain
 from lumbar.tissue.diagnosis.selection.thresholds import NullDistribution, null_distribution, number_of_forms
 from lumbar.tissue.effects.catalogue import CATALOGUES, PENDULUM, TISSUE
 from lumbar.tissue.models.fitted_model import read_models
@@ -41,7 +41,6 @@ def labels(shared):
 def test_one_effect_both_of_two_and_none_are_told(case, labels, name):
     assert set(case(name).selected) == set(labels[name]["effects"])
     assert case(name).status == ("named" if labels[name]["effects"] else "adequate")
-    assert headline(case(name)).startswith("Nothing is missing") == (not labels[name]["effects"])
 
 
 @pytest.mark.statistical
@@ -96,8 +95,6 @@ def test_diagnosed_again_the_second_effect_is_named(shared):
     assert (one_of_two.refined_status, one_of_two.complete) == ("named", False)
     assert one_of_two.further.effects == ("hardening_stiffness", "coulomb_friction")
     assert one_of_two.to_json()["further"] == "coulomb_friction"
-    said = [line for line in details(one_of_two, TISSUE) if line.startswith("Diagnosed again")]
-    assert [line.split(":")[0] for line in said] == ["Diagnosed again, coulomb friction is missing too"]
 
 
 def synthetic(name, force, seed, seconds=40):
@@ -133,15 +130,8 @@ def test_p_values_of_the_null_table():
         assert 0.9 <= null_distribution(system).forms / number_of_forms(catalogue) <= 1
 
 
-@pytest.mark.parametrize(
-    ("floors", "after", "said"),
-    [
-        (1.05, "adequate", "What is left is noise as far as can be told"),
-        (1.15, "adequate", "Diagnosed again, none of the most promising further effects passes"),
-        (1.30, "unexplained", "Diagnosed again, something unexplained is left and none of the most"),
-    ],
-)
-def test_completeness_and_the_verdict_on_the_refined_model_follow_from_one_rule(floors, after, said):
+@pytest.mark.parametrize(("floors", "after"), [(1.05, "adequate"), (1.15, "adequate"), (1.30, "unexplained")])
+def test_completeness_and_the_status_of_the_refined_model_follow_from_one_rule(floors, after):
     """A refined model whose unseen error is a given number of noise floors, and a catalogue without further effects."""
 
     def stiffening(time, position):
@@ -157,7 +147,6 @@ def test_completeness_and_the_verdict_on_the_refined_model_follow_from_one_rule(
     found = diagnose([records[0], disturbed], settings)
     assert found.model.test_rms / found.experiment.floor.rms == pytest.approx(floors, abs=0.03)
     assert (found.refined_status, found.complete, found.further) == (after, after == "adequate", None)
-    assert any(line.startswith(said) for line in details(found, catalogue))
 
 
 def springs(stiffness: dict[str, np.ndarray | float]) -> list:
@@ -174,10 +163,10 @@ def told(records, kind: str, **settings):
 
 
 def test_the_model_is_tried_the_other_way_where_only_training_is_explained():
-    found, (finding,) = told(springs({"a": 0.8, "b": 0.9, "c": 0.9}), "trained_otherwise")
+    _, (finding,) = told(springs({"a": 0.8, "b": 0.9, "c": 0.9}), "trained_otherwise")
     spread = float(np.std(multisine(4, 500, range(1, 8), 0)))
     assert finding.value == pytest.approx(0.1 * spread, rel=0.05)
-    assert finding.unit == "N" and finding.sentence in details(found, TISSUE)
+    assert finding.unit == "N"
 
 
 def test_nothing_is_tried_where_unseen_records_are_explained_too():

@@ -194,4 +194,3 @@ def test_a_position_that_is_read_late_passes_for_a_dashpot_and_is_named_beside_i
     assert found.selected == ("viscous_damping",)
     (viscosity,) = (item for item in found.result.ranking[0].estimates if item.effect == "viscous_damping")
     assert viscosity.low < stiffness * late < viscosity.high
-    assert "A position that is read late looks the same" in str(found)
