@@ -6,7 +6,7 @@ from pathlib import Path
 
 import lumbar
 from lumbar.publishing.figures import palette, style
-from lumbar.tissue.diagnosis.selection.result import readable
+from lumbar.tissue.diagnosis.selection.sentences import readable
 
 ROOT = Path(__file__).resolve().parents[2]
 RECORDS = ROOT / "results" / "thesis" / "twin" / "two_hidden_effects"

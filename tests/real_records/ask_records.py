@@ -15,7 +15,7 @@ from record_judging import expectations, judge, parameters
 
 from acceptance_run import AcceptanceRun
 from answers import ask
-from lumbar.tissue.diagnosis.selection.result import effects_text
+from lumbar.tissue.diagnosis.selection.sentences import effects_text
 
 HEAD = "| data | known to be missing | named | error, unseen: base → named | published: linear → best | judgement |"
 

@@ -27,13 +27,8 @@ from lumbar.tissue.diagnosis.residuals.locate import (
     of_axes,
 )
 from lumbar.tissue.diagnosis.selection.refine import fitted_model, refined_document
-from lumbar.tissue.diagnosis.selection.result import (
-    DiagnosisResult,
-    Status,
-    details,
-    explain,
-    headline,
-)
+from lumbar.tissue.diagnosis.selection.result import DiagnosisResult, Status
+from lumbar.tissue.diagnosis.selection.sentences import details, explain, headline
 from lumbar.tissue.effects.catalogue import check_name
 from lumbar.tissue.models.fitted_model import FittedModel
 from lumbar.tissue.models.form import Effect

@@ -14,7 +14,7 @@ from lumbar.tables.table import Table
 from lumbar.tissue.diagnosis.evidence.evidence import Evidence, ladder_csv, signal_angles
 from lumbar.tissue.diagnosis.residuals.locate import of_axes
 from lumbar.tissue.diagnosis.selection.refine import refined_document
-from lumbar.tissue.diagnosis.selection.result import details
+from lumbar.tissue.diagnosis.selection.sentences import details
 from lumbar.tissue.diagnosis.selection.thresholds import null_distribution, number_of_forms
 from lumbar.tissue.diagnosis.spatial.principal_axes import (
     axes_sentences,

@@ -17,7 +17,7 @@ from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.fitting.preparation import check_excitation
 from lumbar.tissue.diagnosis.selection.diagnose import diagnose
 from lumbar.tissue.diagnosis.selection.refine import refine
-from lumbar.tissue.diagnosis.selection.result import details
+from lumbar.tissue.diagnosis.selection.sentences import details
 from lumbar.tissue.effects.catalogue import TISSUE
 
 STEP = 0.01

@@ -13,7 +13,7 @@ from lumbar.interface.reading import read
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.selection.diagnose import diagnose
 from lumbar.tissue.diagnosis.selection.refine import fitted_model, refine, refined_document
-from lumbar.tissue.diagnosis.selection.result import explain
+from lumbar.tissue.diagnosis.selection.sentences import explain
 from lumbar.tissue.diagnosis.selection.thresholds import NullDistribution, null_distribution, number_of_forms
 from lumbar.tissue.effects.catalogue import CATALOGUES, PENDULUM, TISSUE
 from lumbar.tissue.models.fitted_model import read_models

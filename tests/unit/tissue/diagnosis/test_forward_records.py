@@ -11,7 +11,7 @@ import lumbar
 from lumbar.base.errors import InputError
 from lumbar.tissue.diagnosis.forward import forward_diagnosis
 from lumbar.tissue.diagnosis.forward.forward_base import response_of
-from lumbar.tissue.diagnosis.selection.state import DiagnosisState
+from lumbar.tissue.diagnosis.selection.result import DiagnosisState
 from lumbar.tissue.effects.catalogue import catalogues_with
 from lumbar.tissue.fmu.build.effect_model import effect_model
 from lumbar.tissue.models.bases import BASES

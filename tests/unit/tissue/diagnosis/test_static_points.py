@@ -7,7 +7,7 @@ import pytest
 
 import lumbar
 from lumbar.base.errors import InputError
-from lumbar.tissue.diagnosis.selection.result import CONDITIONAL
+from lumbar.tissue.diagnosis.selection.sentences import CONDITIONAL
 from lumbar.tissue.diagnosis.selection.thresholds import LEVEL
 
 POSITION = np.linspace(-2.0, 12.0, 25)

@@ -30,10 +30,8 @@ from lumbar.tissue.diagnosis.residuals.locate import ResidualReport
 from lumbar.tissue.diagnosis.residuals.residual import probability
 from lumbar.tissue.diagnosis.selection.candidate import Candidate
 from lumbar.tissue.diagnosis.selection.refine import model_name
-from lumbar.tissue.diagnosis.selection.result import (
-    DiagnosisResult,
-    Ranked,
-    Status,
+from lumbar.tissue.diagnosis.selection.result import DiagnosisResult, Ranked, Status
+from lumbar.tissue.diagnosis.selection.sentences import (
     distinguishing_digits,
     effects_text,
     headline,

@@ -21,7 +21,7 @@ from lumbar.publishing.figures.style import (
 from lumbar.records.record import Record
 from lumbar.tables.layout import unit_in_print
 from lumbar.tissue.diagnosis.residuals.compare import Comparison
-from lumbar.tissue.diagnosis.selection.result import distinguishing_digits
+from lumbar.tissue.diagnosis.selection.sentences import distinguishing_digits
 from lumbar.tissue.effects.signature import AXES, RATES, pictured_form, signatures
 from lumbar.tissue.models.form import Effect
 

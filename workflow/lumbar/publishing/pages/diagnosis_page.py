@@ -20,10 +20,9 @@ from lumbar.tissue.diagnosis.evidence.discrimination import separation_sentence
 from lumbar.tissue.diagnosis.evidence.evidence import ALIKE, Evidence, limitations
 from lumbar.tissue.diagnosis.residuals.residual import probability
 from lumbar.tissue.diagnosis.selection.candidate import likelihood_ratio
-from lumbar.tissue.diagnosis.selection.result import (
+from lumbar.tissue.diagnosis.selection.result import DiagnosisResult, Ranked
+from lumbar.tissue.diagnosis.selection.sentences import (
     CONDITIONAL,
-    DiagnosisResult,
-    Ranked,
     details,
     effects_text,
     headline,

@@ -18,7 +18,8 @@ from lumbar.tissue.diagnosis.fitting.joint_fit import Fit
 from lumbar.tissue.diagnosis.fitting.joint_fit import fit as refit
 from lumbar.tissue.diagnosis.fitting.uncertainty import beyond, tangent_basis
 from lumbar.tissue.diagnosis.selection.candidate import Candidate
-from lumbar.tissue.diagnosis.selection.result import DiagnosisResult, effects_text
+from lumbar.tissue.diagnosis.selection.result import DiagnosisResult
+from lumbar.tissue.diagnosis.selection.sentences import effects_text
 from lumbar.tissue.diagnosis.selection.thresholds import TIED
 from lumbar.tissue.models.motion import Motion
 from lumbar.tissue.signals.spectrum import Kinematics, occupied_band, peak_kinematics

@@ -27,7 +27,8 @@ from lumbar.tissue.diagnosis.residuals.locate import ResidualReport, compare_and
 from lumbar.tissue.diagnosis.residuals.residual import steady_velocity
 from lumbar.tissue.diagnosis.selection.candidate import Candidate, drop_effect
 from lumbar.tissue.diagnosis.selection.forward_selection import extend
-from lumbar.tissue.diagnosis.selection.result import DiagnosisResult, effects_text, readable
+from lumbar.tissue.diagnosis.selection.result import DiagnosisResult
+from lumbar.tissue.diagnosis.selection.sentences import effects_text, readable
 from lumbar.tissue.diagnosis.selection.thresholds import (
     TIED,
     NullDistribution,

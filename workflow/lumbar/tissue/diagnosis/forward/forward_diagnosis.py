@@ -33,8 +33,7 @@ from lumbar.tissue.diagnosis.selection.candidate import (
     unseen_improvement,
 )
 from lumbar.tissue.diagnosis.selection.forward_selection import Selection, after_selection, find_ties
-from lumbar.tissue.diagnosis.selection.result import Status
-from lumbar.tissue.diagnosis.selection.state import DiagnosisState
+from lumbar.tissue.diagnosis.selection.result import DiagnosisState, Status
 from lumbar.tissue.diagnosis.selection.thresholds import TIED, UNSEEN
 from lumbar.tissue.effects.catalogue import MOTION_SENSOR, with_forms_that
 from lumbar.tissue.models.bases import CHOSEN_BY_DATA, Base

@@ -20,8 +20,8 @@ from lumbar.tissue.diagnosis.selection.candidate import (
     with_forms,
 )
 from lumbar.tissue.diagnosis.selection.forward_selection import find_ties
-from lumbar.tissue.diagnosis.selection.result import Status, effects_text
-from lumbar.tissue.diagnosis.selection.state import DiagnosisState, run
+from lumbar.tissue.diagnosis.selection.result import DiagnosisState, Status, run
+from lumbar.tissue.diagnosis.selection.sentences import effects_text
 from lumbar.tissue.diagnosis.selection.thresholds import EXPLAINS, TIED, UNSEEN
 from lumbar.tissue.effects.catalogue import TISSUE
 from lumbar.tissue.models.bases import BASES

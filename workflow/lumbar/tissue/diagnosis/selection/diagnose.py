@@ -17,8 +17,7 @@ from lumbar.tissue.diagnosis.selection.alternatives import (
 from lumbar.tissue.diagnosis.selection.base_choice import SEARCH, find_base, reweigh_errors
 from lumbar.tissue.diagnosis.selection.forward_selection import find_ties
 from lumbar.tissue.diagnosis.selection.rates import check_rate_independence, compare_records
-from lumbar.tissue.diagnosis.selection.result import DiagnosisResult, Status
-from lumbar.tissue.diagnosis.selection.state import DiagnosisState, run
+from lumbar.tissue.diagnosis.selection.result import DiagnosisResult, DiagnosisState, Status, run
 from lumbar.tissue.diagnosis.sensors.sensor_faults import repair
 from lumbar.tissue.effects.catalogue import usable_effects
 from lumbar.tissue.models.bases import Base

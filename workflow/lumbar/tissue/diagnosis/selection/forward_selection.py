@@ -31,8 +31,7 @@ from lumbar.tissue.diagnosis.selection.candidate import (
     unseen_improvement,
     with_forms,
 )
-from lumbar.tissue.diagnosis.selection.result import Ranked, Status
-from lumbar.tissue.diagnosis.selection.state import DiagnosisState
+from lumbar.tissue.diagnosis.selection.result import DiagnosisState, Ranked, Status
 from lumbar.tissue.diagnosis.selection.thresholds import (
     BLIND,
     COMPLETE,

@@ -12,8 +12,8 @@ from lumbar.tissue.diagnosis.fitting.joint_fit import Fit
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.selection.candidate import Candidate, drop_effect, refit
 from lumbar.tissue.diagnosis.selection.forward_selection import extend
-from lumbar.tissue.diagnosis.selection.result import Status, effects_text
-from lumbar.tissue.diagnosis.selection.state import DiagnosisState
+from lumbar.tissue.diagnosis.selection.result import DiagnosisState, Status
+from lumbar.tissue.diagnosis.selection.sentences import effects_text
 from lumbar.tissue.diagnosis.selection.thresholds import COMPLETE
 from lumbar.tissue.models.form import Effect
 from lumbar.tissue.signals.spectrum import occupied_band

@@ -17,7 +17,7 @@ from lumbar.tissue.diagnosis.fitting.uncertainty import check_excited, derived_e
 from lumbar.tissue.diagnosis.selection.base_choice import find_base
 from lumbar.tissue.diagnosis.selection.candidate import Candidate, is_adequate, with_forms
 from lumbar.tissue.diagnosis.selection.forward_selection import exchange, extend
-from lumbar.tissue.diagnosis.selection.result import (
+from lumbar.tissue.diagnosis.selection.sentences import (
     distinguishing_digits,
     effects_text,
     noise_sentence,

@@ -26,8 +26,7 @@ from lumbar.tissue.diagnosis.selection.forward_selection import (
     extend,
     find_ties,
 )
-from lumbar.tissue.diagnosis.selection.result import Status
-from lumbar.tissue.diagnosis.selection.state import DiagnosisState
+from lumbar.tissue.diagnosis.selection.result import DiagnosisState, Status
 from lumbar.tissue.diagnosis.selection.thresholds import UNSEEN
 from lumbar.tissue.effects.catalogue import with_forms_that
 from lumbar.tissue.models.bases import BASES, CHOSEN_BY_DATA, Base

@@ -11,7 +11,7 @@ from lumbar.tables.table import Table
 from lumbar.tissue.diagnosis.fitting.joint_fit import Fit
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.fitting.uncertainty import estimates, scaled_covariance
-from lumbar.tissue.diagnosis.selection.result import distinguishing_digits
+from lumbar.tissue.diagnosis.selection.sentences import distinguishing_digits
 from lumbar.tissue.diagnosis.spatial.location_in_space import in_words, upward
 from lumbar.tissue.models.model_data import FittedParameter
 from lumbar.tissue.models.parameter import AXES

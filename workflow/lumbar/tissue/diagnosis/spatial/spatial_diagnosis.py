@@ -16,8 +16,7 @@ from lumbar.tissue.diagnosis.selection.forward_selection import (
     find_ties,
 )
 from lumbar.tissue.diagnosis.selection.refine import added_in_turn
-from lumbar.tissue.diagnosis.selection.result import Status
-from lumbar.tissue.diagnosis.selection.state import DiagnosisState
+from lumbar.tissue.diagnosis.selection.result import DiagnosisState, Status
 from lumbar.tissue.diagnosis.selection.thresholds import TIED
 from lumbar.tissue.diagnosis.spatial.force_channels import exchanged_channels
 from lumbar.tissue.diagnosis.spatial.spatial_base import KINDS, choose_base, freed, held, likelier

@@ -7,15 +7,13 @@ from lumbar.tissue.diagnosis.fitting.joint_fit import Fit, fit_base
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.fitting.uncertainty import estimates, scaled_covariance
 from lumbar.tissue.diagnosis.selection.alternatives import position_offset
-from lumbar.tissue.diagnosis.selection.result import (
-    DiagnosisResult,
-    Status,
+from lumbar.tissue.diagnosis.selection.result import DiagnosisResult, DiagnosisState, Status
+from lumbar.tissue.diagnosis.selection.sentences import (
     distinguishing_digits,
     effects_text,
     error_falls,
     headline,
 )
-from lumbar.tissue.diagnosis.selection.state import DiagnosisState
 from lumbar.tissue.diagnosis.spatial.location_in_space import in_words, upward
 from lumbar.tissue.models.bases import BASES
 from lumbar.tissue.models.space import matrices_of, symmetric_base

@@ -1,0 +1,250 @@
+"""Sentences on the result of a diagnosis: in one line, what a reader asks next, and what its steps did."""
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+from lumbar.tissue.diagnosis.fitting.preparation import Experiment
+from lumbar.tissue.diagnosis.noise.noise_floor import NoiseFloor
+from lumbar.tissue.diagnosis.selection.candidate import contradictions, is_adequate
+from lumbar.tissue.diagnosis.selection.result import DiagnosisResult, Ranked, Status
+from lumbar.tissue.diagnosis.selection.thresholds import EXPLAINS, LEVEL
+from lumbar.tissue.effects.catalogue import CHANNELS
+from lumbar.tissue.models.form import Effect
+
+CONDITIONAL = (
+    "Intervals hold if base and effects are the right ones: what another base would give is not in them."
+)
+_MOST = 7
+"""Digits: errors that differ by less are alike."""
+_NOTABLE = 0.1
+"""What a right model leaves beside the noise, in noise floors, from which on it is worth a word."""
+_APART = 1.5
+"""Ratio of the errors of unseen records from which on they are told one by one."""
+
+
+def distinguishing_digits(values: Sequence[float], fewest: int) -> list[str]:
+    """Return numbers in words with so many digits, `fewest` at least, that neighbours which differ read differently.
+
+    Examples
+    --------
+    >>> distinguishing_digits([1.42, 1.404, 1.398], 2)
+    ['1.42', '1.404', '1.398']
+    >>> distinguishing_digits([8700.0, 1796.0], 3)
+    ['8700', '1800']
+    """
+    wanted = sum(f"{a:.{_MOST}g}" != f"{b:.{_MOST}g}" for a, b in pairwise(values))
+    for digits in range(fewest, _MOST + 1):
+        words = [_written(value, digits) for value in values]
+        if sum(a != b for a, b in pairwise(words)) == wanted:
+            break
+    return words
+
+
+def _written(value: float, digits: int) -> str:
+    """A number to so many digits; thousands without an exponent."""
+    rounded = float(f"{value:.{digits}g}")
+    return f"{rounded:.0f}" if 10.0**digits <= abs(rounded) < 1e6 else f"{value:.{digits}g}"
+
+
+def readable(name: str) -> str:
+    """Name of an effect for a reader."""
+    return name.replace("_", " ")
+
+
+def effects_text(names) -> str:
+    """Names of several effects for a reader."""
+    *first, last = [readable(name) for name in names] or ["no effect"]
+    return f"{', '.join(first)} and {last}" if first else last
+
+
+def headline(result: DiagnosisResult) -> str:
+    """Return the result in one sentence."""
+    unit, base = result.experiment.output_unit, result.base.fit.structure.base.name
+    before, after = result.base.test_rms, result.model.test_rms
+    named = effects_text(result.selected)
+    share, fall = _percent(1 - after / before), error_falls(result)
+    if result.orientation is not None:
+        return f"These records are not what the {base} model takes. {result.orientation.sentence}"
+    if result.status == Status.ADEQUATE:
+        return f"Nothing is missing: what the {base} model leaves ({before:.3g} {unit}) is noise as far as can be told."
+    if result.status == Status.NAMED:
+        added = "it" if len(result.selected) == 1 else "them"
+        return f"The {base} model is missing {named}: with {added} {fall}."
+    if result.status == Status.TIED:
+        others = ", ".join(effects_text(item.effects) for item in result.tied_with)
+        return (
+            f"Something is missing; {named} explains it ({fall}), but {others} cannot be told apart from it."
+        )
+    missing = f"Something is missing from the {base} model and no effect of the catalogue explains it"
+    if not result.selected:
+        return f"{missing}."
+    s = "s" * (len(result.selected) == 1)
+    removed = f"remove{s} {share} of the error on unseen records."
+    if result.explainable_share_removed < EXPLAINS:
+        return f"{missing}; it looks a little like {named}, which {removed}"
+    return f"{missing}; {named}, which come{s} nearest, {removed}"
+
+
+def explain(result: DiagnosisResult) -> list[str]:
+    """Return one line per step: its name, what it did or found, and which step decided the status."""
+    decided = result.decided_by
+    return [
+        f"{item.step}: {item.reason}" + (f" [decided: {item.status}]" if item is decided else "")
+        for item in result.steps
+    ]
+
+
+def error_falls(result: DiagnosisResult) -> str:
+    """By how much the error on unseen records falls with the selected effects, from what to what."""
+    before, after = result.base.test_rms, result.model.test_rms
+    first, last = distinguishing_digits([before, after], 3)
+    share, unit = _percent(1 - after / before), result.experiment.output_unit
+    return f"the error on unseen records falls by {share}, from {first} to {last} {unit}"
+
+
+def _percent(share: float) -> str:
+    """A share in words: with a decimal where it is nearly all or nearly nothing."""
+    return f"{100 * share:.{1 if share > 0.99 or share < 0.1 else 0}f} %"
+
+
+def noise_sentence(experiment: Experiment) -> str:
+    """Say how large the noise is and what that is taken from, or that it is unknown."""
+    floor = experiment.floor
+    if experiment.points:
+        return "How much of the error is noise is unknown: the same positions measured again would say."
+    if floor is None:
+        return (
+            "No record repeats, so the noise floor is unknown and completeness cannot be judged. Where an excitation ramps up or "
+            "down, read the part that repeats alone: --trim of 'lumbar import', or trim_s in a study."
+        )
+    unit = experiment.output_unit
+    sentence = f"Noise floor: {floor.rms:.3g} {unit} ({floor.low:.3g} to {floor.high:.3g})"
+    sentence += f" from {floor.periods} periods of {floor.period:g} s"
+    if floor.exact:
+        sentence += "; they are alike to the last digit, and so much the digits leave open"
+    if floor.halves:
+        sentence += ", all there are: what differs between their second halves passes for noise"
+    if experiment.beside_floor <= _NOTABLE * floor.rms:
+        return f"{sentence}."
+    return (
+        f"{sentence}. Beside it a right model would leave {experiment.beside_floor:.3g} {unit}: the force of the "
+        f"{experiment.input_quantity}'s noise within the band, or a drift that may be a wandering zero. It counts as noise."
+    )
+
+
+def details(result: DiagnosisResult, catalogue: dict[str, Effect]) -> list[str]:
+    """Return what a reader asks next: noise, share explained, runner-up, what would settle a tie."""
+    unit, floor = result.experiment.output_unit, result.experiment.floor
+    lines = [item.sentence for item in result.findings if item is not result.orientation]
+    if any("interval" in line for line in lines):
+        lines.append(CONDITIONAL)
+    if not result.model.fit.converged:
+        base = result.base.fit.structure.base.name
+        named = f"{base} with {effects_text(result.selected)}" if result.selected else base
+        lines.append(
+            f"The fit of {named} did not converge: its parameters are where the optimiser stopped and no result."
+        )
+    if result.linear is not None:
+        lines.append(
+            f"As {result.linear.fit.structure.base.name} these dynamics stand in refined.json, with their equation and the "
+            "intervals of its parameters, to be compared and exported as any other model."
+        )
+    lines.append(noise_sentence(result.experiment))
+    if floor is not None:
+        lines += [
+            f"Beside noise the periods differ by {words} (RMS {rms:.3g} {unit})."
+            for words, rms in floor.structured
+        ]
+    if result.selected:
+        lines.append(_removed_and_left(result))
+        lines.append(what_is_left(result))
+    unseen = result.model.unseen_rms
+    if max(unseen.values()) > _APART * min(unseen.values()):
+        told = ", ".join(f"{name} {rms:.3g}" for name, rms in unseen.items())
+        lines.append(f"Error on unseen records, one by one: {told} {unit}.")
+    if result.status in (Status.NAMED, Status.TIED):
+        lines += [
+            f"{readable(name).capitalize()}: {catalogue[name].mechanism} {catalogue[name].sensors}".rstrip()
+            for name in result.selected
+        ]
+    second = runner_up(result)
+    if second is not None:
+        lines.append(_second_sentence(result, second))
+    for item in result.tied_with:
+        new = [name for name in item.effects if name not in result.selected]
+        lines += [f"To settle {readable(name)}: {catalogue[name].experiment}." for name in new]
+    if result.tied_with:
+        lines += [f"To settle {readable(name)}: {catalogue[name].experiment}." for name in result.selected]
+    return lines + not_tried(result)
+
+
+def not_tried(result: DiagnosisResult) -> list[str]:
+    """Say which candidates the records left out, and what would have to be recorded for them."""
+    columns: dict[str, dict[str, None]] = {}
+    for form, missing in result.not_tried:
+        columns.setdefault(form.effect, {}).update({CHANNELS.get(role, role): None for role in missing})
+    return [
+        f"Not tried: {readable(name)} as measured, for want of {' and '.join(missing)} in the records."
+        for name, missing in columns.items()
+    ]
+
+
+def _second_sentence(result: DiagnosisResult, second: Ranked) -> str:
+    """The best set of effects that was not selected, and why it was not where the base is adequate."""
+    rms, base = second.candidate.test_rms, result.base
+    error = f"{effects_text(second.candidate.effects)}, error on unseen records {rms:.3g} {result.experiment.output_unit}"
+    if rms > base.test_rms:
+        error += f", worse than {base.fit.structure.base.name} alone ({base.test_rms:.3g})"
+    if result.status != Status.ADEQUATE:
+        return f"Runner-up: {error}."
+    if second.p_value <= LEVEL:
+        against = contradictions(second.candidate.fit, result.experiment)
+        why = against[0] if against else "on unseen records it is not surely better"
+        return (
+            f"Best candidate: {error}; it gains more in training than chance would and is not named: {why}."
+        )
+    return (
+        f"Best candidate: {error}; where nothing is missing the best of all gains as much in {100 * second.p_value:.2g} % of the "
+        f"cases ({100 * LEVEL:g} % would be needed)."
+    )
+
+
+def _removed_and_left(result: DiagnosisResult) -> str:
+    """What is left, in noise floors, then what was removed: 99 % of a large error may leave many times the noise."""
+    share = f"{100 * result.explainable_share_removed:.1f} % of the variance"
+    floor, model = result.experiment.floor, result.model
+    if floor is None:
+        return f"The selected effects remove {share} of the error on unseen records, noise included."
+    rms = max(model.train_rms, model.test_rms)
+    unit = result.experiment.output_unit
+    return (
+        f"The error left is {times_floor(rms, floor)} times the noise floor at most ({rms:.3g} {unit}); the selected effects "
+        f"remove {share} that a model could explain."
+    )
+
+
+def times_floor(rms: float, floor: NoiseFloor) -> str:
+    """An error in noise floors, with decimals where they say something."""
+    times = rms / floor.rms
+    return f"{times:.2f}" if times < 10 else f"{times:.0f}" if times < 1000 else "more than a thousand"
+
+
+def what_is_left(result: DiagnosisResult) -> str:
+    """Say whether anything is missing from the model with the selected effects."""
+    unit, floor, model = result.experiment.output_unit, result.experiment.floor, result.model
+    if result.further is not None:
+        effect = readable(result.further.effects[-1])
+        rms = result.further.test_rms
+        return f"Diagnosed again, {effect} is missing too: with it the error on unseen records falls to {rms:.3g} {unit}."
+    if floor is not None and is_adequate(model, result.experiment):
+        return "What is left is noise as far as can be told."
+    left = "something unexplained is left and " if result.refined_status == Status.UNEXPLAINED else ""
+    if not result.is_searched_further:
+        return f"{left}no further effect was looked for.".capitalize()
+    return f"Diagnosed again, {left}none of the most promising further effects passes."
+
+
+def runner_up(result: DiagnosisResult) -> Ranked | None:
+    """Best of the ranked sets of effects that is not the selected one."""
+    chosen = set(result.selected)
+    return next((item for item in result.ranking if set(item.candidate.effects) != chosen), None)
