@@ -8,7 +8,7 @@ import pytest
 import lumbar
 
 VERBS = {name: getattr(lumbar, name) for name in lumbar.__all__}
-MODULES = sorted({verb.__module__ for verb in VERBS.values()} | {"lumbar.interface.verb"})
+MODULES = sorted({verb.__module__ for verb in VERBS.values()} | {"lumbar.interface.result"})
 
 
 SLOW = {"lumbar.interface.device"}

@@ -7,21 +7,22 @@ from lumbar.settings.study_settings import StudySettings
 
 def main(input, output, settings: StudySettings, source_label: str):
     """Read the records, identify every model on every training record and publish the models."""
-    from lumbar.base.files import write_csv, write_json
     from lumbar.interface.identification import identify
     from lumbar.interface.reading import read_listed
     from lumbar.publishing.figures.style import save
     from lumbar.publishing.figures.tissue_figures import excitation_figure
-    from lumbar.tissue.identification.identify_tissue import distinct
-    from lumbar.tissue.models.fitted_model import models_document
 
     tissue = settings.tissue
     records = read_listed(input.recordings, tissue.records, tissue.layout, tissue.rate_Hz)
     found = identify(records, tissue.training, settings=settings, source_label=source_label)
-    write_json(output.models, models_document(distinct(found.models), source_label))
-    write_csv(output.search, found.search)
-    found.table_3_1.write(stem(output.table_3_1))
-    found.physical_parameters.write(stem(output.physical_parameters))
+    found.write(
+        {
+            "models.json": output.models,
+            "search.csv": output.search,
+            "table_3_1": stem(output.table_3_1),
+            "physical_parameters": stem(output.physical_parameters),
+        }
+    )
     trained = sorted((records[name] for name in tissue.training), key=lambda item: (item.duration, item.name))
     save(excitation_figure(trained, tissue.segment_s), stem(output.figure_3_4), source_label)
     save(found.comparison_figure(records[tissue.training[0]]), stem(output.figure_3_5), source_label)

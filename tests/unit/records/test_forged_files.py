@@ -12,7 +12,7 @@ from forged_files import read_forged, row, workbook, write_forged
 import lumbar
 from lumbar.base.errors import InputError
 from lumbar.base.files import LARGEST_FILE
-from lumbar.interface.verb import read_table
+from lumbar.interface.result import read_table
 from lumbar.records.child_process import SECONDS
 from lumbar.records.markers import read_markers
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from lumbar.base.errors import InputError
 from lumbar.base.files import read_json
-from lumbar.interface.verb import NOT_SAID, Result
+from lumbar.interface.result import NOT_SAID, Result
 from lumbar.settings.runtime import Platform, RuntimeSettings
 from lumbar.tables.table import Table
 from lumbar.tissue.effects.catalogue import catalogues_with

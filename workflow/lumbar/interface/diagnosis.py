@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from lumbar.base.errors import InputError
 from lumbar.interface.diagnosed import FORWARD, Diagnosis, ProposedLaw
-from lumbar.interface.verb import label_of, settings_or_default
+from lumbar.interface.result import label_of, settings_or_default
 from lumbar.records.record import Record, forced, require_one_axis
 from lumbar.settings.study_settings import StudySettings
 from lumbar.tissue.diagnosis.fitting.decimation import limit_samples

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import pandas as pd
 
 from lumbar.base.errors import InputError
-from lumbar.interface.verb import Result, label_of, settings_or_default
+from lumbar.interface.result import Result, label_of, settings_or_default
 from lumbar.records.record import Record, RecordSet, require_clock, require_one_axis
 from lumbar.settings.runtime import RuntimeSettings
 from lumbar.settings.study_settings import StudySettings
@@ -94,7 +94,6 @@ def identify(
 class Identification(Result):
     """Identified models, found by name."""
 
-    shown = "table_3_1"
     models: list[FittedModel]
     """By training record, in the order of Table 3.1."""
     search: pd.DataFrame
@@ -129,6 +128,11 @@ class Identification(Result):
 
     def __len__(self) -> int:
         return len(self.models)
+
+    @property
+    def table(self) -> Table:
+        """Table 3.1."""
+        return self.table_3_1
 
     @property
     def table_3_1(self) -> Table:

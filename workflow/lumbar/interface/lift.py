@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lumbar.base.errors import InputError
-from lumbar.interface.verb import Result, data_label
+from lumbar.interface.result import Result, data_label
 from lumbar.lifting.movement import lift_analysis as lifting
 from lumbar.lifting.movement import lift_tables
 from lumbar.lifting.movement.event_detection import several_lifts
@@ -98,7 +98,6 @@ def lift(
 class Lift(Result):
     """One analysed lift."""
 
-    shown = "event_rows"
     analysed: lifting.AnalysedLift
     """Events, centres of mass, pendulum states."""
     subject: SubjectSettings
@@ -170,6 +169,11 @@ class Lift(Result):
     def file_events(self) -> list[str]:
         """Lines on the events in the file itself, compared with those detected."""
         return comparison(self.analysed.recording, self.analysed.events, self.settings.events.labels)
+
+    @property
+    def table(self) -> list[dict]:
+        """The events, as of `event_rows`."""
+        return self.event_rows()
 
     def event_rows(self) -> list[dict]:
         """Return the events, in the order in which they happen."""

@@ -12,7 +12,7 @@ import pandas as pd
 from lumbar.base.errors import InputError
 from lumbar.base.files import read_json
 from lumbar.interface.lift import Lift
-from lumbar.interface.verb import NOT_SAID, Result, read_table
+from lumbar.interface.result import NOT_SAID, Result, read_table
 from lumbar.lifting.stability.basins import LiftBasins, basins_of_lift
 from lumbar.lifting.stability.model.pendulum_trajectories import (
     THESIS,
@@ -99,7 +99,6 @@ def _read_states(path: Path, facts: Mapping | None) -> LiftStates:
 class Basins(Result):
     """Basins of attraction of one lift."""
 
-    shown = "mean_areas"
     states: LiftStates
     settings: StabilitySettings
     seed: int
@@ -150,6 +149,11 @@ class Basins(Result):
 
     def __repr__(self) -> str:
         return f"<Basins of {len(self.trajectories)} pendulums>"
+
+    @property
+    def table(self) -> pd.DataFrame:
+        """The areas, as of `mean_areas`."""
+        return self.mean_areas()
 
     def mean_areas(self) -> pd.DataFrame:
         """The areas by pendulum, method and sign, without their checks."""

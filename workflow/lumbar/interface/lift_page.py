@@ -11,7 +11,7 @@ import numpy as np
 from lumbar.base.errors import InputError
 from lumbar.base.files import read_json
 from lumbar.interface.lift import Lift
-from lumbar.interface.verb import NOT_SAID, read_table
+from lumbar.interface.result import NOT_SAID, read_table
 from lumbar.publishing.lift_page.lift_data import LiftTables
 from lumbar.settings.stability import StabilitySettings
 

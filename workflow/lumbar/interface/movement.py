@@ -15,7 +15,7 @@ import pandas as pd
 from lumbar.base.errors import InputError, LumbarError
 from lumbar.base.files import read_json
 from lumbar.interface.lift import Lift, lift
-from lumbar.interface.verb import NOT_SAID, Result, read_table
+from lumbar.interface.result import NOT_SAID, Result, read_table
 from lumbar.lifting.measures.course import Course, Lifter, course_of_lift
 from lumbar.lifting.measures.lift_values import MEASURES, WINDOWS, values_of_lift
 from lumbar.settings.lifting import ALIASES, LiftingSettings
@@ -81,7 +81,6 @@ def _read_body(path: Path, facts: Mapping | None) -> tuple[pd.DataFrame, Mapping
 class Measures(Result):
     """Measures of one lift."""
 
-    shown = "values"
     body: pd.DataFrame
     """Trajectories they are made of."""
     facts: Mapping
@@ -103,6 +102,11 @@ class Measures(Result):
     def values(self) -> pd.DataFrame:
         """One row per measure and plane: value, unit, which way is safer, source, or why there is none."""
         return values_of_lift(self.course, self.facts)
+
+    @property
+    def table(self) -> pd.DataFrame:
+        """The measures' `values`."""
+        return self.values
 
     def files(self) -> Iterator[tuple[str, Any]]:
         """``movement_measures.csv`` (the values) and ``movement_course.csv`` (every instant)."""

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from lumbar.interface.verb import NOT_SAID, Result, data_label
+from lumbar.interface.result import NOT_SAID, Result, data_label
 from lumbar.records.ratings import Ratings, read_ratings
 from lumbar.settings.section import SEED
 from lumbar.settings.survey import SurveySettings
@@ -62,7 +62,9 @@ def analyse_survey(
         source_label = data_label(source_label, [os.fspath(ratings)])
         ratings = read_ratings(ratings, settings.layout)
     source_label = source_label or NOT_SAID
-    return Survey(ratings, analyse(ratings, settings, seed, source_label), settings, source_label)
+    analysis = analyse(ratings, settings, seed, source_label)
+    # The ratings may add to the label, e.g. that they are not real answers.
+    return Survey(ratings, analysis, settings, analysis.results["data"])
 
 
 @dataclass(frozen=True, eq=False, repr=False)

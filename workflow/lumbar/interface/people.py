@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import pandas as pd
 
 from lumbar.base.errors import InputError
-from lumbar.interface.verb import Result, data_label, read_table
+from lumbar.interface.result import Result, data_label, read_table
 from lumbar.lifting.measures.compare_groups import Comparison, compare_people, comparison_table
 from lumbar.settings.stability import GROUPS
 from lumbar.tables.table import Table

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import os
-from abc import abstractmethod
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 from lumbar.base.errors import InputError
 from lumbar.base.files import write_text
-from lumbar.interface.verb import Result, label_of, settings_or_default
+from lumbar.interface.result import Result, label_of, settings_or_default
 from lumbar.records.record import Record, forced
 from lumbar.settings.study_settings import StudySettings
 from lumbar.tables.table import Table
@@ -107,7 +106,6 @@ def fit_effects(records, effects, settings, seed, data) -> Refinement:
 class Refinement(Result):
     """A base model with named effects: the models on the way and their errors."""
 
-    shown = "rows"
     records: list[Record]
     settings: DiagnosisSettings
     experiment: Experiment
@@ -143,21 +141,26 @@ class Refinement(Result):
         wanted = [name for name in self.effects if name not in effects]
         return fit_effects(self.records, wanted, self.settings, self.seed, self.source_label)
 
-    def compare(self) -> Comparisons:
+    def compare(self) -> OnRecords:
         """Compare the model with every record."""
-        return Comparisons(self.model, self._on_records, self.source_label, self.findings)
+        return OnRecords(self.model, self._reports, self.source_label, COMPARISONS, self.findings)
 
-    def locate(self) -> Locations:
-        """See where the model fails on every record."""
-        return Locations(self.model, self._on_records, self.source_label, self.findings)
+    def locate(self) -> OnRecords:
+        """Locate the model's error on every record."""
+        return OnRecords(self.model, self._reports, self.source_label, LOCATIONS, self.findings)
 
     @cached_property
-    def _on_records(self) -> Sequence[ResidualReport | SpatialReport]:
+    def _reports(self) -> Sequence[ResidualReport | SpatialReport]:
         if self.records[0].axes:
             from lumbar.tissue.diagnosis.spatial.spatial_reports import spatial_reports
 
             return spatial_reports(self.model, self.experiment, self.seed)
         return compare_and_locate(self.experiment, self.path[-1].fit, self.seed)
+
+    @property
+    def table(self) -> list[dict]:
+        """The error ladder, as of `rows`."""
+        return self.rows()
 
     def rows(self) -> list[dict]:
         """The error ladder: one dict per model."""
@@ -204,7 +207,7 @@ def compare(
     train: str | Sequence[str] | None = None,
     settings: StudySettings | None = None,
     source_label: str = "",
-) -> Comparisons:
+) -> OnRecords:
     """Simulate a model on every record: its errors with intervals, and the part that could be explained.
 
     Parameters
@@ -235,7 +238,7 @@ def compare(
     >>> f"{found['other'].comparison.vaf.value:.1f} % of the variance"
     '100.0 % of the variance'
     """
-    return Comparisons(*_on_records(records, model, train, settings, source_label))
+    return _on_records(records, model, train, settings, source_label, COMPARISONS)
 
 
 def locate(
@@ -245,8 +248,8 @@ def locate(
     train: str | Sequence[str] | None = None,
     settings: StudySettings | None = None,
     source_label: str = "",
-) -> Locations:
-    """See where a model fails: time, frequency, motion, depth, reversals; parameters as of `compare`.
+) -> OnRecords:
+    """Locate a model's error: time, frequency, position and velocity, reversals, causes; parameters as of `compare`.
 
     Examples
     --------
@@ -257,19 +260,22 @@ def locate(
     >>> print(found["other"].location.sentences[0].split(";")[0])
     other: 0.224 N of the error's 0.225 N are not noise
     """
-    return Locations(*_on_records(records, model, train, settings, source_label))
+    return _on_records(records, model, train, settings, source_label, LOCATIONS)
 
 
-def _on_records(
-    records, model, train, settings, data
-) -> tuple[FittedModel, Sequence[ResidualReport | SpatialReport], str, tuple]:
+COMPARISONS, LOCATIONS = "Comparisons", "Locations"
+"""Subjects of `OnRecords`: how well a model agrees with records, or where it fails."""
+
+
+def _on_records(records, model, train, settings, source_label: str, shows: str) -> OnRecords:
+    """Simulate the model on the records, compare it and locate its error; `shows` is the subject of the result."""
     settings = settings_or_default(settings)
     session = settings.improvement.session
-    data = label_of(data, records)
-    records, changed = limit_samples(list(records), session)
+    source_label = label_of(source_label, records)
+    records, findings = limit_samples(list(records), session)
     if not isinstance(model, FittedModel):
-        found = f"an object of class {type(model).__name__}"
-        raise InputError(f"model is {found}: give one model, e.g. identification['KB'] or diagnosis.model")
+        given = f"an object of class {type(model).__name__}"
+        raise InputError(f"model is {given}: give one model, e.g. identification['KB'] or diagnosis.model")
     if train is None and model.trained_on in [record.name for record in records]:
         train = model.trained_on
     if any(record.axes for record in records):
@@ -277,157 +283,109 @@ def _on_records(
         from lumbar.tissue.diagnosis.spatial.spatial_reports import spatial_reports
 
         chosen = DiagnosisSettings.from_study(settings, None, train)
-        in_space = spatial_reports(model, prepare_in_space(records, chosen), settings.seed)
-        return model, in_space, data, changed
-    experiment = prepare(records, train, settling_s=settings.tissue.settling_s).from_rest()
-    simulate = in_session(records, model.simulate) if session else model.simulate
-    reports = residual_reports(records, simulate, experiment, settings.seed)
-    return model, reports, data, changed
+        reports = spatial_reports(model, prepare_in_space(records, chosen), settings.seed)
+    else:
+        experiment = prepare(records, train, settling_s=settings.tissue.settling_s).from_rest()
+        simulate = in_session(records, model.simulate) if session else model.simulate
+        reports = residual_reports(records, simulate, experiment, settings.seed)
+    return OnRecords(model, reports, source_label, shows, findings)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class OnRecords(Result):
-    """A model beside every record, which is found by its name."""
+    """A model on every record: how well it agrees with them, or where it fails."""
 
     model: FittedModel
     reports: Sequence[ResidualReport | SpatialReport]
-    """Of the records, one each."""
+    """One of every record."""
     source_label: str
+    shows: str
+    """`COMPARISONS` or `LOCATIONS`."""
     findings: tuple[Finding, ...] = ()
     """Records that were too long or too fast, and what was used of them."""
-    stem: ClassVar[str]
-    picture: ClassVar[str]
 
     @cached_property
     def simulated(self) -> list[ResidualReport]:
-        """Along every axis; of several it stands behind the record's name."""
+        """Reports along every axis; with several axes the record's name ends with the axis."""
         return of_axes(self.reports)
 
     def __len__(self) -> int:
         return len(self.simulated)
 
-    def __repr__(self) -> str:
-        axes = self.reports[0].record.axes
-        records = f"{len(self.reports)} records{f' of {len(axes)} axes' if axes else ''}"
-        return f"<{type(self).__name__} of {self.model.name} on {records}>"
-
     def __iter__(self) -> Iterator[ResidualReport]:
         return iter(self.simulated)
 
     def __getitem__(self, name: str) -> Any:
-        """What was found on the record of this name; of several axes along one of them too, e.g. ``"multisine (x)"``."""
-        every = with_axes(self.reports)
-        found = next((item for item in every if item.record.name == name), None)
-        if found is None:
-            known = ", ".join(item.record.name for item in every)
-            raise InputError(f"no record {name!r}; there are {known}")
-        return found
-
-    @property
-    def pictured(self) -> list[str]:
-        """Names of what pictures are drawn of."""
-        return [item.record.name for item in self.reports]
-
-    @property
-    def _finding_lines(self) -> list[str]:
-        return [item.sentence for item in self.findings]
-
-    def save(self, folder: str | os.PathLike) -> None:
-        """Write the numbers as a table, one picture per record, and a page: ``compare…`` or ``location…``."""
-        from lumbar.publishing.figures.style import save
-
-        folder, pictures = Path(folder), {}
-        for name in self.pictured:
-            of_axis = self.reports[0].record.axes and name.endswith(")")
-            file = "_".join(name[:-1].rsplit(" (", 1)) if of_axis else name
-            stem = folder / f"{self.picture}_{file}"
-            save(self.figure(name), stem, self.source_label)
-            pictures[name] = stem.with_name(f"{stem.name}.svg")
-        self.table.write(folder / self.stem)
-        write_text(folder / f"{self.stem}_page.html", self._page(pictures))
-
-    @property
-    @abstractmethod
-    def table(self) -> Table:
-        """Numbers of every record."""
-
-    @abstractmethod
-    def figure(self, name: str) -> Figure:
-        """Return the picture of one record."""
-
-    @abstractmethod
-    def _page(self, pictures: dict[str, Path]) -> str: ...
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Comparisons(OnRecords):
-    """How well a model agrees with every record; attributes as of `OnRecords`."""
-
-    stem, picture = "compare", "comparison"
+        """Return the report of the record of this name, or of one of its axes, e.g. ``"multisine (x)"``."""
+        reports = {item.record.name: item for item in with_axes(self.reports)}
+        if name not in reports:
+            raise InputError(f"no record {name!r}; there are {', '.join(reports)}")
+        return reports[name]
 
     @property
     def table(self) -> Table:
-        """VAF, FIT, error, noise and explainable error of every record."""
+        """Errors, noise and explainable error of every record; or share and p-value of every view of the error."""
+        if self.shows == LOCATIONS:
+            return location_table(self.reports, self.source_label)
         return comparison_table([item.comparison for item in self.simulated], self.source_label)
 
     def figure(self, name: str) -> Figure:
-        """Return the picture of one record: measured and simulated output, and what is left of every record."""
+        """Return the picture of one record: its output with the simulated one, or its error."""
+        report = self[name]
+        if report.record.axes:
+            from lumbar.publishing.figures.space_figures import comparison_in_space, location_in_space
+
+            located = self.shows == LOCATIONS
+            return location_in_space(report) if located else comparison_in_space(report, self.model.name)
+        if self.shows == LOCATIONS:
+            from lumbar.publishing.figures.location_figure import location_figure
+
+            return location_figure(report.location)
         from lumbar.publishing.figures.comparison_figures import comparison_figure
 
-        shown = self[name]
-        if shown.record.axes:
-            from lumbar.publishing.figures.space_figures import comparison_in_space
-
-            return comparison_in_space(shown, self.model.name)
         comparisons = [item.comparison for item in self.simulated]
-        return comparison_figure(shown.record, shown.values, comparisons, self.model.name)
-
-    def _page(self, pictures: dict[str, Path]) -> str:
-        from lumbar.publishing.pages.html import comparison_page
-
-        return comparison_page(self.reports, self.model.name, self.source_label, pictures)
-
-    def __str__(self) -> str:
-        still = [line for item in self.reports for line in item.remarks]
-        told = [item.comparison.sentence for item in self.simulated]
-        return "\n".join([*told, *still, *self._finding_lines])
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Locations(OnRecords):
-    """Where a model fails on every record; attributes as of `OnRecords`."""
-
-    stem, picture = "location", "location"
+        return comparison_figure(report.record, report.values, comparisons, self.model.name)
 
     @property
-    def table(self) -> Table:
-        """Numbers behind the pictures."""
-        return location_table(self.reports, self.source_label)
+    def pictured(self) -> dict[str, str]:
+        """File of the picture by name of the record; where the error is located of every axis too."""
+        stem = "location" if self.shows == LOCATIONS else "comparison"
+        files = {report.record.name: f"{stem}_{report.record.name}" for report in self.reports}
+        if self.shows == LOCATIONS:
+            for report in self.reports:
+                for axis in report.axes if report.record.axes else ():
+                    # A file is multisine_x, the axis of a record "multisine (x)".
+                    files[axis.record.name] = "_".join([stem, *axis.record.name[:-1].rsplit(" (", 1)])
+        return files
 
-    @property
-    def pictured(self) -> list[str]:
-        """Names of what pictures are drawn of: of records of several axes each of their axes too."""
-        return [item.record.name for item in with_axes(self.reports)]
+    def files(self) -> Iterator[tuple[str, Any]]:
+        """The table, ``compare`` or ``location``, and a picture per record."""
+        yield "location" if self.shows == LOCATIONS else "compare", self.table
+        for name, file in self.pictured.items():
+            yield file, self.figure(name)
 
-    def figure(self, name: str) -> Figure:
-        """Return the picture of one record's error; of one of several axes its path and error in space."""
-        shown = self[name]
-        if shown.record.axes:
-            from lumbar.publishing.figures.space_figures import location_in_space
+    def save(self, folder: str | os.PathLike) -> None:
+        """Write the `files` and a page that shows them: ``compare_page.html`` or ``location_page.html``."""
+        from lumbar.publishing.pages.html import comparison_page, location_page
 
-            return location_in_space(shown)
-        from lumbar.publishing.figures.location_figure import location_figure
+        super().save(folder)
+        pictures = {name: Path(folder) / f"{file}.svg" for name, file in self.pictured.items()}
+        page, stem = (location_page, "location") if self.shows == LOCATIONS else (comparison_page, "compare")
+        text = page(self.reports, self.model.name, self.source_label, pictures)
+        write_text(Path(folder) / f"{stem}_page.html", text)
 
-        return location_figure(shown.location)
-
-    def _page(self, pictures: dict[str, Path]) -> str:
-        from lumbar.publishing.pages.html import location_page
-
-        return location_page(self.reports, self.model.name, self.source_label, pictures)
+    def __repr__(self) -> str:
+        axes = self.reports[0].record.axes
+        records = f"{len(self.reports)} records{f' of {len(axes)} axes' if axes else ''}"
+        return f"<{self.shows} of {self.model.name} on {records}>"
 
     def __str__(self) -> str:
-        told = [all_reports_sentence(self.reports)]
-        for item in self.reports:
-            along = [axis.location.headline for axis in item.axes if axis is not item]
-            told.append("\n  ".join([*item.sentences, *along]))
-        return "\n".join([*told, *self._finding_lines])
+        if self.shows == LOCATIONS:
+            lines = [all_reports_sentence(self.reports)]
+            for item in self.reports:
+                along = [axis.location.headline for axis in item.axes if axis is not item]
+                lines.append("\n  ".join([*item.sentences, *along]))
+        else:
+            resting = [line for item in self.reports for line in item.remarks]
+            lines = [*(item.comparison.sentence for item in self.simulated), *resting]
+        return "\n".join([*lines, *(item.sentence for item in self.findings)])

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from lumbar.base.errors import InputError
 from lumbar.base.files import read_json
-from lumbar.interface.verb import Result, label_of
+from lumbar.interface.result import Result, label_of
 from lumbar.records.record import Record
 from lumbar.settings.section import SEED
 from lumbar.settings.signals import SignalsSettings, SurgeonSettings
@@ -81,13 +81,17 @@ def bandwidth(
 class Bandwidth(Result):
     """Bandwidth of surgeons' motion."""
 
-    shown = "rows"
     spectra: MotionSpectra
     """Of every trial."""
     values: dict
     """By quantity (position, velocity) and rule: ``value_Hz``, ``low_Hz``, ``high_Hz``."""
     settings: SurgeonSettings
     source_label: str
+
+    @property
+    def table(self) -> list[dict]:
+        """The bandwidths, as of `rows`."""
+        return self.rows()
 
     def figure(self) -> Figure:
         """Return the spectra with the bandwidths read off them."""
@@ -187,7 +191,6 @@ def design_signals(
 class Signals(Result):
     """Excitation signals for a testing machine."""
 
-    shown = "properties"
     excitation: Excitation
     band_Hz: float
     """Upper end of what is excited."""
@@ -195,6 +198,11 @@ class Signals(Result):
     source_label: str
     bandwidths: dict | None = None
     """The surgeons', from which the band follows."""
+
+    @property
+    def table(self) -> Table:
+        """The signals' `properties`."""
+        return self.properties
 
     @property
     def properties(self) -> Table:

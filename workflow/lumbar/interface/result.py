@@ -1,17 +1,18 @@
-"""What all verbs share: words for the source of the data, settings of a study, and how a result is saved and shown."""
+"""Results of API functions, how they are saved and shown, and the arguments that all of the functions take."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 from lumbar.base.errors import InputError
 from lumbar.base.files import require_file, write_csv, write_json
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.figure import Figure
 
     from lumbar.records.record import Record
     from lumbar.settings.study_settings import StudySettings
@@ -96,12 +97,19 @@ def read_table(path: str | os.PathLike, what: str) -> pd.DataFrame:
 
 
 class Result:
-    """What a verb found: printed it says so in sentences, a notebook shows its table, `save` writes its files."""
+    """Result of an API function: it prints in sentences, a notebook shows its table, `save` writes its files."""
 
     source_label: str
-    """Words for the source of the data."""
-    shown: ClassVar[str] = "table"
-    """Attribute or method that has what a notebook shows: a published table, a frame or rows."""
+    """Name of the source of the data."""
+
+    @property
+    def table(self) -> Any:
+        """Main numbers: a published table, a frame or rows."""
+        raise NotImplementedError
+
+    def figure(self) -> Figure:
+        """Return the picture of the result, if it has a single one."""
+        raise NotImplementedError
 
     def files(self) -> Iterable[tuple[str, Any]]:
         """Name and content of every file: frames (``.csv``), plain data (``.json``), published tables and figures (no ending)."""
@@ -112,16 +120,17 @@ class Result:
         for name, content in self.files():
             _write(Path(folder) / name, content, self.source_label)
 
-    @property
-    def notebook_table(self) -> Any:
-        """What a notebook shows."""
-        found = getattr(self, self.shown)
-        return found() if callable(found) else found
+    def write(self, paths: Mapping[str, str | os.PathLike]) -> None:
+        """Write some of the `files`, each to its own path; tables and figures to a path without an ending."""
+        for name, content in self.files():
+            if name in paths:
+                _write(Path(paths[name]), content, self.source_label)
 
     def _repr_html_(self) -> str:
         import pandas as pd
 
-        return pd.DataFrame(getattr(self.notebook_table, "frame", self.notebook_table)).to_html(index=False)
+        table = self.table
+        return pd.DataFrame(getattr(table, "frame", table)).to_html(index=False)
 
 
 def _write(path: Path, content: Any, source_label: str) -> None:
