@@ -99,13 +99,16 @@ def test_missing_samples_and_other_columns(tmp_path):
         ("time_s,C7_x,C7_y,C7_z\n0,1,2,3\n", "2 lines; a line of names and two frames are needed"),
         ("", "neither tab, semicolon nor comma"),
         (table().replace(f"{TIME[4]:.4f},", ""), "line 6: 6 cells; 7 are needed"),
-        (table().replace(f"{TIME[4]:.4f},", "1_000,"), "line 6: could not convert string to float: '1_000'"),
+        (table().replace(f"{TIME[4]:.4f},", "1_000,"), "line 6: column 1 is '1_000'; a number is needed"),
         (table().replace(f"{TIME[4]:.4f},", "1e200,"), "line 6: 1e+200 in column 1"),
         (table().replace(f"{TIME[4]:.4f},", ","), "frame 5 has no time"),
         (table(time=np.delete(2 + np.arange(31) / 60, 14)), "the rate is another, or frames are missing"),
         (table(time=0 * TIME), "it must increase"),
         (table(ONE.replace("C7_x", "C7_x_mm")), "units , mm in the header"),
-        (table().replace("C7_x", '"' + "C" * 200_000 + '_x"'), "not a table"),
+        (
+            table().replace("C7_x", '"' + "C" * 200_000 + '_x"'),
+            "C7: has the columns y, z; x, y and z are needed",
+        ),
     ],
 )
 def test_tables_that_are_refused(tmp_path, text, said):
@@ -247,7 +250,7 @@ def test_joints_with_positions_of_their_own(tmp_path, around):
         (lambda text: text.replace("CHANNELS 3 X", "CHANNELS 3 W"), "line 13: 'CHANNELS 3 Wrotation"),
         (lambda text: text.replace("OFFSET 30", "LENGTH 30"), "line 16: 'LENGTH 30 0 0'; ROOT, JOINT"),
         (lambda text: text[: text.rindex(" ")] + "\n", "line 43: 11 cells; 12 are needed"),
-        (lambda text: text[: text.rindex(" ")] + " 1_0\n", "line 43: could not convert"),
+        (lambda text: text[: text.rindex(" ")] + " 1_0\n", "line 43: column 12 is '1_0'; a number is needed"),
         (lambda text: text[: text.rindex(" ")] + " inf\n", "line 43: inf in column 12"),
     ],
 )

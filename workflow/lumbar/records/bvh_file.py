@@ -11,10 +11,11 @@ from pathlib import Path
 import numpy as np
 
 from lumbar.base.errors import InputError
-from lumbar.records.marker_file import RATES_HZ, MarkerFile, split_points
-from lumbar.records.text_rows import read_rows
+from lumbar.records.marker_file import RATES_HZ, MarkerFile, read_frames, split_points
+from lumbar.records.number_table import Dialect, Row, decode_lines, split_rows
 
 _CHANNELS = [f"{axis}{kind}" for kind in ("position", "rotation") for axis in "XYZ"]
+_BLANKS = Dialect(None)
 _MOST_JOINTS = 1000
 _ALIKE = 0.1
 """How far the positions of a joint may lie from its offset, as a share of it, to be the offset written again."""
@@ -38,7 +39,7 @@ def read_bvh(path: str | os.PathLike) -> MarkerFile:
         count of frames that is not the file's.
     """
     path = Path(path)
-    lines = path.read_text(encoding="utf-8-sig", errors="replace").splitlines()
+    lines, _ = decode_lines(path.read_bytes(), str(path), lenient=True)
     begins = next((place for place, line in enumerate(lines) if line.strip().upper() == "MOTION"), None)
     if begins is None or not lines[0].strip().upper().startswith("HIERARCHY"):
         raise InputError(f"{path}: not a BVH file; HIERARCHY, a skeleton, MOTION and frames are needed")
@@ -88,7 +89,7 @@ def _skeleton(path: Path, lines: list[str]) -> list[_Joint]:
         elif keyword == "}" and open_joints:
             open_joints.pop()
         elif keyword == "OFFSET" and open_joints:
-            joints[open_joints[-1]].offset = read_rows(path, [(place, words[1:])], 3, empty=False)[0]
+            joints[open_joints[-1]].offset = _numbers(path, [Row(place, words[1:])], 3)[0]
         elif keyword == "CHANNELS" and open_joints:
             wrong = [word for word in words[2:] if word not in _CHANNELS]
             if wrong or [str(len(words) - 2)] != words[1:2] or len(set(words[2:])) < len(words) - 2:
@@ -109,16 +110,14 @@ def _skeleton(path: Path, lines: list[str]) -> list[_Joint]:
 
 def _motion(path: Path, lines: list[str], begins: int, n_channels: int) -> tuple[float, np.ndarray]:
     """Time between frames, and the channels of all frames, shape (n_frames, n_channels)."""
-    rows = [
-        (place, line.split()) for place, line in enumerate(lines[begins:], start=begins + 1) if line.strip()
-    ]
+    rows = list(split_rows(lines[begins:], _BLANKS, str(path), first=begins + 1))
     stated = {}
     for (place, words), key in zip(rows[:2], ("Frames:", "Frame Time:"), strict=False):
         if " ".join(words[:-1]).lower() != key.lower():
             raise InputError(
                 f"{path}, line {place}: {' '.join(words)[:60]!r}; '{key}' and a number are needed"
             )
-        stated[key] = float(read_rows(path, [(place, words[-1:])], 1, empty=False)[0, 0])
+        stated[key] = float(_numbers(path, [Row(place, words[-1:])], 1)[0, 0])
     if len(rows) < 3:
         raise InputError(f"{path}: no frames")
     interval = stated["Frame Time:"]
@@ -129,7 +128,11 @@ def _motion(path: Path, lines: list[str], begins: int, n_channels: int) -> tuple
         raise InputError(
             f"{path}: Frames: {stated['Frames:']:g}; the file holds {len(rows) - 2}; it may be cut short: export it again"
         )
-    return interval, read_rows(path, rows[2:], n_channels, empty=False)
+    return interval, _numbers(path, rows[2:], n_channels)
+
+
+def _numbers(path: Path, rows: list[Row], width: int) -> np.ndarray:
+    return read_frames(rows, width, str(path), _BLANKS, may_be_missing=False)
 
 
 def _positions(path: Path, joints: list[_Joint], values: np.ndarray, notes: list[str]) -> np.ndarray:

@@ -7,11 +7,14 @@ user guide); where a file has none, the labels' endings do.
 
 import re
 from collections import Counter
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from lumbar.base.errors import InputError
+from lumbar.records.number_table import Dialect, Row, read_numbers
+from lumbar.records.record import CLOCK_TOLERANCE, LARGEST
 
 RATES_HZ = (1e-3, 1e6)
 """Rates of recording that are read."""
@@ -149,3 +152,41 @@ def _segment_axes(labels: list[str]) -> set[str]:
     stems = {label[:-1] for label in labels if label[-1:] == "O"}
     complete = [stem for stem in stems if all(stem + letter in present for letter in _SEGMENT_AXES)]
     return {stem + letter for stem in complete for letter in _SEGMENT_AXES}
+
+
+def read_frames(
+    rows: Iterable[Row], width: int, source: str, dialect: Dialect, may_be_missing: bool = True
+) -> np.ndarray:
+    """Return the numbers of frames, shape (n_frames, width); an empty cell is NaN if samples may be missing.
+
+    Raises
+    ------
+    InputError
+        With the lines of another width, or with a cell that is no number, or no plausible one.
+    """
+    columns = {f"column {position + 1}": position for position in range(width)}
+    table = read_numbers(rows, columns, source, dialect, width, columns if may_be_missing else ())
+    table.require_sizes(source, LARGEST, may_be_missing)
+    return table.values
+
+
+def check_even(source: str, printed: np.ndarray, even: np.ndarray, rate: float, blur: float = 0.0) -> None:
+    """Raise if a frame is printed, shape (n_frames,) in seconds, at another time than on an even clock.
+
+    Parameters
+    ----------
+    blur : float
+        Difference in seconds that is allowed beyond `CLOCK_TOLERANCE` of a frame.
+
+    Raises
+    ------
+    InputError
+        With the frame that differs most.
+    """
+    away = np.abs(printed - even)
+    worst = int(away.argmax())
+    if away[worst] > CLOCK_TOLERANCE / rate + blur:
+        raise InputError(
+            f"{source}: frame {worst + 1} is at {printed[worst]:g} s; at {rate:g} Hz it would be at {even[worst]:g} s: the "
+            "clock is not even, the rate is another, or frames are missing"
+        )

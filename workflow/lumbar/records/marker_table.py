@@ -8,21 +8,30 @@ Either each column says marker and axis, or the first line names markers and the
 Cells are separated by commas, semicolons (then with a decimal point or comma) or tabs. Times are in seconds, or in the unit
 behind their name (``time_ms``, ``Time (ms)``); without them the layout's ``rate_Hz`` is needed. A unit of
 length may stand behind the axis (``C7_x_mm``, ``C7 X [mm]``), else the layout's ``unit`` is needed. An empty cell
-is a missing sample. Exports of `lumbar.records.vendor_table` are known by how they begin.
+is a missing sample. Tables of Vicon Nexus, Motive and Qualisys Track Manager (TSV) are recognised by their first cell and
+read by their published layouts.
 """
 
-import csv
 import os
 import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import takewhile
 from pathlib import Path
 
 import numpy as np
 
 from lumbar.base.errors import InputError, Problems
-from lumbar.records.marker_file import MarkerFile, NoMarkers, mark_missing, split_points
+from lumbar.records.marker_file import (
+    MarkerFile,
+    NoMarkers,
+    check_even,
+    mark_missing,
+    read_frames,
+    split_points,
+)
+from lumbar.records.number_table import Dialect, Row, decode_lines, split_rows
 from lumbar.records.record import CLOCK_TOLERANCE
-from lumbar.records.text_rows import check_even, read_lines, read_rows
-from lumbar.records.vendor_table import VendorTable, joined_names, vendor_table
 
 _TIME = re.compile(r"^(?:time|t|zeit)[\s_]*[\[(]?(s|sec|ms|)[\])]?$", re.IGNORECASE)
 _FRAME = re.compile(r"^(frame|frame#|index|sample)$", re.IGNORECASE)
@@ -39,7 +48,7 @@ def read_marker_table(path: str | os.PathLike, rate: float | None = None) -> Mar
     Parameters
     ----------
     rate : float, optional
-        Frames per second, where the file has no times; with times, they must agree.
+        Frames per second, if the file has no times; with times, they must agree.
 
     Raises
     ------
@@ -48,79 +57,98 @@ def read_marker_table(path: str | os.PathLike, rate: float | None = None) -> Mar
         that is missing or not even.
     """
     path = Path(path)
-    separator, rows = _cells(path)
-    export = vendor_table(path, rows)
-    if export is None:
-        header, begins = _header(path, rows)
-        export = VendorTable(header, rows[begins:], "", None)
-    header = export.header
-    time_column, markers, unit = _columns(path, header)
-    table = read_rows(path, export.rows, len(header), decimal="," if separator == ";" else ".")
-    rate = rate or export.rate
-    if time_column is None:
+    lines, _ = decode_lines(path.read_bytes(), str(path), lenient=True)
+    # The first sign of the first lines that can be a delimiter is the delimiter.
+    beginning = [line for line in lines if line.strip()][:3]
+    delimiter = next((sign for line in beginning for sign in "\t;," if sign in line), None)
+    if delimiter is None:
+        raise InputError(
+            f"{path}: its first line has neither tab, semicolon nor comma; a table of markers has a column for every "
+            "coordinate"
+        )
+    dialect = Dialect(delimiter, "," if delimiter == ";" else ".")
+    rows = [row for row in split_rows(lines, dialect, str(path)) if any(row.cells)]
+    table = _vendor_table(path, rows) or _plain_table(path, rows)
+    markers = _columns(path, table.header)
+    frames = read_frames(table.rows, len(table.header), str(path), dialect)
+    rate = rate or table.rate
+    if markers.time is None:
         if rate is None:
             raise InputError(
                 f"{path}: no column of times (time_s); set markers.rate_Hz to the frames per second"
             )
-        time = np.arange(len(table)) / rate
+        time = np.arange(len(frames)) / rate
     else:
-        position, seconds = time_column
-        time, rate = even_clock(path, table[:, position] * seconds, rate)
-    points = np.stack([table[:, columns] for columns in markers.values()], axis=1)
-    used = {column for columns in markers.values() for column in columns}
-    others = [name for column, name in enumerate(header) if column not in used and name]
+        time, rate = even_clock(path, frames[:, markers.time] * markers.seconds, rate)
+    used = {column for columns in markers.coordinates.values() for column in columns}
+    others = [name for column, name in enumerate(table.header) if column not in used and name]
     others = [name for name in others if not (_TIME.match(name) or _FRAME.match(name))]
     return split_points(
         source=str(path),
         time=time,
         rate=rate,
-        unit=unit or export.unit,
-        labels=list(markers),
-        points=mark_missing(points),
+        unit=markers.unit or table.unit,
+        labels=list(markers.coordinates),
+        points=mark_missing(
+            np.stack([frames[:, columns] for columns in markers.coordinates.values()], axis=1)
+        ),
         notes=(f"columns that are no coordinates were left out: {', '.join(others)}",) if others else (),
     )
 
 
-def _cells(path: Path) -> tuple[str, list[tuple[int, list[str]]]]:
-    """Separator, and the line and the cells of every row that is not empty."""
-    lines = read_lines(path)
-    first = [line for line in lines if line.strip()][:3]
-    separator = next((sign for line in first for sign in "\t;," if sign in line), None)
-    if separator is None:
-        raise InputError(
-            f"{path}: its first line has neither tab, semicolon nor comma; a table of markers has a column for every "
-            "coordinate"
-        )
-    try:
-        rows = [
-            (place, [cell.strip() for cell in cells])
-            for place, cells in enumerate(csv.reader(lines, delimiter=separator), start=1)
-        ]
-    except csv.Error as error:
-        raise InputError(f"{path}: not a table ({error})") from error
-    return separator, [(place, cells) for place, cells in rows if any(cells)]
+@dataclass(frozen=True)
+class _Table:
+    """A table with one name per column, as ``C7_x``; a name is empty if the column is no coordinate of a marker."""
+
+    header: list[str]
+    rows: Sequence[Row]
+    unit: str = ""
+    rate: float | None = None
+    """Frames per second; None if a column has the times."""
 
 
-def _header(path: Path, rows: list[tuple[int, list[str]]]) -> tuple[list[str], int]:
-    """One name per column, and how many rows the names take."""
+def _plain_table(path: Path, rows: Sequence[Row]) -> _Table:
+    """Return a table under one line of names or two."""
     if len(rows) < 3:
         raise InputError(f"{path}: {len(rows)} lines; a line of names and two frames are needed")
-    first, second = rows[0][1], rows[1][1]
-    axes = [cell for cell in second if re.fullmatch("[xyz]", cell, re.IGNORECASE)]
-    if len(axes) < 3:
-        return first, 1
-    return joined_names(first, second), 2
+    first, second = rows[0].cells, rows[1].cells
+    if sum(cell.lower() in ("x", "y", "z") for cell in second) < 3:
+        return _Table(first, rows[1:])
+    return _Table(_join_names(first, second), rows[2:])
 
 
-def _columns(path: Path, header: list[str]) -> tuple[tuple[int, float] | None, dict[str, list[int]], str]:
-    """Column of the times with their factor to seconds, columns of each marker, and the unit of length."""
+def _join_names(markers: list[str], axes: list[str]) -> list[str]:
+    """Return names as ``C7_x`` from two lines; the first one names each marker once."""
+    names, marker = [], ""
+    for column, axis in enumerate(axes):
+        marker = (markers[column] if column < len(markers) else "") or marker
+        names.append(f"{marker}_{axis}" if axis.lower() in ("x", "y", "z") else axis or marker)
+    return names
+
+
+@dataclass(frozen=True)
+class _Columns:
+    """Positions of columns, from 0."""
+
+    coordinates: dict[str, list[int]]
+    """Of x, y and z by marker."""
+    unit: str
+    """Unit of length; empty if the header has none."""
+    time: int | None
+    seconds: float
+    """One unit of the time."""
+
+
+def _columns(path: Path, header: list[str]) -> _Columns:
+    """Return the columns of times and markers."""
     problems = Problems(str(path))
     markers: dict[str, dict[str, int]] = {}
     units = set()
-    time_column = None
+    time, seconds = None, 1.0
     for column, name in enumerate(header):
         if found := _TIME.match(name):
-            time_column = time_column or (column, 1e-3 if found.group(1).lower() == "ms" else 1.0)
+            if time is None:
+                time, seconds = column, 1e-3 if found.group(1).lower() == "ms" else 1.0
         elif len(name) <= _LONGEST_NAME and (found := _COORDINATE.match(name)):
             axes = markers.setdefault(found["marker"], {})
             units.add((found["unit"] or "").lower())
@@ -136,7 +164,8 @@ def _columns(path: Path, header: list[str]) -> tuple[tuple[int, float] | None, d
     if len(units) > 1:
         problems.add("", f"units {', '.join(sorted(units))} in the header", "all columns need the same")
     problems.raise_if_any()
-    return time_column, {name: [axes[axis] for axis in "xyz"] for name, axes in markers.items()}, units.pop()
+    coordinates = {name: [axes[axis] for axis in "xyz"] for name, axes in markers.items()}
+    return _Columns(coordinates, units.pop(), time, seconds)
 
 
 def even_clock(path: Path, printed: np.ndarray, declared: float | None) -> tuple[np.ndarray, float]:
@@ -172,5 +201,78 @@ def even_clock(path: Path, printed: np.ndarray, declared: float | None) -> tuple
             f"{path}: its times run at {rate:g} Hz, but markers.rate_Hz is {declared:g}; set it to null"
         )
     even = printed[0] + np.arange(len(printed)) / rate
-    check_even(path, printed, even, rate)
+    check_even(str(path), printed, even, rate)
     return even, rate
+
+
+_UNITS = {"Meters": "m", "Centimeters": "cm", "Millimeters": "mm"}
+
+
+def _vendor_table(path: Path, rows: Sequence[Row]) -> _Table | None:
+    """Return an export, recognised by its first cell; None of another table.
+
+    Raises
+    ------
+    InputError
+        The rest is not the vendor's layout, or the number of frames is not the announced one.
+    """
+    vendor, read = _VENDORS.get(rows[0].cells[0], ("", None)) if rows else ("", None)
+    try:
+        return read and read(rows)
+    except (ArithmeticError, LookupError, ValueError, StopIteration) as error:
+        reason = f"begins as an export of {vendor}, and is none further on ({type(error).__name__}: {error})"
+        raise InputError(f"{path}: {reason}; export it again") from error
+
+
+def _nexus(rows: Sequence[Row]) -> _Table:
+    """Rate, markers, axes, units, then frames up to the next section."""
+    begins = next(place for place, row in enumerate(rows) if row.cells[0] == "Trajectories") + 1
+    (rate, *_), markers, axes, units = (row.cells for row in rows[begins : begins + 4])
+    header = ["time_s", *(name if name[-2:-1] == "_" else "" for name in _join_names(markers, axes)[1:])]
+    numbered = takewhile(lambda row: row.cells[0].isdigit() and len(row.cells) > 1, rows[begins + 4 :])
+    frames = [
+        Row(row.line, [f"{(int(row.cells[0]) - 1) / float(rate):.9g}", *row.cells[1:]])
+        for row in _trim(list(numbered), len(header))
+    ]
+    return _Table(header, frames, next(filter(None, units), ""))
+
+
+def _motive(rows: Sequence[Row]) -> _Table:
+    """Facts in pairs, lines that say what each column is, then frames; bones and rigid bodies are left out."""
+    facts = dict(zip(rows[0].cells[::2], rows[0].cells[1::2], strict=False))
+    begins = next(place for place, row in enumerate(rows) if row.cells[0] == "Frame")
+    described = {row.cells[1]: row.cells for row in rows[1:begins]}
+    columns = zip(
+        described["Type"], described["Name"], rows[begins - 1].cells, rows[begins].cells, strict=True
+    )
+    header = [
+        f"{name}_{axis}" if (kind, quantity) == ("Marker", "Position") else ""
+        for kind, name, quantity, axis in columns
+    ]
+    header[1] = "time_s"
+    frames = _trim(rows[begins + 1 :], len(header), facts["Total Exported Frames"])
+    return _Table(header, frames, _UNITS[facts["Length Units"]])
+
+
+def _qualisys(rows: Sequence[Row]) -> _Table:
+    """Facts by name, perhaps a line of names, then frames in millimetres, with their numbers and times or without."""
+    facts = {row.cells[0]: row.cells[1:] for row in rows if row.cells[0][:1].isalpha()}
+    labels = [label for label in facts["MARKER_NAMES"] if label]
+    frames = [row for row in rows if not row.cells[0][:1].isalpha()]
+    has_times = len(frames[0].cells) - 3 * len(labels) >= 2
+    header = ["", "time_s"] * has_times + [f"{label}_{axis}" for label in labels for axis in "xyz"]
+    rate = None if has_times else float(facts["FREQUENCY"][0])
+    return _Table(header, _trim(frames, len(header), facts["NO_OF_FRAMES"][0]), "mm", rate)
+
+
+def _trim(rows: Sequence[Row], width: int, announced: str = "") -> list[Row]:
+    """Return rows without empty cells beyond the columns."""
+    if not rows or (announced and int(announced) != len(rows)):
+        raise ValueError(f"{announced or 'some'} frames are announced, {len(rows)} are there")
+    return [Row(line, [*cells[:width], *filter(None, cells[width:])]) for line, cells in rows]
+
+
+_VENDORS = dict.fromkeys(("Devices", "Trajectories"), ("Vicon Nexus", _nexus)) | {
+    "Format Version": ("Motive", _motive),
+    "NO_OF_FRAMES": ("Qualisys Track Manager", _qualisys),
+}

@@ -77,6 +77,16 @@ class NumberTable:
     lines: Sequence[int]
     """Line of each row in the file, from 1."""
 
+    def require_sizes(self, source: str, largest: float, may_be_missing: bool) -> None:
+        """Raise unless all numbers are finite and of at most a size; NaN is allowed on request."""
+        allowed = (np.abs(self.values) <= largest) | (may_be_missing & np.isnan(self.values))
+        if not allowed.all():
+            row, column = np.argwhere(~allowed)[0]
+            raise InputError(
+                f"{source}: line {self.lines[row]}: {self.values[row, column]:g} in column {column + 1}; finite numbers of at "
+                f"most {largest:g} in size are needed"
+            )
+
 
 def parse_number(text: str) -> float:
     """Return the number in a text, as programs write numbers.
@@ -297,7 +307,7 @@ def _number_or_problem(
     try:
         return dialect.number(cell)
     except ValueError:
-        comma = " (with decimal commas, set layout.decimal to ',')" if "," in cell else ""
+        comma = " (is the comma a decimal sign?)" if "," in cell else ""
         shown = cell if len(cell) <= MAX_SHOWN_CHARACTERS else cell[:MAX_SHOWN_CHARACTERS] + "…"
         problems.add(f"line {line}", f"{name} is {shown!r}", f"a number is needed{comma}")
         return np.nan

@@ -8,13 +8,21 @@ file, and the clock runs evenly at the rate stated.
 
 import os
 from collections import Counter
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from lumbar.base.errors import InputError, Problems
-from lumbar.records.marker_file import RATES_HZ, MarkerFile, mark_missing, split_points
-from lumbar.records.text_rows import check_even, number, read_lines, read_rows, stop_at_many
+from lumbar.base.errors import MAX_PROBLEMS, InputError, Problems
+from lumbar.records.marker_file import (
+    RATES_HZ,
+    MarkerFile,
+    check_even,
+    mark_missing,
+    read_frames,
+    split_points,
+)
+from lumbar.records.number_table import Dialect, Row, decode_lines, parse_number, split_rows
 
 _RATE_TOLERANCE = 1e-4
 
@@ -29,66 +37,89 @@ def read_trc(path: str | os.PathLike) -> MarkerFile:
         not even.
     """
     path = Path(path)
-    lines = read_lines(path)
-    header, names, separator = _header(path, lines)
-    labels = _labels(path, names, int(header["NumMarkers"]))
-    printed, values, resolution = _rows(path, lines, separator, len(labels))
-    if header["NumFrames"] != len(printed):
-        raise InputError(
-            f"{path}: NumFrames: {header['NumFrames']:g}; the file holds {len(printed)} frames; it may be cut short"
-        )
+    lines, _ = decode_lines(path.read_bytes(), str(path), lenient=True)
+    header = _header(path, lines)
+    labels = _labels(path, header.names, header.n_markers)
+    # Frames, without the header's fifth line (X1, Y1, Z1 and so on).
+    dialect = Dialect(header.delimiter)
+    rows = [row for row in split_rows(lines[4:], dialect, str(path), first=5) if any(row.cells)]
+    rows = [row for row in rows if next(filter(None, row.cells)).upper() not in ("X1", "X")]
+    if not rows:
+        raise InputError(f"{path}: no data rows")
+    columns = _columns(path, rows, 2 + 3 * len(labels), len(labels))
+    rows = [Row(row.line, row.cells[columns]) for row in rows]
+    frames = read_frames(rows, 2 + 3 * len(labels), str(path), dialect)
+    _check_frames(path, frames, rows, header)
     # Instants of the frames at the stated rate, checked against the printed ones.
-    rate = header["DataRate"]
-    steps = np.arange(len(printed)) / rate
-    even = np.median(printed - steps) + steps
+    steps = np.arange(len(frames)) / header.rate
+    even = np.median(frames[:, 1] - steps) + steps
     # A printed instant is off by half its last digit; a rate printed with few digits drifts over a recording.
-    check_even(path, printed, even, rate, resolution / 2 + _RATE_TOLERANCE * steps[-1])
+    decimals = min(max(len(row.cells[1].partition(".")[2]) for row in rows), 300)
+    check_even(str(path), frames[:, 1], even, header.rate, 10.0**-decimals / 2 + _RATE_TOLERANCE * steps[-1])
     return split_points(
         source=str(path),
         time=even,
-        rate=rate,
-        unit=str(header.get("Units", "")),
+        rate=header.rate,
+        unit=header.unit,
         labels=labels,
-        points=mark_missing(values),
+        points=mark_missing(frames[:, 2:].reshape(len(frames), len(labels), 3)),
     )
 
 
-def _header(path: Path, lines: list[str]) -> tuple[dict, list[str], str]:
-    """Keys of lines 2 and 3 (those that count as numbers), the cells of line 4 after the time, and the separator."""
+@dataclass(frozen=True)
+class _Header:
+    rate: float
+    n_frames: float
+    n_markers: int
+    unit: str
+    """Empty if the file states none."""
+    names: list[str]
+    """Cells of line 4 after the time."""
+    delimiter: str
+
+
+def _header(path: Path, lines: list[str]) -> _Header:
+    """Return the keys of lines 2 and 3 and the names of line 4."""
     if len(lines) < 4 or not lines[0].startswith("PathFileType"):
         raise InputError(
             f"{path}: not a TRC file; it must start with PathFileType and have four header lines or more"
         )
-    separator = next((sign for sign in "\t," if sign in lines[3]), None)
-    if separator is None:
+    delimiter = next((sign for sign in "\t," if sign in lines[3]), None)
+    if delimiter is None:
         raise InputError(
             f"{path}, line 4: its cells are separated by neither tabs nor commas; export it with tabs"
         )
-    keys, entries = ([cell.strip() for cell in line.split(separator)] for line in lines[1:3])
+    keys, entries, names = (Dialect(delimiter).split(line) for line in lines[1:4])
     if keys.count("") != entries.count("") or len(keys) != len(entries):
-        # Doubled separators in one of the two lines.
+        # Doubled delimiters in one of the two lines.
         keys, entries = [key for key in keys if key], [entry for entry in entries if entry]
-    header: dict = dict(zip(keys, entries, strict=False))
+    stated = dict(zip(keys, entries, strict=False))
     problems = Problems(f"{path}, lines 2 and 3")
+    numbers = {}
     for key, (low, high) in {"DataRate": RATES_HZ, "NumFrames": (1, 1e9), "NumMarkers": (1, 1e5)}.items():
-        if key not in header:
+        if key not in stated:
             problems.add("", f"no {key}")
             continue
         try:
-            value = number(header[key])
+            numbers[key] = parse_number(stated[key])
         except ValueError:
-            problems.add(key, repr(header[key]), "a number is needed")
+            problems.add(key, repr(stated[key]), "a number is needed")
             continue
-        if not low <= value <= high:
-            problems.add(key, header[key], f"a positive number is needed, {low:g} to {high:g}")
-        header[key] = value
+        if not low <= numbers[key] <= high:
+            problems.add(key, stated[key], f"a positive number is needed, {low:g} to {high:g}")
     problems.raise_if_any()
-    names = [name.strip() for name in lines[3].split(separator)]
     if names[1:2] == [""]:
         names.pop(1)  # doubled
     if not names[0].startswith("Frame") or len(names) < 3 or not names[1].startswith("Time"):
         raise InputError(f"{path}, line 4: starts with {names[:2]}; Frame# and Time are needed")
-    return header, names[2:], separator
+    return _Header(
+        rate=numbers["DataRate"],
+        n_frames=numbers["NumFrames"],
+        n_markers=int(numbers["NumMarkers"]),
+        unit=stated.get("Units", ""),
+        names=names[2:],
+        delimiter=delimiter,
+    )
 
 
 def _labels(path: Path, cells: list[str], n_markers: int) -> list[str]:
@@ -107,57 +138,42 @@ def _labels(path: Path, cells: list[str], n_markers: int) -> list[str]:
     )
 
 
-def _rows(
-    path: Path, lines: list[str], separator: str, n_markers: int
-) -> tuple[np.ndarray, np.ndarray, float]:
-    """Time, shape (n_frames,), values, shape (n_frames, n_markers, 3), and resolution of the time.
-
-    Empty cells are missing values.
-    """
-    rows = [
-        (place, [cell.strip() for cell in line.split(separator)])
-        for place, line in enumerate(lines[4:], start=5)
-    ]
-    axes = ("X1", "X")  # header line 5: X1, Y1, Z1 and so on
-    rows = [row for row in rows if any(row[1]) and next(filter(None, row[1])).upper() not in axes]
-    if not rows:
-        raise InputError(f"{path}: no data rows")
-    columns = _columns(path, rows, 2 + 3 * n_markers, n_markers)
-    rows = [(place, cells[columns]) for place, cells in rows]
-    decimals = max(len(cells[1].partition(".")[2]) for _, cells in rows)
-    table = read_rows(path, rows, 2 + 3 * n_markers)
-    if not np.isfinite(table[:, :2]).all():
-        untimed = int((~np.isfinite(table[:, :2])).any(axis=1).argmax())
-        raise InputError(f"{path}: line {rows[untimed][0]}: no time")
-    points = table[:, 2:].reshape(len(table), n_markers, 3)
+def _check_frames(path: Path, frames: np.ndarray, rows: list[Row], header: _Header) -> None:
+    """Raise if a frame has no time, a column is missing, or the file has another number of frames than it states."""
+    has_time = np.isfinite(frames[:, :2]).all(axis=1)
+    if not has_time.all():
+        raise InputError(f"{path}: line {rows[int(has_time.argmin())].line}: no time")
     # A marker that is never there with all three coordinates: the columns are shifted.
-    seen = np.isfinite(points)
+    seen = np.isfinite(frames[:, 2:]).reshape(len(frames), -1, 3)
     torn = seen.any(axis=(0, 2)) & ~seen.all(axis=2).any(axis=0)
     if torn.any():
         raise InputError(
             f"{path}: marker {int(torn.argmax()) + 1} has one or two coordinates and never three; a column is missing"
         )
-    return table[:, 1], points, 10.0 ** -min(decimals, 300)
+    if header.n_frames != len(frames):
+        raise InputError(
+            f"{path}: NumFrames: {header.n_frames:g}; the file holds {len(frames)} frames; it may be cut short"
+        )
 
 
-def _columns(path: Path, rows: list[tuple[int, list[str]]], width: int, n_markers: int) -> slice:
-    """Cells of a row that hold the frame's number, its time and the markers.
+def _columns(path: Path, rows: list[Row], width: int, n_markers: int) -> slice:
+    """Return which cells of a row hold the frame's number, its time and the markers.
 
-    An extra separator before or after the numbers adds an empty cell to every row. A row that differs from the
-    others lost or won a cell, and from there on its numbers belong to other markers.
+    An extra delimiter before or after the numbers adds an empty cell to every row. A row that differs from the
+    others lost or gained a cell, and from there on its numbers belong to other markers.
     """
-    usual = Counter(len(cells) for _, cells in rows).most_common(1)[0][0]
+    usual = Counter(len(row.cells) for row in rows).most_common(1)[0][0]
     first, last = 0, usual
-    if usual > width and not any(cells[0] for _, cells in rows):
+    if usual > width and not any(row.cells[0] for row in rows):
         first = 1
-    while last - first > width and not any(cells[last - 1] for _, cells in rows if len(cells) == usual):
+    while last - first > width and not any(row.cells[last - 1] for row in rows if len(row.cells) == usual):
         last -= 1
     if last - first != width:
         raise InputError(
-            f"{path}: line {rows[0][0]}: {last - first} cells, as in most rows; {width} are needed for {n_markers} "
+            f"{path}: line {rows[0].line}: {last - first} cells, as in most rows; {width} are needed for {n_markers} "
             "markers (NumMarkers)"
         )
-    problems = Problems(str(path))
+    problems = Problems(str(path), most=MAX_PROBLEMS)
     for place, cells in rows:
         if len(cells) != usual:
             problems.add(
@@ -166,6 +182,5 @@ def _columns(path: Path, rows: list[tuple[int, list[str]]], width: int, n_marker
                 f"{usual} are needed, as in the other rows: a cell was lost or added, and the numbers after it stand "
                 "under other markers",
             )
-        stop_at_many(problems)
     problems.raise_if_any()
     return slice(first, last)

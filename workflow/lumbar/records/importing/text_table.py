@@ -4,7 +4,7 @@ import re
 
 import numpy as np
 
-from lumbar.base.errors import InputError, Problems
+from lumbar.base.errors import MAX_PROBLEMS, InputError, Problems
 from lumbar.records.importing.dialect import (
     CLOCK,
     FEWEST_ROWS,
@@ -22,7 +22,6 @@ from lumbar.records.importing.raw_table import (
     find_unit,
     name_and_unit,
 )
-from lumbar.records.text_rows import stop_at_many
 
 _LONGEST_LABEL = 1000
 """Characters of a line, or of lines that quotes join, in which a name or a rate is looked for."""
@@ -195,7 +194,7 @@ def _values(
     lines: list[str], first: int, last: int, dialect: Dialect, source: str
 ) -> tuple[np.ndarray, list[int], dict[int, tuple[str, ...]]]:
     """Numbers of the rows, the line (from 1) of each, and the cells of the columns of words."""
-    problems, rows, numbers = Problems(source), [], []
+    problems, rows, numbers = Problems(source, most=MAX_PROBLEMS), [], []
     for number in range(first, last + 1):
         if not lines[number].strip():
             continue
@@ -205,7 +204,6 @@ def _values(
                 f"{lines[number].strip()[:60]!r}",
                 f"{dialect.width} numbers are expected",
             )
-            stop_at_many(problems)
             continue
         rows.append(dialect.split(lines[number])[: dialect.width])
         numbers.append(number + 1)
