@@ -8,8 +8,8 @@ from lumbar.base.yaml_file import read_yaml
 from lumbar.settings.section import Section
 from lumbar.settings.study_settings import StudySettings
 from lumbar.settings.subject import SubjectSettings
+from lumbar.settings.validation import Origins, overlay, validate
 from lumbar.study.load_study import read_subject
-from lumbar.study.validation import Origins, overlay, validate
 from running import PROJECT
 
 Kind = TypeVar("Kind", bound=Section)

@@ -15,7 +15,7 @@ from lumbar.base.files import write_text
 from lumbar.settings.section import Section
 from lumbar.settings.study_settings import StudySettings
 from lumbar.settings.subject import SubjectSettings
-from lumbar.study.validation import Key, defaults_of
+from lumbar.settings.validation import Key, defaults_of
 
 DOCS = Path(__file__).resolve().parents[1]
 SCHEMA = Path(lumbar.study.__file__).with_name("study.schema.json")

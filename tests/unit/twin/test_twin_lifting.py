@@ -16,8 +16,8 @@ from lumbar.records.c3d_writer import write_c3d
 from lumbar.records.markers import read_markers
 from lumbar.settings.lifting import REFINING
 from lumbar.settings.twin import GroupMovement, SyntheticLift, SyntheticPerson
+from lumbar.settings.validation import Origins, overlay, validate
 from lumbar.study.load_study import load_study, name_lifts
-from lumbar.study.validation import Origins, overlay, validate
 from lumbar.twin.cohort import (
     FARTHEST_SD,
     cohort_subjects,

@@ -24,7 +24,7 @@ from lumbar.records.markers import METRES, MarkerRecording, read_markers
 from lumbar.records.unpacking import ending_of
 from lumbar.settings.layout import Alias, MarkerLayout, MeanOfMarkers, OffsetPoint
 from lumbar.settings.lifting import ALIASES
-from lumbar.study.validation import FILL_IN
+from lumbar.settings.validation import FILL_IN
 
 if TYPE_CHECKING:
     from lumbar.records.markers import MarkerRecording

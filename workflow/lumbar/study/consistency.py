@@ -24,7 +24,7 @@ from lumbar.study.study import (
 )
 
 if TYPE_CHECKING:
-    from lumbar.study.validation import Origins
+    from lumbar.settings.validation import Origins
 
 Add = Callable[[str | tuple, str, str], None]
 """Takes the key, what was found there and what is allowed."""

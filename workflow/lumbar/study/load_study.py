@@ -14,6 +14,7 @@ from lumbar.base.yaml_file import YamlFile, read_yaml
 from lumbar.settings.improvement import ImprovementSettings, is_data
 from lumbar.settings.study_settings import StudySettings
 from lumbar.settings.subject import SubjectFile, SubjectSettings
+from lumbar.settings.validation import Origins, overlay, validate
 from lumbar.study.artefacts import (
     LIFTED,
     NEEDS,
@@ -23,7 +24,6 @@ from lumbar.study.artefacts import (
 )
 from lumbar.study.consistency import Add, check_consistency, check_effects
 from lumbar.study.study import TWIN, RecordedLift, Study
-from lumbar.study.validation import Origins, overlay, validate
 
 
 def load_study(config: dict, root: Path, files: Sequence[str | Path] = (), *, trust: bool = False) -> Study:
