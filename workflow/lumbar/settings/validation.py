@@ -3,9 +3,10 @@
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import Any, TypeVar
 
-from pydantic import ValidationError
+from pydantic import TypeAdapter, ValidationError
 from pydantic_core import to_jsonable_python
 
 from lumbar.base.errors import Problems, did_you_mean
@@ -22,6 +23,13 @@ _TYPES |= {"boolean": "true or false", "null": "null"}
 _LIMITS = {"minimum": "≥", "exclusiveMinimum": ">", "maximum": "≤", "exclusiveMaximum": "<"}
 
 Kind = TypeVar("Kind", bound=Section)
+Data = TypeVar("Data")
+
+
+@cache
+def adapter_of(kind: type[Data]) -> TypeAdapter[Data]:
+    """Return Pydantic's adapter of a class; it is built once."""
+    return TypeAdapter(kind)
 
 
 @dataclass(frozen=True)
@@ -34,9 +42,9 @@ class Key:
     unit: str = ""
 
     @classmethod
-    def of(cls, section: type[Section]) -> "Key":
-        """Return a section as a key."""
-        schema = section.model_json_schema()
+    def of(cls, kind: type) -> "Key":
+        """Return a whole section, or another class that Pydantic validates, as a key."""
+        schema = adapter_of(kind).json_schema()
         return cls(schema, schema.get("$defs", {}))
 
     @property
@@ -199,25 +207,33 @@ def validate(content: dict, kind: type[Kind], origins: Origins) -> Kind | None:
         Takes every wrong key and value, with file, line, what was found and what is allowed.
     """
     unfilled = _unfilled(content)
-    if unfilled:
-        whole = Key.of(kind)
-        for way in unfilled:
-            key = whole.at(*way)
-            origins.add(way, f"{FILL_IN}: still to be filled in", key.rule if key else "")
+    whole = Key.of(kind) if unfilled else None
+    for way in unfilled:
+        key = whole.at(*way)
+        origins.add(way, f"{FILL_IN}: still to be filled in", key.rule if key else "")
     merged = overlay(_without_other_axes(defaults_of(kind), content), content)
+    checked = check_types(merged, kind, origins, unfilled)
+    return None if unfilled else checked
+
+
+def check_types(content: Any, kind: type[Data], origins: Origins, known: Sequence[tuple] = ()) -> Data | None:
+    """Return plain data as an object of a class that Pydantic validates; None if there are problems.
+
+    `known` are ways to values that are not reported again.
+    """
     try:
-        checked = kind.model_validate_json(json.dumps(merged, default=_as_plain), strict=True)
-        return None if unfilled else checked
+        return adapter_of(kind).validate_json(json.dumps(content, default=_as_plain), strict=True)
     except ValidationError as error:
-        said: dict[tuple, tuple[str, str]] = dict.fromkeys(unfilled, ("", ""))
+        whole, problems, short = Key.of(kind), {}, set()
         for item in error.errors(include_url=False):
-            way, found, allowed = _explain(Key.of(kind), merged, item)
-            said.setdefault(way, (found, allowed))
-        places = {way: origins.place(way, _value(merged, way, _ANY)) for way in said}
-        for way, (found, allowed) in said.items():
-            if any(place[: len(way)] == way for place in unfilled):
-                continue
-            origins.problems.add(places[way], found, allowed)
+            way, found, allowed = _explain(whole, content, item)
+            problems.setdefault(way, (found, allowed))
+            if item["type"] == "too_short":  # also of a list without its wrong entries
+                short.add(way)
+    for way, (found, allowed) in problems.items():
+        within = [other for other in problems if way in short and other != way]
+        if not any(other[: len(way)] == way for other in (*known, *within)):
+            origins.problems.add(origins.place(way, _value(content, way, _ANY)), found, allowed)
     return None
 
 
@@ -266,7 +282,7 @@ def _explain(whole: Key, content: dict, error: Mapping[str, Any]) -> tuple[tuple
             break
         way, value = (*way, part), value[part]
     kind, last = error["type"], error["loc"][-1] if error["loc"] else ""
-    if kind == "extra_forbidden" and way == error["loc"]:
+    if kind in ("extra_forbidden", "unexpected_keyword_argument") and way == error["loc"]:
         section = whole.at(*way[:-1])
         known = section.keys if section else {}
         return way, f"unknown key{did_you_mean(last, known)}", f"allowed: {', '.join(known)}"
@@ -284,6 +300,7 @@ def _explain(whole: Key, content: dict, error: Mapping[str, Any]) -> tuple[tuple
         return way, found or f"found {_shown(value)}", key.rule if key else ""
     choices = [word for each in key.types for word in each.schema.get("enum", ())]
     meant = did_you_mean(value, choices) if isinstance(value, str) else ""
+    meant = ", which is not finite" if kind == "finite_number" else meant
     return way, f"found {_shown(value)}{meant}", key.rule + _number_hint(value, key)
 
 

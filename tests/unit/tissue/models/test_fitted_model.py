@@ -173,7 +173,7 @@ def test_constants_that_were_given_go_with_the_model():
         ({"schema": "lumbar.models/1", "models": []}, "'lumbar.models/1'; 'lumbar.models/2' is needed"),
         ({"schema": "lumbar.models/2"}, "models: None; a list"),
         ({"schema": "lumbar.models/2", "models": []}, "models: .*a list"),
-        ({"schema": "lumbar.models/2", "models": [3]}, r"models\.0: entry: 3; "),
+        ({"schema": "lumbar.models/2", "models": [3]}, r"models\.0: top level: found 3; "),
     ],
 )
 def test_what_is_no_file_of_models_is_refused(content, words):

@@ -2,25 +2,23 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields
-from functools import cache
-from typing import TYPE_CHECKING
+from typing import Annotated, Literal
+
+from pydantic import Field
 
 from lumbar.base.errors import Problems
+from lumbar.settings.section import Positive, Section, Unique
+from lumbar.settings.validation import Origins, adapter_of, check_types
 from lumbar.tissue.models.bases import BASES, Base
 from lumbar.tissue.models.form import Effect, Form
-from lumbar.tissue.models.model_data import FittedParameter, ModelData, MotionRange, Port, Scores
-from lumbar.tissue.models.parameter import AXES
+from lumbar.tissue.models.model_data import FittedParameter, ModelData, MotionRange
 from lumbar.tissue.models.structure import ForwardStructure, Structure
 from lumbar.tissue.models.tissue_models import MODELS
 from lumbar.tissue.models.transfer_function import TransferFunction
 
-if TYPE_CHECKING:
-    from pydantic import TypeAdapter
-
-MOST_COEFFICIENTS = 33
+MAX_COEFFICIENTS = 33
 """Of a numerator or denominator: twice what an FMU holds, and far more than the search tries."""
 
 OWN_BASES = "bases"
@@ -28,8 +26,10 @@ OWN_BASES = "bases"
 Catalogues = Mapping[str, Mapping[str, Effect | Base]]
 
 
-@dataclass(frozen=True)
-class _Added:
+Coefficients = Annotated[tuple[float, ...], Field(min_length=1, max_length=MAX_COEFFICIENTS)]
+
+
+class _Added(Section):
     """An effect as it is written."""
 
     effect: str
@@ -37,28 +37,24 @@ class _Added:
     constants: dict[str, float] | None = None
 
 
-@dataclass(frozen=True)
-class _Space:
-    """What a base is along several axes, as it is written."""
+class _Space(Section):
+    """A base along several axes, as it is written."""
 
-    axes: tuple[str, ...]
+    axes: Unique[Literal["x", "y", "z"]] = Field(min_length=2)
     symmetry: str
     frames: tuple[tuple[float, ...], ...]
     depth: float | None = None
     reach: float | None = None
 
 
-@dataclass(frozen=True)
-class _Written:
-    """A structure as it is written: the coefficients of a discrete model, or the effects of a continuous one.
+class _Written(Section):
+    """A structure as it is written: the coefficients of a discrete model, or the effects of a continuous one."""
 
-    ``forward`` stands with one that goes from force to motion.
-    """
-
-    numerator: tuple[float, ...] | None = None
-    denominator: tuple[float, ...] | None = None
+    numerator: Coefficients | None = None
+    denominator: Coefficients | None = None
     effects: tuple[_Added, ...] | None = None
     forward: bool | None = None
+    """Whether the model goes from force to motion."""
     space: _Space | None = None
 
 
@@ -66,24 +62,26 @@ class _Written:
 class _Entry(ModelData):
     """A model as it is written: its fields are the schema of the file."""
 
-    structure: _Written  # type: ignore[assignment]  # what is written stands for what it means
+    structure: _Written  # type: ignore[assignment]  # the structure's names and numbers
+    sampling_time: Positive
     __pydantic_config__ = {"extra": "forbid", "allow_inf_nan": False}  # noqa: RUF012
 
 
 def entry_of(model: ModelData) -> dict:
     """Return a model as plain data: its fields, with the structure as coefficients or as names of effects and forms."""
-    if isinstance(model.structure, TransferFunction):
-        written = _Written(model.structure.numerator, model.structure.denominator)
+    structure = model.structure
+    if isinstance(structure, TransferFunction):
+        written = _Written(numerator=structure.numerator, denominator=structure.denominator)
     else:
-        forward = isinstance(model.structure, ForwardStructure) or None
-        spatial = model.structure.base.spatial
-        space = None
+        space, spatial = None, structure.base.spatial
         if spatial is not None:
-            ends = (getattr(spatial, name, None) for name in ("depth", "reach"))  # of a plane
-            space = _Space(spatial.axes, str(spatial.symmetry), spatial.frames, *ends)
-        written = _Written(effects=tuple(map(_added, model.structure.forms)), forward=forward, space=space)
-    plain = _schema().dump_python(_Entry(**{**_fields(model), "structure": written}), mode="json")
-    plain["structure"] = _without_none(plain["structure"])
+            depth, reach = (getattr(spatial, name, None) for name in ("depth", "reach"))  # of a plane
+            axes, frames = spatial.axes, spatial.frames
+            space = _Space(axes=axes, symmetry=str(spatial.symmetry), frames=frames, depth=depth, reach=reach)
+        forward = isinstance(structure, ForwardStructure) or None
+        written = _Written(effects=tuple(map(_added, structure.forms)), forward=forward, space=space)
+    plain = adapter_of(_Entry).dump_python(_Entry(**{**_fields(model), "structure": written}), mode="json")
+    plain["structure"] = written.model_dump(mode="json", exclude_none=True)
     for name in ("zeros", "rests"):  # of one axis the ports' offsets
         if not plain[name]:
             del plain[name]
@@ -92,30 +90,16 @@ def entry_of(model: ModelData) -> dict:
 
 def _added(form: Form) -> _Added:
     given = {item.symbol: item.value for item in form.constants if item.given}
-    return _Added(form.effect, form.name, given or None)
-
-
-def _without_none(written):
-    """Plain data without the keys whose value is None."""
-    if isinstance(written, dict):
-        return {key: _without_none(value) for key, value in written.items() if value is not None}
-    return [_without_none(item) for item in written] if isinstance(written, list) else written
+    return _Added(effect=form.effect, form=form.name, constants=given or None)
 
 
 def _fields(model: ModelData) -> dict:
     return {item.name: getattr(model, item.name) for item in fields(model)}
 
 
-@cache
-def _schema() -> TypeAdapter:
-    from pydantic import TypeAdapter
-
-    return TypeAdapter(_Entry)
-
-
 def checked_entry(entry: object, catalogues: Catalogues, problems: Problems) -> dict | None:
     """Return the fields of the model of an entry, or None where something was added to `problems`."""
-    plain = _typed(entry, problems)
+    plain = check_types(entry, _Entry, Origins(problems))
     if plain is None:
         return None
     before = len(problems.entries)
@@ -129,52 +113,14 @@ def checked_entry(entry: object, catalogues: Catalogues, problems: Problems) -> 
     if structure is not None:
         _check_parameters(plain.parameters, structure, plain.base, problems)
     _check_range(plain.valid_for, problems)
-    if not plain.sampling_time > 0:
-        problems.add("sampling_time", f"{plain.sampling_time}", "seconds above 0 are needed")
     if len(problems.entries) > before:
         return None
     return {**_fields(plain), "structure": structure}
 
 
-def _typed(entry, problems: Problems) -> _Entry | None:
-    """Return the entry with every value of the type that its field has, or None where one has not."""
-    from pydantic import ValidationError
-
-    try:
-        return _schema().validate_json(json.dumps(entry), strict=True)
-    except ValidationError as error:
-        for found in error.errors(include_url=False):
-            place = ".".join(map(str, found["loc"])) or "entry"
-            if found["type"] == "missing":
-                problems.add(place, "missing", "it is needed")
-            elif found["type"] == "unexpected_keyword_argument":
-                owner = next((part for part in found["loc"][-2::-1] if isinstance(part, str)), "")
-                known = ", ".join(item.name for item in fields(_KINDS[owner]))
-                problems.add(place, "unknown key", f"known are {known}")
-            else:
-                problems.add(place, repr(found["input"]), found["msg"])
-    return None
-
-
-_KINDS = {
-    "": ModelData,
-    "input": Port,
-    "output": Port,
-    "scores": Scores,
-    "valid_for": MotionRange,
-    "parameters": FittedParameter,
-    "structure": _Written,
-    "space": _Space,
-    "effects": _Added,
-}
-"""What is written under a key."""
-
-
 def _transfer_function(written: _Written, problems: Problems) -> TransferFunction | None:
     if not (written.numerator and written.denominator):
         problems.add("structure", "no coefficients", "it needs numerator and denominator, or effects")
-    elif (most := max(len(written.numerator), len(written.denominator))) > MOST_COEFFICIENTS:
-        problems.add("structure", f"{most} coefficients", f"at most {MOST_COEFFICIENTS} are read")
     elif written.denominator[0] != 1:
         found = f"{written.denominator[0]:g}"
         problems.add(
@@ -193,7 +139,7 @@ def _structure(base: str, written: _Written, catalogues: Catalogues, problems: P
         problems.add("base", repr(base), f"bases are {', '.join(bases)}")
         return None
     effects = catalogues.get(bases[base].system, {})
-    if written.space is not None and 2 <= len(written.space.axes) <= 3:
+    if written.space is not None:
         from lumbar.tissue.models.space import force_sensor_effects
 
         read = [item.in_space(written.space.axes)[0] for item in effects.values() if isinstance(item, Effect)]
@@ -217,9 +163,7 @@ def _in_space(structure: Structure, space: _Space, problems: Problems) -> Struct
     size, base, place = len(space.axes), structure.base, "structure.space"
     plane = space.depth is not None and space.reach is not None
     wanted = len(base.linear) if space.symmetry == Symmetry.FULL else 1
-    if not 2 <= size <= 3 or not set(space.axes) <= set(AXES) or len(set(space.axes)) < size:
-        problems.add(f"{place}.axes", ", ".join(space.axes), "two or three of x, y, z are needed")
-    elif space.symmetry not in [*Symmetry] and not (plane and base.contact):
+    if space.symmetry not in [*Symmetry] and not (plane and base.contact):
         problems.add(
             f"{place}.symmetry", space.symmetry, f"there are {', '.join(Symmetry)}, and a plane of a contact"
         )

@@ -62,7 +62,7 @@ class ExportModel:
                 f"{self.moving_average} samples, and {self.dynamics.delay} of delay, at {1 / self.sampling_time:g} Hz",
                 f"at least 1, and {MAX_HISTORY} in all, fit into an FMU",
             )
-        for problem in (*self.dynamics.problems(), *self.guards.problems()):
+        for problem in self.dynamics.problems():
             problems.add(*problem)
         if self.guards.passive and self.work_units is None:
             problems.add(
@@ -82,17 +82,8 @@ class ExportModel:
                 "a pole at 1: the model rests at no other input than its offset",
                 "say runtime.start: offset",
             )
-        for label, value in (
-            ("sampling_time_s", self.sampling_time),
-            ("runtime.output_limit", self.output_limit),
-            ("runtime.gain_limit", self.gain_limit),
-        ):
-            if not (math.isfinite(value) and value > 0):
-                problems.add(label, f"{value}", "a finite number above 0 is needed")
-        if self.gain_limit < 1:
-            problems.add(
-                "runtime.gain_limit", f"{self.gain_limit}", "at least 1, the gain a simulation starts with"
-            )
+        if not (math.isfinite(self.sampling_time) and self.sampling_time > 0):
+            problems.add("sampling_time_s", f"{self.sampling_time}", "a finite number above 0 is needed")
         if self.input.variable == self.output.variable:
             problems.add(
                 "quantities", f"input and output are both {self.input.quantity!r}", "they need two names"

@@ -33,21 +33,6 @@ class Guards:
         """Whether the force depends on the forces before it."""
         return self.passive or self.rate_limit > 0
 
-    def problems(self) -> list[tuple[str, str, str]]:
-        """What keeps the guards from being exported: place, what was found, what is allowed."""
-        found = []
-        for label, value in (
-            ("runtime.device_damping", self.device_damping),
-            ("runtime.energy_reserve", self.energy_reserve),
-        ):
-            if not 0 <= value <= LARGEST:
-                found.append((label, f"{value}", f"allowed are 0 to {LARGEST:g}"))
-        if not (math.isfinite(self.rate_limit) and self.rate_limit >= 0):
-            found.append(
-                ("runtime.output_rate_limit", f"{self.rate_limit}", "a finite number above 0 is needed")
-            )
-        return found
-
 
 @dataclass(frozen=True)
 class Guarded:
