@@ -1,6 +1,5 @@
-"""A page with Bokeh's pictures as one file that needs nothing else, with the same bytes at every run."""
+"""A page with Bokeh's pictures as one self-contained file, with the same bytes at every run."""
 
-import itertools
 import re
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
@@ -18,19 +17,19 @@ from bokeh.resources import INLINE
 from lumbar.base.templates import template
 
 _CODE = "<!-- Bokeh's code -->"
-"""Stands for it where names are looked for."""
-# In quotes: in the letters of coded numbers ``+p1234/`` stands by chance, and a model's token is no name of the page's.
+"""Placeholder for the code while names are replaced."""
+# In quotes: encoded numbers may contain ``+p1234/``, and a model's token is not a name.
 _UNIQUE = re.compile(r"""(?<=["'])[0-9a-f]{8}-(?:[0-9a-f]{4}-){3}[0-9a-f]{12}(?=["'])""")
 _NUMBERED = re.compile(r"""(?<=["'])p\d{4,}(?=["'])""")
 
 
 def empty_source(name: str, columns: Iterable[str]) -> ColumnDataSource:
-    """Source of a picture's data that the page's script fills."""
+    """Return a source of data that the page's script fills."""
     return ColumnDataSource({column: [] for column in columns}, name=name)
 
 
 def plain_figure(name: str, across: str, up: str, left: int, **more) -> figure:
-    """Picture as wide as its place, without frame and ground, `left` pixels for the labels of its axis."""
+    """Return a picture as wide as its container, without frame and background, with `left` pixels for axis labels."""
     labels = {"x_axis_label": across, "y_axis_label": up}
     picture = figure(name=name, sizing_mode="stretch_width", **labels, **more)
     picture.toolbar.logo = None
@@ -41,18 +40,19 @@ def plain_figure(name: str, across: str, up: str, left: int, **more) -> figure:
 
 @dataclass(frozen=True, eq=False)
 class Drawn:
-    """Bokeh's pictures as they stand in a page."""
+    """Bokeh's pictures in a page."""
 
     documents: dict[str, Any]
-    """Bokeh's document, by its name."""
+    """Bokeh's document by its name."""
     items: list[RenderItem]
-    """Where each picture goes."""
+    """Position of each picture."""
     code: str
+    """Bokeh's scripts."""
     style: str
-    """`code`, `style`: bokeh itself."""
+    """Bokeh's style sheets."""
 
     def holding(self, sources: list[ColumnDataSource]) -> "Drawn":
-        """Return the same pictures with further data in their document, which a page's script finds by name."""
+        """Return the pictures with further data in their document, which a page's script finds by name."""
         ((name, document),) = self.documents.items()
         first, *others = document["roots"]
         held = {"tags": Serializer(deferred=False).encode(sources)}
@@ -78,13 +78,10 @@ def one_file(pictures: Drawn, page: str, variables: dict[str, Any]) -> str:
         template(page),
         variables,
     )
-    return _named_alike(text).replace(_CODE, pictures.code, 1)
-
-
-def _named_alike(text: str) -> str:
-    """Bokeh names its parts by chance and by how many there were before: number them as they come."""
+    # Bokeh's names are random or depend on how many there were before: number them in their order.
     for pattern, prefix in ((_UNIQUE, "part-"), (_NUMBERED, "model-")):
-        numbers = itertools.count(1)
-        names: dict[str, str] = {}
-        text = pattern.sub(lambda found: names.setdefault(found[0], f"{prefix}{next(numbers)}"), text)  # noqa: B023
-    return text
+        names = {
+            name: f"{prefix}{number}" for number, name in enumerate(dict.fromkeys(pattern.findall(text)), 1)
+        }
+        text = pattern.sub(lambda found, names=names: names[found[0]], text)
+    return text.replace(_CODE, pictures.code, 1)

@@ -8,18 +8,21 @@ from lumbar.base.templates import in_print
 from lumbar.publishing.figures.comparison_figures import draw_error_bars
 from lumbar.publishing.figures.palette import SERIES
 from lumbar.publishing.figures.style import DOUBLE_COLUMN, head_room, house_style, label_panels, new_figure
-from lumbar.tissue.diagnosis.fitting.joint_fit import Fit
 from lumbar.tissue.diagnosis.law.proposal import Proposal
 from lumbar.tissue.diagnosis.law.validation import motions
 from lumbar.tissue.diagnosis.selection.result import DiagnosisResult
 
 _CELLS = 24
 _SECTIONS = (0.1, 0.5, 0.9)
-"""Quantiles of the velocity about which the sections are taken."""
+"""Quantiles of the velocity in the middle of the sections."""
 _WIDTH = 0.08
-"""Share of the samples on either side that a section takes in."""
+"""Share of the samples of a section on either side."""
 _FEWEST = 5
-"""Samples of a cell that is drawn."""
+"""Fewest samples of a cell that is drawn."""
+_SEGMENTS = 2
+"""Segments of a spectral estimate."""
+_MOVED = 1e-5
+"""Least power of the motion, relative to its largest, at frequencies that are drawn."""
 _LOOKS = (("o", "-"), ("s", (0, (4, 1.5))), ("^", (0, (1, 1))))
 
 
@@ -40,7 +43,7 @@ def law_figure(proposal: Proposal) -> Figure:
 
 
 def _means(values: np.ndarray, force: np.ndarray, edges: np.ndarray) -> np.ndarray:
-    """Mean force between edges; NaN where samples are few."""
+    """Return the mean force between edges; NaN for few samples."""
     cell = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, len(edges) - 2)
     count = np.bincount(cell, minlength=len(edges) - 1)
     total = np.bincount(cell, force, minlength=len(edges) - 1)
@@ -48,7 +51,7 @@ def _means(values: np.ndarray, force: np.ndarray, edges: np.ndarray) -> np.ndarr
 
 
 def _draw_sections(axis, proposal: Proposal) -> None:
-    """Draw what the model leaves, and what the law adds, over the position where the velocity is about a quantile."""
+    """Draw the model's residual and the law's force over the position, for velocities near each quantile."""
     experiment, start = proposal.experiment, proposal.start.fit
     records = [item.without_whitening() for item in (experiment.training, *experiment.tests)]
     position, velocity = (
@@ -66,12 +69,13 @@ def _draw_sections(axis, proposal: Proposal) -> None:
     ranks = np.argsort(np.argsort(velocity)) / len(velocity)
     for quantile, (marker, line), color in zip(_SECTIONS, _LOOKS, SERIES, strict=False):
         inside = np.abs(ranks - quantile) <= _WIDTH
-        label = f"$v$ ≈ {_short(float(np.median(velocity[inside])))}"
+        typical = float(np.median(velocity[inside]))
+        label = f"$v$ ≈ {in_print(f'{typical:.0f}' if abs(typical) >= 100 else f'{typical:.2g}')}"
         measured = _means(position[inside], missing[inside], edges)
         axis.plot(middle, measured, marker, color=color, markersize=2.5, label=label)
         if added is not None:
-            told = _means(position[inside], added[inside], edges)
-            axis.plot(middle, told, linestyle=line, color=color, linewidth=1)
+            of_law = _means(position[inside], added[inside], edges)
+            axis.plot(middle, of_law, linestyle=line, color=color, linewidth=1)
     axis.set_xlabel(f"Position ({experiment.input_unit})")
     axis.set_ylabel(f"Missing force ({experiment.output_unit})")
     title = f"marks: measured{'' if added is None else ', lines: the law'}; $v$ in {experiment.input_unit}/s"
@@ -80,17 +84,13 @@ def _draw_sections(axis, proposal: Proposal) -> None:
     axis.legend(loc="upper center", title=title, title_fontsize=6, fontsize=6, **close)
 
 
-def _short(value: float) -> str:
-    return in_print(f"{value:.0f}" if abs(value) >= 100 else f"{value:.2g}")
-
-
 def _draw_errors(axis, proposal: Proposal) -> None:
     rows = [(proposal.base.fit.structure.base.name, proposal.base)]
     if proposal.before.effects:
         rows.append(("with the catalogue", proposal.before))
     if proposal.law is not None:
-        on = proposal.law.start.effects
-        rows.append(("catalogue and law" if on else "base and law", proposal.law.candidate))
+        start = "catalogue" if proposal.law.start.effects else "base"
+        rows.append((f"{start} and law", proposal.law.candidate))
     floor = proposal.experiment.floor
     errors = {"training": [item.train_rms for _, item in rows], "unseen": [item.test_rms for _, item in rows]}
     draw_error_bars(
@@ -107,10 +107,10 @@ def _draw_errors(axis, proposal: Proposal) -> None:
 
 @house_style
 def linear_figure(found: DiagnosisResult) -> Figure:
-    """Draw a verdict's linear dynamics of higher order: gain and phase beside those of base and record, and its poles.
+    """Draw the linear dynamics of higher order with base and record: gain, phase and poles.
 
-    All three responses are cross spectra of force and motion over the motion's own spectrum (Welch's estimate), so that its bias
-    is the same, at the frequencies where the training record moves.
+    All three responses are cross spectra of force and motion divided by the motion's spectrum (Welch's estimate), so that
+    they have the same bias, at the frequencies of the training record's motion.
     """
     part = max(found.experiment.training.records, key=lambda item: item.size)
     rate, unit = 1 / part.motion.sampling_time, found.experiment.output_unit
@@ -131,8 +131,14 @@ def linear_figure(found: DiagnosisResult) -> Figure:
         look["marker"], look["markersize"] = "." if label == "measured" else "", 2
         gain.loglog(frequency[moved], np.abs(response), **look)
         phase.semilogx(frequency[moved], np.degrees(np.unwrap(np.angle(response))), **look)
-    poles = poles_of(found.linear.fit)
-    plane.plot(poles.real, poles.imag, "x", color=SERIES[2])
+    # The poles (1/s) are rates and pairs among the nonlinear parameters of the linear base.
+    fit = found.linear.fit
+    values = dict(zip((item.name for item in fit.structure.base.nonlinear), fit.nonlinear, strict=False))
+    poles = [complex(-value) for name, value in values.items() if name.startswith("relaxation_rate")]
+    for name, damping in values.items():
+        if name.startswith("pair_damping"):
+            poles += [*np.roots([1.0, damping, values[name.replace("damping", "frequency_squared")]])]
+    plane.plot(np.real(poles), np.imag(poles), "x", color=SERIES[2])
     for axis, words in ((gain, f"Gain ({unit}/{found.experiment.input_unit})"), (phase, "Phase (°)")):
         axis.set_xlabel("Frequency (Hz)")
         axis.set_ylabel(words)
@@ -142,17 +148,3 @@ def linear_figure(found: DiagnosisResult) -> Figure:
     gain.legend(loc="upper left", fontsize=6)
     label_panels((gain, phase, plane))
     return figure
-
-
-_SEGMENTS, _MOVED = 2, 1e-5
-"""Segments of a spectral estimate; power of the motion beside its largest, below which nothing is told."""
-
-
-def poles_of(fit: Fit) -> np.ndarray:
-    """Poles (1/s) of linear dynamics of higher order, from the rates and pairs that are its base's nonlinear parameters."""
-    values = dict(zip((item.name for item in fit.structure.base.nonlinear), fit.nonlinear, strict=False))
-    found = [complex(-value) for name, value in values.items() if name.startswith("relaxation_rate")]
-    for name, damping in values.items():
-        if name.startswith("pair_damping"):
-            found += [*np.roots([1.0, damping, values[name.replace("damping", "frequency_squared")]])]
-    return np.array(found, complex)

@@ -1,4 +1,4 @@
-"""Exported models, and models in a person's hand: what a device must have, and the loop before and after."""
+"""Exported models, the damping that they need of a device, and their loops with device and hand."""
 
 import itertools
 import textwrap
@@ -53,7 +53,10 @@ def fmu_force_figure(
             force.step(time, outputs[name, version], where="post", label=name, **look)
     force.set(xlabel="Time (s)", ylabel=output_label)
     force.legend(ncols=2, loc="lower center", bbox_to_anchor=(0.5, 1.0), columnspacing=1.0)
-    shown = _around_largest_difference(outputs[detail, "2.0"], outputs[detail, "3.0"])
+    # Twenty samples around the largest difference of both versions.
+    centre = int(np.abs(outputs[detail, "2.0"] - outputs[detail, "3.0"]).argmax())
+    start = min(max(0, centre - 10), max(0, len(time) - 20))
+    shown = slice(start, start + 20)
     for version, look in _FMI_LOOKS.items():
         zoom.step(time[shown], outputs[detail, version][shown], where="post", markersize=3, **look)
     quantity, unit = output_label.split(" (")[0], output_label.split(" (")[-1]
@@ -61,13 +64,6 @@ def fmu_force_figure(
     zoom.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0))
     label_panels((movement, force, zoom))
     return figure
-
-
-def _around_largest_difference(first: np.ndarray, second: np.ndarray) -> slice:
-    samples = 20
-    centre = int(np.abs(first - second).argmax())
-    start = min(max(0, centre - samples // 2), max(0, len(first) - samples))
-    return slice(start, start + samples)
 
 
 @house_style
@@ -122,7 +118,7 @@ def loop_figure(verdicts: Sequence[LoopVerdict]) -> Figure:
 
 @house_style
 def nothing_to_show(reasons: Sequence[str]) -> Figure:
-    """Say on an empty figure why no model is drawn."""
+    """Write on an empty figure why no model is drawn."""
     figure, axes = new_figure(DOUBLE_COLUMN, 1.5)
     axes.set_axis_off()
     text = "\n".join(textwrap.fill(reason, 110) for reason in reasons) or "no model"

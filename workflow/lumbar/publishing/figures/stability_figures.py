@@ -66,23 +66,23 @@ _COST, _REFERENCE = ["s11", "s12", "s22"], ["theta0_rad", "thetadot0_rad_s"]
 
 @dataclass(frozen=True)
 class Variant:
-    """A column of Figures 4.3 and 4.4: what was computed of which pendulums."""
+    """A column of Figures 4.3 and 4.4: a method on the pendulums of thesis or study."""
 
     wording: str
-    """``thesis`` or ``study``: whose pendulums."""
+    """``thesis`` or ``study``: the source of the pendulums."""
     method: str
     """``thesis`` or ``exact``."""
     title: str
     level: float
-    """V of the regulator's ellipses from which the method starts."""
+    """V of the regulator's ellipses at the method's start."""
 
     def of(self, table: pd.DataFrame) -> pd.DataFrame:
-        """Rows of a table of funnels."""
+        """Return its rows of a table of funnels."""
         return table[(table["wording"] == self.wording) & (table["method"] == self.method)]
 
 
 def variants(funnels: pd.DataFrame, settings: StabilitySettings) -> list[Variant]:
-    """Return what is drawn, from the thesis's way to the sound one: method first, then the pendulum, changes."""
+    """Return the drawn variants, from the thesis's method on its pendulums to the exact method on the study's."""
     pendulum, goal = settings.pendulum, settings.goal_level
     alternated = f"Eqs 4.5–4.7, no certificate\n{_words(THESIS)}"
     every = (
@@ -173,7 +173,7 @@ def _insets(axes) -> list:
 
 
 def _share_frames(axes, wordings: list[str]) -> None:
-    """Give the panels of the same pendulums the same limits, with room for the insets above the basins."""
+    """Set common limits for panels of the same pendulums, with room for the insets above the basins."""
     for wording in dict.fromkeys(wordings):
         alike = axes[:, [item == wording for item in wordings]].ravel()
         edges = [axis.collections[0].get_datalim(axis.transData) for axis in alike if axis.collections]
@@ -183,7 +183,7 @@ def _share_frames(axes, wordings: list[str]) -> None:
 
 
 def shared_legend(figure, axes, ncols: int) -> None:
-    """Put the labels of all axes, each once, above the figure."""
+    """Put the labels of all axes without repetitions above the figure."""
     labelled = {}
     for axis in axes:
         for handle, label in zip(*axis.get_legend_handles_labels(), strict=True):
@@ -193,7 +193,7 @@ def shared_legend(figure, axes, ncols: int) -> None:
 
 
 def _draw_basin(axis, rows: pd.DataFrame, colour: str, regulator: float | None = None) -> None:
-    """Draw the sections of one basin, the goal set, the trajectory and, where its level is given, the regulator's ellipses."""
+    """Draw the sections of one basin, the goal set, the trajectory and, if `regulator` is given, the regulator's ellipse."""
     every = rows.iloc[np.linspace(0, len(rows) - 1, SECTIONS).round().astype(int)]
     errors = ellipses(every[_COST].to_numpy(), every["rho"].to_numpy())
     edges = every[_REFERENCE].to_numpy()[:, None] + np.moveaxis(errors, 0, -1)
@@ -219,7 +219,7 @@ def _draw_basin(axis, rows: pd.DataFrame, colour: str, regulator: float | None =
 
 
 def _inset(axis, angle: pd.Series, velocity: pd.Series) -> None:
-    """Draw the trajectory enlarged in the corner that basins leave empty; below, how far it reaches."""
+    """Draw the trajectory enlarged in a corner without basins, with its ranges below."""
     inset = axis.inset_axes([0.76, 0.79, 0.23, 0.2])
     inset.plot(angle, velocity, color=MEASURED, linewidth=0.8)
     start = {"marker": "o", "markersize": 3, "linestyle": "", "label": "its start"}
@@ -266,7 +266,7 @@ def comparison_figure(
 def _sections(
     shown: list[Trajectory], known: pd.DataFrame, settings: StabilitySettings
 ) -> dict[str, dict[str, np.ndarray]]:
-    """Edges of all sections at t = 0, shape (2, points), by plane and method, with the goal set and all that reach it."""
+    """Return the edges of all sections at t = 0, shape (2, points), by plane and method, with the goal set and its preimage."""
     found: dict[str, dict[str, np.ndarray]] = {item.plane: {} for item in shown}
     for (plane, method), rows in known.groupby(["plane", "method"]):
         ends = rows.iloc[[0, -1]]
@@ -274,13 +274,13 @@ def _sections(
         first, last = np.moveaxis(errors, 1, 0)
         found[plane] |= {method: first}
         if method == "exact":
-            # How many times as far as each state ranges the funnel reaches from its trajectory.
+            # Reach of the funnel relative to the range of each state.
             cost, level = rows[_COST].to_numpy()[:, None], rows[["rho"]].to_numpy()
             reach = Funnels("exact", rows["time_s"].to_numpy()[-1:], cost, level).reach[0]
             times = reach / np.ptp(rows[_REFERENCE].to_numpy(), axis=0)
             found[plane] |= {"goal": last, "times": times}
     sound = [item for item in shown if "exact" in found[item.plane]]
-    # A picture needs no more knots than the other variants, and no proof.
+    # A figure needs fewer knots and no proof.
     fewer = settings.model_copy(update={"knots": settings.fewer_knots, "checks": ()})
 
     def reaching(items: list[Trajectory]) -> np.ndarray:
@@ -291,9 +291,15 @@ def _sections(
     for items, edges in compute_together(reaching, sound, "states that reach the goal", []):
         for index, item in enumerate(items):
             found[item.plane]["reached"] = edges[:, index]
+
+    def compute(items: list[Trajectory], method: str) -> Funnels:
+        loops = close_loops(items, settings.pendulum.sign, fewer)
+        if method == "best":
+            return best_of_family(loops, fewer.goal_level, fewer.lyapunov_shares)
+        return METHODS[method](loops, fewer).funnels
+
     for name in (*thesis_methods(settings)[1:], "best"):
-        compute = partial(_funnels, name=name, settings=fewer)
-        for items, funnels in compute_together(compute, sound, name, []):
+        for items, funnels in compute_together(partial(compute, method=name), sound, name, []):
             first = ellipses(funnels.cost[0], funnels.level[0], _FINE_CIRCLE)
             for index, item in enumerate(items):
                 found[item.plane][name] = first[:, index]
@@ -310,7 +316,7 @@ def _draw(axis, sections: dict[str, np.ndarray]) -> None:
             axis.plot(*sections[name], label=label, **style)
     axis.plot(*sections["goal"], color="#777777", linewidth=0.8, linestyle=":", label="goal set (at T)")
     largest = np.concatenate(basins, axis=1)
-    # What reaches the goal may reach far beyond: the picture shows the basins.
+    # The preimage may be much larger: the limits are those of the basins.
     for limit, extent in zip((axis.set_xlim, axis.set_ylim), 1.3 * np.abs(largest).max(axis=1), strict=True):
         limit(-extent, extent)
     share = 100 * _enclosed(sections["exact"]) / _enclosed(sections["reached"])
@@ -323,13 +329,6 @@ def _draw(axis, sections: dict[str, np.ndarray]) -> None:
 
 
 def _enclosed(edge: np.ndarray) -> float:
-    """Area inside a closed curve, shape (2, points), by the shoelace formula."""
+    """Return the area inside a closed curve, shape (2, points), by the shoelace formula."""
     x, y = edge
     return 0.5 * abs(float(np.dot(x, np.roll(y, 1)) - np.dot(y, np.roll(x, 1))))
-
-
-def _funnels(trajectories: list[Trajectory], name: str, settings: StabilitySettings) -> Funnels:
-    loops = close_loops(trajectories, settings.pendulum.sign, settings)
-    if name == "best":
-        return best_of_family(loops, settings.goal_level, settings.lyapunov_shares)
-    return METHODS[name](loops, settings).funnels

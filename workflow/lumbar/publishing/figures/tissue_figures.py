@@ -17,7 +17,7 @@ _GAP = 0.18  # rigid bar above and below parts in parallel
 
 
 def network_size(network: Network) -> tuple[float, float]:
-    """Width and height of a network's drawing; one element is 1 × 1."""
+    """Return width and height of a network's drawing; one element is 1 × 1."""
     match network:
         case Series(parts):
             sizes = [network_size(part) for part in parts]
@@ -30,11 +30,22 @@ def network_size(network: Network) -> tuple[float, float]:
 
 def draw_network(axis, network: Network, x: float, top: float) -> None:
     """Draw a network of `network_size` hanging from the point (x, top)."""
+    ink = {"color": INK, "linewidth": _LINE}
     match network:
         case Spring(symbol):
-            _draw_spring(axis, x, top, symbol)
+            turns = 9
+            heights = np.concatenate([[0.0], np.linspace(0.2, 0.8, turns), [1.0]])
+            offsets = np.zeros(turns + 2)
+            offsets[2:-2] = 0.16 * (-1.0) ** np.arange(turns - 2)
+            axis.plot(x + offsets, top - heights, solid_joinstyle="round", **ink)
+            _label(axis, x + 0.24, top - 0.5, symbol)
         case Dashpot(symbol):
-            _draw_dashpot(axis, x, top, symbol)
+            axis.plot([x, x], [top, top - 0.45], **ink)  # rod
+            axis.plot([x - 0.13, x + 0.13], [top - 0.45] * 2, color=INK, linewidth=1.8 * _LINE)  # piston
+            cup_x = [x - 0.19, x - 0.19, x + 0.19, x + 0.19]
+            axis.plot(cup_x, [top - 0.3, top - 0.68, top - 0.68, top - 0.3], **ink)
+            axis.plot([x, x], [top - 0.68, top - 1.0], **ink)
+            _label(axis, x + 0.26, top - 0.5, symbol)
         case Series(parts):
             for part in parts:
                 draw_network(axis, part, x, top)
@@ -61,24 +72,6 @@ def _draw_parallel(axis, parts: tuple[Network, ...], x: float, top: float) -> No
         )
 
 
-def _draw_spring(axis, x: float, top: float, symbol: str) -> None:
-    turns = 9
-    heights = np.concatenate([[0.0], np.linspace(0.2, 0.8, turns), [1.0]])
-    offsets = np.zeros(turns + 2)
-    offsets[2:-2] = 0.16 * (-1.0) ** np.arange(turns - 2)
-    axis.plot(x + offsets, top - heights, color=INK, linewidth=_LINE, solid_joinstyle="round")
-    _label(axis, x + 0.24, top - 0.5, symbol)
-
-
-def _draw_dashpot(axis, x: float, top: float, symbol: str) -> None:
-    axis.plot([x, x], [top, top - 0.45], color=INK, linewidth=_LINE)  # rod
-    axis.plot([x - 0.13, x + 0.13], [top - 0.45] * 2, color=INK, linewidth=1.8 * _LINE)  # piston
-    cup_x = [x - 0.19, x - 0.19, x + 0.19, x + 0.19]
-    axis.plot(cup_x, [top - 0.3, top - 0.68, top - 0.68, top - 0.3], color=INK, linewidth=_LINE)
-    axis.plot([x, x], [top - 0.68, top - 1.0], color=INK, linewidth=_LINE)
-    _label(axis, x + 0.26, top - 0.5, symbol)
-
-
 def _label(axis, x: float, y: float, symbol: str) -> None:
     letter, index = symbol[0], symbol[1:]
     axis.text(x, y, f"${letter}_{index}$" if index else f"${letter}$", va="center", fontsize=10)
@@ -92,7 +85,7 @@ def arrow(axis, tail: tuple[float, float], head: tuple[float, float], color: str
 
 @house_style
 def analogues_figure(models: tuple[TissueModel, ...]) -> Figure:
-    """Figure 3.2: every model's mechanical analogue between the tool (top) and the ground, its network as it stands."""
+    """Figure 3.2: every model's mechanical analogue between the tool (top) and the ground, its network."""
     figure, axes = new_figure(DOUBLE_COLUMN, 2.7, ncols=len(models), squeeze=False)
     tallest = max(network_size(model.network)[1] for model in models if model.network)
     for axis, model in zip(axes[0], models, strict=True):
@@ -105,7 +98,7 @@ def analogues_figure(models: tuple[TissueModel, ...]) -> Figure:
 
 @house_style
 def analogue_picture(model: TissueModel) -> str:
-    """Picture of a model's mechanical analogue for Table 2.1: text of an SVG file."""
+    """Return the drawing of a model's mechanical analogue for Table 2.1 as the text of an SVG file."""
     width, height = network_size(model.network)
     figure, axis = new_figure(0.45 * width + 0.2, 0.45 * height + 0.2)
     axis.set(xlim=(-width / 2 - 0.1, width / 2 + 0.25), ylim=(-height - 0.2, 0.2), aspect="equal")

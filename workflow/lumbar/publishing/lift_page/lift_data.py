@@ -1,6 +1,5 @@
-"""What the page of a lift holds: what 'lumbar lift' wrote, the body frame by frame, and pendulums that can be pushed."""
+"""Data of the page of a lift: the files of 'lumbar lift', the body at every frame, and pendulums that can be pushed."""
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -32,27 +31,26 @@ class LiftTables:
     """One analysed lift as tables."""
 
     body: pd.DataFrame
-    """As of `lumbar.lifting.movement.lift_tables.body_frame`."""
+    """See `lumbar.lifting.movement.lift_tables.body_frame`."""
     pivot: np.ndarray | None
-    """Shape (n, 3), or None: of the pendulums at the instants of `body`, metres; None where the recording lacks its
-    markers."""
+    """Pivot of the pendulums at the instants of `body`, shape (n, 3), metres; None without its markers."""
     states: pd.DataFrame
     """``pendulum.csv``."""
     facts: Mapping[str, Any]
     """``pendulum.json``."""
     events: Mapping[str, Mapping[str, Any]]
-    """By name as of `lumbar.lifting.movement.events.Event.as_dict`."""
+    """Results of `lumbar.lifting.movement.events.Event.as_dict` by name."""
     source_label: str
-    """Where the data come from."""
+    """Origin of the data."""
 
     @property
     def event_times(self) -> dict[str, float]:
-        """Seconds, of the events that are known."""
+        """Times of the known events in seconds."""
         return {name: event["time_s"] for name, event in self.events.items() if event["time_s"] is not None}
 
 
-MOST_FRAMES, MOST_PER_SECOND = 1500, 60
-"""Frames that a page draws, and how many of a second: of others every second, third, … is drawn."""
+MAX_FRAMES, MAX_FRAMES_PER_S = 1500, 60
+"""Most frames of a page, in all and in a second: of longer lifts every second, third, … frame is drawn."""
 LEFT, RIGHT, MIDDLE = "left", "right", "middle"
 _LIMBS = (("SHOULDER", "ELBOW", "WRIST"), ("KNEE", "ANKLE"), ("ANKLE", "HEEL", "TOE", "ANKLE"))
 _TRUNK = (HEAD, "C7T1", "T12L1", "L4L5", "L5S1", MID_HIP)
@@ -60,14 +58,8 @@ BALANCE = ("com_x_m", "com_y_m", "xcom_x_m", "xcom_y_m", "margin_of_stability_m"
 """Columns of the course that the page shows."""
 
 
-def drawn_frames(time: np.ndarray) -> slice:
-    """Which frames are drawn: evenly spaced from the first on."""
-    rate = (len(time) - 1) / (time[-1] - time[0])
-    return slice(None, None, max(1, math.ceil(rate / MOST_PER_SECOND), math.ceil(len(time) / MOST_FRAMES)))
-
-
 def chains(points) -> list[dict]:
-    """Lines of the stick figure through the points that there are, each with its side."""
+    """Return the lines of the stick figure through the known points, each with its side."""
     lines = [(MIDDLE, [name for name in _TRUNK if name in points])]
     for side, letter in ((LEFT, "L"), (RIGHT, "R")):
         limbs = [[f"{letter}_{name}" for name in limb] for limb in _LIMBS]
@@ -78,7 +70,7 @@ def chains(points) -> list[dict]:
 
 
 def body_columns(lift: LiftTables, frames: slice) -> dict[str, np.ndarray]:
-    """Coordinates of all points at the frames that are drawn: ``<POINT>_x``, ``_y``, ``_z`` in metres."""
+    """Return the coordinates of all points at the drawn frames: ``<POINT>_x``, ``_y``, ``_z`` in metres."""
     points = dict(points_of(lift.body))
     if lift.pivot is not None:
         points["PIVOT"] = lift.pivot
@@ -91,7 +83,7 @@ def body_columns(lift: LiftTables, frames: slice) -> dict[str, np.ndarray]:
 
 
 def _pendulum_ends(lift: LiftTables, frames: slice) -> dict[str, np.ndarray]:
-    """Ends of the pendulums in their planes: pivot plus ℓ(sin θ, cos θ); NaN outside the deposit."""
+    """Return the ends of the pendulums in their planes: pivot plus ℓ(sin θ, cos θ); NaN outside the deposit."""
     time = lift.body["time_s"].to_numpy()[frames]
     columns = {}
     for (com, plane), rows in lift.states.groupby(["com", "plane"], sort=False):
@@ -104,18 +96,18 @@ def _pendulum_ends(lift: LiftTables, frames: slice) -> dict[str, np.ndarray]:
 
 
 def centres(points) -> list[dict]:
-    """Centres of mass that there are, with what they are called."""
+    """Return the known centres of mass with their names."""
     named = {com_of(com): com for com in COMS} | {WHOLE_BODY: "whole body", LOAD: "box"}
     return [{"point": point, "name": name} for point, name in named.items() if f"{point}_x_m" in points]
 
 
 def balance_columns(course: pd.DataFrame, share: float, frames: slice) -> dict[str, np.ndarray]:
-    """What is seen from above, at the frames that are drawn; nothing where the course has no balance.
+    """Return the balance seen from above at the drawn frames; empty if the course has no balance.
 
     Parameters
     ----------
     course : pandas.DataFrame
-        As of `lumbar.lifting.measures.course.course_of_lift`.
+        See `lumbar.lifting.measures.course.course_of_lift`.
     share : float
         Share of the base that people use.
 
@@ -123,7 +115,7 @@ def balance_columns(course: pd.DataFrame, share: float, frames: slice) -> dict[s
     -------
     dict of str to numpy.ndarray
         `BALANCE`, ``direction`` of the nearest edge, and outlines ``base_x``, ``base_y``, ``used_x``, ``used_y`` of
-        shape (frames, `CORNERS` + 1), closed, NaN where no foot is on the ground.
+        shape (frames, `CORNERS` + 1), closed, NaN without a foot on the ground.
     """
     if BALANCE[-2] not in course:
         return {}
@@ -133,17 +125,13 @@ def balance_columns(course: pd.DataFrame, share: float, frames: slice) -> dict[s
     columns = {name: drawn[name].to_numpy(float) for name in BALANCE}
     columns["direction"] = drawn["margin_direction"].to_numpy(str)
     for name, part in outlines.items():
-        closed = np.stack([_outline(points) for points in part.corners])
+        # Convex hulls in order and closed; the last corner fills the rest.
+        closed = np.full((len(part.corners), CORNERS + 1, 2), np.nan)
+        for outline, points in zip(closed, map(corners_around, part.corners), strict=True):
+            if len(points):
+                outline[:] = np.vstack([points, *[points[:1]] * (CORNERS + 1 - len(points))])
         columns[f"{name}_x"], columns[f"{name}_y"] = np.moveaxis(closed, -1, 0)
     return columns
-
-
-def _outline(points: np.ndarray) -> np.ndarray:
-    """Convex hull of known points in order and closed, shape (`CORNERS` + 1, 2); its last corner fills the rest."""
-    points = corners_around(points)
-    if not len(points):
-        return np.full((CORNERS + 1, 2), np.nan)
-    return np.vstack([points, *[points[:1]] * (CORNERS + 1 - len(points))])
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,7 +152,7 @@ class PushedPendulum:
     level: np.ndarray
     """Shape (knots,): ρ of the exact funnel of the loop without limits."""
     binds: bool
-    """Whether the torque reaches its limits anywhere in that funnel."""
+    """Whether the torque reaches its limits in that funnel."""
 
     @property
     def key(self) -> str:
@@ -175,7 +163,7 @@ class PushedPendulum:
 def pushed_pendulums(
     states: LiftStates, settings: StabilitySettings
 ) -> tuple[list[PushedPendulum], list[Failure]]:
-    """Close the loops of a lift in the headline's convention, with their exact funnels; and what has none, or no trajectory."""
+    """Return the closed loops of a lift in the headline's convention with their exact funnels, and the failures."""
     sound, unsound = states.trajectories(headline(settings, states.facts))
     failures = list(unsound)
 

@@ -1,5 +1,6 @@
-"""The page of a lift as one document: pictures, the data behind them, and the words around them."""
+"""Interactive page of a lift: pictures, their data, and the template's variables."""
 
+import math
 from dataclasses import dataclass
 from functools import cache, cached_property
 from pathlib import Path
@@ -26,13 +27,14 @@ from lumbar.publishing.figures.lifting_figures import EVENT_LABELS
 from lumbar.publishing.figures.palette import MEASURED, SEGMENTS, SERIES
 from lumbar.publishing.figures.stability_figures import PLANE_TITLES
 from lumbar.publishing.lift_page.lift_data import (
+    MAX_FRAMES,
+    MAX_FRAMES_PER_S,
     LiftTables,
     PushedPendulum,
     balance_columns,
     body_columns,
     centres,
     chains,
-    drawn_frames,
     pushed_pendulums,
 )
 from lumbar.publishing.lift_page.lift_pictures import (
@@ -50,12 +52,12 @@ from lumbar.settings.stability import StabilitySettings
 PAGE = "publishing/lift_page/lift_page.html.jinja"
 COLOURS = {**SEGMENTS, "whole body": SERIES[4], "box": SERIES[3]}
 STATES_DRAWN = 250
-"""Instants of a pendulum's states that are drawn."""
+"""Drawn instants of a pendulum's states."""
 
 
 @cache
 def _pictures() -> Drawn:
-    """The pictures of every page: they are alike, since a page's script fills them."""
+    """Return the pictures of every page: they are equal, since a page's script fills them."""
 
     def fill(document: Document) -> None:
         with document.models.freeze():  # or every root would have all models looked through again
@@ -66,7 +68,7 @@ def _pictures() -> Drawn:
 
 
 def _in_print(value: float, unit: str) -> str:
-    """A value as the page's other numbers stand: lengths in mm, a true minus sign."""
+    """Format a value: lengths in mm, with a minus sign."""
     value, unit = (1000 * value, "mm") if unit == "m" else (value, unit)
     return in_print(f"{value:.3g} {unit}")
 
@@ -80,7 +82,7 @@ class LiftPage:
 
     @cached_property
     def course(self) -> Course:
-        """The measures of the lift at every instant."""
+        """Measures of the lift at every instant."""
         gravity = self.settings.pendulum.gravity_m_s2
         return course_of_lift(Lifter(self.lift.body, self.lift.facts, self.settings.measures, gravity))
 
@@ -95,7 +97,11 @@ class LiftPage:
 
     @cached_property
     def _frames(self) -> slice:
-        return drawn_frames(self.lift.body["time_s"].to_numpy())
+        """Drawn frames: evenly spaced from the first."""
+        time = self.lift.body["time_s"].to_numpy()
+        rate = (len(time) - 1) / (time[-1] - time[0])
+        step = max(1, math.ceil(rate / MAX_FRAMES_PER_S), math.ceil(len(time) / MAX_FRAMES))
+        return slice(None, None, step)
 
     @cached_property
     def _balance(self) -> dict[str, np.ndarray]:
@@ -107,7 +113,7 @@ class LiftPage:
         return f"Lift {self.lift.facts['lift']}"
 
     def _sources(self) -> list[ColumnDataSource]:
-        """Data that the page's script shows in the pictures."""
+        """Return the data that the page's script draws."""
         held = [ColumnDataSource(body_columns(self.lift, self._frames), name="body")]
         outlines = {name: values.ravel() for name, values in self._balance.items() if values.ndim == 2}
         if outlines:
@@ -124,21 +130,21 @@ class LiftPage:
         return held
 
     def _bounds(self) -> dict[str, tuple[float, float]]:
-        """Smallest and largest coordinate of the body and the ground."""
+        """Return the smallest and largest coordinate of the body and the ground."""
         every = np.concatenate(list(points_of(self.lift.body).values()))
         low, high = np.nanmin(every, axis=0), np.nanmax(every, axis=0)
         low[2] = min(low[2], 0.0)
         return {axis: (float(low[i]), float(high[i])) for i, axis in enumerate("xyz")}
 
     def _phases(self) -> list[tuple[str, float, float]]:
-        """Name, start and end of every phase that there is."""
+        """Return name, start and end of every phase."""
         time, phase = (self.lift.body[name].to_numpy() for name in ("time_s", "phase"))
         starts = [0, *(np.flatnonzero(phase[1:] != phase[:-1]) + 1)]
         stops = [*starts[1:], len(time) - 1]
         return [(str(phase[i]), float(time[i]), float(time[j])) for i, j in zip(starts, stops, strict=True)]
 
     def variables(self) -> dict[str, Any]:
-        """Return what the template shows beside the pictures."""
+        """Return the template's variables."""
         facts, limits = self.lift.facts, self.settings.pendulum
         return {
             "title": self.title,
@@ -177,7 +183,7 @@ class LiftPage:
         }
 
     def _strip(self) -> list[dict[str, Any]]:
-        """Where the phases lie along the slider, percent of the recording."""
+        """Return the phases along the slider in percent of the recording."""
         phases = self._phases()
         first, length = phases[0][1], phases[-1][2] - phases[0][1]
         return [
@@ -190,7 +196,7 @@ class LiftPage:
         ]
 
     def _measures(self) -> list[dict[str, str]]:
-        """The measures that a summary names: what it is, the value or why there is none, and which way is safer."""
+        """Return the headline measures: name, value or why it is missing, and the safer direction."""
         values = values_of_lift(self.course, self.lift.facts).drop_duplicates("measure")
         return [
             {
@@ -208,7 +214,7 @@ class LiftPage:
         ]
 
     def _content(self) -> dict[str, Any]:
-        """What the page's script knows."""
+        """Return the data of the page's script."""
         facts = self.lift.facts
         return {
             "chains": chains({name.removesuffix("_x_m") for name in self.lift.body if name.endswith("_x_m")}),
@@ -227,7 +233,7 @@ class LiftPage:
         }
 
     def to_html(self) -> str:
-        """Return the page as a file that needs nothing else: the same bytes for the same lift."""
+        """Return the page as one self-contained file: the same bytes for the same lift."""
         return one_file(_pictures().holding(self._sources()), PAGE, self.variables())
 
     def save(self, path: str | Path) -> None:
