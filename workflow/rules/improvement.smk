@@ -4,7 +4,7 @@ from lumbar.study.study import record_set, settings_of_set
 
 RECORD_SET_CHAPTERS = ("tissue", "improvement")
 DIAGNOSED = {
-    "improvement": {"base", "train", "forward", "session", "effect_files", "most_effects", "propose_law"},
+    "improvement": {"train", "forward", "session", "effect_files", "most_effects", "propose_law"},
     # The thesis's models are compared too.
     "tissue": {"layout", "rate_Hz", "settling_s", "force_frame", "search", "ridge", "bootstrap", "inverted_linear"},
     "signals": {"machine"},
@@ -52,6 +52,7 @@ rule diagnose_records:
         code=library_code("diagnose_records.py"),
         records=lambda wildcards: [plain(item) for item in record_set(settings, wildcards.record_set).records],
         effects=lambda wildcards: plain(record_set(settings, wildcards.record_set), {"effects"})["effects"],
+        base=lambda wildcards: settings_of_set(settings, wildcards.record_set).improvement.base,
         settings=lambda wildcards: plain(settings_of_set(settings, wildcards.record_set), DIAGNOSED),
         source_label=DATA,
     message:

@@ -10,6 +10,7 @@ def main(
     input,
     output,
     records: tuple[RecordSettings, ...],
+    base: str,
     settings: StudySettings,
     effects: tuple[str, ...] | None,
     source_label: str,
@@ -17,13 +18,12 @@ def main(
     """Read the records, diagnose them, write the evidence."""
     from pathlib import Path
 
-    from lumbar.interface.diagnosis import diagnose
+    import lumbar
     from lumbar.interface.reading import read_listed
 
     read = read_listed(input.recordings, records, settings.tissue.layout, settings.tissue.rate_Hz)
-    diagnose(read, settings=settings, source_label=source_label).save(
-        Path(output.refined).parent, effects=effects
-    )
+    diagnosis = lumbar.diagnose(read, base=base, settings=settings, source_label=source_label)
+    diagnosis.save(Path(output.refined).parent, effects=effects)
 
 
 run(main, snakemake)
