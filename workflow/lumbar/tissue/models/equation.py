@@ -116,14 +116,9 @@ class Equation:
     """Symbol and value at the start of the states that do not start at 0."""
 
     @cached_property
-    def tree(self) -> Expression:
-        """The tree as it is written, sums unexpanded."""
-        return parse(self.text)
-
-    @cached_property
     def force(self) -> Expression:
-        """The tree with sums written out."""
-        return expand_sums(self.tree)
+        """The tree of the text with sums written out."""
+        return expand_sums(parse(self.text))
 
     @cached_property
     def rates(self) -> dict[str, Expression]:
@@ -230,7 +225,7 @@ class Equation:
             rf"{names[item.symbol]} = {number_latex(f'{item.value:g}')}\,\mathrm{{{item.latex_unit}}}"
             for item in self.constants
         ]
-        return r",\quad ".join([latex(self.tree, names), *rates, *said])
+        return r",\quad ".join([latex(parse(self.text), names), *rates, *said])
 
     @cached_property
     def _given(self) -> dict[str, Expression]:

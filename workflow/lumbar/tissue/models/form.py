@@ -38,22 +38,15 @@ class Place(StrEnum):
     """Of several axes: it turns and mixes the forces along them."""
 
 
-Columns = Callable[[Any, np.ndarray], list[np.ndarray]]
-InputTransform = Callable[[Any, np.ndarray], Any]
-OutputTransform = Callable[[np.ndarray, Any, np.ndarray], np.ndarray]
-Starts = Callable[[Any, np.ndarray], list[np.ndarray]]
-Contradiction = Callable[[dict[str, float], Any, np.ndarray, float, float | None], str]
-
-
 @dataclass(frozen=True)
 class HandWritten:
     """Hand-written simulation and C code of a form that no equation expresses; the form's place decides which are needed."""
 
-    columns: Columns = None  # type: ignore[assignment]
+    columns: Callable[[Any, np.ndarray], list[np.ndarray]] = None  # type: ignore[assignment]
     """Parallel forms: from motion and nonlinear parameters to one force per linear parameter, each of shape (samples,)."""
-    input_transform: InputTransform = None  # type: ignore[assignment]
+    input_transform: Callable[[Any, np.ndarray], Any] = None  # type: ignore[assignment]
     """Input forms: from motion and nonlinear parameters to the motion that reaches the tissue."""
-    output_transform: OutputTransform = None  # type: ignore[assignment]
+    output_transform: Callable[[np.ndarray, Any, np.ndarray], np.ndarray] = None  # type: ignore[assignment]
     """Output forms: from force, motion and nonlinear parameters to the measured force."""
     c_step: CStep | Callable[[], CStep | None] | None = None
     """C code of one sample, or a function that returns it; a form without it cannot be exported to a haptic device."""
@@ -87,7 +80,7 @@ class Form:
     start: tuple[tuple[str, str], ...] = ()
     """Symbol and value when a record begins of each state that is not 0 then: an expression in position and parameters."""
     constants: tuple[Constant, ...] = ()
-    starts: Starts | None = None
+    starts: Callable[[Any, np.ndarray], list[np.ndarray]] | None = None
     """From the motion and the residual force to starting nonlinear parameters, instead of the parameters' grids."""
     solution: Solution | None = None
     """From motion and nonlinear parameters to the states in closed form; faster or more exact than the solver."""
@@ -101,7 +94,7 @@ class Form:
     """Whether it has no equivalent in space."""
     essential: tuple[str, ...] = ()
     """Linear parameters that must not be 0 for the mechanism to be present; default any of them."""
-    contradiction: Contradiction | None = None
+    contradiction: Callable[[dict[str, float], Any, np.ndarray, float, float | None], str] | None = None
     """From parameters by name, motion, measured force less the sensor's zero, RMS of the noise and the excitation's period (s, or
     None) to a sentence: how the record contradicts the parameters; ``""`` if it does not."""
     effect: str = field(default="", compare=True)

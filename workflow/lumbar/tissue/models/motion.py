@@ -275,6 +275,10 @@ class SampledMotion(Motion):
         return SampledMotion(self.time, position, self.sampling_time)
 
 
+def _joined(name: str) -> cached_property[np.ndarray]:
+    return cached_property(lambda self: np.concatenate([getattr(part, name) for part in self.parts]))
+
+
 @dataclass(frozen=True, eq=False)
 class JoinedMotions:
     """Motions one after the other, each with its own clock, path and cache."""
@@ -290,25 +294,11 @@ class JoinedMotions:
         """Seconds."""
         return self.parts[0].sampling_time
 
-    @cached_property
-    def time(self) -> np.ndarray:
-        """Seconds since the start of each record."""
-        return np.concatenate([part.time for part in self.parts])
-
-    @cached_property
-    def position(self) -> np.ndarray:
-        """Positions, one record after the other."""
-        return np.concatenate([part.position for part in self.parts])
-
-    @cached_property
-    def velocity(self) -> np.ndarray:
-        """First derivative within each record."""
-        return np.concatenate([part.velocity for part in self.parts])
-
-    @cached_property
-    def acceleration(self) -> np.ndarray:
-        """Second derivative within each record."""
-        return np.concatenate([part.acceleration for part in self.parts])
+    # Signals of the records, one after the other: seconds since the start of each record, position and its derivatives.
+    time = _joined("time")
+    position = _joined("position")
+    velocity = _joined("velocity")
+    acceleration = _joined("acceleration")
 
     @property
     def channels(self) -> dict[str, np.ndarray]:
