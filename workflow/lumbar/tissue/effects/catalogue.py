@@ -22,13 +22,13 @@ CHANNELS = {
     "pivot_acceleration_x": "pivot_acceleration_x_m_s2",
     "pivot_acceleration_z": "pivot_acceleration_z_m_s2",
 }
-"""Column of each channel that effects on a pendulum know beside the angle. box_held: share of the box that the hands carry,
+"""Column of each further channel that effects on a pendulum need. box_held: share of the box that the hands carry,
 0 to 1; length: from the pivot to the centre of mass; pivot acceleration: x horizontal, positive where a growing angle moves
 the mass to, z upward."""
 
 
 class Catalogue(Mapping[str, Effect]):
-    """Effects of a folder beside this file by name; each is read when it is first asked for."""
+    """Effects by name, from a folder of this package; each is read when it is first used."""
 
     def __init__(self, folder: str, names: str):
         self._folder = Path(__file__).parent / folder
@@ -150,7 +150,7 @@ def choose(names: list[str], catalogue: Mapping[str, Effect]) -> list[Effect]:
 
 
 def read_base(file: str | Path) -> Base:
-    """Read a base of a user's own: equation, states and parameters in the notation of effects.
+    """Read a user-defined base: equation, states and parameters in the notation of effects.
 
     Raises
     ------
@@ -191,12 +191,12 @@ def load_effects(path: Path, taken: Collection[str] = ()) -> dict[str, Effect]:
 
 
 def carried_bases(content: Any) -> dict[str, Base]:
-    """Bases of users' own that a file of models carries as data, as read from JSON; each checked as its own file was."""
+    """Return the user-defined bases in a file of models, as read from JSON; each is checked like its file."""
     return _carried(content, "bases", lambda name, file, problems: _checked_base(file, problems))
 
 
 def carried_effects(content: Any, known: Mapping[str, Effect]) -> dict[str, Effect]:
-    """Effects of users' own that a file of models carries as data, each checked as its own file was.
+    """Return the user-defined effects in a file of models; each is checked like its file.
 
     Parameters
     ----------
@@ -227,7 +227,7 @@ _Part = TypeVar("_Part")
 def _carried(
     content: Any, kind: str, checked: Callable[[str, YamlFile, Problems], _Part]
 ) -> dict[str, _Part]:
-    """What a file of models carries as data of one kind, by name."""
+    """Return the bases or effects that a file of models contains as data, by name."""
     given = content.get(kind, {}) if isinstance(content, dict) else {}
     problems = Problems("models.json")
     if not isinstance(given, dict):
@@ -239,14 +239,14 @@ def _carried(
         if not isinstance(entry, dict) or entry.get("name") != name:
             problems.add(place, repr(entry), f"what its file holds is needed, name: {name} …")
             continue
-        with suppress(InputError):  # told with those of the others
+        with suppress(InputError):  # reported together with those of the others
             found[name] = checked(name, YamlFile(place, entry), problems)
     problems.raise_if_any()
     return found
 
 
 def check_name(name: str, taken: Collection[str] = ()) -> None:
-    """Refuse what cannot be the name of an effect of one's own."""
+    """Raise if a name is not allowed for a user-defined effect."""
     if not NAME.fullmatch(name):
         raise InputError(f"effect {name!r}: {NAME_RULE}")
     if name in taken:
@@ -276,7 +276,7 @@ def _from_python(path: Path) -> dict[str, Effect]:
 
 
 def _checked_effect(file: YamlFile, problems: Problems, taken: Collection[str] = ()) -> Effect:
-    """One effect of a user's own, its equations tried on a standard motion."""
+    """Return a user-defined effect; its equations are evaluated on a standard motion."""
     from lumbar.tissue.effects.signature import numerical_problems
 
     effect = EffectReader(problems, file).effect(taken)
@@ -289,7 +289,7 @@ def _checked_effect(file: YamlFile, problems: Problems, taken: Collection[str] =
 
 
 def _checked_base(file: YamlFile, problems: Problems) -> Base:
-    """A base of a user's own: what an effect of one equation says, and nothing of how it is added."""
+    """Return a user-defined base: the fields of an effect with one equation, without its place."""
     reading = EffectReader(problems, file)
     reading.keys(file.content, "", BASE_KEYS)
     problems.raise_if_any()

@@ -1,7 +1,7 @@
-"""What no equation of the catalogue says, by the names under which its YAML files call it.
+"""Code that no equation of the catalogue expresses, by the names that its YAML files use.
 
-Closed forms of states, simulation and C code by hand, where a search begins, and what of a record contradicts an effect. A
-user's YAML names none of them: it is data and runs nothing.
+Closed forms of states, hand-written simulation and C code, starting values of a search, and contradictions of a record to an
+effect. A user's YAML cannot name them: it is data and runs nothing.
 """
 
 from collections.abc import Mapping
@@ -158,7 +158,7 @@ def modulation_starts(motion: Motion, residual: np.ndarray, carriers: list[np.nd
     """Frequencies (Hz) at which the residual holds a carrier that swells and fades, strongest first.
 
     Peaks of the spectrum of residual times carrier (the correlation with the modulated carrier), with a Hann window and
-    zero-padding; below one and a half cycles per record a modulation is no oscillation.
+    zero-padding; a modulation of fewer than one and a half cycles per record is not an oscillation.
     """
     lowest = 1.5 / (len(residual) * motion.sampling_time)
     found = []
@@ -185,24 +185,24 @@ _STARTS = {
 }
 
 _MAX_SHARE_BEYOND = 0.01  # of the samples that are beyond a limit
-_FEWEST_CYCLES, _ENOUGH_CYCLES = 2.0, 5.0
-"""Of a disturbance in a record: with fewer it is a drift; up to so many it may be one that wanders, unless its line stands
-out."""
-_STANDS_OUT = 30.0
-"""Power of such a line in that of the spectrum beside it, as a slope of a wandering zero has it."""
-_ASIDE = 2.5
-"""Lines (1/duration) from which on the spectrum is beside it: what Hann's window spreads ends before."""
+_MIN_CYCLES, _CERTAIN_CYCLES = 2.0, 5.0
+"""Cycles of a disturbance in a record: with fewer it is a drift; below the second number its line must stand out of the
+spectrum."""
+_MIN_LINE_POWER = 30.0
+"""Power of such a line, relative to the level of a wandering zero at its frequency."""
+_LEFT_OUT_LINES = 2.5
+"""Lines (1/duration) around it that its spectrum leaves out: Hann's window spreads it over fewer."""
 _MIN_LINES_APART = 0.5  # lines (1/duration) from a disturbance to the excitation's nearest line
 
 
-def _beyond_limit(values, force: np.ndarray, noise: float, said: str) -> str:
+def _describe_excess(values, force: np.ndarray, noise: float, phrase: str) -> str:
     """Sentence on the share of the samples beyond a fitted limit; "" if there are few."""
     share = float(np.mean(force > 1.02 * values["limit"] + 3 * noise))
-    return f"{100 * share:.1f} % of the samples {said} its limit" if share > _MAX_SHARE_BEYOND else ""
+    return f"{100 * share:.1f} % of the samples {phrase} its limit" if share > _MAX_SHARE_BEYOND else ""
 
 
-def _stands_out(motion: Motion, force: np.ndarray, at: float) -> bool:
-    """Whether a force has a line at a frequency, beside what a linear tissue answers, that no zero which wanders makes."""
+def _is_line_visible(motion: Motion, force: np.ndarray, at: float) -> bool:
+    """Whether a force has a line at a frequency that neither a linear tissue nor a wandering zero explains."""
     columns = [np.ones(len(motion)), motion.position, motion.velocity]
     columns += [relaxation(motion, share * motion.scale("time")) for share in (0.1, 1.0, 10.0)]
     known = np.column_stack(columns)
@@ -210,17 +210,17 @@ def _stands_out(motion: Motion, force: np.ndarray, at: float) -> bool:
         force - known @ np.linalg.lstsq(known, force, rcond=1e-10)[0], motion.sampling_time
     )
     lines = (frequency - at) * motion.time[-1]
-    beside = (np.abs(lines) > _ASIDE) & (frequency > 0) & (frequency < 4 * at)
+    around = (np.abs(lines) > _LEFT_OUT_LINES) & (frequency > 0) & (frequency < 4 * at)
     # A random walk's power falls with the square of the frequency.
-    level = np.median(power[beside] * (frequency[beside] / at) ** 2)
-    return bool(power[np.argmin(np.abs(lines))] > _STANDS_OUT * level)
+    level = np.median(power[around] * (frequency[around] / at) ** 2)
+    return bool(power[np.argmin(np.abs(lines))] > _MIN_LINE_POWER * level)
 
 
 def _no_disturbance(values, motion, force, noise, period) -> str:
     """Few cycles are a drift, or a zero that wanders; a line of the excitation's own grid is the model's error."""
     frequency, duration = values["frequency"], float(motion.time[-1])
     cycles = frequency * duration
-    if cycles < _FEWEST_CYCLES or (cycles < _ENOUGH_CYCLES and not _stands_out(motion, force, frequency)):
+    if cycles < _MIN_CYCLES or (cycles < _CERTAIN_CYCLES and not _is_line_visible(motion, force, frequency)):
         return f"its record holds {cycles:.1f} cycles of it"
     if period and abs(frequency * period - round(frequency * period)) < _MIN_LINES_APART * period / duration:
         return "it repeats with the excitation"
@@ -228,10 +228,10 @@ def _no_disturbance(values, motion, force, noise, period) -> str:
 
 
 _CONTRADICTIONS = {
-    "above_limit": lambda values, motion, force, noise, period: _beyond_limit(
+    "above_limit": lambda values, motion, force, noise, period: _describe_excess(
         values, np.abs(force), noise, "lie above"
     ),
-    "below_adhesion": lambda values, motion, force, noise, period: _beyond_limit(
+    "below_adhesion": lambda values, motion, force, noise, period: _describe_excess(
         values, -force, noise, "pull more than"
     ),
     "no_disturbance": _no_disturbance,

@@ -1,4 +1,4 @@
-"""What an effect's force looks like: its definition simulated on a standard motion, beside a standard base."""
+"""The signature of an effect's force: its form simulated on a standard motion together with a standard base."""
 
 from dataclasses import dataclass
 from itertools import islice, product
@@ -13,7 +13,7 @@ from lumbar.tissue.models.structure import Structure
 
 @dataclass(frozen=True)
 class Standard:
-    """A base with the numbers it is pictured with, in arbitrary units."""
+    """A base with the parameters of its picture, in arbitrary units."""
 
     base: str
     linear: tuple[float, ...]
@@ -24,7 +24,7 @@ STANDARDS = {
     "tissue": Standard("KB", (1.0, 1.0), (0.1,)),
     "pendulum": Standard("pendulum", (0.05, 0.1, 1.0), ()),
 }
-"""By system: what effects are pictured beside."""
+"""Base of the pictures by system."""
 SHARE = 0.3
 """RMS of the force that a pictured effect adds, as a share of the tissue's own."""
 RATES = (0.5, 2.0)
@@ -52,7 +52,7 @@ class Signature:
 
     @property
     def added_force(self) -> np.ndarray:
-        """What the effect adds."""
+        """Force that the effect adds."""
         return self.force - self.base
 
     @property

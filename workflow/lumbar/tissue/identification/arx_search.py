@@ -214,34 +214,34 @@ class ArxCandidate:
     path: RidgePath
     transfer_function: TransferFunction
     data: IdentificationData
-    """What it is fitted to."""
+    """Record that it is fitted to."""
     tests: Sequence[IdentificationData]
 
     @cached_property
     def training(self) -> FreeRunErrors | None:
-        """Errors on what it is fitted to; None for an unstable model."""
+        """Errors on the record that it is fitted to; None for an unstable model."""
         return free_run(self.transfer_function, self.data)
 
     @cached_property
     def test_vaf_percent(self) -> float | None:
-        """Mean %VAF of the free runs on the other records; None where there are none."""
+        """Mean %VAF of the free runs on the other records; None without them."""
         if not self.stable or not self.tests:
             return None
         return float(np.mean([free_run(self.transfer_function, test).vaf_percent for test in self.tests]))
 
     @property
     def stable(self) -> bool:
-        """Whether its free run exists."""
+        """Whether it has a free run."""
         return self.transfer_function.stable
 
     @property
     def condition(self) -> float:
-        """Condition number of its regressors; ∞ where they are rank deficient."""
+        """Condition number of its regressors; ∞ if they are rank deficient."""
         value = self.path.condition_number
         return np.inf if value is None else value
 
     def score(self, selection: str) -> float:
-        """Return the %VAF by which it is picked; −∞ where there is none."""
+        """Return the %VAF by which it is selected; −∞ if it has none."""
         if self.training is None:
             return -np.inf
         if selection == "training":
@@ -257,7 +257,7 @@ def search(
     training: IdentificationData,
     tests: list[IdentificationData],
 ) -> list[ArxCandidate]:
-    """Every structure with every α, fitted by ridge ARX; each is simulated when its free run is asked for."""
+    """Fit every structure with every α by ridge ARX; each candidate is simulated when its free run is first needed."""
     candidates = []
     for structure in structures:
         path = regression.path(structure)
@@ -268,7 +268,7 @@ def search(
 
 
 def eligible(candidates: list[ArxCandidate], condition_max: float | None) -> list[ArxCandidate]:
-    """Stable candidates with reasonable conditioning; of the best conditioned structure alone where none has it."""
+    """Return the stable candidates with reasonable conditioning; without any, those of the best conditioned structure."""
     within = [item for item in candidates if condition_max is None or item.condition <= condition_max]
     found = [item for item in within if item.stable]
     if found:
@@ -296,7 +296,7 @@ def select(
     Raises
     ------
     NumericalError
-        If there is no candidate.
+        If the list is empty.
     """
     if not candidates:
         raise NumericalError("nothing to select from")
@@ -316,7 +316,7 @@ def select(
 
 
 def _order_remarks(chosen: ArxCandidate, choice: list[ArxCandidate], selection: str) -> list[str]:
-    """Say where a searched order lies at the edge of its grid, and which lower one would do."""
+    """Return remarks on an order at the edge of its grid, and on a lower order that is as good."""
     orders = {candidate.structure.order for candidate in choice}
     least = chosen.score(selection) - NEGLIGIBLE_POINTS
     near = min(item.structure.order for item in choice if item.score(selection) >= least)

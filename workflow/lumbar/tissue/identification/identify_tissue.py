@@ -1,4 +1,4 @@
-"""Identification of every model on one record: ridge ARX as in the thesis, output error beside it."""
+"""Identification of every model on one record, by ridge ARX as in the thesis and by output error."""
 
 from dataclasses import asdict, dataclass, replace
 
@@ -43,7 +43,7 @@ def identify(
 ) -> tuple[list[FittedModel], list[dict]]:
     """Identify LE, MW, Maxwell, KB and HO on one record by both estimators, in the order of Table 3.1.
 
-    Beside the models stands one row per point of the search (``tissue/search.csv``).
+    The second list has one row per point of the search (``tissue/search.csv``).
 
     Parameters
     ----------
@@ -59,9 +59,9 @@ def identify(
 
 
 def without_intervals(training: Record, tests: list[Record], settings: TissueSettings) -> list[FittedModel]:
-    """Identify all models as `identify` does, in a small part of its time: no bootstrap; the given model stands at the end.
+    """Identify all models without bootstrap, in a small part of the time of `identify`; the given model is the last one.
 
-    Parameters and errors as of `identify`; physical parameters come with their intervals and are left out.
+    Parameters and errors are those of `identify`; physical parameters, which need intervals, are left out.
     """
     bootstrap = settings.bootstrap.model_copy(update={"resamples": 0})
     quick = settings.model_copy(update={"bootstrap": bootstrap})
@@ -100,7 +100,7 @@ def given_model(
 
 
 def distinct(models: list[FittedModel]) -> list[FittedModel]:
-    """Return the models of several identifications: what is not fitted stands at the end, once, without a record's scores."""
+    """Return the models of several identifications; given models come last, each a single time, without a record's scores."""
     fitted = [model for model in models if model.estimator != GIVEN]
     given = {}
     for model in models:
@@ -275,7 +275,7 @@ class _Estimates:
     def parameters(
         self, model: TissueModel, structure: ArxStructure, fitted: TransferFunction, draws: np.ndarray | None
     ) -> tuple[tuple[FittedParameter, ...], str]:
-        """Parameters of the base and elements with bootstrap intervals, or the reason why there are none."""
+        """Parameters of the base and elements with bootstrap intervals, or the reason for their absence."""
         sampling_time = self.data.sampling_time
         try:
             values = model.physical_parameters(fitted, sampling_time)

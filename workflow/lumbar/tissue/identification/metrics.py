@@ -111,7 +111,7 @@ def largest_relative_uncertainty(coefficients: np.ndarray, deviations: np.ndarra
 MOST_BLOCKS = 400
 """Very long records get longer blocks, so that the work does not grow with them."""
 FEWEST_BLOCKS = 8
-"""With fewer blocks a spread is not worth stating."""
+"""Fewer blocks give no useful spread."""
 
 
 def block_bootstrap(

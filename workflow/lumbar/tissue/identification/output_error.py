@@ -31,8 +31,7 @@ class OutputErrorFit:
     sensitivities: np.ndarray
     """Shape (samples − skip, parameters): derivative of the simulated output with respect to every coefficient."""
     converged: bool
-    """False where the optimiser was stopped on a slope too faint to follow: the data hardly determine the coefficients.
-    """
+    """False if the optimiser stopped on a nearly flat slope: the data hardly determine the coefficients."""
 
 
 def fit_output_error(

@@ -306,7 +306,7 @@ def signal_properties(
 
 
 def assumptions(settings: SignalsSettings) -> str:
-    """Return in words what the signals rest on and the thesis does not state."""
+    """Return a sentence on the assumptions that the thesis does not state."""
     amplitude, period, noise = settings.amplitude, settings.multisine.period_s, settings.noise.filter_order
     measure = {"rms": "root mean square", "peak": "peak"}[amplitude.measure]
     return (

@@ -7,7 +7,7 @@ import numpy as np
 from lumbar.base.errors import InputError
 
 _SEARCH_OVERSAMPLING = 16
-"""Samples per cycle of the highest line while phases are sought: enough to know a peak to 2 %."""
+"""Samples per cycle of the highest line in the search for phases: enough to know a peak to 2 %."""
 PEAK_OVERSAMPLING = 128
 """Samples per cycle of the highest line where a peak is reported: it is then known to 0.03 %."""
 _CLIP_LEVELS = np.linspace(0.80, 0.995, 60)
@@ -120,7 +120,7 @@ class Multisine:
         Raises
         ------
         InputError
-            A period is no whole number of samples: the periods would not repeat.
+            If a period is not a whole number of samples: the periods would not repeat.
         """
         samples = round(self.period * rate)
         if abs(samples - self.period * rate) > 1e-9 * samples:

@@ -110,8 +110,8 @@ _OCCUPIED = 0.99  # share of the power within an occupied band
 def spectral_edge(signal: np.ndarray, share: float) -> float:
     """Return the frequency (cycles per sample) below which a share of a signal's power lies; at least one cycle per record.
 
-    The signal is tapered, so that a drift from its beginning to its end does not pass for high frequencies: for what has to
-    follow the whole of a motion.
+    The signal is tapered, so that a drift from its start to its end is not mistaken for high frequencies. For methods that must
+    follow the whole motion.
 
     Parameters
     ----------
@@ -129,8 +129,8 @@ def occupied_band(
 ) -> tuple[float, float]:
     """Return the lowest and the highest frequency (Hz) that bound 99 % of the power of a position, as much beyond either.
 
-    Not tapered as `spectral_edge`: the lines of a periodic motion stay single lines, so that the edges are lines of it. Of
-    the position, not the velocity, in which the steps of a coarse encoder would pass for motion.
+    Not tapered as `spectral_edge`: the lines of a periodic motion stay single lines, so that the edges are lines of it. The
+    position is used, not the velocity, in which the steps of a coarse encoder are mistaken for motion.
 
     Parameters
     ----------
@@ -166,8 +166,8 @@ def _check(frequency: np.ndarray, psd: np.ndarray, maximum: float) -> None:
 def power_share_frequency(frequency: np.ndarray, psd: np.ndarray, share: float, maximum: float) -> float:
     """Frequency in Hz below which a share of the power of the analysis band lies.
 
-    Every line stands for a cell of one line spacing around it. The line at zero is left out: it holds what
-    detrending left over.
+    Every line represents a cell of one line spacing around it. The line at zero is left out: it is a remainder of
+    detrending.
 
     Parameters
     ----------
@@ -183,7 +183,7 @@ def power_share_frequency(frequency: np.ndarray, psd: np.ndarray, share: float, 
     Raises
     ------
     InputError
-        The analysis band does not lie within the spectrum, or there is no power.
+        If the analysis band is not within the spectrum, or the spectrum has no power.
     """
     _check(frequency, psd, maximum)
     spacing = frequency[1] - frequency[0]
@@ -226,7 +226,7 @@ def level_frequency(frequency: np.ndarray, psd: np.ndarray, level: float, maximu
 
 
 _SPEED_SHARE = 0.99
-"""Share of the samples below the speed that is told: the fastest ones may be noise of the sensor."""
+"""Share of the samples below the reported speed: the fastest ones may be noise of the sensor."""
 
 
 def motion_range(position: np.ndarray, sampling_time: float) -> MotionRange:
@@ -235,7 +235,7 @@ def motion_range(position: np.ndarray, sampling_time: float) -> MotionRange:
     Parameters
     ----------
     position : numpy.ndarray, shape (samples,)
-        At least three samples, not all alike.
+        At least three samples, not all equal.
     sampling_time : float
         Seconds.
 
@@ -278,8 +278,8 @@ _PEAKS = {"displacement": "mm", "velocity": "mm/s", "acceleration": "mm/s²"}
 def peak_kinematics(position: np.ndarray, rate: float) -> Kinematics:
     """Peak displacement, velocity and acceleration of the smooth motion through the samples.
 
-    A quintic spline stands for that motion; differences of samples would miss what happens between them and
-    underrate the acceleration of a sine of 20 samples per cycle by 0.8 %.
+    The motion is a quintic spline; differences of samples would miss the peaks between them and underestimate the
+    acceleration of a sine of 20 samples per cycle by 0.8 %.
 
     Parameters
     ----------
@@ -295,7 +295,7 @@ def peak_kinematics(position: np.ndarray, rate: float) -> Kinematics:
 
 
 def check_machine_limits(motions: dict[str, Kinematics], limits: Kinematics) -> None:
-    """Refuse signals that the testing machine cannot play.
+    """Raise if the testing machine cannot play the signals.
 
     Raises
     ------

@@ -43,7 +43,7 @@ class MotionSpectra:
 
     def pooled(self, quantity: str) -> np.ndarray:
         """Mean over surgeons of the mean over each one's trials, shape (lines,)."""
-        # Surgeons count alike, however many trials each has.
+        # Every surgeon has the same weight, for any number of trials.
         surgeons = len(set(self.surgeons))
         weights = np.array([1 / (surgeons * self.surgeons.count(surgeon)) for surgeon in self.surgeons])
         return weights @ self.psd[quantity]
@@ -64,7 +64,7 @@ def motion_spectra(
     Raises
     ------
     InputError
-        A name stands twice; a trial is shorter than a segment, is not in mm, or its rate gives other
+        If a name is duplicate, or a trial is shorter than a segment, is not in mm, or has a rate with other
         frequency lines than the rest.
     """
     names = [record.name for record in records]
@@ -186,10 +186,10 @@ def motion_bandwidths(spectra: MotionSpectra, settings: BandwidthSettings, seed:
 
 
 def bandwidth_readings(bandwidths: dict) -> dict[str, dict[str, float | None]]:
-    """Return every reading of a bandwidth in hertz, by quantity and by its rule in words; None where a rule has none.
+    """Return every reading of a bandwidth in hertz, by quantity and by the label of its rule; None if a rule gives none.
 
-    The share of the power counts twice, below the upper end of the analysis band and of the whole spectrum: how far the
-    readings lie apart is what a single bandwidth does not tell.
+    The share of the power has two readings, below the upper end of the analysis band and of the whole spectrum: a single
+    bandwidth does not show how far the readings are apart.
 
     Parameters
     ----------
@@ -210,7 +210,7 @@ def bandwidth_readings(bandwidths: dict) -> dict[str, dict[str, float | None]]:
 
 
 def readings_in_words(readings: dict[str, float | None]) -> str:
-    """Return the readings of one quantity as words."""
+    """Return the readings of one quantity as text."""
     return ", ".join(
         f"{'none' if value is None else f'{value:.2f} Hz'} ({rule})" for rule, value in readings.items()
     )
@@ -240,9 +240,9 @@ def _bootstrap_weights(surgeons: Sequence[str], resamples: int, seed: int) -> np
 def _interval(
     value: float | None, draws: list[float | None], confidence: float, freedom: int, maximum: float
 ) -> tuple[float | None, float | None]:
-    """Return the ends of an interval; ``None`` where there is no end within the analysis band.
+    """Return the ends of an interval; ``None`` for an end that is not within the analysis band.
 
-    A draw that did not reach its level lies above all others.
+    A draw that did not reach its level is above all others.
     """
     if value is None or not draws:
         return None, None
