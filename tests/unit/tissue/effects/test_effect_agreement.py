@@ -149,7 +149,7 @@ def in_expressions(model, positions: np.ndarray, functions: dict) -> np.ndarray:
     force = np.zeros(len(positions))
     with np.errstate(over="ignore"):
         for term in model.terms:
-            equation = term.form._equation
+            equation = term.form.parsed_equation
             values = {
                 item.symbol: value
                 for item, value in zip(
@@ -210,7 +210,7 @@ def test_c_code_by_hand_is_the_catalogues_simulation(structure, zig_cache, c_fol
 @pytest.mark.parametrize("form", EQUATIONS.values(), ids=lambda form: form.key)
 def test_latex_is_the_simulation(form):
     """What sympy reads in the LaTeX gives the numbers of the columns, and the rates of the states."""
-    equation = form._equation
+    equation = form.parsed_equation
     items = (*form.linear, *form.nonlinear, *form.constants)
     names = latex_names(items, [name for name, _ in form.state])
     force, *lines = form.latex.removeprefix(r"F \to ").split(r",\quad ")

@@ -281,7 +281,7 @@ def test_closed_forms_are_what_their_equations_say(key, numbers):
     nonlinear = np.array(numbers)[: len(form.nonlinear)]
     values = {item.symbol: value for item, value in zip(form.nonlinear, nonlinear, strict=True)}
     closed = np.array(form.solution(motion, nonlinear))
-    state = form._equation.state
+    state = form.parsed_equation.state
     found = np.array(list(state.trajectory(motion, values).values()))
     if state.is_linear:
         assert np.abs(found - closed).max() < 1e-12 * np.abs(closed).max()

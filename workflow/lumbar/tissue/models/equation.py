@@ -36,10 +36,6 @@ Constants = Callable[[Mapping[str, float], float], dict[str, float]]
 Memory = Callable[[Mapping[str, float]], int]
 
 
-def _no_constants(parameters: Mapping[str, float], sampling_time: float) -> dict[str, float]:
-    return {}
-
-
 @dataclass(frozen=True)
 class CStep:
     """C99 code of one sample of a form.
@@ -65,7 +61,7 @@ class CStep:
     """Statements before it."""
     memory: int | Memory = 0
     """Numbers that the form keeps from sample to sample; a callable gets all parameters by name."""
-    constants: Constants = _no_constants
+    constants: Constants = lambda parameters, sampling_time: {}
     """From parameters by name and the sampling time in seconds to further numbers by name, computed at export.
     One named ``pole`` is a pole in discrete time and counts when stability is judged."""
     history: int | Memory = 0

@@ -79,27 +79,21 @@ def with_smooth_angle(record: Record) -> Record:
     The knots' distance is the one with the least generalised cross-validation error (Craven and Wahba, Numer. Math. 31
     (1979) 377-403).
     """
-    channel = record.channels["input"]
-    samples = len(channel.values)
+    angle = record["input"]
+    samples = np.arange(len(angle), dtype=float)
     best, least = None, np.inf
-    for spacing in SPACINGS[samples / FEWEST_KNOTS > SPACINGS]:
-        values, coefficients = _least_squares_spline(channel.values, spacing)
-        error = np.mean((values - channel.values) ** 2) / (1 - coefficients / samples) ** 2
+    for spacing in SPACINGS[len(angle) / FEWEST_KNOTS > SPACINGS]:
+        # Quintic spline with even knots, and its generalised cross-validation error.
+        inner = np.linspace(0, samples[-1], max(int(len(angle) / spacing), 1) + 1)
+        knots = np.concatenate([np.full(5, inner[0]), inner, np.full(5, inner[-1])])
+        values = scipy.interpolate.make_lsq_spline(samples, angle, knots, k=5)(samples)
+        coefficients = len(knots) - 6
+        error = np.mean((values - angle) ** 2) / (1 - coefficients / len(angle)) ** 2
         if error < least:
             best, least = (None if spacing == SPACINGS[0] else values), error
         elif error > _PAST_THE_LEAST * least:
             break
-    if best is None:
-        return record
-    return record.with_values(input=best)
-
-
-def _least_squares_spline(values: np.ndarray, spacing: float) -> tuple[np.ndarray, int]:
-    """Quintic spline with even knots `spacing` samples apart, at the samples, and its number of coefficients."""
-    samples = np.arange(len(values), dtype=float)
-    inner = np.linspace(0, samples[-1], max(int(len(values) / spacing), 1) + 1)
-    knots = np.concatenate([np.full(5, inner[0]), inner, np.full(5, inner[-1])])
-    return scipy.interpolate.make_lsq_spline(samples, values, knots, k=5)(samples), len(knots) - 6
+    return record if best is None else record.with_values(input=best)
 
 
 _MIN_JUMP = 0.1  # share of its range by which a held input typically jumps

@@ -173,18 +173,14 @@ class ArxStructure:
         u[k] … u[k−lag]). Multiplying the full regressor matrix by it gives the regressor matrix of this structure.
         """
         matrix = np.zeros((2 * lag + 1, self.parameter_count))
-        for column in range(self.order):
-            matrix[column, column] = 1.0
-        first, *others = self.input_lags
-        columns = range(self.order, self.parameter_count)
+        np.fill_diagonal(matrix[: self.order, : self.order], 1.0)
+        rows, columns = lag + np.array(self.input_lags), np.arange(self.order, self.parameter_count)
         if self.zero_static_gain:
             # u[k−first] − u[k−other]: differences of the input carry no static gain.
-            for column, other in zip(columns, others, strict=True):
-                matrix[lag + first, column] = 1.0
-                matrix[lag + other, column] = -1.0
+            matrix[rows[0], columns] = 1.0
+            matrix[rows[1:], columns] = -1.0
         else:
-            for column, input_lag in zip(columns, self.input_lags, strict=True):
-                matrix[lag + input_lag, column] = 1.0
+            matrix[rows, columns] = 1.0
         return matrix
 
     def transfer_function(self, coefficients: np.ndarray) -> TransferFunction:
