@@ -204,7 +204,7 @@ def largest_stable_gain(model: SampledModel, device: DeviceSettings) -> StableGa
     response, gains = loop_response(model, device), []
     if (static := _static_response(model, device)) < 0:
         gains.append(StableGain(-1.0 / static, 0.0))
-    for angle in (*_real_crossings(response), np.pi):
+    for angle in (*_most_negative_crossing(response), np.pi):
         if (value := response(angle).real) < 0:
             gains.append(StableGain(float(-1.0 / value), float(angle / (2.0 * np.pi * model.sampling_time))))
     return min(gains, key=lambda item: (item.gain, item.frequency), default=StableGain(float("inf"), 0.0))
@@ -222,32 +222,40 @@ def _static_response(model: SampledModel, device: DeviceSettings) -> float:
     return float(-slope * model.sampling_time / (device.damping_N_s_m + device.hand_damping_N_s_m))
 
 
-def _real_crossings(response: Callable[[np.ndarray], np.ndarray]) -> list[float]:
-    """Return the angles at which a loop's response crosses the real axis, two close together included."""
+def _most_negative_crossing(response: Callable[[np.ndarray], np.ndarray]) -> list[float]:
+    """Return the angle below π at which a loop's response crosses the negative real axis farthest from 0; none if it does not."""
 
     def imaginary(angle: float) -> float:
         return response(angle).imag
 
     angles = all_angles(smallest=_SLOWEST)
-    values = response(angles).imag
+    values = response(angles)
     # Between two angles of one sign the imaginary part may dip below 0 and return: search every local minimum of its size.
-    size, positive = np.abs(values), np.signbit(values)
+    size, positive = np.abs(values.imag), np.signbit(values.imag)
     dips = (size[1:-1] < size[:-2]) & (size[1:-1] < size[2:])
     dips &= (positive[1:-1] == positive[:-2]) & (positive[1:-1] == positive[2:])
     between = []
     for index in np.flatnonzero(dips) + 1:
         lowest = scipy.optimize.minimize_scalar(
             lambda angle, sign: sign * imaginary(angle),
-            args=(np.sign(values[index]),),
+            args=(np.sign(values[index].imag),),
             bounds=angles[[index - 1, index + 1]],
             method="bounded",
         )
         if lowest.fun < 0:
             between.append(lowest.x)
-    # Every change of sign brackets a crossing.
-    angles = np.sort(np.r_[angles, between])
-    positive = np.signbit(response(angles).imag)
-    return [
-        scipy.optimize.brentq(imaginary, angles[i], angles[i + 1], xtol=1e-15)
-        for i in np.flatnonzero(positive[1:] != positive[:-1])
-    ]
+    if between:
+        angles = np.sort(np.r_[angles, between])
+        values = response(angles)
+    # Every change of sign brackets a crossing. Refine those first that are farthest out, until no other one can be farther.
+    brackets = np.flatnonzero(np.diff(np.signbit(values.imag)))
+    farthest = np.minimum(values.real[brackets], values.real[brackets + 1])
+    farthest -= 2.0 * np.abs(values[brackets + 1] - values[brackets])
+    found, least = [], 0.0
+    for i, bound in sorted(zip(brackets, farthest, strict=True), key=lambda item: item[1]):
+        if bound >= least:
+            break
+        angle = scipy.optimize.brentq(imaginary, angles[i], angles[i + 1], xtol=1e-15)
+        if (value := response(angle).real) < least:
+            found, least = [angle], value
+    return found
