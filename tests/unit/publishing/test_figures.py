@@ -14,7 +14,7 @@ from lumbar.lifting.movement import lift_analysis as lifting
 from lumbar.lifting.movement import lift_tables
 from lumbar.publishing.figures.comparison_figures import comparison_figure, default_segment
 from lumbar.publishing.figures.lifting_figures import events_figure, pendulum_figure, segments_figure
-from lumbar.publishing.figures.location_figure import location_figure
+from lumbar.publishing.figures.location_figures import location_figure
 from lumbar.publishing.figures.style import house_style, new_figure, save
 from lumbar.publishing.figures.survey_figures import best_picks_figure, likert_figure
 from lumbar.publishing.figures.tissue_figures import analogue_picture

@@ -333,12 +333,12 @@ class OnRecords(Result):
         """Return the picture of one record: its output with the simulated one, or its error."""
         report = self[name]
         if report.record.axes:
-            from lumbar.publishing.figures.space_figures import comparison_in_space, location_in_space
+            from lumbar.publishing.figures.location_figures import comparison_in_space, location_in_space
 
             located = self.shows == LOCATIONS
             return location_in_space(report) if located else comparison_in_space(report, self.model.name)
         if self.shows == LOCATIONS:
-            from lumbar.publishing.figures.location_figure import location_figure
+            from lumbar.publishing.figures.location_figures import location_figure
 
             return location_figure(report.location)
         from lumbar.publishing.figures.comparison_figures import comparison_figure

@@ -10,12 +10,15 @@ from lumbar.publishing.figures.comparison_figures import (
     signature_figure,
 )
 from lumbar.publishing.figures.law_figure import law_figure, linear_figure
-from lumbar.publishing.figures.location_figure import location_figure
-from lumbar.publishing.figures.space_figures import comparison_in_space, location_in_space
+from lumbar.publishing.figures.location_figures import (
+    comparison_in_space,
+    location_figure,
+    location_in_space,
+)
 from lumbar.publishing.figures.style import save
 from lumbar.publishing.pages.html import LOCATION_CAPTION, SPACE_CAPTION
 from lumbar.tissue.diagnosis.law.proposal import Proposal
-from lumbar.tissue.diagnosis.residuals.locate import ResidualReport, least_explained, of_axes
+from lumbar.tissue.diagnosis.residuals.locate import ResidualReport, of_axes
 from lumbar.tissue.diagnosis.selection.result import DiagnosisResult
 from lumbar.tissue.diagnosis.selection.sentences import runner_up
 from lumbar.tissue.diagnosis.spatial.spatial_reports import SpatialReport
@@ -37,7 +40,8 @@ def draw_pictures(
     returned by caption.
     """
     simulated, base = of_axes(reports), diagnosis.base.fit.structure.base
-    shown = least_explained(simulated)
+    # The record of whose output the model explains the smallest share.
+    shown = min(simulated, key=lambda item: item.comparison.vaf.value)
     whole = next(report for report in reports if shown in report.axes)
     trained = next(item for item in reports if item.record.name == diagnosis.experiment.floor_from)
     if isinstance(trained, SpatialReport):

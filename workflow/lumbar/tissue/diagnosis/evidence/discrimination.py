@@ -290,30 +290,18 @@ class _Left:
         return float(np.sqrt(self.sum_of_squares) / noise)
 
 
-def _judged(model: Fit, rivals: list[Candidate], excitation: ExcitationCandidate, whitening):
-    """What full refits leave, for the closest rival, and that rival's effects."""
-    judged = [
-        (
-            min(
-                _left_after_refit(truth, other, excitation, whitening)
-                for truth, other in ((model, rival.fit), (rival.fit, model))
-            ),
-            rival.effects,
-        )
-        for rival in rivals
-    ]
+def _judged(model: Fit, rivals: list[Candidate], excitation: ExcitationCandidate, whitening: np.ndarray):
+    """Return what full refits leave of the closest rival's noise-free force, or it of the model's, and that rival's effects."""
+    judged = []
+    for rival in rivals:
+        for truth, other in ((model, rival.fit), (rival.fit, model)):
+            force = truth.simulate(excitation.motion)
+            data = FitData(excitation.words, excitation.motion, force, whitening)
+            fitted = refit(other.structure, data, other.nonlinear)
+            unfitted = data.whiten(other.simulate(excitation.motion) - force)
+            left = _Left.of(min(fitted.squared_error, float(unfitted @ unfitted)), data.size)
+            judged.append((left, rival.effects))
     return min(judged, key=lambda item: item[0])
-
-
-def _left_after_refit(
-    truth: Fit, other: Fit, excitation: ExcitationCandidate, whitening: np.ndarray
-) -> _Left:
-    """What the best approximation by another model leaves of a model's noise-free force."""
-    force = truth.simulate(excitation.motion)
-    data = FitData(excitation.words, excitation.motion, force, whitening)
-    fitted = refit(other.structure, data, other.nonlinear)
-    unfitted = data.whiten(other.simulate(excitation.motion) - force)
-    return _Left.of(min(fitted.squared_error, float(unfitted @ unfitted)), data.size)
 
 
 def separation_sentence(separation: Separation, diagnosis: DiagnosisResult) -> str:

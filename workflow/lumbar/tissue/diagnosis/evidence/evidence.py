@@ -78,7 +78,11 @@ def signal_angles(diagnosis: DiagnosisResult) -> Ties | None:
         return None
     experiment = diagnosis.experiment
     records = [experiment.training, *experiment.tests]
-    candidates = _with_tied(diagnosis)
+    # The ranking, the selected first, then tied ones that it does not show. Sets with the selected one and more add a like force.
+    chosen = set(diagnosis.selected)
+    candidates = [item.candidate for item in diagnosis.ranking if not set(item.candidate.effects) > chosen]
+    ranked = {frozenset(item.effects) for item in candidates}
+    candidates += [item for item in diagnosis.tied_with if frozenset(item.effects) not in ranked]
     basis = tangent_basis(diagnosis.base.fit, records)
     base = simulation_over(diagnosis.base.fit, records)
     added = np.stack([simulation_over(item.fit, records) - base for item in candidates], axis=1)
@@ -92,17 +96,6 @@ def signal_angles(diagnosis: DiagnosisResult) -> Ties | None:
     hidden = min(1.0, np.sqrt(TIED) * noise / size[0]) if size[0] > 0 else 1.0
     resolution = float(np.degrees(np.arcsin(hidden)))
     return Ties(candidates, angles, complete_linkage(angles, max(ALIKE, resolution)), resolution)
-
-
-def _with_tied(diagnosis: DiagnosisResult) -> list[Candidate]:
-    """Ranked candidates, the selected first, and the tied ones that the ranking does not show.
-
-    Sets that hold the selected one and more are left out: that they add a like force goes without saying.
-    """
-    chosen = set(diagnosis.selected)
-    ranked = [item.candidate for item in diagnosis.ranking if not set(item.candidate.effects) > chosen]
-    shown = {frozenset(item.effects) for item in ranked}
-    return [*ranked, *(item for item in diagnosis.tied_with if frozenset(item.effects) not in shown)]
 
 
 def angles_between(signals: np.ndarray) -> np.ndarray:

@@ -171,18 +171,6 @@ def _alike(whole: Expression, operands, known: Mapping[str, Dimension]) -> Dimen
 _KINDS = {"{y}": ("F", "force"), "{y}/{x}": ("k", "stiffness"), "{y} s/{x}": ("b", "damping")}
 
 
-def linear_unit(part: str, term: Term) -> str:
-    """Unit of what a part of a term is multiplied by to give a force.
-
-    Raises
-    ------
-    InputError
-        If the part is dimensionally unsound.
-    """
-    found = dimension(parse(part), dimensions_in(term))
-    return (FORCE / (found or Dimension())).unit
-
-
 def dimensions_in(term: Term) -> dict[str, Dimension]:
     """Dimensions of all symbols of a term; those of states follow from their rates of change."""
     known = {
@@ -243,22 +231,18 @@ def form_of(
     terms = distinct(terms, shared)
     parts = [(part, term) for term in terms for part in term.parts]
     at_output = terms[0].place is Place.OUTPUT
-    linear, names = [], []
+    linear, summands = [], []
     for index, (part, term) in enumerate(parts if not at_output else []):
-        unit = linear_unit(part, term)
+        tree = parse(part)
+        # Unit of what the part is multiplied by to give a force; raises if the part is dimensionally invalid.
+        unit = (FORCE / (dimension(tree, dimensions_in(term)) or ONE)).unit
         letter, word = _KINDS.get(unit, ("c", "coefficient"))
         number = "" if len(parts) == 1 else f"_{index + 1}"
         sign = 0 if signs is None else signs[index]
         linear.append(LinearParameter(word + number, unit, sign, symbol=f"{letter}{number or '_1'}"))
-        names.append(linear[-1].symbol)
-    equation = (
-        parts[0][0]
-        if at_output
-        else " + ".join(
-            name if part == "1" else f"{name}*{_in_brackets(part)}"
-            for name, (part, _) in zip(names, parts, strict=True)
-        )
-    )
+        factor = f"({part})" if isinstance(tree, Operation) and tree.name in ("+", "-") else part
+        summands.append(linear[-1].symbol if part == "1" else f"{linear[-1].symbol}*{factor}")
+    equation = parts[0][0] if at_output else " + ".join(summands)
     nonlinear = _uniquely_named(
         list({item.symbol: item for term in terms for item in term.nonlinear}.values())
     )
@@ -302,11 +286,6 @@ def _solution(terms: tuple[Term, ...], nonlinear: tuple[NonlinearParameter, ...]
         return tuple(found.values())
 
     return solution
-
-
-def _in_brackets(part: str) -> str:
-    tree = parse(part)
-    return f"({part})" if isinstance(tree, Operation) and tree.name in ("+", "-") else part
 
 
 def _uniquely_named(parameters: list[NonlinearParameter]) -> tuple[NonlinearParameter, ...]:

@@ -13,7 +13,7 @@ from itertools import product
 
 import numpy as np
 
-from lumbar.tissue.diagnosis.fitting.fit_data import FitData, JointData
+from lumbar.tissue.diagnosis.fitting.fit_data import JointData
 from lumbar.tissue.diagnosis.fitting.joint_fit import Fit, fit, nonlinear_starts, shape_bounds, solve_linear
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.fitting.uncertainty import added_forces, beyond, tangent_basis
@@ -167,7 +167,9 @@ class Search:
         found = fit(structure, self.experiment.training, start)
         if not np.isfinite(found.squared_error):
             return None
-        if _at_bound(found, self.experiment.training, len(before)):
+        low, high = shape_bounds(found.structure, self.experiment.training, found.nonlinear)
+        at_bound = (found.nonlinear <= low * (1 + _AT_BOUND)) | (found.nonlinear >= high * (1 - _AT_BOUND))
+        if at_bound[len(before) :].any():
             return self.in_the_limit(law, terms, found.nonlinear[len(before) :], shared)
         candidate = evaluate(found, self.experiment)
         return Law(law.start, terms, candidate, shared) if np.isfinite(candidate.score) else None
@@ -265,14 +267,6 @@ class Search:
             if is_adequate(best[-1].candidate, self.experiment):
                 break
         return best
-
-
-def _at_bound(found: Fit, data: FitData, first: int) -> bool:
-    """Whether a nonlinear parameter of the terms ends at a bound."""
-    low, high = shape_bounds(found.structure, data, found.nonlinear)
-    value = found.nonlinear
-    at = (value <= low * (1 + _AT_BOUND)) | (value >= high * (1 - _AT_BOUND))
-    return bool(at[first:].any())
 
 
 def _explained(columns: np.ndarray, residual: np.ndarray) -> float:

@@ -76,7 +76,7 @@ def causes_view(residual: Residual) -> View:
     Columns ``function``, ``lag`` (s, of the input's past), ``correlation`` and ``limit`` (95 % under noise alone). Numbers:
     p-value of every function, ``p even``, ``p odd``, ``linear_share`` and ``linear_p``. The p-value is that of the correlations.
     """
-    linear = _linear_columns(residual)
+    linear = _orthonormal(linear_columns(residual, relaxation_times([residual])))
     numbers = _linear_numbers(residual, linear)
     functions = {name: values - values.mean() for name, values in _functions(residual).items()}
     columns, p_values = [], {}
@@ -84,7 +84,7 @@ def causes_view(residual: Residual) -> View:
         if name not in LINEAR_FUNCTIONS:
             others = ODD_FUNCTIONS if name in EVEN_FUNCTIONS else EVEN_FUNCTIONS
             known = np.column_stack([linear, *(functions[other] for other in others)])
-            basis = _orthonormal(known / np.maximum(np.sqrt(np.mean(known**2, axis=0)), 1e-300))
+            basis = _orthonormal(known)
             signal = signal - basis @ (basis.T @ signal)
         lags, correlation, limit, p_values[name] = cross_correlation(residual, signal)
         step = residual.sampling_time
@@ -132,12 +132,6 @@ def _linear_sentence(residual: Residual, numbers: dict[str, float]) -> str:
     )
 
 
-def _linear_columns(residual: Residual) -> np.ndarray:
-    """Orthonormal columns of position, velocity and relaxed positions, their means taken off; (samples, columns)."""
-    stacked = linear_columns(residual, relaxation_times([residual]))
-    return _orthonormal(stacked / np.maximum(np.sqrt(np.mean(stacked**2, axis=0)), 1e-300))
-
-
 def relaxation_times(residuals: Sequence[Residual]) -> np.ndarray:
     """Time constants (s) that span linear dynamics on all records."""
     step = max(item.sampling_time for item in residuals)
@@ -157,7 +151,9 @@ def linear_columns(residual: Residual, times: np.ndarray) -> np.ndarray:
 
 
 def _orthonormal(columns: np.ndarray) -> np.ndarray:
-    left, values, _ = np.linalg.svd(columns, full_matrices=False)
+    """Return an orthonormal basis of columns, scaled to one size first."""
+    scaled = columns / np.maximum(np.sqrt(np.mean(columns**2, axis=0)), 1e-300)
+    left, values, _ = np.linalg.svd(scaled, full_matrices=False)
     return left[:, values > 1e-5 * values[0]]
 
 
@@ -225,7 +221,7 @@ def _correlation_sentence(table: dict[str, np.ndarray], p_values: Mapping[str, f
 
 
 _SHARES = np.linspace(0, 1, 9)
-"""Ends of the bins of the way since a reversal, as shares of the samples: most ways are short."""
+"""Ends of the bins of the path since a reversal, as shares of the samples: most paths are short."""
 _MOST, _WORTH = 0.5, 0.05
 """Shares of what linear dynamics leave and of the explainable error that another cause takes where it explains more."""
 _LEAST = 0.01
@@ -301,35 +297,30 @@ def _linear(residuals: Sequence[Residual]) -> np.ndarray:
 
 
 def _groups(residuals: Sequence[Residual]) -> dict[str, np.ndarray]:
-    """Groups of samples in each of which a cause has a level of its own, alike on all records but for windows of time."""
+    """Groups of samples in each of which a cause has its own level, alike on all records but for windows of time."""
     position = np.concatenate([item.position for item in residuals])
     velocity = np.concatenate([item.velocity for item in residuals])
     along, across = map_edges(position, velocity)
     windows = [
         binned(np.arange(len(item.values)), [*time_edges(item), len(item.values)]) for item in residuals
     ]
+    # Path since the last reversal, signed by its direction; 0 before the first.
+    paths = np.concatenate([_path_since_reversal(item.position) for item in residuals])
+    edges = np.unique(np.quantile(np.abs(paths[paths != 0]), _SHARES)) if np.any(paths) else np.zeros(2)
     return {
         "depth": binned(position, spread_edges(position, DEPTHS)),
         "position and velocity": binned(velocity, across) * len(along) + binned(position, along),
-        "reversals": _since_reversals(residuals),
+        "reversals": np.sign(paths) * (1 + binned(np.abs(paths), edges)),
         "time": np.concatenate([number * len(position) + window for number, window in enumerate(windows)]),
     }
 
 
-def _since_reversals(residuals: Sequence[Residual]) -> np.ndarray:
-    """Groups by the way since the last reversal, signed by its direction; 0 before the first."""
-    ways = np.concatenate([_signed_way(item.position) for item in residuals])
-    edges = np.unique(np.quantile(np.abs(ways[ways != 0]), _SHARES)) if np.any(ways) else np.zeros(2)
-    return np.sign(ways) * (1 + binned(np.abs(ways), edges))
-
-
-def _signed_way(position: np.ndarray) -> np.ndarray:
-    """Way since the last reversal."""
+def _path_since_reversal(position: np.ndarray) -> np.ndarray:
     turns, _ = reversals(position)
+    if not turns.size:
+        return np.zeros(len(position))
     last = np.searchsorted(turns, np.arange(len(position)), side="right") - 1
-    return (
-        np.where(last >= 0, position - position[turns[last]], 0.0) if turns.size else np.zeros(len(position))
-    )
+    return np.where(last >= 0, position - position[turns[last]], 0.0)
 
 
 def _mean_square_left(values: np.ndarray, linear: np.ndarray, groups: np.ndarray | None = None) -> float:

@@ -258,31 +258,17 @@ class ResidualReport:
         return self.location.sentences
 
 
-def all_records_sentence(locations: Sequence[Location], where: str = "") -> str:
-    """Say of all records that were looked at together what their error comes from, as far as that is told from the rest.
-
-    `where` are other words for all records.
-    """
+def all_reports_sentence(reports: Sequence[Any]) -> str:
+    """Name the cause of the error of all records together, as far as it is distinguished; of several axes, axis by axis."""
+    locations = [item.location for item in of_axes(reports)]
     if all(item.is_noise or item.is_all_but_noise for item in locations):
         if any(item.residual.floor is None for item in locations):
             return "All records: no view distinguishes the error from noise of the same spectrum."
         return "All records: the error is noise, or hardly more than noise."
-    where = where or (f"All {len(locations)} records" if len(locations) > 1 else "This record")
-    return causes_sentence(locations[0].causes, where, locations[0].residual.base_words)
-
-
-def all_reports_sentence(reports: Sequence[Any]) -> str:
-    """The same of reports; of records of several axes, axis by axis."""
-    axes, where = len(reports[0].record.axes), ""
-    if axes:
-        records = f"All {len(reports)} records" if len(reports) > 1 else "This record"
-        where = f"{records} of {axes} axes, axis by axis"
-    return all_records_sentence([item.location for item in of_axes(reports)], where)
-
-
-def least_explained(simulated: list[ResidualReport]) -> ResidualReport:
-    """The record of whose output the model explains the smallest share."""
-    return min(simulated, key=lambda item: item.comparison.vaf.value)
+    axes = len(reports[0].record.axes)
+    records = f"All {len(reports)} records" if len(reports) > 1 else "This record"
+    records += f" of {axes} axes, axis by axis" if axes else ""
+    return causes_sentence(locations[0].causes, records, locations[0].residual.base_words)
 
 
 def of_axes(reports: Sequence[Any]) -> list[ResidualReport]:

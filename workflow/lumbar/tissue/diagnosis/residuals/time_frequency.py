@@ -37,7 +37,14 @@ def time_view(residual: Residual) -> View:
     average = residual.averages(groups, count)
     rms = np.sqrt(np.bincount(groups, residual.values**2, count) / average.count)
     stops = np.append(edges[1:], len(residual.values)) - 1
-    slope, slope_p = level_trend(residual)
+    # Slope of a straight line through the residual (unit/s), and its p-value under noise alone.
+    centred = residual.time - residual.time.mean()
+    weights = (centred / np.sum(centred**2))[None]
+    slope, slope_deviation = (
+        float(weights[0] @ residual.values),
+        float(np.sqrt(residual.covariance(weights)[0, 0])),
+    )
+    slope_p = float(2 * scipy.special.ndtr(-abs(slope) / slope_deviation)) if slope_deviation > 0 else 1.0
     rms_p = mann_kendall_p(rms)
     table = {
         "start": residual.time[edges],
@@ -85,15 +92,6 @@ def time_edges(residual: Residual) -> np.ndarray:
     if starts[0] > _LEAST_CYCLE * residual.folding.samples:
         return np.insert(starts, 0, 0)
     return np.insert(starts[1:], 0, 0)
-
-
-def level_trend(residual: Residual) -> tuple[float, float]:
-    """Slope of a straight line through the residual (unit/s), and its p-value under noise alone."""
-    centred = residual.time - residual.time.mean()
-    weights = (centred / np.sum(centred**2))[None]
-    slope = float(weights[0] @ residual.values)
-    deviation = float(np.sqrt(residual.covariance(weights)[0, 0]))
-    return slope, float(2 * scipy.special.ndtr(-abs(slope) / deviation)) if deviation > 0 else 1.0
 
 
 def mann_kendall_p(values: np.ndarray) -> float:
