@@ -175,23 +175,17 @@ def tangent_basis(fit: Fit, records: list[FitData]) -> np.ndarray:
 
     The result has shape (samples, directions).
     """
-    columns = sensitivities_over(fit, records)
+    pieces = [fit.sensitivities(record) for record in records]
+    if not any(record.own_zero for record in records):
+        columns = np.concatenate(pieces)
+    else:
+        # Zeros are the last columns; every record has its own.
+        shared = len(fit.linear) + len(fit.nonlinear)
+        zeros = scipy.linalg.block_diag(*(piece[:, shared:] for piece in pieces))
+        columns = np.hstack([np.concatenate([piece[:, :shared] for piece in pieces]), zeros])
     size = np.sqrt(np.sum(columns**2, axis=0))
     left, values, _ = np.linalg.svd(columns[:, size > 0] / size[size > 0], full_matrices=False)
     return left[:, values > _SMALLEST * values[0]]
-
-
-def sensitivities_over(fit: Fit, records: list[FitData]) -> np.ndarray:
-    """`Fit.sensitivities` over all samples that count of these records, one record after another.
-
-    The sensor's zeros are columns of their own for each record where the records have theirs.
-    """
-    pieces = [fit.sensitivities(record) for record in records]
-    if not any(record.own_zero for record in records):
-        return np.concatenate(pieces)
-    shared = len(fit.linear) + len(fit.nonlinear)
-    zeros = scipy.linalg.block_diag(*(piece[:, shared:] for piece in pieces))
-    return np.hstack([np.concatenate([piece[:, :shared] for piece in pieces]), zeros])
 
 
 def beyond(basis: np.ndarray, signals: np.ndarray) -> np.ndarray:

@@ -124,20 +124,17 @@ def _lowest_criterion(candidates: list[LinearDynamics], data: FitData) -> Linear
     candidates = [item for item in candidates if abs(item.linear[1]) * moved <= most]
     least = min(candidates, key=lambda item: item.squared_error)
     errors = least.whitened_errors(data)
-    independent = max(_independent_share(errors) * len(errors), 2.0)
+    # Degrees of freedom of the variance of coloured errors: 2 (ΣS)²/(n ΣS²) a sample of the periodogram S, 1 if they are white.
+    power = np.abs(np.fft.rfft(errors)) ** 2
+    square = float(np.sum(power**2))
+    share = min(2 * float(power.sum()) ** 2 / (len(power) * square), 1.0) if square > 0 else 1.0
+    independent = max(share * len(errors), 2.0)
 
     def criterion(item):
         parameters = len(item.linear) + len(item.nonlinear)
         return independent * np.log(item.squared_error) + parameters * np.log(independent)
 
     return min(candidates, key=criterion)
-
-
-def _independent_share(errors: np.ndarray) -> float:
-    """Degrees of freedom per sample of the variance of coloured errors: 2 (ΣS)²/(n ΣS²) of the periodogram S, 1 if white."""
-    power = np.abs(np.fft.rfft(errors)) ** 2
-    square = float(np.sum(power**2))
-    return min(2 * float(power.sum()) ** 2 / (len(power) * square), 1.0) if square > 0 else 1.0
 
 
 def _candidates(data: FitData) -> Iterator[LinearDynamics]:

@@ -167,7 +167,9 @@ def relocated_poles(data: FitData, order: int, low: float, high: float, held: bo
     Returned are `order` poles after each iteration, the last one last. The starting poles lie between `low` and `high`
     in 1/s; `held` says whether the input is held between jumps.
     """
-    poles, found = _starting_poles(order, low, high), []
+    sizes = np.geomspace(low, high, order // 2 + order % 2 + 2)[1:-1]
+    pairs = sizes[order % 2 :] * np.exp(1j * (np.pi - np.arccos(_DAMPING)))
+    poles, found = np.concatenate([-sizes[: order % 2], pairs, pairs.conj()]), []
     for _ in range(_ITERATIONS):
         poles = np.clip(np.abs(poles), 1e-2 * low, 1e2 * high) * np.exp(1j * np.angle(poles))
         shaped = Poles.of(poles)
@@ -176,12 +178,6 @@ def relocated_poles(data: FitData, order: int, low: float, high: float, held: bo
             break
         found.append(Poles.of(poles))
     return found
-
-
-def _starting_poles(order: int, low: float, high: float) -> np.ndarray:
-    sizes = np.geomspace(low, high, order // 2 + order % 2 + 2)[1:-1]
-    pairs = sizes[order % 2 :] * np.exp(1j * (np.pi - np.arccos(_DAMPING)))
-    return np.concatenate([-sizes[: order % 2], pairs, pairs.conj()])
 
 
 def _relocate(data: FitData, poles: Poles, held: bool) -> np.ndarray:

@@ -172,7 +172,9 @@ def noise_floor(record: Record, period: float | None = None, fewest: int = ONLY)
         deviations = np.zeros_like(deviations)
     halves = len(record) < (ONLY + 1 - _SHORT) * folding.samples
     if halves:
-        noise, parts, degrees = _of_second_halves(deviations)
+        # The transient at the start of the first period is over; all that differs then counts as noise.
+        degrees, parts, noise = folding.samples // 2, [], deviations.copy()
+        noise[:, :-degrees] = 0.0
         if not _is_white(noise[0, folding.samples - degrees :]):
             return None  # a transient that lasts, a drift: two periods do not tell it from noise
     else:
@@ -189,14 +191,21 @@ def noise_floor(record: Record, period: float | None = None, fewest: int = ONLY)
         power *= variance / power.mean()
     if exact:
         power = np.full_like(power, variance)
-    effective = degrees * _share_of_white(power, degrees / folding.samples)
+    level, effective = smooth_power(power, degrees / folding.samples)[1:], degrees
+    if level.size and power.max() > 0:
+        # Degrees of freedom of the variance of coloured noise, relative to white: (ΣS)²/(n ΣS²).
+        effective = degrees * float(level.sum() ** 2 / (level.size * np.sum(level**2)))
+    density = 2 * power * record.sampling_time
+    density[0] /= 2
+    if folding.samples % 2 == 0:
+        density[-1] /= 2
     values = sum((part.values for part in parts), np.zeros_like(noise))
     together = Part("all parts", values, sum(part.degrees for part in parts))
     return NoiseFloor(
         **_with_ends(variance, effective),
         structured=_descriptions(parts, bursts, variance, mean_period, record),
         structured_rms=float(np.hypot(together.rms(variance), bursts.rms if bursts else 0.0)),
-        spectrum=_density(power, folding.samples, record.sampling_time),
+        spectrum=(np.fft.rfftfreq(folding.samples, record.sampling_time), density),
         degrees_of_freedom=float(effective),
         period=float(period),
         sampling_time=record.sampling_time,
@@ -211,14 +220,6 @@ def _with_ends(variance: float, degrees: float) -> dict[str, float]:
     spread = 2 / (9 * degrees)
     low, high = (variance / (1 - spread + sign * _NORMAL_975 * np.sqrt(spread)) ** 3 for sign in (1, -1))
     return {"rms": float(np.sqrt(variance)), "low": float(np.sqrt(low)), "high": float(np.sqrt(high))}
-
-
-def _of_second_halves(deviations: np.ndarray) -> tuple[np.ndarray, list[Part], int]:
-    """What differs between two periods once the transient at the start of the first is over; all of it passes for noise."""
-    degrees = deviations.shape[1] // 2
-    noise = deviations.copy()
-    noise[:, :-degrees] = 0.0
-    return noise, [], degrees
 
 
 def _is_white(values: np.ndarray) -> bool:
@@ -276,22 +277,6 @@ def _resolution(mean_period: np.ndarray) -> float:
     steps = np.diff(np.unique(mean_period))
     step = float(steps.min()) / np.sqrt(12) if steps.size else 0.0
     return max(step, _DIGITS * float(np.abs(mean_period).max()))
-
-
-def _share_of_white(power: np.ndarray, rows: float) -> float:
-    """How many degrees of freedom the variance of coloured noise has, relative to white: (ΣS)²/(n ΣS²)."""
-    level = smooth_power(power, rows)[1:]
-    if not level.size or power.max() <= 0:
-        return 1.0
-    return float(level.sum() ** 2 / (level.size * np.sum(level**2)))
-
-
-def _density(power: np.ndarray, samples: int, sampling_time: float) -> tuple[np.ndarray, np.ndarray]:
-    density = 2 * power * sampling_time
-    density[0] /= 2
-    if samples % 2 == 0:
-        density[-1] /= 2
-    return np.fft.rfftfreq(samples, sampling_time), density
 
 
 def _descriptions(

@@ -133,7 +133,12 @@ class _LineSearch:
             energy, degrees = self._energy(kind, whitened, level)
             if excess(energy, degrees) > SIGNIFICANT and energy - degrees > best_energy:
                 best, best_energy = Part(kind, np.zeros_like(self.rest), degrees), energy - degrees
-        spectrum = self._spectrum_between_lines(self._power(self.rest) / fine_level)
+        # Power over the noise level between the lines. Below the period's first line the level is not measured: it may rise as
+        # that of a random walk.
+        spectrum, periods = self._power(self.rest) / fine_level, len(self.rest)
+        bins = np.arange(len(spectrum))
+        spectrum[(bins % periods == 0) | (bins < _FEWEST_CYCLES)] = 0.0
+        spectrum *= np.minimum(np.maximum(bins, 1) / (_DRIFTS_BELOW * periods), 1.0) ** 2
         for line in self._line_candidates(spectrum):
             waves = self._whiten(_sinusoids(self.rest.shape, line.frequency, line.harmonics), level)
             basis = _orthonormal(waves.reshape(len(waves), -1).T)
@@ -143,10 +148,11 @@ class _LineSearch:
         # Wild samples are cut: a few of them make their period a direction of its own. A change of the response fills many
         # samples and stays far above the noise when each is cut.
         limit = _WILD * (np.median(np.abs(whitened) / self.taper) / _NORMAL_MEDIAN) * self.taper
-        if _stands_out(np.clip(whitened, -limit, limit), self.free_rows) and (
-            _energy_of_largest(whitened, self.free_rows) > _UNNAMED_ADVANTAGE * best_energy
-        ):
-            best = Part(OTHER, np.zeros_like(self.rest), self.rest.shape[1])
+        if _stands_out(np.clip(whitened, -limit, limit), self.free_rows):
+            values = np.linalg.eigvalsh(whitened @ whitened.T)
+            largest = float(values[-1] - values[-self.free_rows : -1].mean())
+            if largest > _UNNAMED_ADVANTAGE * best_energy:
+                best = Part(OTHER, np.zeros_like(self.rest), self.rest.shape[1])
         return best
 
     def add(self, part: Part) -> None:
@@ -206,15 +212,6 @@ class _LineSearch:
             return float(np.sum((whitened.ravel() @ basis) ** 2)), basis.shape[1]
         basis = _orthonormal(self._whiten(self.shapes[kind].T, level).T)
         return float(np.sum((whitened @ basis) ** 2)), basis.shape[1] * self.free_rows
-
-    def _spectrum_between_lines(self, power: np.ndarray) -> np.ndarray:
-        """Power over the noise level, at 0, 1, 2, … cycles per record; 0 where periods repeat."""
-        periods = len(self.rest)
-        bins = np.arange(len(power))
-        power[bins % periods == 0] = 0.0
-        power[bins < _FEWEST_CYCLES] = 0.0
-        # Below the period's first line the level is not measured: it may rise as that of a random walk.
-        return power * np.minimum(np.maximum(bins, 1) / (_DRIFTS_BELOW * periods), 1.0) ** 2
 
     def _line_candidates(self, spectrum: np.ndarray) -> list[Part]:
         """List the strongest line, and lines already found with their harmonics, if they stand out of the noise."""
@@ -388,12 +385,6 @@ def _stands_out(whitened: np.ndarray, free_rows: int) -> bool:
     values = np.linalg.eigvalsh(whitened @ whitened.T)
     limit = 1 + (2 * np.sqrt(free_rows) + 8 * free_rows ** (-1 / 3)) / np.sqrt(samples) + free_rows / samples
     return bool(values[-1] > limit * values[-free_rows:-1].mean())
-
-
-def _energy_of_largest(whitened: np.ndarray, free_rows: int) -> float:
-    """Energy over noise of the direction over the periods that has most."""
-    values = np.linalg.eigvalsh(whitened @ whitened.T)
-    return float(values[-1] - values[-free_rows:-1].mean())
 
 
 def _refined_line(rows: np.ndarray, frequency: float) -> float:

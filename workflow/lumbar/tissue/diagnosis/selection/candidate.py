@@ -77,7 +77,10 @@ def evaluate(fit: Fit, experiment: Experiment) -> Candidate:
     simulated = [(item, fit.simulate(item.motion)) for item in tests]
     errors = {item.name: item.error(values) for item, values in simulated}
     unseen = np.concatenate([item.whitened_error(values) for item, values in simulated])
-    score = training.size * np.log(fit.squared_error / training.size) + _unlikelihood(unseen)
+    scale, unlikelihood = _robust_scale(unseen), float("-inf")
+    if scale > 0:
+        unlikelihood = float(np.sum(_loss(unseen, scale))) + 2 * len(unseen) * float(np.log(scale))
+    score = training.size * np.log(fit.squared_error / training.size) + unlikelihood
     score += (len(fit.linear) + len(fit.nonlinear)) * np.log(training.size + len(unseen))
     train_rms = training.cache.compute_once(("rms", fit), lambda: fit.rms(training))
     by_record = {name: float(np.sqrt(np.mean(error**2))) for name, error in errors.items()}
@@ -157,13 +160,6 @@ def _robust_scale(errors: np.ndarray) -> float:
 def _loss(errors: np.ndarray, scale: float) -> np.ndarray:
     """Minus twice the log-likelihood of Student's t, per error, up to a constant."""
     return (_FREEDOM + 1) * np.log1p((errors / scale) ** 2 / _FREEDOM)
-
-
-def _unlikelihood(errors: np.ndarray) -> float:
-    scale = _robust_scale(errors)
-    if scale <= 0:
-        return float("-inf")
-    return float(np.sum(_loss(errors, scale))) + 2 * len(errors) * float(np.log(scale))
 
 
 def likelihood_ratio(before: Candidate, after: Candidate, experiment: Experiment) -> float:
@@ -307,8 +303,10 @@ def contradictions(fit: Fit, experiment: Experiment) -> list[str]:
         own = [item for item in known if item.effect == form.effect]
         found += _nothing_added(form, own, fit, training)
         for shape in form.nonlinear:
-            if shape.decisive and _at_end(fit.nonlinear[position], low[position], high[position]):
-                found.append(f"{form.effect}: {shape.name} is at the end of its range")
+            if shape.decisive:
+                value, least, most = fit.nonlinear[position], low[position], high[position]
+                if min(np.log(value / least), np.log(most / value)) < _AT_BOUND * np.log(most / least):
+                    found.append(f"{form.effect}: {shape.name} is at the end of its range")
             position += 1
         if form.contradiction is not None:
             values = {item.name: item.value for item in own}
@@ -336,11 +334,6 @@ def _surely_together(form: Form, names: tuple[str, ...], fit: Fit, training: Fit
     amplitudes = fit.linear[chosen] * size[chosen]
     wald = amplitudes @ np.linalg.pinv(scaled[np.ix_(chosen, chosen)], rcond=1e-12) @ amplitudes
     return bool(wald > scipy.special.chdtri(len(chosen), 0.05))
-
-
-def _at_end(value: float, low: float, high: float) -> bool:
-    room = _AT_BOUND * np.log(high / low)
-    return bool(np.log(value / low) < room or np.log(high / value) < room)
 
 
 def _refused(form: Form, values: dict[str, float], fit: Fit, experiment: Experiment) -> list[str]:

@@ -94,21 +94,13 @@ def extend(
         enough = any(is_adequate(item, experiment) for item in ranked[:LOOK_AHEAD])
         simpler = {item.effects[-1]: item for item in (ranked[:LOOK_AHEAD] if enough else ranked)}
         for form in every:
-            if form.general and form.effect in simpler:
-                found += _where_needed(model, form, simpler[form.effect], experiment)
+            best = simpler.get(form.effect)
+            if form.general and best is not None and not is_adequate(best, experiment):
+                general = add_form(model, form, experiment)
+                rest = max(best.train_rms**2 - experiment.noise**2, 0.0)
+                if best.train_rms**2 - general.train_rms**2 >= MOST_OF_REST * rest:
+                    found.append(general)
     return sorted(found, key=lambda item: item.score)
-
-
-def _where_needed(
-    model: Candidate, general: Form, simpler: Candidate, experiment: Experiment
-) -> list[Candidate]:
-    """A general form refitted, where the best simpler form of its effect leaves much that it explains."""
-    if is_adequate(simpler, experiment):
-        return []
-    found = add_form(model, general, experiment)
-    rest = max(simpler.train_rms**2 - experiment.noise**2, 0.0)
-    removed = simpler.train_rms**2 - found.train_rms**2
-    return [found] if removed >= MOST_OF_REST * rest else []
 
 
 def _promising(fit: Fit, forms: list[Form], experiment: Experiment, most: int, all_forms: bool) -> list[Form]:
@@ -203,25 +195,20 @@ class Selection:
         return self.null.p_value(likelihood_ratio(before, after, self.experiment), self.forms)
 
     def passes(self, before: Candidate, after: Candidate) -> bool:
-        """Whether an effect may be selected: no false alarm in training, and surely better on unseen records."""
-        largest = before.test_rms if self.experiment.floor else BLIND * before.test_rms
+        """Whether an effect may be selected: no false alarm in training, significantly better on unseen records, consistent."""
+        experiment = self.experiment
+        largest = before.test_rms if experiment.floor else BLIND * before.test_rms
         if after.test_rms >= largest or self.p_value(before, after) > LEVEL:
             return False
-        return self.surely_better(before, after) and not self.contradicts_itself(after)
-
-    def surely_better(self, before: Candidate, after: Candidate) -> bool:
-        """Whether the loss on unseen records falls, or for effects that accumulate that on what follows in training."""
-        if unseen_improvement(before, after, self.experiment) > UNSEEN:
-            return True
-        added = set(after.effects) - set(before.effects)
-        accumulating = any(self.settings.candidates[name].accumulates for name in added)
-        return accumulating and later_improvement(before, after, self.experiment) > UNSEEN
-
-    def contradicts_itself(self, candidate: Candidate) -> bool:
-        """Whether a name does not agree with its own parameters."""
-        if candidate not in self.contradicting:
-            self.contradicting[candidate] = bool(contradictions(candidate.fit, self.experiment))
-        return self.contradicting[candidate]
+        if unseen_improvement(before, after, experiment) <= UNSEEN:
+            # An effect that accumulates hardly shows in short records: the later part of the training record counts.
+            added = set(after.effects) - set(before.effects)
+            accumulating = any(self.settings.candidates[name].accumulates for name in added)
+            if not accumulating or later_improvement(before, after, experiment) <= UNSEEN:
+                return False
+        if after not in self.contradicting:
+            self.contradicting[after] = bool(contradictions(after.fit, experiment))
+        return not self.contradicting[after]
 
     def is_further(self, before: Candidate, after: Candidate) -> bool:
         """Whether an effect passes and explains more than what the smaller model has being slightly wrong."""

@@ -76,8 +76,33 @@ def prepare_points(state: DiagnosisState) -> DiagnosisState:
 
 
 def choose_spring(state: DiagnosisState) -> DiagnosisState:
-    """Choose the spring of the settings, or the likelier of a fastened one and one that is met at a surface."""
-    experiment, base = _spring(state.experiment, state.settings)
+    """Choose the spring of the settings, or the likelier of a fastened one and one that is met at a surface.
+
+    The latter must also beat every law with the fastened one.
+
+    Raises
+    ------
+    InputError
+        For a base that depends on more than position.
+    """
+    experiment, name = state.experiment, state.settings.base
+    if isinstance(name, Base):
+        if not name.form.is_static:
+            raise InputError(f"{name.name}: its equation holds more than position, and points have no clock")
+        base = fit_base(name, experiment)
+    elif name not in (CHOSEN_BY_DATA, *_SPRINGS):
+        raise InputError(
+            f"base {name}: points of a static test have no clock, and a spring alone can be fitted to them: {', '.join(_SPRINGS)}"
+        )
+    else:
+        base = fit_base(BASES["LE"], experiment)
+        if name != "LE" and first_surface(experiment) is not None:
+            met, touching = at_surface(experiment, ("LE-contact",))
+            rivals = (
+                [] if name == "LE-contact" else [base, *extend(base, state.settings.candidates, experiment)]
+            )
+            if all(touching.score < item.score for item in rivals):
+                experiment, base = met, touching
     reason = f"{base.fit.structure.base.name}: error {base.test_rms:.4g} {experiment.output_unit} unseen"
     return state.next("choose the base", reason, experiment=experiment, base=base, path=[base])
 
@@ -145,27 +170,6 @@ def _points(record: Record, wanted: Callable[[np.ndarray], np.ndarray] | None = 
         order = order[wanted(np.arange(len(order)))]
     number = np.arange(float(len(order)))
     return FitData(record.name, Motion(number, record["input"][order], 1.0), record["output"][order])
-
-
-def _spring(experiment: Experiment, settings: DiagnosisSettings) -> tuple[Experiment, Candidate]:
-    """Fit the spring of the settings, or the likelier one: met at a surface, if that beats every law with the fastened one."""
-    name = settings.base
-    if isinstance(name, Base):
-        if not name.form.is_static:
-            raise InputError(f"{name.name}: its equation holds more than position, and points have no clock")
-        return experiment, fit_base(name, experiment)
-    if name not in (CHOSEN_BY_DATA, *_SPRINGS):
-        raise InputError(
-            f"base {name}: points of a static test have no clock, and a spring alone can be fitted to them: {', '.join(_SPRINGS)}"
-        )
-    fastened = fit_base(BASES["LE"], experiment)
-    met = None
-    if name != "LE" and first_surface(experiment) is not None:
-        met = at_surface(experiment, ("LE-contact",))
-    if met is None or name == "LE-contact":
-        return met or (experiment, fastened)
-    rivals = [fastened, *extend(fastened, settings.candidates, experiment)]
-    return met if met[1].score < min(item.score for item in rivals) else (experiment, fastened)
 
 
 def errors_are_alike(model: Candidate, experiment: Experiment) -> bool:

@@ -109,7 +109,9 @@ def spatial_reports(model: FittedModel, experiment: Experiment, seed: int) -> li
         for record, force in zip(records, forces, strict=True)
     ]
     correlation = _noise_correlation(first, floors)
-    moved = [one for own in simulated for one in own if _moves(one[0])]
+    moved = [
+        one for own in simulated for one in own if min(np.ptp(one[0]["input"]), np.ptp(one[0]["output"])) > 0
+    ]
     found = {item.record.name: item for item in reports_of(moved, seed)}
     made = []
     for record, values, own in zip(records, forces, simulated, strict=True):
@@ -130,7 +132,3 @@ def _noise_correlation(record: Record, floors: Sequence[NoiseFloor | None]) -> n
     covariance = np.cov(changes)
     sizes = np.sqrt(np.diag(covariance))
     return np.where(np.eye(len(sizes)), 1.0, covariance / np.maximum(np.outer(sizes, sizes), 1e-300))
-
-
-def _moves(record: Record) -> bool:
-    return np.ptp(record["input"]) > 0 and np.ptp(record["output"]) > 0
