@@ -9,8 +9,8 @@ from lumbar.interface.diagnosed import FORWARD, Diagnosis, ProposedLaw
 from lumbar.interface.result import label_of, settings_or_default
 from lumbar.records.record import Record, forced, require_one_axis
 from lumbar.settings.study_settings import StudySettings
-from lumbar.tissue.diagnosis.fitting.decimation import limit_samples
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
+from lumbar.tissue.diagnosis.fitting.fit_data import limit_samples
 from lumbar.tissue.diagnosis.selection.diagnose import diagnose as search
 
 

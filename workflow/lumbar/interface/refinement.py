@@ -16,8 +16,8 @@ from lumbar.records.record import Record, forced
 from lumbar.settings.study_settings import StudySettings
 from lumbar.tables.table import Table
 from lumbar.tissue.diagnosis.finding import Finding
-from lumbar.tissue.diagnosis.fitting.decimation import limit_samples
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
+from lumbar.tissue.diagnosis.fitting.fit_data import limit_samples
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment, in_session, prepare
 from lumbar.tissue.diagnosis.residuals.compare import comparison_table
 from lumbar.tissue.diagnosis.residuals.locate import (

@@ -12,8 +12,8 @@ from column_files import write_columns, write_records
 from lumbar.base.errors import InputError
 from lumbar.records.record import Record
 from lumbar.records.stretches import check_clipping
-from lumbar.tissue.diagnosis.fitting.decimation import ENOUGH, MOST, limit_samples
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
+from lumbar.tissue.diagnosis.fitting.fit_data import ENOUGH, MOST, limit_samples
 from lumbar.tissue.diagnosis.fitting.preparation import check_excitation
 from lumbar.tissue.diagnosis.selection.diagnose import diagnose
 from lumbar.tissue.diagnosis.selection.refine import refine

@@ -10,8 +10,8 @@ import yaml
 from lumbar.base.errors import InputError
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.selection.diagnose import diagnose
-from lumbar.tissue.diagnosis.spatial.force_channels import exchanged_channels
 from lumbar.tissue.diagnosis.spatial.spatial_data import prepare
+from lumbar.tissue.diagnosis.spatial.spatial_findings import exchanged_channels
 from space_records import FRICTION, POSITION, STIFFNESS, record, record_of, white
 
 TURNED = np.array([[0.9, -0.4, 0.2], [-0.4, 0.5, 0.1], [0.2, 0.1, 0.3]])

@@ -14,8 +14,7 @@ from lumbar.records.record import Record, RecordSet
 from lumbar.settings.improvement import ImprovementSettings
 from lumbar.settings.layout import ColumnLayout, ColumnSettings
 from lumbar.settings.study_settings import StudySettings
-from lumbar.tissue.diagnosis.fitting.decimation import decimate
-from lumbar.tissue.diagnosis.fitting.fit_data import FitData
+from lumbar.tissue.diagnosis.fitting.fit_data import FitData, decimate
 from lumbar.tissue.diagnosis.fitting.joint_fit import fit_base
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment, prepare
 from lumbar.tissue.diagnosis.linear.direction import direction_or_sign

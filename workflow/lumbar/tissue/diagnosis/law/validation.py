@@ -4,8 +4,7 @@ from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 
-from lumbar.tissue.diagnosis.fitting.decimation import PER_CYCLE, band_edge
-from lumbar.tissue.diagnosis.fitting.fit_data import FitData, JointData
+from lumbar.tissue.diagnosis.fitting.fit_data import PER_CYCLE, FitData, JointData, band_edge
 from lumbar.tissue.diagnosis.fitting.joint_fit import Fit
 from lumbar.tissue.diagnosis.fitting.joint_fit import fit as refit
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment

@@ -18,8 +18,7 @@ import numpy as np
 import scipy
 
 from lumbar.records.record import Channel, Record
-from lumbar.tissue.diagnosis.fitting.decimation import decimate
-from lumbar.tissue.diagnosis.fitting.fit_data import FitData, FreeRun
+from lumbar.tissue.diagnosis.fitting.fit_data import FitData, FreeRun, decimate
 from lumbar.tissue.diagnosis.fitting.joint_fit import Fit, folds, solve_linear, unfolded
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.linear.poles import Poles, forces, relocated_poles, slope_forces

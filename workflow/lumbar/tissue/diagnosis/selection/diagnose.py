@@ -1,11 +1,16 @@
 """A diagnosis as a sequence of named steps: from records to the physical effect that a base model is missing."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
+import numpy as np
+
+from lumbar.base.errors import InputError
 from lumbar.records.record import Record
 from lumbar.tissue.diagnosis.finding import Finding
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
+from lumbar.tissue.diagnosis.fitting.fit_data import FitData
+from lumbar.tissue.diagnosis.fitting.joint_fit import Fit
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.linear.direction import direction_or_sign
 from lumbar.tissue.diagnosis.selection.alternatives import (
@@ -15,12 +20,16 @@ from lumbar.tissue.diagnosis.selection.alternatives import (
     report_zeros,
 )
 from lumbar.tissue.diagnosis.selection.base_choice import SEARCH, find_base, reweigh_errors
-from lumbar.tissue.diagnosis.selection.forward_selection import find_ties
-from lumbar.tissue.diagnosis.selection.rates import check_rate_independence, compare_records
+from lumbar.tissue.diagnosis.selection.candidate import Candidate, drop_effect, refit
+from lumbar.tissue.diagnosis.selection.forward_selection import extend, find_ties
 from lumbar.tissue.diagnosis.selection.result import DiagnosisResult, DiagnosisState, Status, run
+from lumbar.tissue.diagnosis.selection.sentences import effects_text
+from lumbar.tissue.diagnosis.selection.thresholds import COMPLETE
 from lumbar.tissue.diagnosis.sensors.sensor_faults import repair
 from lumbar.tissue.effects.catalogue import usable_effects
 from lumbar.tissue.models.bases import Base
+from lumbar.tissue.models.form import Effect
+from lumbar.tissue.signals.spectrum import occupied_band
 
 
 def diagnose(
@@ -140,6 +149,198 @@ def search_formula(state: DiagnosisState) -> DiagnosisState:
     return state.next(
         step, reason, *added, status=changed.status, tied_with=changed.tied_with, proposal=proposal
     )
+
+
+FAR = 2.0
+"""Error of an unseen record, in noise floors, that a model which leaves only noise in training should not have."""
+_STRETCHES = 4
+_FALLING = -0.9
+"""Rank correlation of the stiffnesses of all stretches with their order, up to which they fall all along."""
+_MOVES = 0.2
+"""Share of a record's range that a stretch must move over."""
+_FALL = 0.01
+"""Share of the stiffness by which it falls at least."""
+_APART = 2.0
+"""Ratio of the highest to the lowest rate of the motion from which on records tell whether a force depends on it."""
+_AS_GOOD = 1.5
+"""Error on an unseen record in that of training, each as it is or for its size of force, up to which it is predicted; and of a
+rival in that of the model, up to which it stands beside."""
+_FUNDAMENTAL = 0.9
+"""Share of the power that bounds the rates of a motion: without the overtones of a triangle, which has one rate."""
+_RIVALS = ("relaxation_spectrum", "second_relaxation")
+_SPRINGS = ("hardening_stiffness", "strain_softening", "quadratic_stiffness")
+"""What takes the place of a mechanism that does not ask for the speed: relaxation, alone and beside a spring of large strain."""
+_OWN_SIZE = 0.5
+"""Share of the error on a record of another rate that another size of the mechanism would remove, from which on that rate
+contradicts it; else something else is missing there."""
+
+
+def check_rate_independence(state: DiagnosisState) -> DiagnosisState:
+    """Name a rate-independent mechanism only if other rates are predicted without new constants.
+
+    Else it is tied with the relaxations, without or with a spring of large strain, that explain the unseen records as well; it
+    is unexplained if records of other rates contradict it and none of these does.
+    """
+    step, experiment, effects = "check rate independence", state.experiment, state.effects
+    named = [name for name in state.selected if effects[name].rate_independent]
+    if state.status not in (Status.NAMED, Status.TIED) or not named:
+        return state.next(step, "not needed: no rate-independent effect is named")
+    # Lowest and highest frequency (Hz) of the motion in all records.
+    records = [part for item in (experiment.training, *experiment.tests) for part in item.records]
+    bands = [
+        occupied_band(part.own(part.motion.position), part.motion.sampling_time, _FUNDAMENTAL)
+        for part in records
+    ]
+    low, high = min(edges[0] for edges in bands), max(edges[1] for edges in bands)
+    apart, failed = high >= _APART * low, _not_predicted(state, named)
+    rates = f"rates from {low:.3g} to {high:.3g} Hz"
+    if apart and not failed:
+        return state.next(
+            step, f"{effects_text(named)} predicts all records with one set of constants ({rates})"
+        )
+    known = {frozenset(item.effects) for item in state.tied_with}
+    rivals = [item for item in _rivals(state, named, effects) if frozenset(item.effects) not in known]
+    tied = [*state.tied_with, *rivals]
+    status = Status.TIED if tied else Status.UNEXPLAINED if apart else Status.NAMED
+    missed = " and ".join(failed)
+    if apart:
+        kind = "other_rates_missed"
+        sentence = (
+            f"The constants of {experiment.training.name} do not predict records at other rates: {missed} (rates from {low:.3g} "
+            f"to {high:.3g} Hz). The records thus do not show that {effects_text(named)} acts at every speed; relaxation on many "
+            "time scales and springs of large strain were tried instead."
+        )
+    else:
+        kind = "one_rate"
+        sentence = (
+            f"All records move at nearly one rate ({low:.3g} to {high:.3g} Hz), so they do not show that {effects_text(named)} "
+            "acts at every speed. Repeat the same path ten times as fast or as slowly."
+        )
+    finding = Finding(kind, sentence, high / low, "1")
+    others = ", ".join(effects_text(item.effects) for item in rivals) or "no other effects"
+    seen = f"{missed} not predicted" if apart else "too alike to show rate independence"
+    reason = f"{rates}: {seen}; {others} explain the unseen records as well"
+    return state.next(step, reason, finding, status=status, tied_with=tied)
+
+
+def compare_records(state: DiagnosisState) -> DiagnosisState:
+    """Report unseen records that the model misses though it leaves only noise in training, and stiffness that falls."""
+    findings = [*trained_otherwise(state), *falling_stiffness(state.experiment)]
+    kinds = ", ".join(item.kind.replace("_", " ") for item in findings)
+    return state.next("compare records", kinds or "no record contradicts the others", *findings)
+
+
+def far_off(state: DiagnosisState) -> list[str]:
+    """Unseen records far above the noise, or what is left in training where that is unknown, of a model that is at it there."""
+    experiment, model = state.experiment, state.model
+    noise = experiment.noise or model.train_rms
+    tissue = model.fit.structure.base.system == "tissue" and not experiment.session and not experiment.points
+    if not tissue or model.train_rms > COMPLETE * noise:
+        return []
+    trained = {item.name for item in experiment.training.records}
+    return [name for name, rms in model.unseen_rms.items() if rms > FAR * noise and name not in trained]
+
+
+def trained_otherwise(state: DiagnosisState) -> list[Finding]:
+    """The model that was selected, fitted to the records that were unseen, and to all: what each leaves of the others."""
+    left = far_off(state)
+    if not left:
+        return []
+    experiment, model = state.experiment, state.model
+
+    def fitted(names: list[str]):
+        chosen = Experiment.as_recorded(experiment.records, replace(state.settings, train=names))
+        return refit(model.fit.structure, model.fit.nonlinear, chosen.with_origin(experiment.surface))
+
+    first = [item.name for item in experiment.training.records]
+    unseen = [item.name for item in experiment.tests]
+    try:
+        turned, joint = fitted(unseen), fitted([*first, *unseen])
+    except InputError:
+        return []  # too little motion in the others, or another rate: they are no training records
+    noise = experiment.noise or model.train_rms
+    worst = max(joint.train_rms, joint.test_rms)
+    unit, trained, others = experiment.output_unit, " and ".join(first), " and ".join(unseen)
+    error = max(model.unseen_rms[name] for name in left)
+    outcome = (
+        "so one set of parameters describes all records: fit them together with --train"
+        if worst <= FAR * noise
+        else "so no single set of parameters describes all of them"
+    )
+    sentence = (
+        f"Of {trained} only noise is left, of {' and '.join(left)} up to {error:.3g} {unit}; the same model fitted to {others} "
+        f"leaves {turned.train_rms:.3g} {unit} there and {turned.test_rms:.3g} {unit} of {trained}, and fitted to all together "
+        f"it leaves {worst:.3g} {unit}, {outcome}. What came before a record may matter (softening, wear, slow recovery): use "
+        "--session if they were recorded one after another, in the order of their names."
+    )
+    return [Finding("trained_otherwise", sentence, turned.test_rms, unit)]
+
+
+def falling_stiffness(experiment: Experiment) -> list[Finding]:
+    """That the stiffness falls all along the records, in their order, where it does."""
+    records = experiment.records
+    if len(records) < 2 or experiment.session or experiment.points:
+        return []
+    slopes = []
+    for record in records:
+        parts = zip(*(np.array_split(record[role], _STRETCHES) for role in ("input", "output")), strict=True)
+        least = _MOVES * float(np.ptp(record["input"]))
+        for position, force in parts:
+            if np.ptp(position) < least:
+                return []  # a hold tells no stiffness
+            moved = position - position.mean()
+            slopes.append(float(moved @ force / (moved @ moved)))
+    ranks = np.argsort(np.argsort(slopes))
+    order = float(np.corrcoef(ranks, np.arange(len(slopes)))[0, 1])
+    falls = order <= _FALLING and slopes[-1] < (1 - _FALL) * slopes[0]
+    unit = f"{experiment.output_unit}/{experiment.input_unit}"
+    sentence = (
+        f"The stiffness falls through all records, in the order of their names, from {slopes[0]:.4g} to {slopes[-1]:.4g} {unit}. "
+        "If they were recorded one after another on one specimen, use --session: each then begins where the one before it ended."
+    )
+    return [Finding("falling_stiffness", sentence, slopes[-1], unit)] if falls else []
+
+
+def _not_predicted(state: DiagnosisState, named: list[str]) -> list[str]:
+    """Unseen records with an error far above that of training, also for its force, that other sizes of these would remove."""
+    model, experiment = state.model, state.experiment
+    least = max(model.train_rms, experiment.noise)
+
+    def size(data: FitData) -> float:
+        return float(np.std(data.trim(data.force)))
+
+    own = size(experiment.training)
+    return [
+        item.name
+        for item in experiment.tests
+        if model.unseen_rms[item.name] > _AS_GOOD * least * max(1.0, size(item) / own)
+        and _removed_by_size(model.fit, named, item) > _OWN_SIZE
+    ]
+
+
+def _removed_by_size(fit: Fit, named: list[str], data: FitData) -> float:
+    """Share of the squared error on a record that the named effects' force removes at a size of its own."""
+    of_base = np.zeros(len(fit.structure.base.linear), dtype=bool)
+    of_forms = [np.full(len(form.linear), form.effect in named) for form in fit.structure.forms]
+    larger = fit.linear * np.where(np.concatenate([of_base, *of_forms]), 2.0, 1.0)
+    force = fit.structure.simulate(data.motion, larger, fit.nonlinear) + fit.zero - fit.simulate(data.motion)
+    error = data.trim(data.force - fit.simulate(data.motion))
+    part = data.trim(force)
+    error, part = error - error.mean(), part - part.mean()
+    return float((error @ part) ** 2 / max((error @ error) * (part @ part), 1e-300))
+
+
+def _rivals(state: DiagnosisState, named: list[str], effects: Mapping[str, Effect]) -> list[Candidate]:
+    """Relaxations in the place of the mechanism, the best alone and beside a spring, that come near on unseen records."""
+    experiment, start = state.experiment, state.model
+    for name in named:
+        start = drop_effect(start, name, experiment)
+    relaxing, springs = (
+        {name: effects[name] for name in names if name in effects} for names in (_RIVALS, _SPRINGS)
+    )
+    alone = extend(start, relaxing, experiment)[:1]
+    beside = [item for model in alone for item in extend(model, springs, experiment)[:1]]
+    return [item for item in alone + beside if item.test_rms <= _AS_GOOD * state.model.test_rms]
 
 
 TISSUE_STEPS = (

@@ -18,10 +18,9 @@ from lumbar.tissue.diagnosis.selection.forward_selection import (
 from lumbar.tissue.diagnosis.selection.refine import added_in_turn
 from lumbar.tissue.diagnosis.selection.result import DiagnosisState, Status
 from lumbar.tissue.diagnosis.selection.thresholds import TIED
-from lumbar.tissue.diagnosis.spatial.force_channels import exchanged_channels
 from lumbar.tissue.diagnosis.spatial.spatial_base import KINDS, choose_base, freed, held, likelier
 from lumbar.tissue.diagnosis.spatial.spatial_data import prepare
-from lumbar.tissue.diagnosis.spatial.spatial_findings import SENSOR, spatial_findings
+from lumbar.tissue.diagnosis.spatial.spatial_findings import SENSOR, exchanged_channels, spatial_findings
 from lumbar.tissue.effects.catalogue import choose, usable_effects
 from lumbar.tissue.models.bases import CHOSEN_BY_DATA
 from lumbar.tissue.models.form import Effect
