@@ -159,7 +159,7 @@ def decode_lines(
         text = _decode_as(content, source, encoding)
     else:
         text, encoding = _recognise(content, source, lenient)
-    return _split_lines(text), encoding
+    return _split_lines(text.replace("\N{MINUS SIGN}", "-")), encoding
 
 
 def _split_lines(text: str) -> list[str]:
@@ -334,7 +334,12 @@ def read_plain_numbers(
         nonlocal count
         for line in itertools.chain([start], lines):
             count += 1
-            yield line if dialect.decimal == "." else line.replace(dialect.decimal, ".")
+            if dialect.decimal == ".":
+                yield line
+            elif "." in line:
+                raise ValueError("a decimal point")
+            else:
+                yield line.replace(dialect.decimal, ".")
 
     try:
         table = np.loadtxt(counted(), comments=None, delimiter=dialect.delimiter, ndmin=2)

@@ -1,20 +1,18 @@
-"""How a text table is written: encoding, delimiter, decimal mark, and the lines that hold its rows.
+"""How a text table is written: delimiter, decimal mark, and the lines that hold its rows.
 
 All are found by one question: read so, which lines are rows of numbers? General sniffers of CSV dialects look at the
 delimiter alone; with decimal commas and the headers of testing machines the decimal mark and the first row have to be
 found with it.
 """
 
-import codecs
-import csv
+import math
 import re
 from collections import Counter
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 
-from lumbar.base.errors import InputError
-from lumbar.records.importing.raw_table import ENCODINGS
+from lumbar.records.number_table import Dialect
 
 FEWEST_ROWS = 8
 _LOOKED_AT = 3000
@@ -34,94 +32,40 @@ DELIMITERS = {"\t": "tab", ";": "semicolon", ",": "comma", "|": "bar", None: "bl
 """Delimiters in the order in which one is preferred where two read a table alike."""
 
 
-_NO_ASCII = re.compile(r"[^\x00-\x7f]+")
-_WESTERN = re.compile(r"[À-ÖØ-öø-ÿŒœŸ°±²³µ·×§®©€‘’“”–—…]|[äöüÄÖÜ]ß|éé|ç[ãõ]")
-"""What stands between letters of ASCII in western words; two letters of other alphabets make longer or other runs."""
-
-
-def decode_lines(content: bytes, source: str, encoding: str | None = None) -> tuple[list[str], str]:
-    """Return lines of text, as an editor counts them, and the encoding: the one told, UTF-16, UTF-8 or western Windows-1252.
-
-    Raises
-    ------
-    InputError
-        Naming the first line that cannot be decoded.
-    """
-    text, encoding = _told(content, source, encoding) if encoding else _decoded(content, source)
-    return _lines(text.replace("\N{MINUS SIGN}", "-")), encoding
-
-
-def _lines(text: str) -> list[str]:
-    return re.split(r"\r\n|\r|\n", text)
-
-
-def _told(content: bytes, source: str, encoding: str) -> tuple[str, str]:
-    try:
-        return content.decode(encoding).removeprefix("\ufeff"), encoding
-    except UnicodeDecodeError as error:
-        before = _lines(content[: error.start].decode(encoding, "ignore"))
-        found = ascii(content[error.start : error.start + 20])[1:]
-        raise InputError(
-            f"{source}: line {len(before)} cannot be read by --encoding {encoding} ({found})"
-        ) from error
-
-
-def _western(content: bytes, source: str) -> str:
-    """Text of Windows-1252, if western words are all that is beside ASCII in it."""
-    text = content.decode("cp1252", errors="replace")
-    for run in _NO_ASCII.finditer(text):
-        before, after = text[: run.start()][-1:], text[run.end() :][:1]
-        if not _WESTERN.fullmatch(run[0]) or (run[0] in "°²³" and before.isalpha() and after.isalpha()):
-            lines = _lines(text[: run.start()])
-            start = len(text[: run.start()]) - len(lines[-1])
-            line = re.split(rb"[\r\n]", content[start : start + 60])[0]
-            raise InputError(
-                f"{source}: line {len(lines)} is not UTF-8 ({ascii(line)[1:]}); say what it is written in, as --encoding "
-                f"{ENCODINGS}"
-            )
-    return text
-
-
-def _decoded(content: bytes, source: str) -> tuple[str, str]:
-    if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        return content.decode("utf-16", errors="replace"), "UTF-16"
-    zeros = content[:2000]
-    for encoding, first in (("utf-16-le", 1), ("utf-16-be", 0)):
-        if len(zeros) > 8 and zeros[first::2].count(0) > 0.4 * len(zeros):
-            return content.decode(encoding, errors="replace"), encoding.upper()
-    try:
-        return content.decode("utf-8-sig"), "UTF-8"
-    except UnicodeDecodeError:
-        return _western(content, source), "Windows-1252"
-
-
 @dataclass(frozen=True)
-class Dialect:
-    """Delimiter (None: blanks) and decimal mark of a table, its width, and its columns of text (from 0)."""
+class TableDialect(Dialect):
+    """How a table is written, its width, and its columns of text (from 0)."""
 
-    delimiter: str | None
-    decimal: str
-    width: int
-    text_columns: frozenset[int]
+    width: int = 0
+    text_columns: frozenset[int] = frozenset()
 
     def split(self, line: str) -> list[str]:
-        """Cells of a line; quotes protect delimiters, and an empty cell at the end of rows is none."""
-        return _split(line, self.delimiter)
+        """Return the cells of one line, without the empty one that a delimiter at the end of a row makes."""
+        cells = super().split(line)
+        return cells[:-1] if len(cells) == self.width + 1 and not cells[-1] else cells
+
+    def number(self, cell: str) -> float:
+        """Return the number in a cell, a time of day in seconds, or NaN if the cell says that there is none."""
+        if cell.casefold() in MISSING:
+            return math.nan
+        if CLOCK.match(cell):
+            return _seconds_of_day(cell)
+        if self.decimal == "," and "." in cell:
+            raise ValueError(f"{cell!r} has a decimal point")
+        return super().number(cell)
 
     @cached_property
-    def _all_numbers(self) -> re.Pattern:
-        """What most rows are, told at once."""
+    def _only_numbers(self) -> re.Pattern:
+        """Pattern of most rows."""
         number = _NUMBER[self.decimal].pattern
         between = r"\s+" if self.delimiter is None else rf"\s*{re.escape(self.delimiter)}\s*"
         return re.compile(rf"\s*{number}(?:{between}{number}){{{self.width - 1}}}\s*")
 
     def is_row(self, line: str) -> bool:
-        """Whether a line is a row of the table: every cell that should hold a number does, or says it has none."""
-        if self._all_numbers.fullmatch(line):
+        """Whether a line is a row: every cell that should hold a number holds one, or says that there is none."""
+        if self._only_numbers.fullmatch(line):
             return True
         cells = self.split(line)
-        if len(cells) == self.width + 1 and not cells[-1]:  # what a delimiter at the end of a row makes
-            cells = cells[:-1]
         if len(cells) != self.width:
             return False
         numbers = [cell for column, cell in enumerate(cells) if column not in self.text_columns]
@@ -131,7 +75,7 @@ class Dialect:
         )
 
     def is_torn_row(self, line: str) -> bool:
-        """Whether a line is a row with something in it that is no number, or with cells too few or too many."""
+        """Whether a line is a row with a cell that is no number, or with too few or too many cells."""
         return not self.is_row(line) and sum(_is_number(cell, self.decimal) for cell in self.split(line)) >= 2
 
     def __str__(self) -> str:
@@ -139,28 +83,25 @@ class Dialect:
         return f"columns parted by {DELIMITERS[self.delimiter]}, decimal {mark}"
 
 
-def _split(line: str, delimiter: str | None) -> list[str]:
-    if delimiter is None:
-        return line.split()
-    if '"' not in line:
-        return [cell.strip() for cell in line.split(delimiter)]
-    try:
-        cells = next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])
-    except csv.Error:  # a cell of more than 131072 characters
-        cells = line.split(delimiter)
-    return [cell.strip() for cell in cells]
+def _seconds_of_day(cell: str) -> float:
+    """Return the seconds since midnight; a date is left out, as days and months cannot be told apart."""
+    time = re.split(r"[T ]+", cell.replace(",", ".").rstrip("Z"))[-1]
+    hours, minutes, seconds = [*time.split(":"), "0"][:3]
+    whole, _, fraction = seconds.partition(".")
+    nanoseconds = (3600 * int(hours) + 60 * int(minutes) + int(whole)) * 10**9 + int(f"{fraction:0<9}"[:9])
+    return nanoseconds / 1e9
 
 
 def _is_number(cell: str, decimal: str) -> bool:
     return bool(_NUMBER[decimal].fullmatch(cell) or CLOCK.match(cell))
 
 
-def find_dialect(lines: list[str]) -> Dialect | None:
+def find_dialect(lines: list[str]) -> TableDialect | None:
     """Return the dialect by which most cells are numbers; None where no lines are a table."""
     looked_at = [line for line in lines[:_LOOKED_AT] if line.strip()]
     best, most = None, 0
     for delimiter in DELIMITERS:
-        split = [_split(line, delimiter) for line in looked_at]
+        split = [Dialect(delimiter).split(line) for line in looked_at]
         for decimal in ".,":
             if delimiter == decimal and not any('"' in line for line in looked_at):
                 continue
@@ -170,7 +111,7 @@ def find_dialect(lines: list[str]) -> Dialect | None:
     return best
 
 
-def _as_table(split: list[list[str]], delimiter: str | None, decimal: str) -> tuple[Dialect | None, int]:
+def _as_table(split: list[list[str]], delimiter: str | None, decimal: str) -> tuple[TableDialect | None, int]:
     """The table that lines split so may be, and its cells that are numbers less those that are text."""
     rows = [cells for cells in split if sum(_is_number(cell, decimal) for cell in cells) >= 2]
     if len(rows) < FEWEST_ROWS:
@@ -187,10 +128,10 @@ def _as_table(split: list[list[str]], delimiter: str | None, decimal: str) -> tu
         if numbers[column] + blanks[column] < 0.5 * len(rows) or not numbers[column]
     )
     share = len(rows) * len(text)
-    return Dialect(delimiter, decimal, width, text), sum(numbers) - share
+    return TableDialect(delimiter, decimal, None, False, width, text), sum(numbers) - share
 
 
-def find_blocks(lines: list[str], dialect: Dialect) -> list[tuple[int, int]]:
+def find_blocks(lines: list[str], dialect: TableDialect) -> list[tuple[int, int]]:
     """Return first and last line (from 0) of every run of rows with at most blank lines between them."""
     rows = [number for number, line in enumerate(lines) if line.strip() and dialect.is_row(line)]
     if not rows:

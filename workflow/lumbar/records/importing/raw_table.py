@@ -14,11 +14,10 @@ import numpy as np
 
 from lumbar.base.errors import InputError
 from lumbar.base.yaml_file import shipped_yaml
+from lumbar.records.number_table import ENCODINGS
 
 COLUMNS_FOLLOW = "\n    read as "
 """What parts, in a message, the problems of a table from its columns."""
-ENCODINGS = "gbk (Chinese), shift_jis (Japanese), cp1251 (Cyrillic), cp1250 (Central Europe) or cp1252 (Western Europe)"
-"""Examples, for messages."""
 
 
 @dataclass(frozen=True)

@@ -1,16 +1,16 @@
 """Text of any dialect as columns of numbers, with names, units and the sampling rate from the lines around them."""
 
 import re
+from collections.abc import Sequence
 
 import numpy as np
 
-from lumbar.base.errors import MAX_PROBLEMS, InputError, Problems
+from lumbar.base.errors import InputError
 from lumbar.records.importing.dialect import (
     CLOCK,
     FEWEST_ROWS,
     MISSING,
-    Dialect,
-    decode_lines,
+    TableDialect,
     find_blocks,
     find_dialect,
 )
@@ -21,6 +21,13 @@ from lumbar.records.importing.raw_table import (
     StatedRate,
     find_unit,
     name_and_unit,
+)
+from lumbar.records.number_table import (
+    NumberTable,
+    decode_lines,
+    read_numbers,
+    read_plain_numbers,
+    split_rows,
 )
 
 _LONGEST_LABEL = 1000
@@ -46,10 +53,14 @@ def read_text(content: bytes, source: str, asked: Asked) -> RawTable:
 
 
 def table_of_lines(lines: list[str], source: str, encoding: str, table: str | None = None) -> RawTable:
-    """Return the table in these lines of text; of several, the one of this number (from 1)."""
+    """Return the table in lines of text; of several tables, the one with this number (from 1)."""
     dialect = find_dialect(lines)
-    runs = find_blocks(lines, dialect) if dialect else []
-    blocks = [(first, last) for first, last in runs if last - first + 1 >= FEWEST_ROWS]
+    plain = _plain_table(lines, dialect) if dialect else None
+    if plain is not None:
+        blocks = runs = [(plain.lines[0] - 1, plain.lines[-1] - 1)]
+    else:
+        runs = find_blocks(lines, dialect) if dialect else []
+        blocks = [(first, last) for first, last in runs if last - first + 1 >= FEWEST_ROWS]
     if dialect is None or not blocks:
         raise InputError(
             f"{source}: no table of numbers in these {len(lines)} lines ({encoding}); at least {FEWEST_ROWS} rows with two "
@@ -60,22 +71,55 @@ def table_of_lines(lines: list[str], source: str, encoding: str, table: str | No
     above = lines[before[-1] + 1 if before else 0 : first]
     names, units = _header(above, dialect)
     remarks = [] if any(names) else _nameless(above, lines[first], dialect, source)
-    cells = dialect.split(lines[first])
-    words = {column: cells[column] for column in sorted(dialect.text_columns)}
     remarks += _left_out(lines, last, runs, dialect)
-    remarks += [f"column {column + 1} is no number ({cell!r})" for column, cell in words.items()]
-    values, numbers, spelled = _values(lines, first, last, dialect, source)
-    columns = tuple(
-        RawColumn(column + 1, names[column], "s" if CLOCK.match(cells[column]) else units[column], given)
-        for column, given in enumerate(values.T)
-        if column not in dialect.text_columns
+    # Columns of numbers and of times of day.
+    cells = dialect.split(lines[first])
+    labels = {
+        column: f"column {column + 1}{f' {name!r}' if name else ''}" for column, name in enumerate(names)
+    }
+    positions = {
+        labels[column]: column for column in range(dialect.width) if column not in dialect.text_columns
+    }
+    numbers = plain or read_numbers(
+        split_rows(lines[first : last + 1], dialect, source, first + 1),
+        positions,
+        source,
+        dialect,
+        dialect.width,
     )
+    columns = []
+    for column, values in zip(positions.values(), numbers.values.T, strict=True):
+        is_clock = bool(CLOCK.match(cells[column]))
+        values = _count_midnights(values) if is_clock else values
+        columns.append(RawColumn(column + 1, names[column], "s" if is_clock else units[column], values))
+    # Columns of words, which may name trials.
+    words = []
+    for column in sorted(dialect.text_columns):
+        remarks.append(f"column {column + 1} is no number ({cells[column]!r})")
+        words.append(
+            _words(column, names[column], [dialect.split(lines[n - 1])[column] for n in numbers.lines])
+        )
     form = "; ".join([f"{encoding}, {dialect}, lines {first + 1} to {last + 1}", *remarks])
-    named = tuple(_words(column, names[column], cells) for column, cells in spelled.items())
-    return RawTable(source, form, columns, numbers, tuple(_stated_rates(lines[:first])), named)
+    rates = tuple(_stated_rates(lines[:first]))
+    return RawTable(source, form, tuple(columns), numbers.lines, rates, tuple(words))
 
 
-def _words(column: int, name: str, cells: tuple[str, ...]) -> RawColumn:
+def _plain_table(lines: list[str], dialect: TableDialect) -> NumberTable | None:
+    """Return the table of a text that is nothing but lines above it and rows of numbers to its end."""
+    last = next((n for n in range(len(lines), 0, -1) if lines[n - 1].strip()), 0)
+    first = next((n for n in range(last) if dialect.is_row(lines[n])), last)
+    if last - first < FEWEST_ROWS or dialect.text_columns or dialect.decimal == dialect.delimiter:
+        return None
+    return read_plain_numbers(lines[first:last], dialect, dialect.width, first + 1)
+
+
+def _count_midnights(seconds: np.ndarray) -> np.ndarray:
+    """Return the seconds since the first of these times of day; a day that ends between two of them is counted on."""
+    midnights = np.concatenate([[0], np.cumsum(np.diff(seconds) < -_DAY / 2)])
+    return seconds - seconds[0] + _DAY * midnights
+
+
+def _words(column: int, name: str, cells: Sequence[str]) -> RawColumn:
     """A column of words; cells that hold none, and all after too many different ones, are naN."""
     number = {word: at for at, word in enumerate(dict.fromkeys(cells)) if at < _MOST_WORDS}
     values = [np.nan if cell.casefold() in MISSING else number.get(cell, np.nan) for cell in cells]
@@ -95,7 +139,7 @@ def _chosen(blocks: list[tuple[int, int]], table: str | None, source: str) -> tu
     return blocks[int(table) - 1]
 
 
-def _left_out(lines: list[str], last: int, runs: list[tuple[int, int]], dialect: Dialect) -> list[str]:
+def _left_out(lines: list[str], last: int, runs: list[tuple[int, int]], dialect: TableDialect) -> list[str]:
     """Say which numbers are in no table: rows too few for one, and a row at the end that is not whole."""
     told = [
         f"lines {a + 1} to {b + 1} are too few rows for a table" for a, b in runs if b - a + 1 < FEWEST_ROWS
@@ -105,7 +149,7 @@ def _left_out(lines: list[str], last: int, runs: list[tuple[int, int]], dialect:
     return told
 
 
-def _header(above: list[str], dialect: Dialect) -> tuple[list[str], list[str]]:
+def _header(above: list[str], dialect: TableDialect) -> tuple[list[str], list[str]]:
     """Names and units of the columns from the rows right above the table, empty where there are none."""
     near = _whole_lines([line for line in above if line.strip()])[-_HEADER_ROWS:]
     rows = [cells for line in near if (cells := _header_cells(line, dialect))]
@@ -132,7 +176,7 @@ def _whole_lines(lines: list[str]) -> list[str]:
     return whole
 
 
-def _nameless(above: list[str], row: str, dialect: Dialect, source: str) -> list[str]:
+def _nameless(above: list[str], row: str, dialect: TableDialect, source: str) -> list[str]:
     """Say what stands where names were expected.
 
     Raises
@@ -150,7 +194,7 @@ def _nameless(above: list[str], row: str, dialect: Dialect, source: str) -> list
     return [f"no names: above the table stands {line.strip()[:60]!r}"] if names else []
 
 
-def _header_cells(line: str, dialect: Dialect) -> list[str] | None:
+def _header_cells(line: str, dialect: TableDialect) -> list[str] | None:
     """Cells of a header row, one per column; None for a line that is none.
 
     In a table parted by blanks a name may hold some, before its unit or between words that two blanks part from others.
@@ -181,62 +225,13 @@ def _is_unit_row(cells: list[str]) -> bool:
     return bool(filled) and sum(find_unit(cell) is not None for cell in filled) > 0.5 * len(filled)
 
 
-def _unit_labels(above: list[str], dialect: Dialect) -> list[str]:
+def _unit_labels(above: list[str], dialect: TableDialect) -> list[str]:
     """Units from a line such as ``Y_Unit_Label<tab>mm<tab>N``, for the last columns."""
     for line in above:
         label, *cells = [cell for cell in dialect.split(line) if cell] or [""]
         if "unit" in label.casefold() and 0 < len(cells) <= dialect.width and _is_unit_row(cells):
             return [""] * (dialect.width - len(cells)) + cells
     return [""] * dialect.width
-
-
-def _values(
-    lines: list[str], first: int, last: int, dialect: Dialect, source: str
-) -> tuple[np.ndarray, list[int], dict[int, tuple[str, ...]]]:
-    """Numbers of the rows, the line (from 1) of each, and the cells of the columns of words."""
-    problems, rows, numbers = Problems(source, most=MAX_PROBLEMS), [], []
-    for number in range(first, last + 1):
-        if not lines[number].strip():
-            continue
-        if not dialect.is_row(lines[number]):
-            problems.add(
-                f"line {number + 1}",
-                f"{lines[number].strip()[:60]!r}",
-                f"{dialect.width} numbers are expected",
-            )
-            continue
-        rows.append(dialect.split(lines[number])[: dialect.width])
-        numbers.append(number + 1)
-    problems.raise_if_any()
-    columns = list(zip(*rows, strict=True))
-    spelled = {column: columns[column] for column in sorted(dialect.text_columns)}
-    values = [
-        np.full(len(rows), np.nan) if column in spelled else _numbers(cells, dialect.decimal)
-        for column, cells in enumerate(columns)
-    ]
-    return np.array(values).T, numbers, spelled
-
-
-def _numbers(cells: tuple[str, ...], decimal: str) -> np.ndarray:
-    if any(CLOCK.match(cell) for cell in cells):
-        return _seconds(cells)
-    exponent = str.maketrans({decimal: ".", "d": "e", "D": "E"})
-    return np.array(
-        [np.nan if cell.casefold() in MISSING else float(cell.translate(exponent)) for cell in cells]
-    )
-
-
-def _seconds(cells: tuple[str, ...]) -> np.ndarray:
-    """Seconds since the first of these times of day; dates are left out, as days and months are told apart by guesses:
-    a day that ends between two of them is counted on.
-    """
-    import pandas as pd
-
-    times = [re.split(r"[T ]+", cell.replace(",", ".").rstrip("Z"))[-1] for cell in cells]
-    padded = pd.Series([time if time.count(":") == 2 else f"{time}:00" for time in times])
-    seconds = pd.to_timedelta(padded, errors="coerce").dt.total_seconds().to_numpy()
-    midnights = np.concatenate([[0], np.cumsum(np.diff(seconds) < -_DAY / 2)])
-    return seconds - seconds[0] + _DAY * midnights
 
 
 _RATE = re.compile(
