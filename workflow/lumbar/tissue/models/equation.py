@@ -3,7 +3,7 @@
 import cmath
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -247,13 +247,12 @@ class Equation:
         """
         if self.channels:
             return None
-        step = self._c_step_of([self.portable_terms], self.linear, solution)
-        return replace(step, value=step.value[0])
+        return self._c_step_of([self.portable_terms], self.linear, solution)
 
     def _c_step_of(
         self, sums: Sequence[Sequence[Expression]], linear: Iterable[LinearParameter], solution: str = ""
     ) -> CStep:
-        """Each sum of terms in C, and the statements that come before; linear parameters have their own names."""
+        """Return the C code of one sum of terms, or of one along every axis."""
         names = {item.symbol: item.name for item in (*linear, *self.nonlinear)}
         names |= {name: item.c_name for name, item in SIGNALS.items()} | {FORCE: "force"}
         names |= {name: f"next[{row}]" for row, name in enumerate(self.slopes)}
@@ -263,7 +262,8 @@ class Equation:
         ready = iter(values)
         added = tuple(" + ".join(next(ready) for _ in terms) for terms in sums)
         statements = "\n".join(filter(None, [*steps, *shared]))
-        return CStep(added, statements, len(self.slopes), self._c_constants)
+        value = added if len(added) > 1 else added[0]
+        return CStep(value, statements, len(self.slopes), self._c_constants)
 
     def _c_constants(self, parameters: Mapping[str, float], sampling_time: float) -> dict[str, float]:
         """Sampling time, and the pole of the states that follow their equations without motion."""

@@ -205,16 +205,16 @@ class Motion:
         time = self.time[0] + step * np.arange(1 + (len(self) - 1) * SUBSTEPS)
         return Motion(time, self._spline(time), step, interpolation=self._spline)
 
-    def with_position(self, position: np.ndarray) -> Motion:
-        """Motion with a position that is not smooth, on the same clock."""
-        return Motion(self.time, position, self.sampling_time, False, self.channels)
+    def with_position(self, position: np.ndarray, between: np.ndarray | None = None) -> Motion:
+        """Motion with a position that is not smooth, on the same clock; `between` are its steps between the samples."""
+        return Motion(self.time, position, self.sampling_time, False, self.channels, between)
 
     def through(self, moved: Callable[[Motion], np.ndarray]) -> Motion:
         """Motion whose position is what `moved` makes of it and which is not smooth; on the same clock."""
         if not self.smooth:
             return self.with_position(moved(self))
         between = moved(self.finer)
-        return replace(self.with_position(between[::SUBSTEPS]), between=between)
+        return self.with_position(between[::SUBSTEPS], between)
 
     def scale(self, kind: str) -> float:
         """Size of a quantity, for starting values: see `lumbar.tissue.models.parameter.NonlinearParameter`."""
@@ -270,8 +270,8 @@ class SampledMotion(Motion):
         """Motion whose position is what `moved` makes of the samples, on the same clock."""
         return self.with_position(moved(self))
 
-    def with_position(self, position: np.ndarray) -> SampledMotion:
-        """Motion with another position, on the same clock."""
+    def with_position(self, position: np.ndarray, between: np.ndarray | None = None) -> SampledMotion:
+        """Motion with another position, on the same clock; a running loop knows nothing between the samples."""
         return SampledMotion(self.time, position, self.sampling_time)
 
 

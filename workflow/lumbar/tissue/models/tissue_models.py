@@ -196,18 +196,18 @@ KV = _model(
     network=Parallel((Spring("k"), Dashpot("b"))),
     derive=lambda spring_stiffness, viscosity: {"k": spring_stiffness, "b": viscosity},
 )
-"""Eq. 3.5: improper, not identified."""
+"""Eq. 3.5, b1 z − b0: improper, not identified."""
 KB = _model(
     "KB",
     network=Series((Parallel((Spring("k1"), Dashpot("b"))), Spring("k2"))),
     structure=ArxStructure(order=1, input_lags=(0, 1)),
     derive=_kelvin_boltzmann_elements,
 )
-"""Eq. 3.4."""
+"""Kelvin–Boltzmann, Eq. 3.4: H(z) = (b1 z − b0)/(z − a0), whose two numerator lags and pole are free."""
 MW = _model("MW", network=MAXWELL.network, structure=ArxStructure(order=1, input_lags=(1,)))
-"""Eq. 3.3, as published: no spring and dashpot in series, which is `MAXWELL`."""
+"""Eq. 3.3 as published: H(z) = b0/(z − a0). A spring and dashpot in series is `MAXWELL`."""
 HO = _model("HO")
-"""Eq. 3.9."""
+"""Eq. 3.9: orders and lags are searched, see `higher_order_structures`."""
 IL = _model("IL", network=Spring("k"))
 
 MODELS = {model.name: model for model in (LE, MAXWELL, KV, KB, MW, HO, IL)}
