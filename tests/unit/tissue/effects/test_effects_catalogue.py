@@ -198,7 +198,7 @@ STEP = 0.01
 def test_reversals_skip_rests():
     motion = Motion(np.arange(8) * STEP, np.array([0.0, 1, 1, 2, 2, 1, 0, 1]), STEP, smooth=False)
     assert motion.reversals.tolist() == [0, 4, 6, 7]
-    assert motion.stretch.tolist() == [0, 0, 0, 0, 1, 1, 2, 2]
+    assert motion.interval.tolist() == [0, 0, 0, 0, 1, 1, 2, 2]
 
 
 FINE = 50

@@ -61,13 +61,13 @@ class Base:
         return self.touching is not None
 
     @property
-    def own(self) -> bool:
+    def is_user_defined(self) -> bool:
         """Whether it is user-defined, from any input to any response."""
         return self.definition is not None
 
     @property
     def _response(self) -> str:
-        return "y" if self.own else _RESPONSES[self.system]
+        return "y" if self.is_user_defined else _RESPONSES[self.system]
 
     @property
     def text(self) -> str:

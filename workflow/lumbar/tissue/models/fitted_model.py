@@ -114,7 +114,7 @@ class FittedModel(ModelData):
         base = self.structure.base
         if base.contact:
             raise NumericalError(f"{self.name}: no transfer function holds a contact that is lost")
-        if base.own:
+        if base.is_user_defined:
             return control.TransferFunction(*self._linearised(base))
         values = {item.name: self[item.name].value for item in (*base.linear, *base.nonlinear)}
         if base.system == "pendulum":
@@ -217,7 +217,7 @@ def models_document(
     structures = [model.structure for model in models if isinstance(model.structure, Structure)]
     forms = [form for structure in structures for form in structure.forms]
     own = {
-        "bases": {item.base.name: item.base.definition for item in structures if item.base.own},
+        "bases": {item.base.name: item.base.definition for item in structures if item.base.is_user_defined},
         "effects": {form.effect: form.definition for form in forms if form.definition},
     }
     content = {"schema": SCHEMA, "data": source_label, "noise_floor_rms": noise_floor_rms}

@@ -162,7 +162,7 @@ class Motion:
         return self._turning[0]
 
     @cached_property
-    def stretch(self) -> np.ndarray:
+    def interval(self) -> np.ndarray:
         """For every sample the number of its monotone interval between `turns`."""
         samples = self._turning[1]
         return np.append(np.repeat(np.arange(len(samples) - 1), np.diff(samples)), len(samples) - 2)

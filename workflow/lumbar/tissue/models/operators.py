@@ -1,6 +1,6 @@
 """Operators with memory, exact between samples for the stated motion.
 
-Rate-independent operators (play, presliding) have closed forms along a monotone stretch of motion, so they are
+Rate-independent operators (play, presliding) have closed forms along a monotone interval of motion, so they are
 evaluated from reversal to reversal and not from sample to sample.
 
 A tool that is not fastened to the tissue presses where it touches and never pulls; the surface comes back by itself. In
@@ -64,14 +64,14 @@ def play(motion: Motion, gap: float) -> np.ndarray:
         elif place > high:
             place = high
         reached.append(place)
-    start = np.array(reached)[motion.stretch]
+    start = np.array(reached)[motion.interval]
     return np.clip(start, position - gap, position + gap)
 
 
 def presliding(motion: Motion, distance: float) -> np.ndarray:
     """Dahl's friction as a share of its limit: dr/dx = (1 − r·sign ẋ)/d, r(0) = 0.
 
-    P. Dahl, A solid friction model (1968), exponent 1; along a monotone stretch r approaches ±1 exponentially with
+    P. Dahl, A solid friction model (1968), exponent 1; along a monotone interval r approaches ±1 exponentially with
     the presliding distance d.
     """
     position = motion.position
@@ -81,9 +81,9 @@ def presliding(motion: Motion, distance: float) -> np.ndarray:
     share = [0.0]
     for sign, decay in zip(direction.tolist(), np.exp(-np.abs(steps) / distance).tolist(), strict=True):
         share.append(sign + (share[-1] - sign) * decay)
-    stretch = motion.stretch
-    start, sign = np.array(share)[stretch], direction[stretch]
-    return sign + (start - sign) * np.exp(-np.abs(position - turns[stretch]) / distance)
+    interval = motion.interval
+    start, sign = np.array(share)[interval], direction[interval]
+    return sign + (start - sign) * np.exp(-np.abs(position - turns[interval]) / distance)
 
 
 def bouc_wen(motion: Motion, distance: float) -> np.ndarray:
@@ -99,10 +99,10 @@ def bouc_wen(motion: Motion, distance: float) -> np.ndarray:
     share = [0.0]
     for sign, travel in zip(direction.tolist(), (np.abs(steps) / distance).tolist(), strict=True):
         share.append(sign * _loaded_once(sign * share[-1], travel))
-    stretch = motion.stretch
+    interval = motion.interval
     begun = direction * np.array(share[:-1])
-    sign, start, loaded = direction[stretch], begun[stretch], np.arctanh(np.maximum(begun, 0.0))[stretch]
-    travel = np.abs(position - turns[stretch]) / distance
+    sign, start, loaded = direction[interval], begun[interval], np.arctanh(np.maximum(begun, 0.0))[interval]
+    travel = np.abs(position - turns[interval]) / distance
     unloading = np.minimum(start + travel, 0.0)
     loading = loaded + np.maximum(travel + np.minimum(start, 0.0), 0.0)
     return sign * np.where(start + travel < 0, unloading, np.tanh(loading))
@@ -139,10 +139,10 @@ def bouc_wen_general(motion: Motion, distance: float, unloading_share: float) ->
     share = [0.0]
     for sign, travel in zip(direction.tolist(), (np.abs(steps) / distance).tolist(), strict=True):
         share.append(sign * _loaded_generally(sign * share[-1], travel, unloading_share, _SCALAR))
-    stretch = motion.stretch
-    sign = direction[stretch]
-    travel = np.abs(position - turns[stretch]) / distance
-    return sign * _loaded_generally(sign * np.array(share)[stretch], travel, unloading_share, np)
+    interval = motion.interval
+    sign = direction[interval]
+    travel = np.abs(position - turns[interval]) / distance
+    return sign * _loaded_generally(sign * np.array(share)[interval], travel, unloading_share, np)
 
 
 _LARGEST_GROWTH = 50.0

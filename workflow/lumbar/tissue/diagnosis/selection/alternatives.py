@@ -301,7 +301,11 @@ def force_leads(model: Candidate, experiment: Experiment, linear: set[str]) -> F
     """
     base = model.fit.structure.base
     replaced = linear & set(model.effects)
-    if base.contact or base.own or not (replaced or base.name == "KV" or not is_adequate(model, experiment)):
+    if (
+        base.contact
+        or base.is_user_defined
+        or not (replaced or base.name == "KV" or not is_adequate(model, experiment))
+    ):
         return None
     kept = [form for form in model.fit.structure.forms if form.effect not in replaced | {"delay"}]
     shortest = min(data.size for data in (*experiment.training.records, *experiment.tests))

@@ -117,7 +117,9 @@ def refined_document(path: list[Candidate], experiment: Experiment, source_label
     floor = None if experiment.floor is None else experiment.floor.rms
     bases = [item.fit.structure.base for item in path]
     named = [
-        item for item, base in zip(path, bases, strict=True) if base.own or base.spatial or base.name in BASES
+        item
+        for item, base in zip(path, bases, strict=True)
+        if base.is_user_defined or base.spatial or base.name in BASES
     ]
     return models_document([fitted_model(item, experiment) for item in named], source_label, floor)
 
