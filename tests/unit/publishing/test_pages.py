@@ -13,9 +13,8 @@ from periodic_records import STEP, multisine, noise, record, relaxing_force
 
 import lumbar
 from lumbar.base.errors import InputError
-from lumbar.publishing.explorer import shown
 from lumbar.publishing.explorer.one_file import embedded_pictures, one_file, plain_figure
-from lumbar.publishing.explorer.shown import WITH_EFFECTS, candidates_of, drawing_step, model_key
+from lumbar.publishing.explorer.shown import WITH_EFFECTS, candidates_of, model_key
 from lumbar.publishing.pages.diagnosis_page import diagnosis_page
 from lumbar.publishing.pages.diagnosis_pictures import draw_pictures, pictured_effects
 from lumbar.publishing.pages.html import document, figure, listing, paragraph, table
@@ -304,13 +303,10 @@ def test_words_of_the_data_are_shown_and_not_run(html):
     assert "alert(1)" in html
 
 
-def test_long_records_are_thinned_and_the_page_says_so(page, monkeypatch):
-    monkeypatch.setattr(shown, "MOST_VALUES", 20000)
-    models = len(page.models)
-    step = drawing_step(page.result.experiment.records, models)
-    assert step > 1
-    thinned = replace(page)
+def test_long_records_are_thinned_and_the_page_says_so(page):
+    thinned, columns = replace(page, max_values=20000), len(page.models) + 6
+    assert thinned.step > 1
     samples = sum(len(record.columns["time"]) for record in thinned.records)
-    assert samples * (models + 6) <= 20000 * 1.01 + (models + 6) * len(thinned.records)
+    assert samples * columns <= 20000 * 1.01 + columns * len(thinned.records)
     assert thinned.models[1].merits == page.models[1].merits
-    assert f"Every {step}th sample is drawn" in thinned.to_html()
+    assert f"Every {thinned.step}th sample is drawn" in thinned.to_html()

@@ -12,10 +12,10 @@ from markupsafe import Markup
 from lumbar.publishing.explorer.explorer_pictures import ANSWER, ASIDE, FIRST, SECOND, page_models
 from lumbar.publishing.explorer.one_file import embedded_pictures, one_file
 from lumbar.publishing.explorer.shown import (
+    RECORD_COLUMNS,
     ShownModel,
     ShownRecord,
     candidates_of,
-    drawing_step,
     model_key,
     shown_candidate,
     shown_fitted,
@@ -86,12 +86,15 @@ class ExplorerPage:
     """The thesis's models, shown after those of the diagnosis."""
     others_remark: str = ""
     """Remark on those of the thesis's models that are not shown."""
+    max_values: int = 1_200_000
+    """Most numbers of a page, in 4 bytes each, about 6.5 MB as text."""
 
     @cached_property
     def step(self) -> int:
-        """Step between drawn samples."""
-        models = len(candidates_of(self.result)) + len(self.others)
-        return drawing_step(self.result.experiment.records, models)
+        """Step between drawn samples: of long records every second, third, … one is drawn."""
+        columns = len(candidates_of(self.result)) + len(self.others) + RECORD_COLUMNS
+        samples = sum(len(record) for record in self.result.experiment.records)
+        return max(1, -(-samples * columns // self.max_values))
 
     @cached_property
     def models(self) -> list[ShownModel]:

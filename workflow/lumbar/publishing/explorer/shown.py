@@ -1,4 +1,4 @@
-"""What the page of a diagnosis holds: every record, and every model that was fitted, simulated on each of them."""
+"""Data of the page of a diagnosis: every record, and every fitted model simulated on each of them."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -19,14 +19,12 @@ from lumbar.tissue.models.measured_motion import for_base
 from lumbar.tissue.models.model_data import ARX, GIVEN, OUTPUT_ERROR
 from lumbar.tissue.signals.spectrum import welch
 
-MOST_VALUES = 1_200_000
-"""Numbers that a page holds in 4 bytes each, about 6.5 MB as text; of longer records every second, third, … sample is drawn."""
 _SEGMENTS = 8
-"""Segments of Welch's method where a record has no period."""
-_COLUMNS = 6
-"""Columns of a record beside those of the models."""
+"""Segments of Welch's method for records without a period."""
+RECORD_COLUMNS = 6
+"""Columns of a record without those of the models."""
 MARKERS = {EXCITED: "circle", EVEN: "square", ODD: "triangle"}
-"""Marks of a periodic record's lines where its grid tells them apart."""
+"""Markers of a periodic record's lines by their class."""
 WITH_EFFECTS = "with effects"
 GROUPS = {
     ARX: "of the thesis, ridge ARX",
@@ -42,22 +40,21 @@ class ShownRecord:
     """One record as it is drawn."""
 
     record: Record
-    """As the base model sees it."""
+    """Record with the base's input and output."""
     trained: bool
-    """Whether models were fitted to it; the others are unseen."""
+    """Whether models were fitted to it."""
     first: int
-    """Sample from which on errors count."""
+    """First sample that counts in errors."""
     rows: np.ndarray | None
-    """Shape (periods, samples), or None: whole periods among the samples that count, where the record's noise was told
-    from them."""
+    """Whole periods among the counted samples, shape (periods, samples), if they give the record's noise; else None."""
     columns: dict[str, np.ndarray]
-    """Shape (drawn samples,): ``time`` (s), ``position``, ``velocity`` and ``measured``, in the records' units; ``since``,
-    seconds after (negative: before) the nearest reversal of the motion, NaN where none is near, and ``turned``, the
-    direction it takes then."""
+    """Columns of shape (drawn samples,): ``time`` (s), ``position``, ``velocity`` and ``measured`` in the records' units;
+    ``since``, seconds after (negative: before) the nearest reversal of the motion, NaN if none is near; ``turned``, the
+    direction after that reversal."""
     noise: np.ndarray | None
-    """Shape (lines,), or None: amplitude density of the noise in the output's unit per √Hz, where it is known."""
+    """Amplitude density of the noise in the output's unit per √Hz, shape (lines,); None if unknown."""
     marker: list[str]
-    """Bokeh's mark of every line of the spectrum; ``dot`` for those that say nothing by themselves."""
+    """Bokeh's marker of every line of the spectrum; ``dot`` for lines without a class."""
 
     @property
     def name(self) -> str:
@@ -66,13 +63,13 @@ class ShownRecord:
 
     @property
     def frequency(self) -> np.ndarray:
-        """Lines of the spectrum in Hz, above 0."""
+        """Frequencies of the spectrum above 0 Hz."""
         return self.density(np.zeros(len(self.record) - self.first))[0]
 
     def density(self, error: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Frequencies above 0 Hz and amplitude density of an error from `first` on.
+        """Return frequencies above 0 Hz and the amplitude density of an error that begins at `first`.
 
-        The mean over whole periods where the record repeats, so that its lines do not leak into one another; else Welch's.
+        It is the mean over whole periods if the record repeats, so that lines do not leak; else Welch's estimate.
         """
         step = self.record.sampling_time
         if self.rows is not None:
@@ -95,34 +92,30 @@ class ShownModel:
     label: str
     group: str
     train_rms: float
+    """Error on training records in the output's unit."""
     test_rms: float | None
-    """`train_rms`, `test_rms`: errors in the output's unit; None where no record is unseen."""
+    """Error on unseen records; None without any."""
     values: dict[str, np.ndarray]
+    """Simulated output at drawn samples by record."""
     density: dict[str, np.ndarray]
-    """`values`, `density`: simulated output (drawn samples) and amplitude density of its error, by record."""
+    """Amplitude density of its error by record."""
     merits: dict[str, dict[str, float]]
-    """``rms``, ``vaf`` and ``fit`` of every record, of all samples from the settling time on."""
+    """``rms``, ``vaf`` and ``fit`` by record, over all samples after the settling time."""
 
 
 def model_key(effects: Sequence[str]) -> str:
-    """Name of a set of effects on the page, whose order makes no other model; ``base`` without any."""
+    """Return the name of a set of effects on the page, independent of their order; ``base`` without any."""
     return "+".join(sorted(effects)) or "base"
 
 
 def candidates_of(verdict: DiagnosisResult) -> list[Candidate]:
-    """Every fitted set of effects once: the path, then the ranking."""
+    """Return every fitted set of effects: the path, then the ranking, without repetitions."""
     fitted = [*verdict.path, *(item.candidate for item in verdict.ranking)]
     return list({model_key(item.effects): item for item in fitted}.values())
 
 
-def drawing_step(records: Sequence[Record], models: int) -> int:
-    """Which samples are drawn, so that the page stays within `MOST_VALUES`: every one, every second, …."""
-    samples = sum(len(record) for record in records)
-    return max(1, -(-samples * (models + _COLUMNS) // MOST_VALUES))
-
-
 def shown_records(verdict: DiagnosisResult, step: int) -> list[ShownRecord]:
-    """Every record of a diagnosis as it is drawn."""
+    """Return every record of a diagnosis as it is drawn."""
     experiment = verdict.experiment
     trained = {item.name for item in getattr(experiment.training, "parts", (experiment.training,))}
     base = verdict.base.fit.structure.base
@@ -161,7 +154,7 @@ def _shown_record(record: Record, trained: bool, verdict: DiagnosisResult, step:
 
 
 def _around_reversals(record: Record) -> tuple[np.ndarray, np.ndarray]:
-    """Seconds after the nearest reversal, NaN beyond half of what usually lies between two, and the direction after it."""
+    """Return seconds after the nearest reversal, NaN beyond half of their typical distance, and the direction after it."""
     samples = np.arange(len(record))
     turns, directions = reversals(record["input"])
     if turns.size < 2:
@@ -175,7 +168,7 @@ def _around_reversals(record: Record) -> tuple[np.ndarray, np.ndarray]:
 def shown_candidate(
     candidate: Candidate, verdict: DiagnosisResult, records: Sequence[ShownRecord], step: int
 ) -> ShownModel:
-    """Simulate the base with effects on every record; `step` as of `drawing_step`."""
+    """Simulate the base with effects on every record; every `step`-th sample is drawn."""
     experiment = verdict.experiment
     seen = [item.record for item in records]
     simulate = simulation(seen, candidate.fit, experiment.surface, experiment.session)
@@ -193,7 +186,7 @@ def shown_candidate(
 def shown_fitted(
     model: FittedModel, verdict: DiagnosisResult, records: Sequence[ShownRecord], step: int
 ) -> ShownModel:
-    """Simulate a model of the thesis on every record; parameters as of `shown_candidate`.
+    """Simulate a model of the thesis on every record; parameters as in `shown_candidate`.
 
     Raises
     ------
@@ -210,7 +203,7 @@ def shown_fitted(
 
 
 def _on_records(simulate: Callable[[Record], np.ndarray], records: Sequence[ShownRecord], step: int):
-    """Simulated output, density of its error and figures of merit, each by record."""
+    """Return simulated output, density of its error and figures of merit, each by record."""
     values, density, merits = {}, {}, {}
     for item in records:
         simulated = simulate(item.record)
@@ -228,11 +221,11 @@ def _on_records(simulate: Callable[[Record], np.ndarray], records: Sequence[Show
 def _pooled(
     merits: dict[str, dict[str, float]], records: Sequence[ShownRecord], trained: bool
 ) -> float | None:
-    """Root mean square over all samples of the records that models were, or were not, fitted to; None without any."""
+    """Return the root mean square error over the training records or the unseen ones; None without any."""
     counted = [
         (len(item.record) - item.first, merits[item.name]["rms"])
         for item in records
         if item.trained == trained
     ]
     size = sum(size for size, _ in counted)
-    return float(np.sqrt(sum(own * rms**2 for own, rms in counted) / size)) if size else None
+    return float(np.sqrt(sum(samples * rms**2 for samples, rms in counted) / size)) if size else None

@@ -7,11 +7,11 @@ import pandas as pd
 
 from lumbar.lifting.stability.basins import RANGES, REACHES
 from lumbar.lifting.stability.comparison.percent_differences import comparison_names
-from lumbar.publishing.reproduction.claim import Claim, Outcome, Results, sentences
+from lumbar.publishing.reproduction.claim import Claim, Outcome, Results, UntestableError, sentences
 from lumbar.settings.stability import GROUPS
 
 _PERCENT = ["lateral_bending_percent", "flexion_extension_percent"]
-_MISSING = Outcome(None, None, "this study lacks one of the lifts compared")
+_MISSING = "this study lacks one of the lifts compared"
 MAX_RATIO = 10.0
 """A basin is of the order of magnitude of its movement if it reaches at most this many times as far, and at least the
 inverse."""
@@ -45,17 +45,17 @@ def basin_sentences(groups: tuple[str, str] = GROUPS) -> list[Claim]:
     return sentences("basins", judges, first=groups[0], second=groups[1], within=MAX_RATIO)
 
 
-def _rows(results: Results, comparison: str) -> pd.DataFrame | None:
-    """Return the rows of one comparison of Table 4.1 by centre of mass; None if one is missing."""
+def _rows(results: Results, comparison: str) -> pd.DataFrame:
+    """Return the rows of one comparison of Table 4.1 by centre of mass."""
     table = results["table_4_1"]
     rows = table[table.comparison == comparison]
-    return None if rows.empty or rows[_PERCENT].isna().any(axis=None) else rows.set_index("com")
+    if rows.empty or rows[_PERCENT].isna().any(axis=None):
+        raise UntestableError(_MISSING)
+    return rows.set_index("com")
 
 
 def _compared(comparison: str, agrees: Callable[[pd.DataFrame], bool], results: Results) -> Outcome:
     rows = _rows(results, comparison)
-    if rows is None:
-        return _MISSING
     percents = "; ".join(
         f"{com}: {row.lateral_bending_percent:+.2f} %, {row.flexion_extension_percent:+.2f} %"
         for com, row in rows.iterrows()
@@ -64,10 +64,7 @@ def _compared(comparison: str, agrees: Callable[[pd.DataFrame], bool], results: 
 
 
 def _novice_susceptible(lighter: Sequence[str], groups: tuple[str, str], results: Results) -> Outcome:
-    rows = [_rows(results, name) for name in lighter]
-    if any(found is None for found in rows):
-        return _MISSING
-    expert, novice = (found[_PERCENT].abs().mean(axis=None) for found in rows)
+    expert, novice = (_rows(results, name)[_PERCENT].abs().mean(axis=None) for name in lighter)
     text = f"mean size of the change: {groups[0]} {expert:.2f} %, {groups[1]} {novice:.2f} %"
     return Outcome(text, bool(novice > expert))
 
@@ -77,7 +74,7 @@ def _trajectories_matter(names: Sequence[str], results: Results) -> Outcome:
     rows = results["table_4_1_controls"].dropna(subset=["percent", "null_percent"])
     rows = rows[rows.comparison.isin(names)]
     if set(names) != set(rows.comparison):
-        return _MISSING
+        raise UntestableError(_MISSING)
     left = (rows.percent - rows.null_percent) ** 2
     sums = rows.assign(left=left, all=rows.percent**2).groupby("comparison")[["left", "all"]].sum()
     explained = 1 - sums["left"] / sums["all"]
@@ -88,10 +85,15 @@ def _trajectories_matter(names: Sequence[str], results: Results) -> Outcome:
     return Outcome("; ".join(shares), bool((explained < 0.5).all()))
 
 
-def _alternation_certifies(results: Results) -> Outcome:
-    rows = results["boa"][results["boa"].method == "thesis"]
+def _basins(results: Results, method: str, absent: str) -> pd.DataFrame:
+    rows = results["boa"][results["boa"].method == method]
     if rows.empty:
-        return Outcome(None, None, "the thesis's procedure was not run")
+        raise UntestableError(absent)
+    return rows
+
+
+def _alternation_certifies(results: Results) -> Outcome:
+    rows = _basins(results, "thesis", "the thesis's procedure was not run")
     worst = 100 * float(rows.violation_share.max())
     least = 100 * float(rows.violation_share.min())
     text = f"{least:.3g} to {worst:.3g} % of the knots violate the condition"
@@ -99,9 +101,7 @@ def _alternation_certifies(results: Results) -> Outcome:
 
 
 def _alternation_converges(results: Results) -> Outcome:
-    rows = results["boa"][results["boa"].method == "thesis"]
-    if rows.empty:
-        return Outcome(None, None, "the thesis's procedure was not run")
+    rows = _basins(results, "thesis", "the thesis's procedure was not run")
     more, fewer = (100 * (rows[f"mean_area_after_{n}"] / rows.mean_area - 1) for n in (4, 1))
     jumping = int((rows.jumped_knots > 0).sum())
     text = (
@@ -114,9 +114,7 @@ def _alternation_converges(results: Results) -> Outcome:
 
 def _no_exits(method: str, remark: str, results: Results) -> Outcome:
     """Judge whether simulated starts stay in the funnels of one method."""
-    rows = results["boa"][results["boa"].method == method].dropna(subset=["exits"])
-    if rows.empty:
-        return Outcome(None, None, "no start was simulated")
+    rows = _basins({"boa": results["boa"].dropna(subset=["exits"])}, method, "no start was simulated")
     starts, exits = int(rows.simulated_starts.sum()), int(rows.exits.sum())
     return Outcome(f"{exits} exits in {starts} simulated starts", exits == 0, remark)
 
@@ -126,8 +124,8 @@ def _basins_like_states(results: Results) -> Outcome:
 
     A state that does not move has no order of magnitude and is left out.
     """
-    boa, spans, met = results["boa"], [], []
-    for (sign, time), rows in boa[boa.method == "exact"].groupby(["sign", "time"], sort=False):
+    absent, spans, met = "no basin about a movement could be computed", [], []
+    for (sign, time), rows in _basins(results, "exact", absent).groupby(["sign", "time"], sort=False):
         ratios = {
             state: (rows[reached] / rows[moved])[rows[moved] > 0]
             for state, moved, reached in zip(("angle", "velocity"), RANGES, REACHES, strict=True)
@@ -140,14 +138,12 @@ def _basins_like_states(results: Results) -> Outcome:
         )
         spans.append(f"{sign}, {time} time: {', '.join(texts)}")
     if not met:
-        return Outcome(None, None, "no basin about a movement could be computed")
+        raise UntestableError(absent)
     return Outcome("; ".join(spans), all(met), "Q, R and Qf are the study's, the thesis gives none")
 
 
 def _expands_backward(results: Results) -> Outcome:
-    rows = results["boa"][results["boa"].method == "exact"]
-    if rows.empty:
-        return Outcome(None, None, "no basin could be computed")
+    rows = _basins(results, "exact", "no basin could be computed")
     larger = rows.initial_area > rows.final_area
     text = f"{int(larger.sum())} of {len(rows)} basins larger at the start than at the goal"
     return Outcome(text, bool(larger.all()))

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
+from lumbar.base.errors import LumbarError
 from lumbar.base.yaml_file import shipped_yaml
 
 HOLDS = "holds"
@@ -17,6 +18,10 @@ Results = dict[str, Any]
 """Tables (data frames) and JSON contents of a run by name, e.g. ``results["table_3_1"]``."""
 
 
+class UntestableError(LumbarError):
+    """A claim that a run's results cannot decide; the message is the reason."""
+
+
 @dataclass(frozen=True)
 class Outcome:
     """What a run shows about a claim."""
@@ -24,9 +29,9 @@ class Outcome:
     value: str | float | None
     """This run's counterpart of the thesis's value."""
     agrees: bool | None
-    """Whether the criterion is met; None if the data cannot decide."""
+    """Whether the criterion is met; None if it cannot be decided although there is a value."""
     remark: str = ""
-    """Why the data cannot decide, or what else a reader should know."""
+    """Further information, or why `agrees` is None."""
 
 
 @dataclass(frozen=True)
@@ -46,6 +51,7 @@ class Claim:
     needs: tuple[str, ...]
     """Names of the results that decide."""
     judge: Callable[[Results], Outcome]
+    """Raises `UntestableError` if the results have no value."""
     on_twin: str = ""
     """`BUILT_IN` if the synthetic twin was made to show it, `CANNOT_BE_TESTED` if it is about real lifters."""
 

@@ -16,6 +16,7 @@ from lumbar.publishing.reproduction.claim import (
     Comparison,
     Outcome,
     Results,
+    UntestableError,
 )
 from lumbar.publishing.reproduction.tissue_claims import identification_sentences, survey_sentences
 from lumbar.settings.stability import GROUPS
@@ -171,7 +172,7 @@ def _cell(
         for key, value in row.items():
             frame = frame[frame[key] == value]
         if frame.empty or column not in frame or pd.isna(frame.iloc[0][column]):
-            return Outcome(None, None, absent)
+            raise UntestableError(absent)
         found = float(frame.iloc[0][column])
         agrees = comparison.agrees(thesis, found)
         return Outcome(found, agrees, absent if agrees is None else "")
@@ -232,12 +233,12 @@ def examine_claims(claims: list[Claim], results: Results, synthetic: bool, sourc
     """
     rows = []
     for claim in claims:
-        missing = [name for name in claim.needs if results.get(name) is None]
-        outcome = (
-            Outcome(None, None, f"this study has no {', '.join(missing)}")
-            if missing
-            else claim.judge(results)
-        )
+        try:
+            if missing := [name for name in claim.needs if results.get(name) is None]:
+                raise UntestableError(f"this study has no {', '.join(missing)}")
+            outcome = claim.judge(results)
+        except UntestableError as error:
+            outcome = Outcome(None, None, str(error))
         remark = outcome.remark
         if outcome.agrees is None:
             verdict = CANNOT_BE_TESTED

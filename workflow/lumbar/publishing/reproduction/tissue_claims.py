@@ -10,7 +10,7 @@ from itertools import pairwise
 
 import pandas as pd
 
-from lumbar.publishing.reproduction.claim import Claim, Outcome, Results, sentences
+from lumbar.publishing.reproduction.claim import Claim, Outcome, Results, UntestableError, sentences
 from lumbar.tissue.signals.surgeon_motion import bandwidth_readings, readings_in_words
 
 THESIS_MODELS = ("MW", "KB", "HO")
@@ -21,17 +21,13 @@ def _arx(results: Results) -> pd.DataFrame:
     return table[(table.estimator == "arx") & table.model.isin(THESIS_MODELS) & table.stable.astype(bool)]
 
 
-def _wide(results: Results, column: str) -> pd.DataFrame | None:
-    """One row per training record, one column per model; None unless all three models have a value for each."""
-    if column not in results["table_3_1"].columns:
-        return None
-    wide = _arx(results).pivot(index="trained_on", columns="model", values=column)
-    if not set(THESIS_MODELS) <= set(wide.columns) or wide.isna().any(axis=None):
-        return None
-    return wide[list(THESIS_MODELS)]
-
-
-_INCOMPLETE = Outcome(None, None, "not every training record has stable MW, KB and HO models")
+def _wide(results: Results, column: str) -> pd.DataFrame:
+    """Return one row per training record, one column per model; all three models need a value for each record."""
+    if column in results["table_3_1"].columns:
+        wide = _arx(results).pivot(index="trained_on", columns="model", values=column)
+        if set(THESIS_MODELS) <= set(wide.columns) and not wide.isna().any(axis=None):
+            return wide[list(THESIS_MODELS)]
+    raise UntestableError("not every training record has stable MW, KB and HO models")
 
 
 def _shown(wide: pd.DataFrame) -> str:
@@ -43,8 +39,6 @@ def _shown(wide: pd.DataFrame) -> str:
 
 def _ho_is_extreme(column: str, end: str, results: Results) -> Outcome:
     wide = _wide(results, column)
-    if wide is None:
-        return _INCOMPLETE
     winner = wide.idxmax(axis=1) if end == "highest" else wide.idxmin(axis=1)
     return Outcome(_shown(wide), bool((winner == "HO").all()))
 
@@ -62,14 +56,14 @@ def _near(
     """Compare one number with the thesis's."""
     value = read(results)
     if value is None:
-        return Outcome(None, None, "the survey's table has no such group")
+        raise UntestableError("the survey's table has no such group")
     return Outcome(value, abs(value - thesis) <= tolerance)
 
 
 def _highest_of_all(results: Results) -> Outcome:
     arx = _arx(results)
     if arx.empty:
-        return _INCOMPLETE
+        raise UntestableError("not every training record has stable MW, KB and HO models")
     best = arx.loc[arx.vaf_percent.idxmax()]
     text = f"{best.model} trained on {best.trained_on}, {best.vaf_percent:.2f}"
     return Outcome(text, best.model == "HO" and best.trained_on == "multisine")
@@ -77,8 +71,6 @@ def _highest_of_all(results: Results) -> Outcome:
 
 def _slightly_better(results: Results) -> Outcome:
     wide = _wide(results, "vaf_percent")
-    if wide is None:
-        return _INCOMPLETE
     gain = wide["HO"] - wide["KB"]
     text = ", ".join(f"{name} {value:.2f}" for name, value in gain.items())
     return Outcome(text, bool(((gain > 0) & (gain <= 5)).all()))
@@ -88,7 +80,7 @@ def _fourth_order(results: Results) -> Outcome:
     arx = _arx(results)
     found = arx[(arx.model == "HO") & (arx.trained_on == "multisine")]
     if found.empty or "biproper" not in found:
-        return Outcome(None, None, "no stable HO model trained on a multisine")
+        raise UntestableError("no stable HO model trained on a multisine")
     row = found.iloc[0]
     text = f"order {row.order:.0f}, {'biproper' if row.biproper else 'strictly proper'}"
     return Outcome(text, text == "order 4, biproper", "" if pd.isna(row.remark) else row.remark)
@@ -96,8 +88,8 @@ def _fourth_order(results: Results) -> Outcome:
 
 def _multisine_best(results: Results) -> Outcome:
     wide = _wide(results, "vaf_percent")
-    if wide is None or "multisine" not in wide.index or len(wide) < 2:
-        return Outcome(None, None, "needs models trained on a multisine and on another record")
+    if "multisine" not in wide.index or len(wide) < 2:
+        raise UntestableError("needs models trained on a multisine and on another record")
     return Outcome(_shown(wide), bool((wide.idxmax(axis=0) == "multisine").all()))
 
 
@@ -109,8 +101,6 @@ def _vaf_sorts_all(results: Results) -> Outcome:
     orders = []
     for column, sign in columns.items():
         wide = _wide(results, column)
-        if wide is None:
-            return _INCOMPLETE
         orders.append((sign * wide).rank(axis=1))
     differing = [column for column, order in zip(columns, orders, strict=True) if not order.equals(orders[0])]
     return Outcome("differs: " + ", ".join(differing) if differing else "same order in all", not differing)
@@ -145,7 +135,7 @@ def _inverted(results: Results) -> Outcome:
         if model["name"] in ("IL", "KB") and model["estimator"] in ("arx", "given")
     }
     if not {"IL", "KB"} <= set(gains):
-        return Outcome(None, None, "no IL and KB models")
+        raise UntestableError("no IL and KB models")
     return Outcome(f"static gains: IL {gains['IL']:.3g}, KB {gains['KB']:.3g}", gains["IL"] * gains["KB"] < 0)
 
 
@@ -199,15 +189,13 @@ def _all_but_kb_ho(key: str, test: str, results: Results) -> Outcome:
     p_values = {frozenset((row["first"], row["second"])): row[key] for row in results["survey"][test]}
     exempt = p_values.pop(frozenset(("KB", "HO")), None)
     if exempt is None or not p_values:
-        return Outcome(None, None, "KB and HO were not both rated")
+        raise UntestableError("KB and HO were not both rated")
     text = f"largest of the others {max(p_values.values()):.2g}; KB and HO {exempt:.2g}"
     return Outcome(text, max(p_values.values()) < 0.05 <= exempt)
 
 
 def _paired_agrees(results: Results) -> Outcome:
     found, dropped = (_all_but_kb_ho(key, "wilcoxon", results) for key in ("p_holm", "p_holm_without_zeros"))
-    if found.agrees is None:
-        return found
     value = f"zero differences ranked: {found.value}; dropped: {dropped.value}"
     if any("reconstructed" in source for source in results["survey"]["participants"]["sources"]):
         return Outcome(value, None, "the pairing of the reconstructed answers is not real")
@@ -225,7 +213,7 @@ def _best(which: str, model: str, results: Results) -> Outcome:
 def _picks_separate(results: Results) -> Outcome:
     test = results["survey"]["equal_shares"]["without_baseline"]
     if test is None:
-        return Outcome(None, None, "too few models were picked")
+        raise UntestableError("too few models were picked")
     return Outcome(f"chi-square p {test['p_value']:.2f} among MW, KB, HO", test["p_value"] < 0.05)
 
 
@@ -243,7 +231,7 @@ def _highest_middle(results: Results) -> Outcome:
 def _mode_count(results: Results) -> Outcome:
     counts = results["table_3_2"].set_index("model")["mode_count"]
     if not {"HO", "KB"} <= set(counts.index):
-        return Outcome(None, None, "KB and HO were not both rated")
+        raise UntestableError("KB and HO were not both rated")
     return Outcome(f"HO {counts['HO']}, KB {counts['KB']}", bool(counts["HO"] > counts["KB"]))
 
 
@@ -253,7 +241,7 @@ def _closer_is_preferred(results: Results) -> Outcome:
     ratings = results["table_3_2"].set_index("model")["median"]
     models = [model for model in ("MW", "KB", "HO") if model in arx.index and model in ratings.index]
     if len(models) < 3:
-        return Outcome(None, None, "needs MW, KB and HO trained on the multisine")
+        raise UntestableError("needs MW, KB and HO trained on the multisine")
     by_accuracy = sorted(models, key=lambda model: arx[model])
     rising = all(ratings[low] <= ratings[high] for low, high in pairwise(by_accuracy))
     text = ", ".join(f"{model}: %VAF {arx[model]:.1f}, median {ratings[model]:g}" for model in by_accuracy)
