@@ -19,9 +19,10 @@ from typing import Any
 import yaml
 
 from generate import equation_index, gallery
-from generate.configuration_reference import STUDY_PAGE, defaults_of, keys
+from generate.configuration_reference import STUDY_PAGE, keys
 from lumbar.base.files import write_text
 from lumbar.settings.study_settings import StudySettings
+from lumbar.settings.validation import Key, defaults_of
 from lumbar.study.artefacts import read_artefacts
 
 DOCS = Path(__file__).resolve().parents[1]
@@ -96,7 +97,7 @@ def computing() -> dict[str, list[equation_index.Entry]]:
 @cache
 def default_values() -> dict[str, Any]:
     """Default of every configuration key."""
-    return {way: value for way, _, value in keys(StudySettings, defaults_of(StudySettings))}
+    return {way: value for way, _, value in keys(Key.of(StudySettings), defaults_of(StudySettings))}
 
 
 @cache
