@@ -173,7 +173,7 @@ class Origins:
             given = self.files and self.merged is not None and _value(self.merged, part, _ANY) is not _ANY
             if given or holding:
                 return f"--config: {name}"
-        return name
+        return f"{self.files[0].path}: {name}" if len(self.files) == 1 and self.merged is None else name
 
 
 def _is_merged(way: tuple, value: Any) -> bool:

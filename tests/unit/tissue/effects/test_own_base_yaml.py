@@ -116,7 +116,7 @@ def test_it_becomes_an_fmu(refined, zig_cache, tmp_path):
     [
         ("name: two_masses", "name: KB", "name: .*letters a to z"),
         ("name: two_masses", "name: pendulum", "name: 'pendulum' is taken"),
-        ("equation:", "place: output\nequation:", "place: unknown key; allowed are name, mechanism"),
+        ("equation:", "place: output\nequation:", "place: unknown key; allowed: name, mechanism"),
         ("r*k*twist", "g*r*k*twist", "state.load: g is linear"),
         ("g*load", "g*load + 1", "equation: .*linear"),
         ("  g: {", "  h: {name: of_none, unit: s}\n  g: {", "h is declared and never used"),

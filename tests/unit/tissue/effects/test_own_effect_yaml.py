@@ -121,7 +121,7 @@ def test_what_the_catalogues_files_say_a_users_may_say(tmp_path):
 @pytest.mark.parametrize(
     ("content", "words"),
     [
-        (b"", "name: is missing"),
+        (b"", "name: missing"),
         (b"- a\n- b\n", "no mapping"),
         (b"x" * 2_000_000, "2000000 bytes; at most 1000000"),
         (b"name: \xff\xfe", r"own\.yaml, line 1: byte 0xff is not UTF-8"),
@@ -310,7 +310,7 @@ def test_what_it_carries_is_checked_as_a_file_is(tmp_path):
         ({"name": "delay"}, "effects.own_friction: .*name: own_friction"),
         (
             {"constants": {"c": {"value": 10**400, "unit": "1"}}},
-            "constants.c.value: .*a finite number is needed",
+            "constants.c.value: .*which is not finite",
         ),
     ):
         changed_content = {**content, "effects": {"own_friction": {**own, **changes}}}

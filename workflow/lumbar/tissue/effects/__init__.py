@@ -2,7 +2,7 @@
 
 From a file to its uses, for example for ``tissue/coulomb_friction.yaml``:
 
-1. `catalogue.TISSUE` lists the names; `notation.EffectReader` reads the file into an `Effect` with its `Form` s
+1. `catalogue.TISSUE` lists the names; `notation` has the keys of a file and makes an `Effect` with its `Form` s of it
    (`lumbar.tissue.models.form`). Equations, parameters, units and starting ranges are in the file only.
 2. `lumbar.tissue.models.parameter`: `NonlinearParameter.grid` and `NonlinearParameter.bounds` are starting values and bounds of
    the fit, from ``start``, ``scale`` and ``reach``; a `LinearParameter` has a sign only.

@@ -11,7 +11,16 @@ from lumbar.base.errors import InputError, Problems, did_you_mean
 from lumbar.base.yaml_file import YamlFile, read_yaml, shipped_yaml, way_of
 from lumbar.settings.improvement import is_data, system_of
 from lumbar.tissue.effects.hooks import HOOKS
-from lumbar.tissue.effects.notation import BASE_KEYS, NAME, NAME_RULE, EffectReader
+from lumbar.tissue.effects.notation import (
+    NAME,
+    NAME_RULE,
+    BaseEntry,
+    EffectOfForms,
+    EffectOfOneForm,
+    forms_of,
+    read_entry,
+    shipped_effect,
+)
 from lumbar.tissue.models.bases import BASES, Base
 from lumbar.tissue.models.form import Effect, Form
 from lumbar.tissue.models.model_entry import OWN_BASES
@@ -37,9 +46,8 @@ class Catalogue(Mapping[str, Effect]):
     def __getitem__(self, name: str) -> Effect:
         found = self._effects[name]
         if found is None:
-            # A user's file is also searched for duplicate keys and unusable equations; here the tests do that.
             file = YamlFile(f"{name}.yaml", shipped_yaml(self._folder / f"{name}.yaml"))
-            found = EffectReader(Problems(f"effect {name}.yaml"), file, HOOKS).effect()
+            found = shipped_effect(file, HOOKS)
             self._effects[name] = found
         return found
 
@@ -277,28 +285,40 @@ def _from_python(path: Path) -> dict[str, Effect]:
 
 def _checked_effect(file: YamlFile, problems: Problems, taken: Collection[str] = ()) -> Effect:
     """Return a user-defined effect; its equations are evaluated on a standard motion."""
+    kind = EffectOfForms if "forms" in file.content else EffectOfOneForm
+    entry = read_entry(file, kind, problems, taken)
+    forms = dict(forms_of(entry))
+    for place, form in forms.items():
+        _check_equation(form, place, file, problems)
+    problems.raise_if_any()
+    return replace(entry.effect(forms.values(), file), definition=file.content)
+
+
+def _check_equation(form: Form, place: str, file: YamlFile, problems: Problems) -> None:
+    """Add what keeps an equation from being used, first its symbols, then its values on a standard motion."""
     from lumbar.tissue.effects.signature import numerical_problems
 
-    effect = EffectReader(problems, file).effect(taken)
-    for index, form in enumerate(effect.forms):
-        place = f"forms.{index}.equation" if "forms" in file.content else "equation"
-        for found, allowed in numerical_problems(form):
-            problems.add(file.place(way_of(place)), found, allowed)
-    problems.raise_if_any()
-    return replace(effect, definition=file.content)
+    found = form.problems()
+    for key, problem in found:
+        problems.add(file.place(way_of(place + ("parameters" if key == "symbol" else key))), problem)
+    for problem, allowed in () if found else numerical_problems(form):
+        problems.add(file.place(way_of(f"{place}equation")), problem, allowed)
 
 
 def _checked_base(file: YamlFile, problems: Problems) -> Base:
-    """Return a user-defined base: the fields of an effect with one equation, without its place."""
-    reading = EffectReader(problems, file)
-    reading.keys(file.content, "", BASE_KEYS)
+    """Return a user-defined base: the equation of a response, without the keys of how an effect is added."""
+    entry = read_entry(file, BaseEntry, problems, BASES)
+    form = entry.form(entry.name, effect="base")
+    _check_equation(form, "", file, problems)
     problems.raise_if_any()
-    (form,) = _checked_effect(file, problems, BASES).forms
     if form.channels:
         signals = ", ".join(form.channels)
-        reading.problem("equation", f"it knows {signals}", "a base knows the input, its rates, path and time")
+        problems.add(
+            file.place(("equation",)),
+            f"it knows {signals}",
+            "a base knows the input, its rates, path and time",
+        )
     if not form.linear:
-        reading.problem("parameters", "none is linear", "the response needs a factor, y = c*q")
+        problems.add(file.place(("parameters",)), "none is linear", "the response needs a factor, y = c*q")
     problems.raise_if_any()
-    form = replace(form, name=str(file.content["name"]), effect="base", definition=None)
     return Base(form, definition=file.content)

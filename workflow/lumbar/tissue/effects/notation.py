@@ -1,323 +1,344 @@
-"""The notation of effects and bases: one in a YAML file, as equations, the catalogue's own and a user's alike.
+"""The notation of effects and bases: one in a YAML file, as equations, those of the catalogue and a user's alike.
 
-``docs/tissue/own_effect.md`` says what a file holds. Files of the catalogue may name `lumbar.tissue.effects.hooks` besides, which
-are code; a user's cannot.
+``docs/tissue/own_effect.md`` describes a file. Files of the catalogue may also name `lumbar.tissue.effects.hooks`, which are
+code; a user's cannot.
 """
 
 import re
-import sys
-from collections.abc import Callable, Collection, Mapping
-from functools import partial
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal, Self, TypeVar
+
+from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo, field_validator, model_validator
 
 from lumbar.base.errors import InputError, Problems
-from lumbar.base.yaml_file import YamlFile, way_of
+from lumbar.base.yaml_file import YamlFile
+from lumbar.settings.section import Section
+from lumbar.settings.validation import Origins, check_types
 from lumbar.tissue.models.expression import parse
 from lumbar.tissue.models.form import Effect, Form, Place
-from lumbar.tissue.models.parameter import SCALES, Constant, LinearParameter, NonlinearParameter
+from lumbar.tissue.models.parameter import Constant, LinearParameter, NonlinearParameter, Scale
 
 NAME = re.compile(r"[a-z][a-z0-9_]*")
 NAME_RULE = "letters a to z, digits and _, a letter first"
 _SIGNS = {"positive": 1, "negative": -1, "any": 0}
-_EFFECT_FLAGS = ("accumulates", "unrepeated", "linear", "rate_independent", "rival")
-_EFFECT_KEYS = ("name", "mechanism", "source", "experiment", "sensors", *_EFFECT_FLAGS, "forms")
-_FORM_KEYS = ("equation", "state", "parameters", "constants", "place", "general", "one_axis", "essential")
-BASE_KEYS = ("name", "mechanism", "source", "equation", "state", "parameters", "constants")
-_HOOK_KEYS = ("solution", "by_hand", "latex", "starts", "contradiction")
-"""Of the catalogue's files alone; ``latex`` stands in place of the equation of a form that is written by hand."""
-_STATE_KEYS = ("rate", "start")
-_LINEAR_KEYS = ("name", "unit", "latex", "sign")
-_NONLINEAR_FLAGS = ("follows_record", "decisive")
-_NONLINEAR_KEYS = ("name", "unit", "latex", "start", "scale", "points", "reach", "lines", *_NONLINEAR_FLAGS)
+_NONLINEAR_KEYS = {"start", "scale", "points", "reach", "lines", "follows_record", "decisive"}
+_MISSING = "is missing; a text is needed"
 
 
-def _key(place: str, key: str) -> str:
-    """A key in a part of the file, as messages name it."""
-    return f"{place}.{key}".strip(".")
+def _check_text(text: str) -> str:
+    if not text:
+        raise ValueError(_MISSING)
+    return text
 
 
-class EffectReader:
-    """Reads the parts of an effect's file and notes what is wrong, with key and line."""
+def _check_unit(unit: str) -> str:
+    if set("{}") & set(re.sub(r"\{[xy]\}", "", unit)):
+        raise ValueError(f"{unit!r}: units are those of the input {{x}} and the output {{y}}, s, 1 …")
+    return unit
 
-    def __init__(self, problems: Problems, file: YamlFile, hooks: Mapping[str, Mapping[str, Any]] = {}):
-        self.problems = problems
-        self.file = file
-        self.hooks = hooks
-        self.form_keys = (*_FORM_KEYS, *(_HOOK_KEYS if hooks else ()))
 
-    def effect(self, taken: Collection[str] = ()) -> Effect:
-        """The effect of the file, or all that is wrong with it."""
-        content = self.file.content
-        single = "forms" not in content
-        self.keys(content, "", (*_EFFECT_KEYS, *(self.form_keys if single else ())))
-        name = self.name(content, "")
-        if name in taken:
-            self.problem("name", f"{name!r} is taken in the catalogue", "choose another")
-        texts = {
-            key: self.text(content, key, key == "mechanism")
-            for key in ("mechanism", "source", "experiment", "sensors")
-        }
-        flags = {key: self.flag(content, key) for key in _EFFECT_FLAGS}
-        if single:
-            given = {key: content[key] for key in self.form_keys if key in content}
-            forms = [self.form({**given, "name": "equation"}, "")]
-        else:
-            forms = self.forms(content["forms"])
-        linear = {item.name for form in forms if form for item in form.linear}
-        for index, form in enumerate(forms):
-            if form and (unknown := [name for name in form.essential if name not in linear]):
-                place = "essential" if single else f"forms.{index}.essential"
-                self.problem(place, ", ".join(unknown), f"linear parameters are {', '.join(sorted(linear))}")
-        self.problems.raise_if_any()
-        texts["source"] = texts["source"] or Path(self.file.path).name
-        return Effect(name=name, forms=tuple(filter(None, forms)), **texts, **flags)
+def _check_expression(text: str) -> str:
+    try:
+        parse(text)
+    except InputError as error:
+        raise ValueError(str(error)) from None
+    return text
 
-    def problem(self, place: str, found: str, allowed: str = "") -> None:
-        """Note a problem at a key, with its line or that of the key it belongs to."""
-        self.problems.add(self.file.place(way_of(place)), found, allowed)
 
-    def mapping(self, value: Any, place: str, needed: str) -> dict:
-        """The value if it is a mapping; else an empty one, and a problem."""
-        if isinstance(value, dict):
-            return value
-        self.problem(place, repr(value), needed)
-        return {}
+def _check_order(ends: tuple[float, float]) -> tuple[float, float]:
+    if ends[0] > ends[1]:
+        raise ValueError(f"{list(ends)}: two numbers above 0 are needed, the lower first")
+    return ends
 
-    def keys(self, content: dict, place: str, allowed: Collection[str]) -> None:
-        """Note keys that are not known."""
-        for key in content:
-            if key not in allowed:
-                self.problem(_key(place, key), "unknown key", f"allowed are {', '.join(allowed)}")
 
-    def text(self, content: dict, key: str, needed: bool, place: str = "") -> str:
-        """A text; a problem where it is needed and absent."""
-        value = content.get(key, "")
-        where = _key(place, key)
-        if not isinstance(value, str):
-            self.problem(where, repr(value), "a text is needed; put it in quotes")
-            return ""
-        if needed and not value.strip():
-            self.problem(where, "is missing", "a text is needed")
-        return " ".join(value.split())
+Text = Annotated[str, AfterValidator(lambda text: " ".join(text.split()))]
+Needed = Annotated[Text, AfterValidator(_check_text)]
+Name = Annotated[str, Field(pattern=f"^{NAME.pattern}$")]
+Unit = Annotated[Needed, AfterValidator(_check_unit)]
+Expression = Annotated[Needed, AfterValidator(_check_expression)]
+Above0 = Annotated[float, Field(gt=0)]
 
-    def flag(self, content: dict, key: str, place: str = "") -> bool:
-        """Whether something holds; not where nothing is said."""
-        value = content.get(key, False)
-        if not isinstance(value, bool):
-            self.problem(_key(place, key), repr(value), "true or false")
-        return value is True
 
-    def name(self, content: dict, place: str) -> str:
-        """A name, as results and C code call it."""
-        name = self.text(content, "name", True, place)
-        if name and not NAME.fullmatch(name):
-            self.problem(_key(place, "name"), repr(name), NAME_RULE)
-        return name
+class StateEntry(Section):
+    """A state of an equation."""
 
-    def forms(self, content: Any) -> list[Form | None]:
-        """Several forms with names of their own."""
-        if not isinstance(content, list) or not content:
-            self.problem("forms", repr(content), "a list of forms: name, equation, parameters …")
-            return []
-        forms = []
-        for index, item in enumerate(content):
-            place = f"forms.{index}"
-            item = self.mapping(item, place, "name, equation, parameters …")
-            self.keys(item, place, ("name", *self.form_keys))
-            forms.append(self.form(item, place))
-            self.name(item, place)
-        self.once([str(item.get("name")) for item in content if isinstance(item, dict)], "forms", "form")
+    rate: Expression
+    """Its rate of change per second."""
+    start: Annotated[Text, AfterValidator(lambda text: _check_expression(text) if text else text)] = ""
+    """Its value when a record begins; default 0."""
+
+
+def _entry_of_state(said: Any) -> Any:
+    """Return a state that is given by its rate only as a mapping."""
+    return {"rate": said} if isinstance(said, str) else said
+
+
+class ParameterEntry(Section):
+    """A parameter of an equation; it is nonlinear if it has the keys start and scale."""
+
+    name: Name
+    """Name in results and C code: letters a to z, digits and _, a letter first."""
+    unit: Unit
+    """Unit in terms of {x} (input) and {y} (output)."""
+    latex: Text = ""
+    """Symbol in LaTeX; default from its symbol in the equation."""
+    sign: Literal["positive", "negative", "any"] = "positive"
+    """Sign of a linear parameter."""
+    start: Annotated[tuple[Above0, Above0], AfterValidator(_check_order)] | None = None
+    """Range of starting values of the fit, in units of the scale."""
+    scale: Scale | None = None
+    """Quantity of the record that sets the size of the parameter."""
+    points: int = Field(5, ge=1, le=20)
+    """Number of starting values."""
+    reach: tuple[Annotated[float, Field(gt=0, le=1)], Annotated[float, Field(ge=1)]] = (0.1, 10.0)
+    """Factors by which the fit may go below and above the range."""
+    lines: float | None = Field(None, gt=0)
+    """Number of frequency lines (1/duration) within which the fit stays."""
+    follows_record: bool = False
+    """Whether the range grows with the sampling interval and the duration of the record."""
+    decisive: bool = False
+    """Whether a value at the end of its range means that the mechanism is absent."""
+
+    @model_validator(mode="after")
+    def _check_kind(self) -> Self:
+        given, ends = self.model_fields_set, {"start", "scale"} & self.model_fields_set
+        if len(ends) == 1:
+            raise ValueError(f"{ends.pop()} alone: a nonlinear parameter needs start and scale")
+        kind, others = ("nonlinear", {"sign"}) if ends else ("linear", _NONLINEAR_KEYS)
+        if wrong := sorted(given & others):
+            raise ValueError(f"{', '.join(wrong)}: not of a {kind} parameter")
+        return self
+
+    def parameter(self, symbol: str) -> LinearParameter | NonlinearParameter:
+        """Return the parameter with this symbol in the equation."""
+        named = {"name": self.name, "unit": self.unit, "symbol": symbol, "latex": self.latex}
+        if self.start is None or self.scale is None:
+            return LinearParameter(**named, sign=_SIGNS[self.sign])
+        return NonlinearParameter(
+            **named,
+            scale=self.scale,
+            low=self.start[0],
+            high=self.start[1],
+            points=self.points,
+            reach=self.reach,
+            lines=self.lines,
+            follows_record=self.follows_record,
+            decisive=self.decisive,
+        )
+
+
+class ConstantEntry(Section):
+    """A number that an equation calls by a symbol."""
+
+    value: float
+    """Its value: a finite number."""
+    unit: Unit
+    """Unit in terms of {x} (input) and {y} (output)."""
+    latex: Text = ""
+    """Symbol in LaTeX; default from its symbol in the equation."""
+    scale: Scale | Literal[""] = ""
+    """Quantity of the record that a fit counts it in."""
+
+
+class EquationEntry(Section):
+    """An equation with its symbols."""
+
+    equation: Expression
+    """Force in terms of parameters and signals; place: output has the force F besides."""
+    state: dict[str, Annotated[StateEntry, BeforeValidator(_entry_of_state)]] = Field({})
+    """States by symbol, each with its rate or with rate and start."""
+    parameters: dict[str, ParameterEntry] = Field({})
+    """Parameters by symbol, each with name and unit."""
+    constants: dict[str, ConstantEntry] = Field({})
+    """Constants by symbol, each with value and unit."""
+
+    @field_validator("parameters")
+    @classmethod
+    def _check_names(cls, parameters: dict[str, ParameterEntry]) -> dict[str, ParameterEntry]:
+        _check_distinct([item.name for item in parameters.values()], "parameter")
+        return parameters
+
+    def form(self, name: str = "equation", **more: Any) -> Form:
+        """Return the equation as a form."""
+        parameters = [item.parameter(symbol) for symbol, item in self.parameters.items()]
+        return Form(
+            name=name,
+            equation=self.equation,
+            state=tuple((symbol, item.rate) for symbol, item in self.state.items()),
+            start=tuple((symbol, item.start) for symbol, item in self.state.items() if item.start),
+            linear=tuple(item for item in parameters if isinstance(item, LinearParameter)),
+            nonlinear=tuple(item for item in parameters if isinstance(item, NonlinearParameter)),
+            constants=tuple(
+                Constant(symbol, item.value, item.unit, item.latex, item.scale)
+                for symbol, item in self.constants.items()
+            ),
+            **{"place": Place.PARALLEL, **more},
+        )
+
+
+class FormEntry(EquationEntry):
+    """One form of an effect."""
+
+    place: Literal["parallel", "output"] = "parallel"
+    """parallel: a force that is added to the tissue's; output: the measured force as a function of F."""
+    general: bool = False
+    """Whether it contains other forms of the effect as special cases."""
+    one_axis: bool = False
+    """Whether it has no equivalent in space."""
+    essential: tuple[str, ...] = ()
+    """Names of linear parameters without which the mechanism is absent."""
+
+    def form(self, name: str = "equation", **more: Any) -> Form:
+        """Return the form of an effect."""
+        flags = {"general": self.general, "one_axis": self.one_axis, "essential": self.essential}
+        return super().form(name, place=Place(self.place), **flags, **more)
+
+
+class NamedForm(FormEntry):
+    """One of several forms of an effect."""
+
+    name: Name
+    """Name of the form: letters a to z, digits and _, a letter first."""
+
+
+class HookedForm(NamedForm):
+    """A form of the catalogue, which may be code."""
+
+    equation: Text = ""
+    place: Literal["parallel", "output", "input"] = "parallel"
+    latex: Text = ""
+    solution: str | None = None
+    by_hand: str | None = None
+    starts: str | None = None
+    contradiction: str | None = None
+
+
+class Described(Section):
+    """Name and texts of an effect or a base."""
+
+    name: Name
+    """Name in results and C code: letters a to z, digits and _, a letter first."""
+    mechanism: Needed
+    """One sentence for the reader of a report."""
+    source: Text = ""
+    """Reference; default the name of the file."""
+
+
+class EffectTexts(Described):
+    """An effect without its forms."""
+
+    experiment: Text = ""
+    """Excitation that shows the effect best."""
+    sensors: Text = ""
+    """Part of the measuring chain that looks the same in the records."""
+    accumulates: bool = False
+    """Whether it grows with time or path."""
+    unrepeated: bool = False
+    """Whether it has its own clock."""
+    linear: bool = False
+    """Whether a linear time-invariant model remains one with it."""
+    rate_independent: bool = False
+    """Whether its force is the same at any speed."""
+    rival: bool = False
+    """Whether it is only compared with similar effects that were selected."""
+
+    def effect(self, forms: Collection[Form], file: YamlFile) -> Effect:
+        """Return the effect with its forms."""
+        said = {name: getattr(self, name) for name in EffectTexts.model_fields}
+        return Effect(**{**said, "source": self.source or Path(file.path).name}, forms=tuple(forms))
+
+
+class EffectOfOneForm(FormEntry, EffectTexts):
+    """A file with one equation."""
+
+    @field_validator("essential")
+    @classmethod
+    def _check_essential(cls, names: tuple[str, ...], info: ValidationInfo) -> tuple[str, ...]:
+        _check_linear(names, [info.data.get("parameters", {})])
+        return names
+
+
+class EffectOfForms(EffectTexts):
+    """A file with several forms."""
+
+    forms: tuple[NamedForm, ...] = Field(min_length=1)
+    """List of forms, each with name, equation, parameters …"""
+
+    @field_validator("forms")
+    @classmethod
+    def _check_forms(cls, forms: tuple[NamedForm, ...]) -> tuple[NamedForm, ...]:
+        _check_distinct([form.name for form in forms], "form")
+        _check_linear(
+            [name for form in forms for name in form.essential], [form.parameters for form in forms]
+        )
         return forms
 
-    def form(self, content: dict, place: str) -> Form | None:
-        """One form; None where something is wrong with it."""
-        before = len(self.problems.entries)
 
-        at = partial(_key, place)
-        state = self.states(content.get("state", {}), at("state"))
-        given = self.mapping(content.get("parameters", {}), at("parameters"), "symbol: {name: …, unit: …} …")
-        constants = self.mapping(
-            content.get("constants", {}), at("constants"), "symbol: {value: …, unit: …} …"
-        )
-        parameters = [self.parameter(symbol, item, at("parameters")) for symbol, item in given.items()]
-        self.once([item.name for item in parameters if item], at("parameters"), "parameter")
-        linear = tuple(item for item in parameters if isinstance(item, LinearParameter))
-        equation = self.text(content, "latex" if self.by_hand(content) else "equation", True, place)
-        rates, starts = (
-            tuple((name, said[key]) for name, said in state.items() if said[key]) for key in _STATE_KEYS
-        )
-        arguments = {
-            "place": self.place(content, at("place")),
-            "constants": tuple(
-                self.constant(symbol, item, at("constants")) for symbol, item in constants.items()
-            ),
-            "general": self.flag(content, "general", place),
-            "one_axis": self.flag(content, "one_axis", place),
-            "essential": self.essential(content, at("essential")),
-            **self.hooked(content, place),
-        }
-        if len(self.problems.entries) > before:
-            for key, text in (
-                ("equation", equation),
-                *((f"state.{name}", said) for name, said in rates + starts),
-            ):
-                self.readable(at(key), text)
-            return None
-        form = Form(
-            name=str(content.get("name")),
-            equation=equation,
-            state=rates,
-            start=starts,
-            linear=linear,
-            nonlinear=tuple(item for item in parameters if isinstance(item, NonlinearParameter)),
-            **arguments,
-        )
-        if not self.hooks:
-            for key, found in form.problems():
-                self.problem(at("parameters" if key == "symbol" else key), found)
-        return form
+class HookedEffect(EffectTexts):
+    """A file of the catalogue."""
 
-    def states(self, content: Any, place: str) -> dict[str, dict[str, str]]:
-        """Rate of every state, and its value at the start where that is not 0."""
-        found = {}
-        for name, said in self.mapping(content, place, 'r: "v/d*(1 - r*sign(v))" …').items():
-            where = _key(place, str(name))
-            said = said if isinstance(said, dict) else {"rate": said}
-            self.keys(said, where, _STATE_KEYS)
-            found[str(name)] = {key: self.text(said, key, key == "rate", where) for key in _STATE_KEYS}
-        return found
-
-    def by_hand(self, content: dict) -> bool:
-        """Whether a form is written by hand, which those of the catalogue alone can be."""
-        return bool(self.hooks) and "by_hand" in content
-
-    def place(self, content: dict, place: str) -> Place:
-        """Where a form acts; at the input only what is written by hand."""
-        where = content.get("place", "parallel")
-        if where not in ("parallel", "output", *(("input",) if self.by_hand(content) else ())):
-            allowed = "parallel (a force beside the tissue) or output (what is measured of F)"
-            self.problem(place, repr(where), allowed)
-            where = "parallel"
-        return Place(where)
-
-    def essential(self, content: dict, place: str) -> tuple[str, ...]:
-        """Names of linear parameters without which the mechanism is not there."""
-        value = content.get("essential", [])
-        if isinstance(value, list) and all(isinstance(name, str) for name in value):
-            return tuple(value)
-        self.problem(place, repr(value), "a list of names of linear parameters")
-        return ()
-
-    def hooked(self, content: dict, place: str) -> dict[str, Any]:
-        """What hooks add to a form of the catalogue."""
-        found: dict[str, Any] = {}
-        for key, known in self.hooks.items():
-            if (name := content.get(key)) in known:
-                found[key] = known[name]
-            elif name is not None:
-                self.problem(_key(place, key), repr(name), f"hooks are {', '.join(known)}")
-        if "solution" in found:
-            found["solution"], found["c_solution"] = found["solution"]
-        if "by_hand" in found:
-            found["hand_written"] = found.pop("by_hand")
-        return found
-
-    def once(self, names: list[str], place: str, kind: str) -> None:
-        """Note names that are there twice."""
-        for name in sorted({name for name in names if names.count(name) > 1}):
-            self.problem(place, f"{name} is there twice", f"each {kind} needs a name of its own")
-
-    def readable(self, place: str, text: str) -> None:
-        """Note an expression that cannot be read, whatever its symbols mean."""
-        try:
-            parse(text)
-        except InputError as error:
-            self.problem(place, str(error))
-
-    def parameter(self, symbol: Any, content: Any, place: str) -> LinearParameter | NonlinearParameter | None:
-        """One parameter: nonlinear if it has a range of starting values."""
-        place = f"{place}.{symbol}"
-        content = self.mapping(
-            content, place, "name: …, unit: … and, if nonlinear, start: [low, high], scale: …"
-        )
-        nonlinear = "start" in content or "scale" in content
-        self.keys(content, place, _NONLINEAR_KEYS if nonlinear else _LINEAR_KEYS)
-        named = {
-            "name": self.name(content, place),
-            "unit": self.unit(content, place),
-            "symbol": str(symbol),
-            "latex": self.text(content, "latex", False, place),
-        }
-        if nonlinear:
-            return self.nonlinear(named, content, place)
-        sign = content.get("sign", "positive")
-        if sign not in _SIGNS:
-            self.problem(f"{place}.sign", repr(sign), f"allowed are {', '.join(_SIGNS)}")
-        return LinearParameter(**named, sign=_SIGNS.get(sign, 0))
-
-    def unit(self, content: dict, place: str) -> str:
-        """A unit in terms of {x} and {y}."""
-        unit = self.text(content, "unit", True, place)
-        if re.sub(r"\{[xy]\}", "", unit).count("{") or re.sub(r"\{[xy]\}", "", unit).count("}"):
-            self.problem(
-                f"{place}.unit", repr(unit), "units are those of the input {x} and the output {y}, s, 1 …"
-            )
-        return unit
-
-    def nonlinear(self, named: dict, content: dict, place: str) -> NonlinearParameter | None:
-        """A nonlinear parameter with where its fit begins and how far it may go."""
-        before = len(self.problems.entries)
-        low, high = self.pair(
-            content.get("start"),
-            f"{place}.start",
-            "two numbers above 0, the lower first",
-            lambda a, b: 0 < a <= b,
-        )
-        reach = self.pair(
-            content.get("reach", [0.1, 10.0]),
-            f"{place}.reach",
-            "how far below and above the fit may go, as factors, e.g. [0.1, 10]",
-            lambda a, b: 0 < a <= 1 <= b,
-        )
-        scale, points = content.get("scale"), content.get("points", 5)
-        if scale not in SCALES:
-            self.problem(f"{place}.scale", repr(scale), f"allowed are {', '.join(SCALES)}")
-        if isinstance(points, bool) or not isinstance(points, int) or not 1 <= points <= 20:
-            self.problem(f"{place}.points", repr(points), "a whole number from 1 to 20")
-        lines = content.get("lines")
-        if lines is not None and not (_is_number(lines) and lines > 0):
-            self.problem(f"{place}.lines", repr(lines), "a number above 0 is needed")
-        flags = {key: self.flag(content, key, place) for key in _NONLINEAR_FLAGS}
-        if len(self.problems.entries) > before:
-            return None
-        return NonlinearParameter(
-            **named, scale=scale, low=low, high=high, points=points, reach=reach, lines=lines, **flags
-        )
-
-    def pair(
-        self, value: Any, place: str, allowed: str, holds: Callable[[float, float], bool]
-    ) -> tuple[float, float]:
-        """Two finite numbers of which something holds."""
-        if isinstance(value, list) and len(value) == 2 and all(map(_is_number, value)) and holds(*value):
-            return float(value[0]), float(value[1])
-        self.problem(place, repr(value), allowed)
-        return 1.0, 1.0
-
-    def constant(self, symbol: Any, content: Any, place: str) -> Constant:
-        """A number that an equation calls by a symbol."""
-        place = f"{place}.{symbol}"
-        content = self.mapping(content, place, "value: …, unit: …")
-        self.keys(content, place, ("value", "unit", "latex", "scale"))
-        value, scale = content.get("value"), content.get("scale", "")
-        if scale not in ("", *SCALES):
-            self.problem(f"{place}.scale", repr(scale), f"allowed are {', '.join(SCALES)}")
-        if not _is_number(value):
-            self.problem(f"{place}.value", repr(value), "a finite number is needed")
-            value = 1.0
-        latex = self.text(content, "latex", False, place)
-        return Constant(str(symbol), float(value), self.unit(content, place), latex, scale)
+    forms: tuple[HookedForm, ...] = Field(min_length=1)
 
 
-def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= sys.float_info.max
+class BaseEntry(EquationEntry, Described):
+    """A file of a user-defined base."""
+
+
+def _check_distinct(names: list[str], kind: str) -> None:
+    if repeated := sorted({name for name in names if names.count(name) > 1}):
+        raise ValueError(f"{', '.join(repeated)} is there twice; each {kind} needs a name of its own")
+
+
+def _check_linear(names: Iterable[str], parameters: Iterable[Mapping[str, ParameterEntry]]) -> None:
+    """Raise if one of the names is not a linear parameter of any form."""
+    linear = {item.name for form in parameters for item in form.values() if item.scale is None}
+    if unknown := sorted(set(names) - linear):
+        raise ValueError(f"{', '.join(unknown)}; linear parameters are {', '.join(sorted(linear))}")
+
+
+Kind = TypeVar("Kind", bound=Section)
+
+
+def read_entry(file: YamlFile, kind: type[Kind], problems: Problems, taken: Collection[str] = ()) -> Kind:
+    """Return the content of a user's file, or raise all that is wrong with it.
+
+    Raises
+    ------
+    InputError
+        With key and line of every problem; `taken` are names that it may not have.
+    """
+    origins = Origins(problems, [file])
+    entry = check_types(file.content, kind, origins)
+    if (name := file.content.get("name")) in taken:
+        origins.add("name", f"{name!r} is taken in the catalogue", "choose another")
+    problems.raise_if_any()
+    assert entry is not None  # else there were problems
+    return entry
+
+
+def forms_of(entry: EffectOfOneForm | EffectOfForms) -> Iterator[tuple[str, Form]]:
+    """Yield each form of a user's effect with the key that it is below."""
+    if isinstance(entry, EffectOfOneForm):
+        yield "", entry.form()
+    else:
+        for index, item in enumerate(entry.forms):
+            yield f"forms.{index}.", item.form(item.name)
+
+
+def shipped_effect(file: YamlFile, hooks: Mapping[str, Mapping[str, Any]]) -> Effect:
+    """Return an effect of the catalogue; a user's file is also searched for unusable equations, here the tests do that."""
+    entry = read_entry(file, HookedEffect, Problems(f"effect {file.path}"))
+    return entry.effect([_hooked_form(item, hooks) for item in entry.forms], file)
+
+
+def _hooked_form(entry: HookedForm, hooks: Mapping[str, Mapping[str, Any]]) -> Form:
+    """Return a form of the catalogue with the code that its hooks name."""
+    said = {key: getattr(entry, key) for key in hooks}
+    found = {key: hooks[key][name] for key, name in said.items() if name is not None}
+    if "solution" in found:
+        found["solution"], found["c_solution"] = found["solution"]
+    if "by_hand" in found:
+        found["hand_written"] = found.pop("by_hand")
+        entry = entry.model_copy(update={"equation": entry.latex})
+    return entry.form(entry.name, **found)

@@ -2,14 +2,14 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import scipy
 
 from lumbar.tissue.models.printing import symbol_latex
 
-SCALES = ("position", "speed", "path", "duration", "force", "time", "rate", "sampling", "one")
+Scale = Literal["position", "speed", "path", "duration", "force", "time", "rate", "sampling", "one"]
 """Quantities that set the size of a nonlinear parameter."""
 
 
@@ -47,7 +47,7 @@ class LinearParameter(Parameter):
 class NonlinearParameter(Parameter):
     """A positive parameter the force depends on otherwise."""
 
-    scale: str
+    scale: Scale
     """Quantity that sets its size: ``position`` (half range), ``speed``, ``path``, ``duration``, ``force`` (largest of the
     record), ``time`` (geometric mean of sampling interval and duration: 1 s where 100 s were sampled at 100 Hz), ``rate`` (its
     inverse), ``sampling`` (interval), ``one``."""
