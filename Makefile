@@ -94,7 +94,7 @@ docs: environment ## renew the references of configuration keys, effects, the th
 	python docs/generate/effects_reference.py
 	PYTHONPATH=docs python -m generate.thesis_items
 	python docs/generate/gallery.py
-	python docs/generate/house.py
+	python docs/generate/import_diagram.py
 
 SITE := build/docs-venv
 # An environment of its own, from the newest versions that pyproject.toml allows: .venv stays the lock's.

@@ -6,17 +6,17 @@ from functools import reduce
 
 import pytest
 
-from generate import equation_index, gallery, house, thesis_items
+from generate import equation_index, gallery, import_diagram, thesis_items
 
 
 @pytest.mark.parametrize(
     ("generated", "page"),
     [
         (gallery, gallery.page),
-        (house, lambda project: house.page()),
+        (import_diagram, lambda project: import_diagram.page()),
         (thesis_items, lambda project: thesis_items.page()),
     ],
-    ids=["gallery", "house", "thesis"],
+    ids=["gallery", "imports", "thesis"],
 )
 def test_the_page_is_up_to_date(project, generated, page):
     assert (project / "docs" / generated.PAGE).read_text(encoding="utf-8") == page(project), "run 'make docs'"
