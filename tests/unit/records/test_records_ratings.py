@@ -82,14 +82,20 @@ def test_missing_columns_are_named_beside_wrong_cells(tmp_path):
         ((HEADER + "\n").encode(), "0 participants"),
         ((HEADER + "\n" + GOOD[0] + "\n").encode(), "1 participants"),
         (HEADER.replace("rating_KB", "rating_IL").encode() + b"\n", "stands twice"),
-        (HEADER.encode() + b'\n"a,1,2,3', "not a readable CSV file"),
-        (HEADER.encode() + b"\n\xff\xfe,1", "not a readable CSV file"),
+        (HEADER.encode() + b'\n"a,1,2,3', "line 2: 1 cells; the header has 7"),
+        (HEADER.encode() + b"\n\xff\xfe,1", "not UTF-8 text"),
     ],
 )
 def test_files_that_are_no_answers(tmp_path, content, message):
     path = tmp_path / "survey.csv"
     path.write_bytes(content)
     assert message in refusal(read_ratings, path, LAYOUT)
+
+
+def test_answer_in_quotes_may_span_lines(tmp_path):
+    lines = [GOOD[0], '"b\nfrom afar",5,4,4,HO,0,>=5', "c,9,2,2,IL,True,<5"]
+    assert "line 5: rating_IL is '9'" in refusal(read_ratings, written(tmp_path, *lines), LAYOUT)
+    assert read_ratings(written(tmp_path, *lines[:2]), LAYOUT).participants == ("a", "b\nfrom afar")
 
 
 def test_contradictory_layouts(tmp_path):

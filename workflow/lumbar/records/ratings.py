@@ -1,4 +1,4 @@
-"""Reading the answers of a survey: one row per participant, with declared columns, checked as a whole.
+"""Read the answers of a survey: one row per participant, with declared columns, checked as a whole.
 
 A layout is `lumbar.settings.survey.RatingsLayout`; in a study's YAML::
 
@@ -15,7 +15,6 @@ A layout is `lumbar.settings.survey.RatingsLayout`; in a study's YAML::
     source: source                      # column that says where an answer comes from, or null
 """
 
-import csv
 import os
 from collections import Counter
 from dataclasses import dataclass
@@ -25,6 +24,7 @@ import numpy as np
 
 from lumbar.base.errors import InputError, Problems
 from lumbar.base.files import require_file
+from lumbar.records.number_table import Dialect, split_rows, stream_lines
 from lumbar.settings.survey import RatingsLayout
 
 NOT_REAL = "reconstructed_not_real"
@@ -78,31 +78,43 @@ class Ratings:
 
 
 def read_ratings(path: str | os.PathLike, layout: RatingsLayout) -> Ratings:
-    """Read a participants' sheet.
+    """Read a table of the participants' answers.
 
     Raises
     ------
     InputError
         With the line and column of every problem of the file: a missing column, an empty cell, a rating that
-        is no whole number of the scale, an unknown model or level, a participant who stands twice, a line of
+        is no whole number of the scale, an unknown model or level, a participant in two lines, a line of
         another length, fewer than two participants.
     """
     path = Path(path)
     _check_layout(layout)
-    columns = _columns(layout)
     require_file(path)
-    rows = _read_rows(path, layout)
+    columns = _columns(layout)
+    dialect = Dialect(layout.delimiter, quotes_span_lines=True)
+    rows = [row for row in split_rows(stream_lines(path), dialect, str(path)) if any(row.cells)]
+    if not rows:
+        raise InputError(f"{path}: empty; a header with {', '.join(columns)} is needed")
+    header = rows[0].cells
+    if doubled := sorted(name for name, count in Counter(header).items() if count > 1):
+        raise InputError(
+            f"{path}, header: {', '.join(map(repr, doubled))} stands twice; name columns differently"
+        )
     problems = Problems(str(path))
-    missing = [column for column in columns if column not in rows[0]]
-    for column in missing:
-        problems.add("header", f"no column {column!r}", f"there are: {', '.join(rows[0])}")
-    lines = _cells(rows, problems)
-    if lines:
-        _validate(lines, [column for column in columns if column not in missing], layout, problems)
+    for column in columns:
+        if column not in header:
+            problems.add("header", f"no column {column!r}", f"there are: {', '.join(header)}")
+    answers = {}
+    for line, cells in rows[1:]:
+        if len(cells) == len(header):
+            answers[line] = dict(zip(header, cells, strict=True))
+        else:
+            problems.add(f"line {line}", f"{len(cells)} cells", f"the header has {len(header)}")
+    _validate(answers, [column for column in columns if column in header], layout, problems)
     problems.raise_if_any()
-    if len(lines) < 2:
-        raise InputError(f"{path}: {len(lines)} participants; statistics need at least 2")
-    return _ratings(list(lines.values()), layout)
+    if len(answers) < 2:
+        raise InputError(f"{path}: {len(answers)} participants; statistics need at least 2")
+    return _ratings(list(answers.values()), layout)
 
 
 def _check_layout(layout: RatingsLayout) -> None:
@@ -130,61 +142,18 @@ def _columns(layout: RatingsLayout) -> list[str]:
     ]
 
 
-def _read_rows(path: Path, layout: RatingsLayout) -> dict[int, list[str]]:
-    """Return the cells of each line that is not blank; the header has key 0."""
-    rows: dict[int, list[str]] = {}
-    try:
-        with path.open(encoding="utf-8-sig", newline="") as stream:
-            reader = csv.reader(stream, delimiter=layout.delimiter, strict=True)
-            for cells in reader:
-                stripped = [cell.strip() for cell in cells]
-                if any(stripped):
-                    rows[reader.line_num if rows else 0] = stripped
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise InputError(f"{path}: not a readable CSV file ({error}); save it as UTF-8 text") from error
-    if not rows:
-        raise InputError(f"{path}: empty; a header with {', '.join(_columns(layout))} is needed")
-    doubled = sorted(name for name, count in Counter(rows[0]).items() if count > 1)
-    if doubled:
-        raise InputError(
-            f"{path}, header: {', '.join(map(repr, doubled))} stands twice; name columns differently"
-        )
-    return rows
-
-
-def _cells(rows: dict[int, list[str]], problems: Problems) -> dict[int, dict[str, str]]:
-    """Cells by line and column; a line of another length than the header is a problem."""
-    header = rows[0]
-    lines = {}
-    for line, cells in rows.items():
-        if line == 0:
-            continue
-        if len(cells) == len(header):
-            lines[line] = dict(zip(header, cells, strict=True))
-        else:
-            problems.add(f"line {line}", f"{len(cells)} cells", f"the header has {len(header)}")
-    return lines
-
-
-def _allowed(layout: RatingsLayout, columns: list[str]) -> dict[str, tuple[str, ...]]:
-    """Values that may stand in each column."""
+def _validate(
+    answers: dict[int, dict[str, str]], columns: list[str], layout: RatingsLayout, problems: Problems
+) -> None:
+    """Add every cell that is wrong to `problems`."""
     models = tuple(model.name for model in layout.models)
     points = tuple(str(point) for point in range(1, layout.scale_points + 1))
-    allowed = {model.column: points for model in layout.models}
-    allowed[layout.best] = models
-    allowed.update(dict.fromkeys(layout.yes_no, (*_YES, *_NO)))
+    allowed = {model.column: points for model in layout.models} | {layout.best: models}
+    allowed |= dict.fromkeys(layout.yes_no, (*_YES, *_NO))
     if layout.experience:
         allowed[layout.experience] = tuple(layout.experience_levels)
-    return {column: values for column, values in allowed.items() if column in columns}
-
-
-def _validate(
-    lines: dict[int, dict[str, str]], columns: list[str], layout: RatingsLayout, problems: Problems
-) -> None:
-    """Note every cell that is wrong."""
-    allowed = _allowed(layout, columns)
     participants: set[str] = set()
-    for line, cells in lines.items():
+    for line, cells in answers.items():
         for column in columns:
             cell = cells[column].lower() if column in layout.yes_no else cells[column]
             found = f"{column} is {cell!r}" if cell else f"{column} is empty"

@@ -5,16 +5,14 @@ a cubic spring that no linear model can describe. The machine moves in ramps bet
 command, for which the relaxation has a closed form, so the recorded force carries no integration error.
 """
 
-import csv
 import math
 import os
-from pathlib import Path
 
 import numpy as np
 import scipy
 
 from lumbar.base.errors import InputError
-from lumbar.base.files import write_text
+from lumbar.base.files import write_csv
 from lumbar.settings.twin import SyntheticTissueSettings
 
 
@@ -97,15 +95,14 @@ def play(
     number: int,
 ) -> None:
     """Play a signal file, ``time_s,position_mm``, on the synthetic tissue and write the recording; rest as of `tissue_test`."""
-    signal = Path(signal)
-    with signal.open(encoding="utf-8", newline="") as stream:
-        rows = list(csv.reader(stream))
-    if rows[0] != ["time_s", "position_mm"]:
-        raise InputError(f"{signal}: header {','.join(rows[0])}; a signal has time_s,position_mm")
-    time, position = np.array(rows[1:], dtype=float).T
+    import pandas as pd
+
+    table = pd.read_csv(signal, dtype=str)  # times and positions are written as they are read
+    if list(table) != ["time_s", "position_mm"]:
+        raise InputError(f"{signal}: header {','.join(table)}; a signal has time_s,position_mm")
+    time, position = table.to_numpy(dtype=float).T
     force = tissue_test(time, position, tissue, seed, number)
-    lines = [f"{t},{x},{f:.6g}" for (t, x), f in zip(rows[1:], force, strict=True)]
-    write_text(recording, "\n".join(["time_s,position_mm,force_N", *lines]) + "\n")
+    write_csv(recording, table.assign(force_N=[f"{value:.6g}" for value in force]))
 
 
 _STREAM = 2
