@@ -17,22 +17,22 @@ import pandas as pd
 
 from lumbar.base.errors import NumericalError
 from lumbar.base.files import read_json, write_csv
-from lumbar.lifting.stability.comparison.percent_differences import comparisons_of, percent_differences
-from lumbar.lifting.stability.model.eqs_4_1_to_4_4_closed_loop import ClosedLoops, close_loops
-from lumbar.lifting.stability.model.pendulum_trajectories import PLANES, THESIS, LiftStates, Trajectory
-from lumbar.lifting.stability.programme.eqs_4_5_to_4_7_alternation import (
+from lumbar.lifting.stability.funnel.eqs_4_5_to_4_7_alternation import (
     ACCURACY,
     DEGREE,
     Alternation,
     alternate,
 )
-from lumbar.lifting.stability.programme.eqs_4_5_to_4_7_in_cvxpy import (
+from lumbar.lifting.stability.funnel.eqs_4_5_to_4_7_in_cvxpy import (
     Polynomial,
     constant,
     s_procedure,
     unknown,
 )
-from lumbar.lifting.stability.programme.sum_of_squares import Certificate, monomials
+from lumbar.lifting.stability.funnel.sum_of_squares import Certificate, monomials
+from lumbar.lifting.stability.model.eqs_4_1_to_4_4_closed_loop import ClosedLoops, close_loops
+from lumbar.lifting.stability.model.pendulum_trajectories import PLANES, THESIS, LiftStates, Trajectory
+from lumbar.lifting.stability.percent_differences import comparisons_of, percent_differences
 from lumbar.settings.stability import StabilitySettings
 
 PROJECT = Path(__file__).resolve().parents[1]

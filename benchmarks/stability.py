@@ -21,9 +21,8 @@ from one_thread import PROJECT  # isort: skip
 import numpy as np
 import pandas as pd
 
-from lumbar.lifting.stability.funnel.exact_funnel import exact_funnels, funnel_variants
+from lumbar.lifting.stability.funnel.exact_funnel import best_of_family, exact_funnels, funnel_variants
 from lumbar.lifting.stability.funnel.interval_proof import proved_share
-from lumbar.lifting.stability.funnel.lyapunov_family import best_of_family
 from lumbar.lifting.stability.funnel.monte_carlo_check import monte_carlo_check
 from lumbar.lifting.stability.model.eqs_4_1_to_4_4_closed_loop import close_loops
 from lumbar.lifting.stability.model.pendulum_trajectories import trajectories_of_lift

@@ -13,9 +13,8 @@ def main(input, output, settings: StabilitySettings, labels: dict[str, str], sou
 
     from lumbar.base.files import read_json, write_csv
     from lumbar.lifting.stability.basins import DTYPES, areas_table
-    from lumbar.lifting.stability.comparison.changed_pendulums import decomposition_table
-    from lumbar.lifting.stability.comparison.percent_differences import ComparedLifts
-    from lumbar.lifting.stability.comparison.table_4_1 import alternations_table, tables_4_1
+    from lumbar.lifting.stability.changed_pendulums import decomposition_table
+    from lumbar.lifting.stability.funnel.eqs_4_5_to_4_7_in_cvxpy import cross_check
     from lumbar.lifting.stability.model.pendulum_trajectories import (
         THESIS,
         LiftStates,
@@ -24,7 +23,8 @@ def main(input, output, settings: StabilitySettings, labels: dict[str, str], sou
         failures_table,
         join_rows,
     )
-    from lumbar.lifting.stability.programme.eqs_4_5_to_4_7_in_cvxpy import cross_check
+    from lumbar.lifting.stability.percent_differences import ComparedLifts
+    from lumbar.lifting.stability.table_4_1 import alternations_table, tables_4_1
 
     facts = [read_json(path) for path in input.facts]
     lifts = [

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from lumbar.lifting.stability.comparison.percent_differences import comparison_names
+from lumbar.lifting.stability.percent_differences import comparison_names
 from lumbar.publishing.reproduction.claim import BUILT_IN, CANNOT_BE_TESTED, DOES_NOT_HOLD, HOLDS
 from lumbar.publishing.reproduction.claims import all_claims, examine_claims, impossible_mru, least_mru
 from lumbar.settings.twin import SyntheticTissueSettings

@@ -9,8 +9,7 @@ from lifting_cases import minimum_jerk
 
 from lumbar.base.errors import InputError
 from lumbar.lifting.stability.basins import CHECK_COLUMNS, areas_table, basins_of_lift, boa_columns
-from lumbar.lifting.stability.comparison.changed_pendulums import varied_areas
-from lumbar.lifting.stability.comparison.percent_differences import comparisons_of, percent_differences
+from lumbar.lifting.stability.changed_pendulums import varied_areas
 from lumbar.lifting.stability.funnel.exact_funnel import exact_funnels
 from lumbar.lifting.stability.model.eqs_4_1_to_4_4_closed_loop import close_loops
 from lumbar.lifting.stability.model.pendulum_trajectories import (
@@ -20,6 +19,7 @@ from lumbar.lifting.stability.model.pendulum_trajectories import (
     in_unit_time,
     trajectories_of_lift,
 )
+from lumbar.lifting.stability.percent_differences import comparisons_of, percent_differences
 from lumbar.publishing.figures.stability_figures import figure_4_3, shown_lift
 from lumbar.settings.stability import StabilitySettings
 from study_settings import changed

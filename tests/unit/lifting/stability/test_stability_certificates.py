@@ -9,6 +9,12 @@ import pytest
 from lifting_cases import WEIGHTS, minimum_jerk, pendulums_of
 
 from lumbar.base.errors import NumericalError
+from lumbar.lifting.stability.funnel.eqs_4_5_to_4_7_alternation import RESOLUTION, alternate, level_factors
+from lumbar.lifting.stability.funnel.eqs_4_5_to_4_7_in_cvxpy import (
+    AGREEMENT,
+    RateProgramme,
+    rate_differences,
+)
 from lumbar.lifting.stability.funnel.exact_funnel import funnel_variants
 from lumbar.lifting.stability.funnel.interval_proof import (
     Interval,
@@ -22,14 +28,7 @@ from lumbar.lifting.stability.funnel.interval_proof import (
     proved_share,
 )
 from lumbar.lifting.stability.funnel.monte_carlo_check import monte_carlo_check
-from lumbar.lifting.stability.model.eqs_4_1_to_4_4_closed_loop import regulate
-from lumbar.lifting.stability.programme.eqs_4_5_to_4_7_alternation import RESOLUTION, alternate, level_factors
-from lumbar.lifting.stability.programme.eqs_4_5_to_4_7_in_cvxpy import (
-    AGREEMENT,
-    RateProgramme,
-    rate_differences,
-)
-from lumbar.lifting.stability.programme.sum_of_squares import (
+from lumbar.lifting.stability.funnel.sum_of_squares import (
     Certificate,
     SumOfSquares,
     circle_map,
@@ -38,6 +37,7 @@ from lumbar.lifting.stability.programme.sum_of_squares import (
     growth_polynomial,
     monomials,
 )
+from lumbar.lifting.stability.model.eqs_4_1_to_4_4_closed_loop import regulate
 
 
 @pytest.fixture(scope="module", params=["hanging", "inverted"])

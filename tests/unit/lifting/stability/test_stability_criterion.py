@@ -9,11 +9,11 @@ import pandas as pd
 import pytest
 from test_stability_areas import SETTINGS, lift
 
-from lumbar.lifting.stability.comparison.percent_differences import ComparedLifts
-from lumbar.lifting.stability.comparison.table_4_1 import alternations_table
 from lumbar.lifting.stability.funnel.exact_funnel import exact_funnels
 from lumbar.lifting.stability.model.eqs_4_1_to_4_4_closed_loop import close_loops
 from lumbar.lifting.stability.model.pendulum_trajectories import COMS, PLANES, THESIS
+from lumbar.lifting.stability.percent_differences import ComparedLifts
+from lumbar.lifting.stability.table_4_1 import alternations_table
 from lumbar.publishing.reproduction.basin_claims import MAX_RATIO, basin_sentences
 from lumbar.publishing.reproduction.claim import UntestableError
 from lumbar.settings.stability import StabilitySettings

@@ -10,16 +10,16 @@ from test_stability_areas import SETTINGS, lift
 from test_stability_table import lift_states, study_of
 
 from lumbar.base.errors import InputError, NumericalError
+from lumbar.lifting.stability import changed_pendulums
 from lumbar.lifting.stability.basins import basins_of_lift
-from lumbar.lifting.stability.comparison import changed_pendulums
-from lumbar.lifting.stability.comparison.changed_pendulums import decomposition_table
-from lumbar.lifting.stability.comparison.table_4_1 import tables_4_1
+from lumbar.lifting.stability.changed_pendulums import decomposition_table
 from lumbar.lifting.stability.model.pendulum_trajectories import (
     COMS,
     PLANES,
     compute_together,
     pendulum_label,
 )
+from lumbar.lifting.stability.table_4_1 import tables_4_1
 from lumbar.publishing.figures.stability_figures import comparison_figure, figure_4_3, figure_4_4
 from study_settings import changed
 

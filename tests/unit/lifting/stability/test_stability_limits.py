@@ -7,11 +7,10 @@ import pytest
 from lifting_cases import GRAVITY, WEIGHTS, minimum_jerk, pendulums_of
 
 from lumbar.lifting.measures.compare_groups import Difference
-from lumbar.lifting.stability.comparison.table_4_1 import verdict
-from lumbar.lifting.stability.funnel.exact_funnel import exact_funnels, reachable_area
-from lumbar.lifting.stability.funnel.lyapunov_family import best_of_family
+from lumbar.lifting.stability.funnel.exact_funnel import best_of_family, exact_funnels, reachable_area
 from lumbar.lifting.stability.model.eqs_4_1_to_4_4_closed_loop import feedforward_torque, regulate
 from lumbar.lifting.stability.model.torque_limits import exceeds, reference_of, torque_range
+from lumbar.lifting.stability.table_4_1 import verdict
 from lumbar.settings.stability import StabilitySettings
 
 

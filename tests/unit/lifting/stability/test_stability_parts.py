@@ -8,7 +8,7 @@ import pytest
 from test_stability_areas import lift
 from test_stability_table import INVERTED, OWN, lift_states, study_of
 
-from lumbar.lifting.stability.comparison.changed_pendulums import (
+from lumbar.lifting.stability.changed_pendulums import (
     EXCHANGED,
     PARTS,
     contributions,

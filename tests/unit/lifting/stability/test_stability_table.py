@@ -12,9 +12,7 @@ from test_stability_areas import SETTINGS, lift, states_and_facts
 
 from lumbar.lifting.movement.pendulum_states import THESIS_CHOICE
 from lumbar.lifting.stability.basins import basins_of_lift
-from lumbar.lifting.stability.comparison.changed_pendulums import decomposition_table
-from lumbar.lifting.stability.comparison.percent_differences import ComparedLifts
-from lumbar.lifting.stability.comparison.table_4_1 import published_note, tables_4_1
+from lumbar.lifting.stability.changed_pendulums import decomposition_table
 from lumbar.lifting.stability.funnel.exact_funnel import exact_funnels
 from lumbar.lifting.stability.model.eqs_4_1_to_4_4_closed_loop import close_loops
 from lumbar.lifting.stability.model.pendulum_trajectories import (
@@ -25,6 +23,8 @@ from lumbar.lifting.stability.model.pendulum_trajectories import (
     LiftStates,
     join_rows,
 )
+from lumbar.lifting.stability.percent_differences import ComparedLifts
+from lumbar.lifting.stability.table_4_1 import published_note, tables_4_1
 
 FAST = SETTINGS.model_copy(update={"knots": 101, "checks": ()})
 INVERTED = FAST.model_copy(update={"pendulum": FAST.pendulum.model_copy(update={"sign": "inverted"})})

@@ -15,13 +15,13 @@ from lumbar.lifting.movement.cleaning import derivative
 from lumbar.lifting.movement.joint_centres import unit
 
 UPRIGHT_SHARE = 5.0
-"""Percentage of the recording in which the trunk is straightest: there the lumbar spine counts as not bent."""
+"""Percentage of the recording with the straightest trunk, in which the lumbar spine is not bent."""
 UPRIGHT_DEG = 15.0
-"""A trunk that always leans further than this never stands upright."""
+"""Largest lean of a trunk that stands upright."""
 
 
 def inclination(line: np.ndarray, towards: np.ndarray) -> np.ndarray:
-    """Angle of a line from straight up in the vertical plane of a horizontal direction, degrees, positive towards it.
+    """Return the angle of a line from straight up in the vertical plane of a direction, degrees, positive towards it.
 
     `line`, shape (n, 3), runs from below to above, of any length; `towards` are horizontal unit vectors.
     """
@@ -29,7 +29,7 @@ def inclination(line: np.ndarray, towards: np.ndarray) -> np.ndarray:
 
 
 def beyond_upright(bend: np.ndarray, trunk: np.ndarray, forward: np.ndarray) -> np.ndarray:
-    """Angle beyond that of standing upright, as Plamondon et al. (2010) measure the flexion of the lumbar region; its unit.
+    """Return the angle beyond that of standing upright, as Plamondon et al. (2010) measure flexion of the lumbar region.
 
     Zero is the mean over the straightest `UPRIGHT_SHARE` per cent of the recording. `bend`, shape (n,), is the angle; `trunk`,
     shape (n, 3), the line from L5/S1 to C7/T1; `forward` are horizontal unit vectors.
@@ -37,7 +37,7 @@ def beyond_upright(bend: np.ndarray, trunk: np.ndarray, forward: np.ndarray) -> 
     Raises
     ------
     InputError
-        If the person never stands upright.
+        If the subject never stands upright.
     """
     lean = np.abs(inclination(trunk, forward))
     seen = np.isfinite(bend) & np.isfinite(lean)
@@ -52,7 +52,7 @@ def beyond_upright(bend: np.ndarray, trunk: np.ndarray, forward: np.ndarray) -> 
 
 
 def angle_between(one: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """Angle between two lines, each of shape (n, 3) and any length, degrees from 0 to 180."""
+    """Return the angle between two lines, each of shape (n, 3) and any length, degrees from 0 to 180."""
     return np.degrees(np.arctan2(np.linalg.norm(np.cross(one, other), axis=1), np.sum(one * other, axis=1)))
 
 
@@ -64,26 +64,17 @@ class Link:
     """One segment, or a load, as it moves."""
 
     mass_kg: np.ndarray | float
-    """Ndarray, shape (n,), or float: over time for what is carried for a while."""
+    """A number, or shape (n,) for a load that is carried for a while."""
     centre: np.ndarray
     """Shape (n, 3): centre of mass, metres."""
     axis: np.ndarray | None = None
-    """Shape (n, 3), or None: along the segment, any length; None for a point mass."""
+    """Shape (n, 3): along the segment, any length; None for a point mass."""
     gyration_m: float = 0.0
     """Radius of gyration across the axis about the centre, metres."""
 
 
-def spin_moment(axis: np.ndarray, rate: float) -> np.ndarray:
-    """Rate of change of u × u̇ of a slender body's axis, u × ü, shape (n, 3) in 1/s²; m·k² times it is dH/dt.
-
-    A slender body has no moment of inertia along its axis, so that its angular momentum is m·k²·(u × u̇) with the unit vector u.
-    """
-    direction = unit(axis)
-    return np.cross(direction, derivative(direction, rate, 2))
-
-
 def net_moment(joint: np.ndarray, links: Iterable[Link], rate: float, gravity: float) -> np.ndarray:
-    """Moment that acts at a joint upon all links above it, shape (n, 3) in N·m.
+    """Return the moment at a joint on all links above it, shape (n, 3) in N·m.
 
     The joint, shape (n, 3) in metres, may move; `links` are all that it carries, z up; accelerations are central differences of
     filtered positions.
@@ -94,7 +85,10 @@ def net_moment(joint: np.ndarray, links: Iterable[Link], rate: float, gravity: f
         force = mass * (derivative(link.centre, rate, 2) + gravity * UP)
         total = total + np.where(mass > 0, np.cross(link.centre - joint, force), 0.0)
         if link.axis is not None and link.gyration_m:
-            total = total + mass * link.gyration_m**2 * spin_moment(link.axis, rate)
+            # A slender body has no moment of inertia along its axis u, so that H = m·k²·(u × u̇) and dH/dt = m·k²·(u × ü).
+            direction = unit(link.axis)
+            spin = np.cross(direction, derivative(direction, rate, 2))
+            total = total + mass * link.gyration_m**2 * spin
     return total
 
 
@@ -107,10 +101,9 @@ _TRUNK_OF_WOMEN = 0.65
 
 
 def trunk_extension_strength(inclination_deg: np.ndarray, sex: str) -> np.ndarray:
-    """Mean largest extension moment of the trunk in N·m by its inclination in degrees (`TRUNK_SOURCE`).
+    """Return the mean largest extension moment of the trunk in N·m by its inclination in degrees (`TRUNK_SOURCE`).
 
-    Linear between the published angles; held at the first and last beyond them. The mean of women's and men's where the sex
-    is not known.
+    Linear between the published angles, constant beyond them. For an unknown sex the mean of women's and men's.
     """
     share = {"male": 1.0, "female": _TRUNK_OF_WOMEN}.get(sex, (1 + _TRUNK_OF_WOMEN) / 2)
     return share * np.interp(inclination_deg, _FLEXION_DEG, _EXTENSION_N_M)

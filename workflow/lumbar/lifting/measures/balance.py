@@ -29,9 +29,9 @@ from lumbar.lifting.movement.cleaning import derivative
 FOOT_LENGTH, FOOT_BREADTH = 0.152, 0.055
 """Shares of stature (Drillis and Contini 1966; Winter 2009, Figure 4.1)."""
 FUNCTIONAL_SHARE = 0.6
-"""How far towards the edge people lean with a load in their hands (Holbein and Redfern 1997)."""
+"""Share of the distance to the edge that people use when they lean with a load (Holbein and Redfern 1997)."""
 FLOOR_PERCENTILE = 5.0
-"""A marker of the foot stands on the ground where it is about as low as in the lowest part of its recording."""
+"""Percentile of the height of a foot's marker that is the level of the floor."""
 
 
 @dataclass(frozen=True)
@@ -39,17 +39,17 @@ class BaseOfSupport:
     """Convex base of support at n instants."""
 
     corners: np.ndarray
-    """Shape (n, k, 2): metres in the plane of the ground; any order, inner ones do no harm."""
+    """Shape (n, k, 2): metres in the plane of the ground; any order, inner points are allowed."""
     grounded: np.ndarray
-    """Shape (n, k): which corners are on the ground."""
+    """Shape (n, k): whether a corner is on the ground."""
 
     @property
     def centre(self) -> np.ndarray:
-        """Mean of the grounded corners, shape (n, 2); NaN where nothing is on the ground."""
+        """Mean of the grounded corners, shape (n, 2); NaN if none is on the ground."""
         return middle_of_standing(self.corners, self.grounded)
 
     def functional(self, share: float = FUNCTIONAL_SHARE) -> Self:
-        """The part that people use: every edge drawn to `share` of its distance from the centre.
+        """Return the part that people use: every edge moved to `share` of its distance from the centre.
 
         Holbein and Redfern, Int. J. Ind. Ergon. 19 (1997) 387-395: 15 men who held loads and leaned forward, backward and to
         the sides reached about 60 % of the distance to the edge.
@@ -58,15 +58,15 @@ class BaseOfSupport:
         return replace(self, corners=centre + share * (self.corners - centre))
 
     def reach(self, point: np.ndarray, direction: np.ndarray) -> np.ndarray:
-        """How far the base extends beyond a point in a direction of length one, in metres; negative where it ends before it."""
+        """Return the distance from a point to the end of the base in a direction of length one, metres; negative beyond it."""
         along = np.einsum("nkj,nj->nk", self.corners, direction)
         furthest = np.where(self.grounded, along, -np.inf).max(axis=1)
         return np.where(self.grounded.any(axis=1), furthest - np.einsum("nj,nj->n", point, direction), np.nan)
 
     def margin(self, point: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Signed distance of a point to the edge, shape (n,), and the direction in which the edge is nearest, shape (n, 2).
+        """Return the signed distance of a point to the edge, shape (n,), and the direction of the nearest edge, shape (n, 2).
 
-        Metres, positive inside, and unit vectors; NaN where nothing is on the ground or the point, shape (n, 2), is not known.
+        Metres, positive inside, and unit vectors; NaN if nothing is on the ground or the point, shape (n, 2), is unknown.
         """
         directions = self._candidates(point)
         corners = np.einsum("nkj,nmj->nkm", self.corners, directions)
@@ -80,9 +80,9 @@ class BaseOfSupport:
         return np.where(known, margin, np.nan), np.where(known[:, None], direction, np.nan)
 
     def _candidates(self, point: np.ndarray) -> np.ndarray:
-        """Directions among which the nearest edge or corner is, shape (n, m, 2): normals of all pairs, and corner to point.
+        """Return directions that include the nearest edge or corner, shape (n, m, 2): normals of all pairs, corner to point.
 
-        Those of pairs that are no edge only name distances that are larger than the smallest.
+        Pairs that are not edges only give larger distances than the smallest.
         """
         pairs = [
             self.corners[:, j] - self.corners[:, i] for i, j in combinations(range(self.corners.shape[1]), 2)
@@ -97,7 +97,7 @@ class BaseOfSupport:
 
 
 def corners_around(points: np.ndarray) -> np.ndarray:
-    """Corners of the hull around those of some points that are known, in order; of fewer than three, or all on a line, these."""
+    """Return the corners of the hull around known points in order; of fewer than three, or all on a line, the points."""
     from scipy.spatial import ConvexHull, QhullError
 
     points = points[np.isfinite(points).all(axis=1)]
@@ -107,7 +107,7 @@ def corners_around(points: np.ndarray) -> np.ndarray:
 
 
 def hull_around(*bases: BaseOfSupport) -> BaseOfSupport:
-    """The hull around several bases: both feet."""
+    """Return the hull around several bases, such as both feet."""
     return BaseOfSupport(
         np.concatenate([base.corners for base in bases], axis=1),
         np.concatenate([base.grounded for base in bases], axis=1),
@@ -122,17 +122,17 @@ def footprint(
     length: float,
     breadth: float,
 ) -> BaseOfSupport:
-    """Base of one foot: a rectangle from the heel along the line heel-toe, its heel and toe on the ground each by itself.
+    """Return the base of one foot: a rectangle from the heel along the line heel-toe; heel and toe are grounded separately.
 
     Parameters
     ----------
     heel, toe : ndarray, shape (n, 3)
-        Markers, metres. The rectangle ends at the toe, or `length` ahead of the heel where the marker lies further back
+        Markers, metres. The rectangle ends at the toe, or `length` ahead of the heel if the marker is further back
         (on the metatarsals).
     heel_grounded, toe_grounded : ndarray of bool, shape (n,)
-        As of `ground_contact`.
+        Results of `ground_contact`.
     length, breadth : float
-        Of the foot, metres: `FOOT_LENGTH` and `FOOT_BREADTH` of the stature where not measured.
+        Size of the foot, metres: `FOOT_LENGTH` and `FOOT_BREADTH` of the stature if not measured.
     """
     line = (toe - heel)[:, :2]
     distance = np.linalg.norm(line, axis=1, keepdims=True)
@@ -145,7 +145,7 @@ def footprint(
 
 
 def ground_contact(marker: np.ndarray, rate: float, height_m: float, speed_m_s: float) -> np.ndarray:
-    """Whether a filtered marker of the foot is on the ground, shape (n,): below a height above its lowest level, and slow."""
+    """Return whether a filtered marker of the foot is on the ground, shape (n,): near its lowest level, and slow."""
     height = marker[:, 2]
     if not np.isfinite(height).any():
         return np.zeros(len(marker), dtype=bool)
@@ -155,12 +155,12 @@ def ground_contact(marker: np.ndarray, rate: float, height_m: float, speed_m_s: 
 
 
 def pendulum_rate(length: np.ndarray | float, gravity: float) -> np.ndarray | float:
-    """ω0 = √(g/l) in 1/s of a pendulum of length l in metres."""
+    """Return ω0 = √(g/l) in 1/s of a pendulum of length l in metres."""
     return np.sqrt(gravity / length)
 
 
 def extrapolated_centre(position: np.ndarray, velocity: np.ndarray, rate: np.ndarray | float) -> np.ndarray:
-    """Extrapolated centre of mass x + v/ω0 (Hof et al. 2005, Eq. 5), shape as of `position`.
+    """Return the extrapolated centre of mass x + v/ω0 (Hof et al. 2005, Eq. 5), shape of `position`.
 
     Horizontal coordinates of the whole body's centre of mass with what it carries, in m and m/s; `rate` is ω0 in 1/s.
     """
@@ -168,9 +168,9 @@ def extrapolated_centre(position: np.ndarray, velocity: np.ndarray, rate: np.nda
 
 
 def smallest_impulse(mass: np.ndarray | float, rate: np.ndarray | float, margin: np.ndarray) -> np.ndarray:
-    """Horizontal impulse in N·s that just moves the extrapolated centre over the edge: m·ω0·b (Hof et al. 2005).
+    """Return the horizontal impulse in N·s that just moves the extrapolated centre over the edge: m·ω0·b (Hof et al. 2005).
 
-    A push changes v at once by J/m, and so the extrapolated centre by J/(m·ω0). Negative: it is over the edge already, and
+    A push changes v immediately by J/m, and so the extrapolated centre by J/(m·ω0). Negative: it is over the edge already, and
     that impulse would bring it back.
     Mass in kg of the body with what it carries, ω0 in 1/s, and the signed distance of the extrapolated centre to the edge in m.
     """
@@ -185,7 +185,7 @@ def capture_margin(
     behind: np.ndarray,
     gravity: float,
 ) -> np.ndarray:
-    """Distance in metres of the capture point to the nearer end of where the centre of pressure can be; positive: capturable.
+    """Return the distance in metres of the capture point to the nearer limit of the centre of pressure; positive: capturable.
 
     Parameters
     ----------
@@ -225,9 +225,9 @@ def viability_margin(
     behind: np.ndarray,
     gravity: float,
 ) -> np.ndarray:
-    """Impulse across the pendulum in N·s that just takes it beyond what its torque can stop; positive: no step is needed.
+    """Return the impulse across the pendulum in N·s that its torque can just stop; positive: no step is needed.
 
-    m·l·(θ̇_braking − θ̇); for small angles m·ω0 times the `capture_margin`. Parameters as of `capture_margin` and
+    m·l·(θ̇_braking − θ̇); for small angles m·ω0 times the `capture_margin`. Parameters as for `capture_margin` and
     `braking_speed`; `mass` in kilograms.
     """
     forward = braking_speed(angle, length, ahead, gravity) - angular_velocity
@@ -240,11 +240,13 @@ class AnkleTorques:
     """Largest torques of one ankle, N·m."""
 
     plantar_flexion: float
+    """Limits the centre of pressure ahead of the ankle."""
     dorsiflexion: float
-    """`plantar_flexion`, `dorsiflexion`: they hold the centre of pressure ahead of and behind the ankle."""
+    """Limits it behind the ankle."""
     inversion: float
+    """Limits it outward."""
     eversion: float
-    """`inversion`, `eversion`: they hold it beside the ankle, outward and inward."""
+    """Limits it inward."""
 
 
 ANKLE_SOURCE = "da Fonseca et al., World J. Orthop. 16 (2025) 108858: mean isokinetic peak torques of 69 men and 31 women"
@@ -252,7 +254,7 @@ _ANKLES = {"male": AnkleTorques(158.1, 53.6, 37.0, 33.4), "female": AnkleTorques
 
 
 def ankle_torques(sex: str) -> AnkleTorques:
-    """Mean torques of one ankle; the mean of women's and men's where the sex is not known (`ANKLE_SOURCE`)."""
+    """Return the mean torques of one ankle; for an unknown sex the mean of women's and men's (`ANKLE_SOURCE`)."""
     if sex in _ANKLES:
         return _ANKLES[sex]
     both = zip(*(vars(values).values() for values in _ANKLES.values()), strict=True)
@@ -267,11 +269,11 @@ def pressure_limits(
     weight: np.ndarray | float,
     torques: AnkleTorques,
 ) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """How far the centre of pressure can go from the middle of the ankles that stand, by foot size and ankle torque.
+    """Return the limits of the centre of pressure from the middle of the standing ankles, by foot size and ankle torque.
 
     Fore and aft the torques of all standing ankles add up over the weight. Sideways the weight shifts from foot to foot, and
-    beyond the outer ankle only that ankle's torque counts (outward inversion, inward eversion where it stands alone).
-    The result has by plane how far it can go along the axis (right, forward) and against it, metres.
+    beyond the outer ankle only that ankle's torque counts (outward inversion, inward eversion if only one stands).
+    The result has by plane the distances along the axis (right, forward) and against it, metres.
 
     Parameters
     ----------
@@ -309,7 +311,7 @@ def pressure_limits(
 
 
 def middle_of_standing(ankles: np.ndarray, standing: np.ndarray) -> np.ndarray:
-    """Middle of the ankles (or corners), shape (n, k, d), that stand, shape (n, k): the pivot; NaN where none does."""
+    """Return the middle of the ankles (or corners), shape (n, k, d), that stand, shape (n, k): the pivot; NaN if none does."""
     weight = standing[..., None].astype(float)
     with np.errstate(invalid="ignore"):
         return (np.nan_to_num(ankles) * weight).sum(axis=1) / weight.sum(axis=1)

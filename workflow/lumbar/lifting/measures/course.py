@@ -1,6 +1,6 @@
 """The course of all measures over a lift, instant by instant, from the body's trajectories."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from itertools import product
@@ -42,7 +42,7 @@ from lumbar.lifting.movement.pendulum_states import PLANES
 from lumbar.settings.stability import MeasureSettings
 
 CORNERS = 8
-"""Of the base: four of each foot."""
+"""Corners of the base: four of each foot."""
 DIRECTIONS = ("forward", "right", "backward", "left")
 _TRUNK_GYRATION = {"thorax": {"male": 0.320, "female": 0.314}, "abdomen": {"male": 0.383, "female": 0.354}}
 """Radii of gyration of upper (cervicale-xiphion) and middle trunk about the transverse axis, shares of their lengths (de Leva
@@ -51,25 +51,24 @@ _TRUNK_GYRATION = {"thorax": {"male": 0.320, "female": 0.314}, "abdomen": {"male
 
 @dataclass(frozen=True)
 class Course:
-    """What a lift was at every instant."""
+    """Measures of a lift at every instant."""
 
     frame: pd.DataFrame
-    """Of shape (n, …); `lumbar.lifting.measures.lift_values` names the columns of the measures. Those of `missing` are not
-    there."""
+    """Shape (n, …); `lumbar.lifting.measures.lift_values` names the columns of the measures. Those of `missing` are absent."""
     missing: dict[str, str] = field(default_factory=dict)
     """Columns that the recording does not allow, with the reason."""
     unseen: dict[str, tuple[str, ...]] = field(default_factory=dict)
-    """By column: the points that it needs, for the reason where an instant lacks it."""
+    """By column: the points that it needs, for the reason at an instant without them."""
     notes: tuple[str, ...] = ()
-    """What was assumed where a marker lacks."""
+    """Assumptions for missing markers."""
 
 
 @dataclass(frozen=True)
 class Lifter:
-    """A body's trajectories with what they are measured by."""
+    """Trajectories of a body, with the facts and settings for its measures."""
 
     body: pd.DataFrame
-    """As of `lumbar.lifting.movement.lift_tables.body_frame`."""
+    """Result of `lumbar.lifting.movement.lift_tables.body_frame`."""
     facts: Mapping
     """``body_mass_kg, box_mass_kg, height_m, sex, mass_kg`` (trunk segments), ``missing_points``."""
     settings: MeasureSettings
@@ -105,48 +104,70 @@ class Lifter:
 
     @cached_property
     def axes(self) -> tuple[np.ndarray, np.ndarray]:
-        """Horizontal unit vectors to the person's right and forward, each of shape (n, 3)."""
+        """Horizontal unit vectors to the subject's right and forward, each of shape (n, 3)."""
         across = unit(self.body[["RIGHT_x", "RIGHT_y", "RIGHT_z"]].to_numpy(dtype=float) * [1.0, 1.0, 0.0])
         return across, np.cross([0.0, 0.0, 1.0], across)
 
     @property
     def load_points(self) -> tuple[str, ...]:
-        """The load, where there is any to carry."""
+        """Name of the load, if there is one."""
         return (LOAD,) if self.load.any() else ()
 
 
 def course_of_lift(lifter: Lifter) -> Course:
-    """Compute all measures at every instant; what the recording does not allow is left out with its reason."""
+    """Compute all measures at every instant; those that the recording does not allow are left out, with the reason."""
     columns: dict[str, np.ndarray] = {
         "time_s": lifter.time,
         **{name: lifter.body[name].to_numpy() for name in ("phase", "load_held")},
     }
     missing: dict[str, str] = {}
     unseen: dict[str, tuple[str, ...]] = {}
-    for part, points, names in (
-        (_balance, _balance_points(lifter), BALANCE_COLUMNS),
+    # Balance needs the whole body, the ankles, and an end of each foot: one of both is enough.
+    ends = [[f"{side}_{name}" for name in ("HEEL", "TOE")] for side in SIDES]
+    feet = [name for pair in ends for name in ([name for name in pair if name in lifter.points] or pair)]
+    arms = [f"{side}_{name}" for side in SIDES for name in ("SHOULDER", "WRIST")]
+    trunk = (com_of("thorax"), com_of("abdomen"), "C7T1", "T12L1", "L4L5", "L5S1")
+    parts: list[tuple[Callable[[Lifter], dict[str, np.ndarray]], Iterable[str], Iterable[str]]] = [
+        (_balance, (WHOLE_BODY, "L_ANKLE", "R_ANKLE", *feet, *lifter.load_points), BALANCE_COLUMNS),
         (_inclination, ("L5S1", "C7T1"), ("trunk_inclination_deg",)),
         (_lumbar_flexion, ("L5S1", "C7T1", "T12L1", MID_HIP), ("lumbar_flexion_deg",)),
-        (_moment, _moment_points(lifter), MOMENT_COLUMNS),
-        *(
-            (
-                partial(_joint_angle, joint=joint, side=side),
-                _joint_points(joint, side),
-                (_column(joint, side),),
-            )
-            for joint, side in product(JOINT_ANGLES, SIDES)
-        ),
-    ):
+        (_moment, (*trunk, HEAD, *arms, *lifter.load_points), MOMENT_COLUMNS),
+    ]
+    for joint, side in product(JOINT_ANGLES, SIDES):
+        points = [end.format(side) for line in JOINT_ANGLES[joint] for end in line]
+        points += ["C7T1"] if joint == "hip_flexion" else []
+        part = partial(_joint_angle, joint=joint, side=side)
+        parts.append((part, dict.fromkeys(points), (_column(joint, side),)))
+    for part, points, names in parts:
         unseen.update(dict.fromkeys(names, tuple(points)))
         try:
             lifter.need(points)
             columns.update(part(lifter))
         except InputError as error:
             missing.update(dict.fromkeys(names, str(error)))
-    _combine(columns, missing, unseen)
-    notes = [] if BALANCE_COLUMNS[0] in missing else _guessed_ends(lifter)
-    frame = pd.DataFrame(columns)
-    return Course(frame, missing, unseen, tuple(notes))
+    _add_larger_angles(columns, missing, unseen)
+    notes = [
+        f"{name} has no marker: it is put {FOOT_LENGTH:g} of the stature from the other end of the foot, in the direction that "
+        "the subject faces"
+        for pair in ends
+        for name in pair
+        if BALANCE_COLUMNS[0] not in missing and name not in lifter.points
+    ]
+    return Course(pd.DataFrame(columns), missing, unseen, tuple(notes))
+
+
+def _add_larger_angles(
+    columns: dict[str, np.ndarray], missing: dict[str, str], unseen: dict[str, tuple[str, ...]]
+) -> None:
+    """Add the larger angle of both sides of every joint, or that of the known side."""
+    for joint in JOINT_ANGLES:
+        name, sides = f"{joint}_deg", [_column(joint, side) for side in SIDES]
+        known = [column for column in sides if column in columns]
+        if known:
+            columns[name] = np.maximum.reduce([columns[column] for column in known])
+            unseen[name] = tuple(dict.fromkeys(point for column in known for point in unseen[column]))
+        else:
+            missing[name] = "; ".join(dict.fromkeys(missing[column] for column in sides))
 
 
 BALANCE_COLUMNS = (
@@ -165,26 +186,8 @@ MOMENT_COLUMNS = (
 )
 
 
-def _balance_points(lifter: Lifter) -> tuple[str, ...]:
-    """Whole body, ankles, and of each foot the ends that are marked: one of both is enough."""
-    ends = [[f"{side}_{name}" for name in ("HEEL", "TOE")] for side in "LR"]
-    feet = [[name for name in pair if name in lifter.points] or pair for pair in ends]
-    return (WHOLE_BODY, "L_ANKLE", "R_ANKLE", *feet[0], *feet[1], *lifter.load_points)
-
-
-def _guessed_ends(lifter: Lifter) -> list[str]:
-    """Say which ends of feet have no marker, and where they are put."""
-    return [
-        f"{side}_{name} has no marker: it is put {FOOT_LENGTH:g} of the stature from the other end of the foot, the way the "
-        "person faces"
-        for side in "LR"
-        for name in ("HEEL", "TOE")
-        if f"{side}_{name}" not in lifter.points
-    ]
-
-
 def base_of_support(lifter: Lifter) -> tuple[BaseOfSupport, np.ndarray]:
-    """The base of both feet, and which foot stands, shape (n, 2): left, right."""
+    """Return the base of both feet, and whether each foot is on the ground, shape (n, 2): left, right."""
     stature, settings = lifter.facts["height_m"], lifter.settings
     foot = FOOT_LENGTH * stature * lifter.axes[1]
     feet = []
@@ -201,30 +204,26 @@ def base_of_support(lifter: Lifter) -> tuple[BaseOfSupport, np.ndarray]:
 
 
 def base_in(course: pd.DataFrame) -> BaseOfSupport:
-    """The base at the instants of some rows of a course, as far as corners stand on the ground."""
+    """Return the base at the instants of some rows of a course, with the corners on the ground."""
     columns = [[f"base_{corner}_{axis}_m" for axis in "xy"] for corner in range(1, CORNERS + 1)]
     corners = np.stack([course[pair].to_numpy(float) for pair in columns], axis=1)
     return BaseOfSupport(corners, np.isfinite(corners).all(axis=2))
-
-
-def _centre_with_load(lifter: Lifter) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Centre of mass of body and load, its velocity, and their mass: the load's part comes and goes with it."""
-    body, mass = lifter.points[WHOLE_BODY], lifter.facts["body_mass_kg"]
-    centre, velocity = mass * body, mass * derivative(body, lifter.rate)
-    if lifter.load_points:
-        held = lifter.load[:, None]
-        load = lifter.points[LOAD]
-        centre = centre + np.where(held > 0, held * load, 0.0)
-        velocity = velocity + np.where(held > 0, held * derivative(load, lifter.rate), 0.0)
-    total = mass + lifter.load
-    return centre / total[:, None], velocity / total[:, None], total
 
 
 def _balance(lifter: Lifter) -> dict[str, np.ndarray]:
     base, standing = base_of_support(lifter)
     functional = base.functional(lifter.settings.functional_share)
     ankles = np.stack([lifter.points["L_ANKLE"], lifter.points["R_ANKLE"]], axis=1)
-    centre, velocity, mass = _centre_with_load(lifter)
+    # Centre of mass of the body and, while it is held, of the load, and its velocity.
+    body, body_mass = lifter.points[WHOLE_BODY], lifter.facts["body_mass_kg"]
+    centre, velocity = body_mass * body, body_mass * derivative(body, lifter.rate)
+    if lifter.load_points:
+        held, load = lifter.load[:, None], lifter.points[LOAD]
+        centre = centre + np.where(held > 0, held * load, 0.0)
+        velocity = velocity + np.where(held > 0, held * derivative(load, lifter.rate), 0.0)
+    mass = body_mass + lifter.load
+    centre, velocity = centre / mass[:, None], velocity / mass[:, None]
+    # Extrapolated centre of mass against the functional base, as a whole and by direction.
     relative = centre - middle_of_standing(ankles, standing)
     omega = pendulum_rate(np.linalg.norm(relative, axis=1), lifter.gravity)
     point = extrapolated_centre(centre[:, :2], velocity[:, :2], omega)
@@ -242,9 +241,10 @@ def _balance(lifter: Lifter) -> dict[str, np.ndarray]:
         "xcom_y_m": point[:, 1],
         **{f"margin_{name}_m": values for name, values in reaches.items()},
         "margin_of_stability_m": margin,
-        "margin_direction": _words(direction, right, forward),
+        "margin_direction": _nearest_direction(direction, right, forward),
         "smallest_impulse_N_s": smallest_impulse(mass, omega, margin),
     }
+    # Capture point and pendulum against the limits of the centre of pressure, by plane.
     limits = pressure_limits(
         base, ankles[..., :2], standing, right, mass * lifter.gravity, ankle_torques(lifter.facts["sex"])
     )
@@ -263,7 +263,7 @@ def _balance(lifter: Lifter) -> dict[str, np.ndarray]:
 
 
 def _capturable(relative, velocity, axis, mass, limits, gravity, plane) -> dict[str, np.ndarray]:
-    """Margins of capture and viability in one plane, about the middle of the standing ankles."""
+    """Return the margins of capture and viability in one plane, about the middle of the standing ankles."""
     offset, height = np.einsum("nj,nj->n", relative[:, :2], axis), relative[:, 2]
     speed, rise = np.einsum("nj,nj->n", velocity[:, :2], axis), velocity[:, 2]
     length = np.hypot(offset, height)
@@ -276,8 +276,8 @@ def _capturable(relative, velocity, axis, mass, limits, gravity, plane) -> dict[
     }
 
 
-def _words(direction: np.ndarray, right: np.ndarray, forward: np.ndarray) -> np.ndarray:
-    """Nearest of the four directions of the person, shape (n,); empty where none is known."""
+def _nearest_direction(direction: np.ndarray, right: np.ndarray, forward: np.ndarray) -> np.ndarray:
+    """Return the nearest of the subject's four directions, shape (n,); empty if unknown."""
     along = np.einsum("nj,nj->n", direction, forward), np.einsum("nj,nj->n", direction, right)
     parts = np.nan_to_num(np.stack([along[0], along[1], -along[0], -along[1]]))
     return np.where(np.isfinite(along[0]), np.array(DIRECTIONS)[parts.argmax(axis=0)], "")
@@ -300,9 +300,9 @@ JOINT_ANGLES = {
     "knee_flexion": (("{}_KNEE", "{}_HIP"), ("{}_ANKLE", "{}_KNEE")),
     "shoulder_elevation": (("{}_SHOULDER", "{}_ELBOW"), ("C7T1", "L5S1")),
 }
-"""Both lines that an angle lies between, each from one point of a side (``{}``) or of the trunk to another.
+"""Both lines of an angle, each from one point of a side (``{}``) or of the trunk to another.
 
-That of the hip is in the sagittal plane, beyond that of standing upright; the others are 0 where the lines are parallel.
+That of the hip is in the sagittal plane, beyond that of standing upright; the others are 0 for parallel lines.
 """
 
 
@@ -320,31 +320,8 @@ def _column(joint: str, side: str) -> str:
     return f"{side.lower()}_{joint}_deg"
 
 
-def _joint_points(joint: str, side: str) -> tuple[str, ...]:
-    ends = [end.format(side) for line in JOINT_ANGLES[joint] for end in line]
-    return tuple(dict.fromkeys([*ends, *(["C7T1"] if joint == "hip_flexion" else [])]))
-
-
-def _combine(columns: dict, missing: dict[str, str], unseen: dict[str, tuple[str, ...]]) -> None:
-    """Add the larger angle of both sides, or that of the known one."""
-    for joint in JOINT_ANGLES:
-        name, sides = f"{joint}_deg", [_column(joint, side) for side in SIDES]
-        known = [column for column in sides if column in columns]
-        if known:
-            columns[name] = np.maximum.reduce([columns[column] for column in known])
-            unseen[name] = tuple(dict.fromkeys(point for column in known for point in unseen[column]))
-        else:
-            missing[name] = "; ".join(dict.fromkeys(missing[column] for column in sides))
-
-
-def _moment_points(lifter: Lifter) -> tuple[str, ...]:
-    arms = tuple(f"{side}_{name}" for side in "LR" for name in ("SHOULDER", "WRIST"))
-    trunk = (com_of("thorax"), com_of("abdomen"), "C7T1", "T12L1", "L4L5", "L5S1")
-    return (*trunk, HEAD, *arms, *lifter.load_points)
-
-
 def links_above_l5s1(lifter: Lifter) -> list[Link]:
-    """Thorax, abdomen, head, arms and load: what L5/S1 carries. The box is a point mass at its centre."""
+    """Return thorax, abdomen, head, arms and load, which L5/S1 carries. The box is a point mass at its centre."""
     points, mass, sex = lifter.points, lifter.facts["body_mass_kg"], lifter.facts["sex"]
     links = []
     for segment, top, bottom in (("thorax", "C7T1", "T12L1"), ("abdomen", "T12L1", "L4L5")):
@@ -361,23 +338,12 @@ def links_above_l5s1(lifter: Lifter) -> list[Link]:
     neck = points[HEAD] - points["C7T1"]
     radius = WINTER_HEAD.gyration * typical_distance(points[HEAD], points["C7T1"])
     links.append(Link(WINTER_HEAD.mass * mass, points[HEAD], neck, radius))
-    links += _limb_links(lifter, "ARM")
+    for segment, first, last in (part for side in SIDES for part in limb_parts(points, side, "ARM")):
+        radius = np.nan_to_num(segment.gyration) * typical_distance(first, last)
+        links.append(Link(segment.mass * mass, first + segment.centre * (last - first), last - first, radius))
     if lifter.load_points:
         links.append(Link(lifter.load, points[LOAD]))
     return links
-
-
-def _limb_links(lifter: Lifter, whole: str) -> list[Link]:
-    parts = [part for side in SIDES for part in limb_parts(lifter.points, side, whole)]
-    return [
-        Link(
-            segment.mass * lifter.facts["body_mass_kg"],
-            first + segment.centre * (last - first),
-            last - first,
-            np.nan_to_num(segment.gyration) * typical_distance(first, last),
-        )
-        for segment, first, last in parts
-    ]
 
 
 def _moment(lifter: Lifter) -> dict[str, np.ndarray]:

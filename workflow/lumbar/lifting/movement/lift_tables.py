@@ -1,4 +1,4 @@
-"""What is told of an analysed lift: its body, centres of mass, pendulums, gaps and motion as tables, its facts for JSON.
+"""Results of an analysed lift: its body, centres of mass, pendulums, gaps and motion as tables, its facts for JSON.
 
 Points of the body (joints, feet, hands, load and centres of mass) move over the whole recording, in the axes of the planes.
 """
@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 
 from lumbar.base.errors import InputError
 from lumbar.lifting.movement.centre_of_mass import COMS, head_centre, segment_centres, whole_body_centre
@@ -30,8 +31,6 @@ from lumbar.lifting.movement.joint_centres import INNER, MID_HIP, SIDES, limb_jo
 from lumbar.lifting.movement.pendulum_states import PendulumChoice
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from lumbar.lifting.movement.lift_analysis import AnalysedLift
     from lumbar.lifting.movement.pendulum_states import PendulumStates
     from lumbar.settings.lifting import LiftingSettings
@@ -45,7 +44,7 @@ LIMBS = tuple(
 TRUNK = ("C7T1", "T12L1", "L4L5", "L5S1", MID_HIP)
 WHOLE_BODY, HEAD, LOAD = "WHOLE_BODY", "HEAD", "LOAD"
 DECIMALS = 7
-"""Of metres in the file: second differences of what is rounded off stay below 0.01 m/s² at 200 frames per second."""
+"""Decimals of metres in the file: second differences of the rounding are below 0.01 m/s² at 200 frames per second."""
 CENTRES_COLUMNS = (
     *("com", "time_s", "phase", "x_m", "y_m", "z_m", "x_with_box_m", "y_with_box_m", "z_with_box_m"),
     *("pivot_x_m", "pivot_y_m", "pivot_z_m"),
@@ -62,20 +61,18 @@ STATES_COLUMNS = ("com", "plane", *_STATES.values())
 
 
 def body_frame(lift: AnalysedLift) -> tuple[pd.DataFrame, dict[str, str]]:
-    """Trajectories of the body's points over the whole recording, and which are missing, each with its reason.
+    """Return the trajectories of the body's points over the whole recording, and the missing ones, each with its reason.
 
     Returns
     -------
     frame : pandas.DataFrame
         ``time_s``, ``phase``, ``load_held`` (0 or 1), ``RIGHT_x`` … (unit vector to the person's right), and for every point
-        ``<POINT>_x_m``, ``_y_m``, ``_z_m``: x to the right, y forward, z up; empty where a marker was not seen. Points are
+        ``<POINT>_x_m``, ``_y_m``, ``_z_m``: x to the right, y forward, z up; empty if a marker is not seen. Points are
         joints and markers of `LIMBS`, hips, joint centres of `TRUNK`, the centres of mass of its segments (``THORAX_COM`` …), of
         ``HEAD`` and ``WHOLE_BODY`` without the load, and the ``LOAD`` in the hands.
     missing : dict of str to str
-        Points that the recording does not hold.
+        Points that the recording does not have.
     """
-    import pandas as pd
-
     recording, points = lift.recording, lift.points
     found = {name: recording[name] for name in LIMBS if name in recording}
     found |= limb_joints(recording) | points.hips
@@ -111,18 +108,18 @@ def body_frame(lift: AnalysedLift) -> tuple[pd.DataFrame, dict[str, str]]:
 
 
 def com_of(segment: str) -> str:
-    """Name of the point that is a trunk segment's centre of mass."""
+    """Return the name of the point that is a trunk segment's centre of mass."""
     return f"{segment.upper()}_COM"
 
 
 def points_of(frame: pd.DataFrame) -> dict[str, np.ndarray]:
-    """Points of a `body_frame` by name, each of shape (n, 3) in metres."""
+    """Return the points of a `body_frame` by name, each of shape (n, 3) in metres."""
     names = [column.removesuffix("_x_m") for column in frame.columns if column.endswith("_x_m")]
     return {name: frame[[f"{name}_{axis}_m" for axis in "xyz"]].to_numpy(dtype=float) for name in names}
 
 
 def centres_frame(lift: AnalysedLift) -> pd.DataFrame:
-    """Trajectories of all centres of mass over the whole recording, one row per sample and centre."""
+    """Return the trajectories of all centres of mass over the whole recording, one row per sample and centre."""
     phase = phases(lift.recording.time, lift.events)
     nowhere = np.full((len(lift.recording), 3), np.nan)
     pivot = nowhere if lift.pivot is None else lift.pivot
@@ -134,23 +131,19 @@ def centres_frame(lift: AnalysedLift) -> pd.DataFrame:
 
 
 def states_frame(pendulums: dict[tuple[str, str], PendulumStates]) -> pd.DataFrame:
-    """Pendulum states of the deposit, one row per centre of mass, plane and instant."""
+    """Return the pendulum states of the deposit, one row per centre of mass, plane and instant."""
     parts = [(*which, *(getattr(states, name) for name in _STATES)) for which, states in pendulums.items()]
     return _stacked(STATES_COLUMNS, parts)
 
 
 def _stacked(columns: Sequence[str], parts: Sequence[tuple]) -> pd.DataFrame:
-    """One table below the other; an empty one of these columns where there are no parts."""
-    import pandas as pd
-
+    """Return one table below the other; an empty one with these columns without parts."""
     frames = [pd.DataFrame(dict(zip(columns, part, strict=True))) for part in parts]
     return pd.concat(frames, ignore_index=True) if frames else pd.DataFrame(columns=list(columns))
 
 
 def gaps_frame(lift: AnalysedLift) -> pd.DataFrame:
-    """Gaps of the recording and what became of them."""
-    import pandas as pd
-
+    """Return the gaps of the recording with their outcomes."""
     columns = ("marker", "start_s", "length_s", "frames", "outcome", "method")
     rows = [
         (gap.marker, gap.start_s, gap.length_s, gap.n_frames, gap.outcome, gap.method) for gap in lift.gaps
@@ -159,9 +152,7 @@ def gaps_frame(lift: AnalysedLift) -> pd.DataFrame:
 
 
 def motion_frame(lift: AnalysedLift) -> pd.DataFrame:
-    """Heights and speeds that the events are found from; columns only for what the recording holds."""
-    import pandas as pd
-
+    """Return the heights and speeds that the events are detected from, as far as the recording has them."""
     recording = lift.recording
     columns = {"time_s": recording.time}
     hands = best_seen(recording, WRISTS)
@@ -177,9 +168,7 @@ def motion_frame(lift: AnalysedLift) -> pd.DataFrame:
 
 
 def landmarks_frame(lift: AnalysedLift) -> pd.DataFrame:
-    """Markers, centres of mass and pivot at every event: what a stick figure is drawn from."""
-    import pandas as pd
-
+    """Return markers, centres of mass and pivot at every event, for a stick figure."""
     rows = []
     for event in EVENTS:
         time = lift.events[event].time_s
@@ -202,7 +191,7 @@ def landmarks_frame(lift: AnalysedLift) -> pd.DataFrame:
 def summary(
     lift: AnalysedLift, subject: SubjectSettings, trial: TrialSettings, settings: LiftingSettings
 ) -> dict:
-    """Say what the pendulums are made of: masses, mean lengths, pivot, rules, assumptions; data for JSON."""
+    """Return masses, mean lengths, pivot, rules and assumptions of the pendulums; data for JSON."""
     start, stop = lift.events["deposit_start"].time_s, lift.events["release"].time_s
     lengths: dict[str, dict[str, float]] = {com: {} for com in lift.centres}
     for (com, plane), states in lift.states.items():
@@ -211,7 +200,7 @@ def summary(
         "schema": "lumbar.pendulum/1",
         "lift": lift.name,
         "subject": subject.name,
-        # A study's lifts have none: its tables label people, so that another label calls for no lift again.
+        # A study's lifts have none: its tables label people, so that another label needs no new analysis.
         **({"experience": subject.experience} if subject.experience else {}),
         "sex": subject.sex,
         "body_mass_kg": subject.mass_kg,
@@ -248,30 +237,30 @@ def summary(
     }
 
 
-def _shown(value) -> str:
-    return f"{value:g}" if isinstance(value, float) else str(value)
-
-
 def assumptions(
     lift: AnalysedLift, subject: SubjectSettings, trial: TrialSettings, settings: LiftingSettings
 ) -> list[str]:
-    """Say in sentences what behind the result was not measured."""
+    """Return sentences on inputs of the result that were not measured."""
     values = {**vars(subject), **vars(trial)}
-    said = [
-        f"{key} = {_shown(values[key])} is assumed" if key in values else f"{key} is assumed"
-        for key in subject.assumed
-    ]
+    found = []
+    for key in subject.assumed:
+        value = values.get(key)
+        shown = f"{value:g}" if isinstance(value, float) else value
+        found.append(f"{key} = {shown} is assumed" if key in values else f"{key} is assumed")
     if settings.segment_ends == INNER:
-        said += lift.points.on_skin(lift.table.ends)
+        found += lift.points.on_skin(lift.table.ends)
     if carried_object(lift.recording)[1] == "hands":
-        said.append(
-            "the box has no markers: the hands stand for it, in its events and in the centres of mass with it; whether they "
-            "hold anything is not known"
+        found.append(
+            "the box has no markers: the hands replace it, in its events and in the centres of mass with it; it is not known "
+            "whether they hold anything"
         )
-    said += [f"marker {marker} is derived: {rule}" for marker, rule in sorted(lift.recording.derived.items())]
-    said += [
-        f"{name} is {words}: {event.how}"
-        for name, event in lift.events.items()
-        if (words := {DECLARED: "set by hand", IN_FILE: "the file's own"}.get(event.method))
+    found += [
+        f"marker {marker} is derived: {rule}" for marker, rule in sorted(lift.recording.derived.items())
     ]
-    return said
+    origins = {DECLARED: "set by hand", IN_FILE: "taken from the file"}
+    found += [
+        f"{name} is {origins[event.method]}: {event.how}"
+        for name, event in lift.events.items()
+        if event.method in origins
+    ]
+    return found

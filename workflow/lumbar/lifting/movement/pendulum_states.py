@@ -1,6 +1,6 @@
-"""From a centre of mass to the states of a planar pendulum (thesis, section 4.2.3.1 and Eq. 4.1), and what is chosen between.
+"""From a centre of mass to the states of a planar pendulum (thesis, section 4.2.3.1 and Eq. 4.1), and the choices for it.
 
-The angle is zero where the centre of mass is straight above the pivot and grows to the right (lateral
+The angle is zero if the centre of mass is straight above the pivot and grows to the right (lateral
 bending, xz plane) or forward (flexion/extension, yz plane): θ = atan2(r, z) with r the horizontal coordinate
 relative to the pivot. Its rate is θ̇ = (ṙ z − r ż)/L² with L² = r² + z², never the derivative of an
 interpolated angle.
@@ -20,7 +20,7 @@ from lumbar.settings.lifting import LiftingSettings
 
 @dataclass(frozen=True)
 class PendulumChoice:
-    """One way from the markers to the pendulums of a deposit; attributes as the keys of `LiftingSettings`."""
+    """Choices that lead from the markers to the pendulums of a deposit; attributes as the keys of `LiftingSettings`."""
 
     pivot: str
     segment_ends: str
@@ -28,23 +28,21 @@ class PendulumChoice:
 
     @classmethod
     def of(cls, settings: LiftingSettings) -> Self:
-        """Return a study's own."""
+        """Return the choice of a study."""
         return cls(settings.pivot, settings.segment_ends, settings.events.deposit_start)
 
 
 CHOICES = tuple(field.name for field in fields(PendulumChoice))
 """Names of the attributes of `PendulumChoice`."""
 THESIS_CHOICE = PendulumChoice("mid_ankle", "skin", "wrist_minimum")
-"""Of the pivot the thesis shows only Figure 4.1, a pendulum over the feet; its segments lie between markers, and its deposit
-starts at the least speed of the wrists (section 4.2.3.1)."""
-
-
+"""Choice of the thesis. Only Figure 4.1 shows its pivot, a pendulum over the feet; its segments are between markers, and its
+deposit starts at the least speed of the wrists (section 4.2.3.1)."""
 PLANES = {"lateral_bending": 0, "flexion_extension": 1}
 """Horizontal axis of each plane: x (to the right) or y (forward)."""
 PIVOTS = {"mid_ankle": ("L_ANKLE", "R_ANKLE"), "hip": (MID_HIP,), "L5": ("L5S1",)}
 """Markers, or ends of the trunk's segments, whose mean is the pivot; it moves with them."""
-SHORTEST = 0.01
-"""A centre of mass nearer to its pivot than this (metres) has no angle worth the name."""
+MIN_LENGTH_M = 0.01
+"""A centre of mass nearer to its pivot has no useful angle."""
 
 
 class SamplesMissing(InputError):
@@ -74,7 +72,7 @@ class PendulumStates:
 
 
 def pivot_trajectory(recording: MarkerRecording, points: TrunkPoints, pivot: str) -> np.ndarray:
-    """Trajectory of one of `PIVOTS`, shape (n, 3) in metres; hips and L5 are taken from the ends of the trunk's segments.
+    """Return the trajectory of one of `PIVOTS`, shape (n, 3) in metres; hips and L5 are ends of the trunk's segments.
 
     Raises
     ------
@@ -99,7 +97,7 @@ def pivot_trajectory(recording: MarkerRecording, points: TrunkPoints, pivot: str
 
 
 def heading(recording: MarkerRecording, time: float) -> float:
-    """Angle by which the line of the hips, or of both ASIS, is turned from the x axis, radians counterclockwise from above."""
+    """Return the angle of the line of the hips, or of both ASIS, from the x axis, radians counterclockwise from above."""
     at = int(np.abs(recording.time - time).argmin())
     part = "ASIS" if "L_ASIS" in recording and "L_HIP" not in recording else "HIP"
     across = recording[f"R_{part}"][at] - recording[f"L_{part}"][at]
@@ -111,7 +109,7 @@ def heading(recording: MarkerRecording, time: float) -> float:
 
 
 def turn(points: np.ndarray, angle: float) -> np.ndarray:
-    """Return points, shape (n, 3), in axes turned by `angle` about the vertical."""
+    """Return points, shape (n, 3), in axes rotated by `angle` about the vertical."""
     cosine, sine = np.cos(angle), np.sin(angle)
     return points @ np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
 
@@ -119,11 +117,10 @@ def turn(points: np.ndarray, angle: float) -> np.ndarray:
 def pendulum_states(
     time: np.ndarray, relative: np.ndarray, start: float, stop: float, points: int, what: str
 ) -> dict[str, PendulumStates]:
-    """States in both planes on an even grid of `points` instants from `start` to `stop`.
+    """Return the states in both planes on an even grid of `points` instants from `start` to `stop`.
 
-    A cubic spline through the filtered samples of the *whole* recording gives position, velocity and
-    acceleration at the same instants on the real clock, so that the ends of the deposit are no ends of the
-    spline.
+    A cubic spline through the filtered samples of the *whole* recording gives position, velocity and acceleration at the same
+    instants on the real clock, so that the spline continues beyond the ends of the deposit.
     `relative`, shape (n, 3) in m, is the centre of mass relative to the pivot; `what`, file and centre of mass, is for messages.
 
     Raises
@@ -133,7 +130,7 @@ def pendulum_states(
     InputError
         Fewer than 4 of them.
     NumericalError
-        The centre of mass passes the pivot so closely that its angle means nothing.
+        The centre of mass passes the pivot too closely for an angle.
     """
     from scipy.interpolate import CubicSpline
 
@@ -150,7 +147,7 @@ def pendulum_states(
 
 
 def _unbroken(time: np.ndarray, relative: np.ndarray, start: float, stop: float, what: str) -> slice:
-    """Longest stretch without a missing sample that holds the deposit."""
+    """Return the longest interval without a missing sample that contains the deposit."""
     seen = np.isfinite(relative).all(axis=1)
     step = (time[-1] - time[0]) / (len(time) - 1)
     within = (time >= start - step) & (time <= stop + step)
@@ -170,10 +167,10 @@ def _unbroken(time: np.ndarray, relative: np.ndarray, start: float, stop: float,
 def planar_states(
     time: np.ndarray, position: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray, what: str
 ) -> PendulumStates:
-    """States from planar motion relative to the pivot; arguments of shape (points, 2): horizontal and vertical part."""
+    """Return the states of planar motion relative to the pivot; arguments of shape (points, 2): horizontal and vertical part."""
     (r, z), (r1, z1), (r2, z2) = position.T, velocity.T, acceleration.T
     length = np.hypot(r, z)
-    if length.min() < SHORTEST:
+    if length.min() < MIN_LENGTH_M:
         raise NumericalError(
             f"{what}: comes within {length.min() * 1e3:.1f} mm of the pivot, where the angle is not defined; use another "
             "lifting.pivot"

@@ -1,8 +1,8 @@
-"""Long gaps in markers of a rigid body: filled from the body's other markers and its shape.
+"""Long gaps in markers of a rigid body, filled from the body's other markers and its shape.
 
-A spline does not know where a marker went; three others of the same box or pelvis do. The shape is that of the static
-trial, or of the frames of the recording itself in which all markers of the body are seen. What the body's fit misses at
-the edges of a gap is spread over it linearly, so that the trajectory does not jump.
+A spline does not follow a marker through a long gap; three others of the same box or pelvis show its place. The shape is that of
+the static trial, or of the frames of the recording itself in which all markers of the body are seen. The error of the fit at the
+edges of a gap is spread over it linearly, so that the trajectory does not jump.
 
 Least-squares fit of a rotation: Kabsch, Acta Crystallographica A 32 (1976) 922–923.
 """
@@ -19,17 +19,17 @@ from lumbar.records.marker_aliases import labels_of
 from lumbar.records.stretches import runs
 from lumbar.settings.lifting import LiftingSettings
 
-FEWEST = 3
-"""Markers that tell where a body is."""
-FLATTEST_M = 0.01
-"""Least spread (root mean square) of markers across the line they lie nearest to: less tells no turning about it."""
-BESIDE = 5
-"""Frames on each side of a gap whose mean tells what the fit misses there: one alone carries its own noise."""
+MIN_MARKERS = 3
+"""Markers that determine the pose of a body."""
+MIN_SPREAD_M = 0.01
+"""Least spread (root mean square) of markers across the line nearest to them: a smaller one shows no rotation about it."""
+EDGE_FRAMES = 5
+"""Frames on each side of a gap with a mean that shows the error of the fit there: a single one has its own noise."""
 OTHER_BODY_M = 0.008
-"""Difference between static trial and recording that is another body's: a pelvis in gait differs by 2 mm from its own static
-trial, and by 15 mm from somebody else's."""
+"""Difference between static trial and recording that means another body: a pelvis in gait differs by 2 mm from its own static
+trial, and by 15 mm from another person's."""
 ALIGNMENTS = 3
-"""Times that full frames are laid on their mean: it no longer moves then by a hundredth of a millimetre."""
+"""Number of times that full frames are aligned with their mean: then it moves by less than a hundredth of a millimetre."""
 
 
 @dataclass(frozen=True)
@@ -38,24 +38,24 @@ class BodyShape:
 
     labels: tuple[str, ...]
     points: np.ndarray
-    """Shape (labels, 3): metres, in axes of its own."""
+    """Shape (labels, 3): metres, in body axes."""
     residual_m: float
-    """Root mean square by which full frames differ from the shape."""
+    """Root mean square difference of full frames from the shape."""
     source: str
-    """Where the shape was seen."""
+    """Label of the recording of the shape."""
 
 
 def fit_shape(shape: np.ndarray, frames: np.ndarray) -> np.ndarray:
     """Return `shape` moved rigidly, frame by frame, so that its first points fit best.
 
-    The shape has (m, 3) coordinates, frames of shape (n, k, 3) say where its first k ≤ m points are; returned is (n, m, 3).
+    The shape has (m, 3) coordinates; frames, shape (n, k, 3), are positions of its first k ≤ m points; returned is (n, m, 3).
     """
     known = shape[: frames.shape[1]]
-    return (shape - known.mean(axis=0)) @ _turns(known, frames) + frames.mean(axis=1, keepdims=True)
+    return (shape - known.mean(axis=0)) @ _rotations(known, frames) + frames.mean(axis=1, keepdims=True)
 
 
-def _turns(known: np.ndarray, frames: np.ndarray) -> np.ndarray:
-    """Rotations that lay points, shape (k, 3), best on each frame, shape (n, k, 3); shape (n, 3, 3)."""
+def _rotations(known: np.ndarray, frames: np.ndarray) -> np.ndarray:
+    """Return the rotations, shape (n, 3, 3), that align points, shape (k, 3), best with each frame, shape (n, k, 3)."""
     centred = frames - frames.mean(axis=1, keepdims=True)
     left, _, right = np.linalg.svd(np.einsum("ki,nkj->nij", known - known.mean(axis=0), centred))
     left[:, :, 2] *= np.linalg.det(left @ right)[:, None]
@@ -63,12 +63,9 @@ def _turns(known: np.ndarray, frames: np.ndarray) -> np.ndarray:
 
 
 def body_shape(points: Mapping[str, np.ndarray], labels: Collection[str], source: str) -> BodyShape | None:
-    """Shape of the markers in `labels` from the frames in which all of them are seen; None where there is no such frame.
-
-    `source` are words for where they were seen.
-    """
+    """Return the shape of the markers in `labels` from the frames in which all of them are seen; None without such a frame."""
     names = tuple(label for label in labels if label in points)
-    if len(names) <= FEWEST:
+    if len(names) <= MIN_MARKERS:
         return None
     frames = np.stack([points[name] for name in names], axis=1)
     frames = frames[np.isfinite(frames).all(axis=(1, 2))]
@@ -76,23 +73,23 @@ def body_shape(points: Mapping[str, np.ndarray], labels: Collection[str], source
         return None
     shape, few = frames[0], _few(frames)
     for _ in range(ALIGNMENTS):
-        # The frames laid on the shape: the rotations of the shape laid on the frames, the other way round.
-        back = _turns(shape, few).transpose(0, 2, 1)
+        # The inverse rotations align the frames with the shape.
+        back = _rotations(shape, few).transpose(0, 2, 1)
         shape = ((few - few.mean(axis=1, keepdims=True)) @ back).mean(axis=0) + shape.mean(axis=0)
     residual = float(np.sqrt(np.mean(np.sum((fit_shape(shape, frames) - frames) ** 2, axis=2))))
     return BodyShape(names, shape, residual, source)
 
 
 def _misfit(shape: BodyShape, points: Mapping[str, np.ndarray]) -> float | None:
-    """Root mean square by which the body in a recording differs from a shape; None where three markers are never seen together.
+    """Return the root mean square difference of a recorded body from a shape; None if three markers are never seen together.
 
-    Of markers that are in no frame all seen, the one seen least goes first.
+    Markers that are never all seen together are omitted, first the one seen least.
     """
     seen = {label: np.isfinite(points[label]).all(axis=1) for label in shape.labels if label in points}
     names = sorted(seen, key=lambda label: -seen[label].sum())
-    while len(names) >= FEWEST and not np.all([seen[name] for name in names], axis=0).any():
+    while len(names) >= MIN_MARKERS and not np.all([seen[name] for name in names], axis=0).any():
         names.pop()
-    if len(names) < FEWEST:
+    if len(names) < MIN_MARKERS:
         return None
     together = np.all([seen[name] for name in names], axis=0)
     frames = _few(np.stack([points[name][together] for name in names], axis=1))
@@ -101,7 +98,7 @@ def _misfit(shape: BodyShape, points: Mapping[str, np.ndarray]) -> float | None:
 
 
 def _few(frames: np.ndarray) -> np.ndarray:
-    """At most 500 frames, spread over all: a mean needs no more."""
+    """Return at most 500 frames, spread over all: a mean needs no more."""
     return frames[:: max(1, len(frames) // 500)]
 
 
@@ -113,7 +110,7 @@ def fill_rigid(
     body: str,
     longer_than_s: float,
 ) -> tuple[dict[str, np.ndarray], list[Gap]]:
-    """Fill gaps of the markers of a body wherever three others of it are seen; return all markers and the gaps filled.
+    """Fill gaps of the markers of a body if three others of it are seen; return all markers and the filled gaps.
 
     Parameters
     ----------
@@ -122,9 +119,9 @@ def fill_rigid(
     start_s : float
         Time of the first frame.
     body : str
-        Its name, for the report.
+        Name of the body, for the report.
     longer_than_s : float
-        Gaps up to this length between seen frames are left to splines.
+        Gaps between seen frames up to this length are not filled here, but by splines.
     """
     method = f"rigid body: {body}, shape from {shape.source}, {1e3 * shape.residual_m:.1f} mm"
     filled, gaps = dict(points), []
@@ -146,9 +143,9 @@ def fill_rigid(
 
 
 def fill_from_body(markers: Mapping[str, np.ndarray]) -> tuple[Mapping[str, np.ndarray], dict[str, int]]:
-    """Fill every unseen frame of a body's markers from its other markers, as far as three of them are seen.
+    """Fill every unseen frame of a body's markers from its other markers, if three of them are seen.
 
-    How many frames of each marker were filled stands second.
+    Returned are the markers, and the number of filled frames of each.
     """
     complete = all(np.isfinite(points).all() for points in markers.values())
     shape = None if complete else body_shape(markers, markers, "")
@@ -162,10 +159,10 @@ def fill_from_body(markers: Mapping[str, np.ndarray]) -> tuple[Mapping[str, np.n
 
 
 class BodyFilling:
-    """Fills the rigid bodies of a recording while it is read (`lumbar.records.markers.read_markers`, ``mend``).
+    """Fills the rigid bodies of a recording while `lumbar.records.markers.read_markers` reads it (argument ``mend``).
 
-    `static` are markers of a static trial by label, in metres. What was filled is in `gaps`; bodies that the static trial has
-    another shape of are in `findings`.
+    `static` are markers of a static trial by label, in metres. Filled gaps are in `gaps`; bodies with another shape in the static
+    trial are in `findings`.
     """
 
     def __init__(self, settings: LiftingSettings, static: Mapping[str, np.ndarray] | None = None):
@@ -174,7 +171,7 @@ class BodyFilling:
         self.findings: list[MarkerFinding] = []
 
     def __call__(self, points: dict[str, np.ndarray], time: np.ndarray) -> dict[str, np.ndarray]:
-        """Return the markers with the long gaps of every body filled, as far as three others of it are seen."""
+        """Return the markers with the long gaps of every body filled, if three others of it are seen."""
         rate = (len(time) - 1) / (time[-1] - time[0])
         for body, markers in self.rules.rigid.items():
             named = [label for marker in markers for label in labels_of(marker, self.aliases)]
@@ -192,7 +189,7 @@ class BodyFilling:
     def _static_shape(
         self, body: str, labels: list[str], points: Mapping[str, np.ndarray], legend: Legend
     ) -> BodyShape | None:
-        """Shape of a body in the static trial; None where the recording shows another one."""
+        """Return the shape of a body in the static trial; None if the recording shows another one."""
         shape = body_shape(self.static, labels, "the static trial")
         misfit = None if shape is None else _misfit(shape, points)
         if misfit is None or misfit <= OTHER_BODY_M:
@@ -207,7 +204,7 @@ class BodyFilling:
 
 
 def _long_gaps(points: np.ndarray, rate: float, longer_than_s: float) -> list[slice]:
-    """Gaps of a marker that no spline bridges: at the ends of the recording, or longer."""
+    """Return the gaps of a marker that no spline bridges: at the ends of the recording, or longer."""
     return [
         gap
         for gap in runs(~np.isfinite(points).all(axis=1))
@@ -216,7 +213,7 @@ def _long_gaps(points: np.ndarray, rate: float, longer_than_s: float) -> list[sl
 
 
 def _estimate_from_others(points: Mapping[str, np.ndarray], shape: BodyShape, label: str) -> np.ndarray:
-    """Where the body's other markers put one, shape (n, 3); NaN where too few of them are seen."""
+    """Return the position of a marker by the body's other markers, shape (n, 3); NaN if too few of them are seen."""
     place = dict(zip(shape.labels, shape.points, strict=True))
     others = [name for name in shape.labels if name in points and name != label]
     estimate = np.full_like(points[label], np.nan)
@@ -224,9 +221,9 @@ def _estimate_from_others(points: Mapping[str, np.ndarray], shape: BodyShape, la
     for pattern in np.unique(patterns, axis=0):
         names = [name for name, there in zip(others, pattern, strict=True) if there]
         known = np.array([place[name] for name in names]).reshape(-1, 3)
-        if len(names) < FEWEST or np.linalg.svd(known - known.mean(axis=0), compute_uv=False)[1] < (
-            FLATTEST_M * np.sqrt(len(names))
-        ):
+        # Markers on one line do not show the rotation about it.
+        least = MIN_SPREAD_M * np.sqrt(len(names))
+        if len(names) < MIN_MARKERS or np.linalg.svd(known - known.mean(axis=0), compute_uv=False)[1] < least:
             continue
         when = (patterns == pattern).all(axis=1)
         frames = np.stack([points[name][when] for name in names], axis=1)
@@ -235,9 +232,12 @@ def _estimate_from_others(points: Mapping[str, np.ndarray], shape: BodyShape, la
 
 
 def _edge_error(values: np.ndarray, estimate: np.ndarray, piece: slice) -> np.ndarray:
-    """What the estimate misses beside a piece, spread over it linearly, shape (frames, 3); 0 where nothing tells."""
+    """Return the estimate's error next to a piece, spread over it linearly, shape (frames, 3); 0 if it is unknown."""
     missed = values - estimate
-    sides = missed[max(0, piece.start - BESIDE) : piece.start], missed[piece.stop : piece.stop + BESIDE]
+    sides = (
+        missed[max(0, piece.start - EDGE_FRAMES) : piece.start],
+        missed[piece.stop : piece.stop + EDGE_FRAMES],
+    )
     errors = [side[np.isfinite(side).all(axis=1)] for side in sides]
     known = [error.mean(axis=0) for error in errors if len(error)]
     if not known:

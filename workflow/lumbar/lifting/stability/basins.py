@@ -15,13 +15,16 @@ import zlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-from lumbar.base.yaml_file import shipped_yaml
 from lumbar.lifting.movement.pendulum_states import CHOICES
+from lumbar.lifting.stability.funnel.eqs_4_5_to_4_7_alternation import (
+    EVIDENCE,
+    RESOLUTION,
+    alternate,
+)
 from lumbar.lifting.stability.funnel.exact_funnel import Funnels, funnel_variants, reachable_area
 from lumbar.lifting.stability.funnel.interval_proof import proved_share
 from lumbar.lifting.stability.funnel.monte_carlo_check import monte_carlo_check
@@ -31,11 +34,6 @@ from lumbar.lifting.stability.model.eqs_4_1_to_4_4_closed_loop import (
     feedforward_torque,
 )
 from lumbar.lifting.stability.model.pendulum_trajectories import THESIS, Failure, Trajectory, compute_together
-from lumbar.lifting.stability.programme.eqs_4_5_to_4_7_alternation import (
-    EVIDENCE,
-    RESOLUTION,
-    alternate,
-)
 from lumbar.settings.stability import PendulumSettings, StabilitySettings
 from lumbar.tables.described import columns_of, described
 from lumbar.tables.table import Table
@@ -91,7 +89,15 @@ def thesis_methods(settings: StabilitySettings) -> list[str]:
     return ["exact", *(["thesis"] if "thesis_method" in settings.checks else [])]
 
 
-CHECK_COLUMNS: dict[str, list[str]] = shipped_yaml(Path(__file__).with_suffix(".yaml"))
+CHECK_COLUMNS = {
+    "simulation": ("simulated_starts", "exits", "exits_high", "control_exits"),
+    "thesis_method": (
+        *("violation_share", "unsolved_share", "jumped_knots", "largest_jump", "first_jump", "last_jump"),
+        *("mean_area_after_1", "mean_area_after_4", "euler_error"),
+    ),
+    "cvxpy": ("sos_cvxpy_difference",),
+    "proof": ("proved_share", "proved_area_ratio"),
+}
 """Columns that each of ``stability.checks`` fills."""
 
 FUNNEL_COLUMNS = (

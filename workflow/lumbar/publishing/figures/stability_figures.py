@@ -12,8 +12,7 @@ from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 
 from lumbar.lifting.stability.basins import METHODS, thesis_methods
-from lumbar.lifting.stability.funnel.exact_funnel import Funnels
-from lumbar.lifting.stability.funnel.lyapunov_family import best_of_family
+from lumbar.lifting.stability.funnel.exact_funnel import Funnels, best_of_family
 from lumbar.lifting.stability.funnel.monte_carlo_check import preimage
 from lumbar.lifting.stability.model.eqs_4_1_to_4_4_closed_loop import close_loops, normal_axes
 from lumbar.lifting.stability.model.pendulum_trajectories import (

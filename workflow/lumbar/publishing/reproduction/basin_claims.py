@@ -6,7 +6,7 @@ from functools import partial
 import pandas as pd
 
 from lumbar.lifting.stability.basins import RANGES, REACHES
-from lumbar.lifting.stability.comparison.percent_differences import comparison_names
+from lumbar.lifting.stability.percent_differences import comparison_names
 from lumbar.publishing.reproduction.claim import Claim, Outcome, Results, UntestableError, sentences
 from lumbar.settings.stability import GROUPS
 

@@ -5,7 +5,7 @@ from functools import partial
 
 import pandas as pd
 
-from lumbar.lifting.stability.comparison.percent_differences import comparison_names
+from lumbar.lifting.stability.percent_differences import comparison_names
 from lumbar.publishing.reproduction.basin_claims import basin_sentences
 from lumbar.publishing.reproduction.claim import (
     BUILT_IN,

@@ -1,1 +1,1 @@
-"""Basins of attraction as funnels: the exact method, limits, a better V, and their checks by simulation and by proof."""
+"""Basins of attraction as funnels: the exact method, the thesis's alternation, a better V, checks by simulation and by proof."""

@@ -1,7 +1,7 @@
 """Basins of attraction as funnels {x̄ᵀS(t)x̄ ≤ ρ(t)} around a trajectory, and the exact method.
 
-With two states no semidefinite programme is needed. The largest invariant funnel of the given V that ends
-in the goal set solves, backward from ρ(T), the scalar equation
+With two states no semidefinite programme is needed. The largest invariant funnel of the given V that ends in the goal set solves,
+backward from ρ(T), the scalar equation
 
     d ln ρ/dt = max over V = ρ of V̇/ρ
 
@@ -15,15 +15,22 @@ so that s12·e + s22·ω = √(ρ·s22)·z2 and, along an S(t) with −Ṡ = M +
 
     V̇/ρ = −(α·z1² + 2β·z1·z2 + γ·z2²) − κ·z2·h(√ρ·a·z1),   κ = 2·(σmgℓ/I)·√(s22/ρ)
 
-where [[α, β], [β, γ]] is M in normal coordinates (`NormalForm`) and h the remainder of the sine. For the solution of
-Eq. 4.2 with the feedback of Eq. 4.4 M is Q + SBR⁻¹BᵀS. On the circle this is a function of one angle; its maximum is
-found by sampling and Newton's method.
+with [[α, β], [β, γ]] = M in normal coordinates (`NormalForm`) and the remainder h of the sine. For the solution of Eq. 4.2
+with the feedback of Eq. 4.4 M is Q + SBR⁻¹BᵀS. On the circle this is a function of one angle; its maximum is found by sampling
+and Newton's method.
+
+A better V: the controller is fixed, but V need not be its cost. For every share λ in [0, 1] the Lyapunov equation
+
+    −Ṡ = A_cᵀS + SA_c + λ·(Q + KᵀRK),   S(T) = Qf
+
+gives a V = x̄ᵀSx̄. λ = 1 is the Riccati solution, the thesis's V. λ = 0 makes every ellipse the exact preimage of the goal set
+under the linear loop: without gravity's nonlinearity no funnel is larger (Liouville). With it the best share is between them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
@@ -302,3 +309,82 @@ def reachable_area(loops: ClosedLoops, terminal_level: float = 1.0) -> np.ndarra
     rate = (pendulums.damping + loops.gains[..., 1]) / pendulums.inertia
     exponent = pendulums.duration * simpson(rate, x=np.linspace(0.0, 1.0, len(rate)), axis=0)
     return np.pi * terminal_level / np.sqrt(determinant(loops.cost[-1])) * np.exp(exponent)
+
+
+LYAPUNOV_TOLERANCE = 1e-9
+
+
+def with_lyapunov_function(loops: ClosedLoops, share: float | np.ndarray) -> ClosedLoops:
+    """Return the same loops with the V of one λ, or each with its own.
+
+    The loops given have the Riccati solution; `share` is λ, a number or of shape (pendulums,).
+
+    Raises
+    ------
+    NumericalError
+        The integration failed or S lost its definiteness.
+    """
+    from scipy.integrate import solve_ivp
+    from scipy.interpolate import CubicSpline
+
+    pendulums = loops.pendulums
+    points, count = pendulums.angle.shape
+    share = np.broadcast_to(share, count)
+    phase = np.linspace(0.0, 1.0, points)
+    curves = CubicSpline(
+        phase, np.concatenate([pendulums.angle[..., None], loops.gains, loops.decay], axis=-1)
+    )
+    inertia, damping = pendulums.inertia, pendulums.damping
+
+    def backward(remaining, flat):
+        angle, k1, k2, *decay = np.moveaxis(curves(1.0 - remaining), -1, 0)
+        s11, s12, s22 = flat.reshape(3, count)
+        a21 = -(pendulums.gravity_torque * np.cos(angle) + k1) / inertia
+        a22 = -(damping + k2) / inertia
+        rate = np.stack([2 * s12 * a21, s11 + s12 * a22 + s22 * a21, 2 * (s12 + s22 * a22)])
+        return (pendulums.duration * (rate + share * np.stack(decay))).ravel()
+
+    solution = solve_ivp(
+        backward,
+        (0.0, 1.0),
+        loops.cost[-1].T.ravel(),
+        method="DOP853",
+        t_eval=phase,
+        rtol=LYAPUNOV_TOLERANCE,
+        atol=LYAPUNOV_TOLERANCE * float(np.abs(loops.cost[-1]).max()),
+    )
+    if not solution.success:
+        raise NumericalError(f"Lyapunov equation of {pendulums.labels[0]}: {solution.message}")
+    cost = np.moveaxis(solution.y.reshape(3, count, points)[..., ::-1], (0, 1, 2), (2, 1, 0))
+    lost = ~((cost[..., 0] > 0) & (cost[..., 0] * cost[..., 2] > cost[..., 1] ** 2))
+    if lost.any():
+        index = int(np.argwhere(lost)[-1][1])
+        raise NumericalError(
+            f"{pendulums.labels[index]}: the Lyapunov function of share {share[index]:g} is indefinite",
+            label=pendulums.labels[index],
+        )
+    return replace(loops, cost=cost, decay=share[:, None] * loops.decay)
+
+
+def best_of_family(
+    loops: ClosedLoops,
+    terminal_level: float,
+    shares: Sequence[float],
+) -> Funnels:
+    """Return the exact funnels of the largest average cross-section of each pendulum in the family.
+
+    Parameters
+    ----------
+    loops : ClosedLoops
+        With the Riccati solution.
+    terminal_level : float
+        ρ(T).
+    shares : sequence of float
+        λ to try.
+    """
+    count = len(loops.pendulums.labels)
+    every = loops.select(np.tile(np.arange(count), len(shares)))
+    members = with_lyapunov_function(every, np.repeat(shares, count))
+    found = exact_funnels(members, terminal_level)
+    largest = found.mean_area.reshape(len(shares), count).argmax(axis=0)
+    return replace(found.select(largest * count + np.arange(count)), method="best of family")

@@ -35,14 +35,7 @@ import numpy as np
 from numpy.polynomial.polynomial import polyvander
 
 from lumbar.lifting.stability.funnel.exact_funnel import Funnels, boundary_growth
-from lumbar.lifting.stability.model.eqs_4_1_to_4_4_closed_loop import (
-    ClosedLoops,
-    NormalForm,
-    cost_to_go_euler,
-    determinant,
-    with_cost,
-)
-from lumbar.lifting.stability.programme.sum_of_squares import (
+from lumbar.lifting.stability.funnel.sum_of_squares import (
     Certificate,
     circle_map,
     circle_maximum,
@@ -50,6 +43,13 @@ from lumbar.lifting.stability.programme.sum_of_squares import (
     harmonics,
     harmonics_of_monomials,
     monomials,
+)
+from lumbar.lifting.stability.model.eqs_4_1_to_4_4_closed_loop import (
+    ClosedLoops,
+    NormalForm,
+    cost_to_go_euler,
+    determinant,
+    with_cost,
 )
 
 DEGREE = 3

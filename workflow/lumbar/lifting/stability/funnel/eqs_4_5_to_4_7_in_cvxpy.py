@@ -13,11 +13,11 @@ import numpy as np
 import pandas as pd
 
 from lumbar.base.errors import NumericalError
+from lumbar.lifting.stability.funnel.eqs_4_5_to_4_7_alternation import ACCURACY, DEGREE
 from lumbar.lifting.stability.funnel.exact_funnel import exact_funnels
+from lumbar.lifting.stability.funnel.sum_of_squares import Certificate, growth_polynomial, monomials
 from lumbar.lifting.stability.model.eqs_4_1_to_4_4_closed_loop import ClosedLoops, close_loops
 from lumbar.lifting.stability.model.pendulum_trajectories import THESIS, Failure, Trajectory, compute_together
-from lumbar.lifting.stability.programme.eqs_4_5_to_4_7_alternation import ACCURACY, DEGREE
-from lumbar.lifting.stability.programme.sum_of_squares import Certificate, growth_polynomial, monomials
 
 if TYPE_CHECKING:
     from cvxpy.constraints.constraint import Constraint

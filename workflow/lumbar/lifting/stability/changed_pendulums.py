@@ -19,13 +19,8 @@ import numpy as np
 import pandas as pd
 
 from lumbar.base.errors import NumericalError
-from lumbar.lifting.stability.comparison.percent_differences import (
-    COMPUTED,
-    ComparedLifts,
-    comparison_definition,
-    headline_label,
-)
 from lumbar.lifting.stability.funnel.exact_funnel import Funnels, exact_funnels, integrate_backward
+from lumbar.lifting.stability.funnel.sum_of_squares import circle_maximum, growth_polynomial
 from lumbar.lifting.stability.model.eqs_4_1_to_4_4_closed_loop import (
     Weights,
     close_loops,
@@ -40,7 +35,12 @@ from lumbar.lifting.stability.model.pendulum_trajectories import (
     at_rest,
     compute_together,
 )
-from lumbar.lifting.stability.programme.sum_of_squares import circle_maximum, growth_polynomial
+from lumbar.lifting.stability.percent_differences import (
+    COMPUTED,
+    ComparedLifts,
+    comparison_definition,
+    headline_label,
+)
 from lumbar.settings.stability import StabilitySettings
 from lumbar.tables.described import described
 from lumbar.tables.table import Table

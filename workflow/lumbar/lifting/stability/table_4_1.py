@@ -18,13 +18,15 @@ import pandas as pd
 
 from lumbar.lifting.measures.compare_groups import Difference, compare_means
 from lumbar.lifting.stability.basins import decimals
-from lumbar.lifting.stability.comparison.changed_pendulums import (
+from lumbar.lifting.stability.changed_pendulums import (
     BODY_MASS_SHARE,
     CHANGES,
     NULL_CONTROL,
     areas_under_changes,
 )
-from lumbar.lifting.stability.comparison.percent_differences import (
+from lumbar.lifting.stability.funnel.eqs_4_5_to_4_7_alternation import EVIDENCE, RESOLUTION
+from lumbar.lifting.stability.model.pendulum_trajectories import PLANES, THESIS, failures_frame, join_rows
+from lumbar.lifting.stability.percent_differences import (
     COMPUTED,
     BasinComparison,
     ComparedLifts,
@@ -32,8 +34,6 @@ from lumbar.lifting.stability.comparison.percent_differences import (
     headline_label,
     regulator_note,
 )
-from lumbar.lifting.stability.model.pendulum_trajectories import PLANES, THESIS, failures_frame, join_rows
-from lumbar.lifting.stability.programme.eqs_4_5_to_4_7_alternation import EVIDENCE, RESOLUTION
 from lumbar.tables.described import columns_of, described
 from lumbar.tables.table import Table
 

@@ -1,1 +1,0 @@
-"""Basins compared: Table 4.1, its controls and verdicts."""

@@ -1,1 +1,0 @@
-"""Sum-of-squares programmes: the thesis's alternation, and the same written in cvxpy."""
