@@ -41,7 +41,7 @@ from lumbar.tables.table import Table
 
 @dataclass(frozen=True)
 class MethodResult:
-    """What a method returns."""
+    """Result of a method."""
 
     funnels: Funnels
     checks: dict[str, np.ndarray] = field(default_factory=dict)
@@ -49,7 +49,7 @@ class MethodResult:
     control: Funnels | None = None
     """Funnels that are too large on purpose, for the negative control of the Monte Carlo check."""
     resolution: dict[str, float] = field(default_factory=dict)
-    """How far an area may be trusted, relative, by column; an area without entry has all its digits."""
+    """Relative uncertainty of an area by column; an area without entry has all its digits."""
 
 
 def exact(loops: ClosedLoops, settings: StabilitySettings) -> MethodResult:
@@ -65,7 +65,7 @@ def exact(loops: ClosedLoops, settings: StabilitySettings) -> MethodResult:
 
 
 def thesis(loops: ClosedLoops, settings: StabilitySettings) -> MethodResult:
-    """Run the thesis's procedure and say what its areas rest on."""
+    """Run the thesis's procedure, with checks of its areas."""
     found = alternate(loops, **vars(settings.thesis_method))
     areas = {f"mean_area_after_{number}": found.after[number - 1].mean_area for number in EVIDENCE}
     checks = {name: getattr(found, name) for name in ("violation_share", "unsolved_share", "euler_error")}
@@ -81,11 +81,11 @@ def thesis(loops: ClosedLoops, settings: StabilitySettings) -> MethodResult:
 
 
 METHODS: dict[str, Callable[..., MethodResult]] = {"exact": exact, "thesis": thesis}
-"""By the name in the column ``method``."""
+"""Methods by the name in the column ``method``."""
 
 
 def thesis_methods(settings: StabilitySettings) -> list[str]:
-    """Names of the methods that a configuration asks for on the pendulums of the thesis's wording; the exact one always."""
+    """Return the methods that a configuration applies to the pendulums of the thesis's wording: always the exact one."""
     return ["exact", *(["thesis"] if "thesis_method" in settings.checks else [])]
 
 
@@ -107,7 +107,7 @@ FUNNEL_COLUMNS = (
 """Columns of ``funnel.csv``; ``wording`` is ``study`` for the headline's pendulums, ``thesis`` for those of `THESIS`."""
 
 RANGES, REACHES = ("angle_range_rad", "velocity_range_rad_s"), ("angle_reach_rad", "velocity_reach_rad_s")
-"""Columns of how far a movement ranges and how far a basin reaches from it, angle before velocity."""
+"""Columns of the range of a movement and of a basin's largest distance from it, angle before velocity."""
 DTYPES = dict.fromkeys(("simulated_starts", "exits", "control_exits", "jumped_knots"), "Int64")
 """Types that pandas cannot tell from a ``boa.csv``: counts with empty cells."""
 
@@ -135,11 +135,11 @@ def basins_of_lift(
     Parameters
     ----------
     trajectories : list of Trajectory
-        Of one subject and box, in the headline's convention.
+        Trajectories of one subject and box, in the headline's convention.
     seed : int
-        Of the simulated starts.
+        Seed of the simulated starts.
     as_in_thesis : sequence of Trajectory
-        The same in the convention `THESIS`: exactly and, where ``thesis_method`` is among the checks, by its own method.
+        The same in the convention `THESIS`: exactly and, if ``thesis_method`` is among the checks, by its own method.
     """
     rows: list[dict] = []
     frames: list[pd.DataFrame] = []
@@ -224,14 +224,14 @@ def basin_rows(
 
 
 def meaningful(value: float, resolution: float | None) -> float:
-    """Round a value to the first digit of its uncertainty `resolution`·|value|; None leaves it as it is."""
+    """Round a value to the first digit of its uncertainty `resolution`·|value|; None keeps it."""
     if resolution is None or value == 0:
         return value
     return round(value, decimals(value, resolution))
 
 
 def decimals(value: float, resolution: float) -> int:
-    """Return how many digits after the point `meaningful` leaves a value."""
+    """Return the number of digits after the point of a value rounded by `meaningful`."""
     return -math.floor(math.log10(resolution * abs(value)))
 
 
@@ -268,7 +268,7 @@ def _funnel_frame(
 
 
 def boa_columns() -> list[str]:
-    """Columns of ``boa.csv``; a cell is empty where a check belongs to another method or was not chosen."""
+    """Return the columns of ``boa.csv``; a cell is empty if a check belongs to another method or is not selected."""
     return columns_of("lifting/stability", "basin_areas")
 
 
@@ -278,7 +278,7 @@ def as_counts(column: pd.Series):
 
 
 def _shares(boa: pd.DataFrame) -> list[str]:
-    """Say how much of everything that reaches the goal set the exact basins hold: what the choice of V leaves."""
+    """Return notes on the share of all states that reach the goal set that is in the exact basins: the effect of V."""
     notes = []
     exact = boa[boa["method"] == "exact"]
     for (sign, time, mass), rows in exact.groupby(["sign", "time", "mass"], sort=False):

@@ -64,7 +64,7 @@ RESOLUTION = {"mean_area": 0.01, "initial_area": 0.02, "minimum_area": 0.01, "fi
 better founded than another). Digits beyond it mean nothing and are not published."""
 
 MOST_DECREASES = 10
-"""Geometric decreases after which a knot counts as infeasible and keeps its ρ."""
+"""Geometric decreases after which a knot is infeasible and keeps its ρ."""
 
 
 def level_factors(growth: np.ndarray, rate: np.ndarray, multiplier: np.ndarray) -> np.ndarray:
@@ -103,7 +103,7 @@ NEWTON_STEPS = 6
 
 
 def _least_quotient(over: np.ndarray, under: np.ndarray) -> np.ndarray:
-    """Return the least p/q in the plane where q > 0, p and q of degree 4, shape (programmes,); ∞ where q is nowhere."""
+    """Return the least p/q in the part of the plane with q > 0, p and q of degree 4, shape (programmes,); ∞ without one."""
     grid = np.stack([np.outer(np.cos(ANGLES), RADII), np.outer(np.sin(ANGLES), RADII)]).reshape(2, -1)
     powers = _powers(grid)
     quotient = _quotient(over @ powers.T, under @ powers.T).reshape(len(over), SECTORS, -1)
@@ -160,8 +160,7 @@ def _derivatives() -> list[np.ndarray]:
 
 
 EVIDENCE = (1, 4)
-"""Alternations after which the mean area is kept beside that of the number asked for: with a result of the method it would
-hardly change."""
+"""Alternations after which the mean area is also kept: if the method had converged, it would hardly change."""
 
 
 @dataclass(frozen=True)
@@ -169,9 +168,9 @@ class Alternation:
     """Result of the thesis's method."""
 
     after: tuple[Funnels, ...]
-    """After each alternation, the first and further ones than were asked for among them (`EVIDENCE`)."""
+    """Funnels after each alternation, including the first and more than required (`EVIDENCE`)."""
     alternations: int
-    """How many were asked for."""
+    """Number of required alternations."""
     violation_share: np.ndarray
     """Shape (pendulums,): share of the knots before the last at which the final ρ̇ (forward difference) is below the
     largest V̇ on V = ρ with the true sine: there states leave."""
@@ -183,7 +182,7 @@ class Alternation:
 
     @property
     def funnels(self) -> Funnels:
-        """After the alternations that were asked for."""
+        """Funnels after the required alternations."""
         return self.after[self.alternations - 1]
 
     @property

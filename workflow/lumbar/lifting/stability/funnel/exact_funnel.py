@@ -45,13 +45,13 @@ from lumbar.lifting.stability.model.eqs_4_1_to_4_4_closed_loop import (
 )
 
 SAMPLES = 48
-"""Points on the boundary among which Newton's starts are chosen, for semi-axes up to `SMALL_SEMI_AXIS`."""
+"""Points on the boundary from which Newton's starts are chosen, for semi-axes up to `SMALL_SEMI_AXIS`."""
 SECTORS = 4
-"""Parts of the boundary that each give one start, likewise."""
+"""Parts of the boundary, one start each, for these semi-axes."""
 SMALL_SEMI_AXIS = 2.0
-"""Largest |e| on the ellipse in rad for which these are enough: a wider one has more peaks."""
+"""Largest |e| on the ellipse in rad for which these are sufficient: a wider one has more peaks."""
 MOST_DOUBLINGS = 4
-"""How often samples and sectors are doubled for wider ellipses."""
+"""Number of times that samples and sectors are doubled for wider ellipses."""
 LARGEST_SEMI_AXIS = SMALL_SEMI_AXIS * 2**MOST_DOUBLINGS
 """Largest |e| in rad up to which the maximum is reliable: five turns, beyond any useful basin."""
 NEWTON_STEPS = 2
@@ -59,7 +59,7 @@ NEWTON_STEPS = 2
 
 @cache
 def _circle(samples: int) -> tuple[np.ndarray, ...]:
-    """Cos φ, sin φ, cos²φ, 2·cos φ·sin φ, sin²φ at the samples."""
+    """Return cos φ, sin φ, cos²φ, 2·cos φ·sin φ, sin²φ at the samples."""
     position = np.linspace(0.0, 2 * np.pi, samples, endpoint=False)
     c, s = np.cos(position), np.sin(position)
     return c, s, c**2, 2 * c * s, s**2
@@ -173,13 +173,13 @@ class Funnels:
         return np.sqrt(squares.max(axis=0))
 
     def select(self, index: np.ndarray) -> Funnels:
-        """Return those of these pendulums."""
+        """Return the funnels of these pendulums."""
         return Funnels(self.method, self.duration[index], self.cost[:, index], self.level[:, index])
 
 
 @dataclass(frozen=True)
 class FunnelVariants:
-    """The largest funnels, and what is needed to check them."""
+    """The largest funnels, and those that check them."""
 
     exact: Funnels
     with_margin: Funnels
@@ -194,7 +194,7 @@ def exact_funnels(loops: ClosedLoops, terminal_level: float = 1.0) -> Funnels:
     Raises
     ------
     NumericalError
-        A basin reaches further than `LARGEST_SEMI_AXIS` from its trajectory: its settings make no sense.
+        A basin extends more than `LARGEST_SEMI_AXIS` from its trajectory: its settings are not useful.
     """
     return funnel_variants(loops, terminal_level).exact
 
@@ -240,7 +240,7 @@ def funnel_variants(
 
 
 def _require_terminal_set_within_reach(loops: ClosedLoops, terminal_level: float) -> None:
-    """Refuse a goal set that contains the pendulum in every position: no funnel about a trajectory holds it."""
+    """Raise an error for a goal set with the pendulum in every position: no funnel about a trajectory contains it."""
     semi_axis = np.sqrt(terminal_level) * normal_axes(loops.cost[-1])[0]
     if (semi_axis >= np.pi).any():
         index = int(semi_axis.argmax())

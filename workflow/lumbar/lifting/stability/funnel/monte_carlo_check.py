@@ -1,4 +1,4 @@
-"""Monte Carlo check: start inside a basin, follow the true dynamics, count who leaves it."""
+"""Monte Carlo check: starts inside a basin follow the true dynamics; those that leave it are counted."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -10,18 +10,18 @@ from lumbar.lifting.stability.funnel.exact_funnel import Funnels
 from lumbar.lifting.stability.model.eqs_4_1_to_4_4_closed_loop import ClosedLoops, normal_axes
 
 LEVEL_TOLERANCE = 1e-6
-"""Relative excess of V over ρ that still counts as the boundary: starts lie on it."""
+"""Relative excess of V over ρ that is still the boundary: starts are on it."""
 LARGEST_STEP = 0.25
 """Largest rate of the closed loop times the step of the simulation, by Runge–Kutta of order 4."""
 COMFORTABLE_STEP = 0.1
-"""The same for a step over several knots: its error is below the tolerance by a factor of ten."""
+"""Largest rate times step for a step over several knots: its error is below the tolerance by a factor of ten."""
 LONGEST_STRIDE = 9
 """Knots that one step of the simulation may span."""
 
 
 @dataclass(frozen=True)
 class MonteCarloCheck:
-    """Simulated starts and how many left."""
+    """Simulated starts and the number that left."""
 
     starts: int
     """Starts per pendulum."""

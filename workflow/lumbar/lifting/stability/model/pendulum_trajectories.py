@@ -34,7 +34,7 @@ SIGNS = {"hanging": 1.0, "inverted": -1.0}
 MINIMUM_SAMPLES = 20
 SHORTEST_LENGTH_M = 0.1
 VELOCITY_TOLERANCE = 0.1
-"""How far the integral of the angular velocity may stray from the angle, as a share of the angle's range."""
+"""Largest deviation of the integral of the angular velocity from the angle, as a share of the angle's range."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,35 +42,41 @@ class Trajectory:
     """States of the pendulum of one COM, seen in one plane, while a box is deposited; equal only to itself."""
 
     subject: str
+    """Who lifted."""
     experience: str
-    """`subject`, `experience`: who lifted, and how experienced the person is."""
+    """Label of the subject."""
     box_mass_kg: float
     """Mass of the box."""
     com: str
+    """One of `COMS`."""
     plane: str
-    """`com`, `plane`: one of `COMS` and one of `PLANES`."""
+    """One of `PLANES`."""
     pivot: str
     """Point about which the pendulum turns."""
     time: np.ndarray
     """Shape (samples,): seconds, increasing."""
     angle: np.ndarray
+    """Shape (samples,): θ0 in rad."""
     angular_velocity: np.ndarray
+    """Shape (samples,): θ̇0 in rad/s."""
     angular_acceleration: np.ndarray
-    """`angle`, `angular_velocity`, `angular_acceleration`: shape (samples,): θ0, θ̇0 and θ̈0 in rad, rad/s and rad/s²."""
+    """Shape (samples,): θ̈0 in rad/s²."""
     mass_kg: float
+    """Mass of the pendulum."""
     length_m: float
-    """`mass_kg`, `length_m`: mass and (mean) length of the pendulum."""
+    """Mean length of the pendulum."""
     mass_counted: str = "with_box"
-    """``with_box`` or ``without_box``: what `mass_kg` holds."""
+    """``with_box`` or ``without_box``: whether `mass_kg` includes the box."""
     clock: str = "real"
-    """``real``, or ``unit`` where the recorded movement is played in one second."""
+    """``real``, or ``unit`` if the recorded movement is played in one second."""
     segment_ends: str = "inner"
+    """As the key of `lumbar.settings.lifting`."""
     deposit_start: str = "descent"
-    """`segment_ends`, `deposit_start`: as the keys of `lumbar.settings.lifting`."""
+    """As the key of `lumbar.settings.lifting`."""
 
     @classmethod
     def of_states(cls, states: PendulumStates, **others) -> Trajectory:
-        """Return that of a pendulum's states, of their mean length, with the `others` of its attributes."""
+        """Return the trajectory of a pendulum's states with their mean length; `others` are its further attributes."""
         names = ("time", "angle", "angular_velocity", "angular_acceleration")
         motion = {name: getattr(states, name) for name in names}
         return cls(**others, **motion, length_m=float(states.length.mean()))
@@ -99,8 +105,8 @@ def pendulum_label(trajectory: Trajectory, sign: str) -> str:
 def in_unit_time(trajectory: Trajectory) -> Trajectory:
     """Return the same path played in one second, as the thesis has it ("to non-dimensionalize time", section 4.2.3.1).
 
-    The pendulum keeps its mass, length, damping and gravity, and the regulator its weights: this is another movement and
-    no change of units. In other units of time every area would only be multiplied by the duration.
+    The pendulum keeps its mass, length, damping and gravity, and the regulator its weights: this is another movement, not a
+    change of units. In other units of time every area would only be multiplied by the duration.
     """
     duration = trajectory.duration
     return replace(
@@ -113,7 +119,7 @@ def in_unit_time(trajectory: Trajectory) -> Trajectory:
 
 
 def at_rest(trajectory: Trajectory) -> Trajectory:
-    """Return the null control: the same pendulum for as long, standing still at θ0 = 0."""
+    """Return the null control: the same pendulum at rest at θ0 = 0 for the same duration."""
     return replace(trajectory, angle=np.zeros_like(trajectory.angle))
 
 
@@ -166,7 +172,7 @@ def find_problems(trajectory: Trajectory) -> Problems:
 
 
 NO_TRAJECTORY = "trajectory"
-"""What is missing where the trajectory itself is unsound: all basins of it."""
+"""Missing basin if the trajectory itself is invalid: all its basins."""
 
 
 @dataclass(frozen=True)
@@ -189,7 +195,7 @@ class Failure:
 
 @dataclass(frozen=True)
 class Convention:
-    """One way to make a pendulum of a recorded deposit."""
+    """Choices that make a pendulum of a recorded deposit."""
 
     sign: str
     """Sign of gravity in Eq. 4.1."""
@@ -198,11 +204,11 @@ class Convention:
     mass: str
     """Whether the box counts to the pendulum's mass."""
     pivot: str
-    """Point about which the pendulum turns (or another of `lumbar.lifting.movement.pendulum_states.PIVOTS`)."""
+    """Point about which the pendulum turns: one of `lumbar.lifting.movement.pendulum_states.PIVOTS`."""
     segment_ends: str
     """Whether the trunk's segments end inside the body or at the markers."""
     deposit_start: str
-    """What the deposit starts with."""
+    """Rule for the start of the deposit."""
 
     def __str__(self) -> str:
         words = (
@@ -216,8 +222,8 @@ class Convention:
 
 
 THESIS = Convention("hanging", "unit", "without_box", **vars(THESIS_CHOICE))
-"""The thesis's own wording: + in Eq. 4.1, trajectories interpolated "to non-dimensionalize time", "subject mass", and what
-`THESIS_CHOICE` says."""
+"""The thesis's convention: + in Eq. 4.1, trajectories interpolated "to non-dimensionalize time", "subject mass", and
+`THESIS_CHOICE`."""
 
 
 @dataclass(frozen=True)
@@ -232,7 +238,7 @@ class LiftStates:
     """``thesis_pendulum.csv``, columns of `states`; None if there is no such file."""
 
     def trajectories(self, convention: Convention) -> tuple[list[Trajectory], list[Failure]]:
-        """Return the sound trajectories of one convention, and what is wrong with the others.
+        """Return the valid trajectories of one convention, and the failures of the others.
 
         Pivot, segment ends and start of the deposit are the study's or the thesis's.
         """
@@ -251,7 +257,7 @@ class LiftStates:
 def trajectories_of_lift(
     states: pd.DataFrame, facts: Mapping, mass: str, time: str = "real"
 ) -> tuple[list[Trajectory], list[Failure]]:
-    """Return the sound ones of a lift's six trajectories, by `COMS`, then `PLANES`, and what is wrong with the others.
+    """Return the valid ones of a lift's six trajectories, by `COMS`, then `PLANES`, and the failures of the others.
 
     Parameters
     ----------
@@ -259,8 +265,8 @@ def trajectories_of_lift(
         Columns ``com, plane, time_s, angle_rad, angular_velocity_rad_s, angular_acceleration_rad_s2``.
     facts : mapping
         ``subject, box_mass_kg, pivot, segment_ends, deposit_start``, ``mass_kg`` (per COM ``with_box`` and
-        ``without_box``) and ``length_m`` (per COM and plane); ``experience`` where it is known, and ``missing``, the
-        reasons of COMs without a pendulum.
+        ``without_box``) and ``length_m`` (per COM and plane); ``experience`` if known, and ``missing``, the reasons of COMs
+        without a pendulum.
     mass : {"with_box", "without_box"}
         Whether the box counts to the pendulum's mass.
     time : {"real", "unit"}
@@ -298,12 +304,12 @@ def trajectories_of_lift(
 
 
 def own_choice(facts: Mapping) -> dict[str, str]:
-    """Return what the facts of pendulum states say they were chosen by, as of `PendulumChoice`."""
+    """Return the choices in the facts of pendulum states, attributes of `PendulumChoice`."""
     return {name: facts[name] for name in CHOICES}
 
 
 def headline(settings: StabilitySettings, facts: Mapping) -> Convention:
-    """Return the convention of the headline: the study's own choices, those of a lift's facts among them."""
+    """Return the convention of the headline: the study's own choices, including those in a lift's facts."""
     pendulum = settings.pendulum
     return Convention(pendulum.sign, pendulum.time, pendulum.mass, **own_choice(facts))
 
@@ -317,12 +323,12 @@ def compute_together(
     basin: str,
     failures: list[Failure],
 ) -> list[tuple[list[Trajectory], Result]]:
-    """Compute all trajectories at once; where the error's label is that of one, it is tried by itself and the others
-    together again, else each by itself.
+    """Compute all trajectories together; if the error's label is that of one, it is tried separately and the others together
+    again, else each separately.
 
-    The integration takes as many steps for one basin as for a hundred.
+    The integration takes the same number of steps for one basin as for a hundred.
 
-    `basin` says what is computed, for `Failure.basin`; `failures` grows by those that fail by themselves. Returned are
+    `basin` names the computed basin for `Failure.basin`; trajectories that fail separately are added to `failures`. Returned are
     the trajectories that were computed together, with their result.
 
     Examples
@@ -340,9 +346,9 @@ def compute_together(
             if len(left) == 1:
                 failures.append(Failure.of(left[0], basin, str(error)))
                 return found
-        alone = [item for item in left if label in (pendulum_label(item, sign) for sign in SIGNS)] or left
-        left = [item for item in left if item not in alone]
-        for item in alone:
+        separate = [item for item in left if label in (pendulum_label(item, sign) for sign in SIGNS)] or left
+        left = [item for item in left if item not in separate]
+        for item in separate:
             try:
                 found.append(([item], compute([item])))
             except NumericalError as error:
@@ -360,7 +366,7 @@ def failures_frame(failures: list[Failure]) -> pd.DataFrame:
 
 
 def join_rows(frames: list[pd.DataFrame]) -> pd.DataFrame:
-    """Join the same table of several lifts; one without rows decides no type."""
+    """Join the same table of several lifts; tables without rows do not affect the types."""
     import pandas as pd
 
     filled = [frame for frame in frames if len(frame)]
@@ -368,7 +374,7 @@ def join_rows(frames: list[pd.DataFrame]) -> pd.DataFrame:
 
 
 def announcement(path: str | os.PathLike) -> str:
-    """Return a message that names every basin in a ``failures.csv``; empty where there is none."""
+    """Return a message that names every basin in a ``failures.csv``; empty without any."""
     with Path(path).open(encoding="utf-8", newline="") as stream:
         rows = list(csv.DictReader(stream))
     if not rows:
@@ -387,7 +393,7 @@ def announcement(path: str | os.PathLike) -> str:
 
 
 def failures_table(failures: pd.DataFrame, source_label: str) -> Table:
-    """Return the basins that could not be computed as a published table; where none is missing, a row says so."""
+    """Return the basins that could not be computed as a published table; a row reports if none is missing."""
     none, no_rows = failures.empty, failures_frame([])
     if none:
         failures = no_rows.astype(object)
