@@ -9,7 +9,7 @@ from lumbar.settings.section import Section
 from lumbar.settings.study_settings import StudySettings
 from lumbar.settings.subject import SubjectSettings
 from lumbar.settings.validation import Origins, overlay, validate
-from lumbar.study.load_study import read_subject
+from lumbar.study.subject_file import read_subject
 from running import PROJECT
 
 Kind = TypeVar("Kind", bound=Section)

@@ -38,7 +38,7 @@ _VERBS = {
     "bandwidth": "lumbar.interface.surgeons",
     "design_signals": "lumbar.interface.surgeons",
     "load_settings": "lumbar.study.load_study",
-    "load_subject": "lumbar.study.load_study",
+    "load_subject": "lumbar.study.subject_file",
 }
 """Where each verb lies: modules are imported when a verb is first used, so that ``import lumbar`` costs nothing. The
 stub ``__init__.pyi`` says the same to type checkers."""

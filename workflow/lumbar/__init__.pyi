@@ -22,6 +22,6 @@ from lumbar.interface.study_report import report as report
 from lumbar.interface.surgeons import bandwidth as bandwidth
 from lumbar.interface.surgeons import design_signals as design_signals
 from lumbar.study.load_study import load_settings as load_settings
-from lumbar.study.load_study import load_subject as load_subject
+from lumbar.study.subject_file import load_subject as load_subject
 
 __version__: str

@@ -73,7 +73,7 @@ def lift(
     release: 7.070 s (box)
     """
     if not isinstance(subject, SubjectSettings):
-        from lumbar.study.load_study import load_subject
+        from lumbar.study.subject_file import load_subject
 
         subject = load_subject(Path(subject))
     found, trial = trial_of(subject, Path(markers), box_mass_kg, trial)
@@ -256,9 +256,7 @@ def trial_of(
         if box_mass_kg is not None:
             chosen = chosen.model_copy(update={"box_mass_kg": box_mass_kg})
         return f"{subject.name}_{chosen.box_mass_kg:g}kg", chosen
-    from lumbar.study.load_study import name_lifts
-
-    lifts = {name: lift.trial for name, lift in name_lifts({subject.name: subject}).items()}
+    lifts = subject.lifts
     if trial is not None:
         fitting = {name: item for name, item in lifts.items() if name == trial}
         problem = f"no trial of {subject.name} is named {trial!r}"

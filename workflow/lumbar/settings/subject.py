@@ -70,6 +70,19 @@ class SubjectSettings(Section):
     assumed: tuple[str, ...] = ()
     """Keys of this file that are assumptions and not measurements."""
 
+    @property
+    def lifts(self) -> dict[str, TrialSettings]:
+        """Trials by the names of their lifts: ``expert_23kg``, and ``expert_23kg_2`` if it is repeated."""
+        lifts: dict[str, TrialSettings] = {}
+        masses = [trial.box_mass_kg for trial in self.trials]
+        for number, trial in enumerate(self.trials):
+            name, repetition = (
+                f"{self.name}_{trial.box_mass_kg:g}kg",
+                masses[: number + 1].count(trial.box_mass_kg),
+            )
+            lifts[name if repetition == 1 else f"{name}_{repetition}"] = trial
+        return lifts
+
 
 class SubjectFile(Section):
     """A file of config/subjects."""

@@ -10,10 +10,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from lumbar.base.errors import Problems
-from lumbar.base.yaml_file import YamlFile, read_yaml
+from lumbar.base.yaml_file import read_yaml
 from lumbar.settings.improvement import ImprovementSettings, is_data
 from lumbar.settings.study_settings import StudySettings
-from lumbar.settings.subject import SubjectFile, SubjectSettings
+from lumbar.settings.subject import SubjectSettings
 from lumbar.settings.validation import Origins, overlay, validate
 from lumbar.study.artefacts import (
     LIFTED,
@@ -24,6 +24,7 @@ from lumbar.study.artefacts import (
 )
 from lumbar.study.consistency import Add, check_consistency, check_effects
 from lumbar.study.study import TWIN, RecordedLift, Study
+from lumbar.study.subject_file import read_subject
 
 
 def load_study(config: dict, root: Path, files: Sequence[str | Path] = (), *, trust: bool = False) -> Study:
@@ -123,18 +124,12 @@ def _check_chapters(settings: StudySettings, add: Add) -> None:
 
 
 def name_lifts(subjects: dict[str, SubjectSettings]) -> dict[str, RecordedLift]:
-    """Return every trial by the name of its lift: ``expert_23kg``, and ``expert_23kg_2`` where it is repeated."""
-    lifts: dict[str, RecordedLift] = {}
-    for subject, content in subjects.items():
-        masses: list[float] = []
-        for trial in content.trials:
-            masses.append(trial.box_mass_kg)
-            repetition = masses.count(trial.box_mass_kg)
-            name = f"{subject}_{trial.box_mass_kg:g}kg"
-            lifts[name if repetition == 1 else f"{name}_{repetition}"] = RecordedLift(
-                subject, trial, content.static
-            )
-    return lifts
+    """Return every trial of a study by the name of its lift."""
+    return {
+        name: RecordedLift(subject, trial, content.static)
+        for subject, content in subjects.items()
+        for name, trial in content.lifts.items()
+    }
 
 
 def _load_subjects(
@@ -175,17 +170,6 @@ def _load_subjects(
         elif subject is not None:
             subjects[name], sources[name] = subject, source
     return subjects, sources
-
-
-def read_subject(path: Path, name: str, problems: Problems) -> tuple[SubjectSettings | None, Origins]:
-    """Read a subject file, and where its keys stand; None where it cannot be used, and `problems` says why."""
-    before = len(problems.entries)
-    file: YamlFile = read_yaml(path, problems, name)
-    origins = Origins(problems, [file])
-    if len(problems.entries) > before:
-        return None, origins
-    checked = validate(file.content, SubjectFile, origins)
-    return (checked.subject if checked else None), origins
 
 
 def _data_root(settings: StudySettings, root: Path, add: Add) -> Path | str | None:
@@ -261,25 +245,6 @@ def load_settings(*files: str | os.PathLike, trust: bool = False) -> StudySettin
 def _first_found(file: str, folders: list[Path]) -> str:
     """Path of a file that is named relative to where the user is, or to a folder above the settings that name it."""
     return next((str(folder / file) for folder in folders if (folder / file).is_file()), file)
-
-
-def load_subject(path: str | os.PathLike) -> SubjectSettings:
-    """Return the person of a subject file.
-
-    Examples
-    --------
-    >>> import lumbar
-    >>> from pathlib import Path
-    >>> person = "name: ann, sex: female, mass_kg: 61, height_m: 1.68, experience: novice"
-    >>> trials = "trials: [{box_mass_kg: 15, markers: ann.c3d}]"
-    >>> written = Path("ann.yaml").write_text(f"subject: {{{person}, {trials}}}")
-    >>> lumbar.load_subject("ann.yaml").trials[0].markers
-    'ann.c3d'
-    """
-    problems = Problems("subject")
-    subject, _ = read_subject(Path(path), str(path), problems)
-    problems.raise_if_any()
-    return subject
 
 
 def check_code(
