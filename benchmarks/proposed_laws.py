@@ -110,10 +110,7 @@ def null_proposes(seed: int, forced: bool) -> tuple[str, int]:
     experiment = prepare(null_records(np.random.default_rng(seed)))
     base = evaluate(fit_base(Structure(BASES["KB"]), experiment.training), experiment)
     if forced:
-        empty = law_proposal.Proposal(
-            experiment, base, base, None, [], 0.0, 0.0, None, law_proposal._range(experiment)
-        )
-        found = law_proposal._searched(empty, library(), "tissue")
+        found = law_proposal.search_law(law_proposal.Proposal(experiment, base, base), library())
     else:
         found = law_proposal.propose(experiment, base)
     return (found.form.equation if found.law else ""), len(found.tried)

@@ -205,7 +205,7 @@ def test_an_exponential_that_is_a_straight_line_becomes_one():
 
 def test_the_command_writes_an_effect_named_after_its_file(run, tmp_path, monkeypatch, needle):
     found = ProposedLaw(needle, TISSUE, "needle tests")
-    monkeypatch.setattr("lumbar.interface.diagnosis.propose", lambda *_, **__: found)
+    monkeypatch.setattr("lumbar.propose", lambda *_, **__: found)
     folder = write_records(tmp_path / "tests", records(depth_friction), "%.8f")
     out = run.done("propose", folder, "--output", tmp_path / "law.yaml", "--picture", tmp_path / "law")
     assert "max(z, 0)*tanh(v/v_s)" in out

@@ -1,1 +1,1 @@
-"""What is said for and against a verdict: ties, limitations, the experiment that settles it; as files."""
+"""Evidence for and against a diagnosis: ties, limitations, the experiment that settles it; its files."""

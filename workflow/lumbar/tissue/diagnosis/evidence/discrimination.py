@@ -32,7 +32,7 @@ _SHARES = (0.25, 1.0, 1.5)
 _ONSET = 10.0
 """Times in which the machine turns, over which motion sets in after rest."""
 REFITTED = 4
-"""How many excitations, the best to first order, are judged with full refits."""
+"""Number of excitations, the best to first order, that are judged with full refits."""
 CLEAR, CLEARER = 6.0, 2.0
 """Noise standard deviations, and times those of the record that left the tie, that are enough: an excitation beyond both is
 preferred within the range already recorded."""
@@ -46,7 +46,7 @@ class ExcitationCandidate:
     """E.g. ``"a triangle of ±8 mm at 2 mm/s for 30 s"``."""
     motion: Motion
     within: bool
-    """Whether it stays within the positions of the training record, where both models were fitted."""
+    """True if it stays within the positions of the training record, where both models were fitted."""
 
 
 def excitation_family(reference: Motion, unit: str, limits: Kinematics | None) -> list[ExcitationCandidate]:
@@ -185,7 +185,7 @@ def _rounded(wave: np.ndarray, time: np.ndarray, over: float) -> np.ndarray:
 
 
 def motion_csv(motion: Motion, unit: str) -> str:
-    """A motion as a file to play: header ``time_s,position_<unit>``."""
+    """Return a motion as a file to play, with the header ``time_s,position_<unit>``."""
     rows = zip(motion.time, motion.position, strict=True)
     return "\n".join(
         [f"time_s,position_{unit}", *(f"{time:.6g},{position:.6g}" for time, position in rows), ""]
@@ -202,7 +202,7 @@ class Separation:
     rms: float
     """Root mean square of that pair's difference, in the output's unit."""
     recorded: float
-    """The same distance on the training record."""
+    """Distance on the training record."""
     closest: tuple[str, ...]
     """Effects of the selected candidate's closest rival under this excitation."""
     tried: int
@@ -210,16 +210,16 @@ class Separation:
 
     @property
     def separates(self) -> bool:
-        """Whether the tie would be broken: the likelihoods then differ by more than `TIED`."""
+        """True if the tie would be broken: the likelihoods then differ by more than `TIED`."""
         return self.distance**2 > TIED
 
     @property
     def improves(self) -> bool:
-        """Whether it separates better than the record at hand."""
+        """True if it separates better than the training record."""
         return self.distance > self.recorded
 
     def to_json(self) -> dict:
-        """Return what ``diagnosis.json`` holds under ``separating_excitation``."""
+        """Return the entry ``separating_excitation`` of ``diagnosis.json``."""
         return {
             "description": self.excitation.words,
             "duration_s": self.excitation.motion.sampling_time * len(self.excitation.motion),
@@ -236,7 +236,7 @@ class Separation:
 def separating_excitation(diagnosis: DiagnosisResult, limits: Kinematics | None = None) -> Separation | None:
     """Search the excitation under which the selected and the tied candidates differ most.
 
-    None without a tie, and where a candidate needs channels beside the input: an excitation says nothing about them.
+    None without a tie, or if a candidate needs other channels than the input: an excitation does not define them.
 
     Every excitation is judged to first order (the difference beyond the other model's tangent space), the best few with both
     models refitted in turn.
@@ -254,7 +254,7 @@ def separating_excitation(diagnosis: DiagnosisResult, limits: Kinematics | None 
     model = diagnosis.model.fit
 
     def first_order(item: ExcitationCandidate) -> _Left:
-        """The smallest of what one of two models leaves of the other beyond its tangent space."""
+        """Return the smallest difference of two models beyond the tangent space of one of them."""
         data = FitData(item.words, item.motion, np.zeros(len(item.motion)), training.whitening)
         left = []
         for rival in rivals:
@@ -277,7 +277,7 @@ def separating_excitation(diagnosis: DiagnosisResult, limits: Kinematics | None 
 
 @dataclass(frozen=True, order=True)
 class _Left:
-    """What the best approximation by another model leaves: its RMS (by which it is ordered) and sum of squares."""
+    """Error of the best approximation by another model: RMS (by which it is ordered) and sum of squares."""
 
     rms: float
     sum_of_squares: float

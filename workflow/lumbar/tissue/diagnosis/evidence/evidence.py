@@ -1,8 +1,8 @@
-"""What a referee asks of a diagnosis beyond the ranking: ties, the experiment that settles them, limits, what is left.
+"""Evidence of a diagnosis beyond the ranking: ties, the experiment that settles them, limits, the remaining error.
 
 What a candidate adds to the base is its simulation less the base's, on all records. Of this counts what the base's own
-parameters cannot take up (`lumbar.tissue.diagnosis.fitting.uncertainty`). Two effects whose added forces point the
-same way explain the same error; the angle between them says how far they can be told apart, whatever the noise.
+parameters cannot take up (`lumbar.tissue.diagnosis.fitting.uncertainty`). Two effects explain the same error if their added
+forces point in the same direction; the angle between them measures how well they can be distinguished, whatever the noise.
 """
 
 import csv
@@ -50,7 +50,7 @@ _NOTHING = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Ties:
-    """Angles between the added forces of candidates, and clusters of those that are alike."""
+    """Angles between the added forces of candidates, and clusters of similar ones."""
 
     candidates: list[Candidate]
     """The selected one first; those whose added force noise would hide are left out."""
@@ -63,7 +63,7 @@ class Ties:
     """Degrees: noise hides an angle as small as this from the selected effect's added force."""
 
     def to_json(self) -> dict:
-        """Return what ``diagnosis.json`` holds under ``ties``."""
+        """Return the entry ``ties`` of ``diagnosis.json``."""
         names = ["+".join(item.effects) for item in self.candidates]
         return {
             "angle_to_first_deg": dict(zip(names, self.angles[0].tolist(), strict=True)),
@@ -148,7 +148,7 @@ def detectable_effects(
 
     An effect is selected when its statistic N R² exceeds the threshold of the null table; R² counts only what the model's own
     parameters cannot take up. A force of which they take up the share 1 − s must therefore have the RMS σ √(threshold/(N s)).
-    Effects that are no force beside the tissue's are judged by the change they make at their starting nonlinear parameters.
+    Effects that do not add a force are judged by the change they make at their starting nonlinear parameters.
     """
     fit, data = diagnosis.model.fit, diagnosis.experiment.training
     least = diagnosis.noise_rms * np.sqrt(null.threshold(number_of_forms(catalogue)) / data.size)
@@ -183,7 +183,7 @@ def _shares_left(fit: Fit, form: Form, data: FitData, basis: np.ndarray) -> list
 
 
 _WIDE = 0.5
-"""Half width of an interval, as a share of the value, from which on a parameter is poorly known."""
+"""Half width of an interval, as a share of the value, above which a parameter is poorly known."""
 _NAMED = 4
 """Effects named as the hardest to see."""
 LADDER_COLUMNS = (
@@ -201,7 +201,7 @@ EXCITATION = "separating_excitation.csv"
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """Evidence beside a diagnosis."""
+    """Evidence of a diagnosis."""
 
     remaining: list[ResidualReport]
     """The selected model on every record: where it still fails."""
@@ -210,7 +210,7 @@ class Evidence:
     separation: Separation | None
     """None without a tie."""
     detectable: list[Detectable]
-    """How large other effects would have to be."""
+    """Smallest detectable size of other effects."""
     threshold: float
     """Gain that an effect needs to be selected."""
     null: NullDistribution
@@ -361,8 +361,8 @@ def write_diagnosis(
 ) -> None:
     """Write ``diagnosis.json``, ``ladder.csv`` and, where effects are tied, ``separating_excitation.csv``.
 
-    The verdict is written first, alone: it stays where the evidence beside it cannot be gathered. An excitation that an earlier
-    diagnosis left in the folder is taken away: it does not belong to this one.
+    The result is written first without its evidence, so that it stays if the evidence cannot be gathered. An excitation of an
+    earlier diagnosis is removed from the folder.
 
     `gather` returns the evidence, `source_label` says where the data come from.
     """
@@ -377,7 +377,7 @@ def write_diagnosis(
 
 
 def diagnosis_document(diagnosis: DiagnosisResult, evidence: Evidence, source_label: str) -> dict:
-    """Return the content of ``diagnosis.json``: the contract's keys, and under keys of their own the evidence beside them."""
+    """Return the content of ``diagnosis.json``: the contract's keys and those of the evidence."""
     unit = diagnosis.experiment.output_unit
     return {
         **diagnosis.to_json(),

@@ -187,7 +187,7 @@ _STATE_DIMENSIONS = {
 
 
 def distinct(terms: tuple[Term, ...], shared: bool = False) -> tuple[Term, ...]:
-    """Terms with symbols of their own where several use one for different things.
+    """Rename symbols that several terms use with different meanings.
 
     With `shared`, parameters that mean the same, and states that follow the same equation, may be one.
     """
@@ -262,7 +262,7 @@ def form_of(
 
 
 def _solution(terms: tuple[Term, ...], nonlinear: tuple[NonlinearParameter, ...]):
-    """States term by term, each solved anew only where its own parameters change: a fit changes one at a time."""
+    """Solve states term by term, again only if a term's parameters change: a fit changes one at a time."""
     place = {item.symbol: index for index, item in enumerate(nonlinear)}
     solved = []
     for term in filter(lambda item: item.state, terms):
@@ -299,7 +299,7 @@ def _uniquely_named(parameters: list[NonlinearParameter]) -> tuple[NonlinearPara
 
 
 def _gain_starts(term: Term):
-    """Starting values of a gain that swells and fades, from the residual beside the position."""
+    """Return starting values of a gain that changes periodically, from residual and position."""
     share, _, phase = term.nonlinear
 
     def starts(motion, residual):

@@ -1,4 +1,4 @@
-"""Propose a law for what is missing, or say that no short formula was found: in words, and as the file of an own effect."""
+"""Propose a law for the missing force, in plain English and as the file of a user-defined effect, or report that none passes."""
 
 import json
 from collections.abc import Sequence
@@ -39,32 +39,21 @@ from lumbar.tissue.models.parameter import NonlinearParameter, Parameter
 
 NAME = "proposed_law"
 CONFIRMED = 3.09
-"""Standard errors by which the loss must fall on unseen seconds that no choice has looked at (one-sided 0.1 %: a few laws are
+"""Standard errors by which the loss must fall on unseen seconds that no choice has used (one-sided 0.1 %: a few laws are
 tried)."""
 LEAST_SHARE = 0.75
-"""Share of what the best model of the catalogue leaves to explain of them that a law must remove: the error then halves."""
+"""Share of the explainable error of the catalogue's best model that a law must remove there: the error is then halved."""
 _NEARLY = 1.05
-"""Error beside that of a law on the catalogue's best model, up to which the law on the base alone is preferred."""
+"""A law on the base is preferred up to this ratio of its error to that of a law on the catalogue's best model."""
 MARK = "found in these data, not known physics"
 _SIGNS = {1: "positive", -1: "negative", 0: "any"}
 _AROUND = 1.5
-"""Factor below and above the value found within which another fit of the law begins."""
+"""Factor below and above the fitted value, within which another fit of the law begins."""
 _FEW = 2
-"""Nonlinear parameters that a fit can begin with at several values each; with more it begins with those found."""
+"""Most nonlinear parameters with several starting values each; with more, a fit begins at the fitted values."""
 _REACH = (0.2, 5.0)
 _CLEARLY = 0.5
-"""Error of a law on the base alone beside that of the effects selected, up to which they are but a likeness of it."""
-
-
-@dataclass(frozen=True)
-class Range:
-    """Where a law was found."""
-
-    low: float
-    high: float
-    """`low`, `high`: position, in the input's unit."""
-    speed: float
-    """Largest, in the input's unit per second."""
+"""Ratio of the error of a law on the base to that of the selected effects, up to which these only imitate the law."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,22 +62,22 @@ class Proposal:
 
     experiment: Experiment
     base: Candidate
+    """The base by itself."""
     before: Candidate
-    """`base`, `before`: the base alone; the best model that the catalogue gave."""
-    law: Law | None
-    """Its candidate is judged on all unseen records."""
-    tried: list[tuple[Law, str]]
-    """Every law that came so far as to be tested, with what it failed; empty where it is proposed."""
-    share_removed: float
-    """Share of what `before` leaves to explain, on unseen seconds that no choice has looked at, that the law removes."""
-    certainty: float
+    """The best model of the catalogue."""
+    law: Law | None = None
+    """The proposed law; its candidate is judged on all unseen records."""
+    tried: Sequence[tuple[Law, str]] = ()
+    """Every law that was tested, with the test that it failed; empty text for the proposed one."""
+    share_removed: float = 0.0
+    """Share of the explainable error of `before` that the law removes, on unseen seconds that no choice has used."""
+    certainty: float = 0.0
     """Standard errors by which the loss falls there."""
-    extrapolation: Extrapolation | None
-    range: Range
+    extrapolation: Extrapolation | None = None
 
     @property
     def is_needed(self) -> bool:
-        """Whether something is missing beyond the catalogue."""
+        """True if the catalogue's best model leaves more than noise."""
         return not is_adequate(self.before, self.experiment, COMPLETE)
 
     @property
@@ -98,12 +87,12 @@ class Proposal:
 
     @property
     def terms(self) -> tuple[Term, ...]:
-        """Terms of the law; none where none is proposed."""
+        """Terms of the law; empty without one."""
         return () if self.law is None else self.law.terms
 
     @property
     def accumulates(self) -> bool:
-        """Whether the law grows with time or path from each record's start."""
+        """True if the law grows with time or path from the start of each record."""
         return bool(knows(self.terms) & {"time", "path"})
 
     @property
@@ -112,15 +101,19 @@ class Proposal:
         return self.law.fit.structure.forms[-1]
 
     @property
-    def words(self) -> str:
-        """What the law consists of."""
+    def meaning(self) -> str:
+        """The law's terms in plain English."""
         return "; ".join(term.words for term in self.terms)
 
     @property
     def validity(self) -> str:
-        """Where the law was found, and what is known of it beyond."""
+        """Range of the law, and its error outside of it."""
         tried, force, unit = self.extrapolation, self.experiment.output_unit, self.experiment.input_unit
-        fitted = f"z from {self.range.low:.3g} to {self.range.high:.3g} {unit}, |v| up to {self.range.speed:.3g} {unit}/s"
+        # Position and speed of the training record, which the law is fitted to.
+        every = motions(self.experiment.training)
+        low, high = min(item.position.min() for item in every), max(item.position.max() for item in every)
+        speed = max(np.abs(item.velocity).max() for item in every)
+        fitted = f"z from {low:.3g} to {high:.3g} {unit}, |v| up to {speed:.3g} {unit}/s"
         if tried is None:
             return f"{fitted}; beyond that range it was not tried, because the records are too short"
         outside = (
@@ -148,7 +141,7 @@ class Proposal:
             ]
         states = "".join(f", d{symbol}/dt = {rate}" for symbol, rate in self.form.state)
         return [
-            f"Proposed for {'+'.join([base, *self.start.effects])}: F = {self.form.equation}{states} ({self.words}); {MARK}.",
+            f"Proposed for {'+'.join([base, *self.start.effects])}: F = {self.form.equation}{states} ({self.meaning}); {MARK}.",
             f"The unseen error falls from {before.test_rms:.3g} to {self.law.candidate.test_rms:.3g} {unit}{noise}; "
             f"{100 * self.share_removed:.0f} % of the explainable error is removed on unseen seconds that no choice has used "
             f"({self.certainty:.1f} standard errors).",
@@ -157,10 +150,9 @@ class Proposal:
 
     @property
     def finding(self) -> Finding:
-        """The proposal as a finding of ``diagnosis.json``: its value is the unseen error that is left."""
-        left = self.before if self.law is None else self.law.candidate
-        words = " ".join(self.sentences)
-        return Finding("proposed_law", words, left.test_rms, self.experiment.output_unit)
+        """The proposal as a finding of ``diagnosis.json``; its value is the remaining unseen error."""
+        best = self.before if self.law is None else self.law.candidate
+        return Finding("proposed_law", " ".join(self.sentences), best.test_rms, self.experiment.output_unit)
 
 
 def propose(
@@ -169,9 +161,9 @@ def propose(
     before: Candidate | None = None,
     terms: Sequence[Term] | None = None,
 ) -> Proposal:
-    """Look for a short formula for what a model is missing.
+    """Search a short formula for the force that a model is missing.
 
-    The proposal is without a law where nothing is missing, and where no formula passes.
+    The proposal has no law if nothing is missing or if no formula passes the tests.
 
     Parameters
     ----------
@@ -183,71 +175,65 @@ def propose(
         Default the whole library.
     """
     before = before or base
-    none = Proposal(experiment, base, before, None, [], 0.0, 0.0, None, _range(experiment))
-    return _search(none, library() if terms is None else terms) if none.is_needed else none
+    nothing = Proposal(experiment, base, before)
+    return search_law(nothing, library() if terms is None else terms) if nothing.is_needed else nothing
 
 
-def _search(none: Proposal, terms: Sequence[Term]) -> Proposal:
-    """The proposal with what a search finds, beside the base and beside the catalogue's best model."""
-    experiment, base, before = none.experiment, none.base, none.before
-    chosen_on, confirmed_on = alternate(experiment)
+def search_law(nothing: Proposal, terms: Sequence[Term]) -> Proposal:
+    """Search a law to add to the base or to the catalogue's best model, whichever leaves less; start without a law."""
+    experiment, base, before = nothing.experiment, nothing.base, nothing.before
+    # Choices are made on every other second of the unseen records, and tested on the others.
+    chosen_on, tested_on = alternate(experiment)
     lower = thin(experiment)
     search = Search(chosen_on if lower is experiment else alternate(lower)[0], terms)
-    starts = [base] if before.effects == base.effects else [base, before]
-    test = _Test(experiment, confirmed_on, before, len(terms))
+    test = _Test(experiment, tested_on, before, len(terms))
     tried, passed = [], []
-    for start in starts:
+    for start in [base] if before.effects == base.effects else [base, before]:
         for law in reversed(search.laws(refit(start.fit.structure, start.fit.nonlinear, search.experiment))):
-            law = _on_all(law, start, experiment)
-            refused = test.refuses(law)
-            tried.append((law, refused))
-            if not refused:
+            law = _fitted_to_all(law, start, experiment)
+            failure = test.failure(law)
+            tried.append((law, failure))
+            if not failure:
                 passed.append(law)
                 break
         if passed and is_adequate(passed[0].candidate, experiment):
-            break  # on the base alone it leaves but noise: none beside effects is preferred to it
-    law = min(passed, key=lambda item: item.candidate.test_rms, default=None)
-    if passed and passed[0].candidate.test_rms <= law.candidate.test_rms * _NEARLY:
+            break  # on the base by itself it leaves only noise: no law with effects is preferred to it
+    if not passed:
+        return replace(nothing, tried=tried)
+    law = min(passed, key=lambda item: item.candidate.test_rms)
+    if passed[0].candidate.test_rms <= law.candidate.test_rms * _NEARLY:
         law = passed[0]
-    if law is None:
-        return replace(none, tried=tried)
-    return replace(
-        none,
-        law=law,
-        tried=tried,
-        share_removed=test.share_removed(law.fit),
-        certainty=test.certainty(law),
-        extrapolation=extrapolation(law.fit, experiment),
-    )
+    outside = extrapolation(law.fit, experiment)
+    share, certainty = test.share_removed(law.fit), test.certainty(law)
+    return Proposal(experiment, base, before, law, tried, share, certainty, outside)
 
 
-def _on_all(law: Law, start: Candidate, experiment: Experiment) -> Law:
-    """The law refitted to the whole training record, its amplitudes with the signs that were found, judged on all records."""
-    own = law.fit.linear[len(start.fit.linear) :]
-    signs = tuple(int(np.sign(value)) for value in own) or None
+def _fitted_to_all(law: Law, start: Candidate, experiment: Experiment) -> Law:
+    """Refit the law to the whole training record, with the signs of its amplitudes, and judge it on all records."""
+    signs = tuple(int(np.sign(value)) for value in law.fit.linear[len(start.fit.linear) :]) or None
     structure = start.fit.structure.with_form(form_of(law.terms, NAME, signs, law.shared))
-    found = fit(structure, experiment.training, law.fit.nonlinear)
-    return Law(start, law.terms, evaluate(found, experiment), law.shared)
+    fitted = fit(structure, experiment.training, law.fit.nonlinear)
+    return Law(start, law.terms, evaluate(fitted, experiment), law.shared)
 
 
 @dataclass(frozen=True, eq=False)
 class _Test:
-    """What a law must pass: judged on seconds of the unseen records that no choice has looked at."""
+    """Tests of a law on seconds of the unseen records that no choice has used."""
 
     experiment: Experiment
     unseen: Experiment
     before: Candidate
     terms: int
 
-    def refuses(self, law: Law) -> str:
-        """What a law fails; empty where it passes."""
+    def failure(self, law: Law) -> str:
+        """Name the first test that a law fails; empty if it passes all."""
         gain = likelihood_ratio(law.start, law.candidate, self.experiment)
         p_value = null_distribution().p_value(gain, self.terms)
         share = self.share_removed(law.fit)
         if p_value > LEVEL:
             return f"noise alone gives as much (p = {p_value:.2g})"
         if self.certainty(law) <= CONFIRMED:
-            return f"it is not surely better on unseen records ({self.certainty(law):.1f} standard errors)"
+            return f"it is not significantly better on unseen records ({self.certainty(law):.1f} standard errors)"
         if share < LEAST_SHARE:
             return f"it removes {100 * share:.0f} % of what is missing on unseen records, less than three quarters"
         if not stays_bounded(law.fit, self.experiment):
@@ -260,25 +246,15 @@ class _Test:
         """Standard errors by which the loss falls below that of the catalogue's best model."""
         return unseen_improvement(self.before, law.candidate, self.unseen)
 
-    def share_removed(self, found: Fit) -> float:
-        """Share of what the catalogue's best model leaves to explain."""
+    def share_removed(self, fitted: Fit) -> float:
+        """Share of the explainable error of the catalogue's best model."""
         noise = self.experiment.noise**2
         left = self.before.fit.rms(*self.unseen.tests) ** 2
-        return float((left - found.rms(*self.unseen.tests) ** 2) / max(left - noise, 1e-300))
-
-
-def _range(experiment: Experiment) -> Range:
-    """Position and speed of the training record: what the law is fitted to."""
-    every = motions(experiment.training)
-    return Range(
-        min(float(motion.position.min()) for motion in every),
-        max(float(motion.position.max()) for motion in every),
-        max(float(np.abs(motion.velocity).max()) for motion in every),
-    )
+        return float((left - fitted.rms(*self.unseen.tests) ** 2) / max(left - noise, 1e-300))
 
 
 def effect_text(proposal: Proposal, name: str = NAME, source_label: str = "") -> str:
-    """The YAML file of a proposed law: `lumbar.tissue.effects.catalogue.load_effects` reads it."""
+    """Return the YAML file of a proposed law, which `lumbar.tissue.effects.catalogue.load_effects` reads."""
     law, form, experiment = proposal.law, proposal.form, proposal.experiment
     offset = len(law.start.fit.linear), len(law.start.fit.nonlinear)
     linear = zip(form.linear, law.fit.linear[offset[0] :], strict=True)
@@ -293,7 +269,7 @@ def effect_text(proposal: Proposal, name: str = NAME, source_label: str = "") ->
             for item, value in nonlinear
         ),
     ]
-    mechanism = f"{MARK[0].upper()}{MARK[1:]}: {proposal.words}."
+    mechanism = f"{MARK[0].upper()}{MARK[1:]}: {proposal.meaning}."
     source = f"lumbar propose{f' on {source_label}' if source_label else ''}: {proposal.validity}"
     lines = [
         *(f"# {line}" for line in proposal.sentences),
@@ -326,7 +302,7 @@ def _entry(item: Parameter, value: float, how: str, experiment: Experiment) -> s
 
 
 def _start(item: NonlinearParameter, scaled: float, points: int) -> str:
-    """A fit begins around the value that was found."""
+    """Return the entries that start a fit around the fitted value."""
     around = _AROUND if points > 1 else 1.0
     return (
         f"start: [{scaled / around:.6g}, {scaled * around:.6g}], scale: {item.scale}, points: {points}, "
@@ -335,15 +311,14 @@ def _start(item: NonlinearParameter, scaled: float, points: int) -> str:
 
 
 def with_law(verdict: DiagnosisResult, proposal: Proposal | None) -> DiagnosisResult:
-    """Return the verdict with the law among its findings, where there is one.
+    """Return the result with the law among its findings, if there is one.
 
-    Where the law stands on the base alone and leaves far less than the effects that were selected, these are but its likeness:
-    nothing of the catalogue explains the records.
+    If the law is added to the base and leaves far less than the selected effects, these only imitate it: nothing of the
+    catalogue explains the records.
     """
     if proposal is None or proposal.law is None:
         return verdict
-    found = replace(verdict, findings=(*verdict.findings, proposal.finding))
-    alone = not proposal.start.effects
-    if alone and verdict.selected and proposal.law.candidate.test_rms < _CLEARLY * verdict.model.test_rms:
-        return replace(found, status=Status.UNEXPLAINED, tied_with=[])
-    return found
+    error, on_base = proposal.law.candidate.test_rms, not proposal.start.effects
+    imitated = on_base and verdict.selected and error < _CLEARLY * verdict.model.test_rms
+    changed = {"status": Status.UNEXPLAINED, "tied_with": []} if imitated else {}
+    return replace(verdict, findings=(*verdict.findings, proposal.finding), **changed)

@@ -27,7 +27,7 @@ from lumbar.tissue.models.structure import Structure, forces_of
 _MOST_STATES = 4
 """States of a law."""
 MOST_TERMS = 3
-"""Terms of a law: more are no short formula."""
+"""Most terms of a law, so that its formula is short."""
 REFITTED = 6
 """Terms refitted after screening."""
 STARTS = 2
@@ -51,12 +51,12 @@ class Law:
     """Terms added to a model, fitted jointly with it."""
 
     start: Candidate
-    """What the terms are added to."""
+    """Model that the terms are added to."""
     terms: tuple[Term, ...]
     candidate: Candidate
     """Judged on the blocks that choices are made with."""
     shared: bool = False
-    """Whether parameters of several terms that mean the same are one."""
+    """True if parameters of several terms with the same meaning are one."""
 
     @property
     def fit(self) -> Fit:
@@ -106,7 +106,7 @@ class Search:
         return found
 
     def screen(self, model: Fit, with_output: bool) -> list[tuple[float, Term, np.ndarray]]:
-        """What every term at every starting value explains of the residual, the most first."""
+        """Return the squares of the residual that every term explains at every starting value, the largest first."""
         data = self.experiment.training
         basis = tangent_basis(model, [data])
         residual = beyond(basis, data.whiten(data.force - model.simulate(data.motion)))
@@ -129,7 +129,7 @@ class Search:
         return found
 
     def lengthen(self, law: Law) -> list[Law]:
-        """The law with one term more, in the best ways, best first."""
+        """Return the best laws with one more term, best first."""
         bare = not law.terms
         if not bare and law.terms[0].place is Place.OUTPUT:
             return []
@@ -155,7 +155,7 @@ class Search:
     def refit(
         self, law: Law, terms: tuple[Term, ...], nonlinear: np.ndarray, shared: bool = False
     ) -> Law | None:
-        """These terms fitted jointly with what they are added to; None where the fit ends nowhere or at a bound.
+        """Fit terms jointly with the model; None if the fit does not end, or ends at a bound.
 
         At a bound of its parameter a term has become another one: an exponential a straight line, friction a damper.
         """
@@ -177,7 +177,7 @@ class Search:
     def in_the_limit(
         self, law: Law, terms: tuple[Term, ...], nonlinear: np.ndarray, shared: bool
     ) -> Law | None:
-        """The law with what exponential terms become; None where there is none, or where that is there already."""
+        """Replace exponential terms by their limit; None if there is no such term, or if the law has the limit already."""
         names = [term.becomes or term.name for term in terms]
         plain = tuple(item for name in names for item in self.library if item.name == name)
         if names == [term.name for term in terms] or len(set(names)) < len(terms) or len(plain) < len(terms):
@@ -193,7 +193,7 @@ class Search:
         return self.refit(law, plain, np.array(list(dict(zip(each, kept, strict=True)).values())), shared)
 
     def exchange(self, law: Law) -> Law:
-        """The law with each term in turn taken out and what then fits best put in, as long as that scores better."""
+        """Exchange each term in turn for the one that fits best without it, as long as the score improves."""
         for term in law.terms[: len(law.terms) if len(law.terms) > 1 else 0]:
             rest = tuple(item for item in law.terms if item.name != term.name)
             if len(rest) == len(law.terms):
@@ -214,7 +214,7 @@ class Search:
         )
 
     def simplify(self, law: Law) -> Law:
-        """The law with parameters of several terms that mean the same as one, where it then scores better."""
+        """Join parameters of several terms with the same meaning, if the score improves."""
         value = dict(zip(symbols_of(law.terms), law.own_nonlinear, strict=True))
         kept = symbols_of(law.terms, shared=True)
         if len(kept) == len(value):
@@ -224,7 +224,7 @@ class Search:
         return law if shared is None or shared.candidate.score > law.candidate.score else shared
 
     def past_steps(self, structure: Structure, nonlinear: np.ndarray, first: int) -> np.ndarray:
-        """Nonlinear parameters improved one by one without derivatives: errors change by steps where a force switches."""
+        """Improve nonlinear parameters one by one without derivatives: the error is stepwise if a force switches."""
         data = self.experiment.training
         force = data.whiten(data.force)
 
@@ -237,12 +237,12 @@ class Search:
             tried = best[index] * factors
             here = np.arange(len(best)) == index
             errors = np.array([squared_error(np.where(here, value, best)) for value in tried])
-            # On a step all values are alike: its middle is the likeliest.
+            # All values of a step fit equally well; take its middle.
             best[index] = np.median(tried[errors <= errors.min() * (1 + _SAME)])
         return best
 
     def worthwhile(self, before: Law, after: Law) -> bool:
-        """Whether a term more explains a share worth its place, on the training record and on unseen blocks."""
+        """Return whether one more term explains a notable share of the training record and improves unseen blocks."""
         removed = before.candidate.train_rms**2 - after.candidate.train_rms**2
         noise = self.experiment.noise**2
         explainable = max(after.start.train_rms**2 - noise, 0.0)
@@ -251,7 +251,7 @@ class Search:
         return unseen_improvement(before.candidate, after.candidate, self.experiment) > UNSEEN
 
     def laws(self, start: Candidate) -> list[Law]:
-        """The best law of every length that is worth it, the shortest first; none where none is."""
+        """Return the best law of every worthwhile length, the shortest first."""
         beam = [Law(start, (), start)]
         best: list[Law] = []
         for _ in range(MOST_TERMS):

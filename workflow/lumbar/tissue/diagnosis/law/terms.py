@@ -13,19 +13,19 @@ from lumbar.tissue.models.parameter import Constant, NonlinearParameter
 
 @dataclass(frozen=True)
 class Term:
-    """Something that a force may be proportional to."""
+    """Quantity that a force may be proportional to."""
 
     name: str
     """Unique in the library."""
     words: str
-    """What it is, for a reader of the proposal."""
+    """Meaning, for a reader of the proposal."""
     parts: tuple[str, ...]
     """Expressions; each gets a linear parameter of its own. Of a term at the output, one: what the sensor makes of F."""
     nonlinear: tuple[NonlinearParameter, ...] = ()
     state: tuple[tuple[str, str], ...] = ()
     constants: tuple[Constant, ...] = ()
     knows: str = ""
-    """What of the motion it needs, beside the present: ``""``, ``"memory"``, ``"path"`` or ``"time"``."""
+    """Needs of the motion's past: ``""``, ``"memory"``, ``"path"`` or ``"time"``."""
     place: Place = Place.PARALLEL
     becomes: str = ""
     """Name of the term that it becomes at the largest lengths: of an exponential growth, what grows."""
@@ -47,7 +47,7 @@ class Term:
         )
 
     def times(self, name: str, words: str, other: "Term") -> "Term":
-        """The product with a term whose parts, parameters and states come after its own."""
+        """Return the product with another term; parts, parameters and states of that one come last."""
         text = "*".join(item.parts[0] for item in (self, other) if item.parts != ("1",)) or "1"
         return replace(
             self,
@@ -111,5 +111,5 @@ def _term(name: str, said: Mapping, nonlinear: Mapping, constants: Mapping) -> T
 
 
 def knows(terms: tuple[Term, ...]) -> set[str]:
-    """What terms need of the motion beside the present."""
+    """Return the needs of terms of the motion's past."""
     return {word for term in terms for word in ("memory", "path", "time") if word in term.knows}

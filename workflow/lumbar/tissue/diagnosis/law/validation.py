@@ -1,4 +1,4 @@
-"""What a formula must pass before it is proposed: it stays bounded, gives no energy away, and where it was found is known."""
+"""Tests that a formula must pass before it is proposed: it stays bounded, gives off no energy, and its range is known."""
 
 from dataclasses import dataclass, field, fields, replace
 
@@ -11,7 +11,7 @@ from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.models.motion import Motion
 
 BLOCK = 1.0
-"""Of a block, in the motion's time scale."""
+"""Length of a block, in time scales of the motion."""
 STRETCH = 1.5
 """Amplitude and speed beyond the records at which a law must stay bounded."""
 _LARGEST = 10.0
@@ -20,7 +20,7 @@ _SIZES = (0.3, 0.65, 1.0)
 """Amplitudes of the cycles in half ranges, and their speeds in the largest, at which work is counted."""
 _CYCLES, _STEPS = 4, 200
 _ROUNDING = 1e-3
-"""Work given away, as a share of force times amplitude, that is none."""
+"""Work given off, as a share of force times amplitude, that counts as rounding."""
 INNER = 0.7
 """Share of the ranges of position and speed that the trial of extrapolation fits to."""
 _AS_GOOD = 1.15
@@ -47,7 +47,7 @@ class PartialData(FitData):
 
     @property
     def zeros(self) -> np.ndarray:
-        """What the sensor's zeros add, as in the whole."""
+        """Contribution of the sensor's zeros, as in the whole record."""
         return self.whole.zeros
 
     @property
@@ -67,7 +67,7 @@ class PartialData(FitData):
 def alternate(experiment: Experiment) -> tuple[Experiment, Experiment]:
     """The experiment with every other block of its unseen records, and with the blocks in between.
 
-    Choices are made with the first; the second tells what they are worth.
+    Choices are made with the first and tested with the second.
     """
     first, second = [], []
     for item in experiment.tests:
@@ -92,7 +92,7 @@ def motions(data: FitData) -> list[Motion]:
 
 
 def stays_bounded(fit: Fit, experiment: Experiment) -> bool:
-    """Whether the free run is finite and of the records' size on their motions, larger and faster by `STRETCH`."""
+    """Return whether the free run stays finite and of the records' size on their motions, larger and faster by `STRETCH`."""
     largest = float(np.abs(experiment.training.force).max())
     for motion in (one for item in (experiment.training, *experiment.tests) for one in motions(item)):
         for size, pace in ((1.0, 1.0), (STRETCH, 1.0), (1.0, STRETCH), (STRETCH, STRETCH)):
@@ -130,13 +130,13 @@ def least_work(fit: Fit, data: FitData) -> float:
 
 
 def is_dissipative(fit: Fit, data: FitData) -> bool:
-    """Whether no closed cycle gives energy away."""
+    """Return whether no closed cycle gives off energy."""
     return least_work(fit, data) >= -_ROUNDING
 
 
 @dataclass(frozen=True)
 class Extrapolation:
-    """How a law does where it was not fitted."""
+    """Errors of a law outside the range that it was fitted to."""
 
     inner_rms: float
     """Error on the training record outside its inner range, of a fit to samples in it alone."""
@@ -149,7 +149,7 @@ class Extrapolation:
 
     @property
     def holds(self) -> bool:
-        """Whether both errors are nearly what they are where the law was fitted."""
+        """True if both errors are about as large as within the fitted range."""
         if self.inner_rms > _AS_GOOD * self.all_rms:
             return False
         return self.beyond_rms is None or self.beyond_rms <= _AS_GOOD * max(self.all_rms, self.floor or 0.0)

@@ -8,7 +8,7 @@ Limits follow from the noise's spectrum and the function's own, so they hold for
 Any force that follows the motion resembles linear dynamics on one record, its best linear approximation, but others on other
 excitation (Pintelon and Schoukens, System Identification: A Frequency Domain Approach, 2012, chapter 3); and refitting a base
 leaves a linear part whatever is missing. So linear dynamics are fitted once to the error of all records, and every other cause
-beside them: what it takes of what they leave tells it from them.
+together with them: its share of the rest distinguishes it from them.
 """
 
 from collections.abc import Collection, Mapping, Sequence
@@ -41,7 +41,7 @@ _RELAXATIONS = 8
 """Time constants, spread evenly in logarithm, that span linear dynamics."""
 _MOSTLY = 0.8
 _WEAK = 0.3
-"""Correlations below this share of the largest are weak beside it, however significant."""
+"""Correlations below this share of the largest are called weak, even if they are significant."""
 LINEAR_FUNCTIONS = ("z", "v")
 EVEN_FUNCTIONS = ("z²", "|v|")
 ODD_FUNCTIONS = ("z³", "sign v", "v|v|")
@@ -140,7 +140,7 @@ def relaxation_times(residuals: Sequence[Residual]) -> np.ndarray:
 
 
 def linear_columns(residual: Residual, times: np.ndarray) -> np.ndarray:
-    """Position, velocity and relaxed positions (time constants in s), their means taken off; shape (samples, columns)."""
+    """Return position, velocity and relaxed positions (time constants in s) about their means; shape (samples, columns)."""
     step, position = residual.sampling_time, residual.position
     columns = [position, residual.velocity]
     for time_constant in times:
@@ -227,27 +227,27 @@ _MOST, _WORTH = 0.5, 0.05
 _LEAST = 0.01
 """Share of the explainable error below which a cause is not told."""
 _OUTSIDE_REST = ("constant offset", "linear dynamics")
-"""Causes that are no part of what linear dynamics and a constant of each record leave."""
+"""Causes that are fitted first; all others share what these leave."""
 _SMALLEST = 1e-10
 """Eigenvalue of the columns' products, as a share of the largest, below which a direction is rounding."""
 
 
 @dataclass(frozen=True)
 class Cause:
-    """What one cause accounts for."""
+    """Share of the error of all records that one cause accounts for."""
 
     name: str
-    """Of the view that shows it."""
+    """Key of `_CAUSES`."""
     share: float
-    """Of the explainable error: linear dynamics by themselves, velocity beyond position, others beyond linear dynamics."""
+    """Share of the explainable error: of velocity beyond position, of other causes beyond linear dynamics."""
     share_of_rest: float
-    """Of what linear dynamics leave; of linear dynamics, the share itself."""
+    """Share of what linear dynamics leave; for causes that are fitted first, the share itself."""
 
 
 def rank_causes(residuals: Sequence[Residual]) -> list[Cause]:
-    """Return the causes by how well they are told from the others, the best first.
+    """Return the causes by how well they are distinguished from the others, the best first.
 
-    That is by share; linear dynamics come after a cause that takes most of what they leave.
+    They are sorted by share; linear dynamics come after a cause that accounts for most of what they leave.
 
     Parameters
     ----------
@@ -297,7 +297,7 @@ def _linear(residuals: Sequence[Residual]) -> np.ndarray:
 
 
 def _groups(residuals: Sequence[Residual]) -> dict[str, np.ndarray]:
-    """Groups of samples in each of which a cause has its own level, alike on all records but for windows of time."""
+    """Return groups of samples in each of which a cause has its own level, common to all records except for windows of time."""
     position = np.concatenate([item.position for item in residuals])
     velocity = np.concatenate([item.velocity for item in residuals])
     along, across = map_edges(position, velocity)

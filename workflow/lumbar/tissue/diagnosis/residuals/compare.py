@@ -35,7 +35,7 @@ class Comparison:
 
     record: str
     unit: str
-    """Of the output."""
+    """Unit of the output."""
     samples: int
     """Samples that count: from `start` on."""
     start: float
@@ -73,7 +73,7 @@ class Comparison:
 
     @property
     def is_noise(self) -> bool | None:
-        """Whether the error is no larger than noise may be; None without a floor."""
+        """True if the error is within the interval of the noise; None without a floor."""
         return None if self.floor is None else self.rms.low <= self.floor.high
 
     @property
@@ -106,8 +106,8 @@ def compare_record(
 
     The intervals say what another excitation of the same kind would give. They come from resampling blocks of time
     (Künsch, Annals of Statistics 17, 1989), each longer than the energy of error and output is correlated. Where the record
-    repeats, blocks are parts of the period and all periods of a part go together: an error that comes back with
-    the period is no new evidence.
+    repeats, blocks are parts of the period and all periods of a part go together: an error that repeats with the period is not
+    new evidence.
 
     Parameters
     ----------
@@ -191,7 +191,7 @@ def _estimates(
 
 
 def _figures_of_means(residual, square, absolute, output, energy) -> np.ndarray:
-    """The same four from means over samples: of residual, its square and size, output and its square.
+    """Return RMS, VAF, FIT and mean residual from means over samples: of residual, its square and size, output and its square.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Where a model fails: all views of its error on every record, beside the comparison of its free run."""
+"""Where a model fails: five views of its error on every record, with the comparison of its free run."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def _location(record: Record, residual: Residual, causes: Sequence[Cause]) -> Lo
 
 
 def residual_of(record: Record, simulated: np.ndarray, experiment: Experiment) -> Residual:
-    """What a simulation leaves of a record of an experiment, from the settling time on; errors as of `locate`."""
+    """Return the residual of a simulation of a record after the settling time; raise as `locate` does."""
     floor = experiment.floor, _floor_from(record, experiment)
     left = _residual(record, simulated, *floor, _start(record, experiment))
     return replace(left, position=left.position - experiment.rest[0])
@@ -111,9 +111,9 @@ class Location:
     record: str
     residual: Residual
     views: dict[str, View]
-    """By name, in the order in which they are told."""
+    """Views by name, in the order of the report."""
     causes: tuple[Cause, ...]
-    """Of the error of all records that were looked at together, by how well they are told from each other."""
+    """Causes of the error of all records together, by how well they are distinguished."""
 
     @property
     def shares(self) -> dict[str, float]:
@@ -141,12 +141,12 @@ class Location:
 
     @property
     def is_noise(self) -> bool:
-        """Whether no test shows more than noise would, with allowance for their number."""
+        """True if no test shows more than noise would, with allowance for their number."""
         return min(self.p_values.values()) * len(self.p_values) >= SIGNIFICANT
 
     @property
     def is_all_but_noise(self) -> bool:
-        """Whether the error hardly exceeds the noise floor."""
+        """True if the error hardly exceeds the noise floor."""
         floor = self.residual.floor
         return floor is not None and self.residual.variance < (ALL_BUT_NOISE * floor.rms) ** 2
 
@@ -185,7 +185,7 @@ class Location:
 
     @property
     def sentences(self) -> list[str]:
-        """What is seen, in plain English."""
+        """The location in plain English."""
         return [self.headline, *(view.sentence for view in self.views.values())]
 
 
@@ -212,8 +212,8 @@ def residual_reports(
 ) -> list[ResidualReport]:
     """Simulate any model on records, compare it, and see where it fails.
 
-    `simulate` goes from a record to the model's free run, shape (samples,). What is noise, and from where on records count, is
-    that of the `experiment`; `seed` is that of the intervals.
+    `simulate` goes from a record to the model's free run, shape (samples,). Noise and settling time are those of the
+    `experiment`; `seed` is that of the intervals.
     """
     return reports_of([(record, simulate(record), experiment) for record in records], seed)
 
@@ -232,7 +232,7 @@ def reports_of(simulated: Sequence[tuple[Record, np.ndarray, Experiment]], seed:
 
 @dataclass(frozen=True, eq=False)
 class ResidualReport:
-    """A record beside a model's free run, and what is seen of the error."""
+    """A record with a model's free run, its comparison and the location of its error."""
 
     record: Record
     values: np.ndarray
@@ -240,11 +240,11 @@ class ResidualReport:
     comparison: Comparison
     location: Location
     remarks: ClassVar[tuple[str, ...]] = ()
-    """What is to be said of axes that rest: a record of one axis moves along it."""
+    """Remarks on axes that rest: none, as a record of one axis moves along it."""
 
     @property
     def axes(self) -> list[ResidualReport]:
-        """What is seen along every axis: there is one."""
+        """Reports along every axis: this one."""
         return [self]
 
     @property
@@ -254,7 +254,7 @@ class ResidualReport:
 
     @property
     def sentences(self) -> list[str]:
-        """What is seen, in plain English."""
+        """The location in plain English."""
         return self.location.sentences
 
 
@@ -272,7 +272,7 @@ def all_reports_sentence(reports: Sequence[Any]) -> str:
 
 
 def of_axes(reports: Sequence[Any]) -> list[ResidualReport]:
-    """What is seen along every axis of records."""
+    """Return the reports along every axis of records."""
     return [item for report in reports for item in report.axes]
 
 

@@ -32,14 +32,14 @@ def _means(values: np.ndarray, groups: np.ndarray, count: int) -> np.ndarray:
 
 
 def _shape_words(position: np.ndarray, mean: np.ndarray, deviation: np.ndarray) -> str:
-    """Which of a curve's even and odd parts about the middle of the range is the larger."""
+    """Say which of a curve's even and odd parts about the middle of the range is larger."""
     middle = (position[0] + position[-1]) / 2
     mirrored = np.interp(2 * middle - position, position, mean)
     even, odd = (mean + mirrored) / 2, (mean - mirrored) / 2
     noise = np.mean(deviation**2) / 2
     even_power, odd_power = np.mean(even**2) - noise, np.mean(odd**2) - noise
     if even_power > 2 * odd_power:
-        return ", alike at both ends (even in position)"
+        return ", equal at both ends (even in position)"
     if odd_power > 2 * even_power:
         return ", opposite at both ends (odd in position)"
     return ", different at the two ends"
@@ -192,7 +192,7 @@ def reversals(position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def reversal_reach(turns: np.ndarray, size: int) -> int:
-    """How many of `size` samples before and after a reversal count as around it; 0 with fewer than two reversals."""
+    """Return the number of samples before and after a reversal that count as around it; 0 with fewer than two reversals."""
     gaps = np.diff(turns)
     return int(np.clip(0.5 * np.median(gaps), 2, size // 8)) if gaps.size else 0
 

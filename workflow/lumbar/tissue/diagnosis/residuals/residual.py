@@ -16,10 +16,10 @@ from lumbar.tissue.diagnosis.noise.noise_floor import NoiseFloor, autocovariance
 from lumbar.tissue.diagnosis.noise.periods import Folding
 
 SIGNIFICANT = 0.01
-"""Views are called significant at this level."""
+"""Level at which a view is significant."""
 _SHIFTS = 41
 _ORDER = 20
-"""Of the autoregressive model that stands for unknown noise."""
+"""Order of the autoregressive model that replaces unknown noise."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ class Residual:
     unit: str
     position_unit: str
     moved: str
-    """What the input measures, e.g. ``"position"`` or ``"angle"``."""
+    """Quantity of the input, e.g. ``"position"`` or ``"angle"``."""
     floor: NoiseFloor | None
     folding: Folding | None
     """Whole periods, as indices into `values`; None where the record does not repeat."""
@@ -76,7 +76,7 @@ class Residual:
 
     @property
     def base_words(self) -> str:
-        """What shares are shares of."""
+        """Name of the error that shares refer to."""
         return "explainable error" if self.floor is not None else "error"
 
     def share(self, variance: float) -> float:
@@ -94,7 +94,7 @@ class Residual:
 
     @cached_property
     def _noise_model(self) -> tuple[np.ndarray, float]:
-        """Whitening filter and variance that stand for the noise.
+        """Whitening filter and variance of the noise.
 
         Without a noise floor those of the residual itself: tests are then cautious, because what a model could explain
         counts as noise too.
@@ -119,7 +119,7 @@ class Residual:
         return parts @ parts.T
 
     def noise_parts(self, weights: np.ndarray) -> np.ndarray:
-        """What noise adds to the sums of `covariance` from each of its independent parts; shape (sums, parts)."""
+        """Return the contribution of each independent part of the noise to the sums of `covariance`; shape (sums, parts)."""
         length = 1 << int(np.ceil(np.log2(weights.shape[1])))
         transform = np.fft.rfft(weights, length, axis=1)
         power = self.noise_power(np.fft.rfftfreq(length, self.sampling_time)) * 2 / length
@@ -127,7 +127,7 @@ class Residual:
         return (transform * np.sqrt(power)).view(float)  # real and imaginary parts side by side
 
     def averages(self, groups: np.ndarray, count: int) -> Average:
-        """Means over groups of samples; `groups` holds each sample's group, from 0 on, −1 for none."""
+        """Average over groups of samples; `groups` has each sample's group, counted from 0, and −1 for none."""
         inside = groups >= 0
         number = np.bincount(groups[inside], minlength=count)
         filled = np.flatnonzero(number)
@@ -154,7 +154,7 @@ class Residual:
         return len(self.values) if self.folding is None else self.folding.samples
 
     def share_beyond_chance(self, explained, noise: float) -> float:
-        """Share of the explainable variance that a relation accounts for, as `share_beyond_chance` of the residual."""
+        """Return `share_beyond_chance` of the residual."""
         return share_beyond_chance(self.values, self.explainable, self.span, explained, noise)
 
 

@@ -10,7 +10,7 @@ from lumbar.tissue.diagnosis.residuals.residual import SIGNIFICANT, Residual, Vi
 
 _WINDOWS = 10
 _LEAST_CYCLE = 0.5
-"""Share of a window below which a rest of the record is no window of its own."""
+"""Share of a window below which the rest of the record is part of the window before."""
 EXCITED, EVEN, ODD, ABOVE, BELOW, BETWEEN = (
     "excited lines",
     "even lines",
@@ -66,7 +66,8 @@ def time_view(residual: Residual) -> View:
                 f"{percent(average.share)} of the {residual.base_words}"
             )
             level += ", as for any smooth error" if average.share == 0 else ""
-        sentence = f"Along time: {spread}; {level}. The input does not repeat, so time and what the input does then look alike."
+        unknown = "The input does not repeat, so time cannot be separated from the input at that time."
+        sentence = f"Along time: {spread}; {level}. {unknown}"
         return View("time", average.significant_share, average.p_value, sentence, table, numbers)
     share, p_value = _not_repeating(residual)
     numbers |= {"not_repeating_share": share}
@@ -125,7 +126,7 @@ def _not_repeating(residual: Residual) -> tuple[float, float]:
 
 
 def excited_lines(mean_period: np.ndarray) -> np.ndarray:
-    """Multiples of 1/period, from 1 on, that the input excites."""
+    """Return the multiples of 1/period that the input excites."""
     amplitude = np.abs(np.fft.rfft(mean_period - mean_period.mean()))
     return np.flatnonzero(amplitude > _WEAKEST_LINE * amplitude.max())
 
@@ -149,7 +150,7 @@ def line_classes(excited: np.ndarray, count: int) -> np.ndarray:
 
 
 def frequency_view(residual: Residual) -> View:
-    """Spectrum of the residual beside that of the noise.
+    """Spectra of residual and noise.
 
     Columns ``frequency`` (Hz), ``rms`` and ``noise_rms`` (of the residual and of noise alone, in the line or band)
     and ``kind``, its class; of bands also ``width`` (Hz).
@@ -298,7 +299,7 @@ def _bands(residual: Residual) -> View:
 
 
 def _band_bounds(lines: int, edge: int) -> list[tuple[int, int]]:
-    """Bands of lines from 1 on, a seventh of their frequency wide but never narrow, one of them ending at `edge`."""
+    """Return bands of lines above 0, a seventh of their frequency wide but not below a limit, one of them ending at `edge`."""
     bounds = [1]
     for stop in (min(edge, lines), lines):
         while bounds[-1] < stop:
