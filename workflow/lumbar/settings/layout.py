@@ -11,7 +11,7 @@ from lumbar.settings.section import RecordName, Section, Unique
 
 Axis = Literal["+x", "-x", "+y", "-y", "+z", "-z"]
 AXES, SIDES = ("x", "y", "z"), ("input", "output")
-"""Axes of a record of several, and the two sides whose roles have an axis behind them: ``input_x``."""
+"""Axes of a record, and the two sides of which roles name an axis, as in ``input_x``."""
 AXIS_ROLES = frozenset(f"{side}_{axis}" for side in SIDES for axis in AXES)
 
 
@@ -19,17 +19,17 @@ class ColumnSettings(Section):
     """One column: value = number in the file × scale + offset, in the unit given."""
 
     column: str | Annotated[int, Field(ge=1)]
-    """Name from the header, or number counted from 1."""
+    """Name in the header, or number counted from 1."""
     unit: str
     """Unit after scaling, e.g. mm."""
     quantity: str = ""
-    """What is measured, as it stands on axes, e.g. position."""
+    """Measured quantity as shown on axes, e.g. position."""
     scale: float = 1.0
     """Factor from the file's numbers to the unit; not 0."""
     offset: float = 0.0
     """Added after scaling."""
     optional: bool = False
-    """true: the column may be absent, and constant; what needs it is then left out, and said to be."""
+    """true: the column may be absent or constant; results that need it are then left out and reported."""
 
     @model_validator(mode="after")
     def _check(self) -> Self:
@@ -39,28 +39,28 @@ class ColumnSettings(Section):
 
     @property
     def other_sign(self) -> Self:
-        """The same column, counted the other way."""
+        """The column with the opposite sign."""
         return self.model_copy(update={"scale": -self.scale, "offset": -self.offset or 0.0})
 
 
 class ColumnLayout(Section):
-    """How the columns of a file are read."""
+    """Columns of a file."""
 
     columns: dict[str, ColumnSettings] = Field({})
-    """One entry per role: time, input, output; of several axes input_x, output_x and so on."""
+    """One entry per role: time, input, output; for several axes input_x, output_x and so on."""
     format: Literal["text", "mat"] = "text"
     """text (CSV, TXT, .gz too) or mat (MATLAB 4 to 7.2)."""
     delimiter: str = ","
     """One character, or the word whitespace."""
     header: bool = True
-    """Whether a line of column names comes before the data."""
+    """true: a line of column names precedes the data."""
     comment: str | None = None
-    """Lines that start with this are skipped."""
+    """Start of the lines that are skipped."""
     decimal: Literal[".", ","] = "."
     """Decimal mark."""
     clipped: Literal["refuse", "accept"] = "refuse"
-    """Whether records are accepted whose force or position holds runs of samples exactly at its extreme, as
-    of a converter at the end of its range."""
+    """accept: records are read although their force or position has runs of samples exactly at its extreme, as
+    from a converter at the end of its range."""
 
     @model_validator(mode="after")
     def _check(self) -> Self:
@@ -70,12 +70,12 @@ class ColumnLayout(Section):
 
     @property
     def axes(self) -> tuple[str, ...]:
-        """Axes of records of several; empty for one axis."""
+        """Axes of a record with several; empty for one axis."""
         return tuple(axis for axis in AXES if f"input_{axis}" in self.columns)
 
 
 def _problems_of_axes(columns: dict[str, ColumnSettings]) -> Iterator[str]:
-    """What is wrong with the roles of a layout of several axes."""
+    """Yield each fault of the roles of a layout with several axes."""
     along = {side: [axis for axis in AXES if f"{side}_{axis}" in columns] for side in SIDES}
     axes = sorted({axis for found in along.values() for axis in found})
     if not axes:
@@ -92,15 +92,15 @@ def _problems_of_axes(columns: dict[str, ColumnSettings]) -> Iterator[str]:
             for role in (f"{side}_{a}" for a in along[side])
         }
         if len(set(kinds.values())) > 1:
-            told = ", ".join(f"{role} is {quantity} in {unit}" for role, (quantity, unit) in kinds.items())
-            yield f"{told}; one quantity and unit for all axes"
+            listed = ", ".join(f"{role} is {quantity} in {unit}" for role, (quantity, unit) in kinds.items())
+            yield f"{listed}; one quantity and unit for all axes"
 
 
 class MeanOfMarkers(Section):
     """The mean of several markers."""
 
     mean: tuple[Alias, ...] = Field(min_length=2)
-    """Markers whose mean is taken, e.g. [LWRA, LWRB]."""
+    """Markers to average, e.g. [LWRA, LWRB]."""
 
 
 class PointBetween(Section):
@@ -116,7 +116,7 @@ class OffsetPoint(Section):
     """A point at a fixed offset in the axes of the laboratory."""
 
     start: Alias = Field(alias="from")
-    """Marker the offset starts from."""
+    """Marker from which the offset is counted."""
     offset_m: tuple[Metre, Metre, Metre]
     """Offset lateral (right), forward and up."""
 
@@ -124,40 +124,39 @@ class OffsetPoint(Section):
 Metre = Annotated[float, Field(ge=-1, le=1)]
 Rule = Union[MeanOfMarkers, PointBetween, OffsetPoint]  # noqa: UP007 - read by Pydantic as one union
 Alias = Union[str, Rule, tuple[Union[str, Rule], ...]]  # noqa: UP007
-"""A label or another alias's name, a rule, or alternatives of these, of which the first that the file can fill is taken."""
+"""A label, the name of another alias or a rule; or alternatives, of which the first that the file can fill is used."""
 MarkerName = Annotated[str, Field(pattern="^[A-Z][A-Z0-9_]*$")]
 
 
 class MarkerLayout(Section):
-    """How marker files (C3D, TRC, CSV, BVH; also .gz) are read."""
+    """Reading of marker files (C3D, TRC, CSV, BVH; also .gz)."""
 
     unit: Literal["file", "m", "cm", "mm"] = "file"
-    """Unit of length: file takes the one the file states; any other one must not contradict it."""
+    """Unit of length; file: the unit that the file states. Another one must not contradict it."""
     scale: float = Field(1.0, gt=0, le=10000)
-    """Factor on the coordinates where the unit that a file states is wrong, e.g. 0.1."""
+    """Factor on the coordinates, e.g. 0.1, if the unit that a file states is wrong."""
     up: Axis = "+z"
     """Axis of the file that points up."""
     forward: Axis = "+y"
-    """Axis of the file that points the way the person faces; perpendicular to up."""
+    """Axis of the file in the direction that the subject faces; perpendicular to up."""
     subject_prefix: str = Field("strip", min_length=1)
-    """Prefixes such as Subject:C7: strip takes all off, keep none, a subject's name that one alone."""
+    """Prefixes such as Subject:C7. strip: remove all; keep: remove none; a subject's name: remove only that one."""
     check_axes: bool = True
-    """Whether up, forward and left/right are compared with the body; false where the person turns round or
-    lies down."""
+    """true: up, forward and left/right are compared with the body; use false if the subject turns round or lies
+    down."""
     points: Literal["file", "skin", "joint_centres"] = "file"
-    """What the points are: markers on the skin, from which joint centres are estimated, or joint centres
-    (of a suit, a camera), taken as they are; file: joint centres of BVH, else skin."""
+    """skin: markers on the skin, from which joint centres are estimated; joint_centres: joint centres (of a
+    suit or a camera), used as they are; file: joint centres for BVH, else skin."""
     rate_Hz: float | None = Field(None, gt=0)
-    """Frames per second of a CSV file that has no times, or where the rate that a file states is wrong;
-    null takes them from the file."""
+    """Frames per second of a CSV file without times, or instead of a wrong rate that a file states; null takes
+    them from the file."""
     aliases: dict[MarkerName, Alias | None] = Field({})
-    """Standard name to what fills it: a label, alternatives, {mean}, {between, share} or {from, offset_m};
-    null takes an alias of the defaults away. Standard names are C7, T8, T12, L5 (spine at L4/L5),
-    MANUBRIUM, XIPHOID, SACRUM, L_/R_ ASIS, PSIS, SHOULDER, ELBOW, WRIST, HIP (greater trochanter), KNEE,
-    ANKLE, HEEL, TOE, and BOX_1, BOX_2, … on the box."""
+    """Rule for each standard name: a label, alternatives, {mean}, {between, share} or {from, offset_m}; null
+    removes an alias of the defaults. Standard names are C7, T8, T12, L5 (spine at L4/L5), MANUBRIUM, XIPHOID,
+    SACRUM, L_/R_ ASIS, PSIS, SHOULDER, ELBOW, WRIST, HIP (greater trochanter), KNEE, ANKLE, HEEL, TOE, and
+    BOX_1, BOX_2, … on the box."""
     required: Unique[str] | None = None
-    """Standard names without which a recording is refused; null: every alias. The others may be absent from
-    a file."""
+    """Standard names that a recording must have; null: every alias. A file may lack the others."""
 
 
 class RecordSettings(Section):
@@ -168,9 +167,9 @@ class RecordSettings(Section):
     file: str = Field(min_length=1)
     """File below data_root."""
     period_s: float | None = Field(None, gt=0)
-    """Period of the excitation, where it is periodic."""
+    """Period of a periodic excitation."""
     trim_s: tuple[float, float] | None = None
-    """Start and end of the part that is read, on the file's own clock; null reads all of it."""
+    """Start and end of the part that is read, on the file's clock; null reads all of it."""
 
     @model_validator(mode="after")
     def _check(self) -> Self:

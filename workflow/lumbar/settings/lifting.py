@@ -19,9 +19,9 @@ ALIASES: dict[str, Alias] = {
     },
     **{f"BOX_{number}": f"BOX_{number}" for number in range(1, 9)},
 }
-"""Labels of usual marker sets under the standard names."""
+"""Labels of common marker sets by standard name."""
 REFINING = tuple(name for name in ALIASES if name.endswith(("_MEDIAL", "HEAD_CENTRE")))
-"""Markers that nothing misses where they lack."""
+"""Markers that only refine results."""
 RIGID_BODIES = {
     "box": tuple(f"BOX_{number}" for number in range(1, 9)),
     "pelvis": ("SACRUM", "L_ASIS", "R_ASIS", "L_PSIS", "R_PSIS"),
@@ -33,21 +33,21 @@ MOMENT_COLUMNS = {
 
 
 class GapSettings(Section):
-    """How gaps in marker trajectories are treated."""
+    """Treatment of gaps in marker trajectories."""
 
     maximum_s: float = Field(0.2, ge=0, le=1)
     """Longest gap that a cubic spline bridges; 0 bridges none."""
     longer: Literal["error", "keep"] = "keep"
-    """What becomes of longer gaps and of those at the start or end: keep leaves them open, and what cannot
-    be computed for them is left out with its reason; error refuses a recording with such a gap between the
-    first and the last event in a marker that the pendulums need."""
+    """Treatment of longer gaps and of those at the start or end. keep: they stay open, and results that cannot
+    be computed for them are left out with the reason. error: a recording is rejected if a marker that the
+    pendulums need has such a gap between the first and the last event."""
     rigid: dict[str, tuple[str, ...]] = RIGID_BODIES
-    """Rigid bodies by name, each with its markers (standard names, or labels of the file): gaps that a
-    spline does not bridge are filled from three or more others of the same body, with its shape in the
-    static trial or in the frames that show all of them."""
+    """Rigid bodies by name, each with its markers (standard names, or labels of the file). Gaps that no spline
+    bridges are filled from three or more other markers of the body, with its shape in the static trial or in
+    the frames that show all of them."""
     rigid_tolerance_m: float = Field(0.02, gt=0, le=0.1)
-    """A body whose markers differ from its shape by more than this (root mean square) is not rigid: it
-    fills nothing."""
+    """Largest difference (root mean square) between the markers of a rigid body and its shape; a body above it
+    fills no gap."""
 
 
 class FilterSettings(Section):
@@ -60,7 +60,7 @@ class FilterSettings(Section):
 
 
 class EventLabels(Section):
-    """Labels of events in the file (C3D) that stand for those of a lift, without regard to case and spaces."""
+    """Labels of events in a C3D file that name the events of a lift; case and spaces do not count."""
 
     lift_off: tuple[str, ...] = ("lift off", "box off", "pick up")
     """Box leaves its support."""
@@ -73,86 +73,87 @@ class EventLabels(Section):
 
 
 class EventSettings(Section):
-    """How the events of a lift are found."""
+    """Detection of the events of a lift."""
 
     deposit_start: Literal["descent", "wrist_minimum"] = "descent"
-    """Start of the deposit: descent, the last instant before the box goes down for good, or wrist_minimum,
-    the last local minimum of the wrists' speed before that, as in the thesis. Table 4.1 shows the thesis's
-    wording with its own start whatever stands here."""
+    """Start of the deposit. descent: the last instant before the box finally goes down; wrist_minimum: the last
+    local minimum of the wrists' speed before that, as in the thesis. Table 4.1 shows the thesis's definition
+    with its start for every value of this key."""
     taken_from: Literal["detection", "file"] = "detection"
-    """detection: by the rules below; file: those that somebody marked in the recording's own file, each
-    that it has. The difference is told either way."""
+    """detection: by the rules below; file: the events that are marked in the recording's file, as far as it has
+    them. The difference is reported for both."""
     labels: EventLabels = Field(default_factory=EventLabels)
     box_speed_m_s: float = Field(0.05, gt=0, le=1)
     """Speed above which the box moves."""
     box_rest_m_s: float = Field(0.02, gt=0, le=1)
     """Speed below which the box rests: its movement starts and ends there."""
     box_sustained_s: float = Field(0.1, ge=0, le=1)
-    """How long the box must move for its lift-off, and the wrists be away from it for the separation."""
+    """Time for which the box must move at its lift-off, and for which the wrists must be away from it at the
+    separation."""
     separation_m: float = Field(0.1, gt=0, le=1)
-    """Wrists have left the box when their distance from its centre grows by more than this."""
+    """Increase of the distance between wrists and centre of the box that separates them."""
     grip_s: float = Field(0.5, gt=0, le=5)
-    """Time after lift-off whose median distance between wrists and box counts as the grip."""
+    """Time after lift-off; the median distance between wrists and box in it counts as the grip."""
     toe_speed_m_s: float = Field(0.3, gt=0, le=5)
     """Speed of a toe that leaves the ground."""
     toe_sustained_s: float = Field(0.065, ge=0, le=1)
-    """How long the toe must keep that speed."""
+    """Time for which the toe must keep that speed."""
     rise_m: float = Field(0.02, gt=0, le=1)
-    """Rise of the box that makes it lifted: before, it may slide on its support."""
+    """Rise of the box that counts as lifted; below it the box may slide on its support."""
     hands_rise_m: float = Field(0.25, gt=0, le=2)
-    """Rise of the hands that is a lift, where there are no markers on the box and the hands stand for it."""
+    """Rise of the hands that counts as a lift, if the box has no markers."""
     stay_s: float = Field(0.3, gt=0, le=10)
-    """How long the box must not go down for a stay: the deposit starts at the end of the last one, or of
-    the last rise."""
+    """Time without descent of the box that counts as a stay. The deposit starts at the end of the last stay, or
+    of the last rise."""
     descent_m: float = Field(0.05, gt=0, le=2)
-    """Descent of the box (of the wrists where there is none) before the release that makes it a deposit;
-    from half of it on one that is half as far again as every other descent since the toe-off."""
+    """Descent of the box (of the wrists if the box has no markers) before the release that counts as a deposit.
+    At half of it a descent counts too if it is 1.5 times any other one since the toe-off."""
     prominence_m_s: float = Field(0.05, ge=0, le=2)
-    """How far a local minimum of the wrists' speed (deposit_start) must lie below its surroundings."""
+    """Depth of a local minimum of the wrists' speed below its surroundings (deposit_start)."""
 
 
 class BoxSettings(Section):
-    """How the box in the hands loads the pendulums."""
+    """Load of the box on the pendulums."""
 
     share: Literal["by_mass", "whole"] = "by_mass"
-    """by_mass: the box is divided among the centres of mass in proportion to the segments' masses; whole:
+    """by_mass: the box is divided among the centres of mass in proportion to the masses of the segments; whole:
     every pendulum carries the whole box."""
     in_position: bool = False
-    """true: angle and length are those of the common centre of mass of segment and box; false: of the
-    segment alone."""
+    """true: angle and length are those of the common centre of mass of segment and box; false: those of the segment."""
 
 
 class LiftingSettings(Section):
     """From marker files to the pendulums of the deposit."""
 
     subjects: Unique[str] = ()
-    """People of the study, in order: files of config/subjects."""
+    """Subjects of the study, in order: files of config/subjects."""
     markers: MarkerLayout = Field(default_factory=lambda: MarkerLayout(aliases=ALIASES, required=()))
     moment_layout: ColumnLayout = Field(default_factory=lambda: ColumnLayout(columns=MOMENT_COLUMNS))
     gaps: GapSettings = Field(default_factory=GapSettings)
     filter: FilterSettings = Field(default_factory=FilterSettings)
     events: EventSettings = Field(default_factory=EventSettings)
     segments: Literal["winter", "de_leva", "dumas"] = "winter"
-    """Table of trunk segments: winter (Winter after Dempster, the thesis's), de_leva (1996) or dumas (Dumas
-    and Wojtusch 2018); the last two need the subject's sex. The others stand beside the result."""
+    """Table of trunk segments: winter (Winter after Dempster, used in the thesis), de_leva (1996) or dumas
+    (Dumas and Wojtusch 2018); the last two need the subject's sex. Results by the other tables are reported
+    too."""
     segment_ends: Literal["inner", "skin"] = "inner"
-    """Ends of the trunk's segments: inner (joint centres, estimated from the markers; where markers for
-    that lack, the skin's, and the result says so) or skin (the markers C7, T12, L5 and the trochanters, as
-    in the thesis). Table 4.1 shows the thesis's wording with its own ends whatever stands here."""
+    """Ends of the trunk's segments. inner: joint centres, estimated from the markers; if markers for that are
+    missing, points on the skin, and the result reports it. skin: the markers C7, T12, L5 and the trochanters,
+    as in the thesis. Table 4.1 shows the thesis's definition with its ends for every value of this key."""
     hip_centres: Literal["harrington", "hara", "reed"] = "harrington"
     """Regression of the hip joint centres: harrington (2007), hara (2016; leg from ASIS to ankle) or reed
     (1999)."""
     box: BoxSettings = Field(default_factory=BoxSettings)
     pivot: Literal["mid_ankle", "hip", "L5"] = "mid_ankle"
-    """Pivot of the pendulum: midpoint of the ankles, midpoint of the hips, or L5/S1; with segment_ends:
-    skin the trochanters and the marker L5. It moves with its markers."""
+    """Pivot of the pendulum: midpoint of the ankles, midpoint of the hips, or L5/S1; with segment_ends: skin
+    the trochanters and the marker L5. It moves with its markers."""
     frame: Literal["laboratory", "pelvis"] = "laboratory"
-    """Axes of the planes: the laboratory's, or turned about the vertical so that x is the line of the hips
-    at the start of the deposit."""
+    """Axes of the planes: those of the laboratory, or rotated about the vertical so that x is the line of the
+    hips at the start of the deposit."""
     points: int = Field(1000, ge=10, le=100000)
-    """Instants to which the deposit is resampled by a cubic spline (the real time is kept)."""
+    """Number of instants to which a cubic spline resamples the deposit; the real time is kept."""
 
     def of_trial(self, trial: TrialSettings) -> "LiftingSettings":
-        """These settings with the axis that the person faces in a trial."""
+        """Return the settings with the axis that the subject faces in a trial."""
         forward = trial.forward or self.markers.forward
         return self.model_copy(update={"markers": self.markers.model_copy(update={"forward": forward})})

@@ -12,11 +12,11 @@ class SurgeonRecord(Section):
     """One trial."""
 
     name: RecordName
-    """Name of the trial, each once (pooled is the name of the mean)."""
+    """Name of the trial, unique; pooled is the name of the mean."""
     file: str = Field(min_length=1)
     """Recording, below the data root."""
     surgeon: str = Field(min_length=1)
-    """Who moved the tool; trials of one surgeon are resampled together."""
+    """Surgeon who moved the tool; trials of one surgeon are resampled together."""
 
     @model_validator(mode="after")
     def _check(self) -> Self:
@@ -29,29 +29,29 @@ class WelchSettings(Section):
     """Welch's method."""
 
     segment_s: float = Field(10.24, gt=0)
-    """Length of a segment; frequency lines lie 1/segment_s Hz apart."""
+    """Length of a segment; the distance of frequency lines is 1/segment_s Hz."""
     overlap: float = Field(0.5, ge=0, le=0.95)
-    """Share of a segment in common with the next."""
+    """Overlap of consecutive segments as a share of a segment."""
     window: Literal["hann", "hamming", "blackman", "boxcar", "bartlett", "flattop"] = "hann"
     """Window of every segment."""
     detrend: Literal["constant", "linear"] = "constant"
-    """What is taken off every segment: its mean, or its straight line."""
+    """Part that is subtracted from every segment: its mean, or its straight line."""
 
 
 class BandwidthSettings(Section):
-    """The rules by which a bandwidth is read off, and its interval."""
+    """Rules for a bandwidth, and its interval."""
 
     power_share: float = Field(0.95, ge=0.5, le=0.999)
-    """Rule power_share: the bandwidth is the frequency below which this share of the band's power lies."""
+    """Rule power_share: the bandwidth is the frequency below which this share of the power in the band is."""
     level_dB: float = Field(-20.0, ge=-60, le=-1)
-    """Rule level: the bandwidth is the last frequency at which the density is above this level under its peak."""
+    """Rule level: the bandwidth is the last frequency at which the density exceeds this level below its peak."""
     maximum_Hz: float = Field(6.0, gt=0)
-    """Upper end of the analysis band. Tremor (8 to 12 Hz) and measuring noise above it do not count; they
-    would decide the velocity's bandwidth."""
+    """Upper end of the analysis band. Tremor (8 to 12 Hz) and measurement noise above it do not count; they
+    would dominate the velocity's bandwidth."""
     confidence: float = Field(0.95, ge=0.5, le=0.999)
     """Confidence of the intervals."""
     resamples: int = Field(2000, ge=200, le=100000)
-    """Bootstrap resamples of surgeons, then of their trials."""
+    """Number of bootstrap resamples of surgeons, then of their trials."""
 
 
 class SurgeonSettings(Section):
@@ -63,20 +63,20 @@ class SurgeonSettings(Section):
         )
     )
     rate_Hz: float | None = Field(None, gt=0)
-    """Resample all trials to this rate; null leaves them as recorded."""
+    """Rate to which all trials are resampled; null keeps their rate."""
     records: tuple[SurgeonRecord, ...] = ()
-    """Trials; the interval of a bandwidth needs several, best of several surgeons."""
+    """Trials; the interval of a bandwidth needs several, preferably of several surgeons."""
     welch: WelchSettings = Field(default_factory=WelchSettings)
     bandwidth: BandwidthSettings = Field(default_factory=BandwidthSettings)
     reference_Hz: float | None = Field(2.5, gt=0)
-    """A published bandwidth, drawn for comparison (thesis: 2.5); null draws none."""
+    """Published bandwidth, drawn for comparison (thesis: 2.5); null draws none."""
 
 
 class ExcitedBandwidthSettings(Section):
-    """Which of the surgeons' bandwidths is excited."""
+    """Bandwidth of the surgeons that is excited."""
 
     quantity: Literal["position", "velocity"] = "velocity"
-    """Quantity whose spectrum counts."""
+    """Quantity with the spectrum that counts."""
     rule: Literal["power_share", "level"] = "power_share"
     """Rule of surgeon.bandwidth."""
 
@@ -85,7 +85,7 @@ class AmplitudeSettings(Section):
     """Scale of all signals, before a ramp."""
 
     measure: Literal["rms", "peak"] = "rms"
-    """Whether value_mm is the root mean square or the peak."""
+    """Meaning of value_mm: the root mean square or the peak."""
     value_mm: float = Field(2.0, gt=0, le=1000)
     """Amplitude."""
 
@@ -94,18 +94,18 @@ class MultisineSettings(Section):
     """Multisine of Eq. 3.1."""
 
     period_s: float = Field(10.0, gt=0, le=1000)
-    """Period, a whole number of samples; lines lie 1/period_s Hz apart."""
+    """Period, a whole number of samples; the distance of lines is 1/period_s Hz."""
     periods: int = Field(10, ge=2, le=1000)
-    """Periods played; the first is left out as transient."""
+    """Number of periods played; the first is left out as transient."""
     grid: Literal["full", "odd"] = "full"
-    """full: every line (thesis); odd: odd lines, some left out, so that power on the others shows nonlinearity."""
+    """full: every line (thesis); odd: odd lines without some, so that power on the missing ones shows nonlinearity."""
     detection_group: int = Field(4, ge=2, le=20)
-    """Odd grid: one line, drawn at random, of this many consecutive odd lines is left out."""
+    """Odd grid: number of consecutive odd lines of which one, drawn at random, is left out."""
     phases: Literal["schroeder", "clipped", "zero"] = "schroeder"
-    """schroeder (thesis), clipped (lowest crest factor, by iterated clipping) or zero (an impulse train,
-    only to compare with)."""
+    """schroeder (thesis), clipped (lowest crest factor, by iterated clipping) or zero (an impulse train, for
+    comparison only)."""
     amplitude_exponent: float = Field(0.0, ge=-4, le=4)
-    """Amplitudes are in proportion to f to this power; 0 is flat as in Eq. 3.1."""
+    """Exponent of the frequency to which amplitudes are proportional; 0 is flat, as in Eq. 3.1."""
 
 
 class NoiseSettings(Section):
@@ -114,7 +114,8 @@ class NoiseSettings(Section):
     duration_s: float = Field(10.0, gt=0, le=10000)
     """Duration."""
     filter_order: int = Field(8, ge=1, le=20)
-    """Order of the Butterworth low-pass, run forward and backward; -3 dB lies at the upper end of the band."""
+    """Order of the Butterworth low-pass filter, run forward and backward; its -3 dB frequency is the upper end
+    of the band."""
 
 
 class ChirpSettings(Section):
@@ -123,7 +124,7 @@ class ChirpSettings(Section):
     duration_s: float = Field(10.0, gt=0, le=10000)
     """Duration."""
     lowest_Hz: float = Field(0.0, ge=0)
-    """Frequency at which the sweep begins; it ends at the upper end of the band."""
+    """Start frequency of the sweep; it ends at the upper end of the band."""
 
 
 class MachineSettings(Section):
@@ -142,15 +143,15 @@ class SignalsSettings(Section):
 
     bandwidth: ExcitedBandwidthSettings = Field(default_factory=ExcitedBandwidthSettings)
     band_factor: float = Field(2.0, ge=0.1, le=20)
-    """The signals excite up to this factor times the bandwidth (thesis: 2, its 'Nyquist rate')."""
+    """Upper end of the excited band divided by the bandwidth (thesis: 2, its 'Nyquist rate')."""
     round_Hz: float = Field(0.5, gt=0, le=10)
-    """The upper end of the excited band is rounded to the nearest multiple of this."""
+    """Step to which the upper end of the excited band is rounded."""
     rate_Hz: float = Field(100.0, ge=1, le=10000)
     """Samples per second of the signals."""
     amplitude: AmplitudeSettings = Field(default_factory=AmplitudeSettings)
     ramp_s: float = Field(0.0, ge=0, le=60)
-    """Every signal is raised from zero by half a cosine of this length; noise and chirp are also lowered at
-    the end. 0 leaves them as designed. The multisine's first period is then no period."""
+    """Length of half a cosine that raises every signal from zero; noise and chirp are also lowered at the end.
+    0: no ramp. With a ramp the multisine's first period is not periodic."""
     multisine: MultisineSettings = Field(default_factory=MultisineSettings)
     noise: NoiseSettings = Field(default_factory=NoiseSettings)
     chirp: ChirpSettings = Field(default_factory=ChirpSettings)

@@ -31,14 +31,14 @@ Chapter = Literal[
 
 
 class SourceSettings(Section):
-    """Where the recordings come from; shown on every table and figure and where the recordings are absent."""
+    """Source of the recordings, shown on every table and figure and if the recordings are missing."""
 
     name: str
-    """Name of the data set as it stands on tables and figures."""
+    """Name of the data set as shown on tables and figures."""
     licence: str
     """Licence of the data."""
     obtain: str
-    """Where to get the files."""
+    """Place to get the files."""
 
 
 class StudySettings(Section):
@@ -47,21 +47,21 @@ class StudySettings(Section):
     study: FolderName = "study"
     """Name of the study and of its folder in results/: letters, digits, _ and -."""
     title: str = ""
-    """One line that stands in the report."""
+    """One line for the report."""
     data: Literal["twin", "recordings"] = "twin"
-    """twin: recordings are made, as the section twin says; recordings: they are read from data_root."""
+    """twin: recordings are made as the section twin defines; recordings: they are read from data_root."""
     data_root: str | None = None
-    """Folder of the recordings, absolute or relative to the project, or a place in an object store such as
+    """Folder of the recordings, absolute or relative to the project, or an address in an object store such as
     s3://lab/recordings. The environment variable LUMBAR_DATA replaces it."""
     data_source: SourceSettings | None = None
-    """Where the recordings come from: name, licence and obtain, all three; shown on every table and figure
-    and where the recordings are absent."""
+    """Source of the recordings: name, licence and obtain, all three; shown on every table and figure and if the
+    recordings are missing."""
     chapters: Unique[Chapter] = ()
-    """Chapters the study can support, in the thesis's order; at least one."""
+    """Chapters that the study supports, in the thesis's order; at least one."""
     seed: int = Field(SEED, ge=0)
-    """Seed of bootstraps and simulations (the twin has a seed of its own)."""
+    """Seed of bootstraps and simulations; the twin has its own seed."""
     subject: SubjectSettings | None = None
-    """One person; given to the workflow by itself, this person runs alone."""
+    """One subject; given to the workflow by itself, this subject runs alone."""
     surgeon: SurgeonSettings = Field(default_factory=SurgeonSettings)
     signals: SignalsSettings = Field(default_factory=SignalsSettings)
     tissue: TissueSettings = Field(default_factory=TissueSettings)
@@ -74,7 +74,7 @@ class StudySettings(Section):
 
 
 def record_layout(settings: StudySettings, base: str) -> tuple[ColumnLayout, float | None]:
-    """Layout of a base model's records, and the rate (Hz) to which they are resampled."""
+    """Return the layout of a base model's records, and the rate (Hz) to which they are resampled."""
     if system_of(base) == "pendulum":
         return settings.lifting.moment_layout, None
     return settings.tissue.layout, settings.tissue.rate_Hz

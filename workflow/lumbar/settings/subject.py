@@ -9,7 +9,7 @@ from lumbar.settings.section import FolderName, Section
 
 
 class DeclaredEvents(Section):
-    """Times set by hand; they replace the detected ones."""
+    """Times set by hand, which replace the detected ones."""
 
     lift_off_s: float | None = None
     """Box leaves its support."""
@@ -20,7 +20,7 @@ class DeclaredEvents(Section):
     release_s: float | None = None
     """Box is released."""
     reason: str | None = None
-    """Why they are set by hand; stands beside the result."""
+    """Reason for setting them by hand, shown with the result."""
 
 
 class TrialSettings(Section):
@@ -31,16 +31,15 @@ class TrialSettings(Section):
     markers: str
     """Marker file (C3D, TRC, CSV, BVH; also .gz)."""
     hip_moment: str | None = None
-    """Hip moment beside it (time_s, angle_rad, moment_Nm)."""
+    """File of the hip moment (time_s, angle_rad, moment_Nm)."""
     forward: Axis | None = None
-    """Axis of the file that points the way the person faces in this trial; null as lifting.markers.forward
-    says."""
+    """Axis of the file in the direction that the subject faces in this trial; null: lifting.markers.forward."""
     window_s: tuple[float, float] | None = None
-    """Start and end of the part of the recording that is this lift, on the file's own clock; null takes all
-    of it. It is cut after filtering, so that its ends are no ends of the filter."""
+    """Start and end of the part of the recording with this lift, on the file's clock; null takes all of it. It
+    is cut after filtering, so that the filter does not end there."""
     events: DeclaredEvents | Literal["file"] | None = None
-    """Times set by hand, which replace the detected ones; or file: the events that the recording's own file
-    holds replace them (lifting.events.labels)."""
+    """Times set by hand, which replace the detected ones; or file: the events in the recording's file replace
+    them (lifting.events.labels)."""
 
     @model_validator(mode="after")
     def _check(self) -> Self:
@@ -50,23 +49,23 @@ class TrialSettings(Section):
 
 
 class SubjectSettings(Section):
-    """One person (a file of config/subjects); given to the workflow by itself, this person runs alone."""
+    """One subject (a file of config/subjects); given to the workflow by itself, this subject runs alone."""
 
     name: FolderName
     """The file's name."""
     sex: Literal["female", "male", "unknown"]
-    """female, male or unknown; picks the segment table where it differs."""
+    """female, male or unknown; selects the segment table if it differs between sexes."""
     mass_kg: float = Field(gt=0, le=400)
     """Body mass."""
     height_m: float = Field(ge=0.5, le=2.6)
     """Stature."""
     experience: str = Field(min_length=1)
-    """Label of the group that Table 4.1 (stability.compare) counts the person to, e.g. expert or novice."""
+    """Label of the subject's group in Table 4.1 (stability.compare), e.g. expert or novice."""
     trials: tuple[TrialSettings, ...] = ()
-    """One entry per recorded lift; several with the same box are repeated trials. A study needs one at least."""
+    """One entry per recorded lift; several with the same box are repeated trials. A study needs at least one."""
     static: str | None = None
-    """Marker file of a static trial (C3D, TRC, CSV, BVH; also .gz), below data_root like the others: it
-    gives the shape of the pelvis and the box where markers of them are hidden for long."""
+    """Marker file of a static trial (C3D, TRC, CSV, BVH; also .gz), below data_root like the others. It gives
+    the shape of the pelvis and the box if their markers are hidden for long."""
     assumed: tuple[str, ...] = ()
     """Keys of this file that are assumptions and not measurements."""
 
@@ -88,4 +87,4 @@ class SubjectFile(Section):
     """A file of config/subjects."""
 
     subject: SubjectSettings
-    """The person; config/subjects/expert.yaml shows what is needed."""
+    """The subject; config/subjects/expert.yaml is an example."""

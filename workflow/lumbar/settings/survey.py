@@ -15,36 +15,36 @@ class RatedModelSettings(Section):
 
 
 class RatingsLayout(Section):
-    """What the columns of the sheet mean; the file needs a header."""
+    """Columns of the participants' table; the file needs a header."""
 
     participant: str = Field(min_length=1)
-    """Column that names or codes the participant; every value once."""
+    """Column with the name or code of the participant; every value occurs once."""
     models: tuple[RatedModelSettings, ...] = Field(min_length=3, max_length=12)
     """Rated models in the order of the tables; Friedman's test needs three."""
     scale_points: int = Field(ge=2, le=11)
-    """Points of the Likert scale; ratings are whole numbers from 1 to this."""
+    """Points of the Likert scale; ratings are whole numbers between 1 and this."""
     best: str = Field(min_length=1)
-    """Column with the name of the model picked as the best."""
+    """Column with the name of the model chosen as the best."""
     delimiter: str = Field(",", min_length=1, max_length=1)
     """Character between the cells."""
     yes_no: Unique[Word] = ()
     """Columns that describe the participants by yes or no (1/0 or true/false are read too)."""
     experience: str | None = Field(None, min_length=1)
-    """Column with the level of experience; null where it was not asked."""
+    """Column with the level of experience; null if the survey did not include it."""
     experience_levels: Unique[Word] = ()
-    """Levels of experience that could be chosen, in order."""
+    """Levels of experience to choose from, in order."""
     source: str | None = Field(None, min_length=1)
-    """Column that says where an answer comes from, or null; reconstructed_not_real marks answers nobody gave."""
+    """Column with the source of an answer, or null; reconstructed_not_real marks answers that no participant gave."""
 
 
 class SurveySettings(Section):
     """The participants' survey (section 3.2.3.2 of the thesis)."""
 
     file: str = Field("survey.csv", min_length=1)
-    """Participants' sheet (CSV), below the data root."""
+    """Participants' table (CSV), below the data root."""
     note: str = Field("reconstructed survey (not real answers)", min_length=1)
-    """Words that stand on every table and figure made of answers that the source column marks as
-    reconstructed_not_real; real answers do not get them."""
+    """Label on every table and figure of answers that the source column marks as reconstructed_not_real; real
+    answers do not get it."""
     statement: str = Field(
         "The forces experienced during the simulation were similar to those of what I felt on the rubber analogue",
         min_length=1,
@@ -53,8 +53,7 @@ class SurveySettings(Section):
     scale_labels: tuple[Word, ...] = Field(
         ("strongly disagree", "disagree", "neutral", "agree", "strongly agree"), min_length=2, max_length=11
     )
-    """Names of the points of the scale, from the least to the greatest agreement: as many as
-    layout.scale_points."""
+    """Names of the points of the scale, in order of agreement: layout.scale_points of them."""
     layout: RatingsLayout = Field(
         default_factory=lambda: RatingsLayout(
             participant="participant",
@@ -68,10 +67,10 @@ class SurveySettings(Section):
         )
     )
     baseline: str = "IL"
-    """Static model of layout.models; the best picks are also compared without it."""
+    """Static model of layout.models; the best choices are also compared without it."""
     confidence: float = Field(0.95, ge=0.5, le=0.999)
     """Confidence of all intervals."""
     resamples: int = Field(10000, ge=1000, le=1000000)
-    """Bootstrap samples of participants for the intervals of A."""
+    """Number of bootstrap samples of participants for the intervals of A."""
     negligible_A: float = Field(0.06, gt=0, lt=0.5)
     """Largest |A - 0.5| that counts as no difference in the test of equivalence."""

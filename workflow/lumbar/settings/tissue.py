@@ -15,16 +15,16 @@ class SearchSettings(Section):
     """Search for the higher-order model."""
 
     order_max: int = Field(8, ge=2, le=12)
-    """Highest order (poles) that is searched."""
+    """Highest order (number of poles) in the search."""
     condition_max: float = Field(5000.0, ge=1)
-    """Largest condition number of the standardised regressors that is taken for reasonable."""
+    """Largest acceptable condition number of the standardised regressors."""
     selection: Literal["training", "test"] = "training"
-    """Models are picked by the %VAF of their free run on the training record (the thesis's way) or by its
+    """Criterion of the selection: the %VAF of the free run on the training record (as in the thesis), or its
     mean over the test records."""
 
 
 class RidgeSettings(Section):
-    """Ridge coefficients of Eq. 3.7 that are tried, for standardised columns: 0, then a geometric progression."""
+    """Ridge coefficients of Eq. 3.7 for standardised columns: 0, then a geometric progression."""
 
     alpha_min: float = Field(0.001, gt=0)
     """Smallest coefficient above 0."""
@@ -38,7 +38,7 @@ class BootstrapSettings(Section):
     """Block bootstrap of the coefficients."""
 
     block_s: float = Field(0.5, gt=0)
-    """Length of a block: longer than the residuals are correlated."""
+    """Length of a block, longer than the correlation of the residuals."""
     resamples: int = Field(1000, ge=100, le=100000)
     """Number of resampled data sets."""
     confidence: float = Field(0.95, gt=0, lt=1)
@@ -51,7 +51,7 @@ class InvertedLinearSettings(Section):
     force_max: float = Field(5.0, gt=0)
     """Largest force of the device, in the output's unit (default: N)."""
     travel: float = Field(40.0, gt=0)
-    """Travel over which it is reached, in the input's unit (default: mm)."""
+    """Travel at which the largest force is reached, in the input's unit (default: mm)."""
 
 
 class TissueSettings(Section):
@@ -67,22 +67,22 @@ class TissueSettings(Section):
         )
     )
     rate_Hz: float | None = Field(None, gt=0)
-    """Rate to which every record is resampled, with an anti-aliasing filter; null leaves them as recorded."""
+    """Rate to which every record is resampled, with an anti-aliasing filter; null keeps their rate."""
     force_frame: tuple[Turn, Turn, Turn] | None = Field(None, json_schema_extra={"unit": "°"})
-    """Of records of several axes whose force sensor is mounted turned: rotation vector [rx, ry, rz] from
-    its axes to those of the position (along the axis of rotation, right-handed, as long as the angle);
+    """Orientation of a rotated force sensor, for records of several axes: rotation vector [rx, ry, rz] that
+    turns its axes to those of the position (along the axis of rotation, right-handed, as long as the angle);
     null: the same axes."""
     records: tuple[RecordSettings, ...] = ()
-    """The recordings, one per excitation; their order is that of the test records in Table 3.1."""
+    """Recordings, one per excitation; their order is that of the test records in Table 3.1."""
     training: Unique[str] = ()
-    """Names of the records that models are trained on, each in turn; all other records test them. The first
-    is shown in Figure 3.5."""
+    """Names of the training records, used in turn; all other records test the models. The first is shown in
+    Figure 3.5."""
     settling_s: float | None = Field(None, ge=0)
-    """Start of every record that no error of a free run counts; null: 50 samples, a two-hundredth of a
-    record that is longer than 10,000 samples, never more than a twentieth of it."""
+    """Start of every record that errors of a free run leave out. null: 50 samples, a two-hundredth of a record
+    longer than 10,000 samples, at most a twentieth of any record."""
     search: SearchSettings = Field(default_factory=SearchSettings)
     ridge: RidgeSettings = Field(default_factory=RidgeSettings)
     bootstrap: BootstrapSettings = Field(default_factory=BootstrapSettings)
     inverted_linear: InvertedLinearSettings = Field(default_factory=InvertedLinearSettings)
     segment_s: tuple[Instant, Instant] = (1.0, 7.0)
-    """Start and end of the part of each record that Figures 3.4 and 3.5 show, since the record's start."""
+    """Start and end of the part of each record in Figures 3.4 and 3.5, since the record's start."""

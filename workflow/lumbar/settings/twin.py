@@ -13,7 +13,7 @@ class SyntheticSurgeon(Section):
     stroke_mm: float = Field(gt=0)
     """Mean depth of a stroke at the start."""
     stroke_s: float = Field(gt=0)
-    """Mean duration of half a stroke; it decides the velocity's bandwidth and is built to give about 2.5 Hz."""
+    """Mean duration of half a stroke; it sets the velocity's bandwidth, here about 2.5 Hz."""
     tremor_rms_mm: float = Field(ge=0)
     """Physiological tremor of every axis."""
     tremor_Hz: float = Field(ge=4, le=20)
@@ -28,7 +28,7 @@ class SyntheticSurgeonSettings(Section):
     duration_s: float = Field(60.0, ge=5, le=10000)
     """Duration of a trial."""
     approach_mm: float = Field(30.0, ge=0)
-    """Distance above the skin at which a trial begins."""
+    """Distance above the skin at the start of a trial."""
     approach_s: float = Field(2.5, gt=0)
     """Mean time to reach the skin."""
     puncture_mm: float = Field(6.0, ge=0)
@@ -38,9 +38,9 @@ class SyntheticSurgeonSettings(Section):
     pause_s: float = Field(0.7, gt=0)
     """Mean rest between phases and bouts of strokes."""
     reposition_mm: float = Field(12.0, ge=0)
-    """Standard deviation of the depth at which a bout begins."""
+    """Standard deviation of the depth at the start of a bout."""
     reposition_s: float = Field(1.0, gt=0)
-    """Mean time to set the tool anew before a bout."""
+    """Mean time to reposition the tool before a bout."""
     strokes_per_bout: float = Field(6.0, ge=1)
     """Mean number of strokes between rests."""
     gain_mm_per_stroke: float = Field(0.2, ge=0, json_schema_extra={"unit": "mm"})
@@ -48,7 +48,7 @@ class SyntheticSurgeonSettings(Section):
     last_stroke_share: float = Field(0.4, gt=0, le=1)
     """Stroke depth at the end of a trial as a share of that at its start."""
     twist_deg: float = Field(25.0, ge=0)
-    """Mean angle by which the tool is twisted during a stroke."""
+    """Mean rotation of the tool during a stroke."""
     lateral_mm: float = Field(4.0, ge=0)
     """Distance of the recorded point from the axis of twisting."""
     variation: float = Field(0.2, ge=0, le=1)
@@ -56,13 +56,13 @@ class SyntheticSurgeonSettings(Section):
     tremor_bandwidth_Hz: float = Field(1.0, gt=0)
     """Standard deviation of the tremor's spectral peak."""
     noise_rms_mm: float = Field(0.01, ge=0)
-    """White measuring noise of every axis."""
+    """White measurement noise of every axis."""
     surgeons: dict[str, SyntheticSurgeon] = Field({})
     """One entry per surgeon named in surgeon.records."""
 
 
 class SyntheticTissueSettings(Section):
-    """The synthetic tissue, a Kelvin–Boltzmann solid beside a cubic spring, and the load cell."""
+    """The synthetic tissue, a Kelvin–Boltzmann solid in parallel with a cubic spring, and the load cell."""
 
     k1_N_per_mm: float = Field(0.405, gt=0)
     """Stiffness of the spring parallel to the dashpot."""
@@ -71,11 +71,11 @@ class SyntheticTissueSettings(Section):
     relaxation_s: float = Field(0.035, gt=0, le=100)
     """Time constant b/(k1 + k2) of the relaxation at held position."""
     cubic_N_per_mm3: float = 0.0202
-    """Hardening that no linear model can describe: force per cube of the position."""
+    """Hardening outside every linear model: force per cube of the position."""
     noise_variance_share: float = Field(0.14, ge=0, lt=1)
     """White noise of the load cell as a share of the variance of the recorded force."""
     noise_N: float | None = Field(None, ge=0)
-    """Standard deviation of that noise, the same on every record, in place of its share; null takes the share."""
+    """Standard deviation of that noise, equal on every record, instead of its share; null uses the share."""
     noise_correlation_s: float = Field(0.0, ge=0, le=100)
     """Correlation time of that noise, which is then a slow disturbance; 0 makes it white."""
     delay_s: float = Field(0.0, ge=0, le=1)
@@ -83,7 +83,7 @@ class SyntheticTissueSettings(Section):
 
 
 class SyntheticGapSettings(Section):
-    """Markers hidden for a moment."""
+    """Gaps in which a marker is hidden."""
 
     count: int = Field(12, ge=0, le=1000)
     """Number of gaps in a recording, each in another marker."""
@@ -109,16 +109,16 @@ class WorkplaceSettings(Section):
     table_distance_m: float = Field(0.43, ge=0, le=2)
     """Centre of the box ahead of the ankles after the deposit."""
     walk_m: float = Field(0.9, ge=0.2, le=5)
-    """Way from the pallet to the table, walked in three steps."""
+    """Distance between pallet and table, walked in three steps."""
 
 
 class HiddenMomentSettings(Section):
-    """What Eq. 4.1 leaves out."""
+    """Effects that Eq. 4.1 does not contain."""
 
     hand_distance_m: float = Field(0.45, ge=0, le=2)
-    """Distance of the box from the hip while it is held; 0 takes the hand load away."""
+    """Distance of the box from the hip while it is held; 0 removes the hand load."""
     stiffening_N_m: float = Field(0.0, ge=0, le=1000)
-    """Passive stiffness: this moment times exp(angle/stiffening_angle_rad) - 1; 0 takes it away."""
+    """Passive stiffness: this moment times exp(angle/stiffening_angle_rad) - 1; 0 removes it."""
     stiffening_angle_rad: float = Field(0.35, ge=0.05, le=10)
     """Angle over which the passive moment grows e-fold."""
 
@@ -127,15 +127,15 @@ class MomentTrial(Section):
     """One trial in which a lift is repeated."""
 
     lift: str
-    """One of lifts."""
+    """Lift that is repeated, one of lifts."""
     pace: float = Field(ge=0.2, le=3)
-    """Speed, as a factor of that of the lift."""
+    """Speed as a factor on that of the lift."""
     repetitions: int = Field(ge=1, le=50)
-    """How often the lift is done."""
+    """Number of repetitions of the lift."""
     variation: float = Field(ge=0, le=0.3)
     """Spread of the trunk's inclination between repetitions, as a share of it."""
     with_box: bool
-    """false: the movement is done without the box."""
+    """false: the movement is without the box."""
 
 
 class SyntheticMomentSettings(Section):
@@ -170,20 +170,20 @@ class TrueEvents(Section):
     deposit_start: float = Field(json_schema_extra={"unit": "s"})
     """The wrists are slowest before they go down."""
     release: float = Field(json_schema_extra={"unit": "s"})
-    """The box stands and the hands leave it."""
+    """The box is on the table and the hands leave it."""
 
 
 class SyntheticLift(Section):
     """Movement of one lift."""
 
     person: str
-    """One of people."""
+    """Person who lifts, one of people."""
     box_mass_kg: float = Field(ge=0, le=100)
     """Mass of the box."""
     lift_flexion_deg: float = Field(ge=0, le=120)
-    """Inclination of the thorax when the box is grasped."""
+    """Inclination of the thorax at the grasp of the box."""
     lift_squat_m: float = Field(ge=0, le=0.6)
-    """Descent of the hips when the box is grasped."""
+    """Descent of the hips at the grasp of the box."""
     deposit_flexion_deg: float = Field(ge=0, le=90)
     """Inclination of the thorax at the release beyond that of carrying."""
     deposit_squat_m: float = Field(ge=0, le=0.6)
@@ -197,7 +197,7 @@ class SyntheticLift(Section):
     hesitation_Hz: float = Field(gt=0, le=10)
     """Frequency of the corrections."""
     foot_adjustment: bool
-    """Whether the left foot shuffles to the box before the lift."""
+    """true: the left foot moves to the box before the lift."""
     events_s: TrueEvents
     """True times of the events."""
 
@@ -209,12 +209,12 @@ Drawn = tuple[float, NonNegative, NonNegative]
 
 
 class GroupMovement(Section):
-    """How people of one group lift; the defaults are an expert's."""
+    """Movement of a group; the defaults are an expert's."""
 
     lift_flexion_deg: Drawn = (60.0, 8.0, 3.0)
-    """Inclination of the thorax when the box is grasped [mean, SD between persons, SD between trials]."""
+    """Inclination of the thorax at the grasp of the box [mean, SD between persons, SD between trials]."""
     lift_squat_m: Drawn = (0.33, 0.05, 0.02)
-    """Descent of the hips when the box is grasped [mean, SD between persons, SD between trials]."""
+    """Descent of the hips at the grasp of the box [mean, SD between persons, SD between trials]."""
     deposit_flexion_deg: Drawn = (23.0, 5.0, 2.0)
     """Inclination at the release [mean, SD between persons, SD between trials]."""
     deposit_squat_m: Drawn = (0.06, 0.015, 0.007)
@@ -228,29 +228,29 @@ class GroupMovement(Section):
     hesitation_Hz: Drawn = (1.3, 0.2, 0.1)
     """Frequency of the corrections [mean, SD between persons, SD between trials]."""
     foot_adjustment: float = Field(0.1, ge=0, le=1)
-    """Share of the trials in which a foot shuffles to the box first."""
+    """Share of the trials with a step of one foot to the box before the lift."""
     tempo: Drawn = (1.0, 0.08, 0.03)
     """Factor on all durations [mean, SD between persons, SD between trials]."""
 
 
 class CohortGroup(GroupMovement):
-    """One group of a cohort: how they lift, and how many they are."""
+    """One group of a cohort: its movement and its size."""
 
     persons: int = Field(10, ge=1, le=100000)
     """Number of persons."""
 
 
 class CohortSettings(Section):
-    """Synthetic people drawn from distributions, in place of persons and lifts that are named one by one.
+    """Synthetic people drawn from distributions, instead of persons and lifts that are named one by one.
 
-    Every value is drawn from a normal distribution without what lies beyond 2.5 standard deviations. A person's numbers
-    hang on the twin's seed and the person's name alone: whoever is added changes nobody.
+    Every value is drawn from a normal distribution within 2.5 standard deviations. A person's numbers depend only on the twin's
+    seed and the person's name: another person changes no existing one.
     """
 
     groups: dict[GroupName, CohortGroup] = Field({}, min_length=1)
-    """Groups by their label (experience of the people), e.g. expert and novice."""
+    """Groups by label (experience of the subjects), e.g. expert and novice."""
     box_masses_kg: Unique[Annotated[float, Field(ge=0, le=100)]] = Field((15.0, 23.0), min_length=1)
-    """Masses of the boxes that everybody lifts."""
+    """Masses of the boxes that every person lifts."""
     trials: int = Field(3, ge=1, le=1000)
     """Trials of every person with every box."""
     female_share: float = Field(0.5, ge=0, le=1)
@@ -266,14 +266,13 @@ class CohortSettings(Section):
     stature_mass_correlation: float = Field(0.5, gt=-1, lt=1)
     """Correlation of stature and mass within a sex."""
     mass_error_kg: float = Field(0.5, ge=0, le=20)
-    """Standard deviation of the body mass that the study declares about the true one; 0 declares the truth."""
+    """Standard deviation of the declared body mass about the true one; 0 declares the true one."""
     stature_error_m: float = Field(0.005, ge=0, le=0.2)
-    """Standard deviation of the stature that the study declares about the true one."""
+    """Standard deviation of the declared stature about the true one."""
     durations_s: tuple[Positive, Positive, Positive, Positive] = (2.25, 1.5, 1.8, 1.25)
-    """Usual time of reaching for the box, lifting it, carrying it and depositing it; the first is 1.8 s at
-    least."""
+    """Typical times of reaching for the box, lifting it, carrying it and depositing it; the first is at least 1.8 s."""
     slower_per_kg: float = Field(0.008, ge=0, le=0.1)
-    """By how much of themselves durations grow with each kilogram beyond the lightest box."""
+    """Relative increase of the durations per kilogram above the lightest box."""
 
 
 class SyntheticLiftingSettings(Section):
@@ -289,25 +288,25 @@ class SyntheticLiftingSettings(Section):
     workplace: WorkplaceSettings = Field(default_factory=WorkplaceSettings)
     hip_moment: SyntheticMomentSettings = Field(default_factory=SyntheticMomentSettings)
     people: dict[str, SyntheticPerson] = Field({})
-    """True mass and stature of synthetic people; of anybody else they are what config/subjects declares."""
+    """True mass and stature of synthetic people; those of others are the values in config/subjects."""
     lifts: dict[str, SyntheticLift] = Field({})
-    """Movement of lifts, by name: <subject>_<box mass>kg, with _2 and so on where a box is lifted again.
-    Any other lift is drawn as of the person's group."""
+    """Movement of lifts by name: <subject>_<box mass>kg, with _2 and so on for repeated lifts of a box. Any
+    other lift is drawn from the group of its subject."""
     groups: dict[GroupName, GroupMovement] = Field({})
-    """How people lift whose lifts are not named, by their label (experience in config/subjects)."""
+    """Movement of lifts that have no entry in lifts, by label (experience in config/subjects)."""
     cohort: CohortSettings | None = None
-    """People drawn from distributions, in place of lifting.subjects, people and lifts; null takes those."""
+    """People drawn from distributions, instead of lifting.subjects, people and lifts; null uses those."""
 
 
 class TwoHiddenEffectsSettings(Section):
     """A second set of synthetic tissue tests, with dry friction, hardening and little noise."""
 
     number: int = Field(1, ge=0)
-    """Which draw of tissue, motion and effects."""
+    """Number of the random draw of tissue, motion and effects."""
     noise_share: float = Field(0.01, gt=0, le=1)
-    """RMS of the noise over that of the force without the effects."""
+    """RMS of the noise divided by that of the force without the effects."""
     residual_over_noise: float = Field(16.0, gt=0)
-    """RMS that the best Kelvin–Boltzmann model leaves of each effect, over the noise."""
+    """RMS of the residual of the best Kelvin–Boltzmann model for each effect, divided by that of the noise."""
 
 
 class TwinSettings(Section):
