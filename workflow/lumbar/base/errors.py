@@ -55,7 +55,10 @@ def user_message(error: BaseException) -> str | None:
         return printable(str(error))
     if isinstance(error, OSError) and error.errno is not None:
         return _system_error(error)
-    if _is_out_of_range(error):
+    is_out_of_range = isinstance(error, ArithmeticError) or type(error).__name__ == "LinAlgError"
+    if isinstance(error, ValueError):  # SciPy's solvers refuse what is not finite
+        is_out_of_range |= any(words in str(error) for words in ("infs or NaNs", "not finite"))
+    if is_out_of_range:
         last = traceback.extract_tb(error.__traceback__)
         place = next((item for item in reversed(last) if "lumbar" in Path(item.filename).parts), None)
         where = f" in {Path(place.filename).name}, line {place.lineno}" if place else ""
@@ -97,16 +100,6 @@ def printable(text: str) -> str:
     "no column '?[2Jforce'"
     """
     return _COMMANDS.sub("?", text)
-
-
-_NOT_FINITE = ("infs or NaNs", "not finite")
-"""Words with which SciPy's solvers refuse what is not finite."""
-
-
-def _is_out_of_range(error: BaseException) -> bool:
-    if isinstance(error, ArithmeticError) or type(error).__name__ == "LinAlgError":
-        return True
-    return isinstance(error, ValueError) and any(words in str(error) for words in _NOT_FINITE)
 
 
 _NO_SPACE = (errno.ENOSPC, errno.EDQUOT)

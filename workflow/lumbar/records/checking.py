@@ -41,10 +41,12 @@ def check_recordings(plan: list[dict], read: MarkerReader = read_markers) -> dic
         except InputError as error:
             problems.add("", str(error).replace("\n", "\n    "))
             continue
+        with Path(item["path"]).open("rb") as stream:
+            digest = hashlib.file_digest(stream, "sha256").hexdigest()
         described.append(
             {
                 "file": Path(item["path"]).name,
-                "sha256": _sha256(item["path"]),
+                "sha256": digest,
                 "reader": item["reader"],
                 **description,
             }
@@ -58,11 +60,6 @@ def check_recordings(plan: list[dict], read: MarkerReader = read_markers) -> dic
             problems.add("", str(error).replace("\n", "\n    "))
     problems.raise_if_any()
     return chapters
-
-
-def _sha256(path: str) -> str:
-    with Path(path).open("rb") as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
 def _columns(item: dict) -> tuple[object, dict]:

@@ -22,7 +22,7 @@ import os
 import re
 import shlex
 import sys
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -85,7 +85,8 @@ def read_record(
         study = path.parent / "study.yaml"
         words, file = (_IN_STUDY, study) if study.is_file() else (_ELSEWHERE, path)
         raise InputError(f"{error}\n{words.format(shlex.quote(str(file)))}") from error
-    columns = {role: column_of(layout.columns, role) for role in raw}
+    # A role of an axis that the layout does not name is read as the layout's role of one axis.
+    columns = {role: layout.columns.get(role) or layout.columns[role[: -len("_x")]] for role in raw}
     with np.errstate(over="ignore"):  # what overflows is refused below, with its place
         scaled = {
             role: raw[role] * float(column.scale) + float(column.offset) for role, column in columns.items()
@@ -93,7 +94,10 @@ def read_record(
     time_unit = layout.columns[TIME].unit
     if time_unit not in _SECONDS:
         raise InputError(f"{path}: time is in {time_unit!r}; allowed are {', '.join(_SECONDS)}")
-    if points := _without_clock(scaled):
+    # Points of a static test have no clock: times are missing, or all are the same.
+    time = scaled.get(TIME)
+    points = time is None or (len(time) > 1 and bool(np.isnan(time).all() or np.all(time == time[0])))
+    if points:
         if rate is not None or trim is not None:
             raise InputError(f"{path}: points without a clock have neither a rate nor a part in seconds")
         if "input_x" in columns or "input_y" in columns:
@@ -119,12 +123,6 @@ def read_record(
     if rate is not None:
         record = resample(record, rate)
     return record
-
-
-def _without_clock(values: dict[str, np.ndarray]) -> bool:
-    """Whether these are points of a static test: times are missing, or all are one."""
-    time = values.get(TIME)
-    return time is None or (len(time) > 1 and bool(np.all(np.isnan(time)) or np.all(time == time[0])))
 
 
 _ANNOUNCED_BYTES = 5_000_000
@@ -229,11 +227,6 @@ def _vectors_of_mat(path: str) -> dict[str, np.ndarray | None]:
         name: value if value.ndim == 1 and value.dtype.kind in "fiu" else None
         for name, value in found.items()
     }
-
-
-def column_of(columns: Mapping[str, ColumnSettings], role: str) -> ColumnSettings:
-    """How a role is read: of an axis that the layout does not name, as the layout's one axis."""
-    return columns[role] if role in columns else columns[role[: -len("_x")]]
 
 
 def _along_axes(

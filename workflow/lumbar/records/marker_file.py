@@ -124,7 +124,10 @@ def split_points(
     listed = listed or {}
     points = np.ascontiguousarray(points.swapaxes(0, 1))  # each trajectory in one piece
     counts = Counter(labels)
-    axes = _segment_axes(labels)
+    # Origin and ends of the three axes of a segment, as Plug-in Gait stores them.
+    stems = [label[:-1] for label in labels if label[-1:] == "O"]
+    segments = [{stem + letter for letter in _SEGMENT_AXES} for stem in stems]
+    axes = set().union(*(names for names in segments if names <= counts.keys()))
     positions, model_points, dropped = {}, {}, {}
     for index, label in enumerate(labels):
         name = label.rpartition(":")[2]
@@ -145,13 +148,6 @@ def split_points(
         else:
             positions[label] = values
     return MarkerFile(source, time, rate, unit, positions, model_points, dropped, events, notes)
-
-
-def _segment_axes(labels: list[str]) -> set[str]:
-    present = set(labels)
-    stems = {label[:-1] for label in labels if label[-1:] == "O"}
-    complete = [stem for stem in stems if all(stem + letter in present for letter in _SEGMENT_AXES)]
-    return {stem + letter for stem in complete for letter in _SEGMENT_AXES}
 
 
 def read_frames(

@@ -133,7 +133,11 @@ def read_markers(
     layout = layout or MarkerLayout()
     path = Path(path)
     labelled = _read_file(path, layout)
-    file = _at_rate(select_subject(labelled, layout.subject_prefix), layout.rate_Hz)
+    file = select_subject(labelled, layout.subject_prefix)
+    if layout.rate_Hz is not None:
+        rate = layout.rate_Hz
+        events = tuple(replace(event, time=event.time * file.rate / rate) for event in file.events)
+        file = replace(file, time=file.time * file.rate / rate, rate=rate, events=events)
     if len(file.time) < minimum_frames:
         raise InputError(
             f"{path}: {len(file.time)} frame{'s' if len(file.time) != 1 else ''}; "
@@ -189,14 +193,6 @@ def _read_file(path: Path, layout: MarkerLayout) -> MarkerFile:
         )
     options = (layout.rate_Hz,) if ending in (".csv", ".tsv") else ()
     return replace(read_readable(path, read, *options), source=str(path))
-
-
-def _at_rate(file: MarkerFile, rate: float | None) -> MarkerFile:
-    """Return the file with times as of another rate."""
-    if rate is None:
-        return file
-    events = tuple(replace(event, time=event.time * file.rate / rate) for event in file.events)
-    return replace(file, time=file.time * file.rate / rate, rate=rate, events=events)
 
 
 def metres_per_unit(source: str, unit: str, declared: str) -> float:

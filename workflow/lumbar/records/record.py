@@ -197,7 +197,11 @@ def check_record(
     if len(record.time) < FEWEST_SAMPLES:
         problems.add("", f"{len(record.time)} samples", f"at least {FEWEST_SAMPLES} are needed")
         problems.raise_if_any()
-    for name, values in {"time": record.time, **{r: c.values for r, c in record.channels.items()}}.items():
+    series = {role: channel.values for role, channel in record.channels.items()}
+    with np.errstate(invalid="ignore"):  # values that are not finite are refused by themselves
+        resting = {role for role, values in series.items() if np.ptp(values) == 0}
+    alike = {role: roles for roles in map(record.roles, SIDES) for role in roles}
+    for name, values in {"time": record.time, **series}.items():
         unit = record.channels[name].unit if name in record.channels else ""
         largest = LARGEST_IN.get(unit, LARGEST)
         bad = np.flatnonzero(~(np.abs(values) <= largest))
@@ -208,19 +212,12 @@ def check_record(
                 f"{name} is {values[bad[0]]}",
                 f"every value must be a finite number, of at most {largest:g} {unit}".rstrip() + " in size",
             )
-        elif name != "time" and name not in may_rest and _rests(record, name):
+        elif name != "time" and name not in may_rest and resting.issuperset(alike.get(name, (name,))):
             problems.add(name, f"constant ({values[0]:g})", "a channel that does not move cannot be analysed")
     problems.raise_if_any()
     _check_clock(record, problems, lines)
     problems.raise_if_any()
     return record
-
-
-def _rests(record: Record, role: str) -> bool:
-    """Whether a channel is constant, and with it those of all other axes."""
-    alike = next((roles for roles in map(record.roles, SIDES) if role in roles), (role,))
-    with np.errstate(invalid="ignore"):  # values that are not finite are refused by themselves
-        return all(np.ptp(record[item]) == 0 for item in alike)
 
 
 def _check_clock(record: Record, problems: Problems, lines: Sequence[int] | None) -> None:

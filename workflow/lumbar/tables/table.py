@@ -196,13 +196,13 @@ class Table:
 
 def escape_latex(text: str) -> str:
     """Return a text as LaTeX prints it, numbers such as ``1.9e-06`` with a power of ten."""
-    written = _EXPONENT.sub(_power_of_ten, text.translate(_ESCAPES))
+
+    def power_of_ten(found: re.Match) -> str:
+        power = f"10^{{{int(found[2])}}}"
+        return f"${power}$" if found[1] == "1" else rf"{found[1]}$\cdot{power}$"
+
+    written = _EXPONENT.sub(power_of_ten, text.translate(_ESCAPES))
     return _POWER.sub(lambda found: rf"$\cdot10^{{{found[1].translate(_PLAIN)}}}$", written)
-
-
-def _power_of_ten(found: re.Match) -> str:
-    power = f"10^{{{int(found[2])}}}"
-    return f"${power}$" if found[1] == "1" else rf"{found[1]}$\cdot{power}$"
 
 
 def latex_table(title: str, columns: Sequence[Column], remarks: Sequence[str], source_label: str) -> str:
@@ -214,14 +214,27 @@ def latex_table(title: str, columns: Sequence[Column], remarks: Sequence[str], s
     lines = [
         r"% needs \usepackage{array,booktabs}; compile with LuaLaTeX or XeLaTeX, which know the Greek letters"
     ]
+    unnumbered = _NUMBERED.sub("", title) or title
+    alignments = "".join(
+        "r"
+        if column.numeric
+        else "l"
+        if column.longest <= _WORDS
+        else rf">{{\raggedright\arraybackslash}}p{{{_WORDS / 2:g}em}}"
+        for column in columns
+    )
     for number, part in enumerate(parts):
-        caption = f"{_unnumbered(title)} Data: {source_label}." if number == 0 else "(continued)"
+        caption = (
+            f"{unnumbered[:1].upper()}{unnumbered[1:]} Data: {source_label}."
+            if number == 0
+            else "(continued)"
+        )
         lines += [
             rf"\begin{{{environment}}}",
             *([] if number == 0 else [r"\addtocounter{table}{-1}"]),
             r"\footnotesize",
             rf"\caption{{{escape_latex(caption)}}}",
-            rf"\begin{{tabular}}{{@{{}}{''.join(map(_alignment, columns))}@{{}}}}",
+            rf"\begin{{tabular}}{{@{{}}{alignments}@{{}}}}",
             r"\toprule",
             " & ".join(_head(column) for column in columns) + r" \\",
             r"\midrule",
@@ -234,17 +247,6 @@ def latex_table(title: str, columns: Sequence[Column], remarks: Sequence[str], s
             lines.append(rf"\par\smallskip\parbox{{\linewidth}}{{\raggedright {escape_latex(told)}}}")
         lines.append(rf"\end{{{environment}}}")
     return "\n".join(lines) + "\n"
-
-
-def _unnumbered(title: str) -> str:
-    rest = _NUMBERED.sub("", title)
-    return rest[:1].upper() + rest[1:] if rest else title
-
-
-def _alignment(column: Column) -> str:
-    if column.numeric:
-        return "r"
-    return "l" if column.longest <= _WORDS else rf">{{\raggedright\arraybackslash}}p{{{_WORDS / 2:g}em}}"
 
 
 def _head(column: Column) -> str:

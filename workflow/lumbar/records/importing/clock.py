@@ -135,24 +135,19 @@ def even_clock(record: Record, lines: Sequence[int] | None) -> tuple[Record, lis
     if abs(rounded / rate - 1) < 1e-3:
         rate = rounded
     time = record.time[0] + np.arange(int((record.time[-1] - record.time[0]) * rate * (1 + 1e-12)) + 1) / rate
-    channels = {
-        role: replace(channel, values=_between_neighbours(record.time, channel.values, time))
-        for role, channel in record.channels.items()
-    }
+    # A cubic spline, within the range of the two samples around each new one.
+    from scipy.interpolate import CubicSpline
+
+    channels, after = {}, np.clip(np.searchsorted(record.time, time), 1, len(record) - 1)
+    for role, channel in record.channels.items():
+        around = channel.values[after - 1], channel.values[after]
+        spline = CubicSpline(record.time, channel.values)(time)
+        channels[role] = replace(channel, values=np.clip(spline, np.minimum(*around), np.maximum(*around)))
     dropped = int(np.sum(np.maximum(np.round(steps / step) - 1, 0)))
     return replace(record, time=time, channels=channels), [
         f"the clock is uneven (steps of {1e3 * steps.min():.4g} to {1e3 * steps.max():.4g} ms, {dropped} samples dropped): "
         f"resampled to its median rate, {rate:g} Hz, by a cubic spline that stays between neighbouring samples"
     ]
-
-
-def _between_neighbours(time: np.ndarray, values: np.ndarray, wanted: np.ndarray) -> np.ndarray:
-    """Cubic spline at the times wanted, within the range of the two samples around each."""
-    from scipy.interpolate import CubicSpline
-
-    after = np.clip(np.searchsorted(time, wanted), 1, len(time) - 1)
-    around = values[after - 1], values[after]
-    return np.clip(CubicSpline(time, values)(wanted), np.minimum(*around), np.maximum(*around))
 
 
 def _check_gaps(record: Record, steps: np.ndarray, step: float, lines: Sequence[int] | None) -> None:

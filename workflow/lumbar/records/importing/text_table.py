@@ -90,7 +90,9 @@ def table_of_lines(lines: list[str], source: str, encoding: str, table: str | No
     columns = []
     for column, values in zip(positions.values(), numbers.values.T, strict=True):
         is_clock = bool(CLOCK.match(cells[column]))
-        values = _count_midnights(values) if is_clock else values
+        if is_clock:  # seconds since the first one; a day that ends between two of them is counted on
+            midnights = np.concatenate([[0], np.cumsum(np.diff(values) < -_DAY / 2)])
+            values = values - values[0] + _DAY * midnights
         columns.append(RawColumn(column + 1, names[column], "s" if is_clock else units[column], values))
     # Columns of words, which may name trials.
     words = []
@@ -111,12 +113,6 @@ def _plain_table(lines: list[str], dialect: TableDialect) -> NumberTable | None:
     if last - first < FEWEST_ROWS or dialect.text_columns or dialect.decimal == dialect.delimiter:
         return None
     return read_plain_numbers(lines[first:last], dialect, dialect.width, first + 1)
-
-
-def _count_midnights(seconds: np.ndarray) -> np.ndarray:
-    """Return the seconds since the first of these times of day; a day that ends between two of them is counted on."""
-    midnights = np.concatenate([[0], np.cumsum(np.diff(seconds) < -_DAY / 2)])
-    return seconds - seconds[0] + _DAY * midnights
 
 
 def _words(column: int, name: str, cells: Sequence[str]) -> RawColumn:
