@@ -172,8 +172,6 @@ class Experiment:
     """Whether each record begins in the state in which the one before it left the tissue."""
     settling_s: float | None = None
     """Seconds at the start of every record that no error counts; None follows the records (`settling_time`)."""
-    points: bool = False
-    """Whether these are points of a static test, without a clock."""
     position_noise_force: float = 0.0
     """RMS of the force that known noise of the position makes of a right model within the excitation's band, where no filter
     takes it off."""
@@ -197,16 +195,21 @@ class Experiment:
         """
         if settings.system != "tissue":
             seen = [for_base(record, BASES[settings.base]) for record in records]
-            return replace(cls.as_recorded(seen, settings), records=tuple(records))
+            return cls.as_recorded(seen, settings, records=tuple(records))
         sound, faults = repaired or repair(records)
-        experiment = cls.as_recorded(sound, settings).from_rest()
         force = force_of_position_noise(records, sound, faults)
-        return replace(experiment, records=tuple(sound), faults=tuple(faults), position_noise_force=force)
+        known = {"records": tuple(sound), "faults": tuple(faults), "position_noise_force": force}
+        return cls.as_recorded(sound, settings, **known).from_rest()
 
     @classmethod
-    def as_recorded(cls, records: Sequence[Record], settings: DiagnosisSettings) -> Self:
-        """Prepare records as they are."""
-        return prepare(list(records), settings.train, settings.session, settings.settling_s)
+    def as_recorded(cls, records: Sequence[Record], settings: DiagnosisSettings, /, **known) -> Self:
+        """Prepare records as they are; `known` are further fields of the experiment."""
+        return prepare(list(records), settings.train, settings.session, settings.settling_s, **known)
+
+    @property
+    def points(self) -> bool:
+        """Whether these are points of a static test, without a clock."""
+        return any(record.points for record in self.records)
 
     @property
     def size(self) -> int:
@@ -226,18 +229,18 @@ class Experiment:
         drift = 0.0 if floor is None or floor.surely_structured_rms else floor.structured_rms
         return float(np.hypot(self.position_noise_force, drift))
 
-    def with_origin(self, surface: float) -> Self:
-        """The same records, their positions counted from here."""
+    def with_origin(self, surface: float, **fields) -> Self:
+        """Return the same records, their positions counted from here; `fields` are other new values."""
         shift = surface - self.surface
         if not shift:
-            return self
-        return replace(self._each(lambda item: item.with_origin(shift)), surface=surface)
+            return replace(self, **fields) if fields else self
+        return self.each(lambda item: item.with_origin(shift), surface=surface, **fields)
 
     def from_rest(self) -> Self:
-        """The same records, of one axis, their positions counted from `resting_position`."""
+        """Return the same records, of one axis, their positions counted from `resting_position`."""
         records = (*self.training.records, *self.tests)
         rest = resting_position([item.own(item.motion.position)[None] for item in records])
-        return replace(self, rest=tuple(rest)).with_origin(float(rest[0]))
+        return self.with_origin(float(rest[0]), rest=tuple(rest))
 
     @property
     def own_zeros(self) -> bool:
@@ -245,14 +248,19 @@ class Experiment:
         return all(item.own_zero for item in self.tests)
 
     def with_own_zeros(self) -> Self:
-        """The same records, each with a zero of its own."""
-        own = self._each(lambda item: replace(item, own_zero=True))
+        """Return the same records, each with its zero."""
         # A single record that is fitted has one zero anyway: what was fitted to it stays.
-        return own if isinstance(self.training, JointData) else replace(own, training=self.training)
+        is_joint, tests = (
+            isinstance(self.training, JointData),
+            [replace(item, own_zero=True) for item in self.tests],
+        )
+        return replace(
+            self, training=replace(self.training, own_zero=True) if is_joint else self.training, tests=tests
+        )
 
     def without_whitening(self) -> Self:
         """The same records, their errors taken as they are."""
-        return self._each(lambda item: item.without_whitening())
+        return self.each(lambda item: item.without_whitening())
 
     def with_data(self, change: Callable[[FitData], FitData], joint: type[JointData] = JointData) -> Self:
         """The same experiment, the data of every record changed; `joint` holds those that are fitted together."""
@@ -262,10 +270,12 @@ class Experiment:
                 return replace(joint.of([change(part) for part in data.parts]), own_zero=data.own_zero)
             return change(data)
 
-        return self._each(changed)
+        return self.each(changed)
 
-    def _each(self, change: Callable[[FitData], FitData]) -> Self:
-        return replace(self, training=change(self.training), tests=[change(item) for item in self.tests])
+    def each(self, change: Callable[[FitData], FitData], **fields) -> Self:
+        """Return the same experiment with changed data of training and tests; `fields` are other new values."""
+        tests = [change(item) for item in self.tests]
+        return replace(self, training=change(self.training), tests=tests, **fields)
 
     def error_dwarfs_noise(self, train_rms: float) -> bool:
         """Whether a model's error on the training record is so large that whitening by the noise's colour is out of place.
@@ -279,9 +289,11 @@ class Experiment:
 
 def prepare(
     records: list[Record],
+    /,
     train: str | Sequence[str] | None = None,
     session: bool = False,
     settling_s: float | None = None,
+    **known,
 ) -> Experiment:
     """Choose the training records, estimate their noise and prepare all records.
 
@@ -295,6 +307,8 @@ def prepare(
         Whether the records were cut from one session, in their order (`lumbar.tissue.diagnosis.fitting.preparation`).
     settling_s : float, optional
         Seconds at the start of every record that no error counts; default as `settling_time` finds them.
+    known
+        Further fields of the experiment.
 
     Raises
     ------
@@ -318,7 +332,7 @@ def prepare(
     tests = [
         _fit_data(item, whitening if alike[item.name] else np.ones(1), settling, past) for item in others
     ]
-    return put_together(first, fitted, tests, floor, session=session, settling_s=settling_s)
+    return put_together(first, fitted, tests, floor, session=session, settling_s=settling_s, **known)
 
 
 def resting_position(positions: Sequence[np.ndarray]) -> np.ndarray:
@@ -371,25 +385,26 @@ def settling_samples(record: Record, settling_s: float | None) -> int:
 
 
 def put_together(
-    first: Record, fitted: Sequence[FitData], tests: Sequence[FitData], floor: NoiseFloor | None, **more
+    first: Record, fitted: Sequence[FitData], tests: Sequence[FitData], floor: NoiseFloor | None, **known
 ) -> Experiment:
-    """An experiment of prepared records; `first` is the one that the floor is from, along one axis.
+    """Return an experiment of prepared records; the floor is from `first`, along one axis.
 
-    Where there are no others the last part of every record is held back; what began in the first part goes on there.
+    If there are no others, the last part of every record is held back; what began in the first part goes on there. `known` are
+    further fields of the experiment.
     """
     if not tests:
         fitted, tests = zip(*(item.split(1 - _HELD_BACK) for item in fitted), strict=True)
     position, force = first.channels["input"], first.channels["output"]
     return Experiment(
-        fitted[0] if len(fitted) == 1 else JointData.of(list(fitted)),
-        list(tests),
-        floor,
-        position.unit,
-        force.unit,
-        first.name,
-        position.quantity,
-        force.quantity,
-        **more,
+        training=fitted[0] if len(fitted) == 1 else JointData.of(list(fitted)),
+        tests=list(tests),
+        floor=floor,
+        input_unit=position.unit,
+        output_unit=force.unit,
+        floor_from=first.name,
+        input_quantity=position.quantity,
+        output_quantity=force.quantity,
+        **known,
     )
 
 

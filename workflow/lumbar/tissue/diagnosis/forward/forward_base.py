@@ -119,8 +119,15 @@ def turn_round(experiment: Experiment, response: Response) -> Experiment:
     def turned(data: ForwardData) -> CarriedData:
         moved = data.measured_motion
         motion = Motion(moved.time, moved.position, moved.sampling_time)
-        known = (data.whitening, data.settling, data.own_zero)
-        return CarriedData(data.name, motion, data.motion.position, *known, response=response)
+        return CarriedData(
+            name=data.name,
+            motion=motion,
+            force=data.motion.position,
+            whitening=data.whitening,
+            settling=data.settling,
+            own_zero=data.own_zero,
+            response=response,
+        )
 
     return experiment.with_data(turned, CarriedJointData)
 
@@ -186,12 +193,16 @@ def prepare_forward(records: list[Record], settings: DiagnosisSettings) -> Exper
     seen = [with_measured_motion(record) for record in records]
 
     def forward(data: FitData) -> ForwardData:
-        known = (data.whitening, data.settling, data.own_zero)
-        return ForwardData(data.name, data.motion, data.force, *known)
+        return ForwardData(
+            name=data.name,
+            motion=data.motion,
+            force=data.force,
+            whitening=data.whitening,
+            settling=data.settling,
+            own_zero=data.own_zero,
+        )
 
-    return replace(
-        Experiment.as_recorded(seen, settings).with_data(forward, ForwardJointData), records=tuple(seen)
-    )
+    return Experiment.as_recorded(seen, settings, records=tuple(seen)).with_data(forward, ForwardJointData)
 
 
 def beginning(experiment: Experiment) -> Experiment:
@@ -202,8 +213,7 @@ def beginning(experiment: Experiment) -> Experiment:
 
     if max(item.size for item in (experiment.training, *experiment.tests)) <= _LONG:
         return experiment
-    tests = [short(item) for item in experiment.tests]
-    return replace(experiment, training=short(experiment.training), tests=tests)
+    return experiment.each(short)
 
 
 @dataclass(frozen=True, eq=False)

@@ -57,13 +57,17 @@ def _behind_absolute_value(experiment: Experiment, form: Form) -> list[tuple[Can
     low, reach = float(training.force.min()), float(np.ptp(training.force))
     if not -_NEVER_BELOW * reach <= low <= _NEAR_ZERO * reach:
         return []  # it is no absolute value
-    sign = min(
-        (_settled_signs(training, start, _FIRST_ORDER) for start in _first_signs(training)),
-        key=lambda pair: pair[0],
-    )[1]
+    settled = [_settled_signs(training, start, _FIRST_ORDER) for start in _first_signs(training)]
+
+    def squared_error(simulated: np.ndarray) -> float:
+        error = training.whiten(np.abs(simulated) - training.force)
+        return float(error @ error)
+
+    sign = _sign(min((dynamics.simulate(training.motion) for dynamics in settled), key=squared_error))
     pairs = []
     for order in ORDERS:
-        _, sign, dynamics = _settled_signs(training, sign, order)
+        dynamics = _settled_signs(training, sign, order)
+        sign = _sign(dynamics.simulate(training.motion))
         pairs.append(_pair(experiment, dynamics, rational_of_order(training, order), form))
     return pairs
 
@@ -83,18 +87,14 @@ def _sign(signal: np.ndarray) -> np.ndarray:
     return np.where(signal >= 0, 1.0, -1.0)
 
 
-def _settled_signs(
-    training: FitData, sign: np.ndarray, order: int
-) -> tuple[float, np.ndarray, LinearDynamics]:
-    """Squared error of the absolute value, signs and dynamics, once these give the signs that they were fitted to."""
+def _settled_signs(training: FitData, sign: np.ndarray, order: int) -> LinearDynamics:
+    """Fit dynamics until they give the signs that they were fitted to."""
     for _ in range(_TURNS):
         dynamics = rational_of_order(replace(training, force=sign * training.force), order)
-        simulated = dynamics.simulate(training.motion)
-        last, sign = sign, _sign(simulated)
+        last, sign = sign, _sign(dynamics.simulate(training.motion))
         if np.array_equal(sign, last):
             break
-    error = training.whiten(np.abs(simulated) - training.force)
-    return float(error @ error), sign, dynamics
+    return dynamics
 
 
 def _behind(experiment: Experiment, form: Form) -> list[tuple[Candidate, Candidate]]:

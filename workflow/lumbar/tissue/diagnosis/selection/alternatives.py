@@ -1,6 +1,7 @@
 """What explains records as well as missing effects do: moved zeros, linear dynamics of higher order, a force that leads."""
 
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -310,7 +311,7 @@ def force_leads(model: Candidate, experiment: Experiment, linear: set[str]) -> F
     kept = [form for form in model.fit.structure.forms if form.effect not in replaced | {"delay"}]
     shortest = min(data.size for data in (*experiment.training.records, *experiment.tests))
     for samples in (number for number in _LEAD_SAMPLES if _LEAD_ROOM * number <= shortest):
-        put_late = experiment.with_data(lambda data, by=samples: _late(data, by, by))
+        put_late = experiment.with_data(partial(_late, samples=samples, longest=samples))
         best = _with_delay(model, kept, put_late)
         units = experiment.input_unit, experiment.output_unit
         late = next(item for item in estimates(best.fit, put_late.training, *units) if item.effect == "delay")
@@ -320,7 +321,7 @@ def force_leads(model: Candidate, experiment: Experiment, linear: set[str]) -> F
     else:
         return None  # longer than what can be looked for: it has no size that could be told
     first = samples * step
-    same = experiment.with_data(lambda data: _late(data, 0, samples))
+    same = experiment.with_data(partial(_late, samples=0, longest=samples))
     rival = refit(model.fit.structure, model.fit.nonlinear, same)
     likelier = best.score < rival.score - (TIED if best.parameters >= rival.parameters else 0)
     # Beside another effect that is missing a lead may help a little: it is told where nothing is left.

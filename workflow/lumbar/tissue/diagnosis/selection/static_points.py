@@ -160,7 +160,7 @@ def experiment_of_points(records: Sequence[Record], settings: DiagnosisSettings)
     if not tests:
         tests = [_points(record, lambda number: number % _EVERY == 1) for record in chosen]
         fitted = [_points(record, lambda number: number % _EVERY != 1) for record in chosen]
-    return put_together(chosen[0], fitted, tests, None, records=tuple(records), points=True).from_rest()
+    return put_together(chosen[0], fitted, tests, None, records=tuple(records)).from_rest()
 
 
 def _points(record: Record, wanted: Callable[[np.ndarray], np.ndarray] | None = None) -> FitData:

@@ -6,7 +6,7 @@ import numpy as np
 
 from lumbar.settings.layout import ColumnLayout, ColumnSettings
 from lumbar.tissue.diagnosis.finding import Finding
-from lumbar.tissue.diagnosis.fitting.joint_fit import Fit, fit_base
+from lumbar.tissue.diagnosis.fitting.joint_fit import fit_base
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.fitting.uncertainty import estimates, scaled_covariance
 from lumbar.tissue.diagnosis.linear.direction import columns_yaml
@@ -109,37 +109,33 @@ def _crosstalk(known: list) -> Finding:
 
 
 def _vague(experiment: Experiment, axes: tuple[str, ...]) -> list[Finding]:
-    """The direction whose stiffness the training record tells least of, where that is little.
+    """Report the direction with the least certain stiffness in the training record, if it is hardly moved along.
 
     From a fit of any symmetric matrices, which takes nothing from other directions.
     """
-    fit = fit_base(Structure(symmetric_base(BASES["KV"], axes)), experiment.training)
-    direction, share, value, half = _least_moved(fit, experiment, len(axes))
+    training, size = experiment.training, len(axes)
+    fit = fit_base(Structure(symmetric_base(BASES["KV"], axes)), training)
+    # Direction of the least spread of the position, and its share of the largest.
+    position = np.concatenate([item.motion.position.reshape(size, -1) for item in training.records], axis=1)
+    variances, directions = np.linalg.eigh(np.cov(position))
+    direction, share = upward(directions[:, 0]), float(np.sqrt(max(variances[0], 0.0) / variances[-1]))
+    # Stiffness along it and half of its 95 % interval.
+    rows, columns = np.triu_indices(size)
+    weight = direction[rows] * direction[columns] * np.where(rows == columns, 1.0, 2.0)
+    scaled, scale = scaled_covariance(fit, training)
+    own = slice(0, len(weight))
+    covariance = scaled[own, own] / np.outer(scale[own], scale[own])
+    value = float(direction @ matrices_of(fit.linear[own], 1, size)[0] @ direction)
+    half = 1.96 * float(np.sqrt(weight @ covariance @ weight))
     if share > (_SMALL if half < _VAGUE * abs(value) else _SMALLISH):
         return []
-    training, unit = experiment.training.name, f"{experiment.output_unit}/{experiment.input_unit}"
+    unit = f"{experiment.output_unit}/{experiment.input_unit}"
     sentence = (
-        f"{training} hardly moves along {in_words(direction)}: {100 * share:.2g} % of its motion along its main direction. "
+        f"{training.name} hardly moves along {in_words(direction)}: {100 * share:.2g} % of its motion along its main direction. "
         f"Without what other directions show, the stiffness there is {value:.2g} {unit} ({value - half:.2g} to "
         f"{value + half:.2g}); these records do not show whether effects act alike there."
     )
-    return [Finding("unexcited", sentence, value, unit, training)]
-
-
-def _least_moved(fit: Fit, experiment: Experiment, size: int) -> tuple[np.ndarray, float, float, float]:
-    """Direction that is moved in least, its share of the largest spread, its stiffness, and half of the 95 % interval."""
-    records = experiment.training.records
-    position = np.concatenate([item.motion.position.reshape(size, -1) for item in records], axis=1)
-    variances, directions = np.linalg.eigh(np.cov(position))
-    direction, share = upward(directions[:, 0]), float(np.sqrt(max(variances[0], 0.0) / variances[-1]))
-    rows, columns = np.triu_indices(size)
-    weight = direction[rows] * direction[columns] * np.where(rows == columns, 1.0, 2.0)
-    scaled, scale = scaled_covariance(fit, experiment.training)
-    own = slice(0, len(weight))
-    covariance = scaled[own, own] / np.outer(scale[own], scale[own])
-    matrix = matrices_of(fit.linear[own], 1, size)[0]
-    half = 1.96 * float(np.sqrt(weight @ covariance @ weight))
-    return direction, share, float(direction @ matrix @ direction), half
+    return [Finding("unexcited", sentence, value, unit, training.name)]
 
 
 _BETTER, _MORE = 0.5, 0.03
