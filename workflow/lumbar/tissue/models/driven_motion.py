@@ -64,8 +64,8 @@ class ForceBalance:
     def parameters(self) -> tuple[str, ...]:
         """Symbols of the linear parameters, piece by piece, then those of the nonlinear ones."""
         pieces = list(enumerate(self.pieces))
-        linear = [_own(item.symbol, index) for index, form in pieces for item in form.linear]
-        return (*linear, *(_own(item.symbol, index) for index, form in pieces for item in form.nonlinear))
+        linear = [_indexed(item.symbol, index) for index, form in pieces for item in form.linear]
+        return (*linear, *(_indexed(item.symbol, index) for index, form in pieces for item in form.nonlinear))
 
     @cached_property
     def force(self) -> Expression:
@@ -74,14 +74,14 @@ class ForceBalance:
         for index, form in enumerate(self.pieces):
             names = self._names(index)
             for item, column in zip(form.linear, form.parsed_equation.columns, strict=True):
-                terms.append(multiply(Symbol(_own(item.symbol, index)), substitute(column, names)))
+                terms.append(multiply(Symbol(_indexed(item.symbol, index)), substitute(column, names)))
         return reduce(add, terms)
 
     @cached_property
     def rates(self) -> dict[str, Expression]:
         """Rate of change of every state; the path travelled is one where it is asked for."""
         found = {
-            _own(name, index): substitute(slope, self._names(index))
+            _indexed(name, index): substitute(slope, self._names(index))
             for index, form in enumerate(self.pieces)
             for name, slope in form.parsed_equation.slopes.items()
         }
@@ -93,7 +93,7 @@ class ForceBalance:
         form = self.pieces[index]
         given: dict[str, Expression] = {item.symbol: Number(item.value) for item in form.constants}
         own = [item.symbol for item in (*form.linear, *form.nonlinear)] + [name for name, _ in form.state]
-        return given | {name: Symbol(_own(name, index)) for name in own}
+        return given | {name: Symbol(_indexed(name, index)) for name in own}
 
     @property
     def states(self) -> tuple[str, ...]:
@@ -134,7 +134,7 @@ def linearised(form: Form, *parameters: Sequence[float]) -> tuple[np.ndarray, np
     return slopes[:, : len(MOTION)], slopes[:, len(MOTION) :]
 
 
-def _own(symbol: str, index: int) -> str:
+def _indexed(symbol: str, index: int) -> str:
     """Symbol of a piece: two forms may use the same symbol."""
     return f"{symbol}__{index}"
 
@@ -287,10 +287,10 @@ class ForceDrive:
         rates = (points[1:] @ _RATE.T - before[2:, :, None] * _SUM) / self.step
         return np.concatenate([values[:1] - self.force[window], rates - values[1:]]).transpose(1, 0, 2)
 
-    def _linearised(self, parameters, begun, points, window, beside: np.ndarray | None = None):
+    def _linearised(self, parameters, begun, points, window, right_sides: np.ndarray | None = None):
         """Linearise every step: its change by the right-hand side and by its start, slope and rest of the recursion.
 
-        `beside`, shape (steps, 1 + states, 3, more), are right-hand sides instead of the residual of the equations.
+        `right_sides`, shape (steps, 1 + states, 3, more), replace the residual of the equations.
         """
         known = self._known(parameters, begun, points, window)
         steps, count, rate = points.shape[1], len(points), 1 / self.step
@@ -316,7 +316,9 @@ class ForceDrive:
                 start[:, row, :, row + 1] -= rate * _SUM
         # Solve every step for its right-hand sides and for its start.
         size = count * _STAGES
-        right = self._residual(values, points, before, window)[..., None] if beside is None else beside
+        right = (
+            self._residual(values, points, before, window)[..., None] if right_sides is None else right_sides
+        )
         more = right.shape[-1]
         whole = np.concatenate(
             [right.reshape(steps, size, more), start.reshape(steps, size, count + 1)], axis=2
@@ -330,7 +332,7 @@ class ForceDrive:
         ends = np.insert(local[:, last], 1, rate * (_RATE[-1] @ local[:, :_STAGES]), axis=1)
         driven, slope = ends[..., :more], ends[..., more:]
         slope[:, 1, 0] -= rate * _SUM[-1]
-        return local, slope, driven[..., 0] if beside is None else driven
+        return local, slope, driven[..., 0] if right_sides is None else driven
 
     def sensitivities(
         self,
@@ -348,7 +350,7 @@ class ForceDrive:
         start = np.concatenate([[found.position[0], found.velocity[0]], found.states[:, 0]])
         window = slice(0, steps)
         known = self._known(parameters, start, found.points, window)
-        beside = np.zeros((steps, count, _STAGES, len(changes)))
+        right_sides = np.zeros((steps, count, _STAGES, len(changes)))
         sign = np.array([1.0] + [-1.0] * (count - 1))[:, None, None]
         with np.errstate(all="ignore"):
             for column, (name, step) in enumerate(changes):
@@ -356,8 +358,8 @@ class ForceDrive:
                     self.balance.values({**known, name: parameters[name] + change}, found.points.shape[1:])
                     for change in (step, -step)
                 )
-                beside[..., column] = (sign * (more - less) / (2 * step)).transpose(1, 0, 2)
-            _, slope, driven = self._linearised(parameters, start, found.points, window, beside)
+                right_sides[..., column] = (sign * (more - less) / (2 * step)).transpose(1, 0, 2)
+            _, slope, driven = self._linearised(parameters, start, found.points, window, right_sides)
             first = np.zeros((count + 1, len(changes)))
             if by_start:
                 driven = np.concatenate([driven, np.zeros((steps, count + 1, count + 1))], axis=2)

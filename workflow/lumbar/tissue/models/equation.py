@@ -89,8 +89,7 @@ class CStep:
         return self.history(numbers) if callable(self.history) else self.history
 
 
-_STANDS_STILL = 1e-100
-"""Slope of a state below which it stands still without motion: a vector of no length has a smallest one."""
+_MIN_SLOPE = 1e-100  # of a state; below it the state rests: a vector of length 0 has a tiny slope
 Solution = Callable[[Motion, np.ndarray], tuple[np.ndarray, ...]]
 
 
@@ -133,7 +132,7 @@ class Equation:
 
     @cached_property
     def columns(self) -> tuple[Expression, ...]:
-        """Factor of each linear parameter; the whole equation if there are none."""
+        """Factor of each linear parameter; the whole equation of an output form."""
         if self.transforms:
             return (self.force,)
         found = linear_parts(self.force, [item.symbol for item in self.linear])
@@ -166,7 +165,7 @@ class Equation:
 
     @cached_property
     def _evaluator(self) -> Evaluator:
-        return Evaluator([substitute(column, self._given) for column in self.columns])
+        return Evaluator([substitute(column, self._constant_values) for column in self.columns])
 
     @cached_property
     def _nonlinear_symbols(self) -> tuple[str, ...]:
@@ -224,7 +223,7 @@ class Equation:
         return r",\quad ".join([latex(parse(self.text), names), *rates, *said])
 
     @cached_property
-    def _given(self) -> dict[str, Expression]:
+    def _constant_values(self) -> dict[str, Expression]:
         """Constants as numbers."""
         return {item.symbol: Number(item.value) for item in self.constants}
 
@@ -238,7 +237,7 @@ class Equation:
         return self._portable(terms)
 
     def _portable(self, terms: Iterable[Expression]) -> tuple[Expression, ...]:
-        return tuple(portable(substitute(term, self._given)) for term in terms)
+        return tuple(portable(substitute(term, self._constant_values)) for term in terms)
 
     def c_step(self, solution: str = "") -> CStep | None:
         """Return the C code of one sample; None if it needs a channel that a running loop does not have.
@@ -273,7 +272,7 @@ class Equation:
         slopes = self.state.at_rest(values, sampling_time)
         found = {STEP_SYMBOL: sampling_time}
         if np.isfinite(slopes).all() and slopes.any():
-            decays = [cmath.exp(value) for value in np.linalg.eigvals(slopes) if abs(value) > _STANDS_STILL]
+            decays = [cmath.exp(value) for value in np.linalg.eigvals(slopes) if abs(value) > _MIN_SLOPE]
             found["pole"] = float(max(map(abs, decays), default=0.0))
         return found
 
@@ -284,7 +283,7 @@ class Equation:
 
     def _c_state_steps(self, state: StateEquation, names: Mapping[str, str]) -> list[str]:
         """Statements of the exponential Rosenbrock–Euler step."""
-        given = self._given
+        given = self._constant_values
         before = {name: f"memory[{row}]" for row, name in enumerate(state.names)}
         begun = {"time": f"(time - {STEP_SYMBOL})", **self._c_begun}
         starts = [
@@ -322,10 +321,10 @@ def _c_lines(stem: str, trees: Sequence[Expression], names: Mapping[str, str]) -
     for part in order:
         if uses[part] > 1:
             name = f"{stem}_{len(lines)}"
-            lines.append(f"const double {name} = {c_text(_with(part, replaced), known)};")
+            lines.append(f"const double {name} = {c_text(_substitute_shared(part, replaced), known)};")
             known[name] = name
             replaced[part] = Symbol(name)
-    return lines, [c_text(_with(tree, replaced), known) for tree in trees]
+    return lines, [c_text(_substitute_shared(tree, replaced), known) for tree in trees]
 
 
 def _count_uses(tree: Expression, uses: Counter, order: dict[Expression, None]) -> None:
@@ -345,10 +344,10 @@ def _count_uses(tree: Expression, uses: Counter, order: dict[Expression, None]) 
     order[tree] = None
 
 
-def _with(tree: Expression, replaced: Mapping[Expression, Symbol]) -> Expression:
+def _substitute_shared(tree: Expression, replaced: Mapping[Expression, Symbol]) -> Expression:
     """The tree with names in place of what was computed before."""
     if tree in replaced:
         return replaced[tree]
     if isinstance(tree, Operation):
-        return Operation(tree.name, tuple(_with(operand, replaced) for operand in tree.operands))
+        return Operation(tree.name, tuple(_substitute_shared(operand, replaced) for operand in tree.operands))
     return tree

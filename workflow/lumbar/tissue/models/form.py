@@ -4,10 +4,10 @@ A model's force is composed in this order::
 
     motion --(input forms: delay, play)--> motion' --> base force + parallel forms' forces --(output forms)--> force
 
-A form is one equation (`lumbar.tissue.models.expression` says what may stand in it); its simulation, its LaTeX and its C code
-follow. A parallel form is a sum of terms that *linear parameters* are factors of, so that they can be solved for
-directly (separable least squares); what enters otherwise is a *nonlinear parameter*, positive, searched over decades. Output
-forms have nonlinear parameters only. What no equation can say (play, delay) is a `HandWritten` form.
+A form is one equation in the operations of `lumbar.tissue.models.expression`; its simulation, LaTeX and C code follow from it. A
+parallel form is a sum of terms with a *linear parameter* as factor each, which least squares solves directly; the other
+parameters are *nonlinear*: positive, searched over decades. Output forms have nonlinear parameters only. Mechanisms that no
+equation expresses (play, delay) are `HandWritten` forms.
 """
 
 import re
@@ -29,13 +29,13 @@ from lumbar.tissue.models.spatial_equation import SpatialEquation
 
 
 class Place(StrEnum):
-    """Where an effect acts on the way from position to force."""
+    """Place of an effect on the path from position to force."""
 
     INPUT = "input"
     PARALLEL = "parallel"
     OUTPUT = "output"
     FRAME = "frame"
-    """Of several axes: it turns and mixes the forces along them."""
+    """The frame of several axes: it rotates and mixes the forces along them."""
 
 
 @dataclass(frozen=True)

@@ -133,7 +133,7 @@ class Motion:
         """Extreme position at each reversal, and the first sample after it.
 
         A smooth position turns between two samples: the extreme is the interpolating spline's, by a step of Newton's method
-        from the vertex of the parabola through three samples. Ends of the record are no extremes.
+        from the vertex of the parabola through three samples. The ends of the record are not extremes.
         """
         samples, position = self.reversals.copy(), self.position
         turns = position[samples]
@@ -200,7 +200,7 @@ class Motion:
 
     @cached_property
     def finer(self) -> Motion:
-        """The same smooth motion in `SUBSTEPS` steps between two samples, for a position that it becomes behind play."""
+        """The motion in `SUBSTEPS` steps between two samples, for the position behind play."""
         step = self.sampling_time / SUBSTEPS
         time = self.time[0] + step * np.arange(1 + (len(self) - 1) * SUBSTEPS)
         return Motion(time, self._spline(time), step, interpolation=self._spline)

@@ -6,8 +6,8 @@ evaluated from reversal to reversal and not from sample to sample.
 A tool that is not fastened to the tissue presses where it touches and never pulls; the surface comes back by itself. In
 contact it follows the tool. The tool leaves where the force would become negative; the free surface then recovers as the tissue
 relaxes without force, until the tool meets it again. Positions count from the surface at rest. All forces are in proportion to
-the stiffness of the tissue, so that contact begins and ends at times that hang on the motion, on the tissue's time constant and
-on the share of its springs alone.
+the stiffness of the tissue, so that the times of contact depend only on the motion, on the tissue's time constant and on the
+share of its springs.
 """
 
 import math
@@ -145,8 +145,7 @@ def bouc_wen_general(motion: Motion, distance: float, unloading_share: float) ->
     return sign * _loaded_generally(sign * np.array(share)[interval], travel, unloading_share, np)
 
 
-_LARGEST_GROWTH = 50.0
-"""Of the exponent of a loop that has no limit, so that no trial of a search overflows."""
+_LARGEST_GROWTH = 50.0  # exponent of a loop without a limit: no trial of a search overflows
 
 
 _SCALAR = SimpleNamespace(maximum=max, minimum=min, log1p=math.log1p, expm1=math.expm1, exp=math.exp)

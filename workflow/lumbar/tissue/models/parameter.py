@@ -27,7 +27,7 @@ class Parameter:
     symbol: str = field(default="", kw_only=True)
     """Its symbol in equations, e.g. ``"Fc"``."""
     latex: str = field(default="", kw_only=True)
-    """Its LaTeX; without, it follows from the symbol: ``F_c``."""
+    """LaTeX; by default it follows from the symbol: ``F_c``."""
 
     @property
     def in_latex(self) -> str:
@@ -57,7 +57,7 @@ class NonlinearParameter(Parameter):
     points: int
     """Number of starting values, spaced evenly in the logarithm."""
     reach: tuple[float, float] = (0.1, 10.0)
-    """How far below and above the range the fit may go, as factors."""
+    """Bounds of the fit, as factors of the ends of the range."""
     lines: float | None = None
     """For frequencies: the fit stays within this many lines (1/duration) of its start."""
     follows_record: bool = field(default=False, kw_only=True)
@@ -106,10 +106,10 @@ class Constant:
     latex: str = ""
     """`symbol`, `unit`, `latex`: as for `Parameter`."""
     scale: str = ""
-    """Quantity of the record that a fit counts it in, as of a `NonlinearParameter`; empty where the value is its own. A force
-    at one unit of a power law would lie far from every motion in another unit, where nothing is known of it."""
+    """Quantity of the record that is its unit in a fit, see `NonlinearParameter`; empty for a fixed value. In another unit, the
+    force of a power law at 1 would be far from every motion, and not be determined."""
     given: bool = False
-    """Whether the value was given in place of the catalogue's: it is then written with a model."""
+    """Whether the value replaces that of the catalogue: it is then written with a model."""
 
     @property
     def in_latex(self) -> str:
@@ -132,9 +132,9 @@ class MotionSignal:
     of: Callable[[Any], np.ndarray]
     """From a motion to the signal, shape (samples,)."""
     c_name: str = ""
-    """Its name in the C code of a form; empty where a running loop does not know it."""
+    """Name in the C code of a form; empty if a running loop does not know it."""
     latex: str = ""
-    """Empty where it is the symbol."""
+    """LaTeX; empty if it is the symbol."""
     channel: str = ""
     """Role of the further channel that it needs; empty if none."""
 
@@ -190,7 +190,7 @@ def _along(axis: str, signal: MotionSignal) -> MotionSignal:
 
 SIGNALS |= {f"{name}_{axis}": _along(axis, SIGNALS[name]) for name in VECTORS for axis in AXES}
 POSITIONS = ("z", "theta", *(f"z_{axis}" for axis in AXES))
-"""Signals that stand for the position."""
+"""Symbols of the position."""
 NEVER_NEGATIVE = {"s", "t"}
 STEADY = {"v", "dz", "theta_dot", *(f"{name}_{axis}" for name in ("v", "dz") for axis in AXES)}
 """Signals that stay the same between two samples where the position is linear in between."""

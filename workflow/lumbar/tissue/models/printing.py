@@ -124,7 +124,7 @@ class _Latex:
                 return _CALLED[name].format(*map(self._operand, operands)), own
 
     def _base(self, base: Expression) -> str:
-        """Base of a power; functions get brackets, for a power beside a name is read as its own."""
+        """Base of a power; functions get brackets, for a power after a name is read as the name's."""
         simple = isinstance(base, Number | Symbol) or base.name == "abs"
         return self.text(base, _ATOM) if simple else f"({self.text(base, 0)})"
 
@@ -292,12 +292,12 @@ def equation_mathml(latex: str) -> str:
     Parameters
     ----------
     latex : str
-        Mathematics, without dollar signs; may be a stranger's.
+        Mathematics, without dollar signs; may come from an untrusted file.
 
     Raises
     ------
     InputError
-        What is no LaTeX, a command that is not known, and text or links that a page would take for its own.
+        If it is not LaTeX, has an unknown command, or has text or links that would become part of the page.
     """
     from xml.etree import ElementTree
 

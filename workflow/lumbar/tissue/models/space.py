@@ -5,7 +5,7 @@ with K = Σ kᵢ Pᵢ, kᵢ ≥ 0 and Pᵢ projections that no motion gains ener
 finds. How many kᵢ there are is the symmetry of the tissue (Lai, Rubin and Krempl, Introduction to Continuum Mechanics, 2010,
 chapter 5; here of the tool's forces):
 
-- isotropic: one, alike in every direction;
+- isotropic: one, the same in every direction;
 - transversely isotropic: one along an axis, one across it;
 - orthotropic: one along each of three axes at right angles, the same for all matrices;
 - full: the same with axes of its own for every matrix.
@@ -36,7 +36,7 @@ from lumbar.tissue.models.spatial_equation import SpatialEquation, element
 
 
 class Symmetry(StrEnum):
-    """What is alike in different directions."""
+    """Symmetry of the tissue."""
 
     ISOTROPIC = "isotropic"
     TRANSVERSE = "transversely isotropic"
@@ -75,13 +75,13 @@ class SpatialBase:
     """A base of one axis, its symmetry in space, and the frames that its principal axes are turned from."""
 
     base: Base
-    """Of one axis."""
+    """The base of one axis."""
     symmetry: Symmetry
     axes: tuple[str, ...]
     frames: tuple[tuple[float, ...], ...]
     """Rotation matrices, row by row, whose columns are principal axes: one, or one for every matrix of a full base."""
     free: bool = True
-    """Whether the axes are turned by a fit; else they are those of the frames."""
+    """Whether a fit rotates the axes; else they are those of the frames."""
 
     @property
     def turns(self) -> int:
@@ -116,7 +116,7 @@ class SpatialBase:
 
     @property
     def nonlinear(self) -> tuple[NonlinearParameter, ...]:
-        """Those of the base, then the angles of every frame."""
+        """Nonlinear parameters of the base, then the angles of every frame."""
         return (*self.base.nonlinear, *(self.turning if self.free else ()))
 
     @property
@@ -196,11 +196,11 @@ class SpatialBase:
         return replace(self.base, form=form, spatial=self)
 
     def held(self, nonlinear: np.ndarray) -> "SpatialBase":
-        """The base whose frames are where these parameters turn them; a fit leaves them there."""
+        """Return the base with its frames rotated by these parameters; a fit keeps them fixed."""
         return self.at(self.frames_at(nonlinear), free=False)
 
     def at(self, frames: Sequence[np.ndarray], free: bool = True) -> "SpatialBase":
-        """The base with other frames."""
+        """Return the base with other frames."""
         return replace(self, frames=tuple(tuple(frame.ravel().tolist()) for frame in frames), free=free)
 
 
@@ -231,7 +231,7 @@ def symmetric_base(base: Base, axes: tuple[str, ...]) -> Base:
 
 
 def matrices_of(linear: np.ndarray, count: int, size: int) -> list[np.ndarray]:
-    """The matrices whose elements `symmetric_base` has, of so many linear parameters."""
+    """Return the matrices of `symmetric_base` from the values of their elements."""
     rows, columns = np.triu_indices(size)
     found = []
     for values in linear.reshape(count, -1):
@@ -246,18 +246,18 @@ class PlaneContact:
     """A base with contact, the plane that it is met at, and how far a fit may move that."""
 
     base: Base
-    """Of one axis, with contact."""
+    """The base of one axis, with contact."""
     axes: tuple[str, ...]
     frames: tuple[tuple[float, ...], ...]
     """One rotation matrix, row by row, whose first column is the normal."""
     depth: float
-    """Of the surface along the normal."""
+    """Position of the surface along the normal."""
     reach: float
     """Length that a change of the depth is counted in."""
 
     @property
     def linear(self) -> tuple[LinearParameter, ...]:
-        """Those of the base, and their friction."""
+        """Linear parameters of the base, then their friction."""
         friction = (
             replace(item, name=f"friction_of_{item.name}", symbol=f"mu_{item.symbol}")
             for item in self.base.linear
@@ -266,7 +266,7 @@ class PlaneContact:
 
     @property
     def nonlinear(self) -> tuple[NonlinearParameter, ...]:
-        """Those of the base, the speed within which friction turns round, turns of the normal, and how far the plane is moved."""
+        """Nonlinear parameters of the base, smoothing speed of the friction, rotations of the normal, shift of the plane."""
         speed = NonlinearParameter(
             "smoothing_speed", "{x}/s", "speed", 0.01, 0.1, 2, (0.05, 3.0), symbol="v_s"
         )
@@ -331,7 +331,7 @@ class PlaneContact:
         return replace(self.base, form=form, touching=self.touching, spatial=self)
 
     def held(self, nonlinear: Sequence[float]) -> "PlaneContact":
-        """The base with the plane where these parameters have moved it."""
+        """Return the base with the plane moved by these parameters."""
         numbers = np.asarray(nonlinear)
         normal, depth = self.plane(numbers)
         return replace(self, frames=(tuple(frame_of(normal).ravel().tolist()),), depth=depth)

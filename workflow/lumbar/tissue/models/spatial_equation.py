@@ -9,8 +9,8 @@ vectors, parameters are numbers, and
 - a state whose rate is a vector is one;
 - ``s`` is the length of the way; a term without any vector (a drift) has a parameter of its own in every axis.
 
-A form that acts on the output transforms what every channel of the force sensor reads, each by itself. What gives no vector
-(``k*z**2``: in which direction?) has no form in space, and says so.
+A form that acts on the output transforms the reading of every channel of the force sensor separately. A term that is not a vector
+(``k*z**2``: in which direction?) has no form in space, which is an error.
 """
 
 from collections.abc import Mapping, Sequence
@@ -146,7 +146,7 @@ class SpatialEquation(Equation):
         """Components of the symbols that are vectors: signals, and states whose rate of change is one."""
         found = {name: _components(name, self.axes) for name in VECTORS}
         for _ in self.rates:
-            # A state may hang on another one: what is a vector follows from what is known to be one.
+            # A state may depend on another one: known vectors decide which states are vectors.
             for name, rate in self.rates.items():
                 if name not in found and symbols(rate) & found.keys():
                     known = found | {name: _components(name, self.axes)}
@@ -194,7 +194,7 @@ class SpatialEquation(Equation):
 
     @property
     def signals(self) -> set[str]:
-        """Signals that it uses beside those of its states."""
+        """Signals that the force uses, without those of the states' rates."""
         if self.transforms:
             return super().signals
         parts = chain(*(vector for _, vector in self._read))
@@ -204,7 +204,9 @@ class SpatialEquation(Equation):
     def _evaluator(self) -> Evaluator:
         if self.transforms:
             return super()._evaluator
-        return Evaluator([substitute(part, self._given) for _, vector in self._read for part in vector])
+        return Evaluator(
+            [substitute(part, self._constant_values) for _, vector in self._read for part in vector]
+        )
 
     def forces(
         self,
@@ -250,7 +252,7 @@ class SpatialEquation(Equation):
 
     @cached_property
     def _apart(self) -> bool:
-        """Whether no state of one axis knows anything of another axis."""
+        """Whether the states of one axis are independent of the other axes."""
         return all(
             not symbols(rate)
             & {f"{name}_{other}" for name in self.vectors for other in self.axes if other != axis}
@@ -260,7 +262,7 @@ class SpatialEquation(Equation):
         )
 
     def _transformed(self, motion: SpatialMotion, nonlinear: np.ndarray, force: np.ndarray) -> np.ndarray:
-        """What every channel makes of the force along its axis."""
+        """Return the readings of the channels for the forces along their axes."""
         values: dict = self.parameters(nonlinear)
         pieces = []
         for axis, part, piece in zip(self.axes, motion.parts, motion.split(force), strict=True):
@@ -274,9 +276,9 @@ class SpatialEquation(Equation):
         return np.concatenate(pieces)
 
     def c_step(self, solution: str = "") -> CStep | None:
-        """The same in C, with a value along every axis; what transforms the output acts on every channel by itself.
+        """Return the C code of one sample, with a value along every axis; an output form has one value for every channel.
 
-        `solution` is that of one axis, and is left out.
+        `solution` is that of one axis, and is ignored.
         """
         if self.transforms:
             return super().c_step()
@@ -291,7 +293,7 @@ class SpatialEquation(Equation):
         return self._c_step_of(sums, (item for item, _ in self._read))
 
     def c_step_by_matrices(self) -> CStep:
-        """The same where every linear parameter is a symmetric matrix, whose elements have the names `element` gives."""
+        """Return the C code with a symmetric matrix for every linear parameter; `element` gives the names of its elements."""
         names, sums = [], []
         for row in range(len(self.axes)):
             terms: list[Expression] = []

@@ -44,8 +44,9 @@ _LARGEST_SLOPE = 50.0
 """Exponent of what runs away in one step: beyond it nothing is known, and nothing overflows."""
 _MIN_EXPONENT = 1e-4  # below it φ₂ is its series: a difference would have no digits left
 _TOLERANCE = 1e-13  # largest change in Newton's last iteration, as a share of the largest state
-_TERMS = 14
-"""Of φ₁'s series for matrices, whose norm is first halved to at most 1/2: it then ends below rounding."""
+_TERMS = (
+    14  # of φ₁'s series for matrices, halved until their norm is at most 1/2: it then ends below rounding
+)
 _STEP = Symbol(STEP_SYMBOL)
 _ALONG = {f"_{axis}" for axis in AXES}
 
@@ -106,7 +107,7 @@ class StateEquation:
 
     @cached_property
     def has_clock(self) -> bool:
-        """Whether an equation knows what changes between two samples beside the states."""
+        """Whether an equation uses signals that change between two samples."""
         return bool(self.signals & LINEAR)
 
     @cached_property
@@ -132,7 +133,7 @@ class StateEquation:
 
     @cached_property
     def increments(self) -> list[Expression]:
-        """What a step would add if the slopes stayed: h f, and 1 for the clock."""
+        """Change in a step with constant slopes: h f, and 1 for the clock."""
         found = [multiply(_STEP, slope) for slope in self.slopes.values()]
         return [*found, Number(1.0)] if self.has_clock else found
 
@@ -266,7 +267,7 @@ class StateEquation:
         return None
 
     def _one_by_one(self, known: Mapping, steps: int, begin: np.ndarray) -> np.ndarray:
-        """The same of one state in plain numbers, which is forty times as fast as by arrays of one.
+        """Solve for one state in plain numbers, sample by sample: forty times as fast as with arrays of one.
 
         With a clock the step is φ₁(x) h f + φ₂(x) g, x = hJ, where g is what the clock changes of h f.
         """
@@ -280,7 +281,7 @@ class StateEquation:
             try:
                 values = {**constants, **dict(zip(series, now, strict=True)), symbol: state}
                 added, slope, *by_clock = map(float, evaluate(values))
-            except (OverflowError, ValueError):  # beyond the largest number, where NumPy would say so by one
+            except (OverflowError, ValueError):  # beyond the largest number; NumPy would return inf or nan
                 break
             slope = min(slope, _LARGEST_SLOPE)
             first = math.expm1(slope) / slope if slope else 1.0
@@ -290,7 +291,7 @@ class StateEquation:
         return np.array([found + [math.nan] * (steps + 1 - len(found))])
 
     def in_steps(self, known: Mapping, steps: int, begin: np.ndarray | float = 0.0) -> np.ndarray:
-        """The same one step after the other, shape (states, steps + 1), as C takes them.
+        """Solve for the states step by step, shape (states, steps + 1), as C does.
 
         `known` are parameters, and signals at the beginning of every step; `begin` are the states there.
         """

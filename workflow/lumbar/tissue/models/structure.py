@@ -78,12 +78,12 @@ class Structure:
         seen: OneMotion = motion
         for form in self.forms:
             if form.place is Place.INPUT:
-                seen = self._of(form.memory_key, form.input_transform, seen, parts[form.key])
-        columns = self._of(self.base.memory_key, self.base.form.columns, seen, base)
+                seen = self._cached(form.memory_key, form.input_transform, seen, parts[form.key])
+        columns = self._cached(self.base.memory_key, self.base.form.columns, seen, base)
         touching = None if self.base.touching is None else self.base.touching(seen, base)
         for form in self.forms:
             if form.place is Place.PARALLEL:
-                added = self._of(form.memory_key, form.columns, seen, parts[form.key])
+                added = self._cached(form.memory_key, form.columns, seen, parts[form.key])
                 columns = [*columns, *(added if touching is None else [touching * item for item in added])]
         for form in self.forms:
             if form.place is Place.FRAME:
@@ -94,7 +94,7 @@ class Structure:
         return np.array(columns).T
 
     @staticmethod
-    def _of(name: str, function: Callable, motion: OneMotion, nonlinear: np.ndarray) -> Any:
+    def _cached(name: str, function: Callable, motion: OneMotion, nonlinear: np.ndarray) -> Any:
         return motion.cache.compute_at(name, nonlinear, lambda: function(motion, nonlinear))
 
     def output(self, force: np.ndarray, motion: Motion | JoinedMotions, nonlinear: np.ndarray) -> np.ndarray:
@@ -236,7 +236,7 @@ class ForwardStructure(Structure):
         force = motion
         for form in self.forms:
             if form.place is Place.INPUT:
-                force = self._of(form.memory_key, form.input_transform, force, parts[form.key])
+                force = self._cached(form.memory_key, form.input_transform, force, parts[form.key])
         steps = motion.cache.compute_once("steps per sample", lambda: _steps_per_sample(motion))
         measured = motion.channels.get(MEASURED)
         drive = ForceDrive(
@@ -273,13 +273,13 @@ class ForwardStructure(Structure):
 
 
 def _exchanged(item: _Any) -> _Any:
-    """A parameter with its unit as of a model whose input is the force."""
+    """Return a parameter with the unit for a model whose input is the force."""
     swapped = item.unit.replace("{x}", "{?}").replace("{y}", "{x}").replace("{?}", "{y}")
     return replace(item, unit=swapped)
 
 
 def _steps_per_sample(motion: Motion) -> int:
-    """How many steps are taken from sample to sample, so that each is small for the frequencies of the motion."""
+    """Return the number of steps from sample to sample that are small for the frequencies of the motion."""
     signal = motion.channels.get(MEASURED, motion.position)
     power = np.cumsum(np.abs(np.fft.rfft((signal - signal.mean()) * np.hanning(len(signal)))) ** 2)
     edge = np.searchsorted(power, _BAND_POWER * power[-1]) / len(signal)

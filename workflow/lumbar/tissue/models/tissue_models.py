@@ -79,7 +79,7 @@ class Element(Parameter):
     """
 
     definition: str
-    """What it is."""
+    """Its meaning."""
 
     @property
     def in_latex(self) -> str:
@@ -103,7 +103,7 @@ class TissueModel:
     elements: tuple[Element, ...] = ()
     """Derived parameters of the base."""
     relations: tuple[str, ...] = ()
-    """How the equation's coefficients follow from the mechanical elements."""
+    """Coefficients of the equation from the mechanical elements."""
     network: Network | None = None
     """Mechanical analogue; None for a black box."""
     structure: ArxStructure | None = None
@@ -112,7 +112,7 @@ class TissueModel:
     derive: Callable[..., dict[str, float]] | None = field(default=None, repr=False)
     """From the base's parameters by name to the values of `elements`."""
     references: str = ""
-    """Where it comes from: names and years, and the thesis's own reference numbers in brackets."""
+    """Sources: names and years, and the thesis's own reference numbers in brackets."""
     no_parameters_because: str = ""
     """Why no parameters are recovered from the transfer function, where they are not."""
 
@@ -168,7 +168,7 @@ _SAID = shipped_yaml(Path(__file__).with_suffix(".yaml"))
 
 
 def _model(name: str, **computed) -> TissueModel:
-    """A model by its name, with what is said of it; the parameters of its base are those of the base of that name."""
+    """Return a model of ``tissue_models.yaml`` by its name, with the base of that name."""
     said = _SAID["models"][name]
     elements = tuple(Element(*element) for element in said.pop("elements", ()))
     relations = tuple(said.pop("relations", ()))
@@ -213,7 +213,7 @@ IL = _model("IL", network=Spring("k"))
 MODELS = {model.name: model for model in (LE, MAXWELL, KV, KB, MW, HO, IL)}
 """Every model by its short name."""
 REFERENCES: tuple[str, ...] = tuple(_SAID["references"])
-"""Of the models of Table 2.1, in full; the thesis's numbers are those of its own list."""
+"""References of the models of Table 2.1, in full; the thesis's numbers are those of its own list."""
 TABLE_2_1 = (LE, MAXWELL, KV, KB)
 """The viscoelastic models of Table 2.1, in its order."""
 FIXED_STRUCTURE = (LE, MW, MAXWELL, KB)
