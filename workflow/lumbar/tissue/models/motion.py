@@ -335,10 +335,7 @@ class SpatialMotion(JoinedMotions):
         parts = tuple(Motion.of(record.axis(axis), offset=rest) for axis, rest in along)
         return cls(parts, names=record.axes)
 
-    @cached_property
-    def time(self) -> np.ndarray:
-        """Seconds since the record's start, shape (samples,)."""
-        return self.parts[0].time
+    time = cached_property(lambda self: self.parts[0].time)
 
     def along(self, axis: str) -> Motion:
         """Motion along one axis."""
