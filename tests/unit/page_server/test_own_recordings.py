@@ -13,9 +13,8 @@ from asking import cookie, ended
 from case_tables import cases
 from lumbar.base.errors import InputError
 from lumbar.cli.command import build_parser
-from lumbar.page_server import own_handlers, own_recordings
-from lumbar.page_server.own_handlers import MOST_TABS, OwnTabs
-from lumbar.page_server.own_recordings import OwnDiagnosis, OwnRecordings
+from lumbar.page_server import own_recordings
+from lumbar.page_server.own_recordings import MAX_TABS, OwnDiagnosis, OwnRecordings, OwnTabs
 from lumbar.page_server.recording_preview import OF_SEVERAL_AXES
 from lumbar.page_server.trust import HOST
 from lumbar.twin.examples import example_records
@@ -189,13 +188,13 @@ def test_too_many_files_are_refused(monkeypatch):
     held = OwnRecordings("")
     held.add("a.csv", b"x")
     held.add("a.csv", b"y")  # in its place
-    monkeypatch.setattr(own_recordings, "MOST_FILES", 1)
+    monkeypatch.setattr(own_recordings, "MAX_FILES", 1)
     with pytest.raises(InputError, match="1 files are held at most"):
         held.add("b.csv", b"")
 
 
 def test_a_file_beyond_what_all_tabs_may_hold_is_refused(own_tab, served, monkeypatch):
-    monkeypatch.setattr(own_handlers, "MOST_HELD", 100)
+    monkeypatch.setattr(own_recordings, "MAX_HELD", 100)
     status, answer = own_tab("file?name=a.csv", b"1,2\n" * 100)
     assert status == 400 and "take a file away" in answer["error"]
     assert own_tab("look", {})[1]["files"] == []
@@ -214,7 +213,7 @@ def test_of_many_tabs_one_without_files_is_let_go_first():
     tabs = OwnTabs()
     full, empty = tabs.new(), tabs.new()
     tabs.find(full).files["a.csv"] = b"x"
-    others = [tabs.new() for _ in range(MOST_TABS - 1)]
+    others = [tabs.new() for _ in range(MAX_TABS - 1)]
     assert tabs.find(full) is not None and tabs.find(empty) is None
     for name in others:
         tabs.find(name).files["a.csv"] = b"x"

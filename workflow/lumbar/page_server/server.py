@@ -14,7 +14,7 @@ from lumbar.base.errors import InputError
 from lumbar.base.templates import template
 from lumbar.page_server.background import in_background
 from lumbar.page_server.index import Index, IndexedHandler, NotReady, WaitingHandler
-from lumbar.page_server.own_recordings import MOST_FILE, OwnDiagnosis
+from lumbar.page_server.own_recordings import MAX_FILE, OwnDiagnosis, own_rules
 from lumbar.page_server.requests import TabRequests
 from lumbar.page_server.served_sets import RESULT
 from lumbar.page_server.trust import HOST, DoorHandler, Outside, SecurityHeaders, Visitors, log_rejected
@@ -69,7 +69,7 @@ def new_server(index: Index, port: int, own: OwnDiagnosis) -> tuple[Server, Visi
             include_headers=[],  # so that a page's session data contain no cookies
             include_cookies=[],
             log_function=log_rejected,
-            http_server_kwargs={"max_buffer_size": MOST_FILE},
+            http_server_kwargs={"max_buffer_size": MAX_FILE},
         )
     except OSError as error:
         raise InputError(f"port {port}: {error.strerror or error}; choose another with --port") from error
@@ -83,8 +83,6 @@ def _route(server: Server, visitors: Visitors, index: Index, own: OwnDiagnosis) 
     from bokeh.server.views.autoload_js_handler import AutoloadJsHandler
     from bokeh.server.views.metadata_handler import MetadataHandler
     from bokeh.server.views.root_handler import RootHandler
-
-    from lumbar.page_server.own_handlers import own_rules
 
     application = server._tornado
     inner = application.wildcard_router.rules

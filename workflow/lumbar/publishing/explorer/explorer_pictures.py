@@ -1,4 +1,4 @@
-"""The page's pictures: measured and simulated output over time, loops, spectrum, and where in the motion the error lies."""
+"""Pictures of a diagnosis: measured and simulated output over time, loops, spectrum, and the error over the motion."""
 
 from collections.abc import Sequence
 
@@ -25,15 +25,15 @@ from lumbar.publishing.figures.palette import MEASURED, SERIES
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 
 FIRST, SECOND = SERIES[0], SERIES[3]
-"""Colours of the two models that are compared; the first is drawn whole, the second dashed: readable in grey."""
+"""Colours of the two compared models; the first is solid, the second dashed: readable in grey."""
 NOISE = ASIDE = "#777777"
 MARKED = SERIES[2]
 SHOWN, CELLS, DEPTH, TURNS, SPECTRUM = "shown", "cells", "depth means", "turn means", "lines"
-"""Names of the document's sources: what is drawn now."""
+"""Names of the document's sources of drawn data."""
 BRUSHED, BRUSHED_LINES = "brushed", "brushed lines"
-"""What is marked of it."""
+"""Names of the sources of marked data."""
 REQUEST, ANSWER = "request", "answer"
-"""What page and server say to each other."""
+"""Names of the sources for requests and answers of page and server."""
 _COLUMNS = (
     *("time", "position", "velocity", "since", "measured", "first", "second", "aside"),
     *("first_error", "second_error", "aside_error", "first_turned", "second_turned"),
@@ -45,7 +45,7 @@ _HEIGHT = 230
 def page_models(
     experiment: Experiment, records: Sequence[ShownRecord], models: Sequence[ShownModel]
 ) -> tuple[list[Model], list[Model]]:
-    """Pictures in the page's order, and the sources that hold the data; the page's script fills what is shown from them.
+    """Return the pictures in the page's order and the data sources, from which the page's script fills them.
 
     Units and quantities are the experiment's.
     """
@@ -100,7 +100,7 @@ def _pictures(experiment: Experiment, shown: ColumnDataSource, brushed: ColumnDa
     for picture, (across, ups) in lines.items():
         for up in ups:
             picture.line(across, up, source=shown, **_line(up))
-        _tell(picture, across, ups, shown)
+        _add_hover(picture, across, ups, shown)
     _draw_cells(plane, error)
     _draw_means(depth, empty_source(DEPTH, ("position", *_WAYS)), "position", _WAYS)
     _draw_means(turns, empty_source(TURNS, ("since", "first", "second")), "since", ("first", "second"))
@@ -118,12 +118,12 @@ def _pictures(experiment: Experiment, shown: ColumnDataSource, brushed: ColumnDa
 
 
 def _when_drawn(picture: figure, script: str) -> None:
-    """Call the page's script when a box is drawn in a picture."""
+    """Call the page's script if a box is drawn in a picture."""
     picture.js_on_event("selectiongeometry", CustomJS(code=script))
 
 
 def _line(column: str) -> dict:
-    curve = column.partition("_")[0]  # by its name the page's script switches it
+    curve = column.partition("_")[0]  # the page's script switches it by this name
     looks = {
         "measured": {"color": MEASURED, "line_width": 1.2},
         "first": {"color": FIRST, "line_width": 1.6},
@@ -133,16 +133,16 @@ def _line(column: str) -> dict:
     return {"name": curve, **looks[curve]}
 
 
-def _tell(picture: figure, across: str, ups: Sequence[str], source: ColumnDataSource) -> None:
-    """Show the values of all curves where the pointer is; a line that is not seen carries them when curves are switched off."""
+def _add_hover(picture: figure, across: str, ups: Sequence[str], source: ColumnDataSource) -> None:
+    """Show the values of all curves at the pointer; an invisible line carries them if curves are switched off."""
     carrier = "measured" if "measured" in ups else ups[-1]
     unseen = picture.line(across, carrier, source=source, color=SECOND, alpha=0)
     digits = CustomJSHover(code="return Number.isFinite(value) ? value.toPrecision(4) : '–'")
     words = {name: name.replace("_", " ").replace("aside", "set aside") for name in (across, *ups)}
     tooltips = [(word, f"@{name}{{custom}}") for name, word in words.items()]
-    told: dict = {"tooltips": tooltips, "formatters": {f"@{name}": digits for name in words}}
-    told["mode"] = "mouse" if picture.name == "loop" else "vline"  # a loop comes by a depth more than once
-    picture.add_tools(HoverTool(renderers=[unseen], **told))
+    hover: dict = {"tooltips": tooltips, "formatters": {f"@{name}": digits for name in words}}
+    hover["mode"] = "mouse" if picture.name == "loop" else "vline"  # a loop passes a depth more than once
+    picture.add_tools(HoverTool(renderers=[unseen], **hover))
 
 
 def _figure(name: str, across: str, up: str, **more) -> figure:
@@ -151,7 +151,7 @@ def _figure(name: str, across: str, up: str, **more) -> figure:
 
 
 def _draw_means(picture: figure, source: ColumnDataSource, across: str, columns: Sequence[str]) -> None:
-    """Mean errors of both models; marks point to where the motion goes."""
+    """Draw mean errors of both models; markers point in the direction of motion."""
     for column in columns:
         look = _line(column)
         picture.line(across, column, source=source, **look)
@@ -159,11 +159,11 @@ def _draw_means(picture: figure, source: ColumnDataSource, across: str, columns:
         if column in _WAYS:
             how = {"marker": mark, "size": 6, "color": look["color"], "name": look["name"]}
             picture.scatter(across, column, source=source, **how)
-    _tell(picture, across, columns, source)
+    _add_hover(picture, across, columns, source)
 
 
 def _draw_cells(plane: figure, error: str) -> None:
-    """RMS of the first model's error in cells of position and velocity."""
+    """Draw the RMS of the first model's error in cells of position and velocity."""
     cells = empty_source(CELLS, ("position", "velocity", "width", "height", "rms"))
     light_to_dark = list(reversed(Blues256))[16:]  # one hue: the order survives in grey
     mapper = LinearColorMapper(palette=light_to_dark, low=0, high=1, name="shading")
@@ -186,7 +186,7 @@ def _spectrum(experiment: Experiment) -> figure:
     curves = ("aside", "first", "second")
     for curve in curves:
         picture.line("frequency", curve, source=spectrum, **_line(curve) | {"line_width": 1.4})
-    _tell(picture, "frequency", curves, spectrum)
+    _add_hover(picture, "frequency", curves, spectrum)
     marked = empty_source(BRUSHED_LINES, ("frequency", "density"))
     picture.line("frequency", "density", source=marked, color=MARKED, line_width=3, alpha=0.7)
     _when_drawn(picture, "window.lumbar.brushBand(cb_obj)")

@@ -1,4 +1,4 @@
-"""Models beside measurements: a simulation and how much of every record it explains, the error ladder, effects' signatures."""
+"""Simulations with their measurements, shares of the records that they explain, error ladders, effects' signatures."""
 
 from collections.abc import Callable
 from string import ascii_lowercase
@@ -26,13 +26,13 @@ from lumbar.tissue.effects.signature import AXES, RATES, pictured_form, signatur
 from lumbar.tissue.models.form import Effect
 
 _SHOWN_SAMPLES = 500
-"""Samples of the segment that is shown by default."""
+"""Samples of the default segment."""
 _NOISE = {"color": "#bbbbbb", "edgecolor": "#555555", "linewidth": 0.6}
 _EXPLAINABLE = {"color": "white", "edgecolor": MODELS["HO"]["color"], "hatch": "////", "linewidth": 0.8}
 
 
 def default_segment(record: Record, simulated: np.ndarray, start: float) -> tuple[float, float]:
-    """Seconds of a segment in which the error is as large as it is on the whole record."""
+    """Return start and end in s of a segment with an error as large as on the whole record."""
     first, size = round(start / record.sampling_time), min(_SHOWN_SAMPLES, len(record) // 2)
     energy = np.cumsum(np.insert((record["output"] - simulated) ** 2, 0, 0.0))
     candidates = np.arange(first, len(record) - size, max(size // 4, 1))
@@ -61,7 +61,7 @@ def comparison_figure(
     comparisons : list of Comparison
         Of all records, this one among them.
     model : str
-        Name of the model as it is to stand in the legend.
+        Name of the model in the legend.
     """
     mine = next(item for item in comparisons if item.record == record.name)
     segment = default_segment(record, simulated, mine.start)
@@ -95,7 +95,7 @@ def draw_segment(
     segment: tuple[float, float],
     model: str,
 ) -> None:
-    """Draw measured output and a model's over a segment in s, and beside the noise floor what the model leaves of it."""
+    """Draw measured and simulated output over a segment in s, and the residual with the noise floor."""
     response, residual = axes
     inside = (record.time >= segment[0] - 1e-9) & (record.time <= segment[1] + 1e-9)
     time, measured, modelled = record.time[inside], record["output"][inside], simulated[inside]
@@ -114,7 +114,7 @@ def draw_segment(
 
 
 def _draw_shares(axis, comparisons: list[Comparison]) -> None:
-    """Bars of what is left of the output's variance: explainable and noise."""
+    """Draw the shares of the output's variance that remain: explainable and noise."""
     left = np.array([100 * item.rms.value**2 / item.output_variance for item in comparisons])
     below = [100 * (item.rms.value**2 - item.rms.low**2) / item.output_variance for item in comparisons]
     above = [100 * (item.rms.high**2 - item.rms.value**2) / item.output_variance for item in comparisons]
@@ -150,9 +150,9 @@ def ladder_figure(rungs: list[dict], unit: str, floor: float | None) -> Figure:
     rungs : list of dict
         ``label``, ``train_rms`` and ``test_rms`` of base, base and first effect, ….
     unit : str
-        Of the errors.
+        Unit of the errors.
     floor : float or None
-        Noise floor, where it is known.
+        Noise floor if known.
     """
     figure, axes = new_figure(SINGLE_COLUMN, 2.6)
     train, test = ([rung[key] for rung in rungs] for key in ("train_rms", "test_rms"))
@@ -210,9 +210,9 @@ def signature_figure(effects: list[Effect], system: str = "tissue") -> Figure:
     Parameters
     ----------
     effects : list of Effect
-        Each is drawn in the form of `lumbar.tissue.effects.signature.pictured_form`; of none it says so.
+        Each is drawn in the form of `lumbar.tissue.effects.signature.pictured_form`; the list may be empty.
     system : str
-        What they are effects of: ``tissue`` or ``pendulum``.
+        ``tissue`` or ``pendulum``.
     """
     if not effects:
         figure, axes = new_figure(SINGLE_COLUMN, 0.6)
@@ -240,9 +240,9 @@ def _draw_effect(row, effect: Effect, system: str) -> None:
     whole.plot(slow.motion.position[settled], slow.force[settled], color=SERIES[0], label="with the effect")
     whole.set_ylabel(response.capitalize())
     for item, color, line in ((slow, SERIES[0], "-"), (fast, SERIES[3], (0, (3, 1)))):
-        kept = item.last_cycle
+        cycle = item.last_cycle
         look = {"color": color, "linestyle": line, "linewidth": 1.0, "label": f"{item.rate:g} Hz"}
-        added.plot(item.motion.position[kept], item.added_force[kept], **look)
+        added.plot(item.motion.position[cycle], item.added_force[cycle], **look)
     added.set_ylabel(f"Added {response}")
     added.set_title(f"${form.latex}$", loc="left")
     for axis in (whole, added):

@@ -69,7 +69,7 @@ def events_figure(lift: dict) -> Figure:
     ----------
     lift : dict
         ``motion`` (data frame with ``time_s``, ``<box|wrists|l_wrist|r_wrist>_height_m``, ``<…>_speed_m_s``), ``events``
-        (per event as of `lumbar.lifting.movement.event_detection.Event.as_dict`) and ``summary`` (``lift``).
+        (per event the result of `lumbar.lifting.movement.event_detection.Event.as_dict`) and ``summary`` (``lift``).
     """
     motion, events = lift["motion"], lift["events"]
     figure, axes = new_figure(DOUBLE_COLUMN, 4.6, nrows=3, sharex=True, height_ratios=[1, 1, 0.8])
@@ -157,7 +157,7 @@ def pendulum_figure(lift: dict, pendulum: PendulumSettings) -> Figure:
         Damping and gravity.
     """
     if lift["states"].empty:
-        return _without_deposit(lift)
+        return _draw_reasons(lift)
     figure, axes = new_figure(DOUBLE_COLUMN, 4.4, ncols=2, nrows=2, sharex="col", width_ratios=(1, 1.15))
     person = axes[0, 0].get_gridspec()[:, 0]
     for axis in axes[:, 0]:
@@ -236,7 +236,7 @@ def segments_figure(lift: dict) -> Figure:
         ``landmarks`` (points at every event), ``states`` and ``summary`` (``segments.ends``).
     """
     if lift["states"].empty:
-        return _without_deposit(lift)
+        return _draw_reasons(lift)
     points = _points(lift, "deposit_start")
     shown = np.array([points[name] for name in (*_FRONT, *_BACK) if name in points])
     # Room for the names beside the outermost markers; equal scales in all views.
@@ -274,7 +274,7 @@ def _segments_between_markers(axis, points: dict) -> None:
     left, right, low_left, low_right, top, *between = (np.array(points[name])[[0, 2]] for name in needed)
 
     def across(middle: np.ndarray) -> list[np.ndarray]:
-        """Where the height of a marker cuts the torso's sides, the marker between."""
+        """Return the points at which the height of a marker cuts the torso's sides, with the marker between."""
         shares = [
             (middle[1] - up[1]) / (down[1] - up[1]) for up, down in ((left, low_left), (right, low_right))
         ]
@@ -302,11 +302,11 @@ def _segments_in_use(axis, points: dict, ends: dict) -> None:
 
 
 @house_style
-def _without_deposit(lift: dict) -> Figure:
-    """A figure that says why there is nothing to draw."""
+def _draw_reasons(lift: dict) -> Figure:
+    """Draw the reasons why a lift has no pendulum."""
     figure, axes = new_figure(DOUBLE_COLUMN, 2.0)
-    said = "\n".join(dict.fromkeys(lift["summary"]["missing"].values()))
-    lines = [part for line in said.splitlines() for part in fill(line, 110).splitlines()]
+    reasons = "\n".join(dict.fromkeys(lift["summary"]["missing"].values()))
+    lines = [part for line in reasons.splitlines() for part in fill(line, 110).splitlines()]
     axes.set_axis_off()
     axes.text(
         0, 1, "\n".join([f"{person_and_box(lift['summary'])}: no pendulum", *lines]), va="top", fontsize=7
@@ -319,10 +319,10 @@ def _end_name(end: str) -> str:
     return named.get(end, "xiphoid's level")
 
 
-def _marker(axis, marker: str, point, horizontal: int, beside: str) -> None:
+def _marker(axis, marker: str, point, horizontal: int, side: str) -> None:
     """Draw a marker with its name to the left, to the right, above or below."""
     axis.plot(point[horizontal], point[2], marker="o", color=MEASURED, markersize=3, linestyle="")
-    side, _, part = marker.rpartition("_")
-    name = f"{part if len(part) <= 3 and not side else part.lower()}{f' ({side})' if side else ''}"
-    offset, across, up = _OFFSETS[beside]
+    limb, _, part = marker.rpartition("_")
+    name = f"{part if len(part) <= 3 and not limb else part.lower()}{f' ({limb})' if limb else ''}"
+    offset, across, up = _OFFSETS[side]
     note(axis, name, (point[horizontal], point[2]), offset, ha=across, va=up, fontsize=6.5)

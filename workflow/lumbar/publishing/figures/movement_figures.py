@@ -1,4 +1,4 @@
-"""Measures that see movement over a lift, the base of support from above, and when each marker was seen or cannot be a body's."""
+"""Measures over a lift, the base of support from above, and the quality of every marker over time."""
 
 from pathlib import Path
 
@@ -106,7 +106,7 @@ def support_figure(lifts: list[dict], functional_share: float) -> Figure:
     Parameters
     ----------
     lifts : list of dict
-        As of `course_figure`.
+        See `course_figure`.
     functional_share : float
         Share of the base that people use.
     """

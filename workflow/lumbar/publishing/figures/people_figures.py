@@ -1,4 +1,4 @@
-"""Differences between groups of people: all measures of a study at one glance."""
+"""Differences between groups of people: all measures of a study."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ if TYPE_CHECKING:
 FIRST, SECOND, UNDECIDED = "#0072B2", "#D55E00", "#8c8c8c"
 _MARKERS = ("o", "s", "D", "^", "v")
 MOST_ROWS = 36
-"""Rows that fit on a page; the others are left to the table."""
+"""Most rows of the figure; the table has all."""
 
 
 @house_style
 def comparison_figure(comparisons: Sequence[Comparison], groups: tuple[str, str]) -> Figure:
-    """Differences between two groups in standard deviations between people, the safer group's side named.
+    """Draw the differences between two groups in standard deviations between people, with the safer group's side.
 
-    Of the comparisons those between the groups are drawn.
+    Only comparisons between the groups are drawn.
     """
     between = [item for item in comparisons if not item.paired]
     boxes = list(dict.fromkeys(item.box for item in between))
@@ -60,7 +60,10 @@ def comparison_figure(comparisons: Sequence[Comparison], groups: tuple[str, str]
 
 
 def _sorted_rows(known: Sequence[Comparison]) -> tuple[list[tuple[str, str]], int]:
-    """Measures and planes from the clearest for the first group to the clearest for the second; those without a side last."""
+    """Return measures and planes, from the largest effect for the first group to that for the second, and the number hidden.
+
+    Rows without a safer side come last.
+    """
     effects: dict[tuple[str, str], list[float]] = {}
     for item in known:
         effects.setdefault((item.measure, item.plane), []).append(_effect(item)[0])
@@ -71,7 +74,7 @@ def _sorted_rows(known: Sequence[Comparison]) -> tuple[list[tuple[str, str]], in
 
 
 def _effect(item: Comparison) -> np.ndarray:
-    """Difference and its interval in standard deviations between people, positive where the first group is safer."""
+    """Return the difference and its interval in standard deviations, positive if the first group is safer."""
     found, sign = item.found, -1 if item.safer == "lower" else 1
     return sign * np.array([found.difference, found.low, found.high]) / found.person_sd
 

@@ -77,7 +77,7 @@ def psd_figure(
 
 
 def _draw_bandwidths(axis, by_rule: dict, rules: dict) -> None:
-    """Draw a marker with its interval for each rule, in the head-room of the axes."""
+    """Draw the bandwidth of each rule with its interval above the spectra."""
     named = {
         "power_share": (f"{100 * rules['power_share']:g} % of the power", "o", "#0072B2", 0.95),
         "unlimited": ("the same without the band's limit", "D", "#56B4E9", 0.87),
@@ -89,7 +89,7 @@ def _draw_bandwidths(axis, by_rule: dict, rules: dict) -> None:
         found = {**by_rule, "unlimited": unlimited}[rule]
         value, low, high = (found.get(key) for key in ("value_Hz", "low_Hz", "high_Hz"))
         style = {"color": colour, "transform": transform, "zorder": 4}
-        # Drawn empty where the rule has no answer, so that the legend still names it.
+        # An empty line names a rule without a value in the legend.
         shown = [] if value is None else [value]
         axis.plot(shown, [height] * len(shown), marker, markersize=4.5, label=text, **style)
         if value is None:
@@ -106,14 +106,14 @@ def _draw_bandwidths(axis, by_rule: dict, rules: dict) -> None:
 
 
 _SHOWN_TO = 2.0
-"""The spectra are shown up to this factor times the excited band."""
+"""Upper end of the drawn spectra, as a multiple of the excited band."""
 
 
 @house_style
 def excitation_figure(signals: Sequence[Signal], band: float, note: str) -> Figure:
     """Draw position against time (left) and line amplitudes against frequency (right), one row per signal.
 
-    `band` is the upper end of the excited band, Hz; `note` stands below.
+    `band` is the upper end of the excited band, Hz; `note` is written below the figure.
     """
     figure, axes = new_figure(
         DOUBLE_COLUMN, 1.5 * len(signals) + 0.5, nrows=len(signals), ncols=2, squeeze=False, sharey="col"

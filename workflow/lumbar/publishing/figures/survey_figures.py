@@ -1,4 +1,4 @@
-"""Pictures of the survey: how the models were rated, and which was picked as the best."""
+"""Figures of the survey: ratings of the models and best picks."""
 
 import textwrap
 from collections.abc import Sequence
@@ -18,18 +18,18 @@ _HATCHES = {"disagree": ("xxx", "//"), "neutral": "", "agree": ("..", "")}
 
 @house_style
 def likert_figure(models: Sequence[str], counts: np.ndarray, labels: Sequence[str], statement: str) -> Figure:
-    """Diverging bars of the ratings: disagreement to the left of zero, agreement to the right.
+    """Draw diverging bars of the ratings: disagreement to the left of zero, agreement to the right.
 
     The middle point of an odd scale straddles zero.
 
     Parameters
     ----------
     counts : numpy.ndarray of int, shape (models, points)
-        How often each point was given, from the least to the greatest agreement.
+        Number of answers by point, from the least to the greatest agreement.
     labels : sequence of str
         Names of the points.
     statement : str
-        What the participants agreed with.
+        Statement that the participants rated.
     """
     percent = 100 * counts / counts.sum(axis=1, keepdims=True)
     points = counts.shape[1]
@@ -64,7 +64,7 @@ def likert_figure(models: Sequence[str], counts: np.ndarray, labels: Sequence[st
 
 
 def _point_styles(points: int) -> list[tuple[str, str]]:
-    """Colour and hatch of each point, so that a grey print still tells them apart."""
+    """Return colour and hatch of each point, distinguishable in grey."""
     half = points // 2
 
     def ramp(ends: tuple[str, str]) -> list[str]:
@@ -82,7 +82,7 @@ def _point_styles(points: int) -> list[tuple[str, str]]:
 
 @house_style
 def best_picks_figure(best_picks: dict[str, dict], confidence: float) -> Figure:
-    """Share of best picks of every model with its interval, and the intervals that hold for all together.
+    """Draw the share of best picks of every model with its interval and its simultaneous interval.
 
     Parameters
     ----------

@@ -205,7 +205,7 @@ def excitation_figure(records: list[Record], segment_s: tuple[float, float]) -> 
 def comparison_figure(
     record: Record, simulated: dict[str, np.ndarray], segment_s: tuple[float, float]
 ) -> Figure:
-    """Figure 3.5: measured output beside the free run of every model, and what remains of it.
+    """Figure 3.5: measured output, the free run of every model, and its residual.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The pictures of a lift's page: body from two sides and above, courses over time, and a pendulum's funnel."""
+"""Pictures of a lift's page: body from two sides and above, courses over time, and a pendulum's funnel."""
 
 import numpy as np
 from bokeh.models import ColumnDataSource, CustomJS, DataRange1d, LabelSet, Range1d, Span
@@ -8,7 +8,7 @@ from lumbar.publishing.explorer.one_file import empty_source, plain_figure
 from lumbar.publishing.figures.palette import MEASURED, SEGMENTS, SERIES
 
 GREY, GOAL, PUSHED = "#888888", SERIES[3], SERIES[4]
-"""Colours of what stands behind, of the goal set and of what was pushed; the funnel has `CERTIFIED`."""
+"""Colours of the background, the goal set and the pushed path."""
 CERTIFIED = SERIES[5]
 DASHES = {"thorax": [], "abdomen": [8, 3], "pelvis": [3, 2]}
 MARKS = {
@@ -20,13 +20,13 @@ MARKS = {
 }
 """Look of the centres of mass: readable in grey."""
 SHADES = {"lift": 0.10, "carry": 0.02, "deposit": 0.22}
-"""How dark the phases stand behind the courses."""
+"""Opacity of the phases behind the courses."""
 OUTLINES = 9
-"""Cross-sections of the funnel that are drawn besides the present one."""
+"""Cross-sections of the funnel drawn in addition to the present one."""
 
 
 def lift_pictures() -> list[figure]:
-    """Pictures in the order of the page; the page's script fills them."""
+    """Return the pictures in the order of the page; the page's script fills them."""
     side = _body("side", "y, forward (m)")
     behind = _body("behind", "x, to the right (m)")
     margin = _course("margin", "Margin of stability (mm)")
@@ -50,7 +50,7 @@ def _figure(name: str, across: str, up: str, height: int, tools: str = "", **mor
 
 
 def _still(picture: figure, name: str) -> None:
-    """Keep what is shown to bounds that the script sets, with equal scales, whatever moves inside."""
+    """Fix the ranges to bounds that the script sets, with equal scales."""
     corners = ColumnDataSource({"x": [-0.5, 0.5], "y": [-0.5, 0.5]}, name=name)
     unseen = picture.scatter("x", "y", source=corners, size=0, alpha=0)
     picture.x_range = DataRange1d(renderers=[unseen], range_padding=0.06)
@@ -58,7 +58,7 @@ def _still(picture: figure, name: str) -> None:
 
 
 def _body(name: str, across: str) -> figure:
-    """Stick figure, centres of mass and pendulums."""
+    """Draw stick figure, centres of mass and pendulums."""
     picture = _figure(name, across, "z, up (m)", 420, match_aspect=True)
     _still(picture, f"{name}:bounds")
     head = _source(f"{name}:head", "x", "z")
@@ -80,7 +80,7 @@ def _body(name: str, across: str) -> figure:
 
 
 def _above() -> figure:
-    """Base of support, centre of mass and extrapolated centre, seen from above."""
+    """Draw base of support, centre of mass and extrapolated centre from above."""
     picture = _figure("above", "x, to the right (m)", "y, forward (m)", 420, match_aspect=True)
     _still(picture, "above:bounds")
     picture.patch(
@@ -97,7 +97,7 @@ def _above() -> figure:
 
 
 def _course(name: str, up: str, **more) -> figure:
-    """Picture over the recording's time with the present instant as a line; a click goes there."""
+    """Return a picture over the recording's time with the present instant as a line; a click goes to that time."""
     ranges = {"x_range": Range1d(0, 1), "y_range": Range1d(0.1, 1), **more}  # the page's script sets them
     picture = _figure(name, "Time (s)", up, 220, "xpan,xbox_zoom,xwheel_zoom,reset", **ranges)
     picture.toolbar.active_drag = picture.toolbar.active_scroll = None
@@ -108,7 +108,7 @@ def _course(name: str, up: str, **more) -> figure:
 
 
 def _draw_margin(picture: figure) -> None:
-    """The margin over time with the phases behind."""
+    """Draw the margin over time with the phases behind."""
     phases = _source("phases", "start", "stop", "shade", "phase")
     grey = {"fill_color": GREY, "fill_alpha": "shade", "line_color": None}
     picture.vstrip(x0="start", x1="stop", source=phases, level="underlay", **grey)
@@ -120,7 +120,7 @@ def _draw_margin(picture: figure) -> None:
 
 
 def _funnel() -> list[figure]:
-    """Cross-sections with the push, the funnel over time, and V/ρ over time."""
+    """Draw cross-sections with the push, the funnel over time, and V/ρ over time."""
     over_time = _course("funnel", "Angle off it (rad)")
     level = _course("level", "V/ρ", x_range=over_time.x_range, y_axis_type="log")
     band = _source("band", "time", "low", "high", "least", "most")
@@ -135,7 +135,7 @@ def _funnel() -> list[figure]:
 
 
 def _plane(path: ColumnDataSource) -> figure:
-    """Phase plane about the trajectory: where one can push to, by a click, by dragging, or with the fields beside it."""
+    """Draw the phase plane about the trajectory: a click or dragging there pushes the pendulum."""
     picture = _figure(
         "plane", "Angle off the trajectory (rad)", "Angular velocity off it (rad/s)", 460,
         x_range=Range1d(-1, 1), y_range=Range1d(-1, 1),

@@ -1,4 +1,4 @@
-"""The page of a diagnosis: the verdict, and the evidence that a referee would want."""
+"""The page of a diagnosis: the verdict and its evidence."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -40,24 +40,27 @@ def diagnosis_page(
     source_label: str,
     pictures: dict[str, Path | str] | None = None,
     more: Mapping[str, list[Markup]] | None = None,
-    said: str = "",
+    sentence: str = "",
 ) -> str:
     """Return the page.
 
     Parameters
     ----------
     catalogue : dict of str to Effect
-        Where mechanisms and experiments are looked up.
+        Source of mechanisms and experiments.
     source_label : str
-        Where the data come from.
+        Origin of the data.
     pictures : dict of str to (pathlib.Path or str), optional
-        SVG files, or their text, by caption; they stand before the list of what remains.
+        SVG files, or their text, by caption; they come before the list of what remains.
     more : mapping of str to list of markupsafe.Markup, optional
-        Further sections by their titles; the first stands before all others.
-    said : str, optional
+        Further sections by title; the first comes before all others.
+    sentence : str, optional
         The verdict in one sentence; default `headline`.
     """
-    blocks = [paragraph(f"Verdict: {diagnosis.status}"), paragraph(said or headline(diagnosis), "headline")]
+    blocks = [
+        paragraph(f"Verdict: {diagnosis.status}"),
+        paragraph(sentence or headline(diagnosis), "headline"),
+    ]
     first, *last = more.items() if more else (("", []),)
     for title, found in (first, *evidence_sections(diagnosis, evidence, catalogue, pictures or {}), *last):
         blocks += [heading(title), *found] if found else []
@@ -70,7 +73,7 @@ def evidence_sections(
     catalogue: dict[str, Effect],
     pictures: dict[str, Path | str],
 ) -> list[tuple[str, list[Markup]]]:
-    """What a referee would want, by titles; parameters as of `diagnosis_page`."""
+    """Return the sections with the evidence by title; parameters as in `diagnosis_page`."""
     floor, unit = diagnosis.experiment.floor, diagnosis.experiment.output_unit
     after = diagnosis.model.test_rms
     noise = (
@@ -156,7 +159,7 @@ def _false_alarm(diagnosis: DiagnosisResult, evidence: Evidence) -> list[Markup]
             paragraph(
                 "Where nothing is missing, the best of all forms tried gains as much in the share p of the cases at most "
                 "(F test, times their number). To be selected, an effect needs "
-                f"{percent} % or less, and surely a smaller error on unseen points."
+                f"{percent} % or less, and a significantly smaller error on unseen points."
             )
         ]
     chance = (

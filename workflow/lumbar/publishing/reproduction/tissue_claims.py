@@ -30,7 +30,7 @@ def _wide(results: Results, column: str) -> pd.DataFrame:
     raise UntestableError("not every training record has stable MW, KB and HO models")
 
 
-def _shown(wide: pd.DataFrame) -> str:
+def _format_wide(wide: pd.DataFrame) -> str:
     return "; ".join(
         f"{name}: " + ", ".join(f"{model} {value:.4g}" for model, value in row.items())
         for name, row in wide.iterrows()
@@ -40,7 +40,7 @@ def _shown(wide: pd.DataFrame) -> str:
 def _ho_is_extreme(column: str, end: str, results: Results) -> Outcome:
     wide = _wide(results, column)
     winner = wide.idxmax(axis=1) if end == "highest" else wide.idxmin(axis=1)
-    return Outcome(_shown(wide), bool((winner == "HO").all()))
+    return Outcome(_format_wide(wide), bool((winner == "HO").all()))
 
 
 def _bandwidth(quantity: str, results: Results) -> Outcome:
@@ -90,7 +90,7 @@ def _multisine_best(results: Results) -> Outcome:
     wide = _wide(results, "vaf_percent")
     if "multisine" not in wide.index or len(wide) < 2:
         raise UntestableError("needs models trained on a multisine and on another record")
-    return Outcome(_shown(wide), bool((wide.idxmax(axis=0) == "multisine").all()))
+    return Outcome(_format_wide(wide), bool((wide.idxmax(axis=0) == "multisine").all()))
 
 
 def _vaf_sorts_all(results: Results) -> Outcome:

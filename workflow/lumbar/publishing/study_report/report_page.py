@@ -61,12 +61,12 @@ def recordings(results: Path) -> list[dict]:
 def _finding(finding: dict) -> str:
     markers = ", ".join(finding["markers"]) or "all markers"
     return (
-        f"{_words(finding['kind'])} ({finding['outcome']}): {markers} from {finding['start_s']:.2f} s for "
+        f"{_readable(finding['kind'])} ({finding['outcome']}): {markers} from {finding['start_s']:.2f} s for "
         f"{finding['length_s']:.2f} s: {finding['evidence']}"
     )
 
 
-def _words(name: str) -> str:
+def _readable(name: str) -> str:
     """Return a name of files and settings as text."""
     return name.replace("_", " ")
 
@@ -74,41 +74,43 @@ def _words(name: str) -> str:
 def troubles(results: Path) -> list[Trouble]:
     """Return what fails, then what warns."""
     found = [
-        Trouble(FAILS if "(error)" in finding else WARNS, _words(item["name"]), finding)
+        Trouble(FAILS if "(error)" in finding else WARNS, _readable(item["name"]), finding)
         for item in recordings(results)
         for finding in item["findings"]
     ]
-    for part in (_of_lifts, _of_diagnoses, _of_basins, _of_fmus):
+    for part in (_lift_troubles, _diagnosis_troubles, _basin_troubles, _fmu_troubles):
         found += part(results)
     # Warnings that stages wrote to their logs.
     for path in sorted((results / "logs").rglob("*.log")):
         stage = path.relative_to(results / "logs").with_suffix("")
         if stage.parts[0] not in _REPORTED_BY_FILES:
             warnings = _WARNING.findall(path.read_text(encoding="utf-8"))
-            found += [Trouble(WARNS, _words(stage.as_posix()), text.strip()) for text in warnings]
+            found += [Trouble(WARNS, _readable(stage.as_posix()), text.strip()) for text in warnings]
     return sorted(dict.fromkeys(found), key=lambda item: item.grade != FAILS)
 
 
-def _of_lifts(results: Path) -> Iterator[Trouble]:
+def _lift_troubles(results: Path) -> Iterator[Trouble]:
     for path in sorted(results.glob("lifting/*/pendulum.json")):
         facts = read_json(path)
-        lift = _words(facts["lift"])
+        lift = _readable(facts["lift"])
         if facts.get("no_deposit"):
             yield Trouble(FAILS, lift, f"no deposit: {facts['no_deposit']}")
         for what, why in facts.get("missing", {}).items():
-            yield Trouble(FAILS, lift, f"no {_words(what)}: {why}")
+            yield Trouble(FAILS, lift, f"no {_readable(what)}: {why}")
         for words in facts.get("assumptions", ()):
             yield Trouble(WARNS, lift, f"assumed: {words}")
 
 
-def _of_diagnoses(results: Path) -> Iterator[Trouble]:
+def _diagnosis_troubles(results: Path) -> Iterator[Trouble]:
     for path in sorted(results.glob("improvement/*/diagnosis.json")):
-        where, found = f"diagnosis of {_words(path.parent.name)}", read_json(path)
+        where, found = f"diagnosis of {_readable(path.parent.name)}", read_json(path)
         if found["verdict"] == "unexplained":
             yield Trouble(FAILS, where, "something is missing, and no effect of the catalogue explains it")
         if found["verdict"] == "tied":
-            names = (_words(name).replace("+", " and ") for name in (*found["selected"], *found["tied_with"]))
-            yield Trouble(WARNS, where, f"these cannot be told apart on these records: {', '.join(names)}")
+            names = (
+                _readable(name).replace("+", " and ") for name in (*found["selected"], *found["tied_with"])
+            )
+            yield Trouble(WARNS, where, f"these cannot be distinguished on these records: {', '.join(names)}")
         if found["complete"] is False:
             yield Trouble(WARNS, where, "the error that is left is above 1.2 times the noise floor")
         if found["noise_floor_rms"] is None:
@@ -117,11 +119,11 @@ def _of_diagnoses(results: Path) -> Iterator[Trouble]:
             yield Trouble(WARNS, where, finding["sentence"])
 
 
-def _of_basins(results: Path) -> Iterator[Trouble]:
+def _basin_troubles(results: Path) -> Iterator[Trouble]:
     missing = _table(results / "stability" / "failures.csv")
     for row in () if missing is None else missing.itertuples():
         lift = f"{row.subject} {row.box_mass_kg:g} kg, {row.com}, {row.plane}".replace("_", " ")
-        yield Trouble(FAILS, lift, f"{_words(row.basin)}: {_PENDULUM.sub('', row.reason)}")
+        yield Trouble(FAILS, lift, f"{_readable(row.basin)}: {_PENDULUM.sub('', row.reason)}")
     areas = _table(results / "stability" / "boa.csv")
     if areas is None:
         return
@@ -138,7 +140,7 @@ def _of_basins(results: Path) -> Iterator[Trouble]:
         )
 
 
-def _of_fmus(results: Path) -> Iterator[Trouble]:
+def _fmu_troubles(results: Path) -> Iterator[Trouble]:
     checks = _table(results / "runtime" / "fmu_check.csv")
     for row in () if checks is None else checks.itertuples():
         if row.schema_problems:
