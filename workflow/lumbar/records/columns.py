@@ -217,7 +217,7 @@ def _read_mat(path: Path, layout: ColumnLayout) -> dict[str, np.ndarray]:
 
 def _vectors_of_mat(path: str) -> dict[str, np.ndarray | None]:
     """Variables of a MATLAB file that are vectors of real numbers, and None for each of the others."""
-    from lumbar.records.matlab_file import load_matlab
+    from lumbar.records.unpacking import load_matlab
 
     content = load_matlab(
         Path(path).read_bytes(), path, "not a MATLAB file of version 4 to 7.2", squeeze_me=True

@@ -128,7 +128,7 @@ def _stated(arrays: Mapping[str, np.ndarray]):
 
 
 def read_matlab(content: bytes, source: str, asked: Asked) -> RawTable:
-    """Read a MATLAB file; parameters as of `lumbar.records.importing.text_table.read_text`.
+    """Read a MATLAB file; parameters as for `to_table`.
 
     Raises
     ------
@@ -147,7 +147,7 @@ def read_matlab(content: bytes, source: str, asked: Asked) -> RawTable:
 
 def _matlab_variables(source: str, content: bytes) -> dict[str, Any]:
     """Numbers of a MATLAB file by path, and the paths of what only MATLAB reads."""
-    from lumbar.records.matlab_file import load_matlab
+    from lumbar.records.unpacking import load_matlab
 
     broken = "not a MATLAB file that can be read"
     variables = load_matlab(content, source, broken, squeeze_me=True, struct_as_record=False)
@@ -206,7 +206,7 @@ def _attributes(item) -> dict[str, np.ndarray]:
 
 
 def read_hdf5(content: bytes, source: str, asked: Asked) -> RawTable:
-    """Read an HDF5 file; parameters as of `lumbar.records.importing.text_table.read_text`.
+    """Read an HDF5 file; parameters as for `to_table`.
 
     A matrix is taken with its samples along the longer axis: MATLAB writes them along the other one than most.
 
