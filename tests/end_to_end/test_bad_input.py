@@ -71,7 +71,7 @@ def test_wrong_keys_are_all_named(folder):
 
 
 FAULTS = {
-    "study: twice\n": "lines 6 and {0}: key 'study' stands twice",
+    "study: twice\n": "lines 6 and {0}: duplicate key 'study'",
     "survey: [\n": "config/config.yaml, line {1}: not valid YAML: while parsing a flow node",
 }
 

@@ -50,7 +50,7 @@ def study(tmp_path_factory):
 def test_labels_that_are_not_compared_end_the_run_before_anything_runs(study):
     run = plan(study, "stability")
     assert run.status != 0
-    assert "stability.compare.groups: nobody is labelled 'expert' or 'novice'" in run.text
+    assert "stability.compare.groups: no subject has the label 'expert' or 'novice'" in run.text
     assert "trained, untrained" in run.text
 
 

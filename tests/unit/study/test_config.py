@@ -336,7 +336,7 @@ def test_every_artefact_with_a_label_has_a_caption_and_something_to_look_at(proj
 def test_the_sheet_of_artefacts_is_checked(tmp_path):
     sheet = tmp_path / "artefacts.tsv"
     sheet.write_text("id\trule\tpath\tchapter\tlabel\na\tr\tp\tsurvey\tA\na\tr\tp\tsurveys\tA\n")
-    said = r"(?s)line 3: chapter 'surveys'.*line 3: 'a' stands twice.*label .A. stands twice"
+    said = r"(?s)line 3: chapter 'surveys'.*line 3: 'a' is repeated.*label .A. is repeated"
     with pytest.raises(InputError, match=said):
         read_artefacts(sheet)
 
@@ -384,8 +384,8 @@ def test_content_and_lines(tmp_path):
             "a: 1\nb: Prüfstand\n".encode("latin-1"),
             "a.yaml, line 2: byte 0xfc is not UTF-8; save the file in",
         ),
-        (b"a: 1\nb: {c: 2,\n  c: 3}\na: 4\n", "a.yaml, lines 1 and 4: key 'a' stands twice; keep one"),
-        (b"a: 1\nb: {c: 2,\n  c: 3}\na: 4\n", "a.yaml, lines 2 and 3: key 'b.c' stands twice"),
+        (b"a: 1\nb: {c: 2,\n  c: 3}\na: 4\n", "a.yaml, lines 1 and 4: duplicate key 'a'; keep one"),
+        (b"a: 1\nb: {c: 2,\n  c: 3}\na: 4\n", "a.yaml, lines 2 and 3: duplicate key 'b.c'"),
         (b"- 1\n", "a.yaml: no mapping"),
         (b"a: " + b"[" * 1000 + b"]" * 1000, "a.yaml: nested too deep"),
         (
@@ -424,7 +424,7 @@ def test_messages_name_the_file_that_said_it_last(tmp_path):
     message = refusal(load_study, config, PROJECT, [lower, upper])
     assert f"{upper}, line 3: survey.confidence: found 95" in message
     assert f"{lower}, line 2: survey.resamples: found 3" in message
-    assert f"{upper}, lines 4 and 5: key 'survey.note' stands twice" in message
+    assert f"{upper}, lines 4 and 5: duplicate key 'survey.note'" in message
     assert "--config: seed: found -5" in message
     assert "4 problems" in message
 

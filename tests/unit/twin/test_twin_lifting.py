@@ -182,10 +182,10 @@ def test_a_cohort_is_a_study_of_its_people(project):
     assert sorted(set(study.labels.values())) == ["expert", "novice"]
     assert len(study.lifts_by_person["novice_0010"]) == 6
     renamed = overlay(config, {"stability": {"compare": {"groups": ["trained", "novice"]}}})
-    with pytest.raises(InputError, match=r"nobody is labelled 'trained'.*expert, novice"):
+    with pytest.raises(InputError, match=r"no subject has the label 'trained'.*expert, novice"):
         load_study(renamed, project)
     alone = {**config, "twin": {"lifting": {"cohort": {"groups": {"expert": {"persons": 4}}}}}}
-    with pytest.raises(InputError, match="nobody is labelled 'novice'"):
+    with pytest.raises(InputError, match="no subject has the label 'novice'"):
         load_study(alone, project)
 
 

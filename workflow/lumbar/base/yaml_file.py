@@ -1,4 +1,4 @@
-"""A YAML file read with the line of every key, and with every fault of it told by file and line."""
+"""A YAML file with the line of every key; every fault is reported by file and line."""
 
 import json
 import re
@@ -22,33 +22,33 @@ _NUMBERS = ("tag:yaml.org,2002:int", "tag:yaml.org,2002:float")
 
 @dataclass(frozen=True)
 class YamlFile:
-    """Content of one file; empty where it could not be read."""
+    """Content of one file; empty if it could not be read."""
 
     path: str
-    """As messages name it."""
+    """Name in messages."""
     content: dict[str, Any] = field(default_factory=dict)
     lines: dict[tuple, int] = field(default_factory=dict)
-    """Line of every key and every entry of a list, by the way to it: ``("tissue", "records", 0, "file")``."""
+    """Line of every key and every entry of a list, by its path: ``("tissue", "records", 0, "file")``."""
 
     def line(self, way: tuple) -> int | None:
-        """Line of a key, or of the nearest one above it that stands in the file."""
+        """Return the line of a key, or of the nearest one above it in the file."""
         return next(
             (self.lines[way[:end]] for end in range(len(way), 0, -1) if way[:end] in self.lines), None
         )
 
     def place(self, way: tuple) -> str:
-        """Name file, line and key as messages do, e.g. ``study.yaml, line 3: tissue.records.0.file``."""
+        """Return file, line and key for a message, e.g. ``study.yaml, line 3: tissue.records.0.file``."""
         line = self.line(way)
         return f"{self.path}, line {line}: {dotted_path(way)}" if line else f"{self.path}: {dotted_path(way)}"
 
 
 def dotted_path(way: tuple) -> str:
-    """Name the way to a key, e.g. ``tissue.records.0.file``."""
+    """Return the path of a key as text, e.g. ``tissue.records.0.file``."""
     return ".".join(map(str, way))
 
 
 def way_of(key: str) -> tuple:
-    """Way to a key that is named as by `dotted_path`."""
+    """Return the path of a key from its text; the inverse of `dotted_path`."""
     return tuple(int(part) if part.isdecimal() else part for part in key.split("."))
 
 
@@ -56,7 +56,7 @@ _BARE = re.compile(r"[A-Za-z][\w.-]*( [\w.-]+)*")
 
 
 def quoted(text: str) -> str:
-    """A YAML scalar that reads as this text: as it stands where it is words that are no constant, else in quotes."""
+    """Return a YAML scalar that reads as this text, with quotes only if it needs them."""
     import yaml
 
     bare = _BARE.fullmatch(text) and yaml.safe_load(text) == text
@@ -119,7 +119,7 @@ class _YamlReader:
         for name, _ in node.value:
             key, line = getattr(name, "value", None), name.start_mark.line + 1
             if isinstance(key, str) and key in first:
-                words = f"key {dotted_path((*way, key))!r} stands twice"
+                words = f"duplicate key {dotted_path((*way, key))!r}"
                 self.problems.add(
                     f"{self.file.path}, lines {first[key]} and {line}", words, "keep one of them"
                 )
@@ -135,7 +135,7 @@ class _YamlReader:
 
 
 def _bounded_loader(text: str):
-    """PyYAML's loader, which ends where a file holds more nodes than are read, or merges more than it holds."""
+    """Return PyYAML's loader, which stops at a file with too many nodes or merged entries."""
     import yaml
 
     class Bounded(yaml.SafeLoader):
@@ -158,16 +158,16 @@ def _bounded_loader(text: str):
 
 
 def read_yaml(path: Path, problems: Problems, name: str | None = None, anchors: bool = True) -> YamlFile:
-    """Read a mapping from a YAML file; it is empty where the file cannot be read.
+    """Read a mapping from a YAML file; it is empty if the file cannot be read.
 
     Parameters
     ----------
     problems : Problems
-        Takes what is wrong: no file, no UTF-8, no YAML, a tag, a key that stands twice, no mapping, too much nesting.
+        Collects the faults: no file, no UTF-8, no YAML, a tag, a duplicate key, no mapping, too much nesting.
     name : str, optional
-        How messages call the file; default its path.
+        Name of the file in messages; default its path.
     anchors : bool
-        Whether an anchor may be used again.
+        Whether aliases of anchors are allowed.
     """
     import yaml
 
@@ -215,20 +215,19 @@ def read_yaml(path: Path, problems: Problems, name: str | None = None, anchors: 
 
 
 def shipped_yaml(path: Path) -> dict[str, Any]:
-    """Content of a file that is shipped with the library, by libyaml where it is there, in a tenth of the time; its faults are
-    for the tests."""
+    """Return the content of a file of the library, by libyaml if available, in a tenth of the time; tests check it."""
     import yaml
 
     return yaml.load(path.read_bytes(), getattr(yaml, "CSafeLoader", yaml.SafeLoader))
 
 
 def shipped_names(path: Path, section: str) -> SimpleNamespace:
-    """Entries of a section of such a file, as names."""
+    """Return the entries of a section of such a file as attributes."""
     return SimpleNamespace(**shipped_yaml(path)[section])
 
 
 def check_readable(root: Path, names: Iterable[str]) -> None:
-    """Refuse files that are no YAML, before Snakemake does: it names neither the file nor the line.
+    """Check that files are YAML, before Snakemake reads them: its error names neither the file nor the line.
 
     Raises
     ------

@@ -130,7 +130,7 @@ def _docstrings(module: str) -> dict[str, dict[str, str]]:
 def _reject_repeated(entries: tuple) -> tuple:
     repeated = sorted({str(entry) for entry in entries if entries.count(entry) > 1})
     if repeated:
-        raise ValueError(f"{', '.join(repeated)} stands twice")
+        raise ValueError(f"{', '.join(repeated)} is repeated")
     return entries
 
 

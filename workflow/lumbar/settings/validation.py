@@ -1,4 +1,4 @@
-"""A configuration against the settings that there are: every wrong key and value of all files at once."""
+"""Check of a configuration: every wrong key and value of all files in one error."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -137,29 +137,28 @@ def overlay(base: dict, upper: dict) -> dict:
 
 
 class Origins:
-    """File and line that a key of a merged configuration comes from, for what is wrong with it; the last file lies on top.
+    """Origin of each key of a merged configuration, file and line, for problems; later files replace earlier ones.
 
-    `merged` is the configuration, if it may hold more than its files: what no file holds was given on the command line.
+    `merged` is the configuration, if it may have more than its files: a value in no file was given on the command line.
     """
 
     def __init__(self, problems: Problems, files: Sequence[YamlFile] = (), merged: dict | None = None):
         self.problems, self.files, self.merged = problems, files, merged
 
     def add(self, key: str | tuple, found: str, allowed: str) -> None:
-        """Note a problem at a key, by its name or the way to it, as of `place`."""
+        """Add a problem at a key, given by its name or the path to it."""
         way = way_of(key) if isinstance(key, str) else key
         self.problems.add(self.place(way), found, allowed)
 
     def place(self, way: tuple, value: Any = _ANY) -> str:
-        """Name file, line and key of a place, as far as the files hold it; else ``--config``, if it was given there.
+        """Return file, line and key of a place, as far as a file has it; else ``--config``, if it was given there.
 
         Parameters
         ----------
         way : tuple
             Keys and numbers of entries.
         value : object, optional
-            What stands there, by default what the merged configuration has: a file that says otherwise is not where it
-            comes from.
+            Value at the place, by default that of the merged configuration. A file with another value is not its origin.
         """
         name = ".".join(map(str, way)) or "top level"
         for end in range(len(way), 0, -1):
@@ -177,7 +176,7 @@ class Origins:
 
 
 def _is_merged(way: tuple, value: Any) -> bool:
-    """Whether a value is merged key by key from all files: a mapping that is in no list."""
+    """Return whether a value is merged key by key from all files: a mapping outside of lists."""
     return isinstance(value, dict) and not any(isinstance(part, int) for part in way)
 
 
@@ -195,16 +194,16 @@ def _value(content: Any, way: tuple, absent: Any) -> Any:
 
 
 def validate(content: dict, kind: type[Kind], origins: Origins) -> Kind | None:
-    """Return a configuration as settings, with the defaults of all that it leaves out; None if there are problems.
+    """Return a configuration as settings, with defaults for missing keys; None if there are problems.
 
     Parameters
     ----------
     content : dict
-        As the files hold it.
+        Content of the files.
     kind : type
         Class of `lumbar.settings`.
     origins : Origins
-        Takes every wrong key and value, with file, line, what was found and what is allowed.
+        Collects every wrong key and value, with file, line, value and what is allowed.
     """
     unfilled = _unfilled(content)
     whole = Key.of(kind) if unfilled else None
@@ -289,7 +288,7 @@ def _explain(whole: Key, content: dict, error: Mapping[str, Any]) -> tuple[tuple
     if kind == "missing" and (*way, last) == error["loc"]:
         way, found = (*way, last), "missing"
     elif last == "[key]":
-        way, found = way[:-1], f"{way[-1]!r} is no name"
+        way, found = way[:-1], f"{way[-1]!r} is not a valid name"
         return (*way, error["loc"][-2]), found, whole.at(*way).rule
     elif kind == "value_error":
         found = str(error["ctx"]["error"])

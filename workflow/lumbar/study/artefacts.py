@@ -85,10 +85,10 @@ def read_artefacts(path: Path) -> list[Artefact]:
         if row["chapter"] not in CHAPTERS:
             problems.add(f"line {line}", f"chapter {row['chapter']!r}", f"allowed: {', '.join(CHAPTERS)}")
         if row["id"] in (earlier["id"] for earlier in rows[: line - 2]):
-            problems.add(f"line {line}", f"{row['id']!r} stands twice", "ids are names of targets")
+            problems.add(f"line {line}", f"{row['id']!r} is repeated", "ids are names of targets")
         if row["label"] and row["label"] in (earlier["label"] for earlier in rows[: line - 2]):
             problems.add(
-                f"line {line}", f"label {row['label']!r} stands twice", "the report could show one only"
+                f"line {line}", f"label {row['label']!r} is repeated", "the report could show one only"
             )
     problems.raise_if_any()
     optional = ("label", "source", "function", "check")

@@ -1,4 +1,4 @@
-"""What one key of a configuration says about another, and about the files it names."""
+"""Checks of keys of a configuration against each other and against the files that they name."""
 
 from __future__ import annotations
 
@@ -27,15 +27,15 @@ if TYPE_CHECKING:
     from lumbar.settings.validation import Origins
 
 Add = Callable[[str | tuple, str, str], None]
-"""Takes the key, what was found there and what is allowed."""
+"""Function that adds a problem: key, value and what is allowed."""
 
 
 def _check_names(key: str, names: list[str], add: Add) -> None:
     if not names:
-        add(key, "none", "the chapter needs one at least")
+        add(key, "none", "the chapter needs at least one")
     for name, count in Counter(names).items():
         if count > 1:
-            add(key, f"{name!r} stands twice", "names must differ")
+            add(key, f"{name!r} is repeated", "names must differ")
 
 
 def _check_survey(survey: SurveySettings, add: Add) -> None:
@@ -52,9 +52,9 @@ def _check_tissue(tissue: TissueSettings, add: Add) -> None:
     _check_names("tissue.records", names, add)
     for number, name in enumerate(tissue.training):
         if name not in names:
-            add(f"tissue.training.{number}", f"{name!r} is no record", f"records: {', '.join(names)}")
+            add(f"tissue.training.{number}", f"{name!r} is not a record", f"records: {', '.join(names)}")
     if not tissue.training:
-        add("tissue.training", "none", f"name one of the records at least: {', '.join(names)}")
+        add("tissue.training", "none", f"name at least one of the records: {', '.join(names)}")
     ridge, (start, stop) = tissue.ridge, tissue.segment_s
     if ridge.alpha_min >= ridge.alpha_max:
         found = f"{ridge.alpha_min:g} is not below alpha_max {ridge.alpha_max:g}"
@@ -66,29 +66,29 @@ def _check_tissue(tissue: TissueSettings, add: Add) -> None:
 
 
 def _check_record_sets(settings: StudySettings, root: Path, add: Add) -> None:
-    """Check that a set whose base is no model of a tissue has records of its own, and that sets name what they have."""
+    """Check that a set with the base of another system has records, and that sets name existing records and effects."""
     _check_names("improvement.record_sets", [entry.name for entry in settings.improvement.record_sets], add)
     for number, entry in enumerate(settings.improvement.record_sets):
         place, used = f"improvement.record_sets.{number}", record_set(settings, entry.name)
         layout, _ = record_layout(settings, used.base)
         if layout is not settings.tissue.layout and entry.records is None:
             found = f"{entry.name} has the base {entry.base} and no records"
-            add(place, found, "those of the tissue chapter are none: name its own")
+            add(place, found, "those of the tissue chapter are of another system: name records")
         if entry.layout is not None and entry.records is None:
-            add(f"{place}.layout", "a layout without records", "it is of the set's own records: name them")
+            add(f"{place}.layout", "a layout without records", "it is for records of the set: name them")
         if entry.rate_Hz is not None and entry.layout is None:
             add(f"{place}.rate_Hz", "a rate without a layout", "records of tissue.layout have tissue.rate_Hz")
         names = [record.name for record in used.records]
         for name in [entry.train] if isinstance(entry.train, str) else entry.train or ():
             if name not in names:
-                add(f"{place}.train", f"{name!r} is no record", f"records: {', '.join(names)}")
+                add(f"{place}.train", f"{name!r} is not a record", f"records: {', '.join(names)}")
         if entry.effects:
             key = f"{place}.effects"
             _check_effects(entry.effects, key, settings.improvement.effect_files, used.base, root, add)
 
 
 def _check_gravity(settings: StudySettings, add: Add) -> None:
-    """Check that the effects on a pendulum, which tell masses from distances by weight, have one."""
+    """Check that a pendulum has gravity, by which its effects distinguish masses from distances."""
     sets = settings.improvement.record_sets
     weightless = settings.stability.pendulum.gravity_m_s2 == 0
     if weightless and any(record_set(settings, entry.name).base == "pendulum" for entry in sets):
@@ -97,9 +97,9 @@ def _check_gravity(settings: StudySettings, add: Add) -> None:
 
 
 def _check_groups(study: Study, add: Add) -> None:
-    """Check that the groups compared are labels of people.
+    """Check that the compared groups are labels of subjects.
 
-    One person, or one label, has nothing to compare: a study whose chapter is to compare is refused.
+    One subject, or one label, allows no comparison: this is an error if the chapter population needs one.
     """
     if study.settings.subject:
         return
@@ -107,19 +107,21 @@ def _check_groups(study: Study, add: Add) -> None:
     groups = study.settings.stability.compare.groups
     unknown = [group for group in groups if group not in labels]
     if unknown and (len(labels) > 1 or groups != GROUPS or study.has("population")):
-        words = f"labels of the people (experience in config/subjects): {', '.join(labels)}"
-        add("stability.compare.groups", f"nobody is labelled {' or '.join(map(repr, unknown))}", words)
+        allowed = f"labels of the subjects (experience in config/subjects): {', '.join(labels)}"
+        add(
+            "stability.compare.groups", f"no subject has the label {' or '.join(map(repr, unknown))}", allowed
+        )
 
 
 def check_effects(improvement: ImprovementSettings, root: Path, add: Add) -> None:
-    """Check that the effects which a study adds are known, and its own files of effects and bases sound.
+    """Check that the effects of a study are known, and that its files of effects and bases are valid.
 
     Parameters
     ----------
     root : Path
-        Folder that the study's files of effects are named relative to.
+        Folder to which the study's files of effects are relative.
     add : callable
-        Takes key, what was found and what is allowed.
+        Adds a problem: key, value and what is allowed.
     """
     files = {f"effect_files.{number}": file for number, file in enumerate(improvement.effect_files)}
     for place, file in {**improvement.base_files, **files}.items():
@@ -153,7 +155,7 @@ def _check_effects(
     for number, name in enumerate(effects):
         if name not in known:
             allowed = f"effects: {', '.join(known)}; improvement.effect_files may define more"
-            add(f"{key}.{number}", f"{name!r} is no effect{did_you_mean(name, known)}", allowed)
+            add(f"{key}.{number}", f"{name!r} is not an effect{did_you_mean(name, known)}", allowed)
 
 
 def _check_twin_lifts(study: Study, sources: Mapping[str, Origins]) -> None:

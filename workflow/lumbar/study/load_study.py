@@ -1,8 +1,7 @@
-"""From YAML to the study, its configuration checked as a whole; settings alone for commands and notebooks.
+"""Read YAML files and return a checked study, or only settings for commands and notebooks.
 
-Everything a workflow or the command line needs to know of a configuration is asked in this package, so that a wrong key
-is found before anything runs and all wrong keys are found at once.
-Effects that are Python are run only where the study is one's own, or where that is said.
+The whole configuration is checked before anything runs, and one error lists all wrong keys. Effects in Python are run only if
+the study is in the user's project, or if the user trusts it explicitly.
 """
 
 import os
@@ -33,19 +32,19 @@ def load_study(config: dict, root: Path, files: Sequence[str | Path] = (), *, tr
     Parameters
     ----------
     config : dict
-        Study and subject files, laid over each other.
+        Merged study and subject files.
     root : Path
         Folder of the project: subject files lie below it.
     files : sequence of path
-        The files that were merged, the last one on top: messages name their lines, and what merging hides, such as
-        a key that stands twice, is found in them.
+        The merged files, in their order: messages name their lines, and faults that merging hides, such as a duplicate
+        key, are detected in them.
     trust : bool
-        Whether Python that the configuration names as an effect is run wherever it comes from.
+        Whether effects in Python are run wherever they come from.
 
     Raises
     ------
     InputError
-        With every wrong key, value, missing file or contradiction found.
+        With every wrong key, wrong value, missing file and contradiction.
     """
     problems = Problems("configuration")
     read = [read_yaml(_below(root, file), problems, _named(root, file)) for file in files]
@@ -84,11 +83,11 @@ def load_study(config: dict, root: Path, files: Sequence[str | Path] = (), *, tr
 
 
 DEFAULT_FILES = (Path("config/config.yaml"), Path("config/twin.yaml"))
-"""What every study of a project is laid over."""
+"""Files below every study of a project."""
 
 
 def load_study_file(root: Path, file: Path | None = None, *, trust: bool = False) -> Study:
-    """Return the study of a project's default files, a study's file laid over them; `trust` and errors as of `load_study`."""
+    """Return the study of a project's default files and a study's file; `trust` and errors as in `load_study`."""
     files = [root / path for path in DEFAULT_FILES if (root / path).is_file()]
     files += [] if file is None else [file]
     problems, content = Problems("configuration"), {}
@@ -206,8 +205,8 @@ def load_settings(*files: str | os.PathLike, trust: bool = False) -> StudySettin
     ----------
     *files : path
     trust : bool
-        Whether Python that they name as an effect is run wherever they come from; otherwise only where they and it lie in
-        the project that is the working directory.
+        Whether effects in Python are run wherever they come from; otherwise only if they and the files are in the project
+        that is the working directory.
 
     Raises
     ------
@@ -253,10 +252,10 @@ def check_code(
     project: Path | None,
     add: Add,
 ) -> None:
-    """Check, before anything is run, that Python and every file of settings lie in the project that one works in.
+    """Check, before anything is run, that effects in Python and all files of settings are in the user's project.
 
-    A study that was sent by somebody else could otherwise run what it likes; an effect in YAML is data.
-    `files` are those of the settings, `project` is its folder, None outside of any.
+    A study from another person could otherwise run any code; an effect in YAML is data. `files` are those of the settings;
+    `project` is its folder, None outside of any project.
     """
     for number, effect in enumerate(improvement.effect_files):
         if is_data(effect):

@@ -1,4 +1,4 @@
-"""The study: a checked configuration, the places its files come from, which recordings it reads, and how."""
+"""The study: a checked configuration, the places of its files, its recordings and how they are read."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
@@ -14,7 +14,7 @@ from lumbar.tables.table import SYNTHETIC_TWIN
 
 TWIN = "twin"
 TWIN_MARKERS, TWIN_HIP_MOMENT = "lifting/{lift}.c3d", "lifting/{lift}_hip_moment.csv"
-"""Where the twin records a lift, below its recordings."""
+"""Files of a lift of the twin, below its recordings."""
 HIP_MOMENTS = "hip_moment/"
 """Folder in which the twin records trials of the hip moment."""
 
@@ -33,26 +33,26 @@ class Study:
     """A checked configuration."""
 
     name: str
-    """Name of the results folder: the study's, or the subject's where one person runs alone."""
+    """Name of the results folder: that of the study, or of the subject that runs alone."""
     settings: StudySettings
     """The merged configuration."""
     subjects: dict[str, SubjectSettings]
     """Subject files by name, in the study's order."""
     artefacts: list[Artefact]
-    """Those of the study's chapters."""
+    """Artefacts of the study's chapters."""
     data_root: Path | str | None
-    """Folder of the recordings, or the address of a place in an object store; None where the twin makes them."""
+    """Folder of the recordings, or an address in an object store; None if the twin makes them."""
     lifts: dict[str, RecordedLift] = field(default_factory=dict)
     """By name, e.g. ``expert_23kg``."""
 
     @property
     def synthetic(self) -> bool:
-        """Whether the data are made by the twin."""
+        """True if the twin makes the data."""
         return self.settings.data == TWIN
 
     @property
     def data_label(self) -> str:
-        """The words that say, on every table and figure, where the data come from."""
+        """Label of the source of the data on every table and figure."""
         return SYNTHETIC_TWIN if self.synthetic else self.settings.data_source.name
 
     def recording(self, path: str) -> str:
@@ -63,7 +63,7 @@ class Study:
 
     @property
     def remote(self) -> bool:
-        """Whether the recordings are objects of a store, which Snakemake brings to each job."""
+        """True if the recordings are objects of a store, which Snakemake copies for each job."""
         return isinstance(self.data_root, str)
 
     @property
@@ -73,7 +73,7 @@ class Study:
 
     @property
     def cohort(self) -> CohortSettings | None:
-        """The distributions that the study's people are drawn from, where they are."""
+        """Distributions from which the study's subjects are drawn; None if they are not."""
         return self.settings.twin.lifting.cohort if self.synthetic else None
 
     @property
@@ -85,7 +85,7 @@ class Study:
         return found
 
     def has(self, chapter: str) -> bool:
-        """Whether the study includes a chapter."""
+        """Return whether the study includes a chapter."""
         return chapter in self.settings.chapters
 
 
@@ -115,9 +115,9 @@ def recordings_of(study: Study) -> dict[str, list[str]]:
 
 
 def record_set(settings: StudySettings, name: str) -> RecordSetSettings:
-    """Return a record set of the improvement chapter with its base, records and effects, its own or the study's.
+    """Return a record set of the improvement chapter with its base, records and effects, else those of the study.
 
-    Its ``effects`` are None where the study names none: its model is then the one that the diagnosis selects.
+    Its ``effects`` are None if the study names none: the diagnosis then selects them.
     """
     chapter = settings.improvement
     entry = next(item for item in chapter.record_sets if item.name == name)
@@ -129,7 +129,7 @@ def record_set(settings: StudySettings, name: str) -> RecordSetSettings:
 
 
 def settings_of_set(settings: StudySettings, name: str) -> StudySettings:
-    """Settings of a study with a record set's own base, training records, session and layout in the place of the study's."""
+    """Return the settings of a study with base, training records, session and layout of a record set."""
     chapter, entry = settings.improvement, record_set(settings, name)
     session = chapter.session if entry.session is None else entry.session
     layout, rate = set_layout(settings, name)
@@ -143,23 +143,23 @@ def settings_of_set(settings: StudySettings, name: str) -> StudySettings:
 
 
 def is_tissue_chapter(settings: StudySettings, entry: RecordSetSettings) -> bool:
-    """Whether a record set is read and fitted as the tissue chapter's model with ``improvement.effects``."""
+    """Return whether a record set is read and fitted as the tissue chapter's model with ``improvement.effects``."""
     chapter = settings.improvement
     same_base = entry.base in (None, chapter.base) and entry.session in (None, chapter.session)
     return entry.records is None and entry.train is None and same_base
 
 
 def set_layout(settings: StudySettings, name: str) -> tuple[ColumnLayout, float | None]:
-    """Layout of a record set's files, its own or that of its base, and the rate (Hz) to which they are resampled."""
+    """Return the layout of a record set's files, else that of its base, and the rate (Hz) to which they are resampled."""
     entry = record_set(settings, name)
     return record_layout(settings, entry.base) if entry.layout is None else (entry.layout, entry.rate_Hz)
 
 
 def reading_plan(study: Study, chapters: Iterable[str]) -> list[dict]:
-    """How every recording of these chapters is read, for `lumbar.records.checking.check_recordings`.
+    """Return how every recording of these chapters is read, for `lumbar.records.checking.check_recordings`.
 
-    Holds what reading needs and nothing else of the configuration, so that a subject's mass or an analysis
-    setting does not call for reading again.
+    The plan contains only what reading needs, so that another mass of a subject or another setting of an analysis causes no
+    new reading.
 
     Returns
     -------
