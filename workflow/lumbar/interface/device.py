@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from lumbar.base.errors import InputError
 from lumbar.base.files import read_json
-from lumbar.interface.result import NOT_SAID, Result
+from lumbar.interface.result import UNKNOWN_SOURCE, Result
 from lumbar.settings.runtime import Platform, RuntimeSettings
 from lumbar.tables.table import Table
 from lumbar.tissue.effects.catalogue import catalogues_with
@@ -31,12 +31,12 @@ def load_models(path: str | os.PathLike, effect_files: Iterable[str | os.PathLik
     Parameters
     ----------
     effect_files : iterable of path, optional
-        Files with effects of your own that the models have and the file does not carry: those in Python.
+        Files with user-defined effects of the models that the file does not contain: those in Python.
 
     Raises
     ------
     InputError
-        With the place of everything that is missing, unknown or of the wrong type.
+        With the place of everything that is missing, unknown or of a wrong type.
 
     Examples
     --------
@@ -72,22 +72,22 @@ def export_fmu(
     Parameters
     ----------
     model : FittedModel, iterable of FittedModel or path
-        Of `identify`, `refine` or `diagnose`; or a file ``models.json`` or ``refined.json``.
+        Result of `identify`, `refine` or `diagnose`; or a file ``models.json`` or ``refined.json``.
     folder : path
     names : iterable of str, optional
-        Of a file: models to export; default the settings', of an error ladder its last one.
+        For a file: models to export. Default: those of the settings, or the last one of an error ladder.
     trained_on : str, optional
-        Of a file: record the models were identified on; default the only one there is, or the settings'.
+        For a file: record that the models were identified on. Default: the only one, or that of the settings.
     rate_Hz : float, optional
         Rate of the haptic loop in hertz; default the settings': 1 kHz, or with None there that of the model.
     targets : iterable of str, optional
         Platforms to build for: ``host``, ``x86_64-windows`` …; default the settings'.
     effect_files : iterable of path, optional
-        Of a file: files with effects of your own.
+        For a file: files with user-defined effects.
     settings : RuntimeSettings, optional
         Moving average, limits, guards of the force, what to do with an unstable model, the compiler's cache.
     source_label : str
-        Words for the source of the data; they stand in the FMU. Default those of the file.
+        Name of the source of the data, written into the FMU. Default: that of the file.
 
     Returns
     -------
@@ -97,10 +97,10 @@ def export_fmu(
     Raises
     ------
     InputError
-        A model that is not there or cannot be exported, an unknown platform, or a file with a problem: the files are
-        removed.
+        If a model does not exist or cannot be exported, a platform is unknown, or a written file is invalid; all written
+        files are then removed.
     NumericalError
-        An unstable model, or one that is unstable on the settings' device, where the settings refuse it.
+        If a model is unstable, by itself or on the device of the settings, and the settings reject it.
 
     Examples
     --------
@@ -117,9 +117,9 @@ def export_fmu(
     )
     selected, read_from = chosen_models(model, settings, names, trained_on, effect_files)
     cache = cache_folder(settings.compiler_cache)
-    resolve_targets(settings.targets)  # a wrong one is told before the models are judged
-    asked = with_device(export_models(selected, settings), settings, selected)
-    written = export_fmus(asked, Path(folder), source_label or read_from, settings.targets, cache)
+    resolve_targets(settings.targets)  # reports a wrong target before the models are judged
+    exported = with_device(export_models(selected, settings), settings, selected)
+    written = export_fmus(exported, Path(folder), source_label or read_from, settings.targets, cache)
     validate_new_files(written)
     return written
 
@@ -127,21 +127,21 @@ def export_fmu(
 def chosen_models(
     model, settings: RuntimeSettings, names, trained_on: str | None, effect_files
 ) -> tuple[list[FittedModel], str]:
-    """Models that are given, or meant of a file, and words for the source of their data; rest as of `export_fmu`."""
+    """Return the given models, or those of a file, and the name of their source. Parameters: see `export_fmu`."""
     if not isinstance(model, str | os.PathLike):
-        return [model] if isinstance(model, FittedModel) else list(model), NOT_SAID
+        return [model] if isinstance(model, FittedModel) else list(model), UNKNOWN_SOURCE
     fitted, read_from = _read(Path(model), effect_files)
     return find_models(fitted, _chosen(settings, fitted, names, trained_on)), read_from
 
 
 def _chosen(settings: RuntimeSettings, fitted: list[FittedModel], names, trained_on) -> RuntimeSettings:
-    """The settings with what is given, or what the file leaves no choice of, before what they say."""
+    """Return the settings, replaced by what is given or by the only choice in the file."""
     records = {model.trained_on for model in fitted} - {None}
     only = records.pop() if len(records) == 1 else None
-    # Of an error ladder, which holds no discrete model, the last model is what a user wants.
+    # An error ladder has no discrete model; its last model is the default.
     continuous = not any(model.discrete for model in fitted)
     names = tuple(names or ([fitted[-1].name] if continuous else settings.models))
-    # A file of passive fits holds no other.
+    # A file of passive fits has a single estimator.
     estimators = {model.estimator for model in fitted if model.discrete and model.trained_on}
     estimator = estimators.pop() if len(estimators) == 1 else settings.estimator
     return settings.model_copy(
@@ -176,9 +176,9 @@ def render(
     Parameters
     ----------
     model : FittedModel, iterable of FittedModel or path
-        Of `identify`, `refine` or `diagnose`; or a file ``models.json`` or ``refined.json``.
+        Result of `identify`, `refine` or `diagnose`; or a file ``models.json`` or ``refined.json``.
     names, trained_on, effect_files, data
-        As of `export_fmu`.
+        See `export_fmu`.
     mass_kg, damping_N_s_m, hand_stiffness_N_m, rate_Hz : float, optional
         Of the device, the hand and the servo loop; default the settings' ``device``.
     settings : RuntimeSettings, optional
@@ -187,7 +187,7 @@ def render(
     Raises
     ------
     InputError
-        A model that is not there, cannot be exported, or takes no length or gives no force.
+        If a model does not exist, cannot be exported, or does not turn a length into a force.
 
     Examples
     --------
@@ -205,7 +205,7 @@ def render(
         "rate_Hz": rate_Hz,
     }
     for key, value in given.items():
-        held = key != "hand_stiffness_N_m"  # else a stylus that nobody holds
+        held = key != "hand_stiffness_N_m"  # a stylus without a hand has stiffness 0
         if value is not None and not (0 < value < float("inf") or (value == 0 and not held)):
             raise InputError(
                 f"{key}: {value}, a finite number {'above 0' if held else 'of 0 or more'} is needed"
@@ -233,7 +233,7 @@ class Rendering(Result):
     """``analysis`` (damping needed, largest stable gain), ``run`` (the simulated loop), the worst hand and the lowest safe
     rates of each model at each rate."""
     refused: tuple[str, ...]
-    """Why models have no counterpart at a rate."""
+    """Reasons why models have no counterpart at a rate."""
     settings: RuntimeSettings
     """Settings with the device."""
     source_label: str

@@ -37,19 +37,20 @@ def identify(
     settings: StudySettings | None = None,
     source_label: str = "",
 ) -> Identification:
-    """Identify MW, Maxwell, KB, HO, LE and IL, by ridge ARX as in the thesis and by output error beside it.
+    """Identify MW, Maxwell, KB, HO, LE and IL, by ridge ARX as in the thesis and also by output error.
 
     Parameters
     ----------
     records : sequence of Record
         One per excitation, at one rate.
     train : str or sequence of str, optional
-        Record to identify on, or several, each in turn; all others test. Default the settings', or the longest.
+        Record to identify on, or several, one after another; all others are for testing. Default: that of the settings, or
+        the longest.
     settings : StudySettings, optional
-        ``tissue`` and ``seed``; the ``effects`` of ``improvement`` are added to its ``base``, and the model with them stands
-        beside the others.
+        ``tissue`` and ``seed``; the ``effects`` of ``improvement`` are added to its ``base``, and the result has that model
+        too.
     source_label : str
-        Words for the source of the data; default the folder or file they were read from.
+        Name of the source of the data; default the folder or file they were read from.
 
     Raises
     ------
@@ -81,7 +82,7 @@ def identify(
         given = tissue.inverted_linear
         found.append(given_model(training, tests, tissue.settling_s, given.force_max, given.travel))
         if improvement.effects:
-            # In Table 3.1 the refined model stands beside the thesis's, whatever base the data would ask for.
+            # Table 3.1 has the refined model and the thesis's, so its base does not depend on the data.
             base = "KB" if improvement.base == CHOSEN_BY_DATA else improvement.base
             how = DiagnosisSettings.from_study(settings, base, train=training.name)
             found.append(refined_fit([training, *tests], list(improvement.effects), how))
@@ -92,17 +93,17 @@ def identify(
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Identification(Result):
-    """Identified models, found by name."""
+    """Identified models by name."""
 
     models: list[FittedModel]
     """By training record, in the order of Table 3.1."""
     search: pd.DataFrame
-    """Every structure and ridge coefficient that was tried, one row each."""
+    """Every tested structure and ridge coefficient, one row each."""
     settings: TissueSettings
     source_label: str
 
     def __getitem__(self, name: str) -> FittedModel:
-        """Return a model by name: the ridge ARX fit on the first training record where there are several."""
+        """Return a model by name: the ridge ARX fit on the first training record if there are several."""
         return self.get(name)
 
     def get(self, name: str, estimator: str = ARX, trained_on: str | None = None) -> FittedModel:
@@ -111,7 +112,7 @@ class Identification(Result):
         Raises
         ------
         InputError
-            If there is no such model.
+            If the model does not exist.
         """
         named = [model for model in self.models if model.name == name]
         if not named:
@@ -145,7 +146,7 @@ class Identification(Result):
         return physical_parameters_table(self.models, self.settings.bootstrap.confidence, self.source_label)
 
     def comparison_figure(self, record: Record) -> Figure:
-        """Return Figure 3.5: a record beside the free runs of the thesis's models and of those with effects."""
+        """Return Figure 3.5: a record with the free runs of the thesis's models and of those with effects."""
         from lumbar.publishing.figures.tissue_figures import comparison_figure
 
         first = self.models[0].trained_on
@@ -161,12 +162,12 @@ class Identification(Result):
     def passive(
         self, records: Sequence[Record], train: str | None = None, *, settings: RuntimeSettings | None = None
     ) -> PassiveFits:
-        """Fit the models once more within those that give out no energy, as they are and on a device; see what it costs.
+        """Fit the models again so that they give off no energy, as they are and on a device; compare the errors.
 
         Parameters
         ----------
         records : sequence of Record
-            Those that the models were identified on.
+            Records that the models were identified on.
         train : str, optional
             Record to fit on; default the first of the models'.
         settings : RuntimeSettings, optional
@@ -175,7 +176,7 @@ class Identification(Result):
         Returns
         -------
         PassiveFits
-            ``table(data)`` says what was found; ``save(folder, data)`` writes ``passive_models.json`` and the table.
+            ``table(data)`` has the errors; ``save(folder, data)`` writes ``passive_models.json`` and the table.
         """
         from lumbar.tissue.haptics.passive_models import fit_passive_models
 

@@ -1,4 +1,4 @@
-"""``lumbar.import_recordings``: foreign recordings as records of a study, with what was guessed and why."""
+"""``lumbar.import_recordings``: recordings of any machine as records of a study, with every guess and its reason."""
 
 from __future__ import annotations
 
@@ -29,27 +29,27 @@ _SHOWN = 4
 
 @dataclass(frozen=True, eq=False)
 class ForeignFile:
-    """A recording's file as it was read, before anything is known of its meaning."""
+    """A recording's file after reading, before its columns have a meaning."""
 
     name: str
-    """Of the record."""
+    """Name of the record."""
     table: RawTable
     sha256: str
 
     @classmethod
     def of_content(cls, name: str, content: bytes, asked: Asked) -> ForeignFile:
-        """Read a file that lies in memory.
+        """Read a file from memory.
 
         Raises
         ------
         InputError
-            If there is no table in it.
+            If it has no table.
         """
         return cls(file_name(Path(name)), *read_content(content, Path(name), asked))
 
     @classmethod
     def of_path(cls, path: Path, asked: Asked) -> ForeignFile:
-        """Read a file; errors as of `of_content`."""
+        """Read a file; raise as `of_content` does."""
         require_file(path)
         return cls.of_content(str(path), path.read_bytes(), asked)
 
@@ -73,49 +73,49 @@ def import_recordings(
     accept_clipped: bool = False,
     name: str | None = None,
 ) -> ImportedRecordings:
-    """Read recordings of force and position in whatever form a machine wrote them.
+    """Read recordings of force and position in the form in which a machine wrote them.
 
-    Columns, units, sampling rate, delimiter, decimal mark, encoding and the lines of the table are found; what cannot be
-    told is refused with its candidates. What is given here holds for all files.
+    Columns, units, sampling rate, delimiter, decimal mark, encoding and the lines of the table are detected; ambiguous ones are
+    rejected with their candidates. Arguments apply to all files.
 
     Parameters
     ----------
     files : path, or iterable of path or ForeignFile
-        One file per recording: text in any dialect, MATLAB, HDF5 or Excel, also gzipped. Of a folder, all that end so.
+        One file per recording: text in any dialect, MATLAB, HDF5 or Excel, also gzipped; or a folder of such files.
     time, position, force : str or int, optional
-        Column, by name or number counted from 1; of several axes, parted by commas. ``time="none"`` where there is none.
+        Column, by name or number counted from 1; several axes are separated by commas. ``time="none"`` if it does not exist.
     time_unit, position_unit, force_unit : str, optional
-        Unit of the file's numbers, ``"lbf"``, or what one of them is: ``"35.15 N"``.
+        Unit of the file's numbers, ``"lbf"``, or the size of one of them: ``"35.15 N"``.
     rate : float, optional
-        Sampling rate in hertz, where no column is time.
+        Sampling rate in hertz, if no column is time.
     flip_force : bool
         Change the sign of the force.
     trim : tuple of float, optional
         Start and stop in seconds of the file's clock.
     cut : iterable of (str, tuple of float), optional
-        Names of the records that one file is cut into, each with start and stop as of `trim`.
+        Names of the records that one file is cut into, each with start and stop as in `trim`.
     cut_by : str or int, optional
-        Column, by name or number, whose stretches of one number or word are a record each.
+        Column, by name or number; each interval with one number or word in it is a record.
     table : str or int, optional
         Part of the file: number of a table in a text file, sheet of a workbook, variable or group of a MATLAB or HDF5
         file.
     encoding : str, optional
-        Of texts, as Python names it: ``"gbk"``.
+        Encoding of text, by Python's name: ``"gbk"``.
     accept_clipped : bool
-        Take records whose force or position lies flat at its extreme.
+        Accept records with a force or position that stays at its extreme.
     name : str, optional
-        Of the record, where one file is given; default that of the file. A file may hold several recordings side by side.
+        Name of the record, if one file is given; default that of the file. A file may have several recordings side by side.
 
     Returns
     -------
     ImportedRecordings
-        Prints what was guessed and why; has ``records`` and ``save(folder)``.
+        Prints the guesses and their reasons; has ``records`` and ``save(folder)``.
 
     Raises
     ------
     InputError
-        With all problems of all files: what cannot be told with its candidates; time stamps that stand twice or go back,
-        samples that are missing, records that cannot be analysed.
+        With all problems of all files: ambiguous columns with their candidates; time stamps that are repeated or go back,
+        missing samples, records that cannot be analysed.
 
     Examples
     --------
@@ -170,7 +170,7 @@ def import_recordings(
 
 
 _ENDINGS = (*COLUMN_ENDINGS, ".tsv", ".dat", ".asc", ".lvm", ".mat", ".h5", ".hdf5", ".xlsx")
-"""Of the files that are taken of a folder, also with .gz."""
+"""Endings of the files that are read from a folder, also with .gz."""
 
 
 def _sources(given: str | os.PathLike | ForeignFile) -> list[Path | ForeignFile]:
@@ -188,19 +188,19 @@ def _sources(given: str | os.PathLike | ForeignFile) -> list[Path | ForeignFile]
 
 
 def _with_sign(recording: ImportedRecording, flipped: bool) -> ImportedRecording:
-    """The recording with a note where its force is surely counted against the motion."""
+    """Add a note to a recording if its force is significantly against the motion."""
     reason = "" if recording.record.axes else of_other_sign(recording.record)
     if not reason:
         return recording
     force = recording.record.channels["output"].quantity
     remedy = "leave --flip-force out" if flipped else "--flip-force changes it"
-    note = f"the sign of the {force} seems to be the other way: {reason}; {remedy}"
+    note = f"the sign of the {force} seems to be inverted: {reason}; {remedy}"
     return replace(recording, notes=(*recording.notes, note))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ImportedRecordings(Sequence[ImportedRecording]):
-    """Recordings with what was guessed of each."""
+    """Recordings with the guesses about each."""
 
     recordings: tuple[ImportedRecording, ...]
 
@@ -219,7 +219,7 @@ class ImportedRecordings(Sequence[ImportedRecording]):
 
     @property
     def table(self) -> pd.DataFrame:
-        """One row per recording: the numbers in which a slip shows."""
+        """One row per recording: numbers that reveal a wrong guess."""
         import pandas as pd
 
         return pd.DataFrame([recording.numbers for recording in self.recordings])
@@ -237,11 +237,11 @@ class ImportedRecordings(Sequence[ImportedRecording]):
         Parameters
         ----------
         folder : path
-            A folder of its own; that of an earlier import is added to.
-        data, licence : str, optional
-            Name and licence of the data, as they stand on tables and figures.
+            A new folder, or that of an earlier import, to which files are added.
+        source_label, licence : str, optional
+            Name and licence of the data, for tables and figures.
         forward : bool
-            Whether the load drove the tests and the motion was measured: the study takes the load for the input.
+            Whether the load drove the tests and the motion was measured: the load is then the input of the study.
         """
         folder = Path(folder)
         there = sorted(folder.iterdir()) if folder.is_dir() else []

@@ -172,7 +172,7 @@ class Lift(Result):
 
     @property
     def table(self) -> list[dict]:
-        """The events, as of `event_rows`."""
+        """The events, see `event_rows`."""
         return self.event_rows()
 
     def event_rows(self) -> list[dict]:

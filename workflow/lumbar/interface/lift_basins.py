@@ -12,7 +12,7 @@ import pandas as pd
 from lumbar.base.errors import InputError
 from lumbar.base.files import read_json
 from lumbar.interface.lift import Lift
-from lumbar.interface.result import NOT_SAID, Result, read_table
+from lumbar.interface.result import UNKNOWN_SOURCE, Result, read_table
 from lumbar.lifting.stability.basins import LiftBasins, basins_of_lift
 from lumbar.lifting.stability.model.pendulum_trajectories import (
     THESIS,
@@ -78,7 +78,7 @@ def basins(
     else:
         states = _read_states(Path(lift), facts)
         source_label = source_label or states.facts.get("data", "")
-    return Basins(states, settings, seed, source_label or NOT_SAID)
+    return Basins(states, settings, seed, source_label or UNKNOWN_SOURCE)
 
 
 def _read_states(path: Path, facts: Mapping | None) -> LiftStates:
@@ -152,7 +152,7 @@ class Basins(Result):
 
     @property
     def table(self) -> pd.DataFrame:
-        """The areas, as of `mean_areas`."""
+        """The areas, see `mean_areas`."""
         return self.mean_areas()
 
     def mean_areas(self) -> pd.DataFrame:

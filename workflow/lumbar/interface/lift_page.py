@@ -11,7 +11,7 @@ import numpy as np
 from lumbar.base.errors import InputError
 from lumbar.base.files import read_json
 from lumbar.interface.lift import Lift
-from lumbar.interface.result import NOT_SAID, read_table
+from lumbar.interface.result import UNKNOWN_SOURCE, read_table
 from lumbar.publishing.lift_page.lift_data import LiftTables
 from lumbar.settings.stability import StabilitySettings
 
@@ -87,5 +87,5 @@ def _saved(folder: Path, source_label: str) -> LiftTables:
     facts, events = (read_json(folder / name) for name in FILES[3:])
     pivot = pivots if len(pivots) == len(body) and np.isfinite(pivots).any() else None
     return LiftTables(
-        body, pivot, states, facts, events["events"], source_label or facts.get("data", NOT_SAID)
+        body, pivot, states, facts, events["events"], source_label or facts.get("data", UNKNOWN_SOURCE)
     )

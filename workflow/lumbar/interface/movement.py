@@ -15,7 +15,7 @@ import pandas as pd
 from lumbar.base.errors import InputError, LumbarError
 from lumbar.base.files import read_json
 from lumbar.interface.lift import Lift, lift
-from lumbar.interface.result import NOT_SAID, Result, read_table
+from lumbar.interface.result import UNKNOWN_SOURCE, Result, read_table
 from lumbar.lifting.measures.course import Course, Lifter, course_of_lift
 from lumbar.lifting.measures.lift_values import MEASURES, WINDOWS, values_of_lift
 from lumbar.settings.lifting import ALIASES, LiftingSettings
@@ -63,7 +63,7 @@ def measure_movement(
     if isinstance(lift, Lift):
         return Measures(lift.body, lift.facts, settings, source_label or lift.source_label)
     body, facts = _read_body(Path(lift), facts)
-    return Measures(body, facts, settings, source_label or facts.get("data", NOT_SAID))
+    return Measures(body, facts, settings, source_label or facts.get("data", UNKNOWN_SOURCE))
 
 
 def _read_body(path: Path, facts: Mapping | None) -> tuple[pd.DataFrame, Mapping]:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from lumbar.interface.result import NOT_SAID, Result, data_label
+from lumbar.interface.result import UNKNOWN_SOURCE, Result, data_label
 from lumbar.records.ratings import Ratings, read_ratings
 from lumbar.settings.section import SEED
 from lumbar.settings.survey import SurveySettings
@@ -53,7 +53,7 @@ def analyse_survey(
     >>> from lumbar.settings.survey import SurveySettings
     >>> survey = lumbar.analyse_survey(ratings, settings=SurveySettings(baseline="IL", resamples=1000))
     >>> print(survey)
-    20 participants rated IL, MW, KB (source not said)
+    20 participants rated IL, MW, KB (source unknown)
     kruskal_wallis: 29.40, 2 degrees of freedom, p = 4.1e-07
     friedman: 18.33, 2 degrees of freedom, p = 0.00010
     """
@@ -61,7 +61,7 @@ def analyse_survey(
     if isinstance(ratings, str | os.PathLike):
         source_label = data_label(source_label, [os.fspath(ratings)])
         ratings = read_ratings(ratings, settings.layout)
-    source_label = source_label or NOT_SAID
+    source_label = source_label or UNKNOWN_SOURCE
     analysis = analyse(ratings, settings, seed, source_label)
     # The ratings may add to the label, e.g. that they are not real answers.
     return Survey(ratings, analysis, settings, analysis.results["data"])

@@ -85,19 +85,19 @@ def read(
     names : iterable of str, optional
         Names of the records; default the files' stems.
     periods : mapping of str to float, optional
-        Periods of the excitations in seconds by the record's name, where they are known.
+        Known periods of the excitations in seconds, by the record's name.
     trims : mapping of str to tuple of float, optional
         Start and stop of the part that is read, in seconds of the file's clock, by the record's name.
 
     Returns
     -------
     RecordSet, MarkerRecording or Ratings
-        A set of records for column files, even where there is only one.
+        A set of records for column files, even for a single one.
 
     Raises
     ------
     InputError
-        With file, line or column, what was found and what is allowed; all problems of a file at once.
+        With file, line or column, the found and the allowed value; all problems of a file in one error.
 
     Examples
     --------
@@ -143,9 +143,9 @@ def read_listed(
     layout: ColumnLayout,
     rate: float | None = None,
 ) -> RecordSet:
-    """Read the records that a study lists, each with the name, period and part that it has there.
+    """Read the records of a study, each with its name, period and part.
 
-    `files` say where each of them is; layout and rate as for `read`.
+    `files` has the path of each of them. For layout and rate see `read`.
     """
     names = [entry.name for entry in listed]
     periods = {entry.name: entry.period_s for entry in listed if entry.period_s is not None}
@@ -181,7 +181,7 @@ def column_files(folder: Path) -> list[Path]:
     Raises
     ------
     InputError
-        If there is no such folder, or no such file in it.
+        If the folder does not exist or has no such file.
     """
     if not folder.is_dir():
         raise InputError(f"{folder}: no such folder")
@@ -197,11 +197,11 @@ def column_files(folder: Path) -> list[Path]:
 
 
 def is_column_file(path: Path, endings: tuple[str, ...] = COLUMN_ENDINGS) -> bool:
-    """Whether the name is that of a column file, and not of words about the data such as ``LICENSE.txt``."""
+    """Return whether the name is that of a column file, and not of a text about the data such as ``LICENSE.txt``."""
     name = path.name.lower().removesuffix(".gz")
     return path.is_file() and name.endswith(endings) and not _ABOUT.fullmatch(name)
 
 
 def is_marker_file(path: Path) -> bool:
-    """Whether the name is that of a marker file, which a table may be but need not."""
+    """Return whether the name is that of a marker file; a table of markers is not recognised by its name."""
     return ending_of(path) in MARKER_ENDINGS

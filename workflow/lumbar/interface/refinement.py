@@ -1,4 +1,4 @@
-"""``lumbar.refine``, ``compare`` and ``locate``: a base with named effects, how well it agrees with records, where it fails."""
+"""``lumbar.refine``, ``compare`` and ``locate``: a base with named effects, its agreement with records, where it fails."""
 
 from __future__ import annotations
 
@@ -55,17 +55,17 @@ def refine(
     settings: StudySettings | None = None,
     source_label: str = "",
 ) -> Refinement:
-    """Fit a base model with effects that are named, each added in turn; parameters as of `lumbar.diagnose`.
+    """Fit a base model with named effects, added one by one. Other parameters: see `lumbar.diagnose`.
 
     Parameters
     ----------
     effects : iterable of str
-        Names in the catalogue, in the order in which they are added; none gives the base alone.
+        Names in the catalogue, in the order in which they are added; empty for the base only.
 
     Raises
     ------
     InputError
-        For an unknown effect, one that the records lack channels for, or one that they do not excite.
+        For an unknown effect, or one that the records have no channels for or do not excite.
     NumericalError
         If a fit does not converge, or an effect makes the model worse.
 
@@ -104,7 +104,7 @@ def fit_effects(records, effects, settings, seed, data) -> Refinement:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Refinement(Result):
-    """A base model with named effects: the models on the way and their errors."""
+    """A base model with named effects: the model after each effect, and the errors."""
 
     records: list[Record]
     settings: DiagnosisSettings
@@ -114,7 +114,7 @@ class Refinement(Result):
     seed: int
     source_label: str
     findings: tuple[Finding, ...] = ()
-    """Records that were too long or too fast and what was used of them, and a base whose fit did not converge."""
+    """Used parts of records that were too long or too fast, and a fit of the base that did not converge."""
 
     @property
     def effects(self) -> tuple[str, ...]:
@@ -132,7 +132,7 @@ class Refinement(Result):
         return self.models[-1]
 
     def add(self, *effects: str) -> Refinement:
-        """Refit with these effects more."""
+        """Refit with additional effects."""
         wanted = list(dict.fromkeys([*self.effects, *effects]))
         return fit_effects(self.records, wanted, self.settings, self.seed, self.source_label)
 
@@ -159,7 +159,7 @@ class Refinement(Result):
 
     @property
     def table(self) -> list[dict]:
-        """The error ladder, as of `rows`."""
+        """The error ladder, see `rows`."""
         return self.rows()
 
     def rows(self) -> list[dict]:
@@ -213,19 +213,19 @@ def compare(
     Parameters
     ----------
     model : FittedModel
-        Of `identify`, `refine` or `diagnose`, or read from a file.
+        Result of `identify`, `refine` or `diagnose`, or read from a file.
     train : str or sequence of str, optional
         Record that the noise floor is taken from; default the one the model was fitted to, or the longest.
     settings : StudySettings, optional
-        ``improvement.session`` says whether the records were cut from one session, in their order, ``tissue.settling_s`` from
-        where on they count; ``seed`` is that of the intervals.
+        ``improvement.session``: whether the records are parts of one session, in their order; ``tissue.settling_s``: seconds
+        at the start of a record that are ignored; ``seed``: that of the intervals.
     source_label : str
-        Words for the source of the data; default the folder or file they were read from.
+        Name of the source of the data; default the folder or file they were read from.
 
     Raises
     ------
     InputError
-        If `model` is no model, or the records cannot be used.
+        If `model` is not a model, or the records cannot be used.
 
     Examples
     --------
@@ -249,7 +249,7 @@ def locate(
     settings: StudySettings | None = None,
     source_label: str = "",
 ) -> OnRecords:
-    """Locate a model's error: time, frequency, position and velocity, reversals, causes; parameters as of `compare`.
+    """Locate a model's error: time, frequency, position and velocity, reversals, causes. Parameters: see `compare`.
 
     Examples
     --------
@@ -302,7 +302,7 @@ class OnRecords(Result):
     shows: str
     """`COMPARISONS` or `LOCATIONS`."""
     findings: tuple[Finding, ...] = ()
-    """Records that were too long or too fast, and what was used of them."""
+    """Used parts of records that were too long or too fast."""
 
     @cached_property
     def simulated(self) -> list[ResidualReport]:

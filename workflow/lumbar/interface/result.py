@@ -18,11 +18,11 @@ if TYPE_CHECKING:
     from lumbar.settings.study_settings import StudySettings
 
 
-NOT_SAID = "source not said"
+UNKNOWN_SOURCE = "source unknown"
 
 
 def data_label(given: str, sources: Iterable[str]) -> str:
-    """Return what was given; else the folder that the files come from, or a file alone; sources without a file are empty.
+    """Return the given label, else the name of the folder of several files or of a single file; skip empty sources.
 
     Examples
     --------
@@ -31,20 +31,20 @@ def data_label(given: str, sources: Iterable[str]) -> str:
     >>> data_label("", ["answers.csv"])
     'answers.csv'
     >>> data_label("", [""])
-    'source not said'
+    'source unknown'
     """
     files = [Path(source).resolve() for source in dict.fromkeys(sources) if source]
     names = [file.name for file in files] if len(files) == 1 else [file.parent.name for file in files]
-    return given or ", ".join(dict.fromkeys(names)) or NOT_SAID
+    return given or ", ".join(dict.fromkeys(names)) or UNKNOWN_SOURCE
 
 
 def label_of(given: str, records: Iterable[Record]) -> str:
-    """Return `data_label` of records.
+    """Return the `data_label` of records.
 
     Raises
     ------
     InputError
-        If these are no records.
+        If something else than records is given.
     """
     from lumbar.records.record import Record
 
@@ -62,7 +62,7 @@ def settings_or_default(given: StudySettings | None) -> StudySettings:
     Raises
     ------
     InputError
-        If they are those of a part of a study.
+        If they are the settings of a part of a study.
     """
     from lumbar.settings.study_settings import StudySettings
 

@@ -8,10 +8,10 @@ from functools import cached_property
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from lumbar.base.files import write_json, write_text
+from lumbar.base.files import write_csv, write_json, write_text
 from lumbar.interface.diagnosed import Diagnosis
 from lumbar.tables.table import Table
-from lumbar.tissue.diagnosis.evidence.evidence import Evidence, ladder_csv, signal_angles
+from lumbar.tissue.diagnosis.evidence.evidence import Evidence, ladder_frame, signal_angles
 from lumbar.tissue.diagnosis.residuals.locate import of_axes
 from lumbar.tissue.diagnosis.selection.refine import refined_document
 from lumbar.tissue.diagnosis.selection.sentences import details
@@ -103,7 +103,7 @@ class SpatialDiagnosis(Diagnosis):
         folder = Path(folder)
         told = {**self.result.to_json(), "data": self.source_label, "headline": self.headline}
         write_json(folder / "diagnosis.json", told)
-        write_text(folder / "ladder.csv", ladder_csv(self.result, self.source_label))
+        write_csv(folder / "ladder.csv", ladder_frame(self.result, self.source_label))
         kept = self.result if effects is None else self.with_effects(effects)
         write_json(folder / "refined.json", refined_document(kept.path, kept.experiment, self.source_label))
         self.axes_table.write(folder / "principal_axes")

@@ -1,4 +1,4 @@
-"""The verb ``report``: a finished study as one page."""
+"""``lumbar.report``: a finished study as one page."""
 
 import os
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ class StudyReport:
 
     study: str
     html: str
-    """The page: it needs nothing from elsewhere; its links are relative to the study's results."""
+    """The self-contained page; its links are relative to the study's results."""
 
     def __repr__(self) -> str:
         return f"<StudyReport of {self.study}: {len(self.html) / 1e6:.1f} MB>"
@@ -49,7 +49,7 @@ def report(results: str | os.PathLike, project: str | os.PathLike = ".") -> Stud
     Raises
     ------
     InputError
-        The folder holds no study, or its settings are wrong.
+        If the folder has no study, or its settings are invalid.
 
     Examples
     --------
@@ -63,7 +63,7 @@ def report(results: str | os.PathLike, project: str | os.PathLike = ".") -> Stud
     results, project = Path(results), Path(project)
     for path in (results / "run_config.yaml", results / "run_environment.json"):
         if not path.is_file():
-            raise InputError(f"{path}: no such file; a study's results hold it: run the workflow first")
+            raise InputError(f"{path}: no such file; run the workflow first, which writes it")
     problems = Problems(str(results / "run_config.yaml"))
     config = read_yaml(results / "run_config.yaml", problems).content
     problems.raise_if_any()

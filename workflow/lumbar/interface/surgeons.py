@@ -54,7 +54,7 @@ def bandwidth(
     seed : int
         Of the intervals.
     source_label : str
-        Words for the source of the data; default the folder or file they were read from.
+        Name of the source of the data; default the folder or file they were read from.
 
     Examples
     --------
@@ -82,7 +82,7 @@ class Bandwidth(Result):
     """Bandwidth of surgeons' motion."""
 
     spectra: MotionSpectra
-    """Of every trial."""
+    """Spectra of every trial."""
     values: dict
     """By quantity (position, velocity) and rule: ``value_Hz``, ``low_Hz``, ``high_Hz``."""
     settings: SurgeonSettings
@@ -90,7 +90,7 @@ class Bandwidth(Result):
 
     @property
     def table(self) -> list[dict]:
-        """The bandwidths, as of `rows`."""
+        """The bandwidths, see `rows`."""
         return self.rows()
 
     def figure(self) -> Figure:
@@ -153,7 +153,7 @@ def design_signals(
     band : float, Bandwidth or path
         Upper end of the band to excite in hertz; or the surgeons' bandwidth, or its file, from which it follows.
     source_label : str
-        Words for the source of the band; default those of the bandwidth, or that it was given.
+        Name of the source of the band; default that of the bandwidth, or that it was given.
 
     Raises
     ------
@@ -206,7 +206,7 @@ class Signals(Result):
 
     @property
     def properties(self) -> Table:
-        """What the signals are and ask of the machine."""
+        """Properties of the signals and their demands on the machine."""
         return signal_properties(self.excitation, self.settings, self.source_label, self.bandwidths)
 
     def figure(self) -> Figure:

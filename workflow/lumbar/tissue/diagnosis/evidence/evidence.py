@@ -5,16 +5,17 @@ parameters cannot take up (`lumbar.tissue.diagnosis.fitting.uncertainty`). Two e
 forces point in the same direction; the angle between them measures how well they can be distinguished, whatever the noise.
 """
 
-import csv
-import io
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy
 
-from lumbar.base.files import write_json, write_text
+from lumbar.base.files import write_csv, write_json, write_text
 from lumbar.settings.signals import MachineSettings
 from lumbar.tables.layout import unit_in_print
 from lumbar.tissue.diagnosis.evidence.discrimination import Separation, motion_csv, separating_excitation
@@ -39,6 +40,9 @@ from lumbar.tissue.effects.catalogue import usable_effects
 from lumbar.tissue.models.form import Effect, Form
 from lumbar.tissue.models.motion import along_axes
 from lumbar.tissue.signals.spectrum import Kinematics, occupied_band
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 ALIKE = 15.0
 """Degrees: candidates of one cluster add forces that differ by no more (97 % of the force in common)."""
@@ -186,16 +190,6 @@ _WIDE = 0.5
 """Half width of an interval, as a share of the value, above which a parameter is poorly known."""
 _NAMED = 4
 """Effects named as the hardest to see."""
-LADDER_COLUMNS = (
-    "rung",
-    "effects",
-    "forms",
-    "train_rms",
-    "test_rms",
-    "unit",
-    "noise_floor_rms",
-    "data",
-)
 EXCITATION = "separating_excitation.csv"
 
 
@@ -367,7 +361,7 @@ def write_diagnosis(
     `gather` returns the evidence, `source_label` says where the data come from.
     """
     write_json(folder / "diagnosis.json", {**diagnosis.to_json(), "data": source_label})
-    write_text(folder / "ladder.csv", ladder_csv(diagnosis, source_label))
+    write_csv(folder / "ladder.csv", ladder_frame(diagnosis, source_label))
     (folder / EXCITATION).unlink(missing_ok=True)
     evidence = gather()
     write_json(folder / "diagnosis.json", diagnosis_document(diagnosis, evidence, source_label))
@@ -394,19 +388,22 @@ def diagnosis_document(diagnosis: DiagnosisResult, evidence: Evidence, source_la
     }
 
 
-def ladder_csv(diagnosis: DiagnosisResult, source_label: str) -> str:
-    """Return the error ladder: base, base and first effect, …."""
-    experiment, text = diagnosis.experiment, io.StringIO()
-    floor = experiment.floor
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(LADDER_COLUMNS)
-    for number, item in enumerate(diagnosis.path):
-        forms = "+".join(form.name for form in item.fit.structure.forms)
-        errors = (
-            item.train_rms,
-            item.test_rms,
-            experiment.output_unit,
-            floor and floor.rms,
-        )
-        writer.writerow((number, "+".join(item.effects), forms, *errors, source_label))
-    return text.getvalue()
+def ladder_frame(diagnosis: DiagnosisResult, source_label: str) -> pd.DataFrame:
+    """Return the error ladder: one row for the base, for the base with the first effect, and so on."""
+    import pandas as pd
+
+    experiment = diagnosis.experiment
+    rows = [
+        {
+            "rung": number,
+            "effects": "+".join(item.effects),
+            "forms": "+".join(form.name for form in item.fit.structure.forms),
+            "train_rms": item.train_rms,
+            "test_rms": item.test_rms,
+            "unit": experiment.output_unit,
+            "noise_floor_rms": None if experiment.floor is None else experiment.floor.rms,
+            "data": source_label,
+        }
+        for number, item in enumerate(diagnosis.path)
+    ]
+    return pd.DataFrame(rows)
