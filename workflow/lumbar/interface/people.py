@@ -12,7 +12,7 @@ import pandas as pd
 
 from lumbar.base.errors import InputError
 from lumbar.interface.result import Result, data_label, read_table
-from lumbar.lifting.measures.compare_groups import Comparison, compare_people, comparison_table
+from lumbar.lifting.measures.compare_groups import GroupComparison, compare_people, comparison_table
 from lumbar.settings.stability import GROUPS
 from lumbar.tables.table import Table
 
@@ -105,7 +105,7 @@ def _groups_of(frame: pd.DataFrame) -> tuple[str, str]:
 class PeopleCompared(Result):
     """What differs between groups and boxes."""
 
-    comparisons: tuple[Comparison, ...]
+    comparisons: tuple[GroupComparison, ...]
     groups: tuple[str, str]
     source_label: str
 
@@ -134,7 +134,7 @@ class PeopleCompared(Result):
         )
 
 
-def _sentence(item: Comparison) -> str:
+def _sentence(item: GroupComparison) -> str:
     found = item.found
     start = f"{item.name}, {item.box} kg, {item.measure}, {item.plane}: {found.difference:.3g} {item.unit}".rstrip()
     if found.low is None:

@@ -237,18 +237,6 @@ def test_a_body_carries_each_of_its_markers(label):
     assert filled[label] == pytest.approx(points[label], abs=1e-12)
 
 
-def test_two_markers_carry_none_nor_do_three_on_a_line_nor_a_body_that_is_never_seen_whole():
-    four = {label: points for label, points in moving().items() if label != "E"}
-    filled, frames = fill_from_body(hidden(hidden(four, "A", slice(20, 40)), "B", slice(20, 40)))
-    assert not frames
-    assert np.isnan(filled["A"][20:40]).all()
-    line = {label: np.tile([0.0, 0.1 * place, 0.0], (60, 1)) for place, label in enumerate("ABC")}
-    line["D"] = np.tile([0.1, 0.0, 0.0], (60, 1))
-    assert not fill_from_body(hidden(line, "D", slice(20, 40)))[1]
-    never = hidden(moving(), "A", slice(None))
-    assert fill_from_body(never)[0] is never and not fill_from_body(never)[1]
-
-
 def test_a_spine_of_the_ilium_hidden_while_bending_does_not_hide_hips_and_loin():
     whole = true_recording("novice_23kg")
     bending = replace(whole, positions=hidden(whole.positions, "L_ASIS", slice(200, 300)))

@@ -99,13 +99,6 @@ def test_all_labels_of_a_side_exchanged_are_told_as_a_mirrored_body(recordings):
     assert (finding.kind, finding.outcome) == ("mirrored", "error")
 
 
-def test_one_pair_of_a_side_is_told_from_the_others(recordings):
-    recording, _ = recordings("weird_squat_trc/markers_Squat2.trc")
-    points = exchanged(recording.positions, "LASI", "RASI", slice(None))
-    (finding,) = examine(points, recording.time, recording.rate)
-    assert (finding.kind, set(finding.markers)) == ("exchanged", {"LASI", "RASI"})
-
-
 @pytest.mark.parametrize(
     ("height_m", "kinds"), [(1.60, []), (1.75, []), (2.2, ["stature"]), (0.75, ["unit"])]
 )

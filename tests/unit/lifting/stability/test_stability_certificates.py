@@ -82,37 +82,6 @@ def test_a_solver_that_gives_up_is_told_with_the_basin(loops, monkeypatch):
         RateProgramme(3).solve(loops, 0, 0, level=1.0)
 
 
-C = (np.sqrt(13) - 1) / 6
-"""Where c·s² − c²/2 has its maximum on the circle: the root of 1 − c − 3c²."""
-
-
-def polynomial(degree, **terms):
-    """Coefficients of a polynomial given by exponents, e.g. ``p20=1`` for z1²."""
-    index = {exponents: position for position, exponents in enumerate(monomials(degree + 1))}
-    coefficients = np.zeros(len(index))
-    for name, value in terms.items():
-        coefficients[index[int(name[1]), int(name[2])]] = value
-    return coefficients
-
-
-@pytest.mark.parametrize("degree", [3, 5])
-@pytest.mark.parametrize(
-    ("terms", "maximum"),
-    [
-        ({"p20": 3.0, "p02": -1.0}, 3.0),
-        ({"p11": 2.0}, 1.0),
-        ({"p22": 4.0}, 1.0),
-        ({"p40": 1.0, "p04": 1.0}, 1.0),
-        ({"p12": 1.0, "p20": -0.5}, C - C**3 - 0.5 * C**2),
-    ],
-)
-def test_certified_rate_is_the_maximum_on_the_circle(degree, terms, maximum):
-    coefficients = polynomial(degree, **terms)
-    rate, _ = Certificate(degree).solve(coefficients, "test")
-    assert rate == pytest.approx(circle_maximum(coefficients, degree + 1), abs=1e-6)
-    assert rate == pytest.approx(maximum, abs=1e-6)
-
-
 def test_status_other_than_solved_is_no_result():
     with pytest.raises(NumericalError, match="somebody: the sum-of-squares programme ended as"):
         Certificate(3).solve(np.full(len(monomials(4)), np.nan), "somebody")

@@ -257,8 +257,8 @@ def ankle_torques(sex: str) -> AnkleTorques:
     """Return the mean torques of one ankle; for an unknown sex the mean of women's and men's (`ANKLE_SOURCE`)."""
     if sex in _ANKLES:
         return _ANKLES[sex]
-    both = zip(*(vars(values).values() for values in _ANKLES.values()), strict=True)
-    return AnkleTorques(*(float(np.mean(pair)) for pair in both))
+    male, female = (vars(torques) for torques in _ANKLES.values())
+    return AnkleTorques(**{name: float(np.mean([male[name], female[name]])) for name in male})
 
 
 def pressure_limits(

@@ -10,7 +10,7 @@ from lumbar.tables.described import described
 from lumbar.tables.table import Table
 
 MIN_PERSONS = 3
-"""Persons of a group below which there is no interval."""
+"""Subjects of a group that an interval needs."""
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,7 @@ class Difference:
     freedom: float | None = None
     p_value: float | None = None
     remark: str = ""
-    """Why there is no interval and no test; empty otherwise."""
+    """Reason if there is neither an interval nor a test; empty otherwise."""
 
     @property
     def difference(self) -> float:
@@ -41,7 +41,7 @@ class Difference:
 
 
 def compare_means(first: pd.Series, second: pd.Series, paired: bool, names: tuple[str, str]) -> Difference:
-    """Compare the means of persons, one value each, by person; `names` are those of the sides, for messages."""
+    """Compare the means of subjects, one value each, by subject; `names` are those of the sides, for messages."""
     from statsmodels.stats.weightstats import CompareMeans, DescrStatsW
 
     if paired:
@@ -63,11 +63,12 @@ def compare_means(first: pd.Series, second: pd.Series, paired: bool, names: tupl
     else:
         welch = CompareMeans(*sides)
         interval, (_, p, freedom) = welch.tconfint_diff(usevar="unequal"), welch.ttest_ind(usevar="unequal")
-    return Difference(*means, persons, sd, *map(float, interval), float(freedom), float(p))
+    low, high = map(float, interval)
+    return Difference(*means, persons, sd, low=low, high=high, freedom=float(freedom), p_value=float(p))
 
 
 @dataclass(frozen=True, eq=False)
-class Comparison:
+class GroupComparison:
     """One measure compared between two sides, at a box or within the persons who lifted both boxes (`paired`)."""
 
     name: str
@@ -76,7 +77,7 @@ class Comparison:
     plane: str
     unit: str
     safer: str
-    """Which values are the safer ones: ``higher``, ``lower`` or empty."""
+    """Safer values: ``higher``, ``lower`` or empty."""
     sides: tuple[str, str]
     paired: bool
     trials: tuple[int, int]
@@ -84,7 +85,7 @@ class Comparison:
 
     @property
     def verdict(self) -> str:
-        """Which side is safer, or that the interval contains both answers."""
+        """Safer side, or that the interval contains 0."""
         low, high = self.found.low, self.found.high
         if low is None:
             return "cannot be told"
@@ -94,19 +95,32 @@ class Comparison:
         return {"higher": higher, "lower": lower}.get(self.safer, f"{higher} higher")
 
 
-def compare_people(table: pd.DataFrame, groups: tuple[str, str]) -> Iterator[Comparison]:
+def compare_people(table: pd.DataFrame, groups: tuple[str, str]) -> Iterator[GroupComparison]:
     """Compare two groups at every box that both lifted, and the lightest with the heaviest box in each group.
 
     `table` has the columns ``person, group, box_mass_kg, measure, plane, value``, and ``unit`` and ``safer`` if they are known.
     """
     for (measure, plane), rows in table.groupby(["measure", "plane"], sort=False):
-        words = [str(rows[name].fillna("").iloc[0]) if name in rows else "" for name in ("unit", "safer")]
+        unit, safer = (
+            str(rows[name].fillna("").iloc[0]) if name in rows else "" for name in ("unit", "safer")
+        )
         for name, box, sides, paired, selected in _pairs(rows, groups):
-            known = [side.dropna(subset="value") for side in selected]
-            found = compare_means(*(side.groupby("person")["value"].mean() for side in known), paired, sides)
+            first, second = (side.dropna(subset="value") for side in selected)
+            means = (side.groupby("person")["value"].mean() for side in (first, second))
+            found = compare_means(*means, paired, sides)
             if all(found.persons):
-                keys, trials = (name, box, str(measure), str(plane), *words), (len(known[0]), len(known[1]))
-                yield Comparison(*keys, sides, paired, trials, found)
+                yield GroupComparison(
+                    name=name,
+                    box=box,
+                    measure=str(measure),
+                    plane=str(plane),
+                    unit=unit,
+                    safer=safer,
+                    sides=sides,
+                    paired=paired,
+                    trials=(len(first), len(second)),
+                    found=found,
+                )
 
 
 def _pairs(rows: pd.DataFrame, groups: tuple[str, str]) -> Iterator[tuple]:
@@ -124,7 +138,7 @@ def _pairs(rows: pd.DataFrame, groups: tuple[str, str]) -> Iterator[tuple]:
             yield f"decrease_in_mass_{group}", box, sides, True, [cells[group, mass] for mass in boxes]
 
 
-def comparison_table(comparisons: Sequence[Comparison], source_label: str) -> Table:
+def comparison_table(comparisons: Sequence[GroupComparison], source_label: str) -> Table:
     """Return what differs between groups and boxes, with p values adjusted after Holm for each comparison and box."""
     from statsmodels.stats.multitest import multipletests
 

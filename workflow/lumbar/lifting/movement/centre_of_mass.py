@@ -95,8 +95,13 @@ def _table(
     forward: Sequence[float] = (0.0, 0.0, 0.0),
 ) -> SegmentTable:
     """Return a table with masses as shares of the body's, and centres as shares along and ahead of the segments' lines."""
-    segments = zip(COMS, pairwise(ends), mass, centre, forward, strict=True)
-    return SegmentTable(name, tuple(Segment(com, *ends, *shares) for com, ends, *shares in segments), source)
+    segments = tuple(
+        Segment(com, top, bottom, mass_share=m, com_share=along, forward_share=ahead)
+        for com, (top, bottom), m, along, ahead in zip(
+            COMS, pairwise(ends), mass, centre, forward, strict=True
+        )
+    )
+    return SegmentTable(name, segments, source)
 
 
 WINTER = _table(

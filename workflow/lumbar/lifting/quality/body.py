@@ -249,13 +249,6 @@ def _contradicted(sides: dict, depths: dict) -> dict[tuple[str, str], float]:
     return found
 
 
-def _mirrored(sides: dict, depths: dict) -> bool:
-    """Whether left and right contradict front and back, which agree with each other."""
-    given = np.nansum(list(depths.values()), axis=0) / len(depths)
-    against = [np.nanmedian((own * given).sum(axis=1)) < 0 for own in sides.values()]
-    return bool(np.mean(against) > 0.7 and np.nanmedian(np.linalg.norm(given, axis=1)) > _AT.agreeing)
-
-
 def rightward(points: dict[str, np.ndarray], named: dict[str, str]) -> tuple[dict, dict]:
     """Return unit vectors to the right by every pair left/right, and by every pair front/back, shape (n_frames, 3) each."""
     trunk = _trunk(points, named)

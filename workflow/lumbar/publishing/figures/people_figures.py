@@ -12,7 +12,7 @@ from lumbar.lifting.measures.lift_values import measure_in_words
 from lumbar.publishing.figures.style import DOUBLE_COLUMN, house_style, new_figure
 
 if TYPE_CHECKING:
-    from lumbar.lifting.measures.compare_groups import Comparison
+    from lumbar.lifting.measures.compare_groups import GroupComparison
 
 FIRST, SECOND, UNDECIDED = "#0072B2", "#D55E00", "#8c8c8c"
 _MARKERS = ("o", "s", "D", "^", "v")
@@ -21,7 +21,7 @@ MOST_ROWS = 36
 
 
 @house_style
-def comparison_figure(comparisons: Sequence[Comparison], groups: tuple[str, str]) -> Figure:
+def comparison_figure(comparisons: Sequence[GroupComparison], groups: tuple[str, str]) -> Figure:
     """Draw the differences between two groups in standard deviations between people, with the safer group's side.
 
     Only comparisons between the groups are drawn.
@@ -59,7 +59,7 @@ def comparison_figure(comparisons: Sequence[Comparison], groups: tuple[str, str]
     return figure
 
 
-def _sorted_rows(known: Sequence[Comparison]) -> tuple[list[tuple[str, str]], int]:
+def _sorted_rows(known: Sequence[GroupComparison]) -> tuple[list[tuple[str, str]], int]:
     """Return measures and planes, from the largest effect for the first group to that for the second, and the number hidden.
 
     Rows without a safer side come last.
@@ -73,13 +73,13 @@ def _sorted_rows(known: Sequence[Comparison]) -> tuple[list[tuple[str, str]], in
     return ordered, len(effects) - len(kept)
 
 
-def _effect(item: Comparison) -> np.ndarray:
+def _effect(item: GroupComparison) -> np.ndarray:
     """Return the difference and its interval in standard deviations, positive if the first group is safer."""
     found, sign = item.found, -1 if item.safer == "lower" else 1
     return sign * np.array([found.difference, found.low, found.high]) / found.person_sd
 
 
-def _draw(axes, item: Comparison, height: float, marker: str) -> None:
+def _draw(axes, item: GroupComparison, height: float, marker: str) -> None:
     effect, *ends = _effect(item)
     low, high = sorted(ends)
     colour = UNDECIDED if low <= 0 <= high else FIRST if effect > 0 else SECOND
@@ -95,7 +95,7 @@ def _label(row: tuple[str, str]) -> str:
     return measure_in_words(measure if plane in ("all", "") else f"{measure}, {plane}")
 
 
-def _title(between: Sequence[Comparison], known: Sequence[Comparison], hidden: int) -> str:
+def _title(between: Sequence[GroupComparison], known: Sequence[GroupComparison], hidden: int) -> str:
     if not known:
         reason = between[0].found.remark if between else "the groups have no box in common"
         return f"Nothing can be compared: {reason}"

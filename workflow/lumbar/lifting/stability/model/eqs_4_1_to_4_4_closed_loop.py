@@ -28,7 +28,7 @@ from lumbar.lifting.stability.model.pendulum_trajectories import SIGNS, Trajecto
 from lumbar.settings.stability import RegulatorSettings, StabilitySettings
 
 
-class Linearisation(NamedTuple):
+class LinearPendulum(NamedTuple):
     """A = [[0, 1], [a21, a22]] and B = [0, b2] (Eq. 4.3)."""
 
     a21: np.ndarray
@@ -54,10 +54,10 @@ class Pendulums:
     """Shape (points, pendulums): θ0 in rad on an even grid from t = 0 to T: the knots and the points halfway between them.
     """
 
-    def linearisation(self, angle: np.ndarray) -> Linearisation:
+    def linearisation(self, angle: np.ndarray) -> LinearPendulum:
         """Return the linearised pendulum (Eq. 4.3) at angles of shape (..., pendulums)."""
         stiffness = self.gravity_torque * np.cos(angle)
-        return Linearisation(-stiffness / self.inertia, -self.damping / self.inertia, 1 / self.inertia)
+        return LinearPendulum(-stiffness / self.inertia, -self.damping / self.inertia, 1 / self.inertia)
 
 
 def gather(
@@ -264,6 +264,10 @@ class NormalForm:
     coupling: np.ndarray
     """2·(σmgℓ/I)·√s22: κ is this divided by √ρ."""
 
+    def at(self, point) -> NormalForm:
+        """Return the form at points of the first axis (an index or a slice)."""
+        return NormalForm(**{name: values[point] for name, values in vars(self).items()})
+
 
 def normal_form(pendulums: Pendulums, angle: np.ndarray, cost: np.ndarray, decay: np.ndarray) -> NormalForm:
     """Bring the closed loop into normal coordinates.
@@ -328,12 +332,11 @@ class ClosedLoops:
 
     def form(self, point) -> NormalForm:
         """Return V̇/ρ in normal coordinates at points of the grid (an index or a slice)."""
-        return NormalForm(*(part[point] for part in self._parts))
+        return self._form.at(point)
 
     @cached_property
-    def _parts(self) -> tuple[np.ndarray, ...]:
-        form = normal_form(self.pendulums, self.pendulums.angle, self.cost, self.decay)
-        return tuple(vars(form).values())
+    def _form(self) -> NormalForm:
+        return normal_form(self.pendulums, self.pendulums.angle, self.cost, self.decay)
 
     def select(self, index: np.ndarray) -> ClosedLoops:
         """Return the loops of these pendulums, which may repeat."""

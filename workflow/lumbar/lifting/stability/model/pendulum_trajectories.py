@@ -274,16 +274,20 @@ def trajectories_of_lift(
     """
     trajectories, failures, missing = [], [], facts.get("missing", {})
     parts = dict(iter(states.groupby(["com", "plane"])))
-    person, box = (facts["subject"], facts.get("experience", "")), float(facts["box_mass_kg"])
+    lifted = {
+        "subject": facts["subject"],
+        "experience": facts.get("experience", ""),
+        "box_mass_kg": float(facts["box_mass_kg"]),
+    }
     for com in COMS:
         for plane in PLANES:
             if com in missing:
-                failures.append(Failure(*person, box, com, plane, NO_TRAJECTORY, missing[com]))
+                lost = {"com": com, "plane": plane, "basin": NO_TRAJECTORY, "reason": missing[com]}
+                failures.append(Failure(**lifted, **lost))
                 continue
             rows = parts.get((com, plane), states[:0])
             trajectory = Trajectory(
-                *person,
-                box,
+                **lifted,
                 com=com,
                 plane=plane,
                 **own_choice(facts),
