@@ -11,11 +11,11 @@ from lumbar.base.files import read_json
 from lumbar.cli.options import given_settings
 
 if TYPE_CHECKING:
-    from lumbar.interface.lift import Lift
+    pass
 
 
 def run_new_study(options) -> None:
-    """Look at the recordings, write the files, say what is to be filled in."""
+    """Inspect the recordings, write the files, print what to fill in."""
     from lumbar.interface.new_study import new_study
 
     study = new_study(options.folder, options.name)
@@ -41,9 +41,16 @@ def run_lift(options) -> None:
     found.save(options.output)
     measures = measure_movement(found, settings=study.stability)
     measures.save(options.output)
-    print(found if found.analysed.states else found.seen)  # why there is no pendulum stands at the end
+    print(found if found.analysed.states else found.seen)  # reasons for missing pendulums are printed last
     print(measures)
-    print("\n".join([*found.checks, *_closing(found, options.output)]))
+    lines = [*found.checks, f"pendulum.csv and pendulum.json are in {options.output}"]
+    if not found.analysed.states:
+        lines[-1] = f"no pendulum: pendulum.csv in {options.output} has no rows"
+        lines += found.without_pendulum
+        lines.append(
+            "set events that the markers do not show in the trial: events: {deposit_start_s: …, release_s: …}"
+        )
+    print("\n".join(lines))
     if options.page:
         from lumbar.interface.lift_page import lift_page
 
@@ -54,19 +61,9 @@ def run_lift(options) -> None:
 
 
 def _explored(folder: Path, options) -> str:
-    """The command that shows a folder's lifts under the settings that were given here: a push answers by them."""
+    """Return the command that shows a folder's lifts with the same settings."""
     given = [part for path in options.config for part in ("--config", str(path))]
     return shlex.join(["lumbar", "explore", str(folder), *given])
-
-
-def _closing(found: Lift, output: Path) -> list[str]:
-    """Say where the pendulums are, or that there are none and why."""
-    if found.analysed.states:
-        return [f"pendulum.csv and pendulum.json are in {output}"]
-    remedy = (
-        "events that the markers do not show are set in the trial: events: {deposit_start_s: …, release_s: …}"
-    )
-    return [f"no pendulum: pendulum.csv in {output} has no rows", *found.without_pendulum, remedy]
 
 
 def run_basin(options) -> None:

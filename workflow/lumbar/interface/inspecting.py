@@ -1,4 +1,4 @@
-"""``lumbar.inspect``: what is in a marker file, what is wrong with it, what the pipeline makes of it."""
+"""``lumbar.inspect``: content of a marker file, its faults, and the result of the pipeline."""
 
 import os
 import shutil
@@ -25,7 +25,7 @@ from lumbar.lifting.quality.screening import (
     sheet_of,
 )
 from lumbar.records.marker_axes import check_axes, rotation_to_standard
-from lumbar.records.markers import read_markers
+from lumbar.records.markers import MarkerRecording, read_markers
 from lumbar.records.unpacking import ending_of
 from lumbar.settings.layout import Axis, MarkerLayout
 from lumbar.settings.lifting import REFINING, LiftingSettings
@@ -34,8 +34,9 @@ from lumbar.settings.subject import SubjectSettings, TrialSettings
 _STAND_IN = SubjectSettings(
     name="nobody", sex="unknown", mass_kg=70.0, height_m=1.7, experience="unknown", trials=()
 )
-"""Events and gaps of a recording do not depend on who is in it."""
-_FRAMES = 1000
+"""Subject for the pipeline: events and gaps of a recording do not depend on the subject."""
+_MAX_FRAMES = 1000
+"""Frames that show the axes of the body."""
 
 
 def inspect(
@@ -44,18 +45,18 @@ def inspect(
     settings: LiftingSettings | None = None,
     height_m: float | None = None,
 ) -> "Inspected":
-    """Look into a marker file without computing anything from it.
+    """Report on a marker file without computing results from it.
 
-    The axes are those of the settings; without settings those that the body in the file shows.
+    The axes are those of the settings; without settings those of the body in the file.
 
     Parameters
     ----------
     path : path
         C3D, TRC, CSV or BVH file with markers, also packed (``.gz``).
     settings : LiftingSettings, optional
-        How markers are read and gaps filled.
+        Rules for reading markers and filling gaps.
     height_m : float, optional
-        Stature of the person: lengths of the body are compared with it.
+        Stature of the subject, with which lengths of the body are compared.
 
     Raises
     ------
@@ -78,50 +79,60 @@ def inspect(
         raise InputError(f"{path}: a folder; give the files in it, e.g. {path}/*.c3d")
     chosen = settings or LiftingSettings()
     layout = chosen.markers
-    recording, screening, bodies = _look(path, chosen, height_m)
-    sound = usable_markers(screening.points, screening.findings)
-    found = _axes(sound, meant_labels(layout.aliases, sound), layout)
+    seen = _read(path, chosen, height_m)
+    # The axes of the body, from the markers that are not left out.
+    usable = usable_markers(seen.screening.points, seen.screening.findings)
+    found = _body_axes(usable, meant_labels(layout.aliases, usable), layout)
     up, forward = found or (layout.up, layout.forward)
-    axes, turned = f"up {up}, forward {forward}", None
+    axes, rotated = f"up {up}, forward {forward}", None
     if found is None:
         axes += " by the settings; the labels do not show the body's"
     elif found != (layout.up, layout.forward):
         markers = layout.model_copy(update={"up": up, "forward": forward})
-        turned = chosen.model_copy(update={"markers": markers})
-    if turned is not None and settings is None:
-        chosen = turned
-        recording, screening, bodies = _look(path, turned, height_m)
-    pipeline = _pipeline(path, recording, screening, bodies, chosen)
-    if turned is not None and settings is not None:
+        rotated = chosen.model_copy(update={"markers": markers})
+    # Without settings the file is read again in these axes; otherwise the pipeline keeps those of the settings.
+    if rotated is not None and settings is None:
+        chosen, seen = rotated, _read(path, rotated, height_m)
+    pipeline = _run_pipeline(path, seen, chosen)
+    if rotated is not None and settings is not None:
         axes += f" by the body, but up {layout.up} and forward {layout.forward} in the settings"
-        recording, screening, _ = _look(path, turned, height_m)
+        seen = _read(path, rotated, height_m)
+    recording, screening = seen.recording, seen.screening
     return Inspected(
-        quality_sheet(recording, screening.points, screening.findings, screening.unchecked),
-        axes,
-        pipeline,
-        screening.points,
-        recording.time,
-        meant_labels(layout.aliases, screening.points),
-        recording.subjects,
+        sheet=quality_sheet(recording, screening.points, screening.findings, screening.unchecked),
+        axes=axes,
+        pipeline=pipeline,
+        points=screening.points,
+        time=recording.time,
+        meant=meant_labels(layout.aliases, screening.points),
+        prefixes=recording.subjects,
     )
 
 
-def _look(path: Path, settings: LiftingSettings, height_m: float | None) -> tuple:
-    """A file's recording, the screening and the rigid bodies it was read with: once, for the sheet and for the pipeline."""
-    aliases = settings.markers.aliases
-    screening, bodies = Screening(height_m, aliases, refuse=False), BodyFilling(settings)
+@dataclass(frozen=True)
+class _ReadFile:
+    """A marker file that is read a single time, for the sheet and for the pipeline."""
+
+    recording: MarkerRecording
+    screening: Screening
+    bodies: BodyFilling
+
+
+def _read(path: Path, settings: LiftingSettings, height_m: float | None) -> _ReadFile:
+    screening, bodies = Screening(height_m, settings.markers.aliases, refuse=False), BodyFilling(settings)
     layout = settings.markers.model_copy(update={"required": (), "check_axes": False})
     try:
         recording = read_markers(path, layout, screen=screening, mend=bodies)
     except InputError as error:
         _refuse_record(path, error)
         raise
-    if set(screening.points) == {"position"}:  # of the columns position_x_mm, …
+    if set(screening.points) == {"position"}:  # the columns position_x_mm, … of a record
         _refuse_record(path)
-    return recording, screening, bodies
+    return _ReadFile(recording, screening, bodies)
 
 
 def _refuse_record(path: Path, cause: InputError | None = None) -> None:
+    """Raise `InputError` if the file is a record of force and position."""
     if ending_of(path) not in (".csv", ".txt", ".mat"):
         return
     try:
@@ -133,18 +144,19 @@ def _refuse_record(path: Path, cause: InputError | None = None) -> None:
     ) from cause
 
 
-def _axes(
+def _body_axes(
     points: dict[str, np.ndarray], meant: dict[str, str], layout: MarkerLayout
 ) -> tuple[Axis, Axis] | None:
-    """Axes of the file by the body in it, undoing the settings' rotation; some hundred frames tell them."""
+    """Return the axes of the file by the body in it, after the inverse of the settings' rotation."""
     named = {label: landmark for landmark, label in landmarks(points, meant).items()}
     rotation = rotation_to_standard(layout.up, layout.forward)
-    every = max(1, max(map(len, points.values()), default=0) // _FRAMES)
+    every = max(1, max(map(len, points.values()), default=0) // _MAX_FRAMES)
     return find_body_axes({label: points[label][::every] @ rotation for label in named}, named)
 
 
-def _pipeline(path: Path, recording, screening, bodies, settings: LiftingSettings) -> tuple[bool, str]:
-    """Whether a lift is analysed from what was read with these settings, and what is found or why not."""
+def _run_pipeline(path: Path, seen: _ReadFile, settings: LiftingSettings) -> tuple[bool, str]:
+    """Return whether a lift is analysed with these settings, and its events or the reason why not."""
+    recording, screening, bodies = seen.recording, seen.screening, seen.bodies
     layout, trial = settings.markers, TrialSettings(box_mass_kg=0.0, markers=path.name)
     subject = _STAND_IN.model_copy(update={"height_m": screening.height_m or _STAND_IN.height_m})
     try:
@@ -170,22 +182,22 @@ def check_picture(path: Path) -> None:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Inspected:
-    """What is in a marker file."""
+    """Report on a marker file."""
 
     sheet: QualitySheet
-    """What is in the file, what is wrong with it, what became of its markers."""
+    """Content of the file, its faults, and the use of its markers."""
     axes: str
-    """Which axes point up and forward."""
+    """Axes that point up and forward."""
     pipeline: tuple[bool, str]
-    """Whether the pipeline analyses it as a lift; the events it finds, or why not."""
+    """Whether the pipeline analyses it as a lift; the detected events, or the reason why not."""
     points: dict[str, np.ndarray]
     """Shape (n_frames, 3): measured markers by the file's labels; metres, x to the right, y forward, z up."""
     time: np.ndarray
     """Shape (n_frames,)."""
     meant: dict[str, str]
-    """Standard name to the label that alone fills it."""
+    """Standard name to the label that fills it without others."""
     prefixes: tuple[str, ...]
-    """Of subjects, taken off the labels."""
+    """Prefixes of subjects, removed from the labels."""
 
     def as_dict(self) -> dict:
         """Return all but the trajectories as data for JSON."""
@@ -201,10 +213,10 @@ class Inspected:
         }
 
     def lines(self) -> list[str]:
-        """Return all but the trajectories in sentences."""
+        """Return all but the trajectories as text."""
         sheet, (runs, words) = self.sheet, self.pipeline
         filled = [name if name == label else f"{name} = {label}" for name, label in self.meant.items()]
-        # Landmarks whose usual labels the file has, and no alias of the settings uses.
+        # Landmarks with usual labels that the file has and no alias of the settings uses.
         free = landmarks([label for label in sheet.unused if label not in THIGH])
         recognised = {name: label for name, label in free.items() if name in sheet.absent}
         suggested = ", ".join(f"{name} = {label}" for name, label in recognised.items())
@@ -212,7 +224,7 @@ class Inspected:
             suggested += f"; {NEW_STUDY} writes the aliases"
         unused = ", ".join(sheet.unused)
         lists = {
-            "subjects' prefixes taken off": ", ".join(self.prefixes),
+            "subjects' prefixes removed": ", ".join(self.prefixes),
             "axes": self.axes,
             "standard markers": ", ".join(filled) or "none",
             "recognised, but no alias names it": suggested,
@@ -221,7 +233,7 @@ class Inspected:
                 name for name in sheet.absent if name not in (*recognised, *REFINING)
             ),
             "unused": "" if unused in words else unused,
-            "as a lift": "analysed" if runs else "refused",
+            "as a lift": "analysed" if runs else "rejected",
         }
         lines = [*sheet.lines(), *(f"{subject}: {text}" for subject, text in lists.items() if text)]
         return [*lines, *(f"  {line}" for line in words.splitlines())]

@@ -1,4 +1,4 @@
-"""``lumbar.measure_movement``: how near a lift comes to a step, how the trunk is bent, and what the back carries."""
+"""``lumbar.measure_movement``: balance over the feet, posture of the trunk, and load of the back during a lift."""
 
 import os
 import re
@@ -30,7 +30,7 @@ def measure_movement(
     settings: StabilitySettings | None = None,
     source_label: str = "",
 ) -> "Measures":
-    """Compute the measures of one lift that see its movement: balance over the feet, posture, moment about L5/S1.
+    """Compute the measures of one lift that depend on its movement: balance over the feet, posture, moment about L5/S1.
 
     Parameters
     ----------
@@ -121,15 +121,15 @@ class Measures(Result):
             if row.reason:
                 absent.setdefault(row.reason, []).append(row.measure)
                 continue
-            told = f"{row.safer} is safer; {WINDOWS[MEASURES[row.measure].phase]}"
-            lines.append(f"{row.measure}: {row.value:.3g} {row.unit} ({told})")
+            phase = WINDOWS[MEASURES[row.measure].phase]
+            lines.append(f"{row.measure}: {row.value:.3g} {row.unit} ({row.safer} is safer; {phase})")
         lines += [f"{', '.join(measures)}: none ({reason})" for reason, measures in absent.items()]
         unfilled = sorted(
             {name for name in ALIASES for reason in absent if name in re.findall(r"\w+", reason)}
         )
         if unfilled:
             lines.append(
-                f"where the file has {', '.join(unfilled)}, name their labels in lifting.markers.aliases"
+                f"if the file has {', '.join(unfilled)}, name their labels in lifting.markers.aliases"
             )
         return "\n".join([*lines, *self.course.notes])
 
@@ -157,16 +157,16 @@ def measure_person(
     static: str | os.PathLike | None = None,
     source_label: str = "",
 ) -> pd.DataFrame:
-    """Measure every lift of a person: balance, posture, load of the back, and areas of the basins with either sign.
+    """Measure every lift of a subject: balance, posture, load of the back, and areas of the basins with either sign.
 
-    Long, columns `COLUMNS`; a value that is absent is NaN, and the reason says why.
+    The long table has the columns `COLUMNS`; an absent value is NaN and has a reason.
 
     Parameters
     ----------
     markers : mapping of str to path
         Marker file of every lift.
     trials : mapping of str to TrialSettings
-        By the same names.
+        Trials by the same names.
     static : path, optional
         Marker file of a static trial.
     source_label : str
@@ -201,7 +201,7 @@ def measure_person(
 
 
 def _basin_areas(lifts: Mapping[str, Lift], settings: StabilitySettings) -> pd.DataFrame:
-    """Average cross-sections of the basins (exact method) of some lifts, with both signs of gravity."""
+    """Return average cross-sections of the basins (exact method) of some lifts, with both signs of gravity."""
     from lumbar.lifting.stability.funnel.exact_funnel import exact_funnels
     from lumbar.lifting.stability.model.eqs_4_1_to_4_4_closed_loop import close_loops
     from lumbar.lifting.stability.model.pendulum_trajectories import (
@@ -241,7 +241,7 @@ def _basin_areas(lifts: Mapping[str, Lift], settings: StabilitySettings) -> pd.D
 
 
 def _unmeasured(reason: str) -> pd.DataFrame:
-    """Rows of all measures of a lift that could not be analysed."""
+    """Return the rows of all measures of a lift that could not be analysed."""
     from lumbar.lifting.stability.model.pendulum_trajectories import COMS, PLANES
 
     rows = [
