@@ -128,7 +128,7 @@ def passivity(program: Path, folder: Path, steps: int) -> list[tuple]:
     export_fmus(exported, folder, "benchmark", ["host"], CACHE)
     rows = []
     for model in exported:
-        unit = model.input_unit * model.resistance
+        unit = model.units.position * model.resistance
         for gain, label in ((0, ""), (model.gain_limit, ", switched")):
             arguments = (steps, model.sampling_time, unit, DAMPING, gain)
             found = printed(program, "passive", folder, model, *arguments)

@@ -151,7 +151,7 @@ def energies(client, model, folder, steps: int, gain: float = 0.0) -> list[float
         description = archive.read("modelDescription.xml").decode()
     token = description.split('instantiationToken="')[1].split('"')[0]
     library = unzipped / "binaries" / "x86_64-linux" / f"{model.identifier}.so"
-    unit = model.input_unit * model.resistance
+    unit = model.units.position * model.resistance
     command = [client, "passive", library, token, steps, model.sampling_time, unit, DAMPING, gain]
     done = subprocess.run([*map(str, command)], capture_output=True, text=True, check=True)
     return [float(word) for word in done.stdout.split()]

@@ -15,7 +15,7 @@ from runtime_models import RANGE, SETTINGS, about, entry, exported, models_json,
 import lumbar
 from lumbar.base.errors import InputError, NumericalError
 from lumbar.tissue.effects.catalogue import CATALOGUES
-from lumbar.tissue.fmu.build.description import sentence
+from lumbar.tissue.fmu.build.documentation import range_text, sign_text
 from lumbar.tissue.models.fitted_model import FittedModel, models_document, read_models
 from lumbar.tissue.models.model_data import MotionRange, identifier
 from lumbar.tissue.signals.spectrum import motion_range
@@ -106,8 +106,8 @@ IL = entry("IL", [-0.125], [1.0], trained_on=None, estimator="given", alpha=None
 def test_il_is_inverted_and_says_why():
     model = exported(IL)
     assert model.resisting_sign == -1
-    assert "INVERTED on purpose" in sentence("sign", model)
-    assert sentence("range", model) == "Valid range: not known, prescribed, not fitted to data."
+    assert "INVERTED on purpose" in sign_text(model)
+    assert range_text(model) == "Valid range: not known, prescribed, not fitted to data."
 
 
 @pytest.mark.parametrize(
@@ -116,8 +116,8 @@ def test_il_is_inverted_and_says_why():
 def test_tissue_with_effects_resists_a_push(key):
     model = exported(effect_entry("KB", key, valid_for=RANGE))
     assert model.resisting_sign == 1
-    assert "a positive force resists" in sentence("sign", model)
-    assert "-2.4 to 2.5 mm, to 41 mm/s, 0.1 to 5 Hz" in sentence("range", model)
+    assert "a positive force resists" in sign_text(model)
+    assert "-2.4 to 2.5 mm, to 41 mm/s, 0.1 to 5 Hz" in range_text(model)
 
 
 @ON_LINUX

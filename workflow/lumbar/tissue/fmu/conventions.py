@@ -1,6 +1,7 @@
-"""What is the same where an FMU is built and where it is played: places of its files, names, units."""
+"""What building and playing an FMU have in common: paths of its files, names, units."""
 
 import json
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
@@ -29,11 +30,11 @@ ANNOTATION = "lumbar"
 RATE_LIMIT = "_rate_limit"
 """Ending of the name of the parameter that limits the force's rate, where an FMU has one."""
 PUSH = 0.2
-"""Seconds of the push that tells which force resists."""
+"""Duration in seconds of the push that shows which force resists."""
 
 
 def slow_push(sampling_time: float) -> np.ndarray:
-    """Positions (from 0 to 1) of a push whose mean answer tells which force resists: relaxation and friction do not decide."""
+    """Return positions (from 0 to 1) of a push; the mean response shows which force resists despite relaxation and friction."""
     return np.linspace(0.0, 1.0, max(10, round(PUSH / sampling_time)))
 
 
@@ -47,7 +48,7 @@ ELEMENT = 16
 
 
 def along_axes(way, axes: int) -> np.ndarray:
-    """A way along a line as positions in space, half as far along each axis as along the one before; of none as it is."""
+    """Return a path along a line as positions in space, half as far along each axis as along the one before."""
     return np.multiply.outer(way, 0.5 ** np.arange(axes)) if axes else way
 
 
@@ -56,14 +57,36 @@ BASE_UNITS = json.loads(Path(__file__).with_suffix(".json").read_text(encoding="
 
 
 def base_unit(unit: str) -> dict[str, float] | None:
-    """Return exponents and factor of a unit or of one per second, None where it is not known."""
+    """Return exponents and factor of a unit or of one per second, None for an unknown unit."""
     known = BASE_UNITS.get(unit.removesuffix("/s"))
     return {**known, "s": known.get("s", 0) - 1} if known and unit.endswith("/s") else known
 
 
+@dataclass(frozen=True)
+class WorkUnits:
+    """Units of a position and a force that have an energy as their product; by default units without this property."""
+
+    position: float = 1.0
+    """Unit of the position in m or rad."""
+    force: float = 1.0
+    """Unit of the force in N or N·m."""
+    damping: str = "1"
+    """Unit of the damping."""
+
+    @property
+    def has_energy(self) -> bool:
+        """Whether their product is an energy."""
+        return self != WorkUnits()
+
+    @property
+    def is_of_length(self) -> bool:
+        """Whether these are a length and a force."""
+        return self.damping == "N·s/m"
+
+
 @cache
-def work_units(position: str, force: str) -> tuple[float, float, str] | None:
-    """Return position and force in SI units and the unit of damping; None where their product is no energy.
+def work_units(position: str, force: str) -> WorkUnits:
+    """Return position and force in SI units and the unit of damping.
 
     Parameters
     ----------
@@ -73,7 +96,7 @@ def work_units(position: str, force: str) -> tuple[float, float, str] | None:
     x, y = ({**(base_unit(unit) or {})} for unit in (position, force))
     factors = float(x.pop("factor", 1.0)), float(y.pop("factor", 1.0))
     if x == {"m": 1} and y == BASE_UNITS["N"]:
-        return *factors, "N·s/m"
+        return WorkUnits(*factors, "N·s/m")
     if x == {"rad": 1} and y == BASE_UNITS["N·m"]:
-        return *factors, "N·m·s/rad"
-    return None
+        return WorkUnits(*factors, "N·m·s/rad")
+    return WorkUnits()

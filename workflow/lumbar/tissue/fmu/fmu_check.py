@@ -63,30 +63,20 @@ def validate_new_files(paths: Sequence[Path]) -> None:
 
 @dataclass(frozen=True)
 class Check:
-    """What was found for one FMU."""
+    """The check of one FMU."""
 
     file: str
     model: ExportModel
     version: str
     samples: int
     largest_output: float
-    """In the output's unit."""
+    """Largest output in its unit."""
     largest_error: float
-    """Relative to `largest_output`."""
+    """Largest error relative to `largest_output`."""
     tolerance: float
-    """What `largest_error` may be at most."""
+    """Upper limit of `largest_error`."""
     schema: list[str]
     """Problems that fmpy's validation found."""
-
-    def problems(self) -> list[str]:
-        """Reasons why the FMU must not be used."""
-        found = [f"schema: {text}" for text in self.schema]
-        if not self.largest_error <= self.tolerance:
-            found.append(
-                f"simulated output is off by {self.largest_error:.3g} of its largest; "
-                f"allowed is {self.tolerance:.3g}"
-            )
-        return found
 
 
 def simulate_fmu(path: Path, inputs: np.ndarray) -> np.ndarray:
@@ -104,19 +94,13 @@ def simulate_fmu(path: Path, inputs: np.ndarray) -> np.ndarray:
     return outputs
 
 
-def check_input(model: ExportModel, samples: int, seed: int) -> np.ndarray:
-    """Return a random walk about the rest position that drives the output to a set share of its limit, shape (samples,)."""
+def check_fmu(path: Path, model: ExportModel, version: str, samples: int, seed: int) -> Check:
+    """Validate one FMU and simulate it with a random walk that drives the output to a set share of its limit."""
+    samples = samples_within_range(model, samples)
     shape = (samples, len(model.axes)) if model.axes else samples
     walk = np.cumsum(np.random.default_rng([seed, samples]).standard_normal(shape), axis=0)
-    room = _SHARE_OF_LIMIT * model.output_limit - abs(model.output.offset)
-    averaged = moving_average(walk, model.moving_average)
-    return model.rest + scale_to(model, averaged, room) * walk
-
-
-def check_fmu(path: Path, model: ExportModel, version: str, samples: int, seed: int) -> Check:
-    """Validate and simulate one FMU."""
-    samples = samples_within_range(model, samples)
-    inputs = check_input(model, samples, seed)
+    largest = _SHARE_OF_LIMIT * model.output_limit - abs(model.output.offset)
+    inputs = model.rest + scale_to(model, moving_average(walk, model.moving_average), largest) * walk
     reference = reference_output(model, inputs, version)
     simulated = simulate_fmu(path, inputs)
     largest = float(np.abs(reference).max())
@@ -133,7 +117,7 @@ def check_fmu(path: Path, model: ExportModel, version: str, samples: int, seed: 
 
 
 def check_fmus(models: list[ExportModel], folder: Path, samples: int, seed: int) -> list[Check]:
-    """Check both FMUs of every model, which lie in a folder, by a simulation of so many samples with an input of this seed.
+    """Check both FMUs of every model in a folder by a simulation of this number of samples with an input of this seed.
 
     Raises
     ------
@@ -147,17 +131,19 @@ def check_fmus(models: list[ExportModel], folder: Path, samples: int, seed: int)
     ]
     problems = Problems("FMUs that must not be used")
     for check in checks:
-        for text in check.problems():
-            problems.add(check.file, text)
+        for text in check.schema:
+            problems.add(check.file, f"schema: {text}")
+        if not check.largest_error <= check.tolerance:
+            error, allowed = f"{check.largest_error:.3g}", f"{check.tolerance:.3g}"
+            problems.add(
+                check.file, f"simulated output is off by {error} of its largest; allowed is {allowed}"
+            )
     problems.raise_if_any()
     return checks
 
 
 def check_table(checks: list[Check], source_label: str, seed: int) -> Table:
-    """Return the table of checked FMUs.
-
-    `source_label` says where the models' data come from; `seed` is that of the test input.
-    """
+    """Return the table of checked FMUs; `source_label` is the source of the models' data, `seed` that of the test input."""
     rows = [
         {
             "file": check.file,

@@ -262,18 +262,17 @@ def scale_of(model: FittedModel | ExportModel) -> tuple[float, float]:
         If these are not a length and a force, which a device that moves along a line needs.
     """
     units = work_units(model.input.unit, model.output.unit)
-    if units is None or units[2] != "N·s/m":
+    if not units.is_of_length:
         raise InputError(
             f"{model.name}: its input is {model.input.quantity} in {model.input.unit!r}, its output {model.output.quantity} in "
             f"{model.output.unit!r}; the device of runtime.device moves along a line and needs a length and a force"
         )
-    return units[:2]
+    return units.position, units.force
 
 
 def is_renderable(model: FittedModel | ExportModel) -> bool:
     """Return whether a model's input is a length and its output a force."""
-    units = work_units(model.input.unit, model.output.unit)
-    return units is not None and units[2] == "N·s/m"
+    return work_units(model.input.unit, model.output.unit).is_of_length
 
 
 def _fed_late(model: SampledModel) -> SampledModel:

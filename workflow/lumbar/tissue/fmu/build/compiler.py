@@ -14,7 +14,6 @@ from pathlib import Path
 from platform import machine, system
 
 from lumbar.base.errors import InputError, did_you_mean
-from lumbar.base.yaml_file import shipped_yaml
 
 
 @dataclass(frozen=True)
@@ -24,34 +23,39 @@ class Target:
     triple: str
     """Zig's name of it, with the oldest C library supported."""
     suffix: str
-    """Of a shared library."""
+    """Ending of a shared library."""
     fmi2: str
+    """Folder below ``binaries/`` in FMI 2.0, which names only x86_64 processors; others have the names of FMI 3.0."""
     fmi3: str
-    """`fmi2`, `fmi3`: folder below ``binaries/``. FMI 2.0 names processors of 64 bits x86_64 alone: others have FMI 3.0's
-    names."""
+    """Folder below ``binaries/`` in FMI 3.0."""
     libraries: tuple[str, ...] = ()
     """Linker options."""
 
 
-_SAID = shipped_yaml(Path(__file__).with_suffix(".yaml"))
 TARGETS = {
-    name: Target(**{key: tuple(value) if isinstance(value, list) else value for key, value in said.items()})
-    for name, said in _SAID["targets"].items()
+    "x86_64-linux": Target("x86_64-linux-gnu.2.17", ".so", "linux64", "x86_64-linux", ("-lm",)),
+    "x86_64-windows": Target("x86_64-windows-gnu", ".dll", "win64", "x86_64-windows"),
+    "aarch64-linux": Target("aarch64-linux-gnu.2.17", ".so", "aarch64-linux", "aarch64-linux", ("-lm",)),
+    "x86_64-darwin": Target("x86_64-macos", ".dylib", "darwin64", "x86_64-darwin"),
+    "aarch64-darwin": Target("aarch64-macos", ".dylib", "aarch64-darwin", "aarch64-darwin"),
 }
 """Platforms that FMUs can be built for."""
-_LINES_OF_THE_COMPILER = 30
-"""Kept of what it says when it fails: the last lines name the error."""
+_ERROR_LINES = 30
+"""Last lines of the compiler's output in an error: they name the cause."""
 HOST = "host"
 """The platform of this machine."""
-
-FLAGS: tuple[str, ...] = tuple(_SAID["flags"])
+FLAGS = (
+    *("-std=c99", "-O2", "-Wall", "-Wextra", "-Werror"),
+    # The same rounding on every platform.
+    *("-ffp-contract=off", "-fno-fast-math", "-fno-sanitize=undefined"),
+    # No paths, dates and names of the build machine: every build of a model is the same file. Without -flto, which Zig links
+    # for Linux only, and which is not measurably faster: sampled_force.c includes the model.
+    *("-fvisibility=hidden", "-ffunction-sections", "-fdata-sections", "-Wl,--gc-sections", "-g0", "-s"),
+)
 
 
 def cache_folder(folder: str | None) -> Path:
-    """Return the compiler's cache: the folder given, or one below the user's folder for caches.
-
-    That is ``XDG_CACHE_HOME``, ``LOCALAPPDATA`` on Windows, ``~/.cache`` elsewhere.
-    """
+    """Return the compiler's cache: the given folder, or one below ``XDG_CACHE_HOME``, ``LOCALAPPDATA`` or ``~/.cache``."""
     if folder is not None:
         return Path(folder)
     user = os.environ.get("LOCALAPPDATA" if system() == "Windows" else "XDG_CACHE_HOME")
@@ -95,42 +99,39 @@ def resolve_targets(names: Sequence[str]) -> list[str]:
 
 
 def warm_cache(targets: Sequence[str], cache: Path) -> None:
-    """Let the compiler build what it needs of each target, where it has not yet, and say so on standard error.
+    """Let the compiler build its libraries for each target, unless it has done so, and report this on standard error.
 
-    A few lines are compiled for every target; a file beside the compiler's own says that this was done.
+    A few lines are compiled for every target; a file in the cache records that this was done.
 
     Raises
     ------
     InputError
         As `compile_library`.
     """
+    try:
+        compiler = version("ziglang")
+    except PackageNotFoundError:
+        compiler = ""
+    # Compiler and flags decide whether the libraries must be built again.
+    toolchain = hashlib.sha256("\0".join([compiler, *FLAGS]).encode()).hexdigest()[:12]
     with tempfile.TemporaryDirectory(prefix="lumbar-warm-") as name:
         source = Path(name) / "warm.c"
-        # Exported, so that no linker is left with an empty library: Zig's for macOS crashes on one.
+        # The function is exported because Zig's linker for macOS crashes on an empty library.
         source.write_text(
             "#include <math.h>\n#include <stdlib.h>\n#include <string.h>\n"
             '__attribute__((visibility("default"))) double rounded_down(double x) { return floor(x); }\n'
         )
         for target in resolve_targets(targets):
-            done = cache / f"{target}-{_toolchain()}.ready"
+            done = cache / f"{target}-{toolchain}.ready"
             if not done.is_file():
                 duration = "a minute or more" if target.endswith("windows") else "seconds"
                 print(
-                    f"C compiler: building what it needs of {target} in {cache}, once: {duration}",
+                    f"C compiler: building its libraries for {target} in {cache}, once: {duration}",
                     file=sys.stderr,
                     flush=True,
                 )
                 compile_library([source], source.with_suffix(TARGETS[target].suffix), target, cache)
                 done.touch()
-
-
-def _toolchain() -> str:
-    """What decides whether the compiler must build its libraries anew, in a few letters."""
-    try:
-        compiler = version("ziglang")
-    except PackageNotFoundError:
-        compiler = ""
-    return hashlib.sha256("\0".join([compiler, *FLAGS]).encode()).hexdigest()[:12]
 
 
 def compile_library(sources: list[Path], library: Path, target: str, cache: Path) -> None:
@@ -154,27 +155,19 @@ def compile_library(sources: list[Path], library: Path, target: str, cache: Path
             f"runtime.compiler_cache: {cache} cannot be made ({error.strerror}); name another"
         ) from error
     platform = TARGETS[target]
-    command = [
-        str(Path(package.origin).with_name("zig")),
-        "cc",
-        "-target",
-        platform.triple,
-        *FLAGS,
-        "-shared",
-        "-fPIC",
-    ]
+    command = [str(Path(package.origin).with_name("zig")), "cc", "-target", platform.triple, *FLAGS]
     # Names relative to the sources' folder: no path of this machine can enter the library.
-    command += [source.name for source in sources]
-    command += [*platform.libraries, "-o", library.name]
+    command += ["-shared", "-fPIC", *(source.name for source in sources), *platform.libraries]
+    command += ["-o", library.name]
     environment = {**os.environ, "ZIG_GLOBAL_CACHE_DIR": str(cache), "ZIG_LOCAL_CACHE_DIR": str(cache)}
     done = subprocess.run(
         command, cwd=library.parent, env=environment, capture_output=True, text=True, check=False
     )
     if done.returncode or not library.is_file():
-        said = "\n".join(done.stderr.strip().splitlines()[-_LINES_OF_THE_COMPILER:]) or "(it said nothing)"
+        output = "\n".join(done.stderr.strip().splitlines()[-_ERROR_LINES:]) or "(no output)"
         raise InputError(
-            f"compiling for {target} failed (exit code {done.returncode}); where the compiler's words do not help, "
-            f"remove its cache {cache} and try again. It said:\n{said}"
+            f"compiling for {target} failed (exit code {done.returncode}); if the compiler's output does not help, "
+            f"remove its cache {cache} and try again. Its output:\n{output}"
         )
 
 
@@ -182,7 +175,7 @@ def compile_library(sources: list[Path], library: Path, target: str, cache: Path
 def library_of(
     sources: tuple[tuple[str, bytes], ...], listed: tuple[str, ...], name: str, target: str, cache: Path
 ) -> bytes:
-    """Library of these sources; a process that judges a model before it exports it does not build it twice.
+    """Return the library of these sources; a process that judges a model before it exports it builds it only once.
 
     Parameters
     ----------

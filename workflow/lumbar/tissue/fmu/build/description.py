@@ -1,83 +1,21 @@
-"""modelDescription.xml of FMI 2.0 and 3.0, and what an FMU says of itself in words: data, valid range, guards."""
+"""modelDescription.xml of FMI 2.0 and 3.0."""
 
 import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from xml.sax.saxutils import escape
 
-import numpy as np
 from markupsafe import Markup
 
 from lumbar import __version__
 from lumbar.base.templates import template
+from lumbar.tissue.fmu.build.documentation import feedthrough_text, guard_texts, range_text, sign_text
 from lumbar.tissue.fmu.build.export_model import ExportModel
 from lumbar.tissue.fmu.build.guards import LARGEST
-from lumbar.tissue.fmu.build.sources import C_FILES, content_token
-from lumbar.tissue.fmu.conventions import (
-    ANNOTATION,
-    ELEMENT,
-    RATE_LIMIT,
-    base_unit,
-    element_names,
-    slow_push,
-)
-
-
-def sentence(name: str, model: ExportModel, **known) -> str:
-    """Return a macro of ``description.txt.jinja`` for a model, as one line."""
-    macro = getattr(template("tissue/fmu/build/description.txt.jinja").module, name)
-    return " ".join(macro(model, **known).split())
-
-
-def meaning(model: ExportModel) -> dict[str, str | int | float | bool]:
-    """Return the same for programs; it stands as an annotation in the model description.
-
-    Without ``unit`` and the numbers of `MotionRange` where the range is not known.
-    """
-    known = {} if model.valid_for is None else {"unit": model.input.unit, **asdict(model.valid_for)}
-    return {
-        "push": f"growing {model.input.variable}",
-        "resisting_sign": model.resisting_sign,
-        "prescribed": model.prescribed,
-        **known,
-    }
-
-
-def description_text(model: ExportModel, source_label: str) -> str:
-    """One line on the model for the model description."""
-    stability = "" if model.stable else " UNSTABLE: the output runs into its limit."
-    return (
-        f"{model.input.quantity.capitalize()} to {model.output.quantity} model {model.name}, "
-        f"discrete at {model.sampling_time:g} s. Data: {source_label}.{stability}{model.runtime and ' ' + model.runtime}"
-    )
-
-
-def guards_text(model: ExportModel) -> list[str]:
-    """Say what is done to the force before the device receives it, a sentence or two for each guard."""
-    guards = model.guards
-    there = {"contact": guards.contact, "rate": guards.rate_limit > 0, "passive": guards.passive}
-    space = [sentence("space", model)] if model.axes else []
-    return [*space, *(sentence(f"{name}_guard", model) for name, guard in there.items() if guard)]
-
-
-def switched_on(model: ExportModel) -> tuple[float, float, float] | None:
-    """Return the deepest position of the data, the force that comes with the gain there, and what it gives on the way out, in J.
-
-    None where the range is not known, begins deeper than it ends, or the way out gives nothing.
-    """
-    deepest = 0.0 if model.valid_for is None else model.valid_for.highest - model.input.offset
-    if model.work_units is None or model.axes or not deepest > 0:
-        return None
-    way = deepest * slow_push(model.sampling_time)
-    forces = model.dynamics.response(np.concatenate([way, way[::-1]]))[len(way) :]
-    forces = np.clip(forces, -model.output_limit, model.output_limit)
-    steps = np.diff(way[::-1]) * model.input_unit
-    energy = -model.resistance * model.output_unit * float(forces[:-1] @ steps)
-    return (model.valid_for.highest, float(forces[0]), energy) if energy > 0 else None  # type: ignore[union-attr]
-
+from lumbar.tissue.fmu.build.sources import AUTHOR, C_FILES, content_token, model_version
+from lumbar.tissue.fmu.conventions import ANNOTATION, ELEMENT, RATE_LIMIT, base_unit, element_names
 
 FMI_VERSIONS = ("2.0", "3.0")
-AUTHOR = "The lumbar developers"
 
 
 @dataclass(frozen=True)
@@ -86,7 +24,7 @@ class Variable:
 
     name: str
     reference: int
-    """Value reference, as in ``sampled_force.h``."""
+    """Value reference; the same as in ``sampled_force.h``."""
     kind: str
     """``"input"``, ``"output"`` or ``"parameter"``."""
     description: str
@@ -101,7 +39,7 @@ class Variable:
 
     @property
     def elements(self) -> "list[Variable]":
-        """Its values as variables of their own, as FMI 2.0 has them."""
+        """Its values as separate variables, as in FMI 2.0."""
         if self.size == 1:
             return [self]
         names = enumerate(zip(element_names(self.name, self.size), self.starts, strict=True))
@@ -117,43 +55,55 @@ class Variable:
         return [self.start] * self.size if alike else list(self.start)  # type: ignore[arg-type]
 
 
-_VECTORS = (1, 2, 4, 6)
-"""Variables that have a value for every axis, by their numbers."""
-
-
 def variables(model: ExportModel) -> list[Variable]:
-    """Return the variables that a user sees, the same in both versions but for vectors."""
+    """Return the variables that a user sees, the same in both versions except for vectors."""
     x, y, limit, guards = model.input, model.output, model.output_limit, model.guards
     within, steepest = (-limit, limit, limit), guards.rate_limit
-    rest = model.rest.tolist() if model.axes else model.rest
-    change = f"{y.unit}/s", steepest, 0.0, steepest, steepest
-    damping = model.damping_unit, guards.device_damping, 0.0, LARGEST, 1.0
+    rest, size = model.rest.tolist() if model.axes else model.rest, len(model.axes) or 1
+    output = y.quantity.capitalize()
+    resists = (
+        "where positive it resists" if model.resisting_sign > 0 else "INVERTED: where negative it answers"
+    )
+    position = f"Measured {x.quantity}, sampled by the model; it grows into the model"
+    force = f"{output} of the model; {resists} a growing {x.quantity}"
+    gain = f"Factor on the model's {y.quantity}, at any time: 0 is off; documentation/index.html says what a rise does"
+    largest = f"Largest magnitude of the {y.quantity}; it can be lowered, not raised"
+    offset = f"{x.quantity.capitalize()} at which the model is at rest"
     listed = [
-        (x.variable, 1, "input", x.unit, rest),
-        (y.variable, 2, "output", y.unit, None, *within),
-        ("gain", 3, "parameter", "", 1.0, 0.0, model.gain_limit, 1.0),
-        (f"{y.variable}_offset", 4, "parameter", y.unit, y.offset, *within),
-        (f"{y.variable}_limit", 5, "parameter", y.unit, limit, 0.0, limit, limit),
-        (f"{x.variable}_offset", 6, "parameter", x.unit, rest),
-        *[(y.variable + RATE_LIMIT, 7, "parameter", *change)] * (steepest > 0),
-        *[
-            ("device_damping", 8, "parameter", *damping),
-            ("energy_reserve", 9, "parameter", "J", guards.energy_reserve, 0.0, LARGEST, 1.0),
-            ("energy", 10, "output", "J", None, None, None, 1.0),
-        ]
-        * guards.passive,
-    ]
-    return [
+        Variable(x.variable, 1, "input", position, x.unit, rest, size=size),
+        Variable(y.variable, 2, "output", force, y.unit, None, *within, size=size),
+        Variable("gain", 3, "parameter", gain, "", 1.0, 0.0, model.gain_limit, 1.0),
         Variable(
-            name,
-            number,
-            kind,
-            sentence("variable", model, number=number),
-            *values,
-            size=len(model.axes) or 1 if number in _VECTORS else 1,
-        )
-        for name, number, kind, *values in listed
+            f"{y.variable}_offset", 4, "parameter", f"{output} at rest", y.unit, y.offset, *within, size=size
+        ),
+        Variable(f"{y.variable}_limit", 5, "parameter", largest, y.unit, limit, 0.0, limit, limit),
+        Variable(f"{x.variable}_offset", 6, "parameter", offset, x.unit, rest, size=size),
     ]
+    if steepest > 0:
+        name, text = (
+            y.variable + RATE_LIMIT,
+            f"Largest change of the {y.quantity} in a second; it can be lowered, not raised",
+        )
+        listed.append(Variable(name, 7, "parameter", text, f"{y.unit}/s", steepest, 0.0, steepest, steepest))
+    if guards.passive:
+        damping = (
+            f"Damping that the device surely has at the tool: with less of it the FMU bounds the {y.quantity} more; 0 lets none "
+            "through"
+        )
+        reserve = "Most energy that counts as taken in: what is dissipated early is not kept for ever"
+        energy = (
+            "Energy that model and device damping have taken in up to the last sample, less what rises of the gain take of it; "
+            "negative only where device_damping was lowered on the way"
+        )
+        given = model.units.damping, guards.device_damping, 0.0, LARGEST, 1.0
+        listed += [
+            Variable("device_damping", 8, "parameter", damping, *given),
+            Variable(
+                "energy_reserve", 9, "parameter", reserve, "J", guards.energy_reserve, 0.0, LARGEST, 1.0
+            ),
+            Variable("energy", 10, "output", energy, "J", None, nominal=1.0),
+        ]
+    return listed
 
 
 # The input is sampled: importers apply a discrete input at the events that take the samples, a continuous one only
@@ -167,25 +117,37 @@ _ROLES = {
 
 def model_description(model: ExportModel, version: str, source_label: str) -> str:
     """Return modelDescription.xml."""
-    listed = _listed(model, version)
-    told = meaning(model)
-    words = (
-        description_text(model, source_label),
-        sentence("sign", model),
-        sentence("range", model),
-        sentence("feedthrough", model, version=version),
+    listed = variables(model)
+    if version == "2.0":
+        listed = [element for variable in listed for element in variable.elements]
+    stability = "" if model.stable else " UNSTABLE: the output runs into its limit."
+    texts = (
+        f"{model.input.quantity.capitalize()} to {model.output.quantity} model {model.name}, discrete at "
+        f"{model.sampling_time:g} s. Data: {source_label}.{stability}{model.runtime and ' ' + model.runtime}",
+        sign_text(model),
+        range_text(model),
+        feedthrough_text(model, version),
+        *guard_texts(model),
     )
+    # The same for programs, as an annotation: without a unit and the range if the range is not known.
+    known = {} if model.valid_for is None else {"unit": model.input.unit, **asdict(model.valid_for)}
+    meaning = {
+        "push": f"growing {model.input.variable}",
+        "resisting_sign": model.resisting_sign,
+        "prescribed": model.prescribed,
+        **known,
+    }
     return template(f"tissue/fmu/build/modelDescription_fmi{version[0]}.xml.jinja").render(
         model=model,
-        description=_escaped(" ".join((*words, *guards_text(model)))),
+        description=_escaped(" ".join(texts)),
         author=AUTHOR,
         tool_version=__version__,
         model_version=model_version(model),
         token=content_token(model),
         files=C_FILES,
         annotation=ANNOTATION,
-        meaning={key: str(value).lower() for key, value in told.items()},
-        meaning_json=_escaped(json.dumps(told), attribute=False),
+        meaning={key: str(value).lower() for key, value in meaning.items()},
+        meaning_json=_escaped(json.dumps(meaning), attribute=False),
         base_unit=base_unit,
         units_of_variables=list(dict.fromkeys(variable.unit for variable in listed if variable.unit)),
         variables=[_described(variable, number) for number, variable in enumerate(listed, start=1)],
@@ -194,13 +156,8 @@ def model_description(model: ExportModel, version: str, source_label: str) -> st
     )
 
 
-def _listed(model: ExportModel, version: str) -> list[Variable]:
-    found = variables(model)
-    return found if version == "3.0" else [element for variable in found for element in variable.elements]
-
-
 def _escaped(text: str, attribute: bool = True) -> Markup:
-    """Text for XML, with no more escaped than XML asks for."""
+    """Return text for XML in which only what XML requires is escaped."""
     return Markup(escape(text, {'"': "&quot;"} if attribute else {}))
 
 
@@ -208,7 +165,7 @@ _GIVEN = {"min": "low", "max": "high", "nominal": "nominal"}
 
 
 def _described(variable: Variable, index: int) -> dict:
-    """What the descriptions say of a variable; FMI 2.0 refers to it by its index, FMI 3.0 by its value reference."""
+    """Return a variable for the templates; FMI 2.0 refers to it by its index, FMI 3.0 by its value reference."""
     given = {key: [getattr(variable, name)] for key, name in _GIVEN.items()} | {"start": variable.starts}
     unit = {"unit": variable.unit} if variable.unit else {}
     return {
@@ -230,7 +187,7 @@ def _described(variable: Variable, index: int) -> dict:
 
 
 def _unknowns(model: ExportModel, listed: list[Variable], initial: bool) -> list[dict]:
-    """Outputs with the variables that they depend on at a sample instant, or at the first one."""
+    """Return the outputs with the variables that they depend on at a sample instant, or at the first one."""
     described = [(item, _described(item, number)) for number, item in enumerate(listed, start=1)]
     acting = {item.reference for item in listed if item.kind == "parameter"}
     if model.feedthrough or (initial and model.starts_at_rest):
@@ -245,8 +202,3 @@ def _unknowns(model: ExportModel, listed: list[Variable], initial: bool) -> list
         for item, given in described
         if item.kind == "output"
     ]
-
-
-def model_version(model: ExportModel) -> str:
-    """Version of the tool and, behind a plus, of the model: another number anywhere makes another one."""
-    return f"{__version__}+{content_token(model)[:8]}"

@@ -1,4 +1,4 @@
-"""A base model with effects as what an FMU runs: its C functions, its response sample by sample, what keeps it from export."""
+"""A base model with effects as an FMU runs it: its C functions, its response sample by sample, obstacles to its export."""
 
 import math
 import re
@@ -67,49 +67,33 @@ def _functions() -> dict[str, str]:
 
 
 def step_problems(form: Form) -> list[tuple[str, str]]:
-    """Return what keeps a form from becoming a C function: what was found and what is needed."""
+    """Return what keeps a form from becoming a C function: the fault and what is needed."""
     if form.c_step is None and form.channels:
-        return [
-            (
-                f"needs {', '.join(form.channels)}, which an FMU does not have",
-                "export the model with a form that needs position and force alone",
-            )
-        ]
+        needed = "export the model with a form that needs position and force alone"
+        return [(f"needs {', '.join(form.channels)}, which an FMU does not have", needed)]
     if form.c_step is None:
-        return [
-            (
-                "has no C code",
-                'write it as an equation, or give its HandWritten a c_step=CStep("…") (lumbar.tissue.models.equation says what '
-                "stands in it), or export the model without this effect",
-            )
-        ]
+        needed = (
+            'write it as an equation, or give its HandWritten a c_step=CStep("…") (see lumbar.tissue.models.equation), or export '
+            "the model without this effect"
+        )
+        return [("has no C code", needed)]
     problems = []
     names = [item.name for item in (*form.linear, *form.nonlinear)]
+    taken, needed = _GIVEN | _functions().keys(), "letters, digits and _, and no word of C or CStep"
     for name in names:
-        if (
-            not _IDENTIFIER.fullmatch(name)
-            or _KEYWORD.fullmatch(name)
-            or name in _GIVEN | _functions().keys()
-        ):
-            problems.append(
-                (
-                    f"parameter {name!r} cannot be a name in C code",
-                    "letters, digits and _, and no word of C or CStep",
-                )
-            )
+        if not _IDENTIFIER.fullmatch(name) or _KEYWORD.fullmatch(name) or name in taken:
+            problems.append((f"parameter {name!r} cannot be a name in C code", needed))
     if len(set(names)) < len(names):
-        problems.append((f"parameters {', '.join(names)}", "each needs a name of its own"))
-    inexact = sorted(set(_INEXACT.findall(_code(form.c_step))))
-    if inexact:
+        problems.append((f"parameters {', '.join(names)}", "each needs a different name"))
+    if inexact := sorted(set(_INEXACT.findall(_code(form.c_step)))):
         portable = ", ".join(text for name, text in _functions().items() if name.startswith("portable_"))
-        problems.append(
-            (f"its C code calls {', '.join(inexact)}", f"the same on every platform are {portable}")
-        )
+        fault = f"its C code calls {', '.join(inexact)}"
+        problems.append((fault, f"the same on every platform are {portable}"))
     return problems
 
 
 def _code(step: CStep) -> str:
-    """Statements and value without comments."""
+    """Return statements and value without comments."""
     values = (step.value,) if isinstance(step.value, str) else step.value
     return _COMMENT.sub(" ", "\n".join((step.statements, *values)))
 
@@ -117,24 +101,29 @@ def _code(step: CStep) -> str:
 def c_function(
     name: str, form: Form, numbers: dict[str, float], ring: int | None = None, axes: Sequence[str] = ()
 ) -> str:
-    """Return the C function of a form; in space it adds to forces, or transforms what stands there for every axis.
+    """Return the C function of a form; in space it adds to the forces, or transforms them along every axis.
 
     Parameters
     ----------
     form : Form
         With a C step that has no problems.
     numbers : dict of str to float
-        What `CStep.numbers` returns.
+        See `CStep.numbers`.
     ring : int, optional
-        Number of the ring that holds the earlier positions, of forms with a history; in space of the first axis.
+        Number of the ring that holds the earlier positions, for forms with a history; in space for the first axis.
     axes : sequence of str
         Names of the axes in space.
     """
-    value, comment = form.c_step.value, f"/* {_comment(f'{form.key}: {form.latex}')} */"
-    motion = {key: (kind, key) for key, kind in _MOTION.items()}
+    value, motion = form.c_step.value, {key: (kind, key) for key, kind in _MOTION.items()}
+    # Nothing in the text may end the comment.
+    text = f"{form.key}: {form.latex}".replace("*/", "* /").replace("/*", "/ *").replace("??", "? ?")
+    comment = f"/* {' '.join(text.split())} */"
+
+    def along_one_axis(head: str, ring: int | None) -> str:
+        return _function(head, "double force", [*_lines(form, numbers, motion, ring), f"return {value};"])
+
     if not axes:
-        body = [*_lines(form, numbers, motion, ring), f"return {value};"]
-        return f"{comment}\n{_function(f'double {name}', 'double force', body)}"
+        return f"{comment}\n{along_one_axis(f'double {name}', ring)}"
     if not isinstance(value, str):
         for key in _ALONG:
             motion |= {f"{key}_{axis}": ("double", f"{key}[{row}]") for row, axis in enumerate(axes)}
@@ -144,22 +133,22 @@ def c_function(
             *(f"force[{row}] {sets} {each};" for row, each in enumerate(value) if each != f"force[{row}]"),
         ]
         return f"{comment}\n{_function(f'void {name}', 'double force[]', body)}"
+    # A form with one value acts along every axis, or along that of its channel, with a memory for each.
     size, parts, calls = form.c_step.memory_size(numbers), [], []
     for row, axis in enumerate(axes):
         if form.channel not in ("", axis):
             continue
         motion |= {key: ("double", f"{key}[{row}]") for key in _ALONG}
-        body = [*_lines(form, numbers, motion, None if ring is None else ring + row), f"return {value};"]
-        parts.append(_function(f"double {name}_{axis}", "double force", body))
-        own = f"memory + {row * size}, next + {row * size}"
-        calls.append(f"force[{row}] = {name}_{axis}({own}, now, force[{row}]);")
+        parts.append(along_one_axis(f"double {name}_{axis}", None if ring is None else ring + row))
+        memory = f"memory + {row * size}, next + {row * size}"
+        calls.append(f"force[{row}] = {name}_{axis}({memory}, now, force[{row}]);")
     return "\n".join([comment, *parts, _function(f"void {name}", "double force[]", calls)])
 
 
 def _lines(
     form: Form, numbers: dict[str, float], motion: Mapping[str, tuple[str, str]], ring: int | None = None
 ) -> list[str]:
-    """Declarations of all that a form's code uses, and its statements."""
+    """Return declarations of all that a form's code uses, and its statements."""
     used = set(_WORD.findall(_code(form.c_step)))
     lines = [
         f"const double {key} = {float(value).hex()}; /* {value:.6g} */"
@@ -180,45 +169,34 @@ def _function(head: str, force: str, lines: list[str]) -> str:
     return f"static {head}({parameters}) {{\n{body}\n}}"
 
 
-def _comment(text: str) -> str:
-    """Text that cannot end the comment it stands in, on one line."""
-    return " ".join(text.replace("*/", "* /").replace("/*", "/ *").replace("??", "? ?").split())
-
-
 MAX_STATES = 512
 """Numbers that a model may keep from sample to sample."""
 
 
-def _motion_states(axes: int) -> int:
-    """Position, velocity and path: of the tool and behind every input form."""
-    return 2 * axes + 1
-
-
 @dataclass(frozen=True)
-class Term:
-    """A form with its numbers."""
+class PlacedForm:
+    """A form with its numbers and its place in the state of the model."""
 
     form: Form
     linear: tuple[float, ...]
     nonlinear: tuple[float, ...]
     numbers: dict[str, float]
-    """What its C code knows by name."""
+    """Numbers that its C code knows by name."""
     memory: int
-    """Where its part of the state begins."""
+    """Index in the state at which its memory begins."""
     motion: int
-    """Where the motion that reaches it stands in the state."""
-
+    """Index in the state at which the motion that reaches it begins."""
     channels: int = 1
-    """How often it is there: in space what transforms the position or the force acts along every axis by itself."""
+    """Number of its memories: a form that transforms position or force acts along every axis of space separately."""
 
     @property
     def memory_end(self) -> int:
-        """Where its part of the state ends."""
+        """Index in the state behind its memory."""
         return self.memory + self.channels * self.form.c_step.memory_size(self.numbers)
 
     @property
     def history(self) -> int:
-        """How many earlier positions it asks for."""
+        """Number of earlier positions that it needs."""
         return self.form.c_step.history_size(self.numbers)
 
 
@@ -230,7 +208,7 @@ class EffectModel:
     base_numbers: tuple[tuple[float, ...], tuple[float, ...]]
     """Linear and nonlinear parameters of the base."""
     forms: tuple[tuple[Form, tuple[float, ...], tuple[float, ...]], ...]
-    """Form, linear and nonlinear parameters of every effect, in the order in which they were added; all with C steps."""
+    """Form, linear and nonlinear parameters of every effect in the order of their addition; all have C steps."""
     sampling_time: float
     """Seconds."""
 
@@ -244,23 +222,28 @@ class EffectModel:
 
     @property
     def axes(self) -> tuple[str, ...]:
-        """Names of the axes in space; none of one axis."""
+        """Names of the axes in space; empty along one axis."""
         return self.base.spatial.axes if self.base.spatial else ()
 
+    @property
+    def motion_size(self) -> int:
+        """Numbers in the state for position, velocity and path, of the tool and behind every input form."""
+        return 2 * (len(self.axes) or 1) + 1
+
     @cached_property
-    def terms(self) -> tuple[Term, ...]:
+    def terms(self) -> tuple[PlacedForm, ...]:
         """Input forms, base and parallel forms, output forms: the order of evaluation. The base is a term too."""
         given = [(self.base.form, *self.base_numbers), *self.forms]
         ordered = [item for place in Place for item in given if item[0].place is place]
         # One number counts the samples taken.
-        size = _motion_states(len(self.axes) or 1)
+        size = self.motion_size
         memory = 1 + size * (1 + sum(form.place is Place.INPUT for form, _, _ in given))
         motion, terms = 1, []
         for form, linear, nonlinear in ordered:
             numbers = form_numbers(form, linear, nonlinear, self.sampling_time)
             reached = 1 if form.place is Place.OUTPUT else motion
             channels = len(self.axes) if self.axes and isinstance(form.c_step.value, str) else 1
-            terms.append(Term(form, linear, nonlinear, numbers, memory, reached, channels))
+            terms.append(PlacedForm(form, linear, nonlinear, numbers, memory, reached, channels))
             memory = terms[-1].memory_end
             motion += size if form.place is Place.INPUT else 0
         return tuple(terms)
@@ -272,12 +255,12 @@ class EffectModel:
 
     @property
     def states(self) -> int:
-        """Numbers that the model carries from sample to sample, earlier positions apart."""
+        """Numbers that the model keeps from sample to sample, without earlier positions."""
         return self.terms[-1].memory_end
 
     @property
     def histories(self) -> tuple[int, ...]:
-        """How many earlier positions each form that asks for some asks for, in the order of `terms`."""
+        """Numbers of earlier positions of each form that needs some, in the order of `terms`."""
         return tuple(term.history for term in self.terms if term.history for _ in range(term.channels))
 
     @property
@@ -289,10 +272,6 @@ class EffectModel:
     def largest_pole(self) -> float:
         """Largest pole of a relaxation; 0 without one."""
         return max((abs(term.numbers["pole"]) for term in self.terms if "pole" in term.numbers), default=0.0)
-
-    def at(self, place: Place) -> tuple[Term, ...]:
-        """Terms that act at this place."""
-        return tuple(term for term in self.terms if term.form.place is place)
 
     def problems(self) -> list[tuple[str, str, str]]:
         """What keeps the model from being exported: place, what was found, what is allowed."""
@@ -331,12 +310,8 @@ class EffectModel:
         parts = (SampledMotion.of_positions(along, self.sampling_time) for along in inputs.T)
         return SpatialMotion(tuple(parts), self.axes)
 
-    def response_from_rest(self, inputs: np.ndarray, late: bool) -> np.ndarray:
-        """Return the output from rest at the first input, as all forms begin; shape (samples,)."""
-        return self.late_response(inputs) if late else self.response(inputs)
-
     def late_response(self, inputs: np.ndarray) -> np.ndarray:
-        """Return what an FMI 2.0 client reads: the force of the sample before, except at the start."""
+        """Return the forces that an FMI 2.0 client reads: that of the sample before, except at the start."""
         outputs = self.response(inputs)
         return np.concatenate([outputs[:1], outputs[:-1]])
 
@@ -354,13 +329,12 @@ class EffectModel:
     def c_data(self) -> list[str]:
         """Lines of model_data.h: one C function per form, its numbers in it, and their order."""
         functions, calls, kept = [], [], []
-        size = _motion_states(len(self.axes) or 1)
         for index, term in enumerate(self.terms):
             name, place = f"form_{index}", term.form.place
             ring = len(kept) if term.history else None
             functions.append(c_function(name, term.form, term.numbers, ring, self.axes))
             kept += [term.motion + row for row in range(term.channels)] if term.history else []
-            behind = f", {term.motion + size}" if place is Place.INPUT else ""
+            behind = f", {term.motion + self.motion_size}" if place is Place.INPUT else ""
             calls.append(f"{place.upper()}_FORM({name}, {term.memory}{behind})")
         return [
             *functions,
@@ -390,12 +364,12 @@ def effect_model(model: FittedModel, sampling_time: float) -> EffectModel:
     """
     problems = Problems(f"model {model.name!r}")
     base = model.structure.base
-    # What the force sensor does to the axes is not the tissue's.
+    # The rotation of the force sensor's axes is not part of the tissue.
     forms = tuple(form for form in model.structure.forms if form.place is not Place.FRAME)
     if base.contact:
         problems.add(
             f"base {base.name}",
-            "is one of a tool that leaves the tissue, which FMUs do not hold",
+            "is one of a tool that leaves the tissue, which FMUs do not support",
             "refine on records in which the tool stays on the tissue, with a base without contact (improvement.base: LE, "
             "Maxwell, KV or KB), and export that model",
         )
@@ -424,7 +398,7 @@ def _check_numbers(form: Form, values: tuple, sampling_time: float, problems: Pr
         numbers = form_numbers(form, *values, sampling_time)
         memory = form.c_step.memory_size(numbers)
         history = form.c_step.history_size(numbers)
-    except Exception as error:  # code of the user's own
+    except Exception as error:  # code of the user
         problems.add(form.key, f"constants or memory of its c_step fail ({type(error).__name__}: {error})")
         return
     for name, value in numbers.items():

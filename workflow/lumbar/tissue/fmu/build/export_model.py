@@ -15,7 +15,7 @@ from lumbar.base.files import is_device
 from lumbar.tissue.fmu.build.effect_model import EffectModel, effect_model
 from lumbar.tissue.fmu.build.guards import Guards
 from lumbar.tissue.fmu.build.linear_model import LinearModel, at_rate
-from lumbar.tissue.fmu.conventions import along_axes, slow_push, work_units
+from lumbar.tissue.fmu.conventions import WorkUnits, along_axes, slow_push, work_units
 from lumbar.tissue.models.fitted_model import FittedModel
 from lumbar.tissue.models.form import Place
 from lumbar.tissue.models.model_data import GIVEN, MotionRange, Port, identifier
@@ -64,10 +64,10 @@ class ExportModel:
             )
         for problem in self.dynamics.problems():
             problems.add(*problem)
-        if self.guards.passive and self.work_units is None:
+        if self.guards.passive and not self.units.has_energy:
             problems.add(
                 "runtime.device_damping",
-                f"{self.input.unit} times {self.output.unit} is no energy",
+                f"{self.input.unit} times {self.output.unit} is not an energy",
                 "a length and a force or an angle and a torque are needed; leave the key empty",
             )
         if self.axes and self.guards.contact:
@@ -178,24 +178,9 @@ class ExportModel:
         return self.moving_average - 1 + self.dynamics.delay
 
     @property
-    def work_units(self) -> tuple[float, float, str] | None:
-        """Input and output in SI units and the unit of damping; None where their product is no energy."""
+    def units(self) -> WorkUnits:
+        """Input and output in SI units."""
         return work_units(self.input.unit, self.output.unit)
-
-    @property
-    def input_unit(self) -> float:
-        """The input's unit in m or rad; 1 where energies mean nothing."""
-        return (self.work_units or (1.0,))[0]
-
-    @property
-    def output_unit(self) -> float:
-        """The output's unit in N or N·m; 1 where energies mean nothing."""
-        return (self.work_units or (1.0, 1.0))[1]
-
-    @property
-    def damping_unit(self) -> str:
-        """Of the device's damping."""
-        return (self.work_units or (1.0, 1.0, "1"))[2]
 
     @cached_property
     def resistance(self) -> float:
@@ -324,7 +309,7 @@ def settings_of_thesis(settings: RuntimeSettings, model: FittedModel) -> Runtime
     that is less, or the model's output is no force.
     """
     units = work_units(model.input.unit, model.output.unit)
-    newton = units[1] if units and units[2] == "N·s/m" else 0.0
+    newton = units.force if units.is_of_length else 0.0
     return settings.model_copy(
         update={
             "rate_Hz": None,

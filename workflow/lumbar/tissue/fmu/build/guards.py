@@ -34,21 +34,8 @@ class Guards:
         return self.passive or self.rate_limit > 0
 
 
-@dataclass(frozen=True)
-class Guarded:
-    """Forces behind the guards."""
-
-    forces: np.ndarray
-    """Shape (samples,), in space (samples, axes): of each sample."""
-    read: np.ndarray
-    """Of that shape: what is read, and displayed, from each sample's instant on: a sample later without event mode."""
-    energies: np.ndarray
-    """Shape (samples,): taken in by FMU and device's damping up to each sample, in J; without event mode the least of what
-    it can be."""
-
-
-def guard_forces(model, positions: np.ndarray, limited: np.ndarray, event_mode: bool) -> Guarded:
-    """Return the forces behind rate limit and passivity, each operation as in ``sampled_force.c``.
+def guard_forces(model, positions: np.ndarray, limited: np.ndarray, event_mode: bool) -> np.ndarray:
+    """Return the forces that are read behind rate limit and passivity, each operation as in ``sampled_force.c``.
 
     The energy is observed as B. Hannaford and J.-H. Ryu do (IEEE Trans. Robotics and Automation 18 (2002) 1-10). A force
     f that is held for a sample T gives f d over the displacement d, and a damping b takes at least b d²/T meanwhile
@@ -62,21 +49,21 @@ def guard_forces(model, positions: np.ndarray, limited: np.ndarray, event_mode: 
     limited : numpy.ndarray, shape (samples,)
         Force within its limit and, with contact, never a pull.
     event_mode : bool
-        Without it a force is displayed from the next sample on.
+        Without it a force is read, and displayed, from the next sample on.
     """
-    guards, step = model.guards, model.sampling_time
+    guards, step, unit = model.guards, model.sampling_time, model.units
     worst = step / (4.0 * guards.device_damping) if guards.passive else math.inf
     energy = late = 0.0
     ways, wishes = (values.reshape(len(values), -1).tolist() for values in (positions, limited))
     held = earlier = [0.0] * len(ways[0])
-    forces, energies = [], []
+    forces = []
     last = ways[0]
     for position, force in zip(ways, wishes, strict=True):
         if forces:
-            moved = [(now - before) * model.input_unit for now, before in zip(position, last, strict=True)]
+            moved = [(now - before) * unit.position for now, before in zip(position, last, strict=True)]
             damped = _dot([guards.device_damping * part for part in moved], moved) / step
             work = [
-                model.resistance * _dot([part * model.output_unit for part in shown], moved) + damped
+                model.resistance * _dot([part * unit.force for part in shown], moved) + damped
                 for shown in (held, earlier)
             ]
             energy = min(energy + work[0], guards.energy_reserve)
@@ -84,16 +71,14 @@ def guard_forces(model, positions: np.ndarray, limited: np.ndarray, event_mode: 
         if guards.rate_limit > 0:
             force = _near(force, held, guards.rate_limit * step)
         if guards.passive:
-            first = [part * model.output_unit for part in held]
+            first = [part * unit.force for part in held]
             at_hand = energy if event_mode else min(energy, late - _dot(first, first) * worst)
-            largest = math.sqrt(at_hand / worst) / model.output_unit if at_hand > 0 else 0.0
+            largest = math.sqrt(at_hand / worst) / unit.force if at_hand > 0 else 0.0
             force = _near(force, [0.0] * len(force), largest)
         earlier, held, last = held, force, position
         forces.append(force)
-        energies.append(min(energy, late))
     read = forces if event_mode else [[0.0] * len(held), *forces[:-1]]
-    found, shown = (np.array(values).reshape(limited.shape) for values in (forces, read))
-    return Guarded(found, shown, np.array(energies))
+    return np.array(read).reshape(limited.shape)
 
 
 def _dot(one: list[float], other: list[float]) -> float:

@@ -20,14 +20,15 @@ class LinearModel:
     """H(z) from deviations of the input to deviations of the output."""
 
     numerator: tuple[float, ...]
+    """Coefficients of z⁰, z⁻ᵖ, z⁻²ᵖ, … with p phases."""
     denominator: tuple[float, ...]
-    """`numerator`, `denominator`: coefficients of z⁰, z⁻ᵖ, z⁻²ᵖ, … with p phases."""
+    """Coefficients of z⁰, z⁻ᵖ, z⁻²ᵖ, … with p phases."""
     name: str = "model"
-    """Stands in messages."""
+    """Name in messages."""
     delay: int = 0
     """Samples by which the input is late."""
     phases: int = 1
-    """Samples between those that the model itself knows: it runs as many times over, each on its own samples."""
+    """Number of copies of the model that run in turn, each on every `phases`-th sample."""
 
     axes = ()
     c_source = "model_linear.c"
@@ -47,7 +48,7 @@ class LinearModel:
 
     @property
     def kept(self) -> int:
-        """The same: the model itself knows no earlier sample."""
+        """Numbers that the model keeps: its states, because it does not need earlier samples."""
         return self.states
 
     @property
@@ -95,13 +96,8 @@ class LinearModel:
         spread[:: self.phases] = coefficients
         return spread
 
-    def response_from_rest(self, inputs: np.ndarray, late: bool) -> np.ndarray:
-        """Return the output of a model that rests at the first input; shape (samples,)."""
-        respond = self.late_response if late else self.response
-        return self.rest_gain * inputs[0] + respond(inputs - inputs[0])
-
     def late_response(self, inputs: np.ndarray) -> np.ndarray:
-        """Return what an FMI 2.0 client reads: the feed-through one sample late, except at the start."""
+        """Return the outputs that an FMI 2.0 client reads: with the feed-through one sample late, except at the start."""
         if not self.feedthrough:
             return self.response(inputs)
         through = self.numerator[0] / self.denominator[0] * inputs
@@ -181,19 +177,19 @@ _WHOLE = 1e-6
 def at_rate(model: LinearModel, sampling_time: float, wanted: float) -> LinearModel:
     """Return the model at another sampling time, exact for a position linear between the old samples.
 
-    The continuous model whose ramp-invariant (first-order hold) discretisation is the identified one is found
-    and discretised anew, ramp-invariant again: at the old instants, and for such positions, both give the same.
+    The identified model is the ramp-invariant (first-order hold) discretisation of a continuous model, which is computed and
+    discretised again, ramp-invariant, at the new rate: at the old instants, and for such positions, both give the same.
     G. F. Franklin, J. D. Powell and M. Workman, Digital Control of Dynamic Systems (1998), section 6.3. Leading zeros of
-    the numerator are a delay, which stays what it is in seconds.
+    the numerator are a delay, which is the same in seconds.
 
-    A pole that is 0 or negative is that of no continuous model. Such a model runs as many times over as the new rate
-    holds the old one, each on the samples of its own clock: H(z^r), r new samples in an old one, which at the old
-    instants gives the same for any position (P. P. Vaidyanathan, Multirate Systems and Filter Banks (1993), section 4.2).
+    A continuous model has no pole that is 0 or negative. If the identified model has one, it becomes H(z^r) with r new samples in
+    an old one, which at the old instants gives the same for any position (P. P. Vaidyanathan, Multirate Systems and Filter Banks
+    (1993), section 4.2).
 
     Parameters
     ----------
     sampling_time : float
-        Of the identified model, in seconds.
+        Sampling time of the identified model in seconds.
     wanted : float
         Seconds.
 
@@ -212,8 +208,17 @@ def at_rate(model: LinearModel, sampling_time: float, wanted: float) -> LinearMo
     ratio = sampling_time / wanted
     late = next((index for index, value in enumerate(model.numerator) if value != 0.0), 0)
     prompt = replace(model, numerator=model.numerator[late:])
-    if not _has_continuous_counterpart(prompt):
-        return _several_times_over(model, ratio, sampling_time)
+    poles = prompt.state_space.poles()
+    unusable = (np.abs(poles.imag) < 1e-12 * np.abs(poles)) & (poles.real <= 0)
+    if unusable.any() or np.abs(poles).min(initial=1.0) == 0:
+        # No continuous model has such a pole: run the model on its own clock, once for every new sample in an old one.
+        if abs(ratio - round(ratio)) > _WHOLE:
+            poles = np.array2string(model.state_space.poles(), precision=4)
+            raise NumericalError(
+                f"{model.name}: its poles {poles} hold one that is 0 or negative, which no continuous model has; it can be "
+                f"exported at multiples of its own {1 / sampling_time:g} Hz alone: let runtime.rate_Hz be one, or null"
+            )
+        return replace(model, phases=round(ratio))
     delay, rest = divmod(late * ratio, 1.0)
     if min(rest, 1.0 - rest) < _WHOLE:
         delay, rest = round(late * ratio), 0.0
@@ -225,30 +230,13 @@ def at_rate(model: LinearModel, sampling_time: float, wanted: float) -> LinearMo
     return LinearModel(numerator, denominator, model.name, int(delay))
 
 
-def _has_continuous_counterpart(model: LinearModel) -> bool:
-    poles = model.state_space.poles()
-    unusable = (np.abs(poles.imag) < 1e-12 * np.abs(poles)) & (poles.real <= 0)
-    return not unusable.any() and bool(np.abs(poles).min(initial=1.0) > 0)
-
-
-def _several_times_over(model: LinearModel, ratio: float, sampling_time: float) -> LinearModel:
-    """The model on its own clock, once for every new sample in an old one."""
-    if abs(ratio - round(ratio)) > _WHOLE:
-        poles = np.array2string(model.state_space.poles(), precision=4)
-        raise NumericalError(
-            f"{model.name}: its poles {poles} hold one that is 0 or negative, which no continuous model has; it can be "
-            f"exported at multiples of its own {1 / sampling_time:g} Hz alone: let runtime.rate_Hz be one, or null"
-        )
-    return replace(model, phases=round(ratio))
-
-
 @lru_cache(maxsize=64)
 def _continuous(model: LinearModel, sampling_time: float) -> tuple[np.ndarray, ...]:
     """Continuous state space whose ramp-invariant discretisation at this sampling time is the model."""
     system, order = model.state_space, model.states
     a = np.real(scipy.linalg.logm(system.A)) / sampling_time
-    # What the hold makes of an input matrix is linear in it: shown by that of the identity. As `scipy.signal.cont2discrete`
-    # has it, whose import takes longer than the check of a file.
+    # The result of the hold is linear in the input matrix: compute it for the identity. `scipy.signal.cont2discrete` does the
+    # same, but its import takes longer than the check of a file.
     block = np.zeros((3 * order, 3 * order))
     block[:order, : 2 * order] = np.hstack([a, np.eye(order)]) * sampling_time
     block[order : 2 * order, 2 * order :] = np.eye(order)
@@ -258,7 +246,7 @@ def _continuous(model: LinearModel, sampling_time: float) -> tuple[np.ndarray, .
 
 
 def _discretised(continuous: tuple, sampling_time: float, late: float, name: str) -> tuple[tuple, tuple]:
-    """Numerator and denominator, ramp-invariant, with the input `late` by a share of a sample.
+    """Return numerator and denominator, ramp-invariant, with the input `late` by a share of a sample.
 
     The late input is a straight line with a corner at `late` within every sample: two holds, one after the other.
     """
@@ -286,8 +274,8 @@ def _discretised(continuous: tuple, sampling_time: float, late: float, name: str
     return values
 
 
-def _ramp(a: np.ndarray, b: np.ndarray, time: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """What a state and an input in a straight line become after a time: of the state, the line's begin and its end."""
+def _ramp(a: np.ndarray, b: np.ndarray, time: float) -> tuple[np.ndarray, ...]:
+    """Return how a state, and the begin and the end of a straight input line, act in the state after a time."""
     order = len(a)
     block = np.zeros((order + 2, order + 2))
     block[:order, :order], block[:order, order : order + 1] = a * time, b * time

@@ -1,7 +1,7 @@
-"""Building FMU files, the same bytes at every build: model, sources, libraries, and what an FMU holds beside them.
+"""Building FMU files, the same bytes at every build: model, sources, libraries, documentation, reference signals.
 
-FMI Layered Standard References, 1.0.0-beta.1, and the experiments format of the Modelica Association that it names say which
-files are stimulus, reference result and experiment; both are drafts, and nobody needs them to play the FMU.
+FMI Layered Standard References, 1.0.0-beta.1, and the experiments format of the Modelica Association that it names define which
+files are stimulus, reference result and experiment; both are drafts, and an importer does not need them to play the FMU.
 """
 
 import csv
@@ -24,7 +24,13 @@ from lumbar.tissue.fmu.build.compiler import TARGETS, library_of, resolve_target
 from lumbar.tissue.fmu.build.description import FMI_VERSIONS, model_description
 from lumbar.tissue.fmu.build.documentation import documentation_html
 from lumbar.tissue.fmu.build.export_model import ExportModel
-from lumbar.tissue.fmu.build.reference_response import reference_output, reference_push
+from lumbar.tissue.fmu.build.reference_response import (
+    MAX_EMBEDDED,
+    push_depth,
+    push_profile,
+    reference_output,
+    samples_within_range,
+)
 from lumbar.tissue.fmu.build.sources import C_FILES, source_files
 from lumbar.tissue.fmu.conventions import (
     EXPERIMENTS,
@@ -34,66 +40,61 @@ from lumbar.tissue.fmu.conventions import (
     REFERENCE,
     ROLES,
     WITHOUT_EVENT_MODE,
+    along_axes,
     element_names,
 )
 from lumbar.tissue.models.fitted_model import models_document
 
-_TO_THE_TOP = "../../"
-"""From the folder of the layered standard."""
 _TYPES = {".csv": "text/csv", ".exp": "application/x-ma-hs-experiments"}
 _OF_THE_STUDY = {
     *("models", "trained_on", "estimator", "unstable"),
     *("targets", "compiler_cache", "check_samples", "device"),
 }
-"""Settings that choose, build or judge models: how one is run is what all others say."""
+"""Settings that choose, build or judge models; all others decide how one is run."""
 
 
 def related_files(model: ExportModel, signals: dict[str, str]) -> dict[str, str]:
-    """Return manifest, experiments and words on both by their paths in the FMU.
+    """Return manifest and experiments by their paths in the FMU.
 
     Parameters
     ----------
     signals : dict of str to str
-        Reference signals by their paths: `lumbar.tissue.fmu.build.package.resources`.
+        Reference signals by their paths, see `resources`.
     """
-    experiments = _experiments(model, signals)
-    related = {**signals, EXPERIMENTS: experiments}
-    files = [
-        {
-            "source": _source(path),
-            "type": _TYPES[path[path.rindex(".") :]],
-            "checksum": hashlib.sha3_256(text.encode()).hexdigest(),
-            **dict(zip(("label", "role", "description"), ROLES[path], strict=True)),
-        }
-        for path, text in related.items()
-    ]
-    manifest = template("tissue/fmu/build/manifest.xml.jinja").render(
-        files=files, name=LAYERED_STANDARD, version="1.0.0-beta.1"
-    )
-    return {MANIFEST: manifest, EXPERIMENTS: experiments}
 
+    def source(path: str) -> str:
+        """Return a path relative to the folder of the layered standard."""
+        folder = MANIFEST[: MANIFEST.rindex("/") + 1]
+        return path.removeprefix(folder) if path.startswith(folder) else f"../../{path}"
 
-def _source(path: str) -> str:
-    folder = MANIFEST[: MANIFEST.rindex("/") + 1]
-    return path.removeprefix(folder) if path.startswith(folder) else _TO_THE_TOP + path
-
-
-def _experiments(model: ExportModel, signals: dict[str, str]) -> str:
-    """The push, with event mode and without where there are both."""
+    # The push, with event mode and without if there are both.
     modes = [("push", "", REFERENCE[1])]
     if WITHOUT_EVENT_MODE in signals:
         modes = [
             ("push, event mode", "eventModeUsed is true", REFERENCE[1]),
             ("push, no event mode", "eventModeUsed is false", WITHOUT_EVENT_MODE),
         ]
-    return template("tissue/fmu/build/experiments.xml.jinja").render(
+    experiments = template("tissue/fmu/build/experiments.xml.jinja").render(
         name=model.name,
         push=f"One push into the model, a step per sample: every importer should read this {model.output.quantity}",
-        experiments=[(title, words, _source(output)) for title, words, output in modes],
-        input=_source(REFERENCE[0]),
+        experiments=[(title, words, source(output)) for title, words, output in modes],
+        input=source(REFERENCE[0]),
         stop=signals[REFERENCE[0]].splitlines()[-1].split(",")[0],
         step=float(model.sampling_time),
     )
+    files = [
+        {
+            "source": source(path),
+            "type": _TYPES[path[path.rindex(".") :]],
+            "checksum": hashlib.sha3_256(text.encode()).hexdigest(),
+            **dict(zip(("label", "role", "description"), ROLES[path], strict=True)),
+        }
+        for path, text in (signals | {EXPERIMENTS: experiments}).items()
+    ]
+    manifest = template("tissue/fmu/build/manifest.xml.jinja").render(
+        files=files, name=LAYERED_STANDARD, version="1.0.0-beta.1"
+    )
+    return {MANIFEST: manifest, EXPERIMENTS: experiments}
 
 
 _MAGIC = 0xCAFEBABE
@@ -134,10 +135,8 @@ def attachments(model: ExportModel, version: str) -> dict[str, bytes]:
     if version == "2.0":
         return {**files, "model.png": icon}
     # One terminal, the tool: its position goes in, the force on it comes out.
-    terminals, names = (
-        template("tissue/fmu/build/terminals.xml.jinja"),
-        (model.input.variable, model.output.variable),
-    )
+    terminals = template("tissue/fmu/build/terminals.xml.jinja")
+    names = model.input.variable, model.output.variable
     return {
         **files,
         "terminalsAndIcons/icon.png": icon,
@@ -145,31 +144,27 @@ def attachments(model: ExportModel, version: str) -> dict[str, bytes]:
     }
 
 
-def resources(
-    model: ExportModel, version: str, push: tuple[np.ndarray, np.ndarray, np.ndarray]
-) -> dict[str, str]:
-    """Return the reference signals by their paths in the FMU: what to play and what should come out.
+def resources(model: ExportModel, version: str) -> dict[str, str]:
+    """Return the reference signals by their paths in the FMU: one push, or its beginning in a fast loop, and the response.
 
-    Parameters
-    ----------
-    version : str
-        Of FMI; FMI 3.0 has a second output, for importers without event mode.
-    push : tuple of numpy.ndarray
-        Time, input and output, each of shape (samples,).
+    For FMI 3.0 there is a second response, for importers without event mode.
     """
-    time, inputs, outputs = push
-    signals = {
+    time, profile = push_profile(model.sampling_time)
+    samples = samples_within_range(model, min(len(time), MAX_EMBEDDED))
+    time, way = time[:samples], along_axes(profile[:samples], len(model.axes))
+    inputs = model.rest + push_depth(model, profile) * way
+    played = {REFERENCE[1]: version, **({WITHOUT_EVENT_MODE: "2.0"} if version == "3.0" else {})}
+    return {
         REFERENCE[0]: _signal(time, inputs, model.input.variable, version),
-        REFERENCE[1]: _signal(time, outputs, model.output.variable, version),
+        **{
+            path: _signal(time, reference_output(model, inputs, read), model.output.variable, version)
+            for path, read in played.items()
+        },
     }
-    if version == "3.0":
-        late = reference_output(model, inputs, "2.0")
-        signals[WITHOUT_EVENT_MODE] = _signal(time, late, model.output.variable, version)
-    return signals
 
 
 def _signal(time: np.ndarray, values: np.ndarray, name: str, version: str) -> str:
-    """Time and values; vectors as FMI's own importers take them: of FMI 3.0 an array in a cell, of FMI 2.0 in columns."""
+    """Return time and values as CSV; vectors as an array in a cell (FMI 3.0) or in columns (FMI 2.0)."""
     names, rows = (name,), values.reshape(len(time), -1).tolist()
     if values.ndim > 1 and version == "3.0":
         rows = [[" ".join(map(repr, row))] for row in rows]
@@ -211,7 +206,6 @@ def fmu_contents(
     model: ExportModel, version: str, source_label: str, libraries: dict[str, bytes]
 ) -> dict[str, bytes]:
     """Return the files of an FMU by their path in the archive."""
-    push = reference_push(model, version)
     contents = {f"sources/{name}": text for name, text in source_files(model).items()}
     contents["modelDescription.xml"] = model_description(model, version, source_label)
     contents["documentation/index.html"] = documentation_html(model, version, source_label)
@@ -219,7 +213,7 @@ def fmu_contents(
     if version == "3.0":
         build = template("tissue/fmu/build/buildDescription.xml.jinja")
         contents["sources/buildDescription.xml"] = build.render(model=model, files=C_FILES)
-    signals = resources(model, version, push)
+    signals = resources(model, version)
     contents.update({**signals, **related_files(model, signals)})
     files = {path: text.encode("utf-8") for path, text in contents.items()}
     return {**files, **attachments(model, version), **_binaries(model, version, libraries)}
@@ -247,7 +241,7 @@ def _binaries(model: ExportModel, version: str, libraries: dict[str, bytes]) -> 
         files[f"binaries/{folder}/{model.identifier}{platform.suffix}"] = library
     macs = [target for target in ("x86_64-darwin", "aarch64-darwin") if target in libraries]
     if version == "2.0" and len(macs) == 2:
-        # FMI 2.0 has one folder for macOS, whatever the processor.
+        # FMI 2.0 has one folder for macOS and all processors.
         for target in macs:
             del files[f"binaries/{TARGETS[target].fmi2}/{model.identifier}.dylib"]
         both = universal_library([libraries[target] for target in macs])

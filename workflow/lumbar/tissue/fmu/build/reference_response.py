@@ -1,4 +1,4 @@
-"""What an FMU should answer, computed in Python, and the movement it is played with."""
+"""The response that an FMU should give, computed in Python, and the movement that it is played with."""
 
 import numpy as np
 
@@ -10,17 +10,17 @@ from lumbar.tissue.fmu.conventions import along_axes
 from lumbar.tissue.models.transfer_function import filtered
 
 _LARGEST_GROWTH = 1e6
-"""An unstable model is simulated until it has grown by this."""
+"""An unstable model is simulated until it has grown by this factor."""
 _HALVINGS = 60
 _SHARE_OF_LIMIT = 0.5
-_MOST_EMBEDDED = 250
-"""Samples of a reference: more would make an FMU for 1 kHz larger than its libraries need."""
+MAX_EMBEDDED = 250
+"""Samples of a reference signal: more would make an FMU for 1 kHz larger than its libraries need."""
 _DURATIONS = {"rest": 0.1, "push": 0.25, "hold": 0.4, "withdraw": 0.25, "end": 0.3}
 """Seconds."""
 
 
 def moving_average(deviations: np.ndarray, samples: int, at_rest: bool = False) -> np.ndarray:
-    """Return the moving average over the newest samples, from rest at 0 or at the first of them."""
+    """Return the moving average over the newest samples, from rest at 0 or at the first sample."""
     if deviations.ndim > 1:
         return np.stack([moving_average(along, samples, at_rest) for along in deviations.T], axis=1)
     first = deviations[0] if at_rest else 0.0
@@ -42,9 +42,10 @@ def model_output(model: ExportModel, inputs: np.ndarray, late: bool = False) -> 
     if model.guards.contact:
         deviations = np.where(deviations < 0, 0.0, deviations)
     averaged = moving_average(deviations, model.moving_average, at_rest)
-    if at_rest:
-        return dynamics.response_from_rest(averaged, late)
-    return dynamics.late_response(averaged) if late else dynamics.response(averaged)
+    respond = dynamics.late_response if late else dynamics.response
+    if at_rest and isinstance(dynamics, LinearModel):
+        return dynamics.rest_gain * averaged[0] + respond(averaged - averaged[0])
+    return respond(averaged)  # effects begin at rest at any input
 
 
 def reference_output(model: ExportModel, inputs: np.ndarray, version: str) -> np.ndarray:
@@ -69,19 +70,19 @@ def reference_output(model: ExportModel, inputs: np.ndarray, version: str) -> np
     if model.guards.contact:
         outputs = np.where(model.resistance * outputs < 0, 0.0, outputs)
     limited = shortened(outputs, model.output_limit)
-    return guard_forces(model, inputs, limited, event_mode=not late).read if model.guards.active else limited
+    return guard_forces(model, inputs, limited, event_mode=not late) if model.guards.active else limited
 
 
 def samples_within_range(model: ExportModel, samples: int) -> int:
-    """Return `samples`, or fewer where an unstable model would outgrow double precision."""
+    """Return `samples`, or fewer if an unstable model would outgrow double precision."""
     pole = model.dynamics.largest_pole
     return samples if pole <= 1.0 else max(3, min(samples, int(np.log(_LARGEST_GROWTH) / np.log(pole))))
 
 
 def scale_to(model: ExportModel, inputs: np.ndarray, output: float) -> float:
-    """Factor on deviations of the input at which the largest output comes to `output`.
+    """Return the factor on deviations of the input at which the largest output is `output`.
 
-    A model with effects is not linear: there the factor is halved until the output fits.
+    A model with effects is not linear: its factor is halved until the output fits.
     """
     if isinstance(model.dynamics, LinearModel):
         largest = np.abs(model.dynamics.response(inputs)).max()
@@ -107,14 +108,5 @@ def push_profile(sampling_time: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def push_depth(model: ExportModel, profile: np.ndarray) -> float:
-    """Depth of a push at which the model's force comes to half of its limit."""
+    """Return the depth of a push at which the model's force is half of its limit."""
     return scale_to(model, along_axes(profile, len(model.axes)), _SHARE_OF_LIMIT * model.output_limit)
-
-
-def reference_push(model: ExportModel, version: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return time, input and output, shape (samples,), of one push, or of its beginning in a fast loop, as the FMU holds them."""
-    time, profile = push_profile(model.sampling_time)
-    samples = samples_within_range(model, min(len(time), _MOST_EMBEDDED))
-    way = along_axes(profile[:samples], len(model.axes))
-    inputs = model.rest + push_depth(model, profile) * way
-    return time[:samples], inputs, reference_output(model, inputs, version)

@@ -6,9 +6,11 @@ import uuid
 from functools import cache
 from pathlib import Path
 
+from lumbar import __version__
 from lumbar.tissue.fmu.build.export_model import ExportModel
 from lumbar.tissue.fmu.c import c_source
 
+AUTHOR = "The lumbar developers"
 C_FILES = ("sampled_force.c", "fmi2.c", "fmi3.c", "fmi3_unused.c")
 """What is compiled; ``sampled_force.c`` includes the model itself."""
 SIZES, NUMBERS = "model_size.h", "model_data.h"
@@ -60,6 +62,11 @@ def content_token(model: ExportModel) -> str:
     return str(uuid.UUID(bytes=digest.digest()[:16]))
 
 
+def model_version(model: ExportModel) -> str:
+    """Return the version of the tool and, behind a plus, of the model: any other number gives another one."""
+    return f"{__version__}+{content_token(model)[:8]}"
+
+
 def _model_size(model: ExportModel) -> str:
     """What loops and memory depend on, exactly: they are what a step costs. C has no arrays of length 0."""
     sizes = {
@@ -92,8 +99,8 @@ def _model_data(model: ExportModel, token: str) -> str:
         "rate_limit": guards.rate_limit.hex(),
         "device_damping": guards.device_damping.hex(),
         "energy_reserve": guards.energy_reserve.hex(),
-        "input_unit": model.input_unit.hex(),
-        "output_unit": model.output_unit.hex(),
+        "input_unit": model.units.position.hex(),
+        "output_unit": model.units.force.hex(),
         "resistance": model.resistance.hex(),
         "contact": str(int(guards.contact)),
         "guarded": str(int(guards.active)),
