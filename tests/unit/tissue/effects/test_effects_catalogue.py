@@ -84,7 +84,7 @@ def test_columns_against_the_equation_with_exact_derivatives(key, motion):
         assert np.abs(found - wanted)[10:-10].max() < 2e-3 * np.abs(wanted).max()
 
 
-def test_output_forms_limit_the_force_and_do_not_overflow(motion):
+def test_output_forms_limit_force_without_overflow(motion):
     force = np.concatenate([10 * motion.position, [1e30, -1e30]])
     forms = {form.key: form.output_transform for form in FORMS if form.place is Place.OUTPUT}
 
@@ -108,7 +108,7 @@ def test_iwans_elements_slide_one_after_the_other():
         assert np.allclose(column, np.minimum(position / distance, 1.0))
 
 
-def test_an_effect_of_the_users_own(tmp_path):
+def test_user_defined_effect_in_python(tmp_path):
     path = tmp_path / "own.py"
     path.write_text(
         "from lumbar.tissue.models.form import LinearParameter, Effect, Form, Place\n"
@@ -160,7 +160,7 @@ def test_every_file_of_the_catalogue_is_in_it():
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: f"{path.parent.name}/{path.stem}")
-def test_the_catalogues_files_are_read_as_a_users(path):
+def test_catalogue_files_pass_checks_of_user_files(path):
     """Strictly, with each key once and every equation tried; only hooks are not for them."""
     problems = Problems("catalogue")
     strict = read_yaml(path, problems, anchors=False)
@@ -185,7 +185,7 @@ def test_hooks_are_named_and_used():
     assert named == {key: set(known) for key, known in HOOKS.items()}
 
 
-def test_masses_weigh_what_the_settings_say():
+def test_gravity_is_that_of_settings():
     constants = [
         item for effect in catalogue.PENDULUM.values() for form in effect.forms for item in form.constants
     ]

@@ -74,7 +74,7 @@ def test_the_base_is_the_rigid_pendulum(name, sign):
 
 @SIGNS
 @pytest.mark.parametrize("gravity", [9.81, 1.62])
-def test_a_box_that_is_held_and_a_length_that_varies_weigh_what_gravity_says(name, sign, gravity):
+def test_box_and_varying_length_follow_gravity(name, sign, gravity):
     """The length has its Coriolis term."""
     hanging, catalogue = name == "hanging", catalogue_with([], "pendulum", gravity)
     forms = {form.key: form for item in catalogue.values() for form in item.forms}
@@ -89,7 +89,7 @@ def test_a_box_that_is_held_and_a_length_that_varies_weigh_what_gravity_says(nam
     assert_alike(simulated(key, [MASS], (), base, forms=forms), newton(hanging, stretched, gravity=gravity))
 
 
-def test_no_weight_tells_no_mass():
+def test_gravity_must_be_positive():
     with pytest.raises(InputError, match="gravity_m_s2 is 0: the effects on a pendulum need"):
         catalogue_with([], "pendulum", 0.0)
     assert catalogue_with([], "KB", 0.0) == TISSUE
@@ -106,7 +106,7 @@ def test_a_length_in_proportion_to_the_angle():
 
 
 @pytest.mark.parametrize("share", [1e-4, -1e-4])
-def test_forms_that_hold_to_the_first_order(share):
+def test_first_order_forms_match_newton(share):
     """Half of the difference between a change and its opposite has no second order."""
 
     def difference(change):
@@ -180,7 +180,7 @@ def residual_of(added):
 
 
 @pytest.mark.parametrize(("grasp", "release"), [(3.0, 9.5), (0.0, 12.0), (7.2, 20.0)])
-def test_the_interval_of_a_load_is_found_at_once(grasp, release):
+def test_interval_of_load_is_found(grasp, release):
     carriers = [MOTION.acceleration, np.sin(MOTION.position)]
     added = (grasp < TIME) * (release > TIME) * (3 * carriers[0] + 60 * carriers[1])
     (found,) = interval_starts(MOTION, residual_of(added), carriers)

@@ -70,7 +70,7 @@ def refined(base):
     return lumbar.refine(records(), [], base=str(base))
 
 
-def test_its_parameters_are_those_that_moved_the_load(refined, base):
+def test_parameters_of_user_defined_base_are_recovered(refined, base):
     found = refined.model
     for name, value in TRUE.items():
         parameter = found[name]
@@ -80,7 +80,7 @@ def test_its_parameters_are_those_that_moved_the_load(refined, base):
 
 
 @pytest.mark.nightly
-def test_what_is_missing_beside_it_is_named(base):
+def test_missing_effect_is_named_with_user_defined_base(base):
     largest = 0.6 * np.abs(speed_of_load(multisine(3, 400, range(1, 40), 1))).max()
     found = lumbar.diagnose(
         records(lambda speed: largest * np.tanh(speed / largest)), base=str(base), settings=ONE_EFFECT
@@ -88,7 +88,7 @@ def test_what_is_missing_beside_it_is_named(base):
     assert found.selected == ("saturation",)
 
 
-def test_the_file_of_the_model_carries_it(refined, tmp_path):
+def test_models_file_contains_user_defined_base(refined, tmp_path):
     refined.save(tmp_path)
     content = json.loads((tmp_path / "refined.json").read_text("utf-8"))
     assert list(content["bases"]) == ["two_masses"]
@@ -101,7 +101,7 @@ def test_the_file_of_the_model_carries_it(refined, tmp_path):
 
 
 @ON_LINUX
-def test_it_becomes_an_fmu(refined, zig_cache, tmp_path):
+def test_user_defined_base_becomes_fmu(refined, zig_cache, tmp_path):
     refined.save(tmp_path / "model")
     content = json.loads((tmp_path / "model" / "refined.json").read_text("utf-8"))
     chosen = changed(
@@ -122,14 +122,14 @@ def test_it_becomes_an_fmu(refined, zig_cache, tmp_path):
         ("  g: {", "  h: {name: of_none, unit: s}\n  g: {", "h is declared and never used"),
     ],
 )
-def test_what_is_wrong_with_a_file_is_said(old, new, words, tmp_path):
+def test_problems_of_base_file_are_reported(old, new, words, tmp_path):
     path = tmp_path / "own.yaml"
     path.write_text(DRIVE.replace(old, new), encoding="utf-8")
     with pytest.raises(InputError, match=re.compile(f"base own.yaml.*{words}", re.DOTALL)):
         read_base(path)
 
 
-def test_it_takes_the_load_for_the_input_where_that_drives(refined, base):
+def test_forward_fit_takes_load_as_input(refined, base):
     """Of files that have the motion first: nothing is turned round, the load is the input."""
     turned = []
     for item in records():
@@ -145,7 +145,7 @@ def test_it_takes_the_load_for_the_input_where_that_drives(refined, base):
         assert found[name].value == pytest.approx(refined.model[name].value, rel=1e-9)
 
 
-def test_settings_find_it_beside_them_and_say_what_is_wrong_with_it(base):
+def test_settings_find_base_file_and_report_problems(base):
     study = base.with_name("study.yaml")
     study.write_text("improvement: {base: two_masses.yaml}", encoding="utf-8")
     assert lumbar.load_settings(study).improvement.base == str(base)

@@ -74,7 +74,7 @@ def ribbed(tmp_path_factory):
     return diagnose(tests, settings), tests, settings
 
 
-def test_an_equation_in_yaml_is_named_with_its_numbers(ribbed):
+def test_user_defined_effect_is_named_with_its_numbers(ribbed):
     diagnosis, _, settings = ribbed
     assert diagnosis.status == "named"
     assert diagnosis.selected == ("ribs",)
@@ -87,7 +87,7 @@ def test_an_equation_in_yaml_is_named_with_its_numbers(ribbed):
     assert "ribs" in page
 
 
-def test_the_examples_twins_are_one_effect(project):
+def test_example_in_yaml_equals_example_in_python(project):
     folder = project / "examples" / "own_effect"
     twins = [
         catalogue_with([folder / f"hertzian_contact.{kind}"])["hertzian_contact"] for kind in ("py", "yaml")
@@ -99,14 +99,14 @@ def test_the_examples_twins_are_one_effect(project):
     ("old", "new", "words"),
     cases(__file__, "lacking"),
 )  # fmt: skip
-def test_what_a_file_lacks_is_named_with_its_line(old, new, words, tmp_path):
+def test_problem_in_effect_file_names_key_and_line(old, new, words, tmp_path):
     assert old in RIBS
     path = written(tmp_path, RIBS.replace(old, new))
     with pytest.raises(InputError, match=re.compile(rf"{re.escape(str(path))}.*(?:{words})", re.DOTALL)):
         catalogue_with([path])
 
 
-def test_what_the_catalogues_files_say_a_users_may_say(tmp_path):
+def test_user_file_may_use_flags_of_catalogue(tmp_path):
     text = RIBS.replace(
         "equation:", "linear: true\nunrepeated: true\ngeneral: true\nessential: [sine_of_ribs]\nequation:"
     )
@@ -279,7 +279,7 @@ def test_an_equation_in_yaml_becomes_an_fmu(text, linear, nonlinear, zig_cache, 
     ("start", "words"),
     cases(__file__, "starts"),
 )
-def test_what_cannot_be_a_start_is_refused(start, words, tmp_path):
+def test_start_with_unknown_symbols_is_rejected(start, words, tmp_path):
     with pytest.raises(InputError, match=re.compile(words, re.DOTALL)):
         catalogue_with([written(tmp_path, CREEP.replace("start: z}", f"start: {start}}}"))])
 
@@ -292,7 +292,7 @@ def carrying(folder) -> dict:
     return json.loads(json.dumps(models_document(models, "drawn")))
 
 
-def test_a_file_of_models_carries_the_effects_of_ones_own(tmp_path):
+def test_models_file_contains_user_defined_effect(tmp_path):
     content = carrying(tmp_path)
     assert list(content["effects"]) == ["own_friction"]
     (model,) = read_models(content, catalogues_with([], content))
@@ -300,7 +300,7 @@ def test_a_file_of_models_carries_the_effects_of_ones_own(tmp_path):
     assert read_models(content, catalogues_with([tmp_path / "own.yaml"], content)) == [model]
 
 
-def test_what_it_carries_is_checked_as_a_file_is(tmp_path):
+def test_effect_in_models_file_is_checked(tmp_path):
     content = carrying(tmp_path)
     own = content["effects"]["own_friction"]
     for changes, words in (
@@ -322,7 +322,7 @@ def test_what_it_carries_is_checked_as_a_file_is(tmp_path):
         catalogues_with([], {"effects": ["own_friction"]})
 
 
-def test_a_file_changed_after_the_fit_is_not_mixed_with_it(tmp_path):
+def test_effect_file_changed_after_fit_is_rejected(tmp_path):
     content = carrying(tmp_path)
     other = written(tmp_path, DAHL.replace("1 - r*sign(v)", "1 - 2*r*sign(v)"))
     with pytest.raises(

@@ -80,7 +80,7 @@ def test_the_output_error_fit_never_simulates_worse_than_arx_and_contains_kb(ide
             assert higher.scores.vaf_percent >= fit_of(result, "KB", "output_error").scores.vaf_percent - 1e-3
 
 
-def test_metrics_of_the_table_are_those_of_a_simulation_written_out(records, identified):
+def test_metrics_match_simulation_written_out(records, identified):
     fit = fit_of(identified[0], "KB", "arx")
     training, test = records[0], records[1]
     (b0, b1), (_, a1) = fit.structure.numerator, fit.structure.denominator
@@ -150,7 +150,7 @@ def test_a_biproper_system_is_found_so_and_its_feed_through_is_that_of_the_syste
     assert not frame[frame.model == "MW"].biproper.any()
 
 
-def test_what_exceeds_the_cap_is_in_the_grid_without_a_free_run(records):
+def test_candidates_above_cap_have_no_free_run(records):
     _, grid = identify(records[1], records[2:], changed(SETTINGS, search={"condition_max": 100.0}), 1)
     higher = [row for row in grid if row["model"] == "HO"]
     beyond = [row for row in higher if row["condition_number"] > 100]
@@ -162,7 +162,7 @@ def test_what_exceeds_the_cap_is_in_the_grid_without_a_free_run(records):
     assert len(tested) == len({tuple(row[key] for key in structure) for row in within})
 
 
-def test_conditioning_cap_holds_and_a_cap_that_nothing_meets_is_said(records):
+def test_conditioning_cap_limits_choice(records):
     chosen = [row for row in identify(records[1], [], SETTINGS, 1)[1] if row["selected"]]
     assert all(row["condition_number"] <= SETTINGS.search.condition_max for row in chosen)
     result, grid = identify(records[1], [], changed(SETTINGS, search={"condition_max": 1.0}), 1)
@@ -189,7 +189,7 @@ def test_an_unstable_model_has_no_free_run_in_any_table():
     assert remark == "unstable for every alpha"
 
 
-def test_a_pure_sine_is_said_to_determine_two_coefficients_only():
+def test_pure_sine_determines_two_coefficients():
     turns = 2 * np.pi * 0.01 * np.arange(2000)
     result, _ = identify(record(np.sin(turns), np.cos(turns), "sine"), [], SETTINGS, 1)
     fit = fit_of(result, "KB", "arx")
@@ -222,7 +222,7 @@ def test_a_pure_sine_is_said_to_determine_two_coefficients_only():
         (tissue_record("b", 3, samples=40), r"the first 0\.5 s"),
     ],
 )
-def test_records_that_do_not_go_together_are_refused(records, other, message):
+def test_incompatible_records_are_rejected(records, other, message):
     with pytest.raises(InputError, match=message):
         identify(records[0], [other], SETTINGS, 1)
 

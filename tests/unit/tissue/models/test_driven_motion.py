@@ -85,14 +85,14 @@ REFERENCES = {
 
 
 @pytest.mark.parametrize("key", REFERENCES)
-def test_motions_are_those_of_an_adaptive_solver(key):
+def test_motions_match_adaptive_solver(key):
     values, rates, states, allowed = REFERENCES[key]
     drive, parameters = driven(key, values=values)
     found = drive.motion(parameters, np.zeros(states))
     np.testing.assert_allclose(found.position, reference(rates, states), atol=allowed)
 
 
-def test_friction_that_sticks_is_followed():
+def test_sticking_friction_matches_adaptive_solver():
     """A slope of 50 N s/mm against a dashpot of 0.05: Newton's method goes to and fro, and must not give up."""
     drive, parameters = driven("coulomb_friction/coulomb", values=(0.5, 0.01))
     found = drive.motion(parameters, np.zeros(2))
@@ -103,7 +103,7 @@ def test_friction_that_sticks_is_followed():
 
 
 @pytest.mark.parametrize("key", ["hardening_stiffness/exponential", "hysteresis/bouc_wen"])
-def test_sensitivities_are_differences_of_motions(key):
+def test_sensitivities_match_differences_of_motions(key):
     drive, parameters = driven(key, values=(0.5, 0.4))
     start = np.zeros(2 + len(drive.balance.states))
     found = drive.motion(parameters, start)
@@ -137,7 +137,7 @@ COMPLIANCES = {
 
 
 @pytest.mark.parametrize("name", COMPLIANCES)
-def test_bases_with_and_without_mass_are_linear_systems(name):
+def test_bases_match_linear_systems(name):
     linear, nonlinear, system = COMPLIANCES[name]
     drive = np.sin(2 * np.pi * 0.7 * TIME) ** 3
     if name == "LE":
@@ -160,7 +160,7 @@ def smooth_motion():
 
 
 @pytest.mark.parametrize("key", FORMS)
-def test_the_force_of_a_motion_gives_the_motion_back(key):
+def test_forward_simulation_recovers_motion(key):
     """From motion to force by the closed forms, from force to motion by simulation: the same equation both ways."""
     form, motion = FORMS[key], smooth_motion()
     scales = [1.0 if item.scale == "force" else motion.scale(item.scale) for item in form.nonlinear]
@@ -177,7 +177,7 @@ def test_the_force_of_a_motion_gives_the_motion_back(key):
     np.testing.assert_allclose(found, motion.position, atol=0.01 * np.abs(motion.position).max())
 
 
-def test_the_beginning_is_taken_from_the_measured_motion():
+def test_start_is_estimated_from_measured_motion():
     """A record that begins in the middle of a motion: without its state the simulation begins at rest."""
     drive, parameters = driven("hardening_stiffness/cubic", values=(0.5,))
     whole = drive.motion(parameters, np.zeros(2)).position
@@ -191,7 +191,7 @@ def test_the_beginning_is_taken_from_the_measured_motion():
     assert np.abs(structure.simulate(motion, linear, np.zeros(0)) - whole[late:]).max() > 0.1
 
 
-def test_a_delay_is_one_of_the_force():
+def test_delayed_force_delays_motion():
     """The motion of a delayed force is the delayed motion."""
     delay = TISSUE["delay"].forms[0]
     motion = Motion(TIME, np.sin(2 * np.pi * 0.7 * TIME) ** 3, STEP)
@@ -244,13 +244,13 @@ def acceleration_error(item):
         ({"noise": 1e-3}, 0.3),
     ],
 )
-def test_noise_and_rounding_do_not_reach_the_acceleration(made, allowed):
+def test_smooth_angle_keeps_noise_out_of_acceleration(made, allowed):
     measured = record(**made)
     assert acceleration_error(with_smooth_angle(measured)) < allowed
     assert acceleration_error(with_smooth_angle(measured)) < 0.2 * acceleration_error(measured)
 
 
-def test_degrees_taken_for_radians_are_told():
+def test_angle_in_degrees_is_rejected():
     in_degrees = record()
     values = np.degrees(in_degrees["input"])
     channels = {**in_degrees.channels, "input": Channel(values, "angle", "rad")}
@@ -260,7 +260,7 @@ def test_degrees_taken_for_radians_are_told():
         for_base(Record("swing", SWING_TIME, channels), BASES["pendulum"])
 
 
-def test_only_a_pendulum_has_its_input_made_smooth():
+def test_only_angle_of_pendulum_is_smoothed():
     rough = record(noise=1e-3)
     assert for_base(rough, BASES["KB"]) is rough
     made = for_base(rough, BASES["pendulum"])

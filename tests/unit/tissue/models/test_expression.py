@@ -41,7 +41,7 @@ def at(expression, given=GIVEN) -> float:
 
 
 @pytest.mark.parametrize("text", SMOOTH)
-def test_values_and_derivatives_are_sympys(text):
+def test_values_and_derivatives_match_sympy(text):
     reading = in_sympy(text)
     points = {sympy.Symbol(name, real=True): value for name, value in GIVEN.items()}
     assert at(parse(text)) == pytest.approx(float(reading.subs(points)), rel=1e-13)
@@ -59,12 +59,12 @@ def test_operations_keep_the_order_in_which_they_are_written():
 
 
 @pytest.mark.parametrize("text", [*SMOOTH, *EQUATIONS])
-def test_what_is_written_is_read_again(text):
+def test_written_content_is_read_again(text):
     assert parse(to_text(parse(text))) == parse(text)
 
 
 @pytest.mark.parametrize("text", EQUATIONS)
-def test_splitting_loses_nothing(text):
+def test_linear_parts_sum_to_equation(text):
     """The sum of parameters times their parts is the equation, by numbers."""
     form = next(form for form in FORMS if form.equation == text)
     if not form.linear:
@@ -89,7 +89,7 @@ def test_splitting_loses_nothing(text):
         ("+".join(f"({'+'.join(['z'] * 30)})" for _ in range(15)), "more than 400 operations"),
     ],
 )
-def test_everything_else_is_refused(text, words):
+def test_forbidden_expressions_are_rejected(text, words):
     with pytest.raises(InputError, match=words):
         parse(text)
 
@@ -111,13 +111,13 @@ def test_a_force_that_is_not_proportional_is_refused(text, words):
 
 
 @pytest.mark.parametrize("text", ["z**n", "(z - a)**1.5", "sin(z)**n", "z**-1"])
-def test_a_broken_power_of_what_may_be_negative_is_refused(text):
+def test_broken_power_of_possibly_negative_base_is_rejected(text):
     with pytest.raises(InputError, match=r"may be negative.*write abs\(…\) or max\(…, 0\)"):
         check_powers(parse(text), {"n"})
 
 
 @pytest.mark.parametrize("text", ["abs(z)**n", "max(z, 0)**1.5", "(n + z**2)**n", "z**3", "(n/(1 + n))**0.5"])
-def test_other_powers_are_not(text):
+def test_other_powers_are_accepted(text):
     check_powers(parse(text), {"n"})
 
 
@@ -296,7 +296,7 @@ def test_closed_forms_are_what_their_equations_say(key, numbers):
     assert errors[2] < 0.02 * errors[1]
 
 
-def test_equations_apart_are_solved_apart_and_alike():
+def test_independent_equations_are_solved_separately():
     state = equations(q="v - q/tau", r="(s - q*r)/tau", u="(z - u)/tau", p="v - p*abs(p)/tau")
     assert [part.names for part in state.apart] == [("q", "r"), ("u",), ("p",)]
     motion, values = straight(walk(3)), {"tau": 0.3}
@@ -307,7 +307,7 @@ def test_equations_apart_are_solved_apart_and_alike():
         assert path == pytest.approx(reference, abs=1e-9 * np.abs(reference).max())
 
 
-def test_a_state_that_snaps_between_two_places_against_an_ode_solver():
+def test_bistable_state_matches_ode_solver():
     """Between its places of rest it runs away from any guess by e^4 in ten samples: no iteration over the record ends."""
     time = np.arange(1200) * STEP / 10
     position = 4 * np.sin(2 * np.pi * 1.3 * time) + 1.5 * np.cos(2 * np.pi * 3.1 * time + 0.4)
@@ -324,6 +324,6 @@ def test_a_state_that_snaps_between_two_places_against_an_ode_solver():
     assert np.abs(found - truth).max() < 2e-3 * np.abs(truth).max()
 
 
-def test_a_state_without_bounds_ends_as_no_number_and_not_as_an_error():
+def test_unbounded_state_ends_in_nan():
     found = equations(r="exp(r)*(1 + abs(z)) + sin(r)").trajectory(straight(walk(5)), {})["r"]
     assert np.isfinite(found[:5]).all() and not np.isfinite(found[-1])

@@ -72,7 +72,7 @@ def tissue_records(spring=0.5, branch=3.0, relaxation=0.034) -> list[Record]:
 
 
 @pytest.mark.parametrize("base", ["LE", "Maxwell", "KB"])
-def test_a_base_without_effects_is_the_transfer_function_that_it_simulates(base):
+def test_base_matches_its_transfer_function(base):
     """Against python-control's own simulation of the transfer function on a grid fifty times as fine."""
     model, fine = given(base), T / 50 * np.arange(200 * 50 + 1)
     position = np.sin(5 * fine) - 0.4 * np.sin(23 * fine)
@@ -127,7 +127,7 @@ def test_a_discrete_model_is_simulated_about_its_rest_and_only_at_its_rate():
     [DISCRETE, given("pendulum"), *(given(*item) for item in COMBINATIONS)],
     ids=lambda item: item.name,
 )
-def test_what_is_written_is_read_again(model):
+def test_written_content_is_read_again(model):
     content = json.loads(json.dumps(models_document([model], "synthetic twin", 0.1)))
     assert read_models(content, CATALOGUES) == [model]
     assert content["models"][0] == model.to_json()
@@ -137,14 +137,14 @@ def test_what_is_written_is_read_again(model):
     ("change", "words"),
     cases(__file__, "wrong"),
 )
-def test_the_place_of_what_is_wrong_is_named(change, words):
+def test_problems_of_models_file_name_their_place(change, words):
     content = models_document([DISCRETE], "test")
     content["models"][0] |= change
     with pytest.raises(InputError, match=words):
         read_models(json.loads(json.dumps(content)), CATALOGUES)
 
 
-def test_constants_that_were_given_go_with_the_model():
+def test_given_constants_are_written_with_model():
     entry = effect_entry("LE", "hardening_stiffness/power")
     model = FittedModel.from_json(entry, CATALOGUES)
     assert "constants" not in model.to_json()["structure"]["effects"][0]
@@ -176,7 +176,7 @@ def test_constants_that_were_given_go_with_the_model():
         ({"schema": "lumbar.models/2", "models": [3]}, r"models\.0: top level: found 3; "),
     ],
 )
-def test_what_is_no_file_of_models_is_refused(content, words):
+def test_other_content_than_models_is_rejected(content, words):
     with pytest.raises(InputError, match=words):
         read_models(content, CATALOGUES)
 
@@ -187,7 +187,7 @@ def test_the_file_in_the_documentation_is_one(project):
     assert [model.name for model in read_models(json.loads(example), CATALOGUES)] == ["KB", "LE+drift"]
 
 
-def test_parameters_are_reached_by_name():
+def test_parameter_is_found_by_name():
     model = given("KB", "coulomb_friction/coulomb")
     assert model["relaxation_time"].value == BASE_NUMBERS["KB"][1][0]
     assert model["coulomb_friction.coulomb_force"].effect == "coulomb_friction"
@@ -195,7 +195,7 @@ def test_parameters_are_reached_by_name():
         model["tau"]
 
 
-def test_printed_it_shows_equation_parameters_and_scores():
+def test_text_shows_equation_parameters_and_scores():
     assert "H(z) = (1.9 - 1.2 z^-1)/(1 - 0.45 z^-1), 100 Hz" in str(DISCRETE)
     page = replace(
         DISCRETE, structure=TransferFunction((1.9, -2.5e-7), (1, -0.45)), remark="<b>"
@@ -209,7 +209,7 @@ def test_printed_it_shows_equation_parameters_and_scores():
     assert "\\" not in str(with_effect)
 
 
-def test_elements_of_a_base_that_is_fitted_with_effects_have_their_formula_and_intervals_by_simulation():
+def test_elements_have_formula_and_intervals_by_simulation():
     """Intervals of k1 … against draws of the fitted parameters from their joint normal distribution."""
     from lumbar.tissue.diagnosis.fitting.uncertainty import scaled_covariance
 

@@ -67,7 +67,7 @@ def _forces(form, motion: SpatialMotion, nonlinear) -> np.ndarray:
 
 
 @pytest.mark.parametrize(("form", "spatial"), FORMS, ids=[form.key for form, _ in FORMS])
-def test_a_form_holds_in_every_frame(form, spatial):
+def test_form_is_invariant_under_rotation(form, spatial):
     """A turned motion has the turned force; what has a parameter in every axis (a drift) does not hang on the motion."""
     motion, matrix = _motion(3), turn(np.array([0.4, -0.7, 0.2]))
     nonlinear = _numbers(spatial, motion)
@@ -78,7 +78,7 @@ def test_a_form_holds_in_every_frame(form, spatial):
 
 
 @pytest.mark.parametrize(("form", "spatial"), FORMS, ids=[form.key for form, _ in FORMS])
-def test_along_one_axis_a_form_is_that_of_one_axis(form, spatial):
+def test_spatial_form_along_one_axis_matches_one_axis_form(form, spatial):
     motion = _motion(1)
     along = SpatialMotion((motion.parts[0], *(Motion(TIME, 0 * TIME, 0.01),) * 2), names=XYZ)
     nonlinear = _numbers(form, motion.parts[0])
@@ -115,7 +115,7 @@ def test_an_expression_in_components(text, components):
 @pytest.mark.parametrize(
     "name", ["quadratic_stiffness", "contact_loss", "depth_dependent_damping", "backlash"]
 )
-def test_what_has_no_form_in_space_says_so(name):
+def test_effect_without_form_in_space_gives_reason(name):
     found, without = TISSUE[name].in_space(XYZ)
     assert found is None
     assert len(without) == len(TISSUE[name].forms)
@@ -132,7 +132,7 @@ def _base(symmetry: Symmetry, kind: str = "KB") -> SpatialBase:
 
 
 @pytest.mark.parametrize("symmetry", Symmetry)
-def test_a_base_is_its_matrices(symmetry):
+def test_spatial_base_matches_its_matrices(symmetry):
     """Forces of the columns are K_e z + K_b q with the matrices that it tells, q by an independent integration."""
     base, motion = _base(symmetry), _motion(3)
     rng = np.random.default_rng(1)
@@ -153,7 +153,7 @@ def test_a_base_is_its_matrices(symmetry):
     assert np.allclose(found, wanted, atol=1e-5 * np.abs(wanted).max())
 
 
-def test_a_held_base_stays_where_it_was_turned():
+def test_held_base_keeps_its_frames():
     base, motion = _base(Symmetry.FULL), _motion(3)
     nonlinear = np.array([0.15, *np.exp([0.1, -0.2, 0.3, 0.0, 0.2, -0.1])])
     linear = np.arange(1.0, 7.0)
@@ -163,7 +163,7 @@ def test_a_held_base_stays_where_it_was_turned():
     assert np.allclose(before, after, atol=1e-12)
 
 
-def test_the_plane_presses_across_and_rubs_along():
+def test_plane_contact_has_normal_force_and_friction():
     normal = np.array([0.6, 0.0, 0.8])
     plane = PlaneContact(BASES["LE-contact"], XYZ, (tuple(frame_of(normal).ravel()),), 0.2, 1.0)
     motion = _motion(3)
@@ -177,7 +177,7 @@ def test_the_plane_presses_across_and_rubs_along():
     assert np.all(np.sum(forces * along, axis=0)[touching] > 0) and not forces[:, ~touching].any()
 
 
-def test_the_sensor_turns_and_mixes():
+def test_force_sensor_rotates_and_mixes_forces():
     effects, motion = force_sensor_effects(XYZ), _motion(3)
     base = _base(Symmetry.ISOTROPIC, "LE")
     plain, vector = _force(base, motion, [2.0]), np.array([0.1, -0.2, 0.3])
@@ -191,7 +191,7 @@ def test_the_sensor_turns_and_mixes():
 @pytest.mark.parametrize(
     ("zeros", "wanted"), [((1, 2, 3), (1, 2, 3, 1, 2, 3)), ((1, 2, 3, 4, 5, 6), (1, 2, 3, 4, 5, 6))]
 )
-def test_a_zero_belongs_to_a_channel(zeros, wanted):
+def test_zero_is_added_to_its_channel(zeros, wanted):
     """Of all records, or of each."""
     motions = JoinedMotions((_motion(3), _motion(3, 1)))
     structure = Structure(_base(Symmetry.ISOTROPIC, "LE").structural)

@@ -31,7 +31,7 @@ def test_equation_of_table_2_1_follows_from_the_mechanical_analogue(model, syste
     assert (base.k, base.nu, base.gamma) == pytest.approx((system.k, system.nu, system.gamma))
 
 
-def test_transfer_functions_are_played_as_by_scipy():
+def test_filter_matches_scipy():
     draws = np.random.default_rng(0)
     for _ in range(300):
         numerator = draws.normal(size=draws.integers(1, 9))
@@ -55,7 +55,7 @@ def test_kelvin_voigt_is_improper_and_not_identified():
 
 
 @pytest.mark.parametrize("ratio", [1e-5, 1e-3, 0.3, 3.0, 20.0])
-def test_physical_parameters_come_back(ratio):
+def test_physical_parameters_are_recovered(ratio):
     gamma = T / ratio
     k1, k2 = 0.4, 3.2
     discrete = discretise(kelvin_boltzmann(k1, k2, gamma * (k1 + k2)), T)

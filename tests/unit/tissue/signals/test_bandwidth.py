@@ -73,7 +73,7 @@ def test_analysis_band_outside_the_spectrum_is_refused(maximum):
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -1.0])
-def test_spectra_that_are_none_are_refused(bad):
+def test_invalid_spectra_are_rejected(bad):
     psd = np.ones_like(FREQUENCY)
     psd[7] = bad
     with pytest.raises(InputError, match="not finite"):
@@ -106,7 +106,7 @@ def share(result):
     return result["velocity"]["power_share"]
 
 
-def test_surgeons_count_alike_however_many_trials_each_has():
+def test_surgeons_have_equal_weight():
     spectra = flat_spectra([2, 2, 2, 4], ["a", "a", "a", "b"])
     # Densities 1/2 up to 2 Hz and 1/4 up to 4 Hz, mean of both: 0.95 = 3/4 + (f - 2)/8.
     assert share(motion_bandwidths(spectra, INTERVAL, 1))["value_Hz"] == pytest.approx(3.6, abs=0.06)
@@ -139,7 +139,7 @@ def test_like_surgeons_have_a_narrow_interval_of_the_right_width():
     assert np.log(entry["high_Hz"] / entry["low_Hz"]) / 2 == pytest.approx(expected, rel=0.25)
 
 
-def test_trials_of_one_surgeon_are_no_independent_evidence():
+def test_trials_of_one_surgeon_are_not_independent():
     """Four surgeons of three like trials: the interval must be as wide as if each had one trial."""
     one = share(motion_bandwidths(flat_spectra([2, 2.5, 3, 3.5], "abcd"), INTERVAL, 1))
     widths = [2] * 3 + [2.5] * 3 + [3] * 3 + [3.5] * 3
@@ -219,7 +219,7 @@ def test_a_hann_window_spreads_a_line_over_three(share, line):
     assert spectral_edge(2 * LOW + HIGH, share) == line / SAMPLES
 
 
-def test_a_drift_is_no_fast_motion_and_the_edge_is_at_least_one_cycle():
+def test_drift_has_low_spectral_edge():
     drift = np.linspace(-1.0, 1.0, SAMPLES)
     assert spectral_edge(drift, 0.9999) <= 6 / SAMPLES
     assert spectral_edge(np.ones(SAMPLES), 0.5) == 1 / SAMPLES

@@ -300,7 +300,7 @@ def test_peaks_of_a_sine_between_its_samples(frequency, phase):
 
 
 @pytest.mark.parametrize("excess", [1.0001, 1.37, 7.3, 12345.6])
-def test_following_the_advice_is_enough(excess):
+def test_suggested_amplitude_fits_machine(excess):
     with pytest.raises(InputError) as error:
         check_machine_limits({"noise": Kinematics(30 * excess, 0, 0)}, LIMITS)
     factor = float(re.search(r"at most ([0-9.]+)", str(error.value))[1])
