@@ -6,14 +6,15 @@ from typing import Literal
 from pydantic import Field
 
 from lumbar.base.yaml_file import shipped_yaml
-from lumbar.settings.layout import Alias, ColumnLayout, ColumnSettings, MarkerLayout, MeanOfMarkers
+from lumbar.settings.layout import Alias, ColumnLayout, MarkerLayout, MeanOfMarkers
 from lumbar.settings.section import Section, Unique
 from lumbar.settings.subject import TrialSettings
 
 ALIASES: dict[str, Alias] = {
     **{
         name: tuple(
-            MeanOfMarkers(mean=label["mean"]) if isinstance(label, dict) else label for label in labels
+            MeanOfMarkers.model_construct(mean=tuple(label["mean"])) if isinstance(label, dict) else label
+            for label in labels
         )
         for name, labels in shipped_yaml(Path(__file__).parent / "labels" / "aliases.yaml").items()
     },
@@ -26,10 +27,7 @@ RIGID_BODIES = {
     "box": tuple(f"BOX_{number}" for number in range(1, 9)),
     "pelvis": ("SACRUM", "L_ASIS", "R_ASIS", "L_PSIS", "R_PSIS"),
 }
-MOMENT_COLUMNS = {
-    role: ColumnSettings(**said)
-    for role, said in shipped_yaml(Path(__file__).parent / "labels" / "moment_columns.yaml").items()
-}
+MOMENT_COLUMNS = shipped_yaml(Path(__file__).parent / "labels" / "moment_columns.yaml")
 
 
 class GapSettings(Section):
