@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from periodic_records import multisine, noise, record
 
+import lumbar
 from lumbar.base.errors import InputError, NumericalError
 from lumbar.interface.reading import read
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
@@ -85,6 +86,16 @@ def test_result_lists_the_steps_and_the_one_that_decided(case):
     assert found.decided_by.step == "find ties" and found.decided_by.status == found.status == "named"
     assert [line.split(":")[0] for line in explain(found)] == [item.step for item in found.steps]
     assert [line.endswith("[decided: named]") for line in explain(found)].count(True) == 1
+
+
+def test_exchanged_channels_with_a_sensor_fault_are_reported_and_saved(shared, tmp_path):
+    records = read(shared / "hidden_effects" / "case_03")
+    exchanged = [item.with_values(input=item["output"], output=item["input"]) for item in records]
+    diagnosis = lumbar.diagnose(exchanged)
+    assert diagnosis.result.orientation.kind == "direction" and not diagnosis.selected
+    assert diagnosis.result.decided_by.step == "check direction and signs"
+    diagnosis.save(tmp_path, pictures=False)
+    assert {item.name for item in tmp_path.iterdir()} >= {"diagnosis.json", "diagnosis.html", "refined.json"}
 
 
 def test_diagnosed_again_the_second_effect_is_named(shared):

@@ -129,7 +129,7 @@ def test_no_name_from_a_fit_that_has_not_converged(found):
     stopped = replace(found.model, fit=replace(found.model.fit, converged=False))
     selection = Selection(found.experiment, found.base, DiagnosisSettings(catalogue=TISSUE), singles=[])
     assert selection.status(stopped, [], 0.99) == "unexplained"
-    settled = selection.settled(stopped)
+    settled = selection.converge(stopped)
     assert settled.fit.converged and settled.test_rms == pytest.approx(found.model.test_rms, rel=1e-6)
 
 

@@ -1,4 +1,4 @@
-"""How to diagnose: base, training records, candidates."""
+"""Settings of a diagnosis: base, training records, candidates."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,21 +14,21 @@ from lumbar.tissue.models.form import Effect
 
 @dataclass(frozen=True)
 class DiagnosisSettings:
-    """How to diagnose."""
+    """Settings of a diagnosis."""
 
     base: str | Base = CHOSEN_BY_DATA
-    """Base model, a key of `lumbar.tissue.models.bases.BASES`, ``"auto"``: that of a tissue which the data ask for, or one of
-    one's own."""
+    """Base model: a key of `lumbar.tissue.models.bases.BASES`, ``"auto"`` for that of a tissue which the data require, or a
+    user-defined one."""
     train: str | Sequence[str] | None = None
     """Training record, or several that are fitted together; None takes the longest."""
     catalogue: dict[str, Effect] | None = None
-    """Candidates; default those of the system that the base is a model of."""
+    """Candidate effects; None takes those of the base's system."""
     most_effects: int = 3
-    """Most effects to add."""
+    """Largest number of effects to add."""
     forward: bool = False
     """Whether the records of a tissue test have the force as input and the motion as output."""
     load_drives: bool = False
-    """Whether the load is the records' input, wherever it stands: of such records, and where a base of one's own takes it."""
+    """Whether the load is the input of the records: with `forward`, and for a user-defined base with the load as input."""
     propose_law: bool = False
     """Whether a short formula is searched for what no effect explains."""
     session: bool = False
@@ -36,36 +36,36 @@ class DiagnosisSettings:
     settling_s: float | None = None
     """Seconds at the start of every record that no error counts; None follows the records."""
     layout: ColumnLayout | None = None
-    """That the records were read with, for the lines which turn their columns; None is the reference's."""
+    """Layout that the records were read with, for proposed corrections of it; None is the reference layout."""
     force_frame: tuple[float, ...] | None = None
-    """How a force sensor of several axes is mounted, as of `lumbar.records.frames.with_force_frame`."""
+    """Rotation of a force sensor of several axes; see `lumbar.records.frames.with_force_frame`."""
 
     @property
     def system(self) -> str:
-        """What the base is a model of."""
+        """System of the base: tissue or pendulum."""
         return self.base.system if isinstance(self.base, Base) else system_of(self.base)
 
     @property
     def candidates(self) -> dict[str, Effect]:
-        """The catalogue that is given, or that of the base; of forward records with the effects of the motion's sensor."""
-        found = CATALOGUES[self.system] if self.catalogue is None else self.catalogue
-        return {**found, **MOTION_SENSOR} if self.forward else found
+        """Candidate effects, with those of the motion's sensor if the force is the input."""
+        catalogue = CATALOGUES[self.system] if self.catalogue is None else self.catalogue
+        return {**catalogue, **MOTION_SENSOR} if self.forward else catalogue
 
     @property
     def searched(self) -> dict[str, Effect]:
-        """The candidates without those that are asked only in the place of what is named."""
+        """Candidates without those that are only tried as rivals of a named effect."""
         return {name: effect for name, effect in self.candidates.items() if not effect.rival}
 
     @classmethod
     def from_study(
         cls, settings: StudySettings, base: str | None = None, train: str | Sequence[str] | None = None
     ) -> Self:
-        """How a study diagnoses; base and training records that are given come before its own.
+        """Return the settings of a study; given base and training records take precedence.
 
         Raises
         ------
         InputError
-            For an unknown base, and one of one's own that is not sound.
+            For an unknown base, and for an invalid user-defined one.
         """
         improvement = settings.improvement
         base = base or improvement.base
@@ -74,13 +74,13 @@ class DiagnosisSettings:
         load_drives = improvement.forward and system_of(base) == "tissue"
         settling_s = settings.tissue.settling_s
         if settling_s is None and isinstance(chosen, Base) and chosen.form.start:
-            settling_s = 0.0  # it says how records begin
+            settling_s = 0.0  # its initial state is defined
         return cls(
             base=chosen,
             train=train or improvement.train,
             catalogue=catalogue_with(improvement.effect_files, base, gravity),
             most_effects=improvement.most_effects,
-            # A base of one's own goes from the input to the output, whatever they are: nothing is turned round.
+            # A user-defined base goes from the input to the output, whatever they are: nothing is exchanged.
             forward=load_drives and not isinstance(chosen, Base),
             load_drives=load_drives,
             propose_law=improvement.propose_law,

@@ -1,6 +1,6 @@
-"""Forward records as a fit sees them, as they are and turned round for the search, and the base that they ask for.
+"""Records with the force as input for a fit, the same with the motion as input for the search, and the base that they require.
 
-Turned round: force by measured motion, every error carried through the base to the motion. Where R(z) is the force of a model
+With the motion as input, every error of the force is carried through the base to the motion. If R(z) is the force of a model
 with motion z, a true model leaves R(z + n) − F ≈ (dR/dz) n of the noise n in the measured motion; through the base's own
 response G ≈ (dR/dz)⁻¹ that is n again, in the unit of the motion and as it was measured (the weighting of Steiglitz and McBride,
 IEEE Trans. Automat. Contr. 10 (1965) 461-464). So the search over all forms, which are linear in most parameters here, needs no
@@ -28,33 +28,33 @@ from lumbar.tissue.models.motion import JoinedMotions, Motion
 from lumbar.tissue.models.structure import ForwardStructure, Structure
 
 FORWARD_BASES = ("KV-mass", "KB-mass", "KV", "KB", "LE")
-"""Bases that are tried where the force is the input."""
+"""Bases that are tried if the force is the input."""
 _SIMULATED = 2
-"""Bases, those that fit best turned round, that are simulated."""
+"""Number of bases, those that fit best with the motion as input, that are simulated."""
 _LONG = 6000
 """Samples of every record on which a search is made."""
 Response = Callable[[np.ndarray], np.ndarray]
-"""From frequencies (Hz) to the motion by the force there."""
+"""From frequencies (Hz) to the ratio of motion and force."""
 _STIFFEST = 1e-6
-"""Share of the largest dynamic stiffness below which none counts: what nothing holds drifts away."""
+"""Smallest dynamic stiffness, as a share of the largest: a free mass would drift away."""
 _STIFF = 10.0
-"""Stiffness of what does not follow the force, in that of force over motion."""
+"""Stiffness of what does not follow the force, relative to the ratio of force and motion."""
 _SEGMENTS = 8
 _TURNS = 3
 """Fits of the base, each weighted by the response of the one before."""
 _OF_MOTION = ("position", "speed", "path")
 EVALUATIONS = 20
-"""Of the error, at most, to fit one model."""
+"""Largest number of evaluations of the error to fit one model."""
 _AT_ZERO = 1e-3
 """Size of a linear parameter that starts at 0, as a share of the largest that acts alike."""
 _OFF_BOUND = 1e-3
 _LOST = 1e3
-"""Error of a motion that was not found, in sizes of the measured one."""
+"""Error of a simulation that failed, relative to the measured motion."""
 
 
 @dataclass(frozen=True, eq=False)
 class ForwardData(FitData):
-    """One forward record; attributes as of `FitData`, with the force as its motion and the motion as its force."""
+    """One record with the force as input: attributes of `FitData`, with the force as its motion and the motion as its force."""
 
     @cached_property
     def measured_motion(self) -> Motion:
@@ -62,13 +62,13 @@ class ForwardData(FitData):
         return Motion(self.motion.time, without_noise(self.force), self.motion.sampling_time)
 
     def scale(self, kind: str) -> float:
-        """Size of a quantity for starting values; ``force`` is what a form at the output transforms."""
+        """Return the size of a quantity for starting values; ``force`` is the signal that a form at the output transforms."""
         return self.measured_motion.scale(kind) if kind in _OF_MOTION else super().scale(kind)
 
 
 @dataclass(frozen=True, eq=False)
 class ForwardJointData(JointData):
-    """Several forward records that are fitted together."""
+    """Several records with the force as input that are fitted together."""
 
     def scale(self, kind: str) -> float:
         """Largest size in any of the records."""
@@ -77,10 +77,10 @@ class ForwardJointData(JointData):
 
 @dataclass(frozen=True, eq=False)
 class CarriedData(FitData):
-    """A forward record turned round: attributes as of `FitData`, of the motion as measured and the force."""
+    """A record with the force as input, fitted with the measured motion as input; attributes of `FitData`."""
 
     response: Response = np.ones_like
-    """Through which errors of the force are carried to the motion."""
+    """Response through which errors of the force are carried to the motion."""
 
     def _carried(self, signal: np.ndarray) -> np.ndarray:
         """Signal (samples first) through the response, from rest."""
@@ -105,7 +105,7 @@ class CarriedData(FitData):
 
 @dataclass(frozen=True, eq=False)
 class CarriedJointData(JointData):
-    """Several such records that are fitted together."""
+    """Several records of `CarriedData` that are fitted together."""
 
     def error(self, simulated: np.ndarray) -> np.ndarray:
         """Errors of all records, each carried."""
@@ -113,10 +113,10 @@ class CarriedJointData(JointData):
         return np.concatenate([part.error(piece) for part, piece in pieces])
 
 
-def turn_round(experiment: Experiment, response: Response) -> Experiment:
-    """A forward experiment turned round."""
+def with_motion_as_input(experiment: Experiment, response: Response) -> Experiment:
+    """Return an experiment with the force as input, prepared with the motion as input."""
 
-    def turned(data: ForwardData) -> CarriedData:
+    def exchange(data: ForwardData) -> CarriedData:
         moved = data.measured_motion
         motion = Motion(moved.time, moved.position, moved.sampling_time)
         return CarriedData(
@@ -129,18 +129,18 @@ def turn_round(experiment: Experiment, response: Response) -> Experiment:
             response=response,
         )
 
-    return experiment.with_data(turned, CarriedJointData)
+    return experiment.with_data(exchange, CarriedJointData)
 
 
 def response_of(base: Base, linear: np.ndarray, nonlinear: np.ndarray) -> Response:
-    """Frequency response of a base from force to motion."""
+    """Return the frequency response of a base from force to motion."""
     by_motion, by_states = linearised(base.form, linear, nonlinear)
 
     def response(frequency: np.ndarray) -> np.ndarray:
         s = 2j * np.pi * frequency
         powers = np.array([np.ones_like(s), s, s**2])
         stiffness = by_motion[0] @ powers
-        for state in range(1, len(by_states)):  # the states of a base know nothing of each other
+        for state in range(1, len(by_states)):  # the states of a base are not coupled
             driven = by_motion[state] @ powers / (s - by_states[state, state - 1])
             stiffness = stiffness + by_states[0, state - 1] * driven
         least = _STIFFEST * np.abs(stiffness).max()
@@ -150,27 +150,27 @@ def response_of(base: Base, linear: np.ndarray, nonlinear: np.ndarray) -> Respon
 
 
 def measured_response(data: FitData) -> Response:
-    """Ratio of the spectra of motion and force without their phases, for a first weighting."""
+    """Return the ratio of the spectra of motion and force without their phases, for a first weighting."""
     force, motion = data.motion.position, data.force
     rate = 1 / data.motion.sampling_time
     frequency, powers = scipy.signal.welch(
         np.array([force - force.mean(), motion - motion.mean()]), rate, nperseg=len(force) // _SEGMENTS
     )
     ratio = np.sqrt(powers[1] / np.maximum(powers[0], 1e-12 * powers[0].max()))
-    # Where the force holds nothing the ratio is noise.
+    # At frequencies without force the ratio is noise.
     ratio[powers[0] < 1e-6 * powers[0].max()] = 0.0
     return lambda wanted: np.interp(wanted, frequency, ratio)
 
 
-def fit_turned_round(experiment: Experiment, base: Base) -> tuple[np.ndarray, np.ndarray]:
-    """Linear and nonlinear parameters of a base fitted to a forward experiment turned round."""
+def fit_with_motion_as_input(experiment: Experiment, base: Base) -> tuple[np.ndarray, np.ndarray]:
+    """Fit a base with the motion as input; return its linear and nonlinear parameters."""
     training = experiment.training
     first = training.records[0]
     response = measured_response(first)
     for _ in range(_TURNS):
-        found = joint_fit.fit_base(Structure(base), turn_round(experiment, response).training)
+        found = joint_fit.fit_base(Structure(base), with_motion_as_input(experiment, response).training)
         linear = found.linear
-        if not linear.any():  # no material at all: what does not follow the force is stiff
+        if not linear.any():  # without a material, what does not follow the force is stiff
             spring = [item.name == "spring_stiffness" for item in base.linear]
             linear = np.where(spring, _STIFF * np.std(training.motion.position) / np.std(training.force), 0.0)
         response = response_of(base, linear, found.nonlinear)
@@ -178,7 +178,7 @@ def fit_turned_round(experiment: Experiment, base: Base) -> tuple[np.ndarray, np
 
 
 def prepare_forward(records: list[Record], settings: DiagnosisSettings) -> Experiment:
-    """Forward records ready for a diagnosis.
+    """Prepare records with the force as input.
 
     Raises
     ------
@@ -205,8 +205,8 @@ def prepare_forward(records: list[Record], settings: DiagnosisSettings) -> Exper
     return Experiment.as_recorded(seen, settings, records=tuple(seen)).with_data(forward, ForwardJointData)
 
 
-def beginning(experiment: Experiment) -> Experiment:
-    """The experiment with no more of every record than a search needs; the same one where none is longer."""
+def shorten(experiment: Experiment) -> Experiment:
+    """Return the beginnings of long records, enough for a search; the same experiment if none is longer."""
 
     def short(data: FitData) -> FitData:
         return data.split(_LONG / data.size)[0] if data.size > _LONG else data
@@ -218,7 +218,7 @@ def beginning(experiment: Experiment) -> Experiment:
 
 @dataclass(frozen=True, eq=False)
 class ForwardFit(joint_fit.Fit):
-    """A fitted model from force to motion; attributes as of `Fit`."""
+    """A fitted model from force to motion; attributes of `Fit`."""
 
     structure: ForwardStructure
 
@@ -277,7 +277,7 @@ def fit_by_simulation(
     @lru_cache(maxsize=1)
     def error_of(numbers: bytes) -> np.ndarray:
         errors = trial(np.frombuffer(numbers)).whitened_errors(data) / extent
-        # A motion that was not found lies further away than any that was.
+        # The error of a failed simulation is larger than any other.
         return errors if np.isfinite(errors).all() else np.full(len(errors), _LOST)
 
     def jacobian(vector):
@@ -300,7 +300,7 @@ def resume_fit(experiment: Experiment, model: Candidate, evaluations: int = EVAL
 
 
 def choose_forward_base(experiment: Experiment, name: str) -> Candidate:
-    """The base of a name, or the one of `FORWARD_BASES` that explains all records best, fitted by simulation.
+    """Fit the base with a name, or the one of `FORWARD_BASES` that explains all records best, by simulation.
 
     Raises
     ------
@@ -312,23 +312,23 @@ def choose_forward_base(experiment: Experiment, name: str) -> Candidate:
             known = ", ".join(FORWARD_BASES)
             raise InputError(f"base {name}: records with the force as input know the bases {known}")
         return simulate_base(experiment, BASES[name])
-    # All carried through the response of the first, which has all that the others have but a second relaxation.
+    # All are weighted by the response of the first, which has all elements of the others but a second relaxation.
     first = BASES[FORWARD_BASES[0]]
-    seen = turn_round(experiment, response_of(first, *fit_turned_round(experiment, first)))
+    seen = with_motion_as_input(experiment, response_of(first, *fit_with_motion_as_input(experiment, first)))
     ranked = sorted(FORWARD_BASES, key=lambda name: fit_base(BASES[name], seen).score)
     found = [simulate_base(experiment, BASES[name]) for name in ranked[:_SIMULATED]]
     return min(found, key=lambda item: item.score if np.isfinite(item.score) else np.inf)
 
 
 def simulate_base(experiment: Experiment, base: Base) -> Candidate:
-    """Fit a base turned round, and from there by simulation."""
-    return fit_by_simulation(experiment, ForwardStructure(base), *fit_turned_round(experiment, base))
+    """Fit a base with the motion as input, and from there by simulation."""
+    return fit_by_simulation(experiment, ForwardStructure(base), *fit_with_motion_as_input(experiment, base))
 
 
 def better_base(model: Candidate, seen: Experiment) -> Base | None:
-    """The base that explains the turned-round records better with the same effects; None where there is none.
+    """Return the base that explains the records better with the same effects and the motion as input, or None.
 
-    What a model lacks may have passed for a relaxation or a mass as long as it was lacking.
+    A missing effect may have been mistaken for a relaxation or a mass.
     """
     own = model.fit.structure.base
     bases = [own, *(BASES[name] for name in FORWARD_BASES if name != own.name)]

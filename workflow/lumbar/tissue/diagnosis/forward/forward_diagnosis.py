@@ -13,18 +13,18 @@ from lumbar.tissue.diagnosis.fitting.fit_data import FitData
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.forward.forward_base import (
     EVALUATIONS,
-    beginning,
     better_base,
     choose_forward_base,
     fit_by_simulation,
     prepare_forward,
     response_of,
     resume_fit,
+    shorten,
     simulate_base,
-    turn_round,
+    with_motion_as_input,
 )
 from lumbar.tissue.diagnosis.forward.sensor import sensor_candidates
-from lumbar.tissue.diagnosis.selection.alternatives import linear_alternative, offsets
+from lumbar.tissue.diagnosis.selection.alternatives import linear_alternative, report_offsets
 from lumbar.tissue.diagnosis.selection.candidate import (
     Candidate,
     add_form,
@@ -42,11 +42,11 @@ from lumbar.tissue.models.form import Effect, Form
 from lumbar.tissue.models.structure import ForwardStructure
 
 _RIVALS = 5
-"""Sets of effects, beside those named, that are simulated."""
+"""Number of sets of effects that are simulated in addition to those named."""
 _LEAST_EXPLAINED = 0.05
-"""Share of the motion's variance that a base must explain for effects to be looked for beside it."""
+"""Smallest share of the motion's variance that a base must explain if effects are to be searched."""
 _POLISHED = 4
-"""Evaluations of the error on all of long records, from the fit to their beginning."""
+"""Largest number of evaluations of the error on whole records, from the fit to their beginning."""
 
 
 def estimate_motion_noise(state: DiagnosisState) -> DiagnosisState:
@@ -64,7 +64,7 @@ def estimate_motion_noise(state: DiagnosisState) -> DiagnosisState:
 def choose_simulated_base(state: DiagnosisState) -> DiagnosisState:
     """Choose the base on the beginning of long records; ignore the colour of the noise if the error is far above it."""
     prepared, base = _with_base(state.prepared, state.settings)
-    experiment = beginning(prepared)
+    experiment = shorten(prepared)
     reason = f"{base.fit.structure.base.name}: error {base.test_rms:.4g} {experiment.output_unit} unseen"
     return state.next(
         "choose the base", reason, prepared=prepared, experiment=experiment, base=base, path=[base]
@@ -82,7 +82,7 @@ def select_by_simulation(state: DiagnosisState) -> DiagnosisState:
         return after_selection(state, Confirmation(experiment, base, state.settings))
     usable = replace(state.settings, catalogue=forward_catalogue(state.settings.searched, model, data))
     response = response_of(model, base.fit.linear, base.fit.nonlinear)
-    inverse = turn_round(experiment, response)
+    inverse = with_motion_as_input(experiment, response)
     search = Selection(inverse, fit_base(model, inverse), usable)
     named = search.fitted_path()
     rivals = [*search.ties(named[-1]), *search.best_sets(named[-1])]
@@ -166,7 +166,7 @@ def compare_motion_with_linear_dynamics(state: DiagnosisState) -> DiagnosisState
 
 def report_motion_offset(state: DiagnosisState) -> DiagnosisState:
     """Report where the zero of the motion's sensor is, if that matters."""
-    findings = [replace(item, kind="motion_offset") for item in offsets(state)]
+    findings = [replace(item, kind="motion_offset") for item in report_offsets(state)]
     reason = "the zero is not where the records say" if findings else "the zero is where the records say"
     return state.next("report zeros", reason, *findings, is_searched_further=False)
 
@@ -186,15 +186,15 @@ FORWARD_STEPS = (
 
 def _with_base(experiment: Experiment, settings: DiagnosisSettings) -> tuple[Experiment, Candidate]:
     """Return records with the weighting that they need, and the base of the settings or of their beginning."""
-    base = choose_forward_base(beginning(experiment), settings.base)
+    base = choose_forward_base(shorten(experiment), settings.base)
     if experiment.error_dwarfs_noise(base.train_rms):
         experiment = experiment.without_whitening()
-        base = resume_fit(beginning(experiment), base)
+        base = resume_fit(shorten(experiment), base)
     return experiment, base
 
 
 def forward_catalogue(catalogue: dict[str, Effect], base: Base, data: FitData) -> dict[str, Effect]:
-    """The effects that can be simulated from force to motion, without what the base has itself, as large as the data ask."""
+    """Return the effects that can be simulated from force to motion and that the base does not contain, scaled to the data."""
     known = set(base.form.parsed_equation.columns)
 
     def new(form: Form) -> bool:
@@ -204,7 +204,7 @@ def forward_catalogue(catalogue: dict[str, Effect], base: Base, data: FitData) -
 
 
 class Confirmation(Selection):
-    """Keeps what passes by simulation, as the search does by the turned-round records.
+    """Selection by simulation, of what the search with the motion as input has named.
 
     Parameters
     ----------
@@ -239,12 +239,12 @@ class Confirmation(Selection):
 
     @cached_property
     def selected_path(self) -> list[Candidate]:
-        """Simulate what was named, and its rivals; from the base on to larger sets that pass, the best of each step."""
+        """Simulate what was named, and its rivals; return the path to larger and larger sets that pass, the best of each size."""
         self.simulate(self.named)
         rivals = self.rivals
         best = min([self.base, *self.tried], key=lambda item: item.score)
         if is_adequate(best, self.experiment):
-            # What is larger explains nothing more.
+            # Larger sets explain nothing more.
             rivals = [item for item in rivals if len(item.effects) <= len(best.effects)]
         self.simulate(rivals[:_RIVALS])
         path = [self.base]
@@ -264,24 +264,24 @@ class Confirmation(Selection):
                 if np.isfinite(found.score):
                     self.tried.append(found)
 
-    def fitted_on(self, model: Candidate) -> Candidate:
-        """The same model, its simulation fitted from where it ended."""
+    def continue_fit(self, model: Candidate) -> Candidate:
+        """Continue the fit of a model by simulation."""
         return resume_fit(self.experiment, model, self.evaluations)
 
     def follows(self, before: Candidate, after: Candidate) -> bool:
-        """Whether a larger set may be selected after another one."""
+        """Return whether a larger set may be selected after another one."""
         may = self.passes if before is self.base else self.is_further
         return set(after.effects) > set(before.effects) and may(before, after)
 
     def further(self, model: Candidate) -> Candidate | None:
-        """What was not named turned round is not looked for."""
+        """Return None: no set beyond those of the search is simulated."""
         return None
 
 
 def refine_forward(
     records: list[Record], effects: dict[str, Effect], settings: DiagnosisSettings
 ) -> tuple[Experiment, list[Candidate]]:
-    """Add effects in the order given, each in the form that fits best turned round, all refitted by simulation.
+    """Add effects in the order given, each in the form that fits best with the motion as input, all refitted by simulation.
 
     The records have the force as channel ``input`` and the motion as ``output``. The candidates are the path: base,
     base and first effect, ….
@@ -302,15 +302,15 @@ def refine_forward(
             raise InputError(
                 f"{name}: it cannot be added to {model.name} from force to motion; those that can are {known}"
             )
-    short = beginning(experiment)
-    seen = turn_round(short, response_of(model, base.fit.linear, base.fit.nonlinear))
-    turned = fit_base(model, seen)
+    short = shorten(experiment)
+    seen = with_motion_as_input(short, response_of(model, base.fit.linear, base.fit.nonlinear))
+    inverse = fit_base(model, seen)
     path = [base if short is experiment else resume_fit(experiment, base)]
     for effect in usable.values():
-        added = [add_form(turned, form, seen) for form in effect.forms]
-        turned = min(added, key=lambda item: item.score)
-        structure = ForwardStructure(model, turned.fit.structure.forms)
-        start = turned.fit.linear, turned.fit.nonlinear, path[-1].fit.zero
+        added = [add_form(inverse, form, seen) for form in effect.forms]
+        inverse = min(added, key=lambda item: item.score)
+        structure = ForwardStructure(model, inverse.fit.structure.forms)
+        start = inverse.fit.linear, inverse.fit.nonlinear, path[-1].fit.zero
         found = fit_by_simulation(short, structure, *start)
         found = found if short is experiment else resume_fit(experiment, found)
         if found.fit.squared_error > path[-1].fit.squared_error * (1 + 1e-6):

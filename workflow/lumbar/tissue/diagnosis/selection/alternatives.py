@@ -30,22 +30,22 @@ from lumbar.tissue.models.form import Form
 from lumbar.tissue.models.structure import Structure
 
 _NONLINEAR = 0.1
-"""Share of what the best linear model leaves that is surely not linear, from which on something nonlinear is missing."""
+"""Smallest significant nonlinear share of the error of the best linear model if something nonlinear is missing."""
 _ZEROS_HELP = 0.9
-"""Factor on the unseen error below which a zero of its own for every record is taken."""
+"""Factor on the unseen error below which one zero per record is used."""
 _START = 3
 """Samples that a record's beginning has at least."""
 _BESIDE, _UNSURE = 0.1, 2.5
 """Distance between the zero at a record's beginning and over all of it, up to which it is one zero: a share of its shift, and
 standard errors of the beginning's median."""
 _NOTABLE = 0.01
-"""Share of the response's range from which on a sensor's zero is worth a word."""
+"""Share of the response's range above which a sensor's zero is reported."""
 _LEAD_BASES = ("LE", "KB")
-"""Tissues beside which a lead is looked for: the others make up for one by a dashpot of their own."""
+"""Bases with which a lead is searched: the dashpots of the others can replace one."""
 _LEAD_SAMPLES = (5, 14, 23)
-"""Longest lead that is looked for first, and next where it may be longer: a delay reaches over ten samples."""
+"""Longest lead that is searched first, and next if it may be longer: a delay spans ten samples."""
 _LEAD_ROOM = 4
-"""Times as many samples that must count in every record."""
+"""Ratio of the samples that must count in every record to the longest lead."""
 _LEAD_LEAST = 0.2
 """Samples of delay up to which the lead may be longer."""
 _LEAD_STARTS = (4.0, 1.5)
@@ -151,13 +151,13 @@ def check_lead(state: DiagnosisState) -> DiagnosisState:
 
 def report_zeros(state: DiagnosisState) -> DiagnosisState:
     """Report where the zeros of the sensors are, if that matters."""
-    findings = offsets(state)
+    findings = report_offsets(state)
     kinds = ", ".join(item.kind.replace("_", " ") for item in findings)
     return state.next("report zeros", kinds or "the zeros are where the records say", *findings)
 
 
-def offsets(state: DiagnosisState) -> list[Finding]:
-    """What the zeros of the sensors are, where they are worth a word."""
+def report_offsets(state: DiagnosisState) -> list[Finding]:
+    """Report the zeros of the sensors that are significantly not 0."""
     experiment, fit = state.experiment, state.model.fit
     unit, quantity = experiment.output_unit, experiment.output_quantity
     findings = []
@@ -178,12 +178,12 @@ def offsets(state: DiagnosisState) -> list[Finding]:
         )
         findings.append(Finding("force_offset", sentence, fit.zero, unit, experiment.training.name))
     if experiment.own_zeros and fit.structure.base.sensor_zero:
-        findings += _own_zeros(state)
+        findings += _report_own_zeros(state)
     return findings
 
 
 def position_offset(experiment: Experiment) -> list[Finding]:
-    """From where positions are counted, where no record comes near 0."""
+    """Report the position from which positions are counted, if no record comes near 0."""
     if not any(experiment.rest):
         return []
     unit, size = experiment.input_unit, float(np.linalg.norm(experiment.rest))
@@ -198,7 +198,7 @@ def position_offset(experiment: Experiment) -> list[Finding]:
 
 @dataclass(frozen=True)
 class _Zero:
-    """The zero that an unseen record has under a model that was fitted to others."""
+    """Zero of an unseen record for a model that was fitted to others."""
 
     name: str
     zero: float
@@ -224,7 +224,7 @@ def _zeros(state: DiagnosisState) -> list[_Zero]:
 
 
 def zeros_moved(state: DiagnosisState) -> bool:
-    """Whether records judged from zeros of their own begin with these, as far as noise allows, and not with that of training."""
+    """Return whether records begin with the zeros that were fitted to them, within the noise, and not with that of training."""
     zeros, zero = _zeros(state), state.model.fit.zero
     away = np.array([item.begins - item.zero for item in zeros])
     shifts = np.array([item.zero - zero for item in zeros])
@@ -233,7 +233,7 @@ def zeros_moved(state: DiagnosisState) -> bool:
 
 
 def apparent_zeros(state: DiagnosisState) -> Finding:
-    """What zeros records would be given by a model that lacks something, and that they do not begin with them."""
+    """Report the zeros that a model which lacks something would give the records; they do not begin there."""
     unit, zero = state.experiment.output_unit, state.model.fit.zero
     words = ", ".join(
         f"{item.name} {item.zero:+.3g} (begins at {item.begins:+.3g})" for item in _zeros(state)
@@ -247,7 +247,7 @@ def apparent_zeros(state: DiagnosisState) -> Finding:
     return Finding("apparent_zeros", sentence, zero, unit)
 
 
-def _own_zeros(state: DiagnosisState) -> list[Finding]:
+def _report_own_zeros(state: DiagnosisState) -> list[Finding]:
     unit, quantity = state.experiment.output_unit, state.experiment.output_quantity
     training = state.experiment.training.name
     return [
@@ -265,10 +265,10 @@ def _own_zeros(state: DiagnosisState) -> list[Finding]:
 
 
 def linear_alternative(model: Candidate, experiment: Experiment) -> tuple[Candidate, Finding] | None:
-    """Linear model of higher order that explains all records surely better than a selected one, and what it reaches.
+    """Return a linear model of higher order that explains all records significantly better than a selected one, and its finding.
 
-    By likelihood and number of parameters, and by the loss on unseen records. None where there is none; contact that is lost is
-    never linear, and what explains the records with as few states is not replaced by a model without names.
+    By likelihood and number of parameters, and by the loss on unseen records; None if there is no such model. Lost contact is
+    never linear, and a model that explains the records with as few states is not replaced by one without names.
     """
     if model.fit.structure.base.contact:
         return None
@@ -295,10 +295,10 @@ def linear_alternative(model: Candidate, experiment: Experiment) -> tuple[Candid
 
 
 def force_leads(model: Candidate, experiment: Experiment, linear: set[str]) -> Finding | None:
-    """By how much the force leads, where that explains all records surely better than what was selected; else None.
+    """Report by how much the force leads, if that explains all records significantly better than the selected model.
 
-    The force is put later, and what is then between it and the position is a delay like any other. The effects `linear` are
-    left out beside it: dashpots, masses and branches stand in for a lead.
+    The force is delayed, so that a delay remains between position and force. The effects `linear` are left out of this model:
+    dashpots, masses and branches can replace a lead.
     """
     base = model.fit.structure.base
     replaced = linear & set(model.effects)
@@ -311,20 +311,20 @@ def force_leads(model: Candidate, experiment: Experiment, linear: set[str]) -> F
     kept = [form for form in model.fit.structure.forms if form.effect not in replaced | {"delay"}]
     shortest = min(data.size for data in (*experiment.training.records, *experiment.tests))
     for samples in (number for number in _LEAD_SAMPLES if _LEAD_ROOM * number <= shortest):
-        put_late = experiment.with_data(partial(_late, samples=samples, longest=samples))
-        best = _with_delay(model, kept, put_late)
+        put_late = experiment.with_data(partial(_delay_force, samples=samples, longest=samples))
+        best = _fit_with_delay(model, kept, put_late)
         units = experiment.input_unit, experiment.output_unit
         late = next(item for item in estimates(best.fit, put_late.training, *units) if item.effect == "delay")
         step = experiment.training.motion.sampling_time
         if late.low > 0 and late.value > _LEAD_LEAST * step:
             break
     else:
-        return None  # longer than what can be looked for: it has no size that could be told
+        return None  # longer than the search allows: its size cannot be found
     first = samples * step
-    same = experiment.with_data(partial(_late, samples=0, longest=samples))
+    same = experiment.with_data(partial(_delay_force, samples=0, longest=samples))
     rival = refit(model.fit.structure, model.fit.nonlinear, same)
     likelier = best.score < rival.score - (TIED if best.parameters >= rival.parameters else 0)
-    # Beside another effect that is missing a lead may help a little: it is told where nothing is left.
+    # If another effect is missing a lead may help a little: it is reported only if nothing is left.
     whole = (
         is_adequate(best, put_late)
         if experiment.floor
@@ -345,8 +345,8 @@ def force_leads(model: Candidate, experiment: Experiment, linear: set[str]) -> F
     return Finding("force_leads", sentence, lead / 1e3, "s")
 
 
-def _with_delay(model: Candidate, kept: list[Form], put_late: Experiment) -> Candidate:
-    """The likeliest base with a delay, and with effects that the model has."""
+def _fit_with_delay(model: Candidate, kept: list[Form], put_late: Experiment) -> Candidate:
+    """Fit the likeliest base with a delay and with effects of the model."""
     (delay,) = TISSUE["delay"].forms
     acting = with_forms(model.fit, kept).nonlinear[len(model.fit.structure.base.nonlinear) :]
     step = put_late.training.motion.sampling_time
@@ -358,7 +358,7 @@ def _with_delay(model: Candidate, kept: list[Form], put_late: Experiment) -> Can
     return min((evaluate(fit, put_late) for fit in fits), key=lambda item: item.score)
 
 
-def _late(data: FitData, samples: int, longest: int) -> FitData:
-    """The record with its force so many samples later; of those at its start the `longest` do not count."""
+def _delay_force(data: FitData, samples: int, longest: int) -> FitData:
+    """Return the record with its force delayed by `samples`; the first `longest` samples do not count."""
     force = np.concatenate([np.repeat(data.force[:1], samples), data.force[: len(data.force) - samples]])
     return replace(data, force=force, settling=data.settling + longest)

@@ -21,21 +21,21 @@ from lumbar.tissue.models.bases import BASES, CHOSEN_BY_DATA, Base
 from lumbar.tissue.models.form import Effect
 
 TISSUE_BASES = ("KB", "KV", "Maxwell", "LE")
-"""Bases of a fastened tool that are tried."""
+"""Bases of a fastened tool."""
 CONTACT_BASES = ("KB-contact", "KV-contact", "LE-contact")
 """Bases of a tool that is not fastened to the tissue."""
 _SURFACES = 40
-"""Depths at which the surface is looked for."""
+"""Depths at which the surface is searched."""
 _SEARCHED = 0.06
-"""Share of the range about the first surface in which the best one is sought."""
+"""Share of the range about the first surface in which the best one is searched."""
 _SPRINGS = 0.9
-"""Squared error of a spring that is met, in those of a fastened one, up to which contact is tried."""
+"""Largest ratio of the squared error of a spring that is met to that of a fastened one for which contact is tried."""
 _WITH_EFFECT = 3
-"""Effects, those with the best screening, with which the surface is sought again."""
+"""Effects, those with the best screening, with which the surface is searched again."""
 _LEAST_SHARE = 0.03
 """Share of the samples that must lie above the surface."""
 _FLAT = 0.1
-"""Spread of the force above the surface, in those of the whole record, up to which nothing is touched there."""
+"""Largest ratio of the spread of the force above the surface to that of the whole record if nothing is touched there."""
 
 
 def choose_base(state: DiagnosisState) -> DiagnosisState:
@@ -76,37 +76,37 @@ def reweigh_errors(state: DiagnosisState, search: tuple = SEARCH) -> DiagnosisSt
 def find_base(
     experiment: Experiment, name: str | Base, catalogue: dict[str, Effect]
 ) -> tuple[Experiment, Candidate]:
-    """Fit the base that is named, or the one that the data ask for.
+    """Fit the base that is named, or the one that the data require.
 
-    By the likelihood of all records and the number of parameters. A base with contact must beat a fastened one with any
-    single effect: one that likewise loses the tissue, or one that clips the force.
+    By the likelihood of all records and the number of parameters. A base with contact must be better than a fastened one with
+    any single effect, e.g. one that loses the tissue too, or one that clips the force.
 
-    `name` is a key of `lumbar.tissue.models.bases.BASES`, a base of one's own, or `CHOSEN_BY_DATA`. The experiment's
-    positions are counted from the tissue's surface where the base is one with contact.
+    `name` is a key of `lumbar.tissue.models.bases.BASES`, a user-defined base, or `CHOSEN_BY_DATA`. The experiment's
+    positions are counted from the tissue's surface if the base has contact.
     """
-    # Surfaces are positions as recorded, also where a base is chosen again.
+    # Surfaces are positions as recorded, also if a base is chosen again.
     experiment = experiment.with_origin(experiment.rest[0])
     if isinstance(name, Base):
         return experiment, fit_base(name, experiment)
     if name != CHOSEN_BY_DATA:
         if BASES[name].contact:
-            return _surface_of_refined(*at_surface(experiment, (name,)), catalogue)
+            return _fit_surface_with_effects(*fit_at_surface(experiment, (name,)), catalogue)
         return experiment, fit_base(BASES[name], experiment)
     fastened = min((fit_base(BASES[base], experiment) for base in TISSUE_BASES), key=lambda item: item.score)
-    if not _springs_show_contact(experiment):
+    if not _spring_shows_contact(experiment):
         return experiment, fastened
     rivals = [fastened, *extend(fastened, catalogue, experiment)]
     if any(is_adequate(item, experiment) for item in rivals):
         return experiment, fastened
-    from_surface, touching = at_surface(experiment, CONTACT_BASES)
-    from_surface, touching = _surface_of_refined(from_surface, touching, catalogue)
+    from_surface, touching = fit_at_surface(experiment, CONTACT_BASES)
+    from_surface, touching = _fit_surface_with_effects(from_surface, touching, catalogue)
     if touching.score < min(item.score for item in rivals):
         return from_surface, touching
     return experiment, fastened
 
 
-def _springs_show_contact(experiment: Experiment) -> bool:
-    """Whether a spring that is met at a surface leaves less than a fastened one, by more than a clipped response would."""
+def _spring_shows_contact(experiment: Experiment) -> bool:
+    """Return whether a spring that is met at a surface fits better than a fastened one, by more than a clipped response would."""
     surface = first_surface(experiment)
     if surface is None:
         return False
@@ -118,11 +118,11 @@ def _springs_show_contact(experiment: Experiment) -> bool:
 
 
 def better_base(model: Candidate, experiment: Experiment) -> str | None:
-    """Name of the base that surely explains all records better with the same effects; None where there is none.
+    """Return the name of the base that explains all records significantly better with the same effects, or None.
 
-    What a model lacks may have passed for a Maxwell branch as long as it was lacking. A base without fewer parameters
-    must be worth them as a further effect must: a branch can take up a little of any model's error, and its spring then tells on
-    the other parameters (a mass m beside a dashpot b is m + bτ beside a branch).
+    A missing effect may have been mistaken for a Maxwell branch. A base without fewer parameters must be as worthwhile as a
+    further effect: a branch can absorb a little of any model's error, and its spring then changes the other parameters (a mass
+    m with a dashpot b is m + bτ with a branch).
     """
     mine = model.fit.structure.base
     bases = [BASES[name] for name in (CONTACT_BASES if mine.contact else TISSUE_BASES) if name != mine.name]
@@ -138,7 +138,7 @@ def better_base(model: Candidate, experiment: Experiment) -> str | None:
 
 
 def first_surface(experiment: Experiment) -> float | None:
-    """Position from which on a spring explains the training record best, or None where nothing is flat above it."""
+    """Return the surface below which a spring explains the training record best, or None if the force is not flat above it."""
     training = experiment.training
     position, force = (training.trim(item) for item in (training.motion.position, training.force))
     reach = np.ptp(position)
@@ -162,24 +162,24 @@ def first_surface(experiment: Experiment) -> float | None:
     return surface
 
 
-def at_surface(experiment: Experiment, names: tuple[str, ...]) -> tuple[Experiment, Candidate]:
+def fit_at_surface(experiment: Experiment, names: tuple[str, ...]) -> tuple[Experiment, Candidate]:
     """Find the surface of the tissue, and the best of several bases with contact from there."""
     start = first_surface(experiment)
     if start is None:
         start = float(experiment.training.motion.position.min())
     first = experiment.with_origin(start)
     best = min((fit_base(BASES[name], first) for name in names), key=lambda item: item.fit.squared_error)
-    experiment, best = with_surface(experiment, best, start)
+    experiment, best = fit_surface(experiment, best, start)
     found = [fit_base(BASES[name], experiment) for name in names if name != best.fit.structure.base.name]
     return experiment, min([best, *found], key=lambda item: item.score)
 
 
-def _surface_of_refined(
+def _fit_surface_with_effects(
     experiment: Experiment, base: Candidate, catalogue: dict[str, Effect]
 ) -> tuple[Experiment, Candidate]:
-    """Surface that fits best with the best single effect: what the base lacks moves it."""
+    """Fit the surface together with the best single effect: a missing effect moves it."""
     singles = best_by_effect(extend(base, catalogue, experiment, most=_WITH_EFFECT, all_forms=False))
-    refined = [with_surface(experiment, item, experiment.surface) for item in singles[:_WITH_EFFECT]]
+    refined = [fit_surface(experiment, item, experiment.surface) for item in singles[:_WITH_EFFECT]]
     refined = [pair for pair in refined if pair[1].score < base.score - TIED]
     if not refined:
         return experiment, base
@@ -187,10 +187,10 @@ def _surface_of_refined(
     return moved, refit(base.fit.structure, base.fit.nonlinear, moved)
 
 
-def with_surface(experiment: Experiment, model: Candidate, start: float) -> tuple[Experiment, Candidate]:
+def fit_surface(experiment: Experiment, model: Candidate, start: float) -> tuple[Experiment, Candidate]:
     """Refit a model with contact together with the position of the surface.
 
-    Brent's bounded method on the error that is left at each surface, the model's parameters fitted anew.
+    Brent's bounded method on the error at each surface, for which the model's parameters are fitted again.
     """
     reach = _SEARCHED * float(np.ptp(experiment.training.motion.position))
 

@@ -32,7 +32,7 @@ _UNCERTAIN = 4.0
 ADEQUATE = 1.1
 """A model whose error is within this factor of the noise floor leaves nothing to explain."""
 SAME_SCORE = 1e-6
-"""Relative difference of scores that rounding on another processor may turn round."""
+"""Relative difference of scores that rounding on another processor may invert."""
 _EARLY = 0.6
 """Share of the training record from which the rest is predicted."""
 _FREEDOM = 4
@@ -98,10 +98,10 @@ def refit(structure: Structure, start: np.ndarray, experiment: Experiment) -> Ca
     return evaluate(joint_fit.fit(structure, experiment.training, start), experiment)
 
 
-def refit_anew(model: Candidate, experiment: Experiment) -> Candidate:
-    """The same model fitted from every starting value of its base's parameters, where that is better.
+def refit_from_starts(model: Candidate, experiment: Experiment) -> Candidate:
+    """Fit a model from every starting value of its base's parameters; return the better of both fits.
 
-    What the base has begun with while effects were missing may lie on the other side of a ridge.
+    The start of the base, from when effects were missing, may be on the other side of a ridge.
     """
     structure = model.fit.structure
     if not (structure.is_linear and structure.base.nonlinear):
@@ -124,7 +124,7 @@ def drop_effect(model: Candidate, name: str, experiment: Experiment) -> Candidat
 
 
 def exchange_base(model: Candidate, base: Base, experiment: Experiment) -> Candidate:
-    """Refit the effects of a model beside another base."""
+    """Refit the effects of a model with another base."""
     structure = model.fit.structure
     bare = joint_fit.fit_base(Structure(base), experiment.training)
     acting = model.fit.nonlinear[len(structure.base.nonlinear) :]
@@ -132,7 +132,7 @@ def exchange_base(model: Candidate, base: Base, experiment: Experiment) -> Candi
 
 
 def with_forms(fit: Fit, forms: Sequence[Form]) -> Fit:
-    """The same fitted parameters with some of the forms only, or with all in another order."""
+    """Return the same fitted parameters for some of the forms, or for all in another order."""
     structure = fit.structure
     sizes = [len(structure.base.linear), *(len(form.linear) for form in structure.forms)]
     first, *parts = np.split(fit.linear, np.cumsum(sizes)[:-1])
@@ -168,19 +168,19 @@ def likelihood_ratio(before: Candidate, after: Candidate, experiment: Experiment
 
 
 def unseen_improvement(before: Candidate, after: Candidate, experiment: Experiment) -> float:
-    """How many standard errors the loss on unseen records falls by.
+    """Return the number of standard errors by which the loss on unseen records falls.
 
     Mean difference of losses over its standard error, neighbouring samples taken as dependent (Diebold and Mariano,
     J. Bus. Econ. Stat. 13 (1995) 253-263; `variance_of_sum`). The loss is that of Student's t: of
-    squared errors the mean hangs on a few peaks where the force is extrapolated, and no difference is ever certain.
+    squared errors the mean depends on a few peaks of an extrapolated force, and no difference is ever significant.
     """
     return _improvement(before.fit, after.fit, experiment.tests)
 
 
 def later_improvement(before: Candidate, after: Candidate, experiment: Experiment) -> float:
-    """How many standard errors the loss falls by on what follows in the training record, refitted to its beginning.
+    """Return the number of standard errors by which the loss falls in the later training record, after a fit to its beginning.
 
-    For effects that accumulate: short records, in which they begin anew, hardly show them.
+    For effects that accumulate: they hardly show in short records, in which they begin again.
     """
     training = experiment.training
     early, later = training.cache.compute_once("early and later", lambda: training.split(_EARLY))
@@ -203,7 +203,7 @@ def _improvement(before: Fit, after: Fit, records: list[FitData]) -> float:
 
 
 def is_adequate(candidate: Candidate, experiment: Experiment, factor: float = ADEQUATE) -> bool:
-    """Whether the errors are within this factor of the noise floor, and what a right model leaves beside it, or may scatter to.
+    """Return whether the errors are within this factor of the noise floor and of the other errors of a right model.
 
     Without a floor: whether the model explains most of the response and leaves white noise.
     """
@@ -224,7 +224,7 @@ def is_adequate(candidate: Candidate, experiment: Experiment, factor: float = AD
 
 
 def is_worthwhile(base: Candidate, before: Candidate, after: Candidate, experiment: Experiment) -> bool:
-    """Whether a larger model explains more than what the smaller one has being slightly wrong.
+    """Return whether a larger model explains more than the slight error of the smaller model's form.
 
     It leaves noise alone, or removes a share of what the base without effects leaves to explain, or most of what the smaller
     model leaves (`lumbar.tissue.diagnosis.selection.thresholds`).
@@ -239,7 +239,7 @@ def is_worthwhile(base: Candidate, before: Candidate, after: Candidate, experime
 
 
 def leaves_white_noise(fit: Fit, experiment: Experiment, factor: float) -> bool:
-    """Whether a model explains half of the variance of every record at least, and its past does not predict its error.
+    """Return whether a model explains at least half of the variance of every record, and past errors do not predict its error.
 
     Prediction by an autoregressive model (Yule–Walker): white noise cannot be predicted, so the error is at most
     this factor above that of the prediction.
@@ -284,7 +284,7 @@ def by_score(candidates: list[Candidate]) -> list[Candidate]:
 def contradictions(fit: Fit, experiment: Experiment) -> list[str]:
     """Say what in a fitted model, base and effects, contradicts the names of its effects, one sentence each.
 
-    - No force that an effect adds is surely different from 0 (of several, or of those that its form calls essential, one
+    - No force that an effect adds differs significantly from 0 (of several, or of those that its form calls essential, one
       of them or all together).
     - A parameter that decides whether the mechanism is there lies at the end of its range.
     - What the form itself refuses (`Form.contradiction`): a limit that the record exceeds, less than two cycles of a
@@ -325,7 +325,7 @@ def _nothing_added(form: Form, own: list[FittedParameter], fit: Fit, training: F
 
 
 def _surely_together(form: Form, names: tuple[str, ...], fit: Fit, training: FitData) -> bool:
-    """Whether several amplitudes together are surely not 0, by Wald's test: alike ones hide each other's share."""
+    """Return whether several amplitudes together are significantly not 0, by Wald's test: similar ones hide each other."""
     owners = [form for form in fit.structure.forms for _ in form.linear]
     items = fit.structure.linear[len(fit.structure.base.linear) :]
     mine = [index for index, item in enumerate(items) if owners[index] is form and item.name in names]
@@ -337,7 +337,7 @@ def _surely_together(form: Form, names: tuple[str, ...], fit: Fit, training: Fit
 
 
 def _refused(form: Form, values: dict[str, float], fit: Fit, experiment: Experiment) -> list[str]:
-    """What a form itself says of its parameters on the training records, one by one."""
+    """Return the contradiction that a form itself finds in its parameters, on one training record after another."""
     training = experiment.training
     noise = experiment.floor.rms if experiment.floor else fit.rms(training)
     motions = (training.motion,) if isinstance(training.motion, Motion) else training.motion.parts

@@ -110,7 +110,7 @@ def check_direction(state: DiagnosisState) -> DiagnosisState:
         return state.next(step, "not needed: the user-defined base has its own input and output")
     if experiment.faults:
         # A command that jumps between levels would be taken for a coarse sensor, and smoothed.
-        experiment = Experiment.as_recorded(state.records, settings)
+        experiment = Experiment.as_recorded(state.records, settings, records=tuple(state.records))
     finding = direction_or_sign(experiment, settings.layout)
     if finding is None:
         return state.next(step, "input, output and signs are those of a tissue")
@@ -155,24 +155,24 @@ FAR = 2.0
 """Error of an unseen record, in noise floors, that a model which leaves only noise in training should not have."""
 _STRETCHES = 4
 _FALLING = -0.9
-"""Rank correlation of the stiffnesses of all stretches with their order, up to which they fall all along."""
+"""Largest rank correlation of the stiffnesses of all intervals with their order if they fall throughout."""
 _MOVES = 0.2
-"""Share of a record's range that a stretch must move over."""
+"""Smallest range of an interval, as a share of the record's range."""
 _FALL = 0.01
-"""Share of the stiffness by which it falls at least."""
+"""Smallest share of the stiffness by which it falls."""
 _APART = 2.0
-"""Ratio of the highest to the lowest rate of the motion from which on records tell whether a force depends on it."""
+"""Smallest ratio of the highest to the lowest rate of the motion for which records show whether a force depends on it."""
 _AS_GOOD = 1.5
-"""Error on an unseen record in that of training, each as it is or for its size of force, up to which it is predicted; and of a
-rival in that of the model, up to which it stands beside."""
+"""Largest ratio of the error on an unseen record to that in training, each relative to its force if that is larger, if the
+record is predicted; and of the error of a rival to that of the model if they are tied."""
 _FUNDAMENTAL = 0.9
-"""Share of the power that bounds the rates of a motion: without the overtones of a triangle, which has one rate."""
+"""Share of the power that bounds the rates of a motion: without the harmonics of a triangle, which has one rate."""
 _RIVALS = ("relaxation_spectrum", "second_relaxation")
 _SPRINGS = ("hardening_stiffness", "strain_softening", "quadratic_stiffness")
-"""What takes the place of a mechanism that does not ask for the speed: relaxation, alone and beside a spring of large strain."""
+"""Alternatives to a rate-independent mechanism: relaxation, without or with a spring of large strain."""
 _OWN_SIZE = 0.5
-"""Share of the error on a record of another rate that another size of the mechanism would remove, from which on that rate
-contradicts it; else something else is missing there."""
+"""Smallest share of the error on a record of another rate that another size of the mechanism removes if that rate contradicts
+it; else something else is missing there."""
 
 
 def check_rate_independence(state: DiagnosisState) -> DiagnosisState:
@@ -225,13 +225,13 @@ def check_rate_independence(state: DiagnosisState) -> DiagnosisState:
 
 def compare_records(state: DiagnosisState) -> DiagnosisState:
     """Report unseen records that the model misses though it leaves only noise in training, and stiffness that falls."""
-    findings = [*trained_otherwise(state), *falling_stiffness(state.experiment)]
+    findings = [*train_on_others(state), *falling_stiffness(state.experiment)]
     kinds = ", ".join(item.kind.replace("_", " ") for item in findings)
     return state.next("compare records", kinds or "no record contradicts the others", *findings)
 
 
-def far_off(state: DiagnosisState) -> list[str]:
-    """Unseen records far above the noise, or what is left in training where that is unknown, of a model that is at it there."""
+def missed_records(state: DiagnosisState) -> list[str]:
+    """Return the unseen records with an error far above the noise, of a model that leaves only noise in training."""
     experiment, model = state.experiment, state.model
     noise = experiment.noise or model.train_rms
     tissue = model.fit.structure.base.system == "tissue" and not experiment.session and not experiment.points
@@ -241,9 +241,9 @@ def far_off(state: DiagnosisState) -> list[str]:
     return [name for name, rms in model.unseen_rms.items() if rms > FAR * noise and name not in trained]
 
 
-def trained_otherwise(state: DiagnosisState) -> list[Finding]:
-    """The model that was selected, fitted to the records that were unseen, and to all: what each leaves of the others."""
-    left = far_off(state)
+def train_on_others(state: DiagnosisState) -> list[Finding]:
+    """Report the errors of the selected model fitted to the unseen records, and to all."""
+    left = missed_records(state)
     if not left:
         return []
     experiment, model = state.experiment, state.model
@@ -257,7 +257,7 @@ def trained_otherwise(state: DiagnosisState) -> list[Finding]:
     try:
         turned, joint = fitted(unseen), fitted([*first, *unseen])
     except InputError:
-        return []  # too little motion in the others, or another rate: they are no training records
+        return []  # the others move too little, or have another rate: they cannot be training records
     noise = experiment.noise or model.train_rms
     worst = max(joint.train_rms, joint.test_rms)
     unit, trained, others = experiment.output_unit, " and ".join(first), " and ".join(unseen)
@@ -277,7 +277,7 @@ def trained_otherwise(state: DiagnosisState) -> list[Finding]:
 
 
 def falling_stiffness(experiment: Experiment) -> list[Finding]:
-    """That the stiffness falls all along the records, in their order, where it does."""
+    """Report a stiffness that falls through all records, in their order."""
     records = experiment.records
     if len(records) < 2 or experiment.session or experiment.points:
         return []
@@ -287,7 +287,7 @@ def falling_stiffness(experiment: Experiment) -> list[Finding]:
         least = _MOVES * float(np.ptp(record["input"]))
         for position, force in parts:
             if np.ptp(position) < least:
-                return []  # a hold tells no stiffness
+                return []  # a hold shows no stiffness
             moved = position - position.mean()
             slopes.append(float(moved @ force / (moved @ moved)))
     ranks = np.argsort(np.argsort(slopes))
@@ -302,7 +302,7 @@ def falling_stiffness(experiment: Experiment) -> list[Finding]:
 
 
 def _not_predicted(state: DiagnosisState, named: list[str]) -> list[str]:
-    """Unseen records with an error far above that of training, also for its force, that other sizes of these would remove."""
+    """Return the unseen records with an error far above that of training that other sizes of the named effects would remove."""
     model, experiment = state.model, state.experiment
     least = max(model.train_rms, experiment.noise)
 
@@ -319,7 +319,7 @@ def _not_predicted(state: DiagnosisState, named: list[str]) -> list[str]:
 
 
 def _removed_by_size(fit: Fit, named: list[str], data: FitData) -> float:
-    """Share of the squared error on a record that the named effects' force removes at a size of its own."""
+    """Return the share of the squared error on a record that another size of the named effects removes."""
     of_base = np.zeros(len(fit.structure.base.linear), dtype=bool)
     of_forms = [np.full(len(form.linear), form.effect in named) for form in fit.structure.forms]
     larger = fit.linear * np.where(np.concatenate([of_base, *of_forms]), 2.0, 1.0)
@@ -331,7 +331,7 @@ def _removed_by_size(fit: Fit, named: list[str], data: FitData) -> float:
 
 
 def _rivals(state: DiagnosisState, named: list[str], effects: Mapping[str, Effect]) -> list[Candidate]:
-    """Relaxations in the place of the mechanism, the best alone and beside a spring, that come near on unseen records."""
+    """Fit relaxations instead of the mechanism, without and with a spring; return those with a similar unseen error."""
     experiment, start = state.experiment, state.model
     for name in named:
         start = drop_effect(start, name, experiment)

@@ -27,7 +27,7 @@ from lumbar.tissue.diagnosis.selection.candidate import (
     later_improvement,
     likelihood_ratio,
     refit,
-    refit_anew,
+    refit_from_starts,
     unseen_improvement,
     with_forms,
 )
@@ -47,16 +47,16 @@ from lumbar.tissue.diagnosis.selection.thresholds import (
 from lumbar.tissue.models.form import Effect, Form
 
 LOOK_AHEAD = 3
-"""How many first effects are tried with a second one."""
+"""Number of first effects that are tried with a second one."""
 REFITTED = 5
-"""How many effects are refitted after screening in the rounds after the first one, which refits all."""
+"""Number of effects that are refitted after screening; the first round refits all."""
 EXCHANGED = 3
-"""How many effects are tried, in all their forms, in the place of one that is taken out."""
+"""Number of effects that are tried, in all their forms, instead of one that is taken out."""
 _MORE_FITS = 3
-"""Times that the fit of a selected model is begun again where it has ended before its optimum."""
+"""Largest number of times that the fit of a selected model is continued if it has not converged."""
 _AKAIKE = 2.0
 _SHOWN = 10
-"""How many sets of effects a ranking shows."""
+"""Number of sets of effects in a ranking."""
 
 
 def extend(
@@ -73,8 +73,8 @@ def extend(
     most : int or None
         Refit only this many effects, those with the best screening; None refits all.
     all_forms : bool
-        Refit all forms of an effect, or only the one with the best screening. With all forms, general ones stand in where
-        simpler ones fail: only if they remove `MOST_OF_REST` of what these leave.
+        Refit all forms of an effect, or only the one with the best screening. With all forms, general ones are tried if
+        simpler ones fail, if they remove `MOST_OF_REST` of what these leave.
     """
     every = [
         form for effect in catalogue.values() if effect.name not in model.effects for form in effect.forms
@@ -170,28 +170,28 @@ class Selection:
     def fitted_path(self) -> list[Candidate]:
         """Select effects and return the path from the base to the model, its last fit continued to the optimum."""
         *before, model = self.selected_path
-        return [*before, self.settled(model)]
+        return [*before, self.converge(model)]
 
     def polished(self, models: list[Candidate]) -> list[Candidate]:
-        """Models, the best first, some with what their base holds fixed fitted anew; nothing is, along one axis."""
+        """Return models, the best first, some refitted with what their base keeps fixed; along one axis nothing is fixed."""
         return models
 
-    def settled(self, model: Candidate) -> Candidate:
-        """A model whose fit has stopped before its optimum fitted on from there, and that of another start if it is better."""
+    def converge(self, model: Candidate) -> Candidate:
+        """Continue the fit of a model that has not converged; take the fit from another start if that is better."""
         if model is self.base:
             return model
         for _ in range(_MORE_FITS):
             if model.fit.converged:
                 break
-            model = self.fitted_on(model)
-        return refit_anew(model, self.experiment)
+            model = self.continue_fit(model)
+        return refit_from_starts(model, self.experiment)
 
-    def fitted_on(self, model: Candidate) -> Candidate:
-        """The same model, its fit begun where it ended."""
+    def continue_fit(self, model: Candidate) -> Candidate:
+        """Continue the fit of a model."""
         return refit(model.fit.structure, model.fit.nonlinear, self.experiment)
 
     def p_value(self, before: Candidate, after: Candidate) -> float:
-        """Probability that the best of all forms gains as much where nothing is missing."""
+        """Return the probability that the best of all forms gains as much if nothing is missing."""
         return self.null.p_value(likelihood_ratio(before, after, self.experiment), self.forms)
 
     def passes(self, before: Candidate, after: Candidate) -> bool:
@@ -211,7 +211,7 @@ class Selection:
         return not self.contradicting[after]
 
     def is_further(self, before: Candidate, after: Candidate) -> bool:
-        """Whether an effect passes and explains more than what the smaller model has being slightly wrong."""
+        """Return whether an effect passes and explains more than the slight error of the smaller model's form."""
         return self.passes(before, after) and is_worthwhile(self.base, before, after, self.experiment)
 
     @cached_property

@@ -18,7 +18,7 @@ from lumbar.tissue.diagnosis.fitting.preparation import (
     put_together,
 )
 from lumbar.tissue.diagnosis.selection.alternatives import report_zeros
-from lumbar.tissue.diagnosis.selection.base_choice import at_surface, first_surface
+from lumbar.tissue.diagnosis.selection.base_choice import first_surface, fit_at_surface
 from lumbar.tissue.diagnosis.selection.candidate import Candidate, fit_base
 from lumbar.tissue.diagnosis.selection.forward_selection import (
     Selection,
@@ -97,7 +97,7 @@ def choose_spring(state: DiagnosisState) -> DiagnosisState:
     else:
         base = fit_base(BASES["LE"], experiment)
         if name != "LE" and first_surface(experiment) is not None:
-            met, touching = at_surface(experiment, ("LE-contact",))
+            met, touching = fit_at_surface(experiment, ("LE-contact",))
             rivals = (
                 [] if name == "LE-contact" else [base, *extend(base, state.settings.candidates, experiment)]
             )
