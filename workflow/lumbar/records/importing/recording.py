@@ -137,8 +137,6 @@ def _stretches(table: RawTable, wish: str, name: str) -> list[Part]:
     return parts
 
 
-CHANNELS = {"position": "input", "force": "output"}
-"""Channel of a record by the role of a column; of several axes with the same axis behind both."""
 _NAMES = {"length": "position", "angle": "angle", "force": "force", "torque": "torque"}
 _NAMES |= {"velocity": "position", "angular velocity": "angle"}
 
@@ -233,8 +231,18 @@ def to_records(
         missing, or that cannot be analysed.
     """
     roles = find_roles_of_axes(table, choices.wishes(), choices.rate)
-    time, from_where = _clock(table, roles.get("time"), choices)
-    grounds = {"time": from_where}
+    clock = roles.get("time")
+    if clock is not None and choices.rate is not None:
+        raise InputError(
+            f"{table.source}: --rate is given, but {clock.column.label} is time ({clock.why}); leave --rate out, or say "
+            f"--time {NONE}"
+        )
+    if clock is None:
+        samples = len(table.columns[0].values)
+        time, origin = stated_time(samples, choices.rate, table.rates, table.source)
+    else:
+        time, origin = clock.column.values * clock.unit.factor, f"{clock.column.label}, {clock.why}"
+    grounds = {"time": origin}
     grounds |= {role: f"{item.column.label}, {item.why}" for role, item in roles.items() if role != "time"}
     found = {role: (item.column.label, item.unit.name) for role, item in roles.items()}
     parts = parts_of(table, time, choices, name)
@@ -248,9 +256,18 @@ def to_records(
             words = str(error).removeprefix(f"{table.source}: ").replace("--trim ", f"--cut {part.name}=")
             problems.add(part.name, words.replace("\n", "\n    "))
         else:
-            clipped, samples = choices.clipped, len(time)
-            told = (record, table.form, grounds, notes, samples, sha256, clipped, found)
-            records.append(ImportedRecording(*told))
+            records.append(
+                ImportedRecording(
+                    record=record,
+                    form=table.form,
+                    grounds=grounds,
+                    notes=notes,
+                    samples_read=len(time),
+                    sha256=sha256,
+                    clipped=choices.clipped,
+                    found=found,
+                )
+            )
     problems.raise_if_any()
     return tuple(records)
 
@@ -258,100 +275,79 @@ def to_records(
 def _to_record(
     table: RawTable, choices: Choices, roles: dict[str, Role], time: np.ndarray, part: Part
 ) -> tuple[Record, tuple[str, ...]]:
-    """The record of a part, and what was done to it."""
+    """Return the record of a part, and what was done to it."""
     keep, notes = part.keep, [part.why] if part.why else []
-    lines = None if table.lines is None else [table.lines[int(sample)] for sample in keep]
+    lines = None if table.lines is None else np.asarray(table.lines)[keep].tolist()
+    # The part as it is in the file, on its clock and in the units of records.
     clock, rounded = unrounded(time[keep])
     notes += [rounded] if rounded else []
     check_forward(clock, lines, table.source)
+    names = {role: role.replace("position", "input").replace("force", "output") for role in roles}
     channels = {
-        _turned(role, CHANNELS): _channel(role, item, keep) for role, item in roles.items() if role != "time"
+        names[role]: _channel(role, item, keep, choices.flip_force)
+        for role, item in roles.items()
+        if role != "time"
     }
     record = Record(part.name, clock, channels, table.source)
     if choices.flip_force:
-        record = record.with_values(**{role: -record[role] for role in record.roles("output")})
         notes.append("the sign of the force is changed, as told by --flip-force")
-    _check_complete(record, lines)
+    _check_complete(record, {name: role for role, name in names.items()}, lines)
     if not choices.clipped:
         check_clipping(record, lines)  # before resampling, after which no two samples are alike
-    if not record.axes:
-        record, moved = _motion(record, roles["position"], time, keep, table)
-        notes += moved
+    # A velocity is integrated.
+    motion = roles.get("position")
+    if motion is not None and motion.is_velocity:
+        quantity, unit = channels["input"].quantity, motion.unit.target.removesuffix("/s")
+        velocity = motion.column.values * motion.unit.factor
+        position, words = position_of(time, velocity, keep, unit, table.lines)
+        record = replace(record, channels={**channels, "input": Channel(position, quantity, unit)})
+        notes.append(f"the {quantity} is the integral of {motion.column.label} {words}")
+    elif motion is not None and named_velocity(motion.column.own_name):
+        notes.append(
+            f"{motion.column.label} is named a velocity, and is taken for a position as told; --position-unit mm/s would "
+            "integrate it"
+        )
     notes += contradictions(record, table.rates)
     record, resampled = even_clock(record, lines)
     check_record(record, lines=None if resampled else lines)
     return record, (*notes, *resampled)
 
 
-def _clock(table: RawTable, role: Role | None, choices: Choices) -> tuple[np.ndarray, str]:
-    """Return the time of the samples in seconds, and where it comes from."""
-    if role is None:
-        return stated_time(len(table.columns[0].values), choices.rate, table.rates, table.source)
-    if choices.rate is not None:
-        raise InputError(
-            f"{table.source}: --rate is given, but {role.column.label} is time ({role.why}); leave --rate out, or say "
-            f"--time {NONE}"
-        )
-    return role.column.values * role.unit.factor, f"{role.column.label}, {role.why}"
-
-
-def _motion(
-    record: Record, role: Role, time: np.ndarray, keep: np.ndarray, table: RawTable
-) -> tuple[Record, list[str]]:
-    """The record with its motion where a velocity was recorded, and what is said of that."""
-    label = role.column.label
-    if role.is_velocity:
-        way, unit = record.channels["input"], role.unit.target.removesuffix("/s")
-        velocity = role.column.values * role.unit.factor
-        values, words = position_of(time, velocity, keep, unit, table.lines)
-        record = replace(record, channels={**record.channels, "input": Channel(values, way.quantity, unit)})
-        return record, [f"the {way.quantity} is the integral of {label} {words}"]
-    if not named_velocity(role.column.own_name):
-        return record, []
-    return record, [
-        f"{label} is named a velocity, and is taken for a position as told; --position-unit mm/s would integrate it"
-    ]
-
-
-def _turned(name: str, names: Mapping[str, str]) -> str:
-    """A name in its other form, with the axis that may stand behind it."""
-    side, behind, axis = name.partition("_")
-    return f"{names[side]}{behind}{axis}"
-
-
-def _channel(name: str, role: Role, keep: np.ndarray) -> Channel:
+def _channel(name: str, role: Role, keep: np.ndarray, flip_force: bool) -> Channel:
     side, _, axis = name.partition("_")
     quantity = side if axis else _NAMES.get(role.unit.quantity, "")
     if (
         not quantity
-    ):  # what a sensor reads, in volts, say: called as in the file, unless that says position or force
+    ):  # a sensor's reading, e.g. in volts: named as in the file, unless that says position or force
         own = role.column.own_name
-        quantity = name if named_so(own, name) >= 2 else as_name(own, CHANNELS[name])
-    return Channel(role.column.values[keep] * role.unit.factor, quantity, role.unit.target)
+        quantity = (
+            name if named_so(own, name) >= 2 else as_name(own, "input" if name == "position" else "output")
+        )
+    values = role.column.values[keep] * role.unit.factor
+    return Channel(-values if flip_force and side == "force" else values, quantity, role.unit.target)
 
 
-def _check_complete(record: Record, lines: Sequence[int] | None) -> None:
-    """Refuse missing samples: a column file has no way to hold a gap."""
+def _check_complete(record: Record, roles: Mapping[str, str], lines: Sequence[int] | None) -> None:
+    """Raise if samples are missing: a column file cannot hold a gap. `roles` of columns by channel."""
     problems = Problems(record.source)
     missing = np.zeros(len(record), dtype=bool)
-    roles = {side: role for role, side in CHANNELS.items()}
-    for channel in record.channels:
-        role = _turned(channel, roles)
-        absent = ~np.isfinite(record[channel])
+    for name, channel in record.channels.items():
+        absent = ~np.isfinite(channel.values)
         if absent.any():
             first = place_of(int(absent.argmax()), lines)
-            problems.add(first, f"{role} is missing in {absent.sum()} samples, {absent.mean():.3g} of all")
+            problems.add(
+                first, f"{roles[name]} is missing in {absent.sum()} samples, {absent.mean():.3g} of all"
+            )
         missing |= absent
-        large = np.abs(record[channel]) > LARGEST  # no sum, spline or filter of them is finite
+        large = np.abs(channel.values) > LARGEST  # no sum, spline or filter of them is finite
         if large.any():
-            found = f"{role} is {record[channel][large.argmax()]:g}"
+            found = f"{roles[name]} is {channel.values[large.argmax()]:g}"
             problems.add(
                 place_of(int(large.argmax()), lines), found, f"at most {LARGEST:g} in size is computed with"
             )
-    if missing.any():
-        edges = [edge for part in runs(~missing) for edge in (part.start, part.stop)]
-        if edges:
-            step = float(np.median(np.diff(record.time)))
-            best = max(range(0, len(edges), 2), key=lambda item: edges[item + 1] - edges[item])
-            problems.add("", "a record has no gaps", longest(record.time, edges[best : best + 2], step))
+    complete = max(runs(~missing), key=lambda run: run.stop - run.start, default=None)
+    if missing.any() and complete is not None:
+        step = float(np.median(np.diff(record.time)))
+        part = longest(record.time, [complete.start, complete.stop], step)
+        problems.add("", "a record has no gaps", part)
     problems.raise_if_any()
