@@ -263,5 +263,5 @@ def test_the_account_is_exact_whatever_the_gain_does(kelvin, fmu_instance):
 
 def test_energies_need_units_of_work():
     odd = entry("KB", [1.9, -1.2], [1.0, -0.45], input={"quantity": "angle", "unit": "deg", "offset": 0.0})
-    with pytest.raises(InputError, match=r"device_damping.*deg times N is no energy"):
+    with pytest.raises(InputError, match="device_damping"):
         selected(models_json(odd), changed(DEVICE, models=["KB"], device_damping=1.0))
