@@ -51,16 +51,12 @@ def test_a_delay_stays_what_it_is_in_seconds(name, old, new):
     corners[0] = 0.0
     slow = np.interp(np.arange(11 * old + 1) / old, np.arange(12), corners)
     fast = np.interp(np.arange(11 * new + 1) / new, np.arange(12), corners)
-    _, expected = dlsim((model.numerator, padded(model), 0.01), slow)
+    padded = [*model.denominator, *[0.0] * (len(model.numerator) - len(model.denominator))]
+    _, expected = dlsim((model.numerator, padded, 0.01), slow)
     found = faster.response(fast)
     whole = faster.transfer_function
     np.testing.assert_allclose(lfilter(whole.numerator, whole.denominator, fast), found, atol=1e-12)
     np.testing.assert_allclose(found[::new], expected[::old, 0], atol=1e-10 * np.abs(expected).max())
-
-
-def padded(model):
-    """Denominator as long as the numerator: scipy's polynomials are of z, the model's of 1/z."""
-    return [*model.denominator, *[0.0] * (len(model.numerator) - len(model.denominator))]
 
 
 @pytest.mark.parametrize(
@@ -80,11 +76,9 @@ def test_models_without_a_continuous_counterpart_are_themselves_at_their_own_ins
     found = faster.response(positions)
     whole = faster.transfer_function
     np.testing.assert_allclose(lfilter(whole.numerator, whole.denominator, positions), found, atol=1e-10)
+    # scipy's polynomials are of z, the model's of 1/z: both need the same length.
     longest = max(len(numerator), len(denominator))
-    system = (
-        [*numerator, *[0.0] * (longest - len(numerator))],
-        [*denominator, *[0.0] * (longest - len(denominator))],
-    )
+    system = [[*part, *[0.0] * (longest - len(part))] for part in (numerator, denominator)]
     for begin in (0, 3, 9):
         _, expected = dlsim((*system, 0.01), positions[begin::10])
         np.testing.assert_allclose(found[begin::10], expected[:, 0], atol=1e-12)

@@ -94,20 +94,15 @@ def test_the_device_is_passive_with_what_was_fitted_for_it(rate, delay, average)
     kernel = np.full(average, 1000.0 / average)
     rendering = SampledModel("", kernel, np.ones(1), 1.0 / rate).late(delay)
     found = fit_passive(data, True, None, DeviceCondition(5.5, rendering))
-    structure = found.transfer_function(1.0 / rate)
-    numerator = np.convolve(structure.numerator, rendering.numerator)
-    needed = required_damping(
-        replace(rendering, numerator=numerator, denominator=np.array(structure.denominator))
-    )
+
+    def damping_of(fit: Branches) -> float:
+        structure = fit.transfer_function(1.0 / rate)
+        numerator = np.convolve(structure.numerator, rendering.numerator)
+        rendered = replace(rendering, numerator=numerator, denominator=np.array(structure.denominator))
+        return required_damping(rendered)
+
+    needed, wanted = damping_of(found), damping_of(fit_passive(data, True, None))
     assert needed <= 5.5
-    free = fit_passive(data, True, None).transfer_function(1.0 / rate)
-    wanted = required_damping(
-        replace(
-            rendering,
-            numerator=np.convolve(free.numerator, rendering.numerator),
-            denominator=np.array(free.denominator),
-        )
-    )
     if wanted > 5.6:
         assert needed > 5.4
 
@@ -235,16 +230,13 @@ def disagreement(rng):
     return f"{model}, {values}, {hand} N/m: {found}, by eigenvalues {expected}"
 
 
-@pytest.mark.nightly
-def test_gains_are_those_of_the_eigenvalues():
-    rng = np.random.default_rng(1)
-    assert [text for _ in range(100) if (text := disagreement(rng))] == []
-
-
-@pytest.mark.statistical
-def test_two_thousand_loops_have_no_false_stable():
-    rng = np.random.default_rng(2)
-    assert [text for _ in range(2000) if (text := disagreement(rng))] == []
+@pytest.mark.parametrize(
+    "loops",
+    [pytest.param(100, marks=pytest.mark.nightly), pytest.param(2000, marks=pytest.mark.statistical)],
+)
+def test_gains_are_those_of_the_eigenvalues(loops):
+    rng = np.random.default_rng(loops)
+    assert [text for _ in range(loops) if (text := disagreement(rng))] == []
 
 
 FRICTION, STIFFNESS = 0.05, 300.0
@@ -268,14 +260,12 @@ def test_every_half_swing_is_shorter_by_twice_the_friction_over_the_stiffness():
     np.testing.assert_allclose(lost, 2 * FRICTION / STIFFNESS, atol=4e-6)
 
 
-def test_it_sticks_where_the_spring_is_weaker_than_the_friction():
+def test_friction_makes_the_stylus_stick():
+    """It sticks if the spring is weaker than the friction, and does not move if any force is."""
     position = moved(friction_N=FRICTION).position
     assert np.ptp(position[-100:]) < 1e-12
     assert abs(position[-1] - 50e-3) <= FRICTION / STIFFNESS
     assert np.ptp(moved().position[-500:]) > 5e-3
-
-
-def test_more_friction_than_any_force_holds_it():
     assert np.abs(moved(friction_N=15.1).position).max() == pytest.approx(0.0, abs=1e-15)
 
 
