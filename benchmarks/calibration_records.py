@@ -17,9 +17,8 @@ from hidden_effects.noise import draw_noise
 from lumbar.records.record import Channel, Record
 from lumbar.tissue.effects.catalogue import TISSUE as CATALOGUE
 from lumbar.tissue.models.form import Effect, Form
-from lumbar.twin.kelvin_boltzmann import Tissue, maxwell_force
 from lumbar.twin.tool_motion import RATE_HZ, ToolMotion, draw_motions
-from lumbar.twin.two_hidden_effects import log_uniform
+from lumbar.twin.two_hidden_effects import Tissue, log_uniform, maxwell_force
 
 PERIODS = {"clock skew": 6}
 """Of 10 s in the training record; a skew takes five periods to be told. The unseen record is 10 s of noise in the same band, 0.1

@@ -239,10 +239,16 @@ def _along_axes(
     if not any(re.search("_[xyz]_", str(name)) for name in header):
         return columns
     single = {side: columns[side] for side in SIDES if side in columns}
-    named = all(item.column == f"{item.quantity}_{item.unit}" for item in single.values())
-    if not named or {item.quantity for item in single.values()} != {"position", "force"}:
+    are_named = all(item.column == f"{item.quantity}_{item.unit}" for item in single.values())
+    if not are_named or {item.quantity for item in single.values()} != {"position", "force"}:
         return columns
-    found = {side: _of_axes(column, header) for side, column in single.items()}
+    # Names in the header by axis, whatever their unit; of two names for an axis, that with the layout's own unit.
+    found: dict[str, dict[str, str]] = {}
+    for side, column in single.items():
+        named = re.compile(rf"{column.quantity}_([{''.join(AXES)}])_(\S+)")
+        matches = [match for name in header if (match := named.fullmatch(name))]
+        matches.sort(key=lambda match: match[2] == column.unit)
+        found[side] = dict(sorted({match[1]: match[0] for match in matches}.items()))
     if not any(found.values()):
         return columns
     _check(single, found, header, problems)
@@ -254,14 +260,6 @@ def _along_axes(
         }
         expanded |= own if role in single else {role: column}
     return expanded
-
-
-def _of_axes(column: ColumnSettings, header: Sequence[str]) -> dict[str, str]:
-    """Names in the header by axis, whatever their unit; the layout's own unit goes first."""
-    named = re.compile(rf"{column.quantity}_([{''.join(AXES)}])_(\S+)")
-    matches = sorted(filter(None, map(named.fullmatch, header)), key=lambda match: match[2] == column.unit)
-    names = {match[1]: match[0] for match in matches}
-    return dict(sorted(names.items()))
 
 
 def _check(

@@ -84,13 +84,6 @@ def _comes_to_rest(top: FlatTop, values: np.ndarray) -> np.ndarray:
     return rests
 
 
-def _is_hold(top: FlatTop, values: np.ndarray) -> bool:
-    """Whether a position rests at its extreme: it slows down into it, or stops few times or always at the same speed."""
-    entries = top.starts[(top.starts >= 2) & ~_comes_to_rest(top, values)]
-    speeds = np.abs(values[entries - 1] - values[entries - 2])
-    return len(entries) < _FEWEST_TOPS or speeds.max() <= _ENTRY_SPREAD * speeds.min()
-
-
 def check_clipping(record: Record, lines: Sequence[int] | None = None) -> None:
     """Refuse a record whose force is clipped, or whose position is and does not merely rest there.
 
@@ -107,8 +100,12 @@ def check_clipping(record: Record, lines: Sequence[int] | None = None) -> None:
         if not excites and role not in (*record.roles("output"), "moment"):
             continue
         for top in flat_tops(channel.values):
-            if excites and _is_hold(top, channel.values):
-                continue
+            if excites:  # a position may rest at its extreme: it stops few times, or always at the same speed
+                values = channel.values
+                entries = top.starts[(top.starts >= 2) & ~_comes_to_rest(top, values)]
+                speeds = np.abs(values[entries - 1] - values[entries - 2])
+                if len(entries) < _FEWEST_TOPS or speeds.max() <= _ENTRY_SPREAD * speeds.min():
+                    continue
             problems.add(
                 role,
                 f"clipped: {top.samples} samples lie exactly at {top.level:g} {channel.unit}, in {len(top.starts)} stretches "

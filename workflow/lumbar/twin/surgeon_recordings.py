@@ -34,11 +34,11 @@ def surgeon_trial(name: str, surgeon: str, settings: SyntheticSurgeonSettings, s
     time = np.arange(samples) / settings.rate_Hz
     depth, twist = _movements(person, settings, rng)
     radius = settings.lateral_mm
-    angle = np.radians(minimum_jerk_chain(time, *twist))
+    angle = np.radians(twist.at(time))
     motion = {
         "x_mm": radius * np.sin(angle),
         "y_mm": radius * (1 - np.cos(angle)),
-        "z_mm": minimum_jerk_chain(time, *depth),
+        "z_mm": depth.at(time),
     }
     frame = {"time_s": np.round(time, 6)}
     for axis, values in motion.items():
@@ -89,8 +89,8 @@ def tremor_noise(
 
 def _movements(
     person: SyntheticSurgeon, settings: SyntheticSurgeonSettings, rng: np.random.Generator
-) -> tuple[tuple, tuple]:
-    """Plan of a trial: for the depth and the twist each start times, durations and targets."""
+) -> tuple["_Plan", "_Plan"]:
+    """Draw the movements of a trial in depth and twist."""
 
     def varied(mean: float) -> float:
         return float(mean * np.exp(settings.variation * rng.standard_normal()))
@@ -121,7 +121,7 @@ def _movements(
             if clock >= end:
                 break
         clock += varied(settings.pause_s)
-    return depth.arrays(), twist.arrays()
+    return depth, twist
 
 
 class _Plan:
@@ -135,6 +135,7 @@ class _Plan:
         self.moves.append((start, duration, target))
         return start + duration
 
-    def arrays(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def at(self, time: np.ndarray) -> np.ndarray:
+        """Return the coordinate at `time` in seconds."""
         start, duration, target = np.reshape(self.moves, (-1, 3)).T
-        return start, duration, np.append(self.first, target)
+        return minimum_jerk_chain(time, start, duration, np.append(self.first, target))
