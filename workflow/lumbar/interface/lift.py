@@ -13,8 +13,14 @@ from lumbar.base.errors import InputError
 from lumbar.interface.result import Result, data_label
 from lumbar.lifting.movement import lift_analysis as lifting
 from lumbar.lifting.movement import lift_tables
-from lumbar.lifting.movement.event_detection import several_lifts
-from lumbar.lifting.movement.events import comparison, event_sources
+from lumbar.lifting.movement.events import (
+    ABSENT,
+    DECLARED,
+    IN_FILE,
+    carried_object,
+    comparison,
+    several_lifts,
+)
 from lumbar.lifting.movement.rigid_filling import BodyFilling
 from lumbar.lifting.quality.screening import QualitySheet, Screening, naming, read_screened
 from lumbar.records.markers import read_markers
@@ -92,6 +98,10 @@ def lift(
     analysed = lifting.analyse_lift(recording, name, subject, trial, settings, bodies.gaps, sheet.findings)
     source_label = data_label(source_label, [recording.source])
     return Lift(analysed, subject, trial, settings, source_label, sheet)
+
+
+_SOURCES = {DECLARED: "set by hand", IN_FILE: "marked in the file", ABSENT: ABSENT}
+"""Sources of events that are not detected from the box, the hands or the toes."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -208,7 +218,11 @@ class Lift(Result):
     def seen(self) -> str:
         """Events of the recording with their sources and bounds, and findings."""
         recording, events, lines = self.analysed.recording, self.analysed.events, []
-        sources = event_sources(recording, events)
+        _, carried = carried_object(recording)
+        sources = {
+            name: _SOURCES.get(event.method, "toes" if name == "toe_off" else carried)
+            for name, event in events.items()
+        }
         for name, event in events.items():
             if event.time_s is None:
                 lines.append(f"{name}: none ({event.how})")

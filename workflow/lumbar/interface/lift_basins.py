@@ -152,7 +152,7 @@ class Basins(Result):
 
     @property
     def table(self) -> pd.DataFrame:
-        """The areas, see `mean_areas`."""
+        """Areas, see `mean_areas`."""
         return self.mean_areas()
 
     def mean_areas(self) -> pd.DataFrame:

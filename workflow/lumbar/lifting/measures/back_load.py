@@ -51,11 +51,6 @@ def beyond_upright(bend: np.ndarray, trunk: np.ndarray, forward: np.ndarray) -> 
     return bend - bend[seen & (lean <= straightest)].mean()
 
 
-def angle_between(one: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """Return the angle between two lines, each of shape (n, 3) and any length, degrees from 0 to 180."""
-    return np.degrees(np.arctan2(np.linalg.norm(np.cross(one, other), axis=1), np.sum(one * other, axis=1)))
-
-
 UP = np.array([0.0, 0.0, 1.0])
 
 

@@ -11,7 +11,6 @@ import pandas as pd
 from lumbar.base.errors import InputError
 from lumbar.lifting.measures.back_load import (
     Link,
-    angle_between,
     beyond_upright,
     inclination,
     net_moment,
@@ -309,11 +308,12 @@ That of the hip is in the sagittal plane, beyond that of standing upright; the o
 def _joint_angle(lifter: Lifter, joint: str, side: str) -> dict[str, np.ndarray]:
     points, forward = lifter.points, lifter.axes[1]
     one, other = (points[end.format(side)] - points[start.format(side)] for start, end in JOINT_ANGLES[joint])
-    angle = angle_between(one, other)
     if joint == "hip_flexion":
         bend = inclination(one, forward) - inclination(other, forward)
-        angle = beyond_upright(bend, points["C7T1"] - points["L5S1"], forward)
-    return {_column(joint, side): angle}
+        return {_column(joint, side): beyond_upright(bend, points["C7T1"] - points["L5S1"], forward)}
+    # The angle between both lines, 0 to 180 degrees.
+    across, along = np.linalg.norm(np.cross(one, other), axis=1), np.sum(one * other, axis=1)
+    return {_column(joint, side): np.degrees(np.arctan2(across, along))}
 
 
 def _column(joint: str, side: str) -> str:

@@ -193,16 +193,6 @@ def several_lifts(recording: MarkerRecording, events: dict[str, Event], settings
     return f"the {who} {len(windows)} times{when}: one lift or several, each a trial with window_s {listed}?"
 
 
-def event_sources(recording: MarkerRecording, events: dict[str, Event]) -> dict[str, str]:
-    """Return the source of each event: box, hands or toes; set by hand; marked in the file; or absent."""
-    _, carried = carried_object(recording)
-    words = {DECLARED: "set by hand", IN_FILE: "marked in the file", ABSENT: ABSENT}
-    return {
-        name: words.get(event.method, "toes" if name == "toe_off" else carried)
-        for name, event in events.items()
-    }
-
-
 def check_order(recording: MarkerRecording, times: dict[str, float]) -> None:
     """Raise `InputError` for times, by event, that are outside the recording or not in the order of `EVENTS`."""
     problems = Problems(f"{recording.source}: events")

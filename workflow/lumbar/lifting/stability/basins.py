@@ -215,7 +215,7 @@ def basin_rows(
             "sign": sign,
             "peak_torque_N_m": float(np.abs(_torque(item, sign, pendulum)).max()),
             **{
-                name: meaningful(values[index].item(), result.resolution.get(name))
+                name: _significant(values[index].item(), result.resolution.get(name))
                 for name, values in columns.items()
             },
         }
@@ -223,15 +223,13 @@ def basin_rows(
     ]
 
 
-def meaningful(value: float, resolution: float | None) -> float:
+def _significant(value: float, resolution: float | None) -> float:
     """Round a value to the first digit of its uncertainty `resolution`·|value|; None keeps it."""
-    if resolution is None or value == 0:
-        return value
-    return round(value, decimals(value, resolution))
+    return value if resolution is None or value == 0 else round(value, decimals(value, resolution))
 
 
 def decimals(value: float, resolution: float) -> int:
-    """Return the number of digits after the point of a value rounded by `meaningful`."""
+    """Return the digits after the point up to the first digit of the uncertainty `resolution`·|value|."""
     return -math.floor(math.log10(resolution * abs(value)))
 
 
@@ -272,11 +270,6 @@ def boa_columns() -> list[str]:
     return columns_of("lifting/stability", "basin_areas")
 
 
-def as_counts(column: pd.Series):
-    """Return counts with empty cells as objects, which print as whole numbers."""
-    return pd.Series([None if pd.isna(item) else int(item) for item in column], dtype=object).to_numpy()
-
-
 def _shares(boa: pd.DataFrame) -> list[str]:
     """Return notes on the share of all states that reach the goal set that is in the exact basins: the effect of V."""
     notes = []
@@ -295,7 +288,12 @@ def areas_table(boa: pd.DataFrame, settings: StabilitySettings, source_label: st
     others = [check for check in CHECK_COLUMNS if check not in settings.checks]
     left_out = {name for check in others for name in CHECK_COLUMNS[check]}
     shown = [name for name in boa_columns() if name not in left_out]
-    frame = boa[shown].assign(**{name: as_counts(boa[name]) for name in DTYPES if name in shown})
+    frame = boa[shown].copy()
+    for name in (name for name in DTYPES if name in shown):
+        # Counts with empty cells as objects print as whole numbers.
+        frame[name] = pd.Series(
+            [None if pd.isna(item) else int(item) for item in boa[name]], frame.index, object
+        )
     drawn = (frame["method"] == "exact") & (frame["sign"] == settings.pendulum.sign)
     drawn &= (frame["time"] == settings.pendulum.time) & (frame["mass"] == settings.pendulum.mass)
     return described(
