@@ -213,7 +213,7 @@ def test_a_study_reads_a_part_of_a_record(sources, tmp_path, project, run):
     [record] = read_listed([path.parent / "labview.csv"], tissue.records, tissue.layout)
     np.testing.assert_allclose(record["output"], FORCE[100:400], atol=2e-5)
     content["tissue"]["records"][0]["trim_s"] = [2, 0.5]
-    with pytest.raises(InputError, match="the start must lie before the end"):
+    with pytest.raises(InputError, match="the start must be before the end"):
         load_study(content, project)
 
 

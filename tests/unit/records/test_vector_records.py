@@ -118,4 +118,4 @@ def test_a_study_that_names_axes_has_no_default_columns_beside_them(tmp_path):
     ]
     study.write_text(study.read_text() + "\n      input: {column: z, unit: mm}")
     told = refusal(lumbar.load_settings, study)
-    assert f"{study}, line 2: tissue.layout: columns: input beside roles of axes" in told
+    assert f"{study}, line 3: tissue.layout.columns: input together with roles of axes" in told

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Annotated, Literal, Self, Union
 
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator
 
-from lumbar.settings.section import RecordName, Section, Unique
+from lumbar.settings.section import Interval, RecordName, Section, Unique
 
 Axis = Literal["+x", "-x", "+y", "-y", "+z", "-z"]
 AXES, SIDES = ("x", "y", "z"), ("input", "output")
@@ -31,11 +31,12 @@ class ColumnSettings(Section):
     optional: bool = False
     """true: the column may be absent or constant; results that need it are then left out and reported."""
 
-    @model_validator(mode="after")
-    def _check(self) -> Self:
-        if self.scale == 0:
-            raise ValueError("scale is 0: every value would be the same")
-        return self
+    @field_validator("scale")
+    @classmethod
+    def _check_scale(cls, scale: float) -> float:
+        if scale == 0:
+            raise ValueError("0: every value would be the same")
+        return scale
 
     @property
     def other_sign(self) -> Self:
@@ -62,11 +63,12 @@ class ColumnLayout(Section):
     """accept: records are read although their force or position has runs of samples exactly at its extreme, as
     from a converter at the end of its range."""
 
-    @model_validator(mode="after")
-    def _check(self) -> Self:
-        if problems := list(_problems_of_axes(self.columns)):
-            raise ValueError(f"columns: {'; '.join(problems)}")
-        return self
+    @field_validator("columns")
+    @classmethod
+    def _check_axes(cls, columns: dict[str, ColumnSettings]) -> dict[str, ColumnSettings]:
+        if problems := list(_problems_of_axes(columns)):
+            raise ValueError("; ".join(problems))
+        return columns
 
     @property
     def axes(self) -> tuple[str, ...]:
@@ -81,10 +83,10 @@ def _problems_of_axes(columns: dict[str, ColumnSettings]) -> Iterator[str]:
     if not axes:
         return
     if len(axes) == 1:
-        yield f"{axes[0]} alone; a record has two or three axes, or one with the roles input and output"
+        yield f"only {axes[0]}; a record has two or three axes, or one with the roles input and output"
     for side in SIDES:
         if side in columns:
-            yield f"{side} beside roles of axes; one axis or several"
+            yield f"{side} together with roles of axes; use one axis or several"
         for axis in (axis for axis in axes if axis not in along[side]):
             yield f"no {side}_{axis}; input and output need the same axes"
         kinds = {
@@ -168,14 +170,8 @@ class RecordSettings(Section):
     """File below data_root."""
     period_s: float | None = Field(None, gt=0)
     """Period of a periodic excitation."""
-    trim_s: tuple[float, float] | None = None
+    trim_s: Interval | None = None
     """Start and end of the part that is read, on the file's clock; null reads all of it."""
-
-    @model_validator(mode="after")
-    def _check(self) -> Self:
-        if self.trim_s is not None and not self.trim_s[0] < self.trim_s[1]:
-            raise ValueError("trim_s: the start must lie before the end")
-        return self
 
 
 def columns(**roles: tuple[str, str, str]) -> dict[str, ColumnSettings]:

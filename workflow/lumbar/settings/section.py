@@ -141,10 +141,19 @@ def _reject_device(name: str) -> str:
     return name
 
 
+def _reject_reversed(ends: tuple[float, float]) -> tuple[float, float]:
+    if ends[0] >= ends[1]:
+        raise ValueError(f"[{ends[0]:g}, {ends[1]:g}]: the start must be before the end")
+    return ends
+
+
 Entry = TypeVar("Entry")
 REJECT_REPEATED = AfterValidator(_reject_repeated)
 Unique = Annotated[tuple[Entry, ...], REJECT_REPEATED, Field(json_schema_extra={"uniqueItems": True})]
 """List without repeated entries."""
+IN_ORDER = AfterValidator(_reject_reversed)
+Interval = Annotated[tuple[float, float], IN_ORDER]
+"""Start and end."""
 Positive = Annotated[float, Field(gt=0)]
 Word = Annotated[str, Field(min_length=1)]
 NAME = r"^[A-Za-z0-9][A-Za-z0-9_-]*$"

@@ -1,8 +1,8 @@
 """Chapters surgeon and signals: motion of the surgeons' tool with its bandwidth, and the excitation designed from it."""
 
-from typing import Literal, Self
+from typing import Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator
 
 from lumbar.settings.layout import ColumnLayout, columns
 from lumbar.settings.section import RecordName, Section
@@ -18,11 +18,12 @@ class SurgeonRecord(Section):
     surgeon: str = Field(min_length=1)
     """Surgeon who moved the tool; trials of one surgeon are resampled together."""
 
-    @model_validator(mode="after")
-    def _check(self) -> Self:
-        if self.name == "pooled":
-            raise ValueError("a trial is named pooled, as the mean of all is")
-        return self
+    @field_validator("name")
+    @classmethod
+    def _check_name(cls, name: str) -> str:
+        if name == "pooled":
+            raise ValueError("pooled is the name of the mean of all trials")
+        return name
 
 
 class WelchSettings(Section):

@@ -1,11 +1,11 @@
 """One person, a file of config/subjects."""
 
-from typing import Literal, Self
+from typing import Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from lumbar.settings.layout import Axis
-from lumbar.settings.section import FolderName, Section
+from lumbar.settings.section import FolderName, Interval, Section
 
 
 class DeclaredEvents(Section):
@@ -34,18 +34,12 @@ class TrialSettings(Section):
     """File of the hip moment (time_s, angle_rad, moment_Nm)."""
     forward: Axis | None = None
     """Axis of the file in the direction that the subject faces in this trial; null: lifting.markers.forward."""
-    window_s: tuple[float, float] | None = None
+    window_s: Interval | None = None
     """Start and end of the part of the recording with this lift, on the file's clock; null takes all of it. It
     is cut after filtering, so that the filter does not end there."""
     events: DeclaredEvents | Literal["file"] | None = None
     """Times set by hand, which replace the detected ones; or file: the events in the recording's file replace
     them (lifting.events.labels)."""
-
-    @model_validator(mode="after")
-    def _check(self) -> Self:
-        if self.window_s is not None and not self.window_s[0] < self.window_s[1]:
-            raise ValueError("window_s: the start must lie before the end")
-        return self
 
 
 class SubjectSettings(Section):

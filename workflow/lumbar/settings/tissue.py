@@ -2,10 +2,10 @@
 
 from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import Field, ValidationInfo, field_validator
 
 from lumbar.settings.layout import ColumnLayout, RecordSettings, columns
-from lumbar.settings.section import Section, Unique
+from lumbar.settings.section import IN_ORDER, Section, Unique
 
 Instant = Annotated[float, Field(ge=0)]
 Turn = Annotated[float, Field(ge=-180, le=180)]
@@ -32,6 +32,13 @@ class RidgeSettings(Section):
     """Largest coefficient."""
     alpha_points: int = Field(26, ge=2, le=1000)
     """Number of values in the progression."""
+
+    @field_validator("alpha_max")
+    @classmethod
+    def _check_order(cls, largest: float, info: ValidationInfo) -> float:
+        if (smallest := info.data.get("alpha_min", 0.0)) >= largest:
+            raise ValueError(f"{largest:g} is not above alpha_min {smallest:g}")
+        return largest
 
 
 class BootstrapSettings(Section):
@@ -84,5 +91,5 @@ class TissueSettings(Section):
     ridge: RidgeSettings = Field(default_factory=RidgeSettings)
     bootstrap: BootstrapSettings = Field(default_factory=BootstrapSettings)
     inverted_linear: InvertedLinearSettings = Field(default_factory=InvertedLinearSettings)
-    segment_s: tuple[Instant, Instant] = (1.0, 7.0)
+    segment_s: Annotated[tuple[Instant, Instant], IN_ORDER] = (1.0, 7.0)
     """Start and end of the part of each record in Figures 3.4 and 3.5, since the record's start."""

@@ -55,12 +55,6 @@ def _check_tissue(tissue: TissueSettings, add: Add) -> None:
             add(f"tissue.training.{number}", f"{name!r} is not a record", f"records: {', '.join(names)}")
     if not tissue.training:
         add("tissue.training", "none", f"name at least one of the records: {', '.join(names)}")
-    ridge, (start, stop) = tissue.ridge, tissue.segment_s
-    if ridge.alpha_min >= ridge.alpha_max:
-        found = f"{ridge.alpha_min:g} is not below alpha_max {ridge.alpha_max:g}"
-        add("tissue.ridge.alpha_min", found, "the progression runs from the smaller to the larger")
-    if start >= stop:
-        add("tissue.segment_s", f"[{start:g}, {stop:g}]", "start before end")
     if tissue.search.selection == "test" and len(names) < 2:
         add("tissue.search.selection", "'test' with a single record", "use training")
 
