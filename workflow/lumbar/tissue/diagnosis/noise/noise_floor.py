@@ -178,9 +178,8 @@ def noise_floor(record: Record, period: float | None = None, fewest: int = ONLY)
         if not _is_white(noise[0, folding.samples - degrees :]):
             return None  # a transient that lasts, a drift: two periods do not tell it from noise
     else:
-        noise, parts, degrees = remove_structure(
-            deviations, mean_period, folding.fold(record["input"]).mean(axis=0)
-        )
+        split = remove_structure(deviations, mean_period, folding.fold(record["input"]).mean(axis=0))
+        noise, parts, degrees = split.rest, split.parts, split.degrees
     exact = not np.any(noise)
     variance = _resolution(mean_period) ** 2 if exact else float(np.sum(noise**2)) / degrees
     noise, parts, degrees, bursts = _bursts_beside(noise, parts, degrees)

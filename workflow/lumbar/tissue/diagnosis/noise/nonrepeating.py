@@ -65,7 +65,7 @@ class Part:
 
 def remove_structure(
     deviations: np.ndarray, mean_period: np.ndarray, mean_excitation: np.ndarray
-) -> tuple[np.ndarray, list[Part], float]:
+) -> "StructureSearch":
     """Split deviations into noise and structured parts.
 
     Greedily: the part that explains most of what exceeds the noise is added and all parts are fitted again,
@@ -80,22 +80,20 @@ def remove_structure(
 
     Returns
     -------
-    noise : numpy.ndarray, shape (periods, samples)
-    parts : list of Part
-    degrees : float
-        Degrees of freedom of the noise: variance per sample is Σ noise²/degrees.
+    StructureSearch
+        With the parts, the noise as ``rest`` and its degrees of freedom: its variance per sample is Σ rest²/degrees.
     """
-    search = _LineSearch(deviations, mean_period, mean_excitation)
+    search = StructureSearch(deviations, mean_period, mean_excitation)
     for _ in range(MOST_PARTS):
         found = search.strongest_part()
         if found is None:
             break
         search.add(found)
-    return search.rest, search.parts, search.degrees
+    return search
 
 
-class _LineSearch:
-    """The parts found so far and what they leave."""
+class StructureSearch:
+    """Structured parts of deviations, and what they leave."""
 
     def __init__(self, deviations: np.ndarray, mean_period: np.ndarray, mean_excitation: np.ndarray):
         self.deviations = deviations

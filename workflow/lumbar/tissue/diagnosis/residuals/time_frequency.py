@@ -113,7 +113,7 @@ def _not_repeating(residual: Residual) -> tuple[float, float]:
     folding, noise = residual.folding, residual.floor.rms**2
     folded = folding.fold(residual.values)
     mean = folded.mean(axis=0)
-    _, parts, _ = remove_structure(folded - mean, mean, folding.fold(residual.position).mean(axis=0))
+    parts = remove_structure(folded - mean, mean, folding.fold(residual.position).mean(axis=0)).parts
     if not parts:
         return 0.0, 1.0
     energy = float(np.sum(sum(part.values for part in parts) ** 2))

@@ -1,5 +1,6 @@
 """Findings of records of several axes: how the force sensor is mounted, exchanged channels, directions that hardly move."""
 
+from dataclasses import dataclass
 from itertools import permutations, product
 
 import numpy as np
@@ -148,19 +149,20 @@ _AS_WELL = 0.1
 def exchanged_channels(
     experiment: Experiment, axes: tuple[str, ...], layout: ColumnLayout | None
 ) -> Finding | None:
-    """Say which channels of the force are exchanged or count the other way, where that is sure.
+    """Report which channels of the force are exchanged or have the other sign, if that is significant.
 
     The sentence ends with the lines to put into the study's YAML, in the `layout` that the records were read with.
     """
-    power, along, moved = _products(experiment, len(axes))
-    least = power - float(np.trace(along @ np.linalg.lstsq(moved, along.T, rcond=None)[0]))
+    products = _products_of(experiment, len(axes))
+    power, along = products.power, products.force
+    least = power - float(np.trace(along @ np.linalg.lstsq(products.motion, along.T, rcond=None)[0]))
     # Channel and sign of every axis, in every way, as recorded first.
     readings = (
         tuple(zip(order, signs, strict=True))
         for order in permutations(range(len(axes)))
         for signs in product((1, -1), repeat=len(axes))
     )
-    left = {reading: _left(reading, power, along, moved) for reading in readings}
+    left = {reading: _left(reading, products) for reading in readings}
     as_recorded = next(iter(left.values()))
     best = min(left, key=lambda reading: left[reading])
     better = left[best] <= _BETTER * as_recorded and as_recorded - left[best] >= _MORE * power
@@ -182,8 +184,20 @@ def exchanged_channels(
     return Finding("force_channels", sentence, explained, "%")
 
 
-def _products(experiment: Experiment, size: int) -> tuple[float, np.ndarray, np.ndarray]:
-    """Power of the force, its products with position and speed, and those of these, over all records about their means."""
+@dataclass(frozen=True, eq=False)
+class _Products:
+    """Sums of products over all samples of all records, about their means."""
+
+    power: float
+    """Force times itself, over all axes."""
+    force: np.ndarray
+    """Force times position and speed, shape (axes, 2 × axes)."""
+    motion: np.ndarray
+    """Position and speed times themselves, shape (2 × axes, 2 × axes)."""
+
+
+def _products_of(experiment: Experiment, size: int) -> _Products:
+    """Sum the products over the records of an experiment."""
     power, along, moved = 0.0, np.zeros((size, 2 * size)), np.zeros((2 * size, 2 * size))
     for record in (*experiment.training.records, *experiment.tests):
         step = record.motion.sampling_time
@@ -196,23 +210,23 @@ def _products(experiment: Experiment, size: int) -> tuple[float, np.ndarray, np.
         power += float(np.sum(force**2))
         along += force @ signals.T
         moved += signals @ signals.T
-    return power, along, moved
+    return _Products(power, along, moved)
 
 
-def _left(reading: tuple[tuple[int, int], ...], power: float, along: np.ndarray, moved: np.ndarray) -> float:
-    """Power that a passive spring and dashpot leave of the forces as they are read.
+def _left(reading: tuple[tuple[int, int], ...], products: _Products) -> float:
+    """Return the power of the forces, as they are read, that a passive spring and dashpot do not explain.
 
     By least squares over symmetric matrices, whose negative values are then left out.
     """
     size = len(reading)
-    read = np.stack([sign * along[source] for source, sign in reading])
+    read = np.stack([sign * products.force[source] for source, sign in reading])
     rows, columns = np.triu_indices(size)
     terms = np.zeros((2 * len(rows), size, 2 * size))
     for part in range(2):
         for number, (row, column) in enumerate(zip(rows, columns, strict=True)):
             term = terms[part * len(rows) + number]
             term[row, part * size + column] = term[column, part * size + row] = 1.0
-    normal = np.einsum("aij,jk,bik->ab", terms, moved, terms)
+    normal = np.einsum("aij,jk,bik->ab", terms, products.motion, terms)
     found = np.linalg.lstsq(normal, np.einsum("aij,ij->a", terms, read), rcond=None)[0]
     matrices = np.tensordot(found, terms, axes=1)
     parts = []
@@ -220,7 +234,7 @@ def _left(reading: tuple[tuple[int, int], ...], power: float, along: np.ndarray,
         values, vectors = np.linalg.eigh(each)
         parts.append((vectors * np.maximum(values, 0.0)) @ vectors.T)
     passive = np.concatenate(parts, axis=1)
-    return float(power - 2 * np.sum(passive * read) + np.sum((passive @ moved) * passive))
+    return float(products.power - 2 * np.sum(passive * read) + np.sum((passive @ products.motion) * passive))
 
 
 def _columns(
