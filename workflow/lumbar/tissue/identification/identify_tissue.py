@@ -85,11 +85,13 @@ def given_model(
     structure = inverted_linear(force_max, travel)
     data = IdentificationData.from_record(training, settling_s)
     others = [IdentificationData.from_record(test, settling_s) for test in tests]
+    position, force = ports_of(training, 0.0, 0.0)
     return FittedModel(
         IL.name,
         structure,
         data.sampling_time,
-        *ports_of(training, 0.0, 0.0),
+        input=position,
+        output=force,
         base=IL.name,
         estimator=GIVEN,
         trained_on=training.name,
@@ -249,11 +251,13 @@ class _Estimates:
         if structure.order == 1 and fitted.poles[0] < 0:
             remark = "; ".join(filter(None, [remark, f"negative pole {fitted.poles[0]:.3f}: no relaxation"]))
         parameters, refused = self.parameters(model, structure, fitted, draws)
+        position, force = ports_of(self.record, self.data.input_offset, self.data.output_offset)
         return FittedModel(
             model.name,
             fitted,
             self.data.sampling_time,
-            *ports_of(self.record, self.data.input_offset, self.data.output_offset),
+            input=position,
+            output=force,
             base=model.name,
             estimator=regression.estimator,
             trained_on=self.data.name,
@@ -298,14 +302,15 @@ class _Estimates:
         units = self.record.channels[INPUT].unit, self.record.channels[OUTPUT].unit
         found = []
         for item in (*model.base.linear, *model.base.nonlinear, *model.elements):
-            ends = np.quantile([sample[item.name] for sample in resampled], [tail, 1.0 - tail])
+            low, high = np.quantile([sample[item.name] for sample in resampled], [tail, 1.0 - tail])
             found.append(
                 FittedParameter(
                     item.name,
                     item.in_latex,
                     unit_of(item.unit, *units),
                     values[item.name],
-                    *map(float, ends),
+                    float(low),
+                    float(high),
                     derived=item in model.elements,
                 )
             )

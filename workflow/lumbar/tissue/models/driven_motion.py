@@ -10,7 +10,6 @@ follows from the one equation of the base and of every form.
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, reduce
-from itertools import chain
 
 import numpy as np
 import scipy
@@ -121,13 +120,12 @@ class ForceBalance:
         return np.array(found[:count], dtype=float), slopes
 
 
-def linearised(form: Form, *parameters: Sequence[float]) -> tuple[np.ndarray, np.ndarray]:
-    """Slopes of a base's force (first row) and of its states' rates at 0: by z, ż, z̈, and by the states.
-
-    `parameters` are the linear and the nonlinear ones.
-    """
+def linearised(
+    form: Form, linear: Sequence[float], nonlinear: Sequence[float]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Slopes of a base's force (first row) and of its states' rates at 0: by z, ż, z̈, and by the states."""
     balance = ForceBalance((form,))
-    known = dict(zip(balance.parameters, chain(*parameters), strict=True))
+    known = dict(zip(balance.parameters, (*linear, *nonlinear), strict=True))
     known |= dict.fromkeys(("z", "v", "a", "s", "t", *balance.states), 0.0)
     with np.errstate(all="ignore"):
         _, slopes = balance.slopes(known, ())

@@ -131,7 +131,8 @@ class FittedModel(ModelData):
 
     def _linearised(self, base: Base) -> tuple[np.ndarray, np.ndarray]:
         """Numerator and denominator in s, from the slopes of the equation and of the rates of its states."""
-        by_motion, by_states = linearised(base.form, *self.values_of(base))
+        linear, nonlinear = self.values_of(base)
+        by_motion, by_states = linearised(base.form, linear, nonlinear)
         if not (np.isfinite(by_motion).all() and np.isfinite(by_states).all()):
             raise NumericalError(f"{self.name}: it has no slope at 0 of its input and states")
         rates, response = by_states[1:], by_states[0]

@@ -124,9 +124,18 @@ class Form:
         return replace(self, axes=axes, linear=linear, written=self.linear)
 
     def _in_space(self, axes: tuple[str, ...], linear: tuple[LinearParameter, ...]) -> SpatialEquation:
-        given = self.nonlinear, self.constants, self.state, self.start
-        transforms = self.place is Place.OUTPUT
-        return SpatialEquation(self.equation, transforms, linear, *given, axes=axes, channel=self.channel)
+        return SpatialEquation(**self._equation_fields, linear=linear, axes=axes, channel=self.channel)
+
+    @property
+    def _equation_fields(self) -> dict[str, Any]:
+        return {
+            "text": self.equation,
+            "transforms": self.place is Place.OUTPUT,
+            "nonlinear": self.nonlinear,
+            "constants": self.constants,
+            "states": self.state,
+            "starts": self.start,
+        }
 
     def with_constants(self, values: Mapping[str, float]) -> Self:
         """Return the form with other values of its constants, by symbol; other symbols are ignored."""
@@ -188,8 +197,7 @@ class Form:
     def _unchecked(self) -> Equation:
         if self.axes:
             return self._in_space(self.axes, self.written)
-        given = self.linear, self.nonlinear, self.constants, self.state, self.start
-        return Equation(self.equation, self.place is Place.OUTPUT, *given)
+        return Equation(**self._equation_fields, linear=self.linear)
 
     @cached_property
     def latex(self) -> str:

@@ -53,7 +53,9 @@ _MAX_SHIFT = 0.5  # share of the motion's range by which a plane may be moved fr
 def signed(name: str, unit: str, symbol: str, most: float) -> NonlinearParameter:
     """A parameter of either sign that begins at 0, of at most this size."""
     ends = float(np.exp(-most)), float(np.exp(most))
-    return NonlinearParameter(name, unit, "one", 1.0, 1.0, 1, ends, symbol=symbol, signed=True, decisive=True)
+    return NonlinearParameter(
+        name, unit, "one", low=1.0, high=1.0, points=1, reach=ends, symbol=symbol, signed=True, decisive=True
+    )
 
 
 def turn(vector: np.ndarray) -> np.ndarray:
@@ -268,7 +270,7 @@ class PlaneContact:
     def nonlinear(self) -> tuple[NonlinearParameter, ...]:
         """Nonlinear parameters of the base, smoothing speed of the friction, rotations of the normal, shift of the plane."""
         speed = NonlinearParameter(
-            "smoothing_speed", "{x}/s", "speed", 0.01, 0.1, 2, (0.05, 3.0), symbol="v_s"
+            "smoothing_speed", "{x}/s", "speed", low=0.01, high=0.1, points=2, reach=(0.05, 3.0), symbol="v_s"
         )
         turns = [
             signed(f"turn_{number}", "rad", f"r_{number}", MAX_ROTATION_RAD)

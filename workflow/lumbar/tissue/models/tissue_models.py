@@ -170,7 +170,7 @@ _SAID = shipped_yaml(Path(__file__).with_suffix(".yaml"))
 def _model(name: str, **computed) -> TissueModel:
     """Return a model of ``tissue_models.yaml`` by its name, with the base of that name."""
     said = _SAID["models"][name]
-    elements = tuple(Element(*element) for element in said.pop("elements", ()))
+    elements = tuple(Element(name, unit, definition) for name, unit, definition in said.pop("elements", ()))
     relations = tuple(said.pop("relations", ()))
     return TissueModel(name, base=BASES.get(name), elements=elements, relations=relations, **said, **computed)
 

@@ -291,7 +291,8 @@ def peak_kinematics(position: np.ndarray, rate: float) -> Kinematics:
     time = np.arange(len(position)) / rate
     spline = scipy.interpolate.make_interp_spline(time, position, k=5)
     fine = np.linspace(0, time[-1], _POINTS_PER_SAMPLE * (len(position) - 1) + 1)
-    return Kinematics(*(float(np.abs(spline(fine, nu=order)).max()) for order in range(3)))
+    displacement, velocity, acceleration = (np.abs(spline(fine, nu=order)).max() for order in range(3))
+    return Kinematics(float(displacement), float(velocity), float(acceleration))
 
 
 def check_machine_limits(motions: dict[str, Kinematics], limits: Kinematics) -> None:
