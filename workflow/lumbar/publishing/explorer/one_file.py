@@ -80,8 +80,10 @@ def one_file(pictures: Drawn, page: str, variables: dict[str, Any]) -> str:
     )
     # Bokeh's names are random or depend on how many there were before: number them in their order.
     for pattern, prefix in ((_UNIQUE, "part-"), (_NUMBERED, "model-")):
-        names = {
-            name: f"{prefix}{number}" for number, name in enumerate(dict.fromkeys(pattern.findall(text)), 1)
-        }
-        text = pattern.sub(lambda found, names=names: names[found[0]], text)
+        names: dict[str, str] = {}
+
+        def number(found: re.Match, names=names, prefix=prefix) -> str:
+            return names.setdefault(found[0], f"{prefix}{len(names) + 1}")
+
+        text = pattern.sub(number, text)
     return text.replace(_CODE, pictures.code, 1)

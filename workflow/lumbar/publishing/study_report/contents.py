@@ -141,6 +141,7 @@ def chapters(
         ``claims.csv``.
     """
     made = []
+    claim_rows = [] if claims is None else list(claims.itertuples())
     sets = list(choices.get("record_set", ()))
     for name, rows in itertools.groupby(sheet, key=lambda row: row.chapter):
         entries, files = [], []
@@ -155,7 +156,7 @@ def chapters(
                     for values in itertools.product(*(choices[name] for name in names))
                 ]
             entries += [
-                _entry(results, artefact, choice, caption, choices, claims)
+                _entry(results, artefact, choice, caption, choices, claim_rows)
                 for choice in combinations[:MAX_SHOWN]
             ]
             paths = _paths(artefact, choices)
@@ -184,7 +185,7 @@ def _entry(
     choice: dict[str, str],
     caption: str,
     choices: dict[str, dict[str, str]],
-    claims: pd.DataFrame | None,
+    claim_rows: list,
 ) -> Entry:
     single = artefact.expanded(**{name: [value] for name, value in choice.items()})
     files = tuple(_paths(single, choices))
@@ -213,8 +214,8 @@ def _entry(
         page="" if is_table or not pages else pages[0],
         sentence=diagnosis_sentence(read_json(results / verdicts[0])) if verdicts else "",
         files=files,
-        claims=() if claims is None else _claims_shown_with(claims, artefact.id),
-        cells=None if claims is None else compare_cells(claims, artefact.id),
+        claims=tuple(claim_row(row) for row in claim_rows if _shown_with(row) == artefact.id),
+        cells=compare_cells(claim_rows, artefact.id),
     )
 
 
@@ -288,16 +289,16 @@ def claim_row(row) -> ClaimRow:
     return ClaimRow(row.statement, *values, row.verdict, row.criterion, row.location)
 
 
-def _claims_shown_with(claims: pd.DataFrame, artefact: str) -> tuple[ClaimRow, ...]:
-    sentences = claims[~claims["claim"].str.startswith("table_")]
-    evidence = sentences["evidence"].str.split().str[0]
-    return tuple(map(claim_row, sentences[evidence.replace(SHOWN_WITH) == artefact].itertuples()))
+def _shown_with(row) -> str:
+    """Return the artefact with which a sentence is shown; empty for cells of tables."""
+    evidence = row.evidence.split()[0]
+    return "" if row.claim.startswith("table_") else SHOWN_WITH.get(evidence, evidence)
 
 
-def compare_cells(claims: pd.DataFrame, table: str) -> CellComparison | None:
+def compare_cells(claim_rows: list, table: str) -> CellComparison | None:
     """Return the published cells of a table with this run's; None for tables without."""
-    rows = [row for row in claims.itertuples() if row.claim.startswith(f"{table}.")]
-    if table not in CELLS or not rows:
+    rows = [row for row in claim_rows if row.claim.startswith(f"{table}.")] if table in CELLS else []
+    if not rows:
         return None
     names = CELLS[table]
     cells: dict[tuple[str, ...], dict[str, tuple[str, str, str]]] = {}
