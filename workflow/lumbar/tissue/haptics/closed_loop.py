@@ -15,8 +15,6 @@ from lumbar.settings.runtime import DeviceSettings
 from lumbar.tissue.models.transfer_function import TransferFunction
 
 _SMALLEST_ANGLE, _SLOWEST = 1e-4, 1e-6
-_NEAR = np.sinh(np.linspace(-4.0, 4.0, 33))
-"""Angles near a pole, in multiples of its distance to the unit circle."""
 _LONG = 64
 """Coefficients in a block of a long polynomial."""
 _ROUNDING = 1e-9
@@ -27,13 +25,6 @@ def all_angles(points: int = 2000, smallest: float = _SMALLEST_ANGLE) -> np.ndar
     """Return angles ωT from near 0 to π: evenly spaced, and ever denser towards 0, because slow relaxations are there."""
     slow = np.geomspace(smallest, np.pi / points, points // 4)
     return np.concatenate([slow[:-1], np.linspace(slow[-1], np.pi, points)])
-
-
-def angles_near(poles: np.ndarray) -> np.ndarray:
-    """Return angles in (0, π) about those of poles, as dense as the resonance of each is narrow."""
-    # `unique` keeps one of a conjugate pair.
-    near = np.unique(np.abs(np.angle(poles))[:, None] + (1.0 - np.abs(poles))[:, None] * _NEAR)
-    return near[(near > 0.0) & (near < np.pi)]
 
 
 def evaluate_polynomials(coefficients: np.ndarray, angles: np.ndarray) -> np.ndarray:

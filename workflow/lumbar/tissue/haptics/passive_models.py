@@ -247,7 +247,8 @@ def fit_passive_models(
     )
     data = IdentificationData.from_record(training, settling_s)
     others = [IdentificationData.from_record(test, settling_s) for test in tests]
-    rates = (slower := 1.0 / training.sampling_time, max(slower, settings.device.rate_Hz))
+    device = settings.device
+    rates = (slower := 1.0 / training.sampling_time, max(slower, device.rate_Hz))
     passive = []
     for name in dict.fromkeys(model.name for model in free if model.name in _STRUCTURES):
         found = fit_passive(data, *_STRUCTURES[name])
@@ -256,18 +257,15 @@ def fit_passive_models(
         for rate in dict.fromkeys(rates if is_renderable(plain) else ()):
             safe = found
             if not _on_device(plain, settings.model_copy(update={"output_rate_limit": None}), rate).passive:
-                safe = fit_passive(data, *_STRUCTURES[name], device_condition(plain, settings, rate))
+                # A static force of 1 per unit of position, as the device renders it at this rate.
+                metre, newton = scale_of(plain)
+                samples = export_at(plain, settings, rate).moving_average
+                average = np.full(samples, newton / metre / samples)
+                rendering = SampledModel("", average, np.ones(1), 1.0 / rate).late(1e-3 * device.delay_ms)
+                condition = DeviceCondition(device.damping_N_s_m, rendering)
+                safe = fit_passive(data, *_STRUCTURES[name], condition)
             passive.append(_fitted(name, f"{PASSIVE}-{rate:.4g}Hz", safe, training, data, others))
     return PassiveFits(free, tuple(passive), settings, rates)
-
-
-def device_condition(model: FittedModel, settings: RuntimeSettings, rate: float) -> DeviceCondition:
-    """Return the condition of the settings' device on a model's force at a rate in Hz."""
-    metre, newton = scale_of(model)
-    samples = export_at(model, settings, rate).moving_average
-    average = np.full(samples, newton / metre / samples)
-    rendering = SampledModel("", average, np.ones(1), 1.0 / rate).late(1e-3 * settings.device.delay_ms)
-    return DeviceCondition(settings.device.damping_N_s_m, rendering)
 
 
 def _fitted(

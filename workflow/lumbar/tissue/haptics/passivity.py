@@ -13,10 +13,12 @@ does, if and only if F + Fᴴ + 2b diag(1/s) ≥ 0 for every θ; with one piece 
 
 import numpy as np
 
-from lumbar.tissue.haptics.closed_loop import SampledModel, all_angles, angles_near
+from lumbar.tissue.haptics.closed_loop import SampledModel, all_angles
 from lumbar.tissue.haptics.ticks import PeriodicModel, in_ticks
 
 _REFINED, _FEWEST = 101, 12
+_NEAR = np.sinh(np.linspace(-4.0, 4.0, 33))
+"""Angles near a pole, in multiples of its distance to the unit circle."""
 
 
 def damping_at(model: SampledModel | PeriodicModel, angles: np.ndarray) -> np.ndarray:
@@ -56,8 +58,10 @@ def required_damping(model: SampledModel | PeriodicModel, points: int = 2000) ->
     intervals = ticking.intervals
     # An angle over a period of several ticks covers one frequency per tick.
     angles = all_angles(max(points // len(intervals), _FEWEST))
-    resonances = angles_near(ticking.model.poles ** sum(map(len, ticking.taken)))
-    angles = np.sort(np.concatenate([angles, resonances]))
+    # Add angles near the poles, as dense as each resonance is narrow; `unique` keeps one of a conjugate pair.
+    poles = ticking.model.poles ** sum(map(len, ticking.taken))
+    near = np.unique(np.abs(np.angle(poles))[:, None] + (1.0 - np.abs(poles))[:, None] * _NEAR)
+    angles = np.sort(np.concatenate([angles, near[(near > 0.0) & (near < np.pi)]]))
     worst = int(damping_at(model, angles).argmax())
     refined = max(_REFINED // len(intervals), _FEWEST)
     angles = np.linspace(angles[max(worst - 1, 0)], angles[min(worst + 1, len(angles) - 1)], refined)

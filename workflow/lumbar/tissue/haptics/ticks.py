@@ -154,13 +154,9 @@ class Transitions:
     has_free_position: bool
     """Whether nothing draws the stylus to a position, neither hand nor model: a pole at 1 is then not an instability."""
 
-    def monodromy(self, gain: float = 1.0) -> np.ndarray:
-        """Return the transition matrix over a period with the model's force times a gain."""
-        return product(self.free + gain * self.driven)
-
     def radius(self, gain: float = 1.0) -> float:
-        """Return the largest magnitude of a pole over a period, which is below 1 in a stable loop."""
-        poles = np.linalg.eigvals(self.monodromy(gain))
+        """Return the largest magnitude of a pole over a period with the model's force times a gain: below 1 if it is stable."""
+        poles = np.linalg.eigvals(product(self.free + gain * self.driven))
         if self.has_free_position:
             poles = np.delete(poles, np.abs(poles - 1.0).argmin())
         return float(np.abs(poles).max())

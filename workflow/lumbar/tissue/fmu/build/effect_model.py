@@ -169,10 +169,6 @@ def _function(head: str, force: str, lines: list[str]) -> str:
     return f"static {head}({parameters}) {{\n{body}\n}}"
 
 
-MAX_STATES = 512
-"""Numbers that a model may keep from sample to sample."""
-
-
 @dataclass(frozen=True)
 class PlacedForm:
     """A form with its numbers and its place in the state of the model."""
@@ -219,6 +215,7 @@ class EffectModel:
     rests_anywhere = True
     delay = 0
     phases = 1
+    max_kept = 512
 
     @property
     def axes(self) -> tuple[str, ...]:
@@ -272,12 +269,6 @@ class EffectModel:
     def largest_pole(self) -> float:
         """Largest pole of a relaxation; 0 without one."""
         return max((abs(term.numbers["pole"]) for term in self.terms if "pole" in term.numbers), default=0.0)
-
-    def problems(self) -> list[tuple[str, str, str]]:
-        """What keeps the model from being exported: place, what was found, what is allowed."""
-        if self.kept <= MAX_STATES:
-            return []
-        return [("effects", f"keep {self.kept} numbers", f"at most {MAX_STATES} fit into an FMU")]
 
     def _parameters(self) -> tuple[np.ndarray, np.ndarray]:
         """Linear and nonlinear parameters in the order of `structure`."""

@@ -37,19 +37,19 @@ class ExportModel:
     """A model ready for export: what was identified, and how it is run."""
 
     identified: FittedModel
-    """Under the name of the export, e.g. ``"KB+coulomb_friction"`` or ``"KB-thesis"``."""
+    """The model under the name of the export, e.g. ``"KB+coulomb_friction"`` or ``"KB-thesis"``."""
     settings: RuntimeSettings
-    """Limits, guards, start and rate; those of the thesis where it is run as in the thesis."""
+    """Limits, guards, start and rate; those of the thesis for a model that is run as in the thesis."""
     dynamics: LinearModel | EffectModel
-    """From deviations of the input to deviations of the output."""
+    """Model from deviations of the input to deviations of the output."""
     sampling_time: float
     """Seconds."""
     moving_average: int
     """Samples of the input's moving average, the newest included; 1 is off."""
     runtime: str = ""
-    """How it is run where that is not as the settings say, for description and documentation."""
+    """How it is run if the settings do not say so, for description and documentation."""
     on_device: tuple[str, ...] = ()
-    """What it does on the device of the study, for the documentation; empty where that was not asked."""
+    """Verdicts on the device of the study, for the documentation; empty without them."""
 
     def __post_init__(self):
         problems = Problems(f"model {self.name!r}")
@@ -62,8 +62,9 @@ class ExportModel:
                 f"{self.moving_average} samples, and {self.dynamics.delay} of delay, at {1 / self.sampling_time:g} Hz",
                 f"at least 1, and {MAX_HISTORY} in all, fit into an FMU",
             )
-        for problem in self.dynamics.problems():
-            problems.add(*problem)
+        if self.dynamics.kept > self.dynamics.max_kept:
+            kept = f"{self.dynamics.kept} states", f"at most {self.dynamics.max_kept} fit into an FMU"
+            problems.add("order" if isinstance(self.dynamics, LinearModel) else "effects", *kept)
         if self.guards.passive and not self.units.has_energy:
             problems.add(
                 "runtime.device_damping",
@@ -99,7 +100,7 @@ class ExportModel:
 
     @property
     def name(self) -> str:
-        """As in file names."""
+        """Name in file names."""
         return self.identified.name
 
     @property
@@ -109,12 +110,12 @@ class ExportModel:
 
     @property
     def axes(self) -> tuple[str, ...]:
-        """Names of the axes in space; none of one axis."""
+        """Names of the axes in space; empty along one axis."""
         return self.dynamics.axes
 
     @property
     def input(self) -> Port:
-        """What the tool does."""
+        """Input: the motion of the tool."""
         return self.identified.input
 
     @property
@@ -124,17 +125,17 @@ class ExportModel:
 
     @property
     def output(self) -> Port:
-        """What answers."""
+        """Output: the response."""
         return self.identified.output
 
     @property
     def prescribed(self) -> bool:
-        """Whether it was given, as IL is, not identified."""
+        """Whether it was given, like IL, not identified."""
         return self.identified.estimator == GIVEN
 
     @property
     def valid_for(self) -> MotionRange | None:
-        """Motion that the model was fitted to, where it is known."""
+        """Motion that the model was fitted to, if it is known."""
         return self.identified.valid_for
 
     @property
@@ -154,7 +155,7 @@ class ExportModel:
 
     @cached_property
     def guards(self) -> Guards:
-        """What is done to the force before the device receives it."""
+        """Guards of the force that the device receives."""
         return Guards(
             contact=self.settings.contact,
             rate_limit=float(self.settings.output_rate_limit or 0.0),
@@ -234,8 +235,15 @@ def export_models(fitted: list[FittedModel], settings: RuntimeSettings) -> list[
         A model is unstable and ``unstable`` is ``"refuse"``.
     """
     models = [_export_model(model, settings) for model in fitted]
-    if settings.unstable == "refuse":
-        _refuse_unstable(models)
+    unstable = [model for model in models if not model.stable and settings.unstable == "refuse"]
+    if unstable:
+        poles = ", ".join(
+            f"{model.name} (largest |pole| {model.dynamics.largest_pole:.6g})" for model in unstable
+        )
+        raise NumericalError(
+            f"unstable, not exported: {poles}. Take the model out of runtime.models, use another runtime.trained_on or "
+            "runtime.estimator, or set runtime.unstable: export (the output then runs into its limit)"
+        )
     return models
 
 
@@ -272,41 +280,44 @@ def _find(
 
 
 def _export_model(model: FittedModel, settings: RuntimeSettings) -> ExportModel:
-    """Model at the rate asked for."""
-    if model.name.endswith(AS_IN_THESIS):
-        return _export_as_in_thesis(model, settings)
+    """Return a model at the rate of the settings, or as the thesis ran it.
+
+    The thesis has "a moving average about the three previous points on the position measurements": without the newest one.
+    """
+    is_as_in_thesis = model.name.endswith(AS_IN_THESIS)
+    if is_as_in_thesis:
+        settings = _settings_of_thesis(settings, model)
     wanted = model.sampling_time if settings.rate_Hz is None else 1.0 / settings.rate_Hz
     if model.discrete:
         linear = LinearModel(model.structure.numerator, model.structure.denominator, name=model.name)
         dynamics = at_rate(linear, model.sampling_time, wanted)
     else:
         dynamics = effect_model(model, wanted)
+    # The rotation of the force sensor's axes is not part of the tissue.
+    forms = getattr(model.structure, "forms", ())
+    sensor = " and ".join(form.effect.replace("_", " ") for form in forms if form.place is Place.FRAME)
+    runtime = f"Forces are along the axes of the position: {sensor} of the force sensor is left out."
+    if is_as_in_thesis:
+        dynamics = replace(dynamics, delay=dynamics.delay + 1)
+        runtime = (
+            f"Run as in the thesis (section 3.2.3.2): at {1 / model.sampling_time:g} Hz, on the mean of the three samples before "
+            f"the newest, within {settings.output_limit:g} {model.output.unit}; to compare with, not for a faster loop."
+        )
     return ExportModel(
         identified=model,
         settings=settings,
         dynamics=dynamics,
         sampling_time=wanted,
         moving_average=averaged_samples(model.name, settings.moving_average_ms, wanted),
-        runtime=_left_out(model),
+        runtime=runtime if sensor or is_as_in_thesis else "",
     )
 
 
-def _left_out(model: FittedModel) -> str:
-    """Words on what of the model is no tissue."""
-    forms = getattr(model.structure, "forms", ())
-    found = " and ".join(form.effect.replace("_", " ") for form in forms if form.place is Place.FRAME)
-    return (
-        f"Forces are along the axes of the position: {found} of the force sensor is left out."
-        if found
-        else ""
-    )
+def _settings_of_thesis(settings: RuntimeSettings, model: FittedModel) -> RuntimeSettings:
+    """Return the runtime of the thesis's section 3.2.3.2.
 
-
-def settings_of_thesis(settings: RuntimeSettings, model: FittedModel) -> RuntimeSettings:
-    """The runtime of the thesis's section 3.2.3.2, but for the newest position: see `_export_as_in_thesis`.
-
-    The limit is the largest transient force of its device (section 3.2.3), or what the settings' device may receive where
-    that is less, or the model's output is no force.
+    The limit is the largest transient force of its device (section 3.2.3), or that of the settings' device if this is less,
+    or if the model's output is not a force.
     """
     units = work_units(model.input.unit, model.output.unit)
     newton = units.force if units.is_of_length else 0.0
@@ -323,20 +334,8 @@ def settings_of_thesis(settings: RuntimeSettings, model: FittedModel) -> Runtime
     )
 
 
-def _export_as_in_thesis(model: FittedModel, settings: RuntimeSettings) -> ExportModel:
-    """Model on "a moving average about the three previous points on the position measurements": the present one is none."""
-    plain = replace(model, name=model.name.removesuffix(AS_IN_THESIS))
-    exported = _export_model(plain, settings_of_thesis(settings, model))
-    dynamics = replace(exported.dynamics, name=model.name, delay=exported.dynamics.delay + 1)
-    runtime = (
-        f"Run as in the thesis (section 3.2.3.2): at {1 / model.sampling_time:g} Hz, on the mean of the three samples before "
-        f"the newest, within {exported.output_limit:g} {model.output.unit}; to compare with, not for a faster loop."
-    )
-    return replace(exported, identified=model, dynamics=dynamics, runtime=runtime)
-
-
 def averaged_samples(name: str, milliseconds: float, sampling_time: float) -> int:
-    """Samples of the moving average, to the nearest whole number; an average of none is an error."""
+    """Return the samples of the moving average, to the nearest whole number; an average of none is an error."""
     samples = milliseconds / (1000 * sampling_time)
     if milliseconds > 0 and samples < 0.5:
         problems = Problems(f"model {name!r}")
@@ -347,16 +346,3 @@ def averaged_samples(name: str, milliseconds: float, sampling_time: float) -> in
         )
         problems.raise_if_any()
     return max(1, round(samples))
-
-
-def _refuse_unstable(models: list[ExportModel]) -> None:
-    unstable = [model for model in models if not model.stable]
-    if unstable:
-        found = ", ".join(
-            f"{model.name} (largest |pole| {model.dynamics.largest_pole:.6g})" for model in unstable
-        )
-        raise NumericalError(
-            f"unstable, not exported: {found}. Take the model out of runtime.models, use another "
-            "runtime.trained_on or runtime.estimator, or set runtime.unstable: export "
-            "(the output then runs into its limit)"
-        )

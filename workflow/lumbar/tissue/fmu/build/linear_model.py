@@ -10,7 +10,6 @@ import scipy
 from lumbar.base.errors import NumericalError
 from lumbar.tissue.models.transfer_function import StateSpace, TransferFunction, filtered, observer_form
 
-MAX_STATES = 16
 _NEAR_ONE = 1e-9
 """A pole this close to 1 counts as an integrator."""
 
@@ -35,6 +34,7 @@ class LinearModel:
     headers = ()
     waits_for_input = False
     histories = ()
+    max_kept = 16
 
     @cached_property
     def state_space(self) -> StateSpace:
@@ -70,12 +70,6 @@ class LinearModel:
     def feedthrough(self) -> bool:
         """Whether the output depends on the input of the same sample."""
         return self.numerator[0] != 0.0 and self.delay == 0
-
-    def problems(self) -> list[tuple[str, str, str]]:
-        """What keeps the model from being exported: place, what was found, what is allowed."""
-        if self.states <= MAX_STATES:
-            return []
-        return [("order", f"{self.states} states", f"at most {MAX_STATES} fit into an FMU")]
 
     def response(self, inputs: np.ndarray) -> np.ndarray:
         """Return the output by the transfer function itself, from rest; shape (samples,)."""
