@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -96,24 +97,30 @@ def read_table(path: str | os.PathLike, what: str) -> pd.DataFrame:
     return frame
 
 
-class Result:
+class Result(ABC):
     """Result of an API function: it prints in sentences, a notebook shows its table, `save` writes its files."""
 
     source_label: str
     """Name of the source of the data."""
 
     @property
+    @abstractmethod
     def table(self) -> Any:
         """Main numbers: a published table, a frame or rows."""
-        raise NotImplementedError
 
     def figure(self) -> Figure:
-        """Return the picture of the result, if it has a single one."""
-        raise NotImplementedError
+        """Return the picture of the result.
 
+        Raises
+        ------
+        InputError
+            If it has none or several.
+        """
+        raise InputError(f"{self!r} has no single picture; save(folder) writes all that it has")
+
+    @abstractmethod
     def files(self) -> Iterable[tuple[str, Any]]:
         """Name and content of every file: frames (``.csv``), plain data (``.json``), published tables and figures (no ending)."""
-        raise NotImplementedError
 
     def save(self, folder: str | os.PathLike) -> None:
         """Write all `files` into a folder; tables and figures in each of their formats."""

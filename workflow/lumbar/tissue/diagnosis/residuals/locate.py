@@ -66,23 +66,20 @@ def _location(record: Record, residual: Residual, causes: Sequence[Cause]) -> Lo
 
 def residual_of(record: Record, simulated: np.ndarray, experiment: Experiment) -> Residual:
     """Return the residual of a simulation of a record after the settling time; raise as `locate` does."""
-    floor = experiment.floor, _floor_from(record, experiment)
-    left = _residual(record, simulated, *floor, _start(record, experiment))
-    return replace(left, position=left.position - experiment.rest[0])
-
-
-def _floor_from(record: Record, experiment: Experiment) -> str:
-    """Name of the other record that the noise floor is from; empty where it is from this one."""
-    return "" if record.name == experiment.floor_from else experiment.floor_from
-
-
-def _start(record: Record, experiment: Experiment) -> float:
-    return settling_time(record, experiment.settling_s)
+    start = settling_time(record, experiment.settling_s)
+    noise = experiment.floor, experiment.floor_from
+    return _residual(record, simulated, *noise, start, rest=experiment.rest[0])
 
 
 def _residual(
-    record: Record, simulated: np.ndarray, floor: NoiseFloor | None, floor_from: str, start: float
+    record: Record,
+    simulated: np.ndarray,
+    floor: NoiseFloor | None,
+    floor_from: str,
+    start: float,
+    rest: float = 0.0,
 ) -> Residual:
+    """Return the residual after `start` seconds, with positions counted from `rest`."""
     first = settling_samples(record, simulated, start)
     folding = None
     if floor is not None and floor_from in ("", record.name):
@@ -93,7 +90,7 @@ def _residual(
     return Residual(
         values=(record["output"] - simulated)[first:],
         time=record.time[first:] - record.time[0],
-        position=record["input"][first:],
+        position=record["input"][first:] - rest,
         velocity=steady_velocity(record["input"], record.sampling_time)[first:],
         sampling_time=record.sampling_time,
         unit=record.channels["output"].unit,
@@ -223,8 +220,8 @@ def reports_of(simulated: Sequence[tuple[Record, np.ndarray, Experiment]], seed:
     residuals = [residual_of(*one) for one in simulated]
     causes, found = rank_causes(residuals), []
     for number, (record, values, experiment) in enumerate(track(simulated, "records compared and located")):
-        source, start = _floor_from(record, experiment), _start(record, experiment)
-        comparison = compare_record(record, values, experiment.floor, source, start, seed + number)
+        start, floor = settling_time(record, experiment.settling_s), experiment.floor
+        comparison = compare_record(record, values, floor, experiment.floor_from, start, seed + number)
         location = _location(record, residuals[number], causes)
         found.append(ResidualReport(record, values, comparison, location))
     return found
