@@ -166,17 +166,22 @@ def settling_samples(record: Record, simulated: np.ndarray, start: float) -> int
     return first
 
 
-def root_mean_square(measured: np.ndarray, modelled: np.ndarray) -> float:
-    """√(mean squared residual), in the output's unit."""
-    return float(np.sqrt(np.mean((measured - modelled) ** 2)))
-
-
 def _estimates(
     measured: np.ndarray, modelled: np.ndarray, period: int | None, seed: int
 ) -> list[EstimateWithInterval]:
-    """RMS, VAF, FIT and mean residual with bootstrap intervals."""
-    figures = (root_mean_square, variance_accounted_for, fit_ratio, mean_residual)
-    values = [figure(measured, modelled) for figure in figures]
+    """Return RMS, VAF, FIT and mean residual with bootstrap intervals.
+
+    Raises
+    ------
+    NumericalError
+        If an output does not move.
+    """
+    values = [
+        float(np.sqrt(np.mean((measured - modelled) ** 2))),
+        variance_accounted_for(measured, modelled),
+        fit_ratio(measured, modelled),
+        mean_residual(measured, modelled),
+    ]
     residual, output = modelled - measured, measured - measured.mean()
     groups = block_groups([residual, output], period)
     draws = np.random.default_rng(seed).integers(len(groups), size=(RESAMPLES, len(groups)))
@@ -184,26 +189,16 @@ def _estimates(
     often = np.stack([np.bincount(draw, minlength=len(groups)) for draw in draws])
     powers = np.stack([np.ones(len(output)), residual, residual**2, np.abs(residual), output, output**2])
     sums = often @ np.stack([powers[:, group].sum(axis=1) for group in groups])
-    resampled = _figures_of_means(*(sums[:, 1:] / sums[:, :1]).T)
+    # The same figures from means over samples.
+    mean, square, absolute, level, energy = (sums[:, 1:] / sums[:, :1]).T
+    variance = energy - level**2
+    if np.any(variance <= _REST * energy):
+        raise NumericalError("the output does not move in most of the record: its intervals are not known")
+    unexplained, rms = (square - mean**2) / variance, np.sqrt(square)
+    resampled = np.stack([rms, 100 * (1 - unexplained), 100 * (1 - rms / np.sqrt(variance)), absolute])
     tail = (1 - CONFIDENCE) / 2
     low, high = np.quantile(resampled, [tail, 1 - tail], axis=1)
     return [EstimateWithInterval(*map(float, triple)) for triple in zip(values, low, high, strict=True)]
-
-
-def _figures_of_means(residual, square, absolute, output, energy) -> np.ndarray:
-    """Return RMS, VAF, FIT and mean residual from means over samples: of residual, its square and size, output and its square.
-
-    Raises
-    ------
-    NumericalError
-        If an output does not move.
-    """
-    variance = energy - output**2
-    if np.any(variance <= _REST * energy):
-        raise NumericalError("the output does not move in most of the record: its intervals are not known")
-    unexplained = (square - residual**2) / variance
-    rms = np.sqrt(square)
-    return np.stack([rms, 100 * (1 - unexplained), 100 * (1 - rms / np.sqrt(variance)), absolute])
 
 
 def block_groups(signals: list[np.ndarray], period: int | None) -> list[np.ndarray]:
