@@ -109,18 +109,6 @@ def test_lengths_of_the_body_are_compared_with_the_stature(recordings, height_m,
     assert [finding.kind for finding in findings] == kinds
 
 
-def test_a_box_that_stands_in_a_coarse_file_is_not_frozen():
-    """Numbers of one millimetre repeat while nothing moves, as integers of a C3D file do."""
-    frames = np.arange(400)
-    shift = np.where(frames > 250, (frames - 250) * 0.002, 0.0)[:, None] * [0.0, 0.0, 1.0]
-    corners = {f"BOX_{i}": np.array([0.3 * (i % 2), 0.3 * (i // 2), 0.9]) for i in range(4)}
-    rng = np.random.default_rng(5)
-    body = {f"P{i}": rng.uniform(0, 1, 3) for i in range(4)}
-    points = {label: np.round(corner + shift, 3) for label, corner in corners.items()}
-    points |= {label: place + rng.normal(0, 1e-4, (400, 3)) for label, place in body.items()}
-    assert [f for f in examine(points, frames / 100, 100.0) if f.kind == "frozen"] == []
-
-
 def test_both_legs_that_change_sides_during_a_walk_are_named_pair_by_pair_and_from_the_frame_on(recordings):
     """All leap at once, each to where its fellow was and near to where others were."""
     walk, _ = recordings("ktk_pig_com_oracle/gait.c3d")

@@ -104,6 +104,7 @@ NEWTON_STEPS = 6
 
 def _least_quotient(over: np.ndarray, under: np.ndarray) -> np.ndarray:
     """Return the least p/q in the part of the plane with q > 0, p and q of degree 4, shape (programmes,); ∞ without one."""
+    # The best point of the grid in every sector.
     grid = np.stack([np.outer(np.cos(ANGLES), RADII), np.outer(np.sin(ANGLES), RADII)]).reshape(2, -1)
     powers = _powers(grid)
     quotient = _quotient(over @ powers.T, under @ powers.T).reshape(len(over), SECTORS, -1)
@@ -111,7 +112,7 @@ def _least_quotient(over: np.ndarray, under: np.ndarray) -> np.ndarray:
     z, least = grid[:, start], quotient.min(axis=-1)
     parts = [(over @ matrix, under @ matrix) for matrix in _derivatives()]
     for _ in range(NEWTON_STEPS):
-        # Where f = p/q is stationary p − f·q is.
+        # At a stationary point of f = p/q also p − f·q is stationary: a Newton step, kept if it is lower.
         f, powers = np.where(np.isfinite(least), least, 0.0), _powers(z)
         values = [_dot(powers, p) - f * _dot(powers, q) for p, q in parts[1:]]
         trial = z + _newton_step(*values, 0.2 * np.hypot(*z))
@@ -236,6 +237,7 @@ def alternate(
         0, loops.knots, intervals // min(divisors, key=lambda number: abs(number - (knots - 1)))
     )
     pendulums = loops.pendulums
+    # The loops at these knots with Euler's cost-to-go.
     cost = cost_to_go_euler(pendulums, loops.weights)[chosen]
     at_knots = with_cost(replace(pendulums, angle=pendulums.angle[2 * chosen]), loops.weights, cost)
     form = at_knots.form(slice(None))
@@ -243,10 +245,12 @@ def alternate(
     levels = [np.full(cost.shape[:2], initial_level)]
     unsolved = []
     for _ in range(max(alternations, *EVIDENCE)):
+        # Step 1: decrease ρ until there is a multiplier; step 2: maximise ρ with this multiplier and the frozen ρ̇.
         level, feasible = _decreased(form, levels[-1], _difference(levels[-1], step), ratio)
         factors = _factors(form, level, _difference(level, step), feasible, certificate, pendulums.labels)
         unsolved.append(np.isnan(factors).mean(axis=0))
         levels.append(level * np.where(np.isnan(factors), 1.0, factors))
+    # Knots at which the final ρ breaks the condition that it should meet.
     level = levels[alternations]
     violated = (_difference(level, step) / level < boundary_growth(form, level))[:-1]
     return Alternation(

@@ -71,6 +71,7 @@ def boundary_growth(form: NormalForm, level: np.ndarray) -> np.ndarray:
     The boundary moves inward everywhere if this is negative; {V ≤ ρ(t)} is invariant as long as ρ̇/ρ is not below it.
     `level` is ρ > 0, shape (...); its axes before those of `form` are levels of the same pendulums.
     """
+    # Sample the boundary, more densely for wider ellipses.
     root = np.sqrt(level)
     semi_axis, kappa = form.amplitude * root, form.coupling / root
     doublings = int(np.clip(np.ceil(np.log2(semi_axis.max() / SMALL_SEMI_AXIS)), 0, MOST_DOUBLINGS))
@@ -80,6 +81,7 @@ def boundary_growth(form: NormalForm, level: np.ndarray) -> np.ndarray:
     values += form.beta[..., None] * cs2
     values += form.gamma[..., None] * s2
     np.negative(values, out=values)
+    # Climb from the best sample of every sector to its peak.
     start, sampled = _candidates(values, SECTORS << doublings)
     polished = _newton(form, semi_axis, kappa, start, 2 * np.pi / values.shape[-1])
     return np.maximum(sampled, polished).max(axis=-1)
@@ -280,12 +282,14 @@ def integrate_backward(loops: ClosedLoops, goal: np.ndarray, slope: Callable) ->
     for knot in range(loops.knots - 1, 0, -1):
         now, point = log_level[knot], 2 * knot
         if len(history) < 4:
+            # Runge–Kutta's method until four slopes are known.
             middle = slope(point - 1, now - 0.5 * step * history[0])
             again = slope(point - 1, now - 0.5 * step * middle)
             last = slope(point - 2, now - step * again)
             log_level[knot - 1] = now - step * (history[0] + 2 * middle + 2 * again + last) / 6
             new = slope(point - 2, log_level[knot - 1])
         else:
+            # Adams–Bashforth predictor, Adams–Moulton corrector, and the safe slope at a kink.
             predicted = (55 * history[0] - 59 * history[1] + 37 * history[2] - 9 * history[3]) / 24
             new = slope(point - 2, now - step * predicted)
             corrected = (9 * new + 19 * history[0] - 5 * history[1] + history[2]) / 24

@@ -298,12 +298,14 @@ def proved_share(loops: ClosedLoops, funnels: Funnels) -> np.ndarray:
     proved = np.zeros(count)
     chunk = BOXES_AT_ONCE // ARCS
     for halving in range(TIME_HALVINGS + 1):
+        # Try to prove every piece of this width, in portions that fit into memory.
         width = 0.5**halving
         holds = np.zeros(len(index), dtype=bool)
         for start in range(0, len(index), chunk):
             part = slice(start, start + chunk)
             holds[part] = _prove_arcs(IntervalBounds(curves, index[part], middle[part], width))
         proved += width * np.bincount(index[holds] % count, minlength=count)
+        # Halve the pieces without a proof.
         index, middle = index[~holds], middle[~holds]
         middle = np.concatenate([middle - width / 4, middle + width / 4])
         index = np.concatenate([index, index])
@@ -323,6 +325,7 @@ def _prove_arcs(pieces: IntervalBounds) -> np.ndarray:
         piece, arcs = piece[left], arcs[left]
         if not len(piece):
             return holds
+        # Halve the arcs without a proof.
         radius /= 2
         piece = np.concatenate([piece, piece])
         arcs = np.concatenate([arcs - radius, arcs + radius])

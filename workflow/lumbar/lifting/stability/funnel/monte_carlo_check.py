@@ -42,10 +42,11 @@ def monte_carlo_check(loops: ClosedLoops, funnels: Funnels, starts: int, seed: l
         The levels do not lie evenly among the knots of `loops`, or these are too far apart (see
         `simulate`).
     """
+    # Starts in the first cross-section.
     generator = np.random.default_rng(seed)
     count = len(loops.pendulums.labels)
     direction = generator.uniform(0.0, 2 * np.pi, (count, starts))
-    # Evenly over the area of the disc, and the first half on its edge.
+    # Uniform over the area of the disc, and the first half on its edge.
     radius = np.sqrt(generator.uniform(0.0, 1.0, (count, starts)))
     radius[:, : starts // 2] = 1.0
     a, p, q = (axis[:, None] for axis in normal_axes(funnels.cost[0]))
@@ -53,6 +54,7 @@ def monte_carlo_check(loops: ClosedLoops, funnels: Funnels, starts: int, seed: l
     root = np.sqrt(funnels.level[0])[:, None]
     start = np.stack([root * a * first, root * (p * first + q * second)])
 
+    # A start leaves if its V exceeds ρ at a knot of the funnel.
     stride, rest = divmod(loops.knots - 1, len(funnels.level) - 1)
     if rest:
         raise NumericalError(f"{len(funnels.level)} levels do not lie evenly among {loops.knots} knots")

@@ -73,6 +73,7 @@ def circle_maximum(coefficients: np.ndarray, degree: int) -> np.ndarray:
 
     `coefficients` have shape (..., monomials).
     """
+    # The best sample of every part of the circle.
     amplitudes = coefficients @ harmonics_of_monomials(degree).T
     samples, parts = 16 * (degree + 1), 2 * (degree + 1)
     angle, waves = _sampled_circle(degree, samples)
@@ -84,6 +85,7 @@ def circle_maximum(coefficients: np.ndarray, degree: int) -> np.ndarray:
     multiple = np.arange(1, degree + 1)
     first, second = 1j * multiple * complex_amplitudes, -(multiple**2) * complex_amplitudes
     for _ in range(5):
+        # Newton step towards the peak, no longer than the distance of two samples.
         powers = _powers(position, degree)
         slope, bend = (np.matmul(powers, part[..., None])[..., 0].real for part in (first, second))
         step = np.where(bend < 0, -slope / np.where(bend < 0, bend, -1.0), 0.0)
