@@ -198,7 +198,9 @@ class OwnRecordings:
                 "columns": columns,
                 "fields": {name: list(dict.fromkeys(texts)) for name, texts in wrong.items()},
                 "common": common,
-                "choices": self.choices | {"trim": [_finite(end) for end in self.choices.get("trim", ())]},
+                # JSON has no infinity.
+                "choices": self.choices
+                | {"trim": [end if math.isfinite(end) else None for end in self.choices.get("trim", ())]},
             }
 
     def _file(self, name: str, wrong: dict[str, list[str]]) -> tuple[dict[str, Any], int]:
@@ -266,11 +268,6 @@ class OwnRecordings:
             refuse_links(folder)
             study = imported.save(folder)
             return f"{len(imported)} records and {study.name} written to {study.parent}; next: {imported.next_command(study)}"
-
-
-def _finite(value: float) -> float | None:
-    """Return the number for JSON, which has no infinity."""
-    return value if math.isfinite(value) else None
 
 
 MAX_TABS = 16

@@ -219,28 +219,27 @@ def check_structure(path: Path) -> C3dStructure:
     if size < 2 * BLOCK:
         raise InputError(f"{path}: {size} bytes; a C3D file has a header of 512 bytes, parameters and data")
     with path.open("rb") as stream, mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as content:
-        return _structure(path, content)
-
-
-def _structure(path: Path, content: mmap.mmap) -> C3dStructure:
-    if content[1] != _MAGIC or not content[0]:
-        raise InputError(f"{path}: not a C3D file (its second byte is {content[1]:#04x}, not 0x50)")
-    start = (content[0] - 1) * BLOCK
-    if start + BLOCK > len(content) or start < BLOCK:
-        raise InputError(
-            f"{path}: the parameter section should start at byte {start}; the file has {len(content)}"
-        )
-    stated = content[start + 3]
-    try:
-        return _of_processor(path, content, start, stated)
-    except InputError:
-        for processor in _PROCESSORS.keys() - {stated}:
-            with contextlib.suppress(InputError):
-                found = _of_processor(path, content, start, processor)
-                if _fits(len(content), found.data_start, found.n_frames * found.frame_bytes):
-                    note = f"processor type {stated}; it is {processor} ({_PROCESSORS[processor]}) that fits the file's size"
-                    return replace(found, notes=(*found.notes, note))
-        raise
+        if content[1] != _MAGIC or not content[0]:
+            raise InputError(f"{path}: not a C3D file (its second byte is {content[1]:#04x}, not 0x50)")
+        start = (content[0] - 1) * BLOCK
+        if start + BLOCK > size or start < BLOCK:
+            raise InputError(
+                f"{path}: the parameter section should start at byte {start}; the file has {size}"
+            )
+        stated = content[start + 3]
+        try:
+            return _of_processor(path, content, start, stated)
+        except InputError:
+            for processor in _PROCESSORS.keys() - {stated}:
+                with contextlib.suppress(InputError):
+                    found = _of_processor(path, content, start, processor)
+                    if _fits(size, found.data_start, found.n_frames * found.frame_bytes):
+                        name = _PROCESSORS[processor]
+                        note = (
+                            f"processor type {stated}; it is {processor} ({name}) that fits the file's size"
+                        )
+                        return replace(found, notes=(*found.notes, note))
+            raise
 
 
 def _of_processor(path: Path, content: mmap.mmap, start: int, processor: int) -> C3dStructure:
@@ -255,7 +254,15 @@ def _of_processor(path: Path, content: mmap.mmap, start: int, processor: int) ->
     within = start < data_start < len(content)
     end = data_start if within else min(start + content[start + 2] * BLOCK, len(content))
     parameters = read_parameters(path, content, start + 4, end, processor, notes)
-    _check_types(path, parameters)
+    problems = Problems(str(path))
+    for name, values in parameters.items():
+        needed = "text" if name.startswith(_TEXT) else "finite numbers" if name in _NUMBERS else None
+        are_texts = [isinstance(value, str) for value in values]
+        if needed == "text" and not all(are_texts):
+            problems.add(name, f"{values[:3]}", "text must stand there")
+        if needed == "finite numbers" and (any(are_texts) or not np.isfinite(values).all()):
+            problems.add(name, f"{values[:3]}", "finite numbers must stand there")
+    problems.raise_if_any()
     header = _complete(C3dStructure(processor, *sizes, rate, parameters, data_start, scale), notes)
     header = _settled(header, len(content), start, notes)
     if not start < header.data_start < len(content):
@@ -362,16 +369,6 @@ def _complete(header: C3dStructure, notes: list[str]) -> C3dStructure:
     return header
 
 
-def _check_types(path: Path, parameters: dict[str, list]) -> None:
-    """Text and finite numbers stand where they are read."""
-    problems = Problems(str(path))
-    for name, values in parameters.items():
-        needed = "text" if name.startswith(_TEXT) else "finite numbers" if name in _NUMBERS else None
-        if needed and not all(_is_text(value) == (needed == "text") for value in values):
-            problems.add(name, f"{values[:3]}", f"{needed} must stand there")
-    problems.raise_if_any()
-
-
 def _check_agreement(path: Path, header: C3dStructure) -> None:
     """Compare header and parameters."""
     problems, parameters = Problems(str(path)), header.parameters
@@ -425,11 +422,6 @@ def _check_analog(path: Path, available: int, structure: C3dStructure, notes: li
     if not (rounded or fits):
         raise InputError(f"{path}: analog samples per frame: {found}; they must agree")
     notes.append(f"analog samples per frame: {found}; the header's were taken")
-
-
-def _is_text(value) -> bool | None:
-    """Whether a value of a parameter is text; None for a number that is not finite."""
-    return True if isinstance(value, str) else False if np.isfinite(value) else None
 
 
 def _check_size(path: Path, content: mmap.mmap, structure: C3dStructure, notes: list[str]) -> None:

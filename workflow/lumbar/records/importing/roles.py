@@ -179,7 +179,11 @@ def find_roles(
             found[role] = given
         except InputError as error:
             problems[role] = str(error)
-    without_time = _rate_missing(table, rate)
+    without_time = ""  # why the rate of a table without a column of time is not known
+    try:
+        stated_time(0, rate, table.rates, table.source)
+    except InputError as error:
+        without_time = str(error).removeprefix(f"{table.source}: ")
     found |= _by_order(table, wishes, taken, missing, not without_time)
     for role in missing:
         if role in found:
@@ -211,15 +215,6 @@ def _free(table: RawTable, wishes: Wishes, taken: Collection[int], role: str) ->
         for column in table.columns
         if column.number not in taken and not others & {column.name, str(column.number)}
     ]
-
-
-def _rate_missing(table: RawTable, rate: float | None) -> str:
-    """Why the rate of a table without a column of time is not known; empty if it is."""
-    try:
-        stated_time(0, rate, table.rates, table.source)
-    except InputError as error:
-        return str(error).removeprefix(f"{table.source}: ")
-    return ""
 
 
 def _by_order(
@@ -292,7 +287,14 @@ def _by_name(free: list[RawColumn], role: str) -> tuple[RawColumn, str] | None:
             labels = " or ".join(column.label for column in best)
             raise InputError(f"{role} may be {labels}; choose by --{role} NAME or NUMBER")
         return best[0], "by its name" if named else "by its unit"
-    speeds = [column for column in free if role == "position" and _is_speed(column)]
+    speeds = []
+    for column in free if role == "position" else ():
+        unit = find_unit(column.unit)
+        if unit is None or unit.quantity == "reading":
+            is_speed = not column.unit and named_velocity(column.own_name)
+        else:
+            is_speed = unit.quantity in SPEEDS.values() and not set(tokens(column.own_name)) & _UNMEASURED
+        speeds += [column] if is_speed else []
     if len(speeds) > 1:
         labels = " or ".join(column.label for column in speeds)
         raise InputError(f"position may be {labels}, integrated; choose by --position NAME or NUMBER")
@@ -303,13 +305,6 @@ def named_velocity(name: str) -> bool:
     """Whether a name says that a velocity was measured, and no command or error of one."""
     parts = set(tokens(name))
     return bool(parts & {plain(word) for word in _VELOCITIES}) and not parts & _UNMEASURED
-
-
-def _is_speed(column: RawColumn) -> bool:
-    unit, others = find_unit(column.unit), set(tokens(column.own_name)) & _UNMEASURED
-    if unit is not None and unit.quantity != "reading":
-        return unit.quantity in SPEEDS.values() and not others
-    return not column.unit and named_velocity(column.own_name)
 
 
 _SLOWEST_HZ = 20.0

@@ -246,7 +246,12 @@ def _header(above: list[str], dialect: TableDialect) -> tuple[list[str], list[st
     """Names and units of the columns from the rows right above the table, empty where there are none."""
     near = _whole_lines([line for line in above if line.strip()])[-_HEADER_ROWS:]
     rows = [cells for line in near if (cells := _header_cells(line, dialect))]
-    names, units = [""] * dialect.width, _unit_labels(above, dialect)
+    names, units = [""] * dialect.width, [""] * dialect.width
+    # Units for the last columns from a line such as ``Y_Unit_Label<tab>mm<tab>N``.
+    for line in reversed(above):
+        label, *cells = [cell for cell in dialect.split(line) if cell] or [""]
+        if "unit" in label.casefold() and 0 < len(cells) <= dialect.width and _is_unit_row(cells):
+            units = [""] * (dialect.width - len(cells)) + cells
     unit_row = next((cells for cells in reversed(rows[-2:]) if _is_unit_row(cells)), None)
     if unit_row:
         units = [cell.strip("[](){}<> ") for cell in unit_row]
@@ -316,15 +321,6 @@ def _header_cells(line: str, dialect: TableDialect) -> list[str] | None:
 def _is_unit_row(cells: list[str]) -> bool:
     filled = [cell for cell in cells if cell]
     return bool(filled) and sum(find_unit(cell) is not None for cell in filled) > 0.5 * len(filled)
-
-
-def _unit_labels(above: list[str], dialect: TableDialect) -> list[str]:
-    """Units from a line such as ``Y_Unit_Label<tab>mm<tab>N``, for the last columns."""
-    for line in above:
-        label, *cells = [cell for cell in dialect.split(line) if cell] or [""]
-        if "unit" in label.casefold() and 0 < len(cells) <= dialect.width and _is_unit_row(cells):
-            return [""] * (dialect.width - len(cells)) + cells
-    return [""] * dialect.width
 
 
 _RATE = re.compile(
