@@ -18,7 +18,7 @@ from lumbar.tissue.signals.spectrum import spectral_edge
 
 @dataclass(frozen=True, eq=False)
 class FitData:
-    """One record prepared for fitting; it keeps the fits to it, for a search comes to the same one on several ways."""
+    """One record prepared for fitting, with a cache of the fits to it: a search repeats some of them."""
 
     name: str
     motion: Motion | JoinedMotions
@@ -30,7 +30,7 @@ class FitData:
     settling: int = 0
     """Samples at the start that are left out of every error: the initial state is not known."""
     own_zero: bool = False
-    """Whether the sensor had another zero than in training: the mean of an error then says nothing."""
+    """Whether the sensor had another zero than in training: the mean of an error is then ignored."""
     begins: int = 0
     """Sample at which the record itself begins: before it lies what came earlier in the same session, which is simulated
     and never counted."""
@@ -64,11 +64,11 @@ class FitData:
         return early, replace(self, settling=count)
 
     def without_whitening(self) -> FitData:
-        """The same record, its errors taken as they are."""
+        """Return the same record without whitening of its errors."""
         return replace(self, whitening=np.ones(1))
 
     def with_origin(self, position: float) -> FitData:
-        """The same record, its positions counted from here."""
+        """Return the same record with positions counted from this one."""
         return replace(self, motion=replace(self.motion, position=self.motion.position - position))
 
     @property
@@ -94,7 +94,7 @@ class FitData:
 
     @cached_property
     def zeros(self) -> np.ndarray:
-        """What a sensor's zero adds: one column of ones, shape (samples, 1)."""
+        """Column of a sensor's zero: ones, shape (samples, 1)."""
         return np.ones((len(self.force), 1))
 
     def error(self, simulated: np.ndarray) -> np.ndarray:
@@ -102,7 +102,7 @@ class FitData:
         return self._about_zero(self.trim(simulated - self.force))
 
     def whitened_error(self, simulated: np.ndarray) -> np.ndarray:
-        """The same through the whitening filter."""
+        """Return `error` through the whitening filter."""
         return self._about_zero(self.whiten(simulated - self.force))
 
     def _about_zero(self, errors: np.ndarray) -> np.ndarray:
@@ -122,7 +122,7 @@ class JointData(FitData):
     """Several records that a model is fitted to together."""
 
     parts: tuple[FitData, ...] = ()
-    """Sampled alike."""
+    """Records with the same sampling time."""
 
     @classmethod
     def of(cls, parts: list[FitData]) -> Self:
@@ -142,11 +142,11 @@ class JointData(FitData):
         return self._with_parts(list(early)), self._with_parts(list(later))
 
     def without_whitening(self) -> FitData:
-        """The same records, their errors taken as they are."""
+        """Return the same records without whitening of their errors."""
         return self._with_parts([part.without_whitening() for part in self.parts])
 
     def with_origin(self, position: float) -> FitData:
-        """The same records, their positions counted from here."""
+        """Return the same records with positions counted from this one."""
         return self._with_parts([part.with_origin(position) for part in self.parts])
 
     def _with_parts(self, parts: list[FitData]) -> JointData:
@@ -154,7 +154,7 @@ class JointData(FitData):
 
     @cached_property
     def zeros(self) -> np.ndarray:
-        """What the sensor's zero adds: ones, or ones for each record that has a zero of its own; (samples, zeros)."""
+        """Columns of the sensor's zero, shape (samples, zeros): ones, or ones for each record if every record has a zero."""
         parts = [part.zeros for part in self.parts]
         if not self.own_zero:
             return np.concatenate(parts)
@@ -269,10 +269,10 @@ def limit_samples(records: list[Record], session: bool = False) -> tuple[list[Re
 
 
 def decimate(data: FitData) -> FitData:
-    """The same records at a lower rate, smoothed over two of its samples; as they are where they are short.
+    """Return the same records at a lower rate, smoothed over two of its samples; short ones unchanged.
 
-    Position and force go through the same filter, so that a linear model from one to the other stays what it is. The filter
-    sees whole windows only: nothing rings at the ends. Errors are then taken as they are: the noise left is another one.
+    Position and force go through the same filter, so that a linear model from one to the other is not changed. The filter
+    uses whole windows only, so that nothing rings at the ends. Errors are not whitened: the remaining noise has another colour.
     """
     # `PER_CYCLE` samples are left in the fastest cycle of any of the records.
     edges = [spectral_edge(np.diff(part.motion.position), _STEP_POWER) for part in data.records]

@@ -34,8 +34,8 @@ class Fit(FreeRun):
     converged: bool = True
     """Whether the optimiser reported convergence."""
     zeros: np.ndarray = field(default_factory=lambda: np.zeros(0))
-    """What the sensor of the response reads where the model gives 0: one number, or one for each record that was fitted;
-    none where the base's has no zero (`Base.sensor_zero`)."""
+    """Readings of the response's sensor at 0: one number, or one for each record that was fitted; none if the base has no zero
+    (`Base.sensor_zero`)."""
 
     @property
     def zero(self) -> float:
@@ -169,9 +169,9 @@ def _grids(parameters: Sequence[NonlinearParameter], data: FitData) -> list[np.n
 
 
 EVALUATIONS = 40
-"""Of the error, at most, per search."""
+"""Largest number of evaluations of the error per search."""
 _STEP = 1e-5
-"""Of a difference, in logarithms."""
+"""Step of a difference, in logarithms."""
 _OFF_BOUND = 1e-3
 """Share of the logarithmic range that a start keeps from its bounds: closer to one, a search sticks to it."""
 
@@ -365,7 +365,7 @@ def fit_base(structure: Structure, data: FitData, acting: Sequence[float] = ()) 
         starts, refined = list(np.exp(low + (high - low) * points)), _REFINED
     found = []
     for start in starts:
-        with suppress(ValueError, np.linalg.LinAlgError):  # what runs away there is no start
+        with suppress(ValueError, np.linalg.LinAlgError):  # a start that diverges is left out
             going_on()
             found.append(fit_at(structure, data, np.append(start, acting)))
     ranked = sorted(found, key=lambda item: item.squared_error)
@@ -376,7 +376,7 @@ def fit_base(structure: Structure, data: FitData, acting: Sequence[float] = ()) 
 
 
 _MOST_COMBINATIONS = 256
-"""Of starting values of a base."""
+"""Largest number of combinations of starting values of a base."""
 _REFINED = 6
 """Starts that are refined where not every combination was tried."""
 
@@ -412,9 +412,9 @@ def _errors_of_starts(previous: Fit, form: Form, data: FitData) -> list[tuple[fl
 def _linearised_error(
     structure: Structure, data: FitData, linear: np.ndarray, nonlinear: np.ndarray, zeros: np.ndarray
 ) -> float:
-    """Squared error after one Gauss–Newton step in the linear parameters, their signs aside, of a structure with output forms.
+    """Return the squared error after one Gauss–Newton step in the linear parameters, without signs, for output forms.
 
-    Without the step every form that adds a force would look alike: it starts at amplitude 0.
+    Without the step every form that adds a force would have the same error: it starts at amplitude 0.
     """
     inner, slope = _output_slope(structure, data, structure.design(data.motion, nonlinear), linear, nonlinear)
     simulated = structure.output(inner, data.motion, nonlinear)
@@ -441,12 +441,12 @@ def linear_with_new(previous: Fit, form: Form) -> np.ndarray:
 def add(previous: Fit, form: Form, data: FitData, starts: int = 1) -> Fit:
     """Refit a model with one form more, jointly, from the best starting values.
 
-    A parallel form contains the smaller model, at amplitude 0: its fit is never worse. Where the optimiser ends above the
-    smaller model, that one stands in its place, not converged.
+    A parallel form contains the smaller model, at amplitude 0: its fit is never worse. If the optimiser ends above the
+    smaller model, that one is returned, not converged.
 
-    An input or output form comes to the smaller model only in the limit of a parameter (no play, no delay, saturation at
-    an infinite force), beyond its bounds. Its fit may therefore be worse, with the parameter at a bound; where none of its
-    parameters is, it has not converged.
+    An input or output form contains the smaller model only in the limit of a parameter (no play, no delay, saturation at
+    an infinite force), beyond its bounds. Its fit may therefore be worse, with the parameter at a bound; if no parameter is at
+    one, it has not converged.
 
     The best `starts` of the starting values are refined.
     """

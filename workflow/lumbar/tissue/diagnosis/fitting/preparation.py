@@ -13,7 +13,7 @@ from lumbar.tissue.diagnosis.finding import Finding
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData, JointData
 from lumbar.tissue.diagnosis.noise.noise_floor import NoiseFloor, noise_floor
-from lumbar.tissue.diagnosis.noise.periods import FEWEST_PERIODS, ONLY, told_period
+from lumbar.tissue.diagnosis.noise.periods import FEWEST_PERIODS, ONLY, declared_period
 from lumbar.tissue.diagnosis.sensors.sensor_faults import force_of_position_noise, repair
 from lumbar.tissue.identification.metrics import settling_time
 from lumbar.tissue.models.bases import BASES
@@ -21,20 +21,19 @@ from lumbar.tissue.models.measured_motion import for_base
 from lumbar.tissue.models.motion import Motion
 
 _MOVED_ON = 0.5
-"""Of the time scale of a record, in which the tool goes where the next one begins, where the clock tells of no pause."""
+"""Duration of the move between two records if their clocks show no pause, relative to the time scale of a record."""
 _STEPS = 1.5
-"""Largest steps of the records: a longer one between two of them is no step but a move that was not recorded."""
+"""Largest step between two records, relative to those within: a larger one is a move that was not recorded."""
 _LONGEST_PAUSE = 10.0
 """Durations of the whole session's records, beyond which a pause between two is a mistake of the clocks."""
 
 
 def with_past(records: Sequence[Record]) -> dict[str, tuple[Record, int]]:
-    """Every record with all that came before it in the session, and the sample at which its own part begins, by name.
+    """Return every record with all that came before it in the session, and the sample at which the record begins, by name.
 
-    A pause between two records is taken from their clocks, where each begins after the one before it ended; else they follow
-    one another at once. What was not recorded of the motion is filled in: the tool goes smoothly from where it was to where
-    the next record begins, in the pause, or in 0.5 s where it is elsewhere all of a sudden. The force is filled in too, to
-    be left out of every error.
+    A pause between two records is taken from their clocks, if each begins after the end of the one before; else they follow
+    immediately. Motion that was not recorded is filled in: the tool moves smoothly to the start of the next record, in the
+    pause, or within half a time scale if it jumps. The force is filled in too, but excluded from every error.
 
     The records are in the order of the session, with the same channels.
 
@@ -99,7 +98,7 @@ def _check_alike(records: Sequence[Record]) -> None:
 
 
 def _append(past: Record, record: Record, pause: float, step: float, longest: float) -> tuple[Record, int]:
-    """What came before and a record, with what was not recorded in between; and where the record begins."""
+    """Append a record to those before it, with the move in between; return both and the sample at which it begins."""
     if pause > longest:
         raise InputError(
             f"{record.source or record.name}: begins {pause:g} s after the record before it ended, which is more than "
@@ -130,17 +129,17 @@ _LEAST_RANGE = 0.05
 _ABOVE_NOISE = 2.0
 """Variance of a response in noise variances, below which it holds little else."""
 DWARFING = 3.0
-"""Error in noise floors from which on it is a model's and not the noise's."""
+"""Ratio of an error to the noise floor above which the model causes it."""
 _BEGINNING, _TOGETHER = 100, 0.05
 """Part of the samples that is a record's beginning, and share of all records' reach within which these lie at one place."""
 _FINE = 5
 """Decimals of a position at rest that tell, of the records' reach."""
 _COPIED, _LOOKS = 64, 9
-"""Samples in a row that are alike to the last digit where one record holds part of another; places that are looked at."""
+"""Number of equal samples in a row if one record contains part of another; number of places that are compared."""
 _FEWEST = 50
 """Samples that must follow the start of a record which is left out."""
 _HELD_BACK = 0.3
-"""Share of a single record that is held back as test where there is no other record."""
+"""Share of a single record that is used as test if there is no other record."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,9 +147,9 @@ class Experiment:
     """A set of records ready for diagnosis."""
 
     training: FitData
-    """Of several records that are fitted together, a `JointData`."""
+    """Training data; `JointData` of several records that are fitted together."""
     tests: list[FitData]
-    """Unseen excitation; the last part of the training record where there is no other record."""
+    """Unseen records; the last part of the training record if there is no other."""
     floor: NoiseFloor | None
     """None where no record repeats."""
     input_unit: str
@@ -169,7 +168,7 @@ class Experiment:
     faults: tuple[Finding, ...] = ()
     """Faults of the sensors."""
     session: bool = False
-    """Whether each record begins in the state in which the one before it left the tissue."""
+    """Whether each record begins in the state at the end of the one before."""
     settling_s: float | None = None
     """Seconds at the start of every record that no error counts; None follows the records (`settling_time`)."""
     position_noise_force: float = 0.0
@@ -223,8 +222,8 @@ class Experiment:
 
     @property
     def beside_floor(self) -> float:
-        """RMS that a right model leaves beside the floor: the force of known position noise, and drift that was taken out of the
-        floor and that a wandering zero may be."""
+        """RMS error of a right model in addition to the floor: the force of known position noise, and drift that may be a
+        wandering zero."""
         floor = self.floor
         drift = 0.0 if floor is None or floor.surely_structured_rms else floor.structured_rms
         return float(np.hypot(self.position_noise_force, drift))
@@ -244,7 +243,7 @@ class Experiment:
 
     @property
     def own_zeros(self) -> bool:
-        """Whether the sensor's zero is one of every record instead of all."""
+        """Whether every record has a zero of the sensor, instead of one for all."""
         return all(item.own_zero for item in self.tests)
 
     def with_own_zeros(self) -> Self:
@@ -259,11 +258,11 @@ class Experiment:
         )
 
     def without_whitening(self) -> Self:
-        """The same records, their errors taken as they are."""
+        """Return the same records without whitening of their errors."""
         return self.each(lambda item: item.without_whitening())
 
     def with_data(self, change: Callable[[FitData], FitData], joint: type[JointData] = JointData) -> Self:
-        """The same experiment, the data of every record changed; `joint` holds those that are fitted together."""
+        """Return the same experiment with changed data of every record; `joint` is the class of joint data."""
 
         def changed(data: FitData) -> FitData:
             if isinstance(data, JointData):
@@ -278,10 +277,10 @@ class Experiment:
         return replace(self, training=change(self.training), tests=tests, **fields)
 
     def error_dwarfs_noise(self, train_rms: float) -> bool:
-        """Whether a model's error on the training record is so large that whitening by the noise's colour is out of place.
+        """Return whether a model's error on the training record is so large that whitening by the noise's colour is wrong.
 
-        Whitening weighs an error that is noise. Where a model's own error is what is left, it weighs frequencies at which
-        there happens to be little noise, and the simulation gets worse.
+        Whitening is for errors that are noise. If the model's error dominates, it emphasises frequencies with little noise, and
+        the simulation gets worse.
         """
         whitened = len(self.training.whitening) > 1
         return whitened and self.floor is not None and train_rms > DWARFING * self.floor.rms
@@ -409,7 +408,7 @@ def put_together(
 
 
 def check_excitation(training: Record, others: list[Record]) -> None:
-    """Refuse a training record that hardly moves beside the others, and records whose numbers are in different units."""
+    """Reject a training record that hardly moves compared with the others, and records in different units."""
     for other in others:
         stiffness = _slow_stiffness(training) / max(_slow_stiffness(other), 1e-300)
         if max(stiffness, 1 / max(stiffness, 1e-300)) > _UNIT_FACTOR:
@@ -434,7 +433,7 @@ def check_excitation(training: Record, others: list[Record]) -> None:
 
 
 def check_unseen(fitted: Sequence[Record], others: Sequence[Record]) -> None:
-    """Refuse records that hold samples of a training record: their error would pass for one on unseen records."""
+    """Reject records that contain samples of a training record: they are not unseen."""
     for known, other in product(fitted, others):
         roles = [*known.roles("input"), *known.roles("output")]
         whole, part = (np.stack([item[role] for role in roles], axis=1) for item in (known, other))
@@ -442,7 +441,7 @@ def check_unseen(fitted: Sequence[Record], others: Sequence[Record]) -> None:
         for begins in np.linspace(0, len(part) - length, _LOOKS).astype(int):
             stretch = part[begins : begins + length]
             if max(len(np.unique(column)) for column in stretch.T) < length / 4:
-                continue  # at rest all records are alike
+                continue  # at rest all records are equal
             places = np.flatnonzero(whole[:, -1] == stretch[0, -1])
             same = [place for place in places if np.array_equal(whole[place : place + length], stretch)]
             if same:
@@ -472,13 +471,13 @@ def check_response(training: Record, floor: NoiseFloor | None) -> None:
 
 
 def _noise_floor_of(chosen: list[Record]) -> tuple[Record, NoiseFloor | None]:
-    """First record that repeats, with its noise floor; the first of all and None where none does.
+    """Return the first record that repeats and its noise floor; the first record and None if none repeats.
 
-    Of two periods what changes from one to the other passes for noise: they serve only where no record holds more.
+    With two periods, every change from one to the other counts as noise: they are used only if no record has more.
     """
     for fewest in (FEWEST_PERIODS, ONLY):
         for record in chosen:
-            floor = noise_floor(replace(record, period=told_period(record, fewest)), fewest=fewest)
+            floor = noise_floor(replace(record, period=declared_period(record, fewest)), fewest=fewest)
             if floor is not None:
                 return record, floor
     return chosen[0], None

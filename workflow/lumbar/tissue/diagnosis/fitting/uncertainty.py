@@ -32,10 +32,10 @@ _SMALLEST = 1e-9
 
 
 def scaled_covariance(fit: Fit, data: FitData) -> tuple[np.ndarray, np.ndarray]:
-    """Covariance of linear parameters and logarithms of nonlinear ones, each times its sensitivity's size.
+    """Return the covariance of linear parameters and logarithms of nonlinear ones, each times its sensitivity's size.
 
-    Gauss–Newton, s²(JᵀJ)⁻¹, where the whitened residual passes for white; else (JᵀJ)⁻¹ Σ (JᵀJ)⁻¹ with the covariance Σ of the
-    scores (`score_covariance`).
+    Gauss–Newton, s²(JᵀJ)⁻¹, if the whitened residual passes the test of whiteness; else (JᵀJ)⁻¹ Σ (JᵀJ)⁻¹ with the
+    covariance Σ of the scores (`score_covariance`).
 
     The covariance has shape (parameters, parameters); the sizes, 2-norms of the sensitivities, come second, shape
     (parameters,).
@@ -233,7 +233,7 @@ def check_excited(without: Fit, form: Form, data: FitData, nonlinear: np.ndarray
 
 
 def are_white(errors: Sequence[np.ndarray]) -> bool:
-    """Whether errors of several records pass for white noise: the test of Ljung and Box (Biometrika 65 (1978) 297-303)."""
+    """Return whether errors of several records pass the test of whiteness of Ljung and Box (Biometrika 65 (1978) 297-303)."""
     size = sum(map(len, errors))
     lags = min(_LAGS, min(map(len, errors)) - 1)
     correlation = _autocorrelation([item[:, None] for item in errors], lags)[1:, 0]
@@ -257,7 +257,7 @@ def score_covariance(scores: Sequence[np.ndarray]) -> np.ndarray:
     (parameters, parameters).
     """
     size = sum(map(len, scores))
-    # At a bound they do not add up to 0; their mean is no scatter.
+    # At a bound they do not add up to 0; their mean is not scatter.
     mean = sum(item.sum(axis=0) for item in scores) / size
     centred = [item - mean for item in scores]
     times = correlation_times(centred)
@@ -292,7 +292,7 @@ def correlation_times(scores: Sequence[np.ndarray]) -> np.ndarray:
 
 
 def _autocorrelation(series: Sequence[np.ndarray], lags: int) -> np.ndarray:
-    """Of each column over all records, without removing means; shape (lags + 1, columns)."""
+    """Return the autocorrelation of each column over all records, without removing means; shape (lags + 1, columns)."""
     total = np.zeros((lags + 1, series[0].shape[1]))
     for item in series:
         length = scipy.fft.next_fast_len(2 * len(item) - 1, real=True)

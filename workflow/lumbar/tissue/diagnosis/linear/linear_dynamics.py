@@ -1,10 +1,10 @@
 """The best linear time-invariant model from position to force, and how much of what a model leaves no such model explains.
 
-What such a model explains needs no nonlinear effect. Two kinds are tried, each beside a constant (a sensor's zero), a
+What such a model explains needs no nonlinear effect. Two kinds are tried, each with a constant (a sensor's zero), a
 spring, a dashpot and a mass:
 
 - a Prony series, relaxing branches of non-negative stiffness on a grid of time constants from the sampling interval to the
-  record's length, which comes near any passive viscoelastic material, springpots included (Park and Schapery, Int. J. Solids
+  record's length, which approximates any passive viscoelastic material, springpots included (Park and Schapery, Int. J. Solids
   Struct. 36 (1999) 1653-1675);
 - an output-error model of a few free poles, real or complex, and free residues, by separable least squares (Golub and
   Pereyra, SIAM J. Numer. Anal. 10 (1973) 413-432; Kaufman's Jacobian), without and with a pure delay.
@@ -67,7 +67,7 @@ class LinearDynamics(FreeRun):
     linear: np.ndarray
     nonlinear: np.ndarray
     """`linear`, `nonlinear`: constant, stiffness, viscosity and mass (what of them acts), then of sections and branches;
-    and what was searched beside them."""
+    and what was searched with them."""
     squared_error: float
     """Sum of squared (whitened) errors over the samples of the training record that count."""
     train_rms: float = np.nan
@@ -203,12 +203,12 @@ def _rational(data: FitData, order: int, lower: LinearDynamics) -> LinearDynamic
 
 
 def _without_derivatives(data: FitData, fitted: LinearDynamics) -> LinearDynamics:
-    """The same poles beside constant and spring only, refined: of one pole it is the Kelvin–Boltzmann model."""
+    """Refine the same poles with constant and spring only: with one pole this is the Kelvin–Boltzmann model."""
     return _refine(data, _solve("rational", data, replace(fitted.poles, direct=2), fitted.held))
 
 
 def _with_delay(data: FitData, fitted: LinearDynamics) -> LinearDynamics:
-    """The same poles behind a pure delay, both refined."""
+    """Refine the same poles with a pure delay."""
     step = data.motion.sampling_time
     late = [replace(fitted.poles, delay=delay * step) for delay in _DELAYS]
     found = [_solve("delayed", data, poles, fitted.held) for poles in late]
@@ -285,15 +285,15 @@ def _model(kind: str, data: FitData, poles: Poles, held: bool, linear: np.ndarra
 
 
 def nonlinear_share(experiment: Experiment, fit: Fit | LinearDynamics) -> float | None:
-    """Share of a model's repeating error, its noise aside, that no linear model can explain.
+    """Return the share of a model's repeating error, without noise, that no linear model can explain.
 
     In the steady state a linear tissue answers a periodic motion at the lines of that motion only, and there with a frequency
-    response that is smooth from line to line. What the mean period holds beside that is nonlinear distortion (Pintelon and
+    response that is smooth from line to line. The rest of the mean period is nonlinear distortion (Pintelon and
     Schoukens, System Identification: A Frequency Domain Approach, 2012, chapters 4 and 7: best linear approximation, local
     polynomial method). A nonlinear force also shifts the linear approximation: its distortion is less than all it does.
 
-    The share, from 0 to 1, is a lower bound; None where no training record repeats, where it excites too few lines to
-    compare neighbours, or where the model leaves hardly more than noise.
+    The share, from 0 to 1, is a lower bound; None if no training record repeats, if it excites too few lines to
+    compare neighbours, or if the model leaves hardly more than noise.
     """
     floor = experiment.floor
     if floor is None:

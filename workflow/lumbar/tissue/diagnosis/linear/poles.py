@@ -35,7 +35,7 @@ class Poles:
     delay: float = 0.0
     """Seconds by which the force follows the position late."""
     direct: int = 4
-    """How many of the constant, the position and its two derivatives act beside the poles, in this order."""
+    """Number of direct terms, in this order: the constant, the position and its two derivatives."""
 
     @property
     def order(self) -> int:
@@ -81,11 +81,11 @@ class Poles:
 
 
 def forces(motion: Motion | JoinedMotions, poles: Poles, held: bool) -> np.ndarray:
-    """Forces one per linear parameter at size 1, all from rest at the first position.
+    """Return the forces of the linear parameters at size 1, all from rest at the first position.
 
     The columns are those of a constant, of the position and of its derivatives, two of each section, and those of the branches;
-    shape (samples, parameters). An input that is held between jumps acts through its present and its last value in place of
-    its derivatives. Behind a delay there is no acceleration: small delays are nearly what it does.
+    shape (samples, parameters). An input that is held between jumps acts through its present and its last value instead of
+    its derivatives. With a delay there is no acceleration: small delays have nearly the same effect.
     """
     if isinstance(motion, JoinedMotions):
         return np.concatenate([forces(part, poles, held) for part in motion.parts])
@@ -158,13 +158,13 @@ def _branch(motion: Motion, rate: complex, held: bool) -> np.ndarray:
 
 
 def relocated_poles(data: FitData, order: int, low: float, high: float, held: bool) -> list[Poles]:
-    """Poles of a linear model from its input and output without a start, by relocation (vector fitting).
+    """Find poles of a linear model from its input and output without a start, by relocation (vector fitting).
 
-    Steiglitz and McBride's iteration in partial fractions, which stays well conditioned where all poles are slow beside the
+    Steiglitz and McBride's iteration in partial fractions, which stays well conditioned if all poles are slow compared with the
     sampling (Gustavsen and Semlyen, IEEE Trans. Power Delivery 14 (1999) 1052-1061; in the time domain Grivet-Talocia, IEEE
     Trans. Circuits Syst. I 50 (2003) 1444-1456). It begins with pairs spread evenly over a band.
 
-    Returned are `order` poles after each iteration, the last one last. The starting poles lie between `low` and `high`
+    Return `order` poles after each iteration, the last one last. The starting poles are between `low` and `high`
     in 1/s; `held` says whether the input is held between jumps.
     """
     sizes = np.geomspace(low, high, order // 2 + order % 2 + 2)[1:-1]
@@ -230,7 +230,7 @@ _DIRECT = (
     ("b", "v", "viscosity", "{y} s/{x}"),
     ("m", "a", "mass", "{y} s^2/{x}"),
 )
-"""Symbol, signal, name and unit of what acts beside the poles."""
+"""Symbol, signal, name and unit of the direct terms."""
 
 
 def linear_base(poles: Poles, held: bool) -> Base | None:

@@ -33,7 +33,7 @@ _LASTING = 0.25
 """Share of what neighbouring samples lack of a correlation of 1 where deviations are smallest that they lack less where they are
 large. A sensor's noise that grows with the force, and a clock that trembles, make samples that differ but do not last."""
 _STRETCHES = 10
-"""Of the second halves of two periods, in whose means white noise differs by chance alone."""
+"""Number of intervals of the second halves of two periods, between whose means white noise differs only by chance."""
 _BY_CHANCE = 0.001
 _SHORT = 0.02
 """Share of a period that may lack at the end of a record."""
@@ -44,7 +44,7 @@ _QUIET = 0.25
 _NEIGHBOURS = 5
 """Phases over which a spread is averaged."""
 _LOUD = 2.5
-"""Variance over that of the noise from which on a phase is not quiet."""
+"""Ratio of the variance to that of the noise above which a phase is not quiet."""
 __all__ = ["NoiseFloor", "find_period", "noise_floor"]
 WHITENING_ORDER = 12
 """Highest order of the autoregressive model of the noise."""
@@ -52,9 +52,9 @@ _NEARLY = 0.998
 """Share of the highest order's prediction gain that a lower order must reach."""
 _INPUT_REPEATS_EXACTLY = 1e-4
 _DIGITS = 1e-9
-"""Share of the response below which a record's digits say nothing."""
+"""Share of the response below which a record's digits are rounding."""
 _MOST = 0.5
-"""Share of the variance of bursts from which on few changes without a name explain it, and it is none."""
+"""Share of the variance of bursts above which a few unnamed changes explain it, so that there are no bursts."""
 _NORMAL_975 = 1.959964
 _NORMAL_99 = 2.326348
 _NORMAL_999 = 3.090232
@@ -62,34 +62,34 @@ _NORMAL_999 = 3.090232
 
 @dataclass(frozen=True, eq=False)
 class NoiseFloor:
-    """What of an output does not repeat with a periodic input, less what is structured in it."""
+    """Noise of an output: what does not repeat with a periodic input and has no structure."""
 
     rms: float
     low: float
     high: float
     """`rms`, `low`, `high`: noise per sample and its 95 % interval (χ²), in the output's unit."""
     structured: tuple[tuple[str, float], ...]
-    """In words, and RMS, of every part that does not repeat and is no noise, the largest first. The
-    words begin with ``drift``, ``amplitude change``, ``off-grid line``, ``other change`` or ``bursts``."""
+    """Description and RMS of every part that does not repeat and is not noise, the largest first. The
+    descriptions begin with ``drift``, ``amplitude change``, ``off-grid line``, ``other change`` or ``bursts``."""
     structured_rms: float
-    """RMS of all of them together; 0 where none is significant."""
+    """RMS of all of them together; 0 if none is significant."""
     spectrum: tuple[np.ndarray, np.ndarray]
     """Frequency (Hz) and one-sided power spectral density (unit²/Hz) of the noise at the multiples of 1/period."""
     degrees_of_freedom: float
-    """Of `rms`, the noise's colour taken into account."""
+    """Degrees of freedom of `rms`, with the noise's colour taken into account."""
     period: float
     sampling_time: float
     """`period`, `sampling_time`: seconds."""
     periods: int
     """Periods used, the transient left out."""
     halves: bool = False
-    """Whether a record holds but two periods, of which the second halves count."""
+    """Whether a record has only two periods, of which the second halves count."""
     exact: bool = False
-    """Whether the periods are alike to the last digit: `rms` is then what the digits leave open."""
+    """Whether the periods are equal to the last digit: `rms` is then the resolution of the digits."""
 
     @cached_property
     def whitening(self) -> np.ndarray:
-        """FIR filter that makes the noise white and keeps its variance; ``[1]`` where it is white already.
+        """FIR filter that makes the noise white and keeps its variance; ``[1]`` if it is white already.
 
         Autoregressive, by the Yule–Walker equations, of the lowest order that predicts the noise nearly as well as
         order `WHITENING_ORDER`. It is used where it predicts the noise better than it would white noise by chance.
@@ -222,7 +222,7 @@ def _with_ends(variance: float, degrees: float) -> dict[str, float]:
 
 
 def _is_white(values: np.ndarray) -> bool:
-    """Whether the means of stretches differ by no more than those of white noise."""
+    """Return whether the means of intervals differ by no more than those of white noise."""
     width = max(len(values) // _STRETCHES, 1)
     means = values[: len(values) // width * width].reshape(-1, width).mean(axis=1)
     return (
@@ -232,7 +232,7 @@ def _is_white(values: np.ndarray) -> bool:
 
 
 def _without_input_deviations(deviations: np.ndarray, excitation: np.ndarray, folding: Folding) -> np.ndarray:
-    """Take out of the output what its input's own deviations cause, by a few filters fitted to them."""
+    """Subtract from the output what deviations of its input cause, by a few filters fitted to them."""
     folded = folding.fold(excitation)
     cause = folded - folded.mean(axis=0)
     if np.std(cause) <= _INPUT_REPEATS_EXACTLY * np.std(folded):
@@ -335,23 +335,23 @@ def prediction_error_filter(covariance: np.ndarray) -> tuple[np.ndarray, float]:
 
 @dataclass(frozen=True, eq=False)
 class Bursts:
-    """Drops, slips and tears: deviations that come at the same places of every period, last, and are no noise."""
+    """Drops, slips and tears: deviations at the same places of every period that last, and are not noise."""
 
     variance: float
-    """Of the noise beside them, per sample."""
+    """Variance of the noise without them, per sample."""
     quiet: np.ndarray
     """Shape (samples,): phases without them."""
     rms: float
-    """Of them over the whole period, less the noise."""
+    """RMS of the bursts over the whole period, less the noise."""
 
 
 def find_bursts(noise: np.ndarray, degrees: float) -> Bursts | None:
-    """Tell deviations that the motion brings about from noise; None where there are none.
+    """Find deviations that the motion causes, and separate them from noise; None if there are none.
 
     Noise is as large at one phase of a period as at another. A tissue that breaks a little differently every time adds
-    deviations that repeat in no form, but come where the motion brings them about. They are told by the places: how large the
-    deviations of two periods are, phase by phase, is then related. Ranks are compared: spikes and heavy tails, which fall
-    anywhere, do not matter.
+    deviations that repeat in no form, but come where the motion brings them about. They are recognised by the places: the
+    sizes of the deviations of two periods, phase by phase, are then correlated. Ranks are compared, so
+    that spikes and heavy tails, which occur anywhere, do not matter.
 
     `noise` holds the deviations of the periods from their mean, shape (periods, samples); `degrees` of freedom are left
     in them.
@@ -401,7 +401,7 @@ def relation_of_sizes(noise: np.ndarray) -> float:
 
 
 def _ranks(values: np.ndarray) -> np.ndarray:
-    """Ranks from 1 on, equal values sharing theirs."""
+    """Return ranks, from 1; equal values share theirs."""
     _, place, counts = np.unique(values, return_inverse=True, return_counts=True)
     return (np.cumsum(counts) - (counts - 1) / 2)[place]
 

@@ -1,10 +1,10 @@
-"""What does not repeat in a periodic response and is no noise: drift, a changing amplitude, lines of their own.
+"""Parts of a periodic response that do not repeat and are not noise: drift, a changing amplitude, off-grid lines.
 
 The deviations of m periods of p samples from their mean make a matrix of rank m − 1 whose rows, were they
 noise, would be unrelated. A disturbance with structure is a few dimensions of it: a smooth course over the
 record (drift), the shapes of response and input (an amplitude that changes), two for every sinusoid between
 the multiples of 1/period, and for anything else the directions of the largest singular values. Each is tested
-against the level of the noise around it in frequency, so that coloured noise is not taken for structure.
+against the level of the noise around it in frequency, so that coloured noise is not mistaken for structure.
 """
 
 from dataclasses import dataclass
@@ -18,21 +18,21 @@ SIGNIFICANT = 4.5
 """Standard deviations by which a part must exceed what noise would give; a part missed here raises the floor
 by less than a percent."""
 STAYS_SIGNIFICANT = 3.0
-"""The same for a part that is already in, once the others have been fitted beside it."""
+"""Standard deviations by which a part must still exceed the noise after others were fitted with it."""
 MOST_PARTS = 12
 _SWEEPS = 3
 _NEWTON_STEPS = 3
 _UNNAMED_ADVANTAGE = 1.2
-"""What has no name must explain this much more than what has one."""
+"""Factor by which a part without a name must explain more than one with a name."""
 _FEWEST_CYCLES = 2
-"""Of a sinusoid in the record; with fewer it cannot be told from a drift."""
+"""Fewest cycles of a sinusoid in the record; with fewer it looks like a drift."""
 _DRIFTS_BELOW = 1.2
-"""Cycles per period below which noise that wanders is hard to tell from a sinusoid."""
+"""Cycles per period below which wandering noise looks like a sinusoid."""
 _MOST_HARMONICS = 60
 _SETTLING_TIMES = (0.5, 1.0, 2.0, 4.0, 8.0)
 """Periods in which a drift settles; these and a straight line span every monotonic course closely."""
 _WILD = 3.5
-"""Standard deviations to which samples are cut before directions over the periods are looked for."""
+"""Standard deviations to which samples are cut before directions over the periods are searched."""
 _NORMAL_MEDIAN = 0.6745
 """Median of the size of a standard normal variable."""
 _TAPERED = 2 / 3
@@ -49,13 +49,13 @@ class Part:
     values: np.ndarray
     """Shape (periods, samples)."""
     degrees: float
-    """Degrees of freedom it took."""
+    """Degrees of freedom of the part."""
     frequency: float | None = None
     """Cycles per sample of an off-grid line."""
     harmonics: int = 1
     """Multiples of `frequency` that belong to it, itself included."""
     amplitude: float = 0.0
-    """Of a line: root of the summed squares of its harmonics' amplitudes."""
+    """Amplitude of a line: root of the summed squares of its harmonics' amplitudes."""
 
     def rms(self, noise_variance: float) -> float:
         """RMS less what the noise contributes to it."""
@@ -368,7 +368,7 @@ def _orthonormal(columns: np.ndarray) -> np.ndarray:
 
 
 def _stands_out(whitened: np.ndarray, free_rows: int) -> bool:
-    """Whether a direction over the periods stands out of the noise.
+    """Return whether a direction over the periods exceeds the noise.
 
     Of d unrelated rows of n whitened samples each, the eigenvalues of the covariance are 1 + g/√n with g those
     of a symmetric Gaussian matrix; with a known spectrum the largest exceeds the mean of the others by less

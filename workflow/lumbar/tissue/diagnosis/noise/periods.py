@@ -12,7 +12,7 @@ REPEATS_WITHIN = 0.02
 FEWEST_PERIODS = 3
 """The first is the transient; two are the least that show what does not repeat."""
 ONLY = 2
-"""Periods that do where there are no more: their second halves count then, the start of the first is its transient."""
+"""Fewest periods at all: only their second halves count then, because the start of the first is its transient."""
 
 _MISSING_END = 0.02
 """Share of a period by which a record may end early (a sample is often lost at an end)."""
@@ -22,7 +22,7 @@ _ANOTHER_MINIMUM = 3.0
 
 @dataclass(frozen=True)
 class Folding:
-    """Where the whole periods of a record lie."""
+    """Positions of the whole periods of a record."""
 
     period: float
     """Seconds."""
@@ -84,8 +84,8 @@ def find_period(record: Record, fewest: int = FEWEST_PERIODS) -> float | None:
     return float(candidates[difference[candidates] <= enough][0] * record.sampling_time)
 
 
-def told_period(record: Record, fewest: int) -> float | None:
-    """The period that a record says itself, where it holds so many: of fewer it says nothing about noise."""
+def declared_period(record: Record, fewest: int) -> float | None:
+    """Return the declared period of a record that has at least `fewest` of it, else None."""
     return record.period if record.period and record.duration >= fewest * record.period else None
 
 
@@ -124,11 +124,11 @@ def fold_periods(record: Record, period: float) -> Folding:
 
 
 def repeats(record: Record, folding: Folding, role: str) -> bool:
-    """Whether a further channel repeats with a record's periods, or rests."""
+    """Return whether a further channel repeats with a record's periods, or rests."""
     return _unlike(folding.fold(record[role])) <= 5 * REPEATS_WITHIN
 
 
 def _unlike(folded: np.ndarray) -> float:
-    """How far periods differ from their mean, as a share of the RMS about it; 0 of a channel that rests."""
+    """Return the difference of periods from their mean, relative to the RMS; 0 for a channel at rest."""
     variance = float(np.var(folded))
     return float(np.sqrt(np.mean((folded - folded.mean(axis=0)) ** 2) / variance)) if variance > 0 else 0.0

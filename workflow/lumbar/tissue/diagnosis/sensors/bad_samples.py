@@ -1,4 +1,4 @@
-"""Samples that are no measurement: missing rows, wild readings, values that are held, rows that were dropped unnoticed."""
+"""Samples that are not measurements: missing rows, outliers, values held by the sensor, rows that were dropped unnoticed."""
 
 from dataclasses import dataclass, replace
 
@@ -16,11 +16,11 @@ _RELAXATION_TIMES = (0.03, 0.1, 0.3, 1.0, 3.0)
 
 @dataclass(frozen=True, eq=False)
 class Repair:
-    """What is wrong with a sensor or a clock, and the record as it would be without, as far as that can be had."""
+    """A record without a fault of its sensor or clock, and the findings on the fault."""
 
     record: Record
     findings: tuple[Finding, ...]
-    """What is wrong, how much, and what to do."""
+    """Faults with their sizes and what to do."""
 
 
 def linear_response(record: Record, left_out: np.ndarray | None = None) -> np.ndarray:
@@ -46,29 +46,29 @@ def linear_response(record: Record, left_out: np.ndarray | None = None) -> np.nd
 _BESIDE_WILD = 7
 """Samples of the running median that a wild one is measured from."""
 _MOST_WILD = 1e-3
-"""Share of the samples that may be wild: what comes more often belongs to the force."""
+"""Largest share of outliers: what is more frequent belongs to the force."""
 # Held values
 _LONGEST = 25
-"""Repeated samples in a row; what stays longer may be meant to."""
+"""Largest number of repeated samples in a row; a longer rest may be intended."""
 _BESIDE = 3
 """Samples on either side over which the speed is taken."""
 _STEPS_OF_RESOLUTION = 20
-"""Size of the changes beside a run, in steps of the channel's resolution, that leaves no room for equal neighbours."""
+"""Size of the changes next to a run, in steps of the channel's resolution, at which equal neighbours do not occur by chance."""
 _VARIED = 0.5
-"""Least share of the runs that stand at values of their own: those of a dead zone share one."""
+"""Smallest share of runs with different values: those of a dead zone share one."""
 _NEXT_TO_ANOTHER = 0.5
-"""Share of the samples beside a run at which the channel must move, in a channel that is held elsewhere."""
+"""Smallest share of moving samples next to a run, in a channel that is held elsewhere."""
 _FEWEST_RUNS = 2
 _CHANCE = (5, 4)
-"""Runs of two equal values that are told: so many more than as many times what is expected by chance."""
+"""Offset and factor: runs of two equal values are reported if there are more than offset + factor × the number by chance."""
 _LONG = 0.2
 """Share of runs of three equal values and more that is never by chance."""
 _DIGITS = 2e-6
 """Resolution of values written with six or seven digits, in the largest of them."""
 _FINE = 1e-3
-"""Resolution that cannot be told from finer ones, in the usual step from sample to sample."""
+"""Smallest detectable resolution, relative to the median step from sample to sample."""
 _NEAR = 0.05
-"""What is nearly equal, in that step."""
+"""Largest difference of nearly equal values, relative to that step."""
 _JUMPS = (0.4, 6.0)
 """Jump after a run over the travel that its neighbours' speed makes of it; less is a start after a rest."""
 _SHARE = 0.6
@@ -77,16 +77,16 @@ _SMOOTH = 0.7
 """Change of the steps over the steps, below which a channel moves smoothly."""
 # Dropped rows
 _MOST_TOGETHER = 3
-"""Samples lost in one place that are told; where more would fit better, a corner of the motion may be taken for them."""
+"""Largest number of samples lost in one place; if more would fit better, a corner of the motion may look like them."""
 _DEGREE = 5
 _POINTS = 12
 """Points of the polynomial through a place, half of them on either side."""
 _CLEAR = 100.0
-"""Squared misfit, in those that are usual in the record, that is a jump."""
+"""Ratio of the squared misfit at a jump to the median of the record."""
 _CURED = 30.0
-"""Times by which the squared misfit must fall when samples are put in."""
+"""Factor by which the squared misfit must fall if samples are inserted."""
 _FEWEST_STEPS = 0.03
-"""Least travel per sample, in that of the whole record, at a place where loss is told."""
+"""Smallest travel per sample, relative to that of the whole record, at which a loss is reported."""
 
 
 def find_gaps(record: Record) -> Repair | None:
@@ -103,11 +103,10 @@ def find_gaps(record: Record) -> Repair | None:
 
 
 def find_wild(record: Record) -> Repair | None:
-    """Find single readings of the force far outside the range of all others, as of a loose contact or a lost bit.
+    """Find single readings of the force far outside the range of all others, e.g. from a loose contact or a lost bit.
 
-    One is wild that lies further from the median of the seven samples about it than the medians of the whole record lie from
-    one another. A force that jumps, or stands for more than a sample where it went, is none. They are put on the straight line
-    between their neighbours.
+    A reading is an outlier if it is farther from the median of the seven samples about it than the range of the medians of the
+    whole record. A force that jumps, or stays for more than one sample, is not. Outliers are replaced by linear interpolation.
     """
     force = record["output"]
     near = sliding_window_view(np.pad(force, _BESIDE_WILD // 2, "edge"), _BESIDE_WILD)

@@ -1,4 +1,4 @@
-"""What of a position is no motion: noise, the steps of a converter, a clock that jitters, acceleration that no mass feels.
+"""Parts of a position that are not motion: noise, quantisation, jitter of the clock, acceleration that no mass follows.
 
 Noise is there whether the tool moves or not. A sample taken δ too early or late is off by speed times δ. So the variance of
 what lies beyond the excitation's band is, at speed v, σ² + τ² v², with σ of the noise and τ of the jitter.
@@ -26,13 +26,13 @@ _SEGMENT = (64, 4096)
 _KAISER = 16.0
 """Shape of the segments' window: side lobes of −125 dB, below what noise of a sensor leaves."""
 _FLOOR = (0.7, 0.9)
-"""Where the floor is read, in Nyquist frequencies: beyond it filters of converters fall off."""
+"""Band in which the floor is read, in Nyquist frequencies: above it filters of converters fall off."""
 _ABOVE_FLOOR = 4.0
 """Power over the floor's that belongs to the excitation."""
 _LONE_LINES = 9
-"""Bins of which more than half must stand above the floor."""
+"""Number of bins of which more than half must be above the floor."""
 _HIGHEST = 0.7
-"""Highest edge, in Nyquist frequencies, that leaves enough beyond it."""
+"""Highest edge, in Nyquist frequencies, with enough bandwidth above it."""
 _TRANSITION = 0.25
 """Width of the filter's transition, as a share of the edge."""
 _REACH = 8.0
@@ -45,7 +45,7 @@ def edge_above_floor(values: np.ndarray, sampling_time: float) -> float | None:
     """Return the upper edge (Hz) of an excitation's band; None where no level floor follows it.
 
     Where the spectrum falls to the floor that a sensor adds, not where a share of the power lies (`spectral_edge`): of the
-    weakest motion nothing may pass for noise.
+    weakest motion nothing may be mistaken for noise.
 
     `values` are positions, shape (samples,), every `sampling_time` seconds.
     """
@@ -90,7 +90,7 @@ def within_band(values: np.ndarray, sampling_time: float, edge: float) -> np.nda
 
 
 def _continuation(end: np.ndarray, sampling_time: float, edge: float) -> np.ndarray:
-    """What follows the end of a signal, for as long again, and fades to zero: shape (samples - 1,)."""
+    """Return an extrapolation of a signal, of the same length, that fades to zero; shape (samples - 1,)."""
     size = len(end)
     harmonics = max(int(2 * size * sampling_time * edge), 1) + 1
     angle = np.pi * np.arange(2 * size - 1)[:, None] / size * np.arange(harmonics)
@@ -106,24 +106,24 @@ _BINS = 24
 _MAD = 1.4826
 """Standard deviation of normal values over their median size."""
 _EFFICIENCY = 0.37
-"""Of that estimate: how much of the samples it uses."""
+"""Efficiency of that estimate: the share of the samples that it uses."""
 _LEAST = 2e-5
-"""Least noise that is looked at, in standard deviations of the position."""
+"""Smallest noise that is considered, in standard deviations of the position."""
 _MATTERS = 0.03
-"""Least noise that matters, through stiffness and damping, in the noise of the force."""
+"""Smallest relevant noise, through stiffness and damping, relative to the noise of the force."""
 _MATTERS_ANYHOW = 1e-3
-"""Noise that matters to what turns with the speed, in standard deviations of the position."""
+"""Noise that is relevant for effects of the sign of the speed, in standard deviations of the position."""
 _CONCENTRATED = 4.0
-"""RMS over the standard deviation by medians, from which on what is left is corners of the motion and no noise."""
+"""Ratio of the RMS to the standard deviation by medians above which the rest is corners of the motion, not noise."""
 _SURE = 20.0
-"""Log-likelihood ratio from which on one of noise and jitter alone is not enough."""
+"""Log-likelihood ratio above which noise or jitter only is not enough."""
 _PART = 0.1
-"""Least share of the variance beyond the band of something that is told."""
+"""Smallest share of the variance beyond the band of a reported part."""
 # Quantisation
 _ON_STEPS = 0.9
 """Share of the values that lie on steps."""
 _WITHIN = 0.05
-"""How far from a step a value may lie, in steps."""
+"""Largest distance of a value from a step, in steps."""
 _EXPLAINS = 3.0
 """Noise over that of the steps, up to which they explain it: at low speed it is coloured."""
 # Jitter
@@ -138,20 +138,20 @@ _SHORTEST = 64
 _SMOOTHED = 9
 """Neighbouring frequencies whose spectra are taken together."""
 _BAND_POWER = 0.99
-"""Share of the force's power within which the mass is told."""
+"""Share of the force's power in the band from which the mass is estimated."""
 _INERTIAL = 2.0
-"""Factor by which the squared error grows without the mass from which on there is one."""
+"""Smallest factor by which the squared error grows without the mass if there is one."""
 _FOLLOWED = 0.5
 """Share of the acceleration that the force follows within the band."""
 _END = 8.0
-"""Length at both ends, in periods of the edge, that stays as it is; over as much again what is taken off sets in."""
+"""Length at both ends, in periods of the edge, that is not filtered; over the same length the filter sets in."""
 _ROUGH_SHARE = 0.01
-"""Share of the acceleration's power beyond the band from which on it moves a mass."""
+"""Share of the acceleration's power beyond the band above which the estimate of a mass is affected."""
 
 
 @dataclass(frozen=True, eq=False)
 class Roughness:
-    """What lies beyond the band of a position."""
+    """The part of a position beyond the band of its excitation."""
 
     edge: float
     """Hz."""
@@ -173,7 +173,7 @@ class Roughness:
 
 
 def find_roughness(record: Record) -> Repair | None:
-    """Find noise, quantisation or jitter of the position; what lies beyond the excitation's band is taken off."""
+    """Find noise, quantisation or jitter of the position; filter out what is beyond the excitation's band."""
     found = _roughness(record)
     if found is None:
         return None
@@ -209,10 +209,10 @@ def find_roughness(record: Record) -> Repair | None:
 
 
 def _without_jitter(record: Record, found: Roughness) -> Record:
-    """The record with what the jitter of the position did to the force taken off.
+    """Subtract the effect of the position's jitter from the force.
 
-    The times by which samples are off are r v / (v² + λ), with r what lies beyond the band and λ what its noise is
-    worth; the force is off by its own rate of change times them, where it was sampled with the position.
+    The timing errors are r v / (v² + λ), with r the position beyond the band and λ from its noise; the error of the force is its
+    rate of change times them, if it was sampled with the position.
     """
     step, force = record.sampling_time, record["output"]
     edge = min(_FORCE_EDGE * found.edge, 0.39 / step)
@@ -281,7 +281,7 @@ def _variances(columns: np.ndarray, found: np.ndarray) -> np.ndarray:
 
 
 def _deviance(expected: np.ndarray, found: np.ndarray) -> float:
-    """Of variances: Σ s²/σ² − 1 − ln s²/σ²."""
+    """Return the deviance of variances: Σ s²/σ² − 1 − ln s²/σ²."""
     ratio = found / np.maximum(expected, 1e-6 * found.max())
     return float(np.sum(ratio - 1 - np.log(ratio)))
 
@@ -296,7 +296,7 @@ def _response_beyond(step: float, edge: float) -> np.ndarray:
 
 
 def _matters(found: Roughness, record: Record) -> bool:
-    """Whether noise or jitter moves a modelled force by a part of the force's own noise, or is large beside the motion."""
+    """Return whether noise or jitter changes a modelled force by a part of its noise, or is large relative to the motion."""
     if found.moves > _MATTERS_ANYHOW * np.std(found.smooth):
         return True
     force, step = record["output"], record.sampling_time
@@ -314,9 +314,9 @@ def _gain_at_edge(found: Roughness, force: np.ndarray) -> float:
 
 
 def _is_motion(found: Roughness, record: Record) -> bool:
-    """Whether the force follows what lies beyond the band: then the tool moves so, and no sensor is at fault.
+    """Return whether the force follows the position beyond the band: then the tool moves so, and no sensor is at fault.
 
-    Samples at low speed are looked at, where a clock that jitters does not make both channels deviate alike.
+    From samples at low speed, at which jitter of the clock does not make both channels deviate in the same way.
     """
     force, step = record["output"], record.sampling_time
     slow = np.abs(found.speed) <= np.median(np.abs(found.speed))
@@ -350,7 +350,7 @@ def find_rough_acceleration(record: Record) -> Repair | None:
     """Find acceleration that the force of a moved mass does not follow; None where no mass is moved, or little of it is noise.
 
     The position is left as it is within the band that the force follows, and at both ends: there what the filter adds is small
-    beside the position, but not derived twice.
+    compared with the position, but not after two derivatives.
     """
     length = 2 ** int(np.log2(max(len(record) / _SEGMENTS, 1)))
     mass = _mass(record) if length >= _SHORTEST else None

@@ -12,9 +12,9 @@ from lumbar.tissue.diagnosis.noise.nonrepeating import line_power, smooth_power
 from lumbar.tissue.diagnosis.noise.periods import (
     FEWEST_PERIODS,
     Folding,
+    declared_period,
     find_period,
     fold_periods,
-    told_period,
 )
 from lumbar.tissue.diagnosis.sensors.bad_samples import (
     Repair,
@@ -28,13 +28,13 @@ from lumbar.tissue.diagnosis.sensors.position_noise import find_rough_accelerati
 
 CLOCK_SKEW = "clock_skew"
 _FEWEST_PERIODS = FEWEST_PERIODS + 2
-"""Periods from which on a line through their delays says something."""
+"""Smallest number of periods for a line through their delays."""
 _SURE = 6.0
 """Standard errors of a skew."""
 _BETTER = 20.0
 """Squared error, in noise variances, by which one explanation is clearly better than another."""
 _UNEXPLAINED = 0.1
-"""Share of what grows that may be left, beyond noise, when a skew is taken off."""
+"""Largest share of the growing deviations that may remain, beyond noise, without the skew."""
 _STRAIGHT = 0.9
 """Share of the delays' variance that lies on a line."""
 _MOST_SLIP = 1.0
@@ -69,10 +69,10 @@ def find_skew(record: Record) -> Repair | None:
 
 
 def _skew(record: Record) -> tuple[float, float] | None:
-    """Seconds that the force falls behind the position in a second, and the standard error; None where no skew is sure.
+    """Return the seconds that the force falls behind the position per second, and the standard error; None without a sure skew.
 
     What grows from period to period is, for a skew, the mean period's rate of change; for a tissue that changes, the mean
-    force, position or speed (gain, stiffness, damping). A skew is told where the first alone leaves little, the others leave
+    force, position or speed (gain, stiffness, damping). A skew is reported if the first leaves little, the others leave
     clearly more, two of them together not clearly less, and the delays of the single periods lie on a line.
     """
     folding = _periods(record)
@@ -157,7 +157,7 @@ def _is_skew(growth: np.ndarray, spectra: dict[str, np.ndarray]) -> bool:
 
 def _periods(record: Record) -> Folding | None:
     """Periods of a record, the first left out; None where they are few or no whole number of samples long."""
-    period = told_period(record, FEWEST_PERIODS) or find_period(record)
+    period = declared_period(record, FEWEST_PERIODS) or find_period(record)
     if period is None:
         return None
     length = period / record.sampling_time
@@ -203,7 +203,7 @@ _FINDERS = (
     find_rough_acceleration,
     find_skew,
 )
-"""In an order in which each finds its fault unspoilt: whole records before smooth ones."""
+"""Order in which no repair hides a later fault: missing samples before noise."""
 
 
 def sensor_faults(record: Record) -> list[Finding]:
@@ -233,7 +233,7 @@ def repair(records: Sequence[Record]) -> tuple[list[Record], list[Finding]]:
 
 
 def _repair(record: Record) -> tuple[Record, list[Finding]]:
-    """Look for every fault in what is left of the record by the repairs before."""
+    """Search and repair every fault in the record as the repairs before have left it."""
     findings = []
     for find in _FINDERS:
         found = find(record)
@@ -244,7 +244,7 @@ def _repair(record: Record) -> tuple[Record, list[Finding]]:
 
 
 _OF_STEP = {"position_noise": 1.0, "quantisation": 12**-0.5}
-"""RMS of the noise that a finding's value tells of."""
+"""RMS of the noise relative to the value of a finding."""
 
 
 def force_of_position_noise(
@@ -252,7 +252,7 @@ def force_of_position_noise(
 ) -> float:
     """Largest RMS, over the records, of the force that position noise makes within the band, at the records' own stiffness.
 
-    The noise that was found, which is white, less what was taken off beyond the band.
+    The white noise of the findings, less what was filtered out beyond the band.
     """
     largest = 0.0
     for before, after in zip(records, sound, strict=True):
