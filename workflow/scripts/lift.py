@@ -15,7 +15,7 @@ def main(
     settings: LiftingSettings,
     source_label: str,
 ):
-    """Read the markers, analyse the lift, write what it holds; warn where that is no pendulum."""
+    """Read the markers, analyse the lift, write its files; warn if it has no pendulum."""
     import sys
     from pathlib import Path
 

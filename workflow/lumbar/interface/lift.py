@@ -71,8 +71,8 @@ def lift(
     --------
     >>> import lumbar
     >>> from lumbar.twin.examples import example_lift
-    >>> somebody = example_lift("lift.c3d")
-    >>> print(lumbar.lift("lift.c3d", somebody, box_mass_kg=15))
+    >>> subject = example_lift("lift.c3d")
+    >>> print(lumbar.lift("lift.c3d", subject, box_mass_kg=15))
     lift_off: 2.310 s (box; 2.27 to 2.36)
     toe_off: 3.930 s (toes)
     deposit_start: 5.820 s (box; 5.78 to 6.06)

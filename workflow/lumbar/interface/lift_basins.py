@@ -41,11 +41,11 @@ def basins(
     lift : Lift or path
         Of `lift`, or a file ``pendulum.csv``.
     facts : mapping, optional
-        With a file: what the pendulums are made of; default ``pendulum.json`` beside it.
+        Facts on the pendulums of a file; default ``pendulum.json`` next to it.
     seed : int
         Of the simulated starts.
     source_label : str
-        Words for the source of the data; default those of the lift.
+        Label of the data's source; default that of the lift.
 
     Examples
     --------
@@ -82,7 +82,7 @@ def basins(
 
 
 def _read_states(path: Path, facts: Mapping | None) -> LiftStates:
-    """Read ``pendulum.csv``, the facts beside it unless they are given, and ``thesis_pendulum.csv`` where it is there."""
+    """Read ``pendulum.csv``, the facts next to it unless they are given, and ``thesis_pendulum.csv`` if it exists."""
     beside = path.with_suffix(".json")
     if facts is None and path.is_file() and not beside.is_file():
         raise InputError(

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from lumbar.publishing.lift_page.lift_document import LiftPage
 
 FILES = ("body.csv", "com.csv", "pendulum.csv", "pendulum.json", "events.json")
-"""What the page of a saved lift is made of."""
+"""Files that the page of a saved lift needs."""
 
 
 def lift_page(
@@ -36,7 +36,7 @@ def lift_page(
     settings : StabilitySettings, optional
         Pendulum, regulator, goal and limits of the torque; no checks are run.
     source_label : str
-        Words for the source of the data; default those of the lift.
+        Label of the data's source; default that of the lift.
 
     Returns
     -------

@@ -37,11 +37,11 @@ def measure_movement(
     lift : Lift or path
         Of `lift`, or a file ``body.csv``.
     facts : mapping, optional
-        With a file: masses, stature and what is missing; default ``pendulum.json`` beside it.
+        Masses, stature and missing points for a file; default ``pendulum.json`` next to it.
     settings : StabilitySettings, optional
         ``measures``, and gravity of ``pendulum``.
     source_label : str
-        Words for the source of the data; default those of the lift.
+        Label of the data's source; default that of the lift.
 
     Raises
     ------
@@ -100,7 +100,7 @@ class Measures(Result):
 
     @cached_property
     def values(self) -> pd.DataFrame:
-        """One row per measure and plane: value, unit, which way is safer, source, or why there is none."""
+        """One row per measure and plane: value, unit, safer direction, source, or the reason for an absent value."""
         return values_of_lift(self.course, self.facts)
 
     @property
@@ -170,7 +170,7 @@ def measure_person(
     static : path, optional
         Marker file of a static trial.
     source_label : str
-        Words for the source of the data.
+        Label of the data's source.
     """
     found: dict[str, Lift] = {}
     frames: dict[str, pd.DataFrame] = {}

@@ -35,7 +35,7 @@ def analyse_survey(
     seed : int
         Of the bootstrap.
     source_label : str
-        Words for the source of the data; default the folder or file they were read from.
+        Label of the data's source; default the folder or file they were read from.
 
     Raises
     ------
@@ -69,7 +69,7 @@ def analyse_survey(
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Survey(Result):
-    """What a survey shows."""
+    """Results of a survey."""
 
     ratings: Ratings
     analysis: SurveyAnalysis

@@ -36,12 +36,12 @@ def compare_groups(
     groups : tuple of str, optional
         The first is compared with the second; default expert and novice or, where the table has other labels, these.
     source_label : str
-        Words for the source of the data.
+        Label of the data's source.
 
     Raises
     ------
     InputError
-        For a file or table that is none of this kind, and for groups that nobody belongs to.
+        For a file or table of another kind, and for groups without subjects.
 
     Examples
     --------
@@ -103,7 +103,7 @@ def _groups_of(frame: pd.DataFrame) -> tuple[str, str]:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PeopleCompared(Result):
-    """What differs between groups and boxes."""
+    """Differences between groups and boxes."""
 
     comparisons: tuple[GroupComparison, ...]
     groups: tuple[str, str]
