@@ -1,6 +1,6 @@
 """Base models that effects are added to: linear in all parameters but their time constants."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -51,9 +51,9 @@ class Base:
         return self.form.nonlinear
 
     @cached_property
-    def memory_key(self) -> str:
-        """Name of its forces in the cache of a motion."""
-        return self.name if self.spatial is None else f"{self.name} {hash(self.spatial)}"
+    def memory_key(self) -> Hashable:
+        """Key of its forces in the cache of a motion."""
+        return self.name if self.spatial is None else (self.name, self.spatial)
 
     @property
     def contact(self) -> bool:

@@ -26,10 +26,10 @@ class ResultCache:
     """Results that were computed from the data of one object, e.g. forces on a motion; the object owns it as a field."""
 
     def __init__(self) -> None:
-        self._latest: dict[tuple[str, bytes], Any] = {}
+        self._latest: dict[tuple[Hashable, bytes], Any] = {}
         self._lasting: dict[Hashable, Any] = {}
 
-    def compute_at(self, name: str, nonlinear: np.ndarray, compute: Callable[[], Any]) -> Any:
+    def compute_at(self, name: Hashable, nonlinear: np.ndarray, compute: Callable[[], Any]) -> Any:
         """Return the result of `compute`, cached for the latest few nonlinear parameters: fits change one at a time."""
         key = name, np.asarray(nonlinear, dtype=float).tobytes()
         latest = self._latest

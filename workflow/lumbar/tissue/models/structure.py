@@ -3,7 +3,7 @@
 `Structure` goes from motion to force; `ForwardStructure` is driven by a force and gives the motion.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Any, Self, TypeVar
@@ -94,7 +94,7 @@ class Structure:
         return np.array(columns).T
 
     @staticmethod
-    def _cached(name: str, function: Callable, motion: OneMotion, nonlinear: np.ndarray) -> Any:
+    def _cached(name: Hashable, function: Callable, motion: OneMotion, nonlinear: np.ndarray) -> Any:
         return motion.cache.compute_at(name, nonlinear, lambda: function(motion, nonlinear))
 
     def output(self, force: np.ndarray, motion: Motion | JoinedMotions, nonlinear: np.ndarray) -> np.ndarray:
