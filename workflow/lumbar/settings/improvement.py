@@ -1,7 +1,6 @@
 """Chapter improvement: comparing, diagnosing and refining models."""
 
-from collections.abc import Callable
-from typing import Annotated, Literal, Self, get_args
+from typing import Annotated, Literal, get_args
 
 from pydantic import Field
 
@@ -85,15 +84,6 @@ class ImprovementSettings(Section):
     propose_law: bool = True
     """Whether to search a short formula for the error that effects of the catalogue leave in a tissue test;
     takes seconds to two minutes."""
-
-    def with_bases_at(self, place: Callable[[str], str]) -> Self:
-        """Return the settings with `place` applied to each file of a base."""
-
-        def placed(base):
-            return place(base) if base and is_data(base) else base
-
-        sets = tuple(entry.model_copy(update={"base": placed(entry.base)}) for entry in self.record_sets)
-        return self.model_copy(update={"base": placed(self.base), "record_sets": sets})
 
     @property
     def base_files(self) -> dict[str, str]:

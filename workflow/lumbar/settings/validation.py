@@ -147,27 +147,29 @@ class Origins:
 
     def add(self, key: str | tuple, found: str, allowed: str) -> None:
         """Add a problem at a key, given by its name or the path to it."""
-        way = way_of(key) if isinstance(key, str) else key
-        self.problems.add(self.place(way), found, allowed)
+        path = way_of(key) if isinstance(key, str) else key
+        self.problems.add(self.place(path), found, allowed)
 
-    def place(self, way: tuple, value: Any = _ANY) -> str:
+    def place(self, path: tuple, value: Any = _ANY) -> str:
         """Return file, line and key of a place, as far as a file has it; else ``--config``, if it was given there.
 
         Parameters
         ----------
-        way : tuple
+        path : tuple
             Keys and numbers of entries.
         value : object, optional
             Value at the place, by default that of the merged configuration. A file with another value is not its origin.
         """
-        name = ".".join(map(str, way)) or "top level"
-        for end in range(len(way), 0, -1):
-            part = way[:end]
-            if value is _ANY or end < len(way):
+        name = ".".join(map(str, path)) or "top level"
+        for end in range(len(path), 0, -1):
+            part = path[:end]
+            if value is _ANY or end < len(path):
                 value = _ANY if self.merged is None else _value(self.merged, part, _ANY)
             holding = [file for file in self.files if part in file.lines]
             for file in reversed(holding):
-                if value is _ANY or _is_merged(part, value) or _at(file.content, part) == value:
+                # A mapping outside of lists is merged key by key from all files.
+                merged = isinstance(value, dict) and not any(isinstance(key, int) for key in part)
+                if value is _ANY or merged or _at(file.content, part) == value:
                     return f"{file.path}, line {file.lines[part]}: {name}"
             given = self.files and self.merged is not None and _value(self.merged, part, _ANY) is not _ANY
             if given or holding:
@@ -175,20 +177,15 @@ class Origins:
         return f"{self.files[0].path}: {name}" if len(self.files) == 1 and self.merged is None else name
 
 
-def _is_merged(way: tuple, value: Any) -> bool:
-    """Return whether a value is merged key by key from all files: a mapping outside of lists."""
-    return isinstance(value, dict) and not any(isinstance(part, int) for part in way)
-
-
-def _at(content: Any, way: tuple) -> Any:
-    for part in way:
+def _at(content: Any, path: tuple) -> Any:
+    for part in path:
         content = content[part]
     return content
 
 
-def _value(content: Any, way: tuple, absent: Any) -> Any:
+def _value(content: Any, path: tuple, absent: Any) -> Any:
     try:
-        return _at(content, way)
+        return _at(content, path)
     except (KeyError, IndexError, TypeError):
         return absent
 
@@ -207,9 +204,9 @@ def validate(content: dict, kind: type[Kind], origins: Origins) -> Kind | None:
     """
     unfilled = _unfilled(content)
     whole = Key.of(kind) if unfilled else None
-    for way in unfilled:
-        key = whole.at(*way)
-        origins.add(way, f"{FILL_IN}: still to be filled in", key.rule if key else "")
+    for path in unfilled:
+        key = whole.at(*path)
+        origins.add(path, f"{FILL_IN}: still to be filled in", key.rule if key else "")
     merged = overlay(_without_other_axes(defaults_of(kind), content), content)
     checked = check_types(merged, kind, origins, unfilled)
     return None if unfilled else checked
@@ -218,35 +215,34 @@ def validate(content: dict, kind: type[Kind], origins: Origins) -> Kind | None:
 def check_types(content: Any, kind: type[Data], origins: Origins, known: Sequence[tuple] = ()) -> Data | None:
     """Return plain data as an object of a class that Pydantic validates; None if there are problems.
 
-    `known` are ways to values that are not reported again.
+    `known` are paths to values that are not reported again.
     """
     try:
         return adapter_of(kind).validate_json(json.dumps(content, default=_as_plain), strict=True)
     except ValidationError as error:
-        whole, problems, short = Key.of(kind), {}, set()
+        whole, faults = Key.of(kind), {}
         for item in error.errors(include_url=False):
-            way, found, allowed = _explain(whole, content, item)
-            problems.setdefault(way, (found, allowed))
-            if item["type"] == "too_short":  # also of a list without its wrong entries
-                short.add(way)
-    for way, (found, allowed) in problems.items():
-        within = [other for other in problems if way in short and other != way]
-        if not any(other[: len(way)] == way for other in (*known, *within)):
-            origins.problems.add(origins.place(way, _value(content, way, _ANY)), found, allowed)
+            fault = _explain(whole, content, item)
+            faults.setdefault(fault.path, fault)
+    for path, fault in faults.items():
+        # A list with wrong entries is too short without them: its entries are reported.
+        reported = (*known, *(other for other in faults if fault.too_short and other != path))
+        if not any(other[: len(path)] == path for other in reported):
+            origins.problems.add(origins.place(path, _value(content, path, _ANY)), fault.found, fault.allowed)
     return None
-
-
-def _unfilled(content: Any, way: tuple = ()) -> list[tuple]:
-    """Return the ways to the values that the user has yet to fill in."""
-    if isinstance(content, dict | list):
-        items = content.items() if isinstance(content, dict) else enumerate(content)
-        return [found for key, value in items for found in _unfilled(value, (*way, key))]
-    return [way] if content == FILL_IN else []
 
 
 def _as_plain(value: Any) -> Any:
     """Return a number of NumPy as Python's, anything else that no file can hold as its text, which is an error."""
     return value.item() if hasattr(value, "item") else str(value)
+
+
+def _unfilled(content: Any, path: tuple = ()) -> list[tuple]:
+    """Return the paths to the values that the user has yet to fill in."""
+    if isinstance(content, dict | list):
+        items = content.items() if isinstance(content, dict) else enumerate(content)
+        return [found for key, value in items for found in _unfilled(value, (*path, key))]
+    return [path] if content == FILL_IN else []
 
 
 def defaults_of(section: type[Section]) -> dict[str, Any]:
@@ -271,36 +267,56 @@ def _without_other_axes(defaults: dict, content: Any) -> dict:
     return {**kept, **{name: _without_other_axes(kept[name], content[name]) for name in within}}
 
 
-def _explain(whole: Key, content: dict, error: Mapping[str, Any]) -> tuple[tuple, str, str]:
-    """Return the way to an error of Pydantic, what was found there, and what is allowed."""
-    way: tuple = ()
-    value: Any = content
-    for part in error["loc"]:
-        known = range(len(value)) if isinstance(value, list) else value if isinstance(value, dict) else ()
-        if part not in known:  # missing, or the name of a type of several
-            break
-        way, value = (*way, part), value[part]
-    kind, last = error["type"], error["loc"][-1] if error["loc"] else ""
-    if kind in ("extra_forbidden", "unexpected_keyword_argument") and way == error["loc"]:
-        section = whole.at(*way[:-1])
+@dataclass(frozen=True)
+class _Fault:
+    """One fault of a configuration."""
+
+    path: tuple
+    found: str
+    allowed: str
+    too_short: bool = False
+
+
+def _explain(whole: Key, content: Any, error: Mapping[str, Any]) -> _Fault:
+    """Return an error of Pydantic as a fault: the path to it, the value or what is wrong with it, and what is allowed."""
+    kind, place = error["type"], tuple(error["loc"])
+    path, value = _value_at(content, place)
+    if kind in ("extra_forbidden", "unexpected_keyword_argument") and path == place:
+        section = whole.at(*path[:-1])
         known = section.keys if section else {}
-        return way, f"unknown key{did_you_mean(last, known)}", f"allowed: {', '.join(known)}"
-    if kind == "missing" and (*way, last) == error["loc"]:
-        way, found = (*way, last), "missing"
-    elif last == "[key]":
-        way, found = way[:-1], f"{way[-1]!r} is not a valid name"
-        return (*way, error["loc"][-2]), found, whole.at(*way).rule
+        return _Fault(path, f"unknown key{did_you_mean(path[-1], known)}", f"allowed: {', '.join(known)}")
+    if place and place[-1] == "[key]":
+        names = whole.at(*path[:-1])
+        return _Fault(path, f"{path[-1]!r} is not a valid name", names.rule if names else "")
+    if kind == "missing" and (*path, place[-1]) == place:
+        path, found = place, "missing"
     elif kind == "value_error":
         found = str(error["ctx"]["error"])
     else:
-        found = ""
-    key = whole.at(*way)
-    if found or key is None:
-        return way, found or f"found {_shown(value)}", key.rule if key else ""
-    choices = [word for each in key.types for word in each.schema.get("enum", ())]
-    meant = did_you_mean(value, choices) if isinstance(value, str) else ""
-    meant = ", which is not finite" if kind == "finite_number" else meant
-    return way, f"found {_shown(value)}{meant}", key.rule + _number_hint(value, key)
+        found = f"found {_shown(value)}"
+        found += ", which is not finite" if kind == "finite_number" else ""
+    key = whole.at(*path)
+    if key is None:
+        return _Fault(path, found, "")
+    hint = ""
+    if isinstance(value, str) and found.startswith("found"):
+        found += did_you_mean(value, [word for each in key.types for word in each.schema.get("enum", ())])
+        hint = _number_hint(value, key)
+    return _Fault(path, found, key.rule + hint, kind == "too_short")
+
+
+def _value_at(content: Any, place: tuple) -> tuple[tuple, Any]:
+    """Return the path of an error as far as the content has it, and the value there.
+
+    The rest of the place is the name of a missing key, or of one of several types.
+    """
+    path: tuple = ()
+    for part in place:
+        known = range(len(content)) if isinstance(content, list) else content
+        if not isinstance(content, list | dict) or part not in known:
+            break
+        path, content = (*path, part), content[part]
+    return path, content
 
 
 def _shown(value: Any) -> str:
@@ -308,9 +324,9 @@ def _shown(value: Any) -> str:
     return text if len(text) <= MAX_SHOWN_CHARACTERS else f"{text[:MAX_SHOWN_CHARACTERS]}…"
 
 
-def _number_hint(value: Any, key: Key) -> str:
+def _number_hint(value: str, key: Key) -> str:
     """Return how to write a number that YAML read as text."""
-    if not isinstance(value, str) or "number" not in key.allowed:
+    if "number" not in key.allowed:
         return ""
     try:
         float(value)

@@ -228,10 +228,7 @@ def load_settings(*files: str | os.PathLike, trust: bool = False) -> StudySettin
     settings = validate(content, StudySettings, origins)
     problems.raise_if_any()
     places = [Path(), *(parent for path in reversed(files) for parent in path.resolve().parents)]
-    own = tuple(_first_found(file, places) for file in settings.improvement.effect_files)
-    improvement = settings.improvement.model_copy(update={"effect_files": own}).with_bases_at(
-        lambda file: _first_found(file, places)
-    )
+    improvement = _with_files_in(settings.improvement, places)
     if not trust:
         project = Path() if DEFAULT_FILES[0].is_file() else None
         check_code(improvement, files, project, origins.add)
@@ -241,9 +238,18 @@ def load_settings(*files: str | os.PathLike, trust: bool = False) -> StudySettin
     return settings.model_copy(update={"improvement": improvement})
 
 
-def _first_found(file: str, folders: list[Path]) -> str:
-    """Path of a file that is named relative to where the user is, or to a folder above the settings that name it."""
-    return next((str(folder / file) for folder in folders if (folder / file).is_file()), file)
+def _with_files_in(improvement: ImprovementSettings, folders: Sequence[Path]) -> ImprovementSettings:
+    """Return the settings with each file of an effect or base in the first of the folders that has it."""
+
+    def located(name: str) -> str:
+        return next((str(folder / name) for folder in folders if (folder / name).is_file()), name)
+
+    def located_base(base: str | None) -> str | None:
+        return located(base) if base and is_data(base) else base
+
+    sets = (entry.model_copy(update={"base": located_base(entry.base)}) for entry in improvement.record_sets)
+    files = {"effect_files": tuple(map(located, improvement.effect_files)), "record_sets": tuple(sets)}
+    return improvement.model_copy(update={**files, "base": located_base(improvement.base)})
 
 
 def check_code(
@@ -260,15 +266,15 @@ def check_code(
     for number, effect in enumerate(improvement.effect_files):
         if is_data(effect):
             continue
-        strange = [file for file in (*files, Path(project or "", effect)) if not _lies_in(file, project)]
+        strange = [
+            file
+            for file in (*files, Path(project or "", effect))
+            if project is None or not file.resolve().is_relative_to(project.resolve())
+        ]
         if strange:
             add(
                 f"improvement.effect_files.{number}",
-                f"{effect} is Python, which would be run, and {strange[0]} lies in no project that you work in",
+                f"{effect} is Python, which would be run, and {strange[0]} is outside of the project in which you work",
                 "read it first; then write the effect in YAML, copy study and effect into your project, or say --trust "
                 "(lumbar.load_settings: trust=True)",
             )
-
-
-def _lies_in(file: Path, project: Path | None) -> bool:
-    return project is not None and file.resolve().is_relative_to(project.resolve())
