@@ -163,11 +163,11 @@ def _read_text(path: Path, layout: ColumnLayout) -> tuple[dict[str, np.ndarray],
 
 
 def _positions(path: Path, columns: dict[str, ColumnSettings], header: list[str] | None) -> dict[str, int]:
-    """Zero-based position of each role's column."""
+    """Return the position of each role's column, from 0."""
     problems = Problems(str(path))
     positions = {}
     columns = _along_axes(columns, header or (), problems)
-    # A table of these two alone has no clock; beside any other column that one might be it, under another name.
+    # A table of only these two has no clock; any further column might be the clock under another name.
     pair = {columns[role].column for role in ("input", "output") if role in columns}
     for role, column in columns.items():
         wanted = column.column
@@ -216,7 +216,7 @@ def _read_mat(path: Path, layout: ColumnLayout) -> dict[str, np.ndarray]:
 
 
 def _vectors_of_mat(path: str) -> dict[str, np.ndarray | None]:
-    """Variables of a MATLAB file that are vectors of real numbers, and None for each of the others."""
+    """Return the vectors of real numbers in a MATLAB file by name; None for each other variable."""
     from lumbar.records.unpacking import load_matlab
 
     content = load_matlab(
@@ -232,9 +232,9 @@ def _vectors_of_mat(path: str) -> dict[str, np.ndarray | None]:
 def _along_axes(
     columns: dict[str, ColumnSettings], header: Collection[str], problems: Problems
 ) -> dict[str, ColumnSettings]:
-    """Columns by role, those of position and force with an axis each where the header has them; what is wrong goes to `problems`.
+    """Return columns by role, with an axis each for position and force if the header names axes.
 
-    Only names that say quantity and unit, as in the default layout, have an axis between the two.
+    Only names of quantity and unit, as in the default layout, may have an axis between the two.
     """
     if not any(re.search("_[xyz]_", str(name)) for name in header):
         return columns
@@ -251,7 +251,7 @@ def _along_axes(
         found[side] = dict(sorted({match[1]: match[0] for match in matches}.items()))
     if not any(found.values()):
         return columns
-    _check(single, found, header, problems)
+    _check_axes(single, found, header, problems)
     expanded: dict[str, ColumnSettings] = {}
     for role, column in columns.items():
         own = {
@@ -262,13 +262,13 @@ def _along_axes(
     return expanded
 
 
-def _check(
+def _check_axes(
     single: dict[str, ColumnSettings],
     found: dict[str, dict[str, str]],
     header: Collection[str],
     problems: Problems,
 ) -> None:
-    """Note columns of one axis beside those of several, axes of one side alone, one axis alone and other units."""
+    """Add mixed columns of one axis and of several, axes of one side only, a single axis and other units to `problems`."""
     axes = sorted({axis for names in found.values() for axis in names})
     if len(axes) == 1:
         names = ", ".join(str(column.column) for column in single.values())

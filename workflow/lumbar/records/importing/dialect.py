@@ -1,8 +1,7 @@
 """How a text table is written: delimiter, decimal mark, and the lines that hold its rows.
 
-All are found by one question: read so, which lines are rows of numbers? General sniffers of CSV dialects look at the
-delimiter alone; with decimal commas and the headers of testing machines the decimal mark and the first row have to be
-found with it.
+The dialect is the one by which most lines are rows of numbers. General sniffers of CSV dialects only search the delimiter;
+decimal commas and the headers of testing machines require that the decimal mark and the first row are searched with it.
 """
 
 import math
@@ -15,7 +14,7 @@ from itertools import pairwise
 from lumbar.records.number_table import Dialect
 
 FEWEST_ROWS = 8
-_LOOKED_AT = 3000
+_MAX_DIALECT_LINES = 3000
 """Lines from which the dialect is chosen."""
 _NUMBER = {
     ".": re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][+-]?\d+)?"),
@@ -27,9 +26,9 @@ CLOCK = re.compile(r"^(\d{1,4}[-./]\d{1,2}[-./]\d{1,4}[T ]+)?\d{1,2}:\d{2}(:\d{2
 MISSING = frozenset(
     ["", "nan", "n/a", "na", "#n/a", "-", "--", "---", "null", "none", "inf", "-inf", "#div/0!"]
 )
-"""What stands in a cell without a value, in small letters."""
+"""Cells without a value, in small letters."""
 DELIMITERS = {"\t": "tab", ";": "semicolon", ",": "comma", "|": "bar", None: "blanks"}
-"""Delimiters in the order in which one is preferred where two read a table alike."""
+"""Delimiters; the first one is taken if two give the same table."""
 
 
 @dataclass(frozen=True)
@@ -69,9 +68,10 @@ class TableDialect(Dialect):
         if len(cells) != self.width:
             return False
         numbers = [cell for column, cell in enumerate(cells) if column not in self.text_columns]
-        told = [_is_number(cell, self.decimal) for cell in numbers]
-        return any(told) and all(
-            known or cell.casefold() in MISSING for known, cell in zip(told, numbers, strict=True)
+        are_numbers = [_is_number(cell, self.decimal) for cell in numbers]
+        return any(are_numbers) and all(
+            is_number or cell.casefold() in MISSING
+            for is_number, cell in zip(are_numbers, numbers, strict=True)
         )
 
     def is_torn_row(self, line: str) -> bool:
@@ -84,7 +84,7 @@ class TableDialect(Dialect):
 
 
 def _seconds_of_day(cell: str) -> float:
-    """Return the seconds since midnight; a date is left out, as days and months cannot be told apart."""
+    """Return the seconds since midnight; a date is left out, as days and months cannot be distinguished."""
     time = re.split(r"[T ]+", cell.replace(",", ".").rstrip("Z"))[-1]
     hours, minutes, seconds = [*time.split(":"), "0"][:3]
     whole, _, fraction = seconds.partition(".")
@@ -97,22 +97,24 @@ def _is_number(cell: str, decimal: str) -> bool:
 
 
 def find_dialect(lines: list[str]) -> TableDialect | None:
-    """Return the dialect by which most cells are numbers; None where no lines are a table."""
-    looked_at = [line for line in lines[:_LOOKED_AT] if line.strip()]
+    """Return the dialect by which most cells are numbers; None if no lines are a table."""
+    sample = [line for line in lines[:_MAX_DIALECT_LINES] if line.strip()]
     best, most = None, 0
     for delimiter in DELIMITERS:
-        split = [Dialect(delimiter).split(line) for line in looked_at]
+        split = [Dialect(delimiter).split(line) for line in sample]
         for decimal in ".,":
-            if delimiter == decimal and not any('"' in line for line in looked_at):
+            if delimiter == decimal and not any('"' in line for line in sample):
                 continue
-            dialect, numbers = _as_table(split, delimiter, decimal)
+            dialect, numbers = _score_dialect(split, delimiter, decimal)
             if numbers > most:
                 best, most = dialect, numbers
     return best
 
 
-def _as_table(split: list[list[str]], delimiter: str | None, decimal: str) -> tuple[TableDialect | None, int]:
-    """The table that lines split so may be, and its cells that are numbers less those that are text."""
+def _score_dialect(
+    split: list[list[str]], delimiter: str | None, decimal: str
+) -> tuple[TableDialect | None, int]:
+    """Return the dialect of lines that are split so, and its number of numeric cells less that of text cells."""
     rows = [cells for cells in split if sum(_is_number(cell, decimal) for cell in cells) >= 2]
     if len(rows) < FEWEST_ROWS:
         return None, 0
@@ -139,7 +141,7 @@ def find_blocks(lines: list[str], dialect: TableDialect) -> list[tuple[int, int]
     starts, stops = [rows[0]], []
     for before, after in pairwise(rows):
         between = [line for line in lines[before + 1 : after] if line.strip()]
-        # A torn row belongs to the table around it, and is told; other lines end it.
+        # A torn row belongs to the table around it and is reported; other lines end the table.
         if between and not all(dialect.is_torn_row(line) for line in between):
             stops.append(before)
             starts.append(after)

@@ -45,13 +45,13 @@ _HDF5 = b"\x89HDF\r\n\x1a\n"
 _OLD_EXCEL = b"\xd0\xcf\x11\xe0"
 _GZIP = b"\x1f\x8b"
 
-_LONGEST_LABEL = 1000
-"""Characters of a line, or of lines that quotes join, in which a name or a rate is looked for."""
-_HEADER_ROWS = 4
-"""Lines above a table among which names and units are looked for."""
-_DAY = 86400.0
-_MOST_WORDS = 1000
-"""Different words of a column that are told apart."""
+_MAX_LABEL_CHARACTERS = 1000
+"""Beginning of a line that may state a rate."""
+_MAX_HEADER_LINES = 4
+"""Lines above a table that may hold names and units."""
+_DAY_S = 86400.0
+_MAX_WORDS = 1000
+"""Different words of a column that are distinguished."""
 _COMMENT = re.compile(r"^\s*[#%!;]+\s*")
 
 
@@ -152,7 +152,7 @@ def _sheets(source: str, content: bytes) -> dict[str, list[str]]:
 def _table_of_lines(lines: list[str], source: str, encoding: str, table: str | None = None) -> RawTable:
     """Return the table in lines of text; of several tables, the one with this number (from 1)."""
     dialect = find_dialect(lines)
-    plain = _plain_table(lines, dialect) if dialect else None
+    plain = _plain_rows(lines, dialect) if dialect else None
     if plain is not None:
         blocks = runs = [(plain.lines[0] - 1, plain.lines[-1] - 1)]
     else:
@@ -163,12 +163,12 @@ def _table_of_lines(lines: list[str], source: str, encoding: str, table: str | N
             f"{source}: no table of numbers in these {len(lines)} lines ({encoding}); at least {FEWEST_ROWS} rows with two "
             "numbers or more are needed"
         )
-    first, last = _chosen(blocks, table, source)
+    first, last = _choose_block(blocks, table, source)
     before = [stop for _, stop in blocks if stop < first]
     above = lines[before[-1] + 1 if before else 0 : first]
     names, units = _header(above, dialect)
-    remarks = [] if any(names) else _nameless(above, lines[first], dialect, source)
-    remarks += _left_out(lines, last, runs, dialect)
+    remarks = [] if any(names) else _remarks_on_names(above, lines[first], dialect, source)
+    remarks += _remarks_on_other_rows(lines, last, runs, dialect)
     # Columns of numbers and of times of day.
     cells = dialect.split(lines[first])
     labels = {
@@ -188,22 +188,24 @@ def _table_of_lines(lines: list[str], source: str, encoding: str, table: str | N
     for column, values in zip(positions.values(), numbers.values.T, strict=True):
         is_clock = bool(CLOCK.match(cells[column]))
         if is_clock:  # seconds since the first one; a day that ends between two of them is counted on
-            midnights = np.concatenate([[0], np.cumsum(np.diff(values) < -_DAY / 2)])
-            values = values - values[0] + _DAY * midnights
+            midnights = np.concatenate([[0], np.cumsum(np.diff(values) < -_DAY_S / 2)])
+            values = values - values[0] + _DAY_S * midnights
         columns.append(RawColumn(column + 1, names[column], "s" if is_clock else units[column], values))
     # Columns of words, which may name trials.
     words = []
     for column in sorted(dialect.text_columns):
         remarks.append(f"column {column + 1} is no number ({cells[column]!r})")
         words.append(
-            _words(column, names[column], [dialect.split(lines[n - 1])[column] for n in numbers.lines])
+            _column_of_words(
+                column, names[column], [dialect.split(lines[n - 1])[column] for n in numbers.lines]
+            )
         )
     form = "; ".join([f"{encoding}, {dialect}, lines {first + 1} to {last + 1}", *remarks])
     rates = tuple(_stated_rates(lines[:first]))
     return RawTable(source, form, tuple(columns), numbers.lines, rates, tuple(words))
 
 
-def _plain_table(lines: list[str], dialect: TableDialect) -> NumberTable | None:
+def _plain_rows(lines: list[str], dialect: TableDialect) -> NumberTable | None:
     """Return the table of a text that is nothing but lines above it and rows of numbers to its end."""
     last = next((n for n in range(len(lines), 0, -1) if lines[n - 1].strip()), 0)
     first = next((n for n in range(last) if dialect.is_row(lines[n])), last)
@@ -212,14 +214,15 @@ def _plain_table(lines: list[str], dialect: TableDialect) -> NumberTable | None:
     return read_plain_numbers(lines[first:last], dialect, dialect.width, first + 1)
 
 
-def _words(column: int, name: str, cells: Sequence[str]) -> RawColumn:
-    """A column of words; cells that hold none, and all after too many different ones, are naN."""
-    number = {word: at for at, word in enumerate(dict.fromkeys(cells)) if at < _MOST_WORDS}
+def _column_of_words(column: int, name: str, cells: Sequence[str]) -> RawColumn:
+    """Return a column of words, numbered; NaN if a cell is empty, or if there are too many different words."""
+    number = {word: at for at, word in enumerate(dict.fromkeys(cells)) if at < _MAX_WORDS}
     values = [np.nan if cell.casefold() in MISSING else number.get(cell, np.nan) for cell in cells]
     return RawColumn(column + 1, name, "", np.array(values, dtype=float), "", tuple(number))
 
 
-def _chosen(blocks: list[tuple[int, int]], table: str | None, source: str) -> tuple[int, int]:
+def _choose_block(blocks: list[tuple[int, int]], table: str | None, source: str) -> tuple[int, int]:
+    """Return first and last line (from 0) of the only table, or of the one with this number."""
     found = ", ".join(f"{number}: lines {a + 1} to {b + 1}" for number, (a, b) in enumerate(blocks, start=1))
     if table is None:
         if len(blocks) > 1:
@@ -232,19 +235,21 @@ def _chosen(blocks: list[tuple[int, int]], table: str | None, source: str) -> tu
     return blocks[int(table) - 1]
 
 
-def _left_out(lines: list[str], last: int, runs: list[tuple[int, int]], dialect: TableDialect) -> list[str]:
-    """Say which numbers are in no table: rows too few for one, and a row at the end that is not whole."""
-    told = [
+def _remarks_on_other_rows(
+    lines: list[str], last: int, runs: list[tuple[int, int]], dialect: TableDialect
+) -> list[str]:
+    """Return sentences on rows that are in no table: too few rows, and an incomplete row at the end."""
+    remarks = [
         f"lines {a + 1} to {b + 1} are too few rows for a table" for a, b in runs if b - a + 1 < FEWEST_ROWS
     ]
     if last + 1 < len(lines) and dialect.is_torn_row(lines[last + 1]):
-        told.append(f"line {last + 2} is no whole row ({lines[last + 1].strip()[:60]!r})")
-    return told
+        remarks.append(f"line {last + 2} is no whole row ({lines[last + 1].strip()[:60]!r})")
+    return remarks
 
 
 def _header(above: list[str], dialect: TableDialect) -> tuple[list[str], list[str]]:
-    """Names and units of the columns from the rows right above the table, empty where there are none."""
-    near = _whole_lines([line for line in above if line.strip()])[-_HEADER_ROWS:]
+    """Return names and units of the columns from the rows above the table; empty if they are not stated."""
+    near = _join_quoted([line for line in above if line.strip()])[-_MAX_HEADER_LINES:]
     rows = [cells for line in near if (cells := _header_cells(line, dialect))]
     names, units = [""] * dialect.width, [""] * dialect.width
     # Units for the last columns from a line such as ``Y_Unit_Label<tab>mm<tab>N``.
@@ -263,8 +268,8 @@ def _header(above: list[str], dialect: TableDialect) -> tuple[list[str], list[st
     return names, units
 
 
-def _whole_lines(lines: list[str]) -> list[str]:
-    """Join the lines over which a cell in quotes goes on."""
+def _join_quoted(lines: list[str]) -> list[str]:
+    """Join lines that a cell in quotes spans."""
     whole: list[str] = []
     for line in lines:
         if whole and whole[-1].count('"') % 2:
@@ -274,13 +279,13 @@ def _whole_lines(lines: list[str]) -> list[str]:
     return whole
 
 
-def _nameless(above: list[str], row: str, dialect: TableDialect, source: str) -> list[str]:
-    """Say what stands where names were expected.
+def _remarks_on_names(above: list[str], row: str, dialect: TableDialect, source: str) -> list[str]:
+    """Return a remark on the line in which names were expected.
 
     Raises
     ------
     InputError
-        If the names are half as many as the cells of a row, so that commas part columns and decimals alike.
+        If there are half as many names as cells in a row: commas are delimiters and decimal signs.
     """
     line = next((line for line in reversed(above) if line.strip()), "")
     names = [cell for cell in dialect.split(line) if cell] if line else []
@@ -293,9 +298,9 @@ def _nameless(above: list[str], row: str, dialect: TableDialect, source: str) ->
 
 
 def _header_cells(line: str, dialect: TableDialect) -> list[str] | None:
-    """Cells of a header row, one per column; None for a line that is none.
+    """Return the cells of a header row, one per column; None if the line is no header.
 
-    In a table parted by blanks a name may hold some, before its unit or between words that two blanks part from others.
+    If blanks separate the columns, a name may hold a blank before its unit, or between words if two blanks separate names.
     """
     line = _COMMENT.sub("", line)
     ways = [dialect.split(line)]
@@ -330,7 +335,7 @@ _RATE = re.compile(
     re.IGNORECASE,
 )
 _SAYS_RATE = re.compile(r"rate|fre[qc]|fr[ée]q|\bfs\b", re.IGNORECASE)
-"""What tells a rate in hertz without its unit from a number of samples."""
+"""Label of a rate in hertz without a unit, as opposed to a number of samples."""
 _INTERVAL = re.compile(
     r"sampl\w*[\s_-]*(?:interval|period|time)|abtastintervall|abtastzeit|delta_?x|\bdt\b", re.IGNORECASE
 )
@@ -343,7 +348,7 @@ def _stated_rates(above: list[str]) -> list[StatedRate]:
     """Sampling rates and intervals that the lines above the table state."""
     found = []
     for number, line in enumerate(above, start=1):
-        line = line[:_LONGEST_LABEL]
+        line = line[:_MAX_LABEL_CHARACTERS]
         interval, rate = _INTERVAL.search(line), _RATE.search(line)
         label = interval or rate
         if label is None:
