@@ -45,7 +45,7 @@ def test_a_model_that_was_not_fitted_is(tab, explored):
     assert answer["number"] == 7
     assert list(answer["models"]) == ["base", "coulomb_friction", "coulomb_friction+inertia"]
     told = answer["models"]["coulomb_friction+inertia"]
-    assert told["located"]["other"]["views"].keys() >= {"depth", "reversals"}
+    assert told["located"]["other"]["views"].keys() >= {"frequency", "reversals"}
     assert told["test_rms"] == pytest.approx(refined.path[-1].test_rms, rel=1e-9)
     assert len(models[-1].values["other"]) == len(explored.page.records[1].columns["time"])
     assert explored.refitted(["inertia", "coulomb_friction"]) is explored.refitted(
