@@ -229,7 +229,7 @@ def rendering_of(models: Sequence[FittedModel], settings: RuntimeSettings, sourc
 class Rendering(Result):
     """Verdicts on models on a device."""
 
-    verdicts: tuple[LoopVerdict, ...]
+    judgements: tuple[LoopVerdict, ...]
     """``analysis`` (damping needed, largest stable gain), ``run`` (the simulated loop), the worst hand and the lowest safe
     rates of each model at each rate."""
     refused: tuple[str, ...]
@@ -239,18 +239,18 @@ class Rendering(Result):
     source_label: str
 
     def __getitem__(self, index: int) -> LoopVerdict:
-        return self.verdicts[index]
+        return self.judgements[index]
 
     def __iter__(self) -> Iterator[LoopVerdict]:
-        return iter(self.verdicts)
+        return iter(self.judgements)
 
     def __len__(self) -> int:
-        return len(self.verdicts)
+        return len(self.judgements)
 
     @property
     def table(self) -> Table:
         """Model × device, with the definition of every number."""
-        return device_table(self.verdicts, self.refused, self.settings, self.source_label)
+        return device_table(self.judgements, self.refused, self.settings, self.source_label)
 
     @property
     def linear(self) -> list[FittedModel]:
@@ -289,7 +289,7 @@ class Rendering(Result):
             fitted = pair[0].fitted
             return (fitted and fitted.scores.vaf_percent) or 0.0
 
-        return loop_figure(max(pairs, key=fit, default=self.verdicts[:2]))
+        return loop_figure(max(pairs, key=fit, default=self.judgements[:2]))
 
     def files(self) -> Iterator[tuple[str, Any]]:
         """Return the table ``rendering`` and the figures ``closed_loop`` and, for transfer functions, ``z_width``."""

@@ -211,7 +211,7 @@ def test_the_inverted_model_is_judged_as_it_is_displayed():
     )
     assert held.gain == pytest.approx(2.4) and held.stable and not held.passive
     assert not loose.stable
-    assert np.isinf(loose.damping) and loose.limits[0].frequency == 0.0
+    assert np.isinf(loose.damping) and loose.gain_frequency == 0.0
     run = run_loop(loose)
     assert run.runs_away and run.limit == 15.0
 

@@ -163,3 +163,9 @@ def _real(vector: np.ndarray) -> np.ndarray:
     largest = vector[np.abs(vector).argmax()]
     found = (vector * largest.conj()).real
     return found / np.linalg.norm(found)
+
+
+def direction_text(axes: tuple[str, ...], direction: np.ndarray) -> str:
+    """Return a unit vector with the names of its axes, its largest component positive."""
+    signed = direction * (1.0 if direction[np.abs(direction).argmax()] > 0 else -1.0)
+    return f"{', '.join(axes)} = ({', '.join(f'{value + 0.0:.2g}' for value in np.round(signed, 3))})"

@@ -15,7 +15,7 @@ from lumbar.base.errors import InputError, NumericalError
 from lumbar.settings.runtime import DeviceSettings, RuntimeSettings
 from lumbar.tissue.fmu.build.export_model import AS_IN_THESIS, ExportModel
 from lumbar.tissue.haptics.closed_loop import StableGain, largest_stable_gain
-from lumbar.tissue.haptics.in_space import SpatialLoop
+from lumbar.tissue.haptics.in_space import SpatialLoop, direction_text
 from lumbar.tissue.haptics.passivity import required_damping
 from lumbar.tissue.haptics.rendered_model import (
     RenderedModel,
@@ -89,6 +89,11 @@ class LoopAnalysis:
     def gain(self) -> float:
         """Largest stable factor on the model's force."""
         return self.limits[self.worst].gain
+
+    @property
+    def gain_frequency(self) -> float:
+        """Frequency in Hz of the oscillation that begins at this gain; 0 if the loop runs away."""
+        return self.limits[self.worst].frequency
 
     @property
     def stable(self) -> bool:
@@ -192,7 +197,7 @@ def loop_sentence(
     analysis: LoopAnalysis, run: LoopRun | None = None, worst_hand: WorstHand | None = None
 ) -> str:
     """Return the verdict, which of analysis and simulation decided if they differ, and the numbers of both."""
-    model, device, limit = analysis.model, analysis.device, analysis.limits[analysis.worst]
+    model, device, gain = analysis.model, analysis.device, analysis.gain
     suffices, omitted = analysis.damping <= device.damping_N_s_m, model.omitted
     within = f" from {model.reach[0]:.3g} to {model.reach[1]:.3g} mm" if model.reach else ""
     if not analysis.stable:
@@ -208,15 +213,18 @@ def loop_sentence(
     parts = [f"it needs {analysis.damping:.3g} N·s/m to be passive{omitted and f' without {omitted}'}"]
     if np.isinf(analysis.damping):
         parts = ["no damping makes it passive: its static stiffness is negative"]
-    if 0 < limit.gain < np.inf:
-        ends = f"it oscillates at {limit.frequency:.3g} Hz" if limit.frequency else "it runs away"
-        parts.append(f"largest stable gain {limit.gain:.3g}, where {ends}")
+    if 0 < gain < np.inf:
+        frequency = analysis.gain_frequency
+        begins = f"it oscillates at {frequency:.3g} Hz" if frequency else "it runs away"
+        parts.append(f"largest stable gain {gain:.3g}, where {begins}")
     else:
-        parts.append(f"no gain is {'too large' if limit.gain else 'stable'}")
+        parts.append(f"no gain is {'too large' if gain else 'stable'}")
     if analysis.damping_direction is not None:
-        directions = f"along {_direction(model, analysis.damping_direction)} it needs most damping"
-        if limit.gain < np.inf:
-            directions += f", along {_direction(model, limit.direction)} the least gain is stable"
+        axes = model.exported.axes
+        directions = f"along {direction_text(axes, analysis.damping_direction)} it needs most damping"
+        if gain < np.inf:
+            along = direction_text(axes, analysis.limits[analysis.worst].direction)
+            directions += f", along {along} the least gain is stable"
         parts.append(directions)
     if run:
         parts.append(f"simulated, {run.outcome}")
@@ -224,12 +232,6 @@ def loop_sentence(
         parts.append(f"{'stable' if worst_hand.stable else 'UNSTABLE'} in {worst_hand.label}")
     served = "" if analysis.is_in_step else f", served at {device.rate_Hz:.6g} Hz"
     return f"{model.name} at {analysis.rate:.4g} Hz{served}: {state} ({'; '.join(parts)})"
-
-
-def _direction(model: RenderedModel, direction: np.ndarray) -> str:
-    signed = direction * (1.0 if direction[np.abs(direction).argmax()] > 0 else -1.0)
-    values = ", ".join(f"{value + 0.0:.2g}" for value in np.round(signed, 3))
-    return f"{', '.join(model.exported.axes)} = ({values})"
 
 
 def analyse(model: RenderedModel, device: DeviceSettings) -> LoopAnalysis:
