@@ -44,11 +44,11 @@ FORWARD = "records with the force as input (improvement.forward): no law is look
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Diagnosis:
-    """What a base model is missing on a set of records, with the evidence."""
+    """Result of `lumbar.diagnose`: what a base model is missing on a set of records, with the evidence."""
 
     records: list[Record]
     settings: DiagnosisSettings
-    """How the records were fitted."""
+    """Settings of the diagnosis."""
     result: DiagnosisResult
     """Selected effects, selection path, ranking, ties."""
     study: StudySettings
@@ -92,12 +92,12 @@ class Diagnosis:
 
     @cached_property
     def reports(self) -> Sequence[ResidualReport | SpatialReport]:
-        """The base model beside every record, and where it fails."""
+        """Comparison of the base model with every record, and where it fails."""
         return compare_and_locate(self.result.experiment, self.result.base.fit, self.study.seed)
 
     @property
     def base_on_records(self) -> list[ResidualReport]:
-        """The same along every axis."""
+        """`reports` along every axis."""
         return of_axes(self.reports)
 
     @property
@@ -123,7 +123,7 @@ class Diagnosis:
         return self.refit(wanted)
 
     def refit(self, effects: Iterable[str]) -> Refinement:
-        """Fit the base with these effects and no others; arguments and errors as of `lumbar.refine`."""
+        """Fit the base with these effects and no others; arguments and errors of `lumbar.refine`."""
         return fit_effects(self.records, list(effects), self.settings, self.study.seed, self.source_label)
 
     def with_effects(self, effects: Iterable[str]) -> Refinement:
@@ -176,23 +176,23 @@ class Diagnosis:
 
     @cached_property
     def thesis_models(self) -> ThesisModels:
-        """The thesis's models, ridge ARX and output error, of the same records; none beside force as the input."""
+        """The thesis's models, ridge ARX and output error, of the same records; none if the force is the input."""
         return ThesisModels() if self.settings.forward else thesis_models(self.result, self.study.tissue)
 
     @property
     def without_page(self) -> str:
-        """Why there is no page that one can look around in; empty where there is one."""
+        """Reason why there is no interactive page; empty if there is one."""
         return f"{STATIC}: there is no motion to look around in" if self.result.experiment.points else ""
 
     def page(self, pictures: Mapping[str, Path] | None = None, thesis: bool = True) -> ExplorerPage:
-        """Return the page that one can look around in: every model that was fitted beside every record.
+        """Return the interactive page: every fitted model with every record.
 
         Parameters
         ----------
         pictures : mapping of str to path, optional
             SVG files by caption, shown with the evidence.
         thesis : bool
-            Whether the thesis's models stand beside; identifying them takes a few seconds.
+            Whether to add the thesis's models; identifying them takes a few seconds.
         """
         if self.without_page:
             raise InputError(f"{self.without_page}; save and to_html show what was found")
@@ -247,7 +247,7 @@ class Diagnosis:
         write_text(folder / "diagnosis.html", self.page(drawn, thesis=pictures).to_html())
 
     def written(self) -> str:
-        """Return the page that `save` writes where there is none to look around in."""
+        """Return the page that `save` writes if there is no interactive one."""
         return self.to_html()
 
     def _save_pictures(self, folder: Path) -> dict[str, Path]:
@@ -278,7 +278,7 @@ class ProposedLaw:
     candidates: dict[str, Effect]
     """The catalogue that did not suffice, whose names the law cannot take."""
     source_label: str
-    """What the records are, for the file and the picture."""
+    """Source of the records, for the file and the picture."""
 
     @property
     def found(self) -> bool:
@@ -306,7 +306,7 @@ class ProposedLaw:
         return effect_text(self.proposal, name, self.source_label)
 
     def save(self, path: str | os.PathLike, name: str = "proposed_law") -> None:
-        """Write the effect's file, for ``improvement: effect_files``; errors as of `to_yaml`."""
+        """Write the effect's file, for ``improvement: effect_files``; errors of `to_yaml`."""
         write_text(path, self.to_yaml(name))
 
     def draw(self, stem: str | os.PathLike) -> None:
@@ -342,7 +342,7 @@ class ThesisModels:
 
     models: list[FittedModel] = field(default_factory=list)
     remark: str = ""
-    """Which are missing and why; empty where none is, and where the thesis has none."""
+    """Missing models and the reasons; empty if none is missing, or the thesis has none."""
 
 
 NOT_IDENTIFIED = ThesisModels(
@@ -351,7 +351,7 @@ NOT_IDENTIFIED = ThesisModels(
 
 
 def thesis_models(result: DiagnosisResult, settings: TissueSettings) -> ThesisModels:
-    """Identify the thesis's models on the longest record that the diagnosis was trained on; of a pendulum there are none."""
+    """Identify the thesis's models on the longest record that the diagnosis was trained on; there are none of a pendulum."""
     if result.base.fit.structure.base.system != "tissue":
         return ThesisModels()
     experiment = result.experiment

@@ -22,7 +22,7 @@ def diagnose(
     settings: StudySettings | None = None,
     source_label: str = "",
 ) -> Diagnosis:
-    """Say which physical effect a base model is missing, or that nothing is.
+    """Find the physical effect that a base model is missing, or that nothing is missing.
 
     Parameters
     ----------
@@ -30,15 +30,15 @@ def diagnose(
         One per excitation, with channels ``input`` and ``output``; the period of an excitation is the record's own
         (``Record.period``), else found from the input.
     base : str, optional
-        Base model: LE, Maxwell, KV, KB, pendulum or a file of one's own, BASE.yaml; default the settings'.
+        Base model: LE, Maxwell, KV, KB, pendulum or a user-defined one, BASE.yaml; default the settings'.
     train : str or sequence of str, optional
         Record to fit on, or several that are fitted together; default the settings', or the longest.
     settings : StudySettings, optional
-        As `lumbar.load_settings` returns them; used are ``improvement`` (effects of your own, how many to add, whether the
-        records were cut from one session or have the force as input), ``signals.machine`` (limits of what would play a
-        separating excitation), ``tissue`` (the thesis's models beside), ``stability.pendulum.gravity_m_s2`` and ``seed``.
+        As `lumbar.load_settings` returns them; used are ``improvement`` (user-defined effects, how many to add, whether the
+        records were cut from one session or have the force as input), ``signals.machine`` (limits of the machine for a
+        separating excitation), ``tissue`` (the thesis's models), ``stability.pendulum.gravity_m_s2`` and ``seed``.
     source_label : str
-        Words for the source of the data, for pages and figures; default the folder or file they were read from.
+        Source of the data, for pages and figures; default the folder or file they were read from.
 
     Raises
     ------

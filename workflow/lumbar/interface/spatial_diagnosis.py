@@ -28,7 +28,7 @@ from lumbar.tissue.models.form import Effect
 
 
 class SpatialDiagnosis(Diagnosis):
-    """What a base model is missing on records of several axes, with the evidence."""
+    """Result of `lumbar.diagnose` for records of several axes."""
 
     @cached_property
     def candidates(self) -> dict[str, Effect]:
@@ -58,12 +58,12 @@ class SpatialDiagnosis(Diagnosis):
 
     @cached_property
     def reports(self) -> list[SpatialReport]:
-        """The base model beside every record, and where it fails."""
+        """Comparison of the base model with every record, and where it fails."""
         return spatial_reports(self.models[0], self.result.experiment, self.study.seed)
 
     @cached_property
     def evidence(self) -> Evidence:
-        """What remains along every axis, and which candidates add a like force."""
+        """Remaining errors along every axis, and candidates that add similar forces."""
         experiment, null = self.result.experiment, null_distribution()
         usable = usable_in_space(self.settings.searched, self.records[0].axes, experiment)
         remaining = of_axes(spatial_reports(self.model, experiment, self.study.seed))
@@ -72,7 +72,7 @@ class SpatialDiagnosis(Diagnosis):
 
     @property
     def without_page(self) -> str:
-        """That of one axis alone can be looked around in."""
+        """Reason why there is no interactive page: it shows models of one axis only."""
         return "records of several axes: one can look around in models of one axis"
 
     def written(self) -> str:

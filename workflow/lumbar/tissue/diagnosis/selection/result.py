@@ -43,7 +43,7 @@ class Step:
     step: str
     """Name, e.g. ``"choose the base"``."""
     reason: str
-    """What it did or found, with numbers."""
+    """Action or finding, with numbers."""
     status: Status | None
     """Status of the base model after the step; None as long as no model was judged."""
 
@@ -84,7 +84,7 @@ class DiagnosisResult:
     not_tried: list[tuple[Form, tuple[str, ...]]] = field(default_factory=list)
     """Forms that need channels which the records do not have, with these channels."""
     findings: tuple[Finding, ...] = ()
-    """What is true of the records and is no physical effect."""
+    """Properties of the records that are not physical effects."""
     is_searched_further: bool = True
     """Whether a further effect was searched for in addition to those selected."""
     linear: Candidate | None = None
@@ -106,7 +106,7 @@ class DiagnosisResult:
 
     @property
     def noise_rms(self) -> float:
-        """Noise per sample: the floor, or what the model leaves of its training record where there is none."""
+        """Noise per sample: the floor, or the error of the model in training if the floor is unknown."""
         floor = self.experiment.floor
         return self.model.train_rms if floor is None else floor.rms
 
@@ -127,15 +127,15 @@ class DiagnosisResult:
 
     @property
     def complete(self) -> bool | None:
-        """Whether the status of the refined model is ``adequate``; None where the noise floor is unknown."""
+        """Whether the status of the refined model is ``adequate``; None if the noise floor is unknown."""
         return None if self.experiment.floor is None else self.refined_status == Status.ADEQUATE
 
     @property
     def goes_beyond_catalogue(self) -> bool:
-        """Whether a law that no effect holds may be what is left.
+        """Whether a law outside the catalogue may explain the rest.
 
-        Not where nothing is known to be left, where the effects named go on with one more that passes and leaves but
-        noise, nor where records are the wrong way round, so that whatever fits them is no force law.
+        False if nothing is known to be left, if one more effect passes and leaves only noise, and if records are exchanged, so
+        that nothing that fits them is a force law.
         """
         goes_on = self.further is not None and is_adequate(self.further, self.experiment, COMPLETE)
         named_on = self.complete is False and not goes_on
@@ -208,7 +208,7 @@ def _ranked_json(item: Ranked) -> dict:
 
 @dataclass(frozen=True, eq=False)
 class DiagnosisState:
-    """What is known between two steps; fields of `DiagnosisResult` have its meaning."""
+    """State of a diagnosis between two steps; fields of `DiagnosisResult` have the same meaning."""
 
     records: list[Record]
     """Records as given."""

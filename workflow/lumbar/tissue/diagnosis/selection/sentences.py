@@ -15,15 +15,15 @@ CONDITIONAL = (
     "Intervals hold if base and effects are the right ones: what another base would give is not in them."
 )
 _MOST = 7
-"""Digits: errors that differ by less are alike."""
+"""Largest number of digits: errors that differ by less count as equal."""
 _NOTABLE = 0.1
-"""What a right model leaves beside the noise, in noise floors, from which on it is worth a word."""
+"""Smallest reported error of a right model in addition to the noise, in noise floors."""
 _APART = 1.5
-"""Ratio of the errors of unseen records from which on they are told one by one."""
+"""Ratio of the errors of unseen records above which they are listed one by one."""
 
 
 def distinguishing_digits(values: Sequence[float], fewest: int) -> list[str]:
-    """Return numbers in words with so many digits, `fewest` at least, that neighbours which differ read differently.
+    """Format numbers with at least `fewest` digits, and as many as make different neighbours read differently.
 
     Examples
     --------
@@ -41,18 +41,18 @@ def distinguishing_digits(values: Sequence[float], fewest: int) -> list[str]:
 
 
 def _written(value: float, digits: int) -> str:
-    """A number to so many digits; thousands without an exponent."""
+    """Format a number with these digits; thousands without an exponent."""
     rounded = float(f"{value:.{digits}g}")
     return f"{rounded:.0f}" if 10.0**digits <= abs(rounded) < 1e6 else f"{value:.{digits}g}"
 
 
 def readable(name: str) -> str:
-    """Name of an effect for a reader."""
+    """Format the name of an effect."""
     return name.replace("_", " ")
 
 
 def effects_text(names) -> str:
-    """Names of several effects for a reader."""
+    """Format the names of several effects."""
     *first, last = [readable(name) for name in names] or ["no effect"]
     return f"{', '.join(first)} and {last}" if first else last
 
@@ -95,7 +95,7 @@ def explain(result: DiagnosisResult) -> list[str]:
 
 
 def error_falls(result: DiagnosisResult) -> str:
-    """By how much the error on unseen records falls with the selected effects, from what to what."""
+    """Report by how much the error on unseen records falls with the selected effects."""
     before, after = result.base.test_rms, result.model.test_rms
     first, last = distinguishing_digits([before, after], 3)
     share, unit = _percent(1 - after / before), result.experiment.output_unit
@@ -103,7 +103,7 @@ def error_falls(result: DiagnosisResult) -> str:
 
 
 def _percent(share: float) -> str:
-    """A share in words: with a decimal where it is nearly all or nearly nothing."""
+    """Format a share, with a decimal if it is near 0 or 1."""
     return f"{100 * share:.{1 if share > 0.99 or share < 0.1 else 0}f} %"
 
 
@@ -190,7 +190,7 @@ def not_tried(result: DiagnosisResult) -> list[str]:
 
 
 def _second_sentence(result: DiagnosisResult, second: Ranked) -> str:
-    """The best set of effects that was not selected, and why it was not where the base is adequate."""
+    """Report the best set of effects that was not selected, and the reason if the base is adequate."""
     rms, base = second.candidate.test_rms, result.base
     error = f"{effects_text(second.candidate.effects)}, error on unseen records {rms:.3g} {result.experiment.output_unit}"
     if rms > base.test_rms:
@@ -210,7 +210,7 @@ def _second_sentence(result: DiagnosisResult, second: Ranked) -> str:
 
 
 def _removed_and_left(result: DiagnosisResult) -> str:
-    """What is left, in noise floors, then what was removed: 99 % of a large error may leave many times the noise."""
+    """Report the remaining error in noise floors, then the removed share; 99 % of a large error may leave many noise floors."""
     share = f"{100 * result.explainable_share_removed:.1f} % of the variance"
     floor, model = result.experiment.floor, result.model
     if floor is None:
@@ -224,7 +224,7 @@ def _removed_and_left(result: DiagnosisResult) -> str:
 
 
 def times_floor(rms: float, floor: NoiseFloor) -> str:
-    """An error in noise floors, with decimals where they say something."""
+    """Format an error in noise floors."""
     times = rms / floor.rms
     return f"{times:.2f}" if times < 10 else f"{times:.0f}" if times < 1000 else "more than a thousand"
 

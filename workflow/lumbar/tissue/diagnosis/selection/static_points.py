@@ -33,9 +33,9 @@ from lumbar.tissue.models.bases import BASES, CHOSEN_BY_DATA, Base
 from lumbar.tissue.models.motion import Motion
 
 FEWEST = 12
-"""Points of one table at least: a third of them is held back where there is no other table."""
+"""Fewest points of a table: a third of them is used as test if there is no other table."""
 _EVERY = 3
-"""Of the points in the order of their positions, one in so many is held back."""
+"""One in this number of points, in the order of their positions, is used as test."""
 _SPRINGS = ("LE", "LE-contact")
 
 
@@ -113,7 +113,7 @@ def select_law(state: DiagnosisState) -> DiagnosisState:
 
 
 def check_curve(state: DiagnosisState) -> DiagnosisState:
-    """Check whether errors of neighbouring points are alike: then the points are on a curve that no law tried has."""
+    """Check whether errors of neighbouring points are correlated: then the points are on a curve that no law tried has."""
     step = "check the curve"
     if not errors_are_alike(state.model, state.experiment):
         return state.next(step, "errors of neighbouring points differ as noise does")
@@ -173,7 +173,7 @@ def _points(record: Record, wanted: Callable[[np.ndarray], np.ndarray] | None = 
 
 
 def errors_are_alike(model: Candidate, experiment: Experiment) -> bool:
-    """Whether errors of neighbouring points are significantly alike (J. von Neumann, Ann. Math. Stat. 12 (1941) 367-395)."""
+    """Return whether errors of neighbours are significantly correlated (J. von Neumann, Ann. Math. Stat. 12 (1941) 367-395)."""
     parts = [*experiment.training.records, *experiment.tests]
     position = np.concatenate([part.motion.position for part in parts])
     errors = np.concatenate([model.fit.errors(part) for part in parts])[np.argsort(position, kind="stable")]

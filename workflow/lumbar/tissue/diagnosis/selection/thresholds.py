@@ -1,6 +1,6 @@
-"""What counts: the levels on which verdicts rest, and how much the best of all candidates gains where nothing is missing.
+"""Levels of significance and thresholds of a diagnosis, and the gain of the best candidate if nothing is missing.
 
-The tables beside this module, one per catalogue, hold the largest likelihood-ratio statistic among all its candidates
+The tables next to this module, one per catalogue, contain the largest likelihood-ratio statistic among all its candidates
 for simulated experiments in which the base model is true, base refitted each time. Gains of white noise do not depend
 on the record's length, so the tables are made once (``benchmarks/null_gains.py``) and shipped.
 """
@@ -29,9 +29,9 @@ as complete: its parameters are estimates, and cost a little on records that the
 EXPLAINS = 0.5
 """Share of the base's variance on unseen records, that of known noise aside, that effects must remove to be named."""
 TIED = 9.2
-"""Difference in twice the log-likelihood below which two effects cannot be told apart (odds of 100 to 1)."""
+"""Difference in twice the log-likelihood below which two effects cannot be distinguished (odds of 100 to 1)."""
 STRUCTURED = 0.2
-"""What differs between periods and is no noise, in noise floors, from which on a model is not adequate."""
+"""Largest structured difference between periods, in noise floors, of an adequate model."""
 WORTHWHILE = 0.007
 """A further effect must remove this share of what the base leaves to explain of the training record, and as much as
 the noise itself: the wrong mathematical form of the first effect leaves a little that any other one can mop up. (On
@@ -40,10 +40,10 @@ MOST_OF_REST = 0.5
 """A further effect is worthwhile too where it removes this share of what the model before it leaves to explain: where one
 effect dwarfs all others (inertia at high frequency), a share of what the base leaves would hide them."""
 BLIND = 0.95
-"""Factor on the unseen error below which an effect must bring it where the noise is unknown: the likelihood then takes
-what is left for white noise, and colour passes for certainty."""
+"""Largest factor on the unseen error for an effect if the noise is unknown: the likelihood then treats the rest as white
+noise, and is too certain if it is coloured."""
 WORTHWHILE_BLIND = 0.02
-"""The same, of the base's squared error, where the noise floor is unknown."""
+"""`WORTHWHILE` as a share of the base's squared error, if the noise floor is unknown."""
 TABLES = {
     "tissue": Path(__file__).with_name("null_distribution_tissue.json"),
     "pendulum": Path(__file__).with_name("null_distribution_pendulum.json"),

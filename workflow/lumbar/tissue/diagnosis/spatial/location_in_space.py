@@ -26,12 +26,12 @@ BANDS, TURNS = 6, 12
 _SECTORS = 24
 """Cells of a plane's directions."""
 _RESTS = 0.1
-"""Of the RMS speed, below which the direction of travel is not known."""
+"""Share of the RMS speed below which the direction of travel is unknown."""
 _SPEEDS = 3
 _FEWEST = 5
 _WORTH = 0.005
 _ALIKE = 1.5
-"""Largest over smallest principal variance of an error that points every way alike."""
+"""Largest ratio of principal variances of an error without a preferred direction."""
 _MILLIJOULE = ("N", "mm")
 
 
@@ -65,7 +65,7 @@ class SpatialResidual:
 
     @cached_property
     def explainable(self) -> float:
-        """The same less the noise's variance."""
+        """Variance less that of the noise."""
         return max(self.variance - float(np.trace(self.noise)), 0.0)
 
     @property
@@ -80,12 +80,12 @@ class SpatialResidual:
 
     @property
     def unit(self) -> str:
-        """Of the force."""
+        """Unit of the force."""
         return self.parts[0].unit
 
     @property
     def base_words(self) -> str:
-        """What shares are shares of."""
+        """Reference of all shares."""
         return self.parts[0].base_words
 
     @cached_property
@@ -129,7 +129,7 @@ class SpatialResidual:
         return chi_square_p(sums, covariance, noise_freedom=self.noise_freedom)
 
     def share(self, explained: Callable[[np.ndarray], float], noise: float) -> float:
-        """Share of the explainable error as of `share_beyond_chance`; values have the shape (axes, samples)."""
+        """Share of the explainable error by `share_beyond_chance`; values have the shape (axes, samples)."""
         return share_beyond_chance(self.values, self.explainable, self.parts[0].span, explained, noise)
 
 
@@ -181,7 +181,7 @@ def travel_view(residual: SpatialResidual) -> View:
 
 
 def _along_and_across(residual: SpatialResidual) -> tuple[float, float]:
-    """Shares of the moving tool's error, its noise taken off, along the direction of travel and across it."""
+    """Shares of the moving tool's error, without noise, along the direction of travel and across it."""
     travel, values = residual.travel[:, residual.moving], residual.values[:, residual.moving]
     along = np.mean(np.sum(travel * values, axis=0) ** 2)
     noise_along = np.mean(np.einsum("an,ab,bn->n", travel, residual.noise, travel))
@@ -269,7 +269,7 @@ def in_words(direction: Sequence[float]) -> str:
 
 
 def pointing_view(residual: SpatialResidual) -> View:
-    """Which way the error points: principal directions of its covariance, the noise's taken off.
+    """Principal directions of the error's covariance, without that of the noise.
 
     Columns ``share`` and the components of every principal direction, the largest first.
     """
@@ -297,9 +297,9 @@ def pointing_view(residual: SpatialResidual) -> View:
 
 
 def _sphericity_p(residual: SpatialResidual, covariance: np.ndarray) -> float:
-    """Probability that noise alone makes an error that points somewhere as clearly (John's test on whitened axes).
+    """Return the probability that noise has as clear a direction by chance (John's test on whitened axes).
 
-    Without a noise floor the axes' own error stands for the noise, and the test only sees how they go together.
+    Without a noise floor the error of the axes replaces the noise, and the test only sees their correlation.
     """
     size = len(covariance)
     floors = [part.floor for part in residual.parts]
@@ -321,9 +321,9 @@ def _independent(part: Residual) -> float:
 
 
 def work_view(residual: SpatialResidual, frame: np.ndarray | None = None) -> View:
-    """Work of the measured and of the simulated force: of a period where the record repeats, else of the whole record.
+    """Work of the measured and of the simulated force: of a period if the record repeats, else of the whole record.
 
-    `frame` has the directions in its columns that work is told along, default those of the record's axes. Columns
+    `frame` has the directions of work in its columns, default those of the record's axes. Columns
     ``measured``, ``simulated``, ``deviation`` (under noise), and the directions' components.
     """
     names = residual.axes if frame is None else [in_words(way) for way in frame.T]
@@ -365,6 +365,6 @@ def _plain(value: float, sign: str = "") -> str:
 
 
 def views_in_space(residual: SpatialResidual, frame: np.ndarray | None = None) -> dict[str, View]:
-    """All views by name; `frame` as of `work_view`."""
+    """Return all views by name; `frame` is that of `work_view`."""
     views = (travel_view, direction_view, pointing_view, partial(work_view, frame=frame))
     return {view.name: view for view in (see(residual) for see in views)}

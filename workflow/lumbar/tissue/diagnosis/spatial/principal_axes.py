@@ -1,4 +1,4 @@
-"""Principal stiffnesses and viscosities of a fitted tissue in space, where their axes point, and how surely."""
+"""Principal stiffnesses and viscosities of a fitted tissue in space with their axes and intervals."""
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
@@ -35,7 +35,7 @@ class PrincipalAxis:
     unit: str
     """`value`, `low`, `high`, `unit`: with the 95 % interval."""
     direction: tuple[float, ...] | None
-    """Of the axis, a unit vector along the record's axes; None where there is none."""
+    """Unit vector of the axis in the record's axes; None if there is none."""
     cone_deg: float | None
     """Half angle of the cone that holds the axis at 95 %; None without one or for frames that were not fitted."""
 
@@ -62,7 +62,7 @@ def principal_axes(fit: Fit, experiment: Experiment) -> list[PrincipalAxis]:
 
 
 _ALONG = {"": "every direction", "_along": "axis", "_across": "across the axis"}
-"""What a principal value belongs to, by the ending of its name; of all others one of several axes."""
+"""Meaning of a principal value by the ending of its name; all others belong to one of several axes."""
 
 
 def _value(
@@ -98,7 +98,7 @@ def _cones(fit: Fit, experiment: Experiment) -> list[list[float]]:
 
 
 def axes_sentences(fit: Fit, experiment: Experiment) -> list[str]:
-    """The symmetry and the principal values in words, one sentence a matrix."""
+    """Report the symmetry and the principal values, one sentence per matrix."""
     spatial = fit.structure.base.spatial
     found = principal_axes(fit, experiment)
     if isinstance(spatial, PlaneContact):

@@ -39,7 +39,7 @@ _SPRINGS = 0.9
 _DEPTHS = 40
 """Depths at which the surface is looked for."""
 _STRONG = 0.25
-"""Share of the largest squared force from which on a force points into the surface."""
+"""Share of the largest squared force above which a force points into the surface."""
 _ROOM = 50.0
 """Of twice the log-likelihood, by which fewer parameters may predict unseen records better than all of them do."""
 
@@ -171,12 +171,12 @@ def _refit(
 
 
 def held(model: Candidate, experiment: Experiment) -> Candidate:
-    """The same model with its principal axes where they are, so that a search of effects leaves them there."""
+    """Fix the principal axes of a model for a search of effects."""
     return _exchanged(model, experiment, free=False)
 
 
 def freed(model: Candidate, experiment: Experiment) -> Candidate:
-    """The same model fitted together with its principal axes."""
+    """Fit a model together with its principal axes."""
     return _exchanged(model, experiment, free=True)
 
 
@@ -193,9 +193,9 @@ def _exchanged(model: Candidate, experiment: Experiment, free: bool) -> Candidat
 def at_plane(
     experiment: Experiment, axes: tuple[str, ...], forms: tuple[Form, ...], acting: Sequence[float]
 ) -> Candidate | None:
-    """The best base that meets the tissue at a plane, beside forms of effects.
+    """Fit the best base that meets the tissue at a plane, with forms of effects.
 
-    None where a spring that is met there leaves no less than one that is fastened, of any symmetry.
+    Return None if a spring that is met there fits no better than one that is fastened, of any symmetry.
     """
     training = experiment.training
     fastened = joint_fit.fit_at(Structure(symmetric_base(BASES["LE"], axes)), training, np.zeros(0))

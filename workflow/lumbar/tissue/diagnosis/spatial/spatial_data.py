@@ -60,7 +60,7 @@ class SpatialData(JointData):
 
     @cached_property
     def zeros(self) -> np.ndarray:
-        """What the zeros of the sensor's channels add, shape (axes × samples, axes)."""
+        """Columns of the zeros of the sensor's channels, shape (axes × samples, axes)."""
         return np.kron(np.eye(len(self.parts)), np.ones((len(self.parts[0].force), 1)))
 
     def own(self, signal: np.ndarray) -> np.ndarray:

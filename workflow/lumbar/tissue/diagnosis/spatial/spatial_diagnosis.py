@@ -27,9 +27,9 @@ from lumbar.tissue.models.form import Effect
 from lumbar.tissue.models.space import force_sensor_effects
 
 _PROMISING = 8
-"""Effects, those with the best screening, that are refitted where axes were chosen anew."""
+"""Number of effects, those with the best screening, that are refitted after axes were chosen again."""
 _ROUNDS = 3
-"""Times that base and axes are chosen anew beside the effects that were selected."""
+"""Largest number of times that base and axes are chosen again with the selected effects."""
 
 
 def prepare_axes(state: DiagnosisState) -> DiagnosisState:
@@ -134,7 +134,7 @@ SPATIAL_STEPS = (
 def refine(
     records: list[Record], effects: list[str], settings: DiagnosisSettings
 ) -> tuple[Experiment, list[Candidate]]:
-    """Add effects to the base that the records ask for beside them, as `lumbar.tissue.diagnosis.selection.refine`."""
+    """Add effects to the base that the records require with them; see `lumbar.tissue.diagnosis.selection.refine`."""
     experiment = prepare(records, settings)
     axes, kinds = records[0].axes, _kinds(settings)
     known, without = usable_in_space(settings.candidates, axes, experiment), {}
@@ -165,7 +165,7 @@ def in_space(catalogue: dict[str, Effect], axes: tuple[str, ...]) -> dict[str, E
 def usable_in_space(
     catalogue: dict[str, Effect], axes: tuple[str, ...], experiment: Experiment
 ) -> dict[str, Effect]:
-    """Those of `in_space` that the records have the channels for."""
+    """Return the effects of `in_space` with channels in the records."""
     training = experiment.training
     return usable_effects(in_space(catalogue, axes), training.motion.channels, training.scale)[0]
 
@@ -182,9 +182,9 @@ def _kinds(settings: DiagnosisSettings) -> tuple[str, ...]:
 def _better_base(
     model: Candidate, experiment: Experiment, axes: tuple[str, ...], kinds: tuple[str, ...]
 ) -> Candidate | None:
-    """The base, without the effects, that the records ask for beside a model's effects; None where the model has it.
+    """Return the base, without effects, that the records require with a model's effects; None if the model has it.
 
-    Another one, or the same with its axes elsewhere.
+    It is another one, or the same with other axes.
     """
     structure = model.fit.structure
     if not model.effects:
@@ -198,7 +198,7 @@ def _better_base(
 
 
 class SpatialSelection(Selection):
-    """A search with the principal axes where they are, which pairs of effects have fitted anew."""
+    """A search with fixed principal axes, which are fitted again with pairs of effects."""
 
     def polished(self, models: list[Candidate]) -> list[Candidate]:
         """Models with their axes where they fit best: of the best one, and of effects of the sensor, which turn them."""

@@ -26,9 +26,9 @@ from lumbar.tissue.models.space import matrices_of, symmetric_base
 from lumbar.tissue.models.structure import Structure
 
 _VAGUE = 0.2
-"""Half width of the 95 % interval of a stiffness, as a share of it, from which on the direction is told."""
+"""Half width of the 95 % interval of a stiffness, as a share of it, above which its direction is reported."""
 _SMALL, _SMALLISH = 0.05, 0.25
-"""Share of the largest spread of the position up to which a direction is told, and one whose stiffness is vague."""
+"""Largest spread of the position along a reported direction, and along one with a vague stiffness, relative to the largest."""
 SENSOR = ("turned_frame", "crosstalk")
 """Effects of the force sensor."""
 
@@ -39,7 +39,7 @@ _TOLD = {"turned_frame": "axes that are turned", "crosstalk": "crosstalk between
 
 
 def headline_in_space(result: DiagnosisResult) -> str:
-    """The result in one sentence: what the force sensor does is none of the tissue's."""
+    """Return the result in one sentence; effects of the force sensor are not the tissue's."""
     sensor = [_TOLD[name] for name in result.selected if name in SENSOR]
     if not sensor or result.status not in NAMED:
         return headline(result)
@@ -73,7 +73,7 @@ def _turned(known: list, axes: tuple[str, ...]) -> Finding:
     half = np.degrees([(item.high - item.low) / 2 for item in known])
     angle = float(np.linalg.norm(vector))
     spread = float(np.sqrt(np.sum((vector * half) ** 2)) / angle)
-    # As a study says it: from the sensor's axes to the position's, hence the other way round.
+    # In a study the rotation is from the sensor's axes to the position's, hence the opposite one.
     about = (
         range(3)
         if len(axes) == 3
@@ -93,7 +93,7 @@ def _turned(known: list, axes: tuple[str, ...]) -> Finding:
 
 
 def _crosstalk(known: list) -> Finding:
-    """Shares of other axes' forces that channels read, those that are surely not 0."""
+    """Report the shares of other axes' forces in the channels that are significantly not 0."""
     sure = [item for item in known if item.low > 0 or item.high < 0]
     shares = "; ".join(
         f"{item.name[len('share_of_') :].replace('_in_', ' in ')} {100 * item.value:.2g} % "
@@ -140,8 +140,8 @@ def _vague(experiment: Experiment, axes: tuple[str, ...]) -> list[Finding]:
 
 
 _BETTER, _MORE = 0.5, 0.03
-"""What another reading leaves of the force, in what is left as recorded, up to which it is the right one; and the share of the
-force's power that it must explain beside."""
+"""Largest error of another reading relative to that as recorded if it is right, and the smallest additional share of the
+force's power that it explains."""
 _AS_WELL = 0.1
 """Share of the force's power by which the right reading may leave more than any linear relation: a sensor that is turned."""
 

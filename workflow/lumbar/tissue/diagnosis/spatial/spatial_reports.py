@@ -1,4 +1,4 @@
-"""A model beside records of several axes: compared and located axis by axis, each by its own noise, and located in space."""
+"""Comparison of a model with records of several axes: axis by axis, each with its noise, and in space."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -21,7 +21,7 @@ from lumbar.tissue.models.structure import Structure
 
 @dataclass(frozen=True, eq=False)
 class SpatialReport:
-    """A record of several axes beside a model's free run, and what is seen of the error."""
+    """Comparison of a record of several axes with a model's free run."""
 
     record: Record
     values: np.ndarray
@@ -53,12 +53,12 @@ class SpatialReport:
 
     @property
     def is_noise(self) -> bool:
-        """Whether no view in space shows more than noise would, with allowance for their number."""
+        """Whether no view in space shows more than noise, corrected for the number of views."""
         return min(view.p_value for view in self.views.values()) * len(self.views) >= SIGNIFICANT
 
     @property
     def sentences(self) -> list[str]:
-        """What is seen in space."""
+        """Sentences of the views in space."""
         return [self.headline, *(view.sentence for view in self.views.values()), *self.remarks]
 
     @property
@@ -77,7 +77,7 @@ class SpatialReport:
 def spatial_reports(model: FittedModel, experiment: Experiment, seed: int) -> list[SpatialReport]:
     """Simulate a model in space on the records of an experiment, compare it, and see where it fails.
 
-    Work is told along the model's principal axes, where it has some; `seed` is that of the intervals.
+    Work is reported along the model's principal axes, if it has some; `seed` is that of the intervals.
 
     Raises
     ------
