@@ -14,6 +14,13 @@ from lumbar.publishing.reproduction.claim import Claim, Outcome, Results, Untest
 from lumbar.tissue.signals.surgeon_motion import bandwidth_readings, readings_in_words
 
 THESIS_MODELS = ("MW", "KB", "HO")
+_JUDGES: dict[str, Callable[[Results], Outcome]] = {}
+"""Functions of claims without parameters by the claim."""
+
+
+def _judges(claim: str) -> Callable:
+    """Register a function as the judge of a claim."""
+    return lambda function: _JUDGES.setdefault(claim, function)
 
 
 def _arx(results: Results) -> pd.DataFrame:
@@ -60,6 +67,7 @@ def _near(
     return Outcome(value, abs(value - thesis) <= tolerance)
 
 
+@_judges("highest_vaf")
 def _highest_of_all(results: Results) -> Outcome:
     arx = _arx(results)
     if arx.empty:
@@ -69,6 +77,7 @@ def _highest_of_all(results: Results) -> Outcome:
     return Outcome(text, best.model == "HO" and best.trained_on == "multisine")
 
 
+@_judges("ho_slightly_better")
 def _slightly_better(results: Results) -> Outcome:
     wide = _wide(results, "vaf_percent")
     gain = wide["HO"] - wide["KB"]
@@ -76,6 +85,7 @@ def _slightly_better(results: Results) -> Outcome:
     return Outcome(text, bool(((gain > 0) & (gain <= 5)).all()))
 
 
+@_judges("ho_structure")
 def _fourth_order(results: Results) -> Outcome:
     arx = _arx(results)
     found = arx[(arx.model == "HO") & (arx.trained_on == "multisine")]
@@ -86,6 +96,7 @@ def _fourth_order(results: Results) -> Outcome:
     return Outcome(text, text == "order 4, biproper", "" if pd.isna(row.remark) else row.remark)
 
 
+@_judges("multisine_best")
 def _multisine_best(results: Results) -> Outcome:
     wide = _wide(results, "vaf_percent")
     if "multisine" not in wide.index or len(wide) < 2:
@@ -93,6 +104,7 @@ def _multisine_best(results: Results) -> Outcome:
     return Outcome(_format_wide(wide), bool((wide.idxmax(axis=0) == "multisine").all()))
 
 
+@_judges("vaf_sorts_all")
 def _vaf_sorts_all(results: Results) -> Outcome:
     columns = {"vaf_percent": -1, "fit_percent": -1, "nmse_train": 1}
     residual = next((name for name in _arx(results).columns if name.startswith("mean_residual_")), None)
@@ -106,6 +118,7 @@ def _vaf_sorts_all(results: Results) -> Outcome:
     return Outcome("differs: " + ", ".join(differing) if differing else "same order in all", not differing)
 
 
+@_judges("mw_is_maxwell")
 def _maxwell(results: Results) -> Outcome:
     table = results["table_3_1"]
     text = "Eq. 3.3 has the static gain b0/(1 − a0); a spring and dashpot in series have none"
@@ -120,6 +133,7 @@ def _maxwell(results: Results) -> Outcome:
     return Outcome(shown, False, text)
 
 
+@_judges("models_stable")
 def _all_stable(results: Results) -> Outcome:
     table = results["table_3_1"]
     arx = table[(table.estimator == "arx") & table.model.isin(THESIS_MODELS)]
@@ -128,6 +142,7 @@ def _all_stable(results: Results) -> Outcome:
     return Outcome(text, unstable.empty)
 
 
+@_judges("il_opposite")
 def _inverted(results: Results) -> Outcome:
     gains = {
         model["name"]: sum(model["structure"]["numerator"]) / sum(model["structure"]["denominator"])
@@ -160,17 +175,9 @@ def identification_sentences() -> list[Claim]:
         "excitation_band": partial(
             _near, 5.0, 0.25, lambda results: float(max(results["multisine"]["frequency_Hz"]))
         ),
-        "highest_vaf": _highest_of_all,
         **{f"ho_{name}": partial(_ho_is_extreme, *column) for name, column in _HO_IS.items()},
-        "ho_slightly_better": _slightly_better,
-        "ho_structure": _fourth_order,
-        "multisine_best": _multisine_best,
-        "vaf_sorts_all": _vaf_sorts_all,
-        "mw_is_maxwell": _maxwell,
-        "models_stable": _all_stable,
-        "il_opposite": _inverted,
     }
-    return sentences("identification", judges)
+    return sentences("identification", _JUDGES | judges)
 
 
 def _share(group: str, results: Results) -> float | None:
@@ -179,6 +186,7 @@ def _share(group: str, results: Results) -> float | None:
     return None if found is None else round(found["percent"], 1)
 
 
+@_judges("kruskal_wallis")
 def _kruskal(results: Results) -> Outcome:
     test = results["survey"]["kruskal_wallis"]
     return Outcome(f"H {test['statistic']:.2f}, p {test['p_value']:.1e}", test["p_value"] < 0.05)
@@ -194,6 +202,7 @@ def _all_but_kb_ho(key: str, test: str, results: Results) -> Outcome:
     return Outcome(text, max(p_values.values()) < 0.05 <= exempt)
 
 
+@_judges("pairs_differ_paired")
 def _paired_agrees(results: Results) -> Outcome:
     found, dropped = (_all_but_kb_ho(key, "wilcoxon", results) for key in ("p_holm", "p_holm_without_zeros"))
     value = f"zero differences ranked: {found.value}; dropped: {dropped.value}"
@@ -210,6 +219,7 @@ def _best(which: str, model: str, results: Results) -> Outcome:
     return Outcome(", ".join(f"{name} {value:.1f} %" for name, value in picks.items()), chosen == model)
 
 
+@_judges("picks_separate")
 def _picks_separate(results: Results) -> Outcome:
     test = results["survey"]["equal_shares"]["without_baseline"]
     if test is None:
@@ -217,6 +227,7 @@ def _picks_separate(results: Results) -> Outcome:
     return Outcome(f"chi-square p {test['p_value']:.2f} among MW, KB, HO", test["p_value"] < 0.05)
 
 
+@_judges("highest_median_mode")
 def _highest_middle(results: Results) -> Outcome:
     table = results["table_3_2"].set_index("model")
     top = {"KB", "HO"}
@@ -228,6 +239,7 @@ def _highest_middle(results: Results) -> Outcome:
     )
 
 
+@_judges("mode_count")
 def _mode_count(results: Results) -> Outcome:
     counts = results["table_3_2"].set_index("model")["mode_count"]
     if not {"HO", "KB"} <= set(counts.index):
@@ -235,6 +247,7 @@ def _mode_count(results: Results) -> Outcome:
     return Outcome(f"HO {counts['HO']}, KB {counts['KB']}", bool(counts["HO"] > counts["KB"]))
 
 
+@_judges("closer_is_preferred")
 def _closer_is_preferred(results: Results) -> Outcome:
     table = results["table_3_1"]
     arx = table[(table.estimator == "arx") & (table.trained_on == "multisine")].set_index("model").vaf_percent
@@ -258,15 +271,9 @@ def survey_sentences() -> list[Claim]:
             f"participants.{group}": partial(_near, printed, 0.051, partial(_share, group))
             for group, printed in shares.items()
         },
-        "kruskal_wallis": _kruskal,
         "pairs_differ": partial(_all_but_kb_ho, "p_value", "mann_whitney"),
         "pairs_differ_holm": partial(_all_but_kb_ho, "p_holm", "mann_whitney"),
-        "pairs_differ_paired": _paired_agrees,
-        "highest_median_mode": _highest_middle,
-        "mode_count": _mode_count,
         "best_ho": partial(_best, "highest", "HO"),
         "best_il": partial(_best, "lowest", "IL"),
-        "picks_separate": _picks_separate,
-        "closer_is_preferred": _closer_is_preferred,
     }
-    return sentences("survey", judges)
+    return sentences("survey", _JUDGES | judges)
