@@ -115,7 +115,7 @@ def export_fmu(
     settings = settings.model_copy(
         update={"rate_Hz": rate_Hz or settings.rate_Hz, "targets": tuple(targets or settings.targets)}
     )
-    selected, read_from = chosen_models(model, settings, names, trained_on, effect_files)
+    selected, read_from = _select_models(model, settings, names, trained_on, effect_files)
     cache = cache_folder(settings.compiler_cache)
     resolve_targets(settings.targets)  # reports a wrong target before the models are judged
     exported = with_device(export_models(selected, settings), settings, selected)
@@ -124,33 +124,24 @@ def export_fmu(
     return written
 
 
-def chosen_models(
+def _select_models(
     model, settings: RuntimeSettings, names, trained_on: str | None, effect_files
 ) -> tuple[list[FittedModel], str]:
     """Return the given models, or those of a file, and the name of their source. Parameters: see `export_fmu`."""
     if not isinstance(model, str | os.PathLike):
         return [model] if isinstance(model, FittedModel) else list(model), UNKNOWN_SOURCE
     fitted, read_from = _read(Path(model), effect_files)
-    return find_models(fitted, _chosen(settings, fitted, names, trained_on)), read_from
-
-
-def _chosen(settings: RuntimeSettings, fitted: list[FittedModel], names, trained_on) -> RuntimeSettings:
-    """Return the settings, replaced by what is given or by the only choice in the file."""
-    records = {model.trained_on for model in fitted} - {None}
-    only = records.pop() if len(records) == 1 else None
-    # An error ladder has no discrete model; its last model is the default.
-    continuous = not any(model.discrete for model in fitted)
-    names = tuple(names or ([fitted[-1].name] if continuous else settings.models))
-    # A file of passive fits has a single estimator.
-    estimators = {model.estimator for model in fitted if model.discrete and model.trained_on}
-    estimator = estimators.pop() if len(estimators) == 1 else settings.estimator
-    return settings.model_copy(
-        update={
-            "trained_on": trained_on or only or settings.trained_on,
-            "models": names,
-            "estimator": estimator,
-        }
-    )
+    # A file may leave no choice: one training record, one estimator (passive fits), or an error ladder, which has no discrete
+    # model and ends with the default one.
+    records = {item.trained_on for item in fitted} - {None}
+    estimators = {item.estimator for item in fitted if item.discrete and item.trained_on}
+    is_ladder = not any(item.discrete for item in fitted)
+    choice = {
+        "trained_on": trained_on or (records.pop() if len(records) == 1 else settings.trained_on),
+        "models": tuple(names or ([fitted[-1].name] if is_ladder else settings.models)),
+        "estimator": estimators.pop() if len(estimators) == 1 else settings.estimator,
+    }
+    return find_models(fitted, settings.model_copy(update=choice)), read_from
 
 
 def render(
@@ -212,7 +203,7 @@ def render(
             )
     values = {key: value for key, value in given.items() if value is not None}
     settings = settings.model_copy(update={"device": settings.device.model_copy(update=values)})
-    fitted, read_from = chosen_models(model, settings, names, trained_on, effect_files)
+    fitted, read_from = _select_models(model, settings, names, trained_on, effect_files)
     found = rendering_of(fitted, settings, source_label or read_from)
     if not len(found):
         raise InputError("\n".join(found.refused))

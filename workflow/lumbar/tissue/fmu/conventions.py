@@ -12,7 +12,7 @@ RECORD = "resources/model.json"
 REFERENCE = ("resources/reference_input.csv", "resources/reference_output.csv")
 """Signals to try an importer with."""
 WITHOUT_EVENT_MODE = "resources/reference_output_without_event_mode.csv"
-"""What an importer without event mode reads of an FMI 3.0 FMU: what one of FMI 2.0 reads."""
+"""Output that an importer without event mode reads from an FMI 3.0 FMU, the same as one of FMI 2.0."""
 LAYERED_STANDARD = "org.fmi-standard.fmi-ls-ref"
 """FMI-LS-REF, which says what files of an FMU are for; its folder below ``extra/`` has this name."""
 MANIFEST = f"extra/{LAYERED_STANDARD}/fmi-ls-manifest.xml"
@@ -44,7 +44,7 @@ def element_names(name: str, axes: int) -> tuple[str, ...]:
 
 
 ELEMENT = 16
-"""What the value reference of an element is above that of the element before, as in ``sampled_force.h``."""
+"""Difference between the value references of two successive elements, as in ``sampled_force.h``."""
 
 
 def along_axes(way, axes: int) -> np.ndarray:

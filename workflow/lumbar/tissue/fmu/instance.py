@@ -27,7 +27,7 @@ class UnzippedFmu:
 
     @cached_property
     def version(self) -> int:
-        """Of FMI: 2 or 3."""
+        """Version of FMI: 2 or 3."""
         return int(self.description.fmiVersion[0])
 
     @cached_property
@@ -63,7 +63,7 @@ class UnzippedFmu:
 
     @cached_property
     def axes(self) -> int:
-        """How many axes there are in space; 0 of one axis."""
+        """Number of axes in space; 0 along one axis."""
         count = len(self.parts(self.ports[0]))
         return count if count > 1 else 0
 

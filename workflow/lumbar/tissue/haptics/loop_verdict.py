@@ -48,7 +48,7 @@ MAX_STATES_IN_HANDS = 100
 
 
 class LoopStatus(StrEnum):
-    """What is known of a loop."""
+    """Status of a loop."""
 
     PASSIVE = "passive"
     """Device and model give out no energy, in any passive hand."""
@@ -158,7 +158,7 @@ class LoopVerdict:
     fitted: FittedModel | None = None
     """The model that was exported."""
     lowest_passive_rate: float | None = None
-    """Rate in Hz from which the loop is passive; None if there is no such rate, or if it was not searched."""
+    """Rate in Hz from which the loop is passive; None if no rate is, or if it was not searched."""
     lowest_stable_rate: float | None = None
     """Rate in Hz from which the loop is stable; None like `lowest_passive_rate`."""
 

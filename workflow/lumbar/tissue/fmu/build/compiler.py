@@ -68,7 +68,7 @@ def host_target() -> str:
     Raises
     ------
     InputError
-        There is no target for it.
+        This machine has no target.
     """
     processor = {"amd64": "x86_64", "arm64": "aarch64"}.get(machine().lower(), machine().lower())
     name = f"{processor}-{system().lower()}"
@@ -86,7 +86,7 @@ def resolve_targets(names: Sequence[str]) -> list[str]:
     Raises
     ------
     InputError
-        A target is not known, or there is none.
+        A target is not known, or no target is given.
     """
     unknown = [name for name in names if name not in (*TARGETS, HOST)]
     if unknown or not names:

@@ -29,7 +29,7 @@ _MOTION = {
 }
 """Members of ``motion`` in ``effect_forms.h`` and their types."""
 _ALONG = ("position", "step", "velocity", "acceleration")
-"""Those that have a component along every axis in space, called ``position_x`` …."""
+"""Members with a component along every axis in space, called ``position_x`` …."""
 _GIVEN = {
     *_MOTION,
     *(f"{name}_{axis}" for name in _ALONG for axis in AXES),
@@ -247,7 +247,7 @@ class EffectModel:
 
     @property
     def structure(self) -> Structure:
-        """The same model as the catalogue simulates it."""
+        """The model as the catalogue simulates it."""
         return Structure(self.base, tuple(form for form, _, _ in self.forms))
 
     @property

@@ -47,7 +47,7 @@ class ExportModel:
     moving_average: int
     """Samples of the input's moving average, the newest included; 1 is off."""
     runtime: str = ""
-    """How it is run if the settings do not say so, for description and documentation."""
+    """Text on how it is run if this differs from the settings, for description and documentation."""
     on_device: tuple[str, ...] = ()
     """Verdicts on the device of the study, for the documentation; empty without them."""
 

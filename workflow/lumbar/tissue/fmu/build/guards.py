@@ -6,19 +6,19 @@ from dataclasses import dataclass
 import numpy as np
 
 LARGEST = 1e3
-"""Of device damping in N·s/m and energy reserve in J, as in ``sampled_force.c``."""
+"""Upper limit of device damping in N·s/m and energy reserve in J, as in ``sampled_force.c``."""
 
 
 @dataclass(frozen=True)
 class Guards:
-    """What is done to the force before the device receives it."""
+    """Guards of the force that the device receives."""
 
     contact: bool = False
     """The tissue cannot pull, and ends at the input's offset: below it, the model is at rest."""
     rate_limit: float = 0.0
-    """Largest change of the force in a second, in its unit; 0 is none."""
+    """Largest change of the force in a second, in its unit; 0 does not limit it."""
     device_damping: float = 0.0
-    """What the device surely has, in N·s/m (rotations: N·m·s/rad): with it the force is bounded such that device and FMU
+    """Least damping of the device in N·s/m (rotations: N·m·s/rad): with it the force is bounded such that device and FMU
     never give out more energy than they took in. 0 leaves the force unbounded."""
     energy_reserve: float = 0.0
     """Most energy that counts as taken in, in J."""
@@ -86,7 +86,7 @@ def _dot(one: list[float], other: list[float]) -> float:
 
 
 def _near(wanted: list[float], centre: list[float], most: float) -> list[float]:
-    """What is wanted, or in its direction the farthest that is allowed."""
+    """Return the wanted force, or the farthest allowed one in its direction."""
     if len(wanted) == 1:
         low, high = (centre[0] - most, centre[0] + most) if centre[0] else (-most, most)
         return [low if wanted[0] < low else high if wanted[0] > high else wanted[0]]

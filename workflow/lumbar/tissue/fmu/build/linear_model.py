@@ -190,7 +190,7 @@ def at_rate(model: LinearModel, sampling_time: float, wanted: float) -> LinearMo
     Raises
     ------
     NumericalError
-        The wanted rate is slower; or there is no continuous model and the new rate is no multiple of the old one.
+        The wanted rate is slower; or no continuous model exists and the new rate is not a multiple of the old one.
     """
     if (model.states == 0 and model.feedthrough) or wanted == sampling_time:
         return model
@@ -264,7 +264,7 @@ def _discretised(continuous: tuple, sampling_time: float, late: float, name: str
         numerator, denominator = numerator[:-1], denominator[:-1]
     values = (tuple(map(float, numerator)), tuple(map(float, denominator)))
     if not all(map(math.isfinite, (*values[0], *values[1]))):
-        raise NumericalError(f"{name}: it cannot be discretised anew at {sampling_time:g} s")
+        raise NumericalError(f"{name}: it cannot be discretised again at {sampling_time:g} s")
     return values
 
 

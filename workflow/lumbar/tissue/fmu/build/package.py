@@ -284,7 +284,7 @@ def export_fmus(
 ) -> list[Path]:
     """Compile each model once, write its FMUs, ``<name>_fmi2.fmu`` and ``<name>_fmi3.fmu``, and return their paths.
 
-    Targets are as of `compile_model`, errors as of it and of `write_fmu`.
+    For targets see `compile_model`, for errors also `write_fmu`.
     """
     written = []
     warm_cache(targets, cache)

@@ -12,9 +12,9 @@ from lumbar.tissue.fmu.c import c_source
 
 AUTHOR = "The lumbar developers"
 C_FILES = ("sampled_force.c", "fmi2.c", "fmi3.c", "fmi3_unused.c")
-"""What is compiled; ``sampled_force.c`` includes the model itself."""
+"""Compiled files; ``sampled_force.c`` includes the model."""
 SIZES, NUMBERS = "model_size.h", "model_data.h"
-"""What is written for each model."""
+"""Files that are written for each model."""
 _HEADERS = ("model.h", "sampled_force.h")
 _FMI_HEADERS = (
     *("fmi2Functions.h", "fmi2FunctionTypes.h", "fmi2TypesPlatform.h"),
@@ -25,7 +25,7 @@ _FMI_HEADERS = (
 _OF_AXES = re.compile(
     r"#if MODEL_AXES > 1\n(.*?)#else /\* one axis \*/\n(.*?)#endif /\* MODEL_AXES \*/\n", re.DOTALL
 )
-"""What is written twice in the C files: for several axes, and for one."""
+"""Parts of the C files that exist twice: for several axes, and for one."""
 
 
 @cache
@@ -68,7 +68,7 @@ def model_version(model: ExportModel) -> str:
 
 
 def _model_size(model: ExportModel) -> str:
-    """What loops and memory depend on, exactly: they are what a step costs. C has no arrays of length 0."""
+    """Return the sizes of loops and memory, which decide the cost of a step. C has no arrays of length 0."""
     sizes = {
         "MODEL_STATES": max(1, model.dynamics.states),
         "MODEL_PHASES": model.dynamics.phases,
