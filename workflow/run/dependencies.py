@@ -35,15 +35,26 @@ def _import_statements(source: str) -> Iterator[ast.Import | ast.ImportFrom]:
 
 
 @cache
+def _modules_of_functions() -> dict[str, str]:
+    """Return the module of each function of ``import lumbar``, which imports it when it is first used."""
+    stub = (WORKFLOW / PACKAGE / "__init__.pyi").read_text(encoding="utf-8")
+    statements = (node for node in _import_statements(stub) if isinstance(node, ast.ImportFrom))
+    return {alias.name: str(node.module) for node in statements for alias in node.names}
+
+
+@cache
 def _imported(path: Path) -> frozenset[Path]:
-    """Library files that one source file imports, at any depth of its functions, with their packages."""
-    names = set()
-    for node in _import_statements(path.read_text(encoding="utf-8")):
+    """Return the library files that one source file imports, at any depth of its functions, with their packages."""
+    names, source = set(), path.read_text(encoding="utf-8")
+    for node in _import_statements(source):
         if isinstance(node, ast.Import):
             names.update(alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
             names.add(node.module)
             names.update(f"{node.module}.{alias.name}" for alias in node.names)
+    if PACKAGE in names and path.parent.name != PACKAGE:
+        used = set(re.findall(rf"\b{PACKAGE}\.(\w+)", source))
+        names.update(module for name, module in _modules_of_functions().items() if name in used)
     files = set()
     for name in names:
         parts = name.split(".")
