@@ -1,5 +1,6 @@
 """Tables of position and force without a clock: a mode of their own, in which laws of position alone are looked for."""
 
+import json
 import re
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 
 import lumbar
 from lumbar.base.errors import InputError
+from lumbar.cli import main
 from lumbar.tissue.diagnosis.selection.sentences import CONDITIONAL
 from lumbar.tissue.diagnosis.selection.thresholds import LEVEL
 
@@ -128,3 +130,14 @@ def test_tables_with_and_without_a_clock_are_not_mixed(tmp_path):
     write(tmp_path / "b.csv", time=[f"{0.1 * number:.1f}" for number in range(25)])
     with pytest.raises(InputError, match="b: has a clock"):
         diagnose(tmp_path)
+
+
+def test_explain_prints_every_step_and_the_deciding_one(tmp_path, capsys):
+    write(tmp_path / "a.csv")
+    assert main(["diagnose", str(tmp_path), "--output", str(tmp_path / "out"), "--explain"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    steps = json.loads((tmp_path / "out/diagnosis.json").read_text())["steps"]
+    assert [item["step"] for item in steps][:3] == ["prepare points", "choose the base", "select effects"]
+    for item in steps:
+        assert any(line.startswith(f"{item['step']}: {item['reason']}") for line in lines)
+    assert [line.split(":")[0] for line in lines if line.endswith("[decided: named]")] == ["find ties"]
