@@ -183,11 +183,11 @@ def test_cross_correlation_is_the_sum_it_says():
     test = noisy_record(6, 0.3, 2)
     residual = locate(test, relaxing_force(test["input"]), noise_floor(test)).residual
     signal = residual.position - residual.position.mean()
-    lags, correlation, limit, _ = cross_correlation(residual, signal)
+    found = cross_correlation(residual, signal)
     scale = np.sqrt(np.sum(residual.values**2) * np.sum(signal**2))
-    direct = [np.sum(residual.values * np.roll(signal, lag)) / scale for lag in lags]
-    assert correlation == pytest.approx(direct, abs=1e-12)
-    assert limit == pytest.approx(1.96 / np.sqrt(len(signal)), rel=0.1)
+    direct = [np.sum(residual.values * np.roll(signal, lag)) / scale for lag in found.lags]
+    assert found.values == pytest.approx(direct, abs=1e-12)
+    assert found.limit == pytest.approx(1.96 / np.sqrt(len(signal)), rel=0.1)
 
 
 def test_reversals_of_a_noisy_triangle():

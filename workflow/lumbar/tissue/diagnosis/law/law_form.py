@@ -127,8 +127,12 @@ def _of(expression: Expression, known: Mapping[str, Dimension]) -> Dimension | N
             return (_of(left, known) or ONE) * (_of(right, known) or ONE)
         case Operation("/", (above, below)):
             return (_of(above, known) or ONE) / (_of(below, known) or ONE)
-        case Operation("**", (base, exponent)):
-            return _of_power(expression, _of(base, known), exponent, known)
+        case Operation("**", (base, Number(exponent))):
+            return (_of(base, known) or ONE) ** exponent
+        case Operation("**", operands):
+            if any((_of(operand, known) or ONE) != ONE for operand in operands):
+                raise InputError(f"{to_text(expression)}: base and exponent must be numbers without a unit")
+            return ONE
         case Operation("neg" | "abs", (operand,)):
             return _of(operand, known)
         case Operation("sign", _):
@@ -147,14 +151,6 @@ def _of(expression: Expression, known: Mapping[str, Dimension]) -> Dimension | N
         case Operation(name, operands) if name not in COMPARISONS:
             return _alike(expression, operands, known)
     raise InputError(f"{to_text(expression)} has no dimension")
-
-
-def _of_power(power: Expression, base: Dimension | None, exponent: Expression, known) -> Dimension:
-    if isinstance(exponent, Number):
-        return (base or ONE) ** exponent.value
-    if (base or ONE) != ONE or (_of(exponent, known) or ONE) != ONE:
-        raise InputError(f"{to_text(power)}: base and exponent must be numbers without a unit")
-    return ONE
 
 
 def _alike(whole: Expression, operands, known: Mapping[str, Dimension]) -> Dimension | None:

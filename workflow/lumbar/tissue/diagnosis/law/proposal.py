@@ -190,7 +190,11 @@ def search_law(nothing: Proposal, terms: Sequence[Term]) -> Proposal:
     tried, passed = [], []
     for start in [base] if before.effects == base.effects else [base, before]:
         for law in reversed(search.laws(refit(start.fit.structure, start.fit.nonlinear, search.experiment))):
-            law = _fitted_to_all(law, start, experiment)
+            # Refit to the whole training record, with the signs of the amplitudes, and judge on all records.
+            signs = tuple(int(np.sign(value)) for value in law.fit.linear[len(start.fit.linear) :]) or None
+            structure = start.fit.structure.with_form(form_of(law.terms, NAME, signs, law.shared))
+            fitted = fit(structure, experiment.training, law.fit.nonlinear)
+            law = Law(start, law.terms, evaluate(fitted, experiment), law.shared)
             failure = test.failure(law)
             tried.append((law, failure))
             if not failure:
@@ -206,14 +210,6 @@ def search_law(nothing: Proposal, terms: Sequence[Term]) -> Proposal:
     outside = extrapolation(law.fit, experiment)
     share, certainty = test.share_removed(law.fit), test.certainty(law)
     return Proposal(experiment, base, before, law, tried, share, certainty, outside)
-
-
-def _fitted_to_all(law: Law, start: Candidate, experiment: Experiment) -> Law:
-    """Refit the law to the whole training record, with the signs of its amplitudes, and judge it on all records."""
-    signs = tuple(int(np.sign(value)) for value in law.fit.linear[len(start.fit.linear) :]) or None
-    structure = start.fit.structure.with_form(form_of(law.terms, NAME, signs, law.shared))
-    fitted = fit(structure, experiment.training, law.fit.nonlinear)
-    return Law(start, law.terms, evaluate(fitted, experiment), law.shared)
 
 
 @dataclass(frozen=True, eq=False)

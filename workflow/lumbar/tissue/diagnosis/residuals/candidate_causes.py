@@ -86,9 +86,12 @@ def causes_view(residual: Residual) -> View:
             known = np.column_stack([linear, *(functions[other] for other in others)])
             basis = _orthonormal(known)
             signal = signal - basis @ (basis.T @ signal)
-        lags, correlation, limit, p_values[name] = cross_correlation(residual, signal)
-        step = residual.sampling_time
-        columns += [(name, lag * step, value, limit) for lag, value in zip(lags, correlation, strict=True)]
+        found = cross_correlation(residual, signal)
+        p_values[name] = found.p_value
+        columns += [
+            (name, lag * residual.sampling_time, value, found.limit)
+            for lag, value in zip(found.lags, found.values, strict=True)
+        ]
     names = ("function", "lag", "correlation", "limit")
     table = {key: np.array(column) for key, column in zip(names, zip(*columns, strict=True), strict=True)}
     p_value = _bonferroni(p_values, p_values)
@@ -171,27 +174,39 @@ def _functions(residual: Residual) -> dict[str, np.ndarray]:
     }
 
 
-def cross_correlation(residual: Residual, signal: np.ndarray) -> tuple[np.ndarray, np.ndarray, float, float]:
-    """Correlation of the residual with the past of a signal.
+@dataclass(frozen=True, eq=False)
+class CrossCorrelation:
+    """Correlation of a residual with the past of a signal."""
+
+    lags: np.ndarray
+    """Shape (lags,): samples."""
+    values: np.ndarray
+    """Shape (lags,): coefficients from −1 to 1."""
+    limit: float
+    """95 % limit of each coefficient under noise alone."""
+    p_value: float
+    """Probability that noise alone gives coefficients as large, of all lags together."""
+
+
+def cross_correlation(residual: Residual, signal: np.ndarray) -> CrossCorrelation:
+    """Correlate the residual with the past of a signal.
 
     Lags run circularly: under the null hypothesis the wrapped signal is as unrelated as the signal.
-
-    Returned are lags in samples, coefficients from −1 to 1, the 95 % limit of each under noise alone, and the p-value
-    of all lags together.
     """
     size = len(signal)
     longest = int(min(np.sqrt(size), size // 10))
     lags = np.unique(np.linspace(0, longest, min(_LAGS, longest + 1)).astype(int))
+    scale = np.sqrt(np.sum(residual.values**2) * np.sum(signal**2))
+    if scale == 0:
+        return CrossCorrelation(lags, np.zeros(len(lags)), 0.0, 1.0)
     transform = np.fft.rfft(signal)
     covariance = np.fft.irfft(np.fft.rfft(residual.values) * transform.conj(), size)[lags]
+    # Covariance of these sums under noise alone, by the spectra of noise and signal.
     power = residual.noise_power(np.fft.rfftfreq(size, residual.sampling_time))
     of_noise = np.fft.irfft(power * np.abs(transform) ** 2, size)
     together = of_noise[np.abs(lags[:, None] - lags[None, :])]
-    scale = np.sqrt(np.sum(residual.values**2) * np.sum(signal**2))
-    if scale == 0:
-        return lags, np.zeros(len(lags)), 0.0, 1.0
     limit = float(_NORMAL_975 * np.sqrt(of_noise[0]) / scale)
-    return lags, covariance / scale, limit, chi_square_p(covariance, together, 1e-3)
+    return CrossCorrelation(lags, covariance / scale, limit, chi_square_p(covariance, together, 1e-3))
 
 
 def _correlation_sentence(table: dict[str, np.ndarray], p_values: Mapping[str, float], p_value: float) -> str:
@@ -265,6 +280,10 @@ def rank_causes(residuals: Sequence[Residual]) -> list[Cause]:
         return max(_mean_square_left(values, columns, groups) - noise, 0.0) / explainable
 
     rest, left_by = left(), {name: left(groups=groups) for name, groups in _groups(residuals).items()}
+    # Of records that repeat, time has what does not repeat with the input; of others, what windows of time explain.
+    by_time, repeating = rest - left_by["time"], [item for item in residuals if item.folding is not None]
+    if (total := sum(item.explainable for item in repeating)) > 0:
+        by_time = sum(time_view(item).share * item.explainable for item in repeating) / total
     # The last columns are the records' constants: an offset is not linear dynamics.
     centred = left(linear[:, -len(residuals) :])
     shares = {
@@ -273,7 +292,7 @@ def rank_causes(residuals: Sequence[Residual]) -> list[Cause]:
         "depth": rest - left_by["depth"],
         "position and velocity": left_by["depth"] - left_by["position and velocity"],
         "reversals": rest - left_by["reversals"],
-        "time": _time_share(residuals, rest - left_by["time"]),
+        "time": by_time,
     }
     causes = [
         Cause(name, share, share if name in _OUTSIDE_REST else share / max(rest, share))
@@ -336,15 +355,6 @@ def _mean_square_left(values: np.ndarray, linear: np.ndarray, groups: np.ndarray
     kept = eigenvalues > _SMALLEST * eigenvalues[-1]
     found = (vectors[:, kept].T @ (sums / size)) ** 2 / eigenvalues[kept]
     return float(values @ values - found.sum()) / (len(values) - int(kept.sum()))
-
-
-def _time_share(residuals: Sequence[Residual], of_windows: float) -> float:
-    """Share that does not repeat with the input, of records that do; of others what windows of time take."""
-    repeating = [item for item in residuals if item.folding is not None]
-    total = sum(item.explainable for item in repeating)
-    if total <= 0:
-        return of_windows
-    return sum(time_view(item).share * item.explainable for item in repeating) / total
 
 
 def causes_sentence(causes: Sequence[Cause], where: str, error: str) -> str:
