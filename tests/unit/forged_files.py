@@ -140,8 +140,11 @@ def _merged(depth: int) -> bytes:
 
 def _models(order: int) -> bytes:
     ports = Port("position", "mm"), Port("force", "N")
-    model = FittedModel("KB", TransferFunction((1.0,) * order, (1.0,)), 0.01, *ports, "KB")
-    return json.dumps(models_document([model], "forged")).encode()
+    model = FittedModel("KB", TransferFunction((0.5,), (1.0,)), 0.01, *ports, "KB")
+    document = json.dumps(models_document([model], "forged"))
+    forged = document.replace("[0.5]", str([1.0] * order))
+    assert forged != document
+    return forged.encode()
 
 
 def row(number: int, columns: str, *values: object) -> str:
