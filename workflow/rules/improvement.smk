@@ -6,7 +6,16 @@ RECORD_SET_CHAPTERS = ("tissue", "improvement")
 DIAGNOSED = {
     "improvement": {"train", "forward", "session", "effect_files", "most_effects", "propose_law"},
     # The thesis's models are compared too.
-    "tissue": {"layout", "rate_Hz", "settling_s", "force_frame", "search", "ridge", "bootstrap", "inverted_linear"},
+    "tissue": {
+        "layout",
+        "rate_Hz",
+        "settling_s",
+        "force_frame",
+        "search",
+        "ridge",
+        "bootstrap",
+        "inverted_linear",
+    },
     "signals": {"machine"},
     "stability": {"pendulum": {"gravity_m_s2"}},
     "seed": True,

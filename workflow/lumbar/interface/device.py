@@ -276,7 +276,7 @@ class Rendering(Result):
             and not after.run.oscillates
         ]
 
-        def fit(pair: tuple[LoopVerdict, LoopVerdict]) -> float:
+        def fit(pair: Sequence[LoopVerdict]) -> float:
             fitted = pair[0].fitted
             return (fitted and fitted.scores.vaf_percent) or 0.0
 

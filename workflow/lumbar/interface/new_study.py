@@ -11,6 +11,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from pydantic import TypeAdapter
+
 from lumbar.base.errors import InputError, LumbarError
 from lumbar.base.files import as_name, write_text
 from lumbar.base.templates import template
@@ -34,10 +36,9 @@ _BOX = re.compile(r"box|bo[iî]te|crate|kiste|caisse|load", re.IGNORECASE)
 _TABLE = shipped_yaml(Path(__file__).with_name("marker_set.yaml"))
 
 
+_ALIAS: TypeAdapter[Alias] = TypeAdapter(Alias)
 RULES: dict[str, list[tuple[Alias, str]]] = {
-    name: [
-        (MarkerLayout(aliases={name: rule["is"]}).aliases[name], rule.get("because", "")) for rule in rules
-    ]
+    name: [(_ALIAS.validate_python(rule["is"]), rule.get("because", "")) for rule in rules]
     for name, rules in _TABLE["rules"].items()
 }
 """Rules that fill a landmark, with the reason if a rule is a guess."""
@@ -125,7 +126,7 @@ def _rank(name: str, term: Alias) -> tuple[int, int]:
     return (1, usual.index(term)) if term in usual else (2, 0)
 
 
-def alias_text(term: Alias) -> str:
+def alias_text(term: Alias | tuple[Alias, ...]) -> str:
     """Return an alias in YAML on one line.
 
     Examples

@@ -278,6 +278,7 @@ def _on_records(records, model, train, settings, source_label: str, shows: str) 
         raise InputError(f"model is {given}: give one model, e.g. identification['KB'] or diagnosis.model")
     if train is None and model.trained_on in [record.name for record in records]:
         train = model.trained_on
+    reports: Sequence[ResidualReport | SpatialReport]
     if any(record.axes for record in records):
         from lumbar.tissue.diagnosis.spatial.spatial_data import prepare as prepare_in_space
         from lumbar.tissue.diagnosis.spatial.spatial_reports import spatial_reports
@@ -329,8 +330,12 @@ class OnRecords(Result):
             return location_table(self.reports, self.source_label)
         return comparison_table([item.comparison for item in self.simulated], self.source_label)
 
-    def figure(self, name: str) -> Figure:
-        """Return the picture of one record: its output with the simulated one, or its error."""
+    def figure(self, name: str = "") -> Figure:
+        """Return the picture of one record: its output with the simulated one, or its error.
+
+        The name of a single record may be left out.
+        """
+        name = name or (self.reports[0].record.name if len(self.reports) == 1 else name)
         report = self[name]
         if report.record.axes:
             from lumbar.publishing.figures.location_figures import comparison_in_space, location_in_space

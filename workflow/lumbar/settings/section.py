@@ -118,9 +118,12 @@ def _docstrings(module: str) -> dict[str, dict[str, str]]:
     """
     return {
         item.name: {
-            field.target.id: " ".join(text.value.value.split())
+            field.target.id: " ".join(str(text.value.value).split())
             for field, text in pairwise(item.body)
-            if isinstance(field, ast.AnnAssign) and isinstance(text, ast.Expr)
+            if isinstance(field, ast.AnnAssign)
+            and isinstance(field.target, ast.Name)
+            and isinstance(text, ast.Expr)
+            and isinstance(text.value, ast.Constant)
         }
         for item in ast.parse(inspect.getsource(sys.modules[module])).body
         if isinstance(item, ast.ClassDef)

@@ -91,7 +91,8 @@ class Key:
         if "properties" in schema:
             return "{" + ", ".join(schema["properties"]) + "}"
         if schema["type"] in ("array", "object"):
-            entry = self.at(0).allowed
+            inner = self.at(0)
+            entry = inner.allowed if inner else "any value"
             if schema["type"] == "object":
                 return f"names, each with {entry}"
             if "prefixItems" in schema:
@@ -131,8 +132,9 @@ def overlay(base: dict, upper: dict) -> dict:
     merged = dict(base)
     for key, value in upper.items():
         below = merged.get(key)
-        both = isinstance(below, dict) and isinstance(value, dict)
-        merged[key] = overlay(below, value) if both else value
+        if isinstance(below, dict) and isinstance(value, dict):
+            value = overlay(below, value)
+        merged[key] = value
     return merged
 
 
@@ -203,9 +205,8 @@ def validate(content: dict, kind: type[Kind], origins: Origins) -> Kind | None:
         Collects every wrong key and value, with file, line, value and what is allowed.
     """
     unfilled = _unfilled(content)
-    whole = Key.of(kind) if unfilled else None
     for path in unfilled:
-        key = whole.at(*path)
+        key = Key.of(kind).at(*path)
         origins.add(path, f"{FILL_IN}: still to be filled in", key.rule if key else "")
     merged = overlay(_without_other_axes(defaults_of(kind), content), content)
     checked = check_types(merged, kind, origins, unfilled)
@@ -218,9 +219,11 @@ def check_types(content: Any, kind: type[Data], origins: Origins, known: Sequenc
     `known` are paths to values that are not reported again.
     """
     try:
-        return adapter_of(kind).validate_json(json.dumps(content, default=_as_plain), strict=True)
+        adapter: TypeAdapter[Data] = adapter_of(kind)  # type: ignore[arg-type]
+        return adapter.validate_json(json.dumps(content, default=_as_plain), strict=True)
     except ValidationError as error:
-        whole, faults = Key.of(kind), {}
+        whole = Key.of(kind)
+        faults: dict[tuple, Any] = {}
         for item in error.errors(include_url=False):
             fault = _explain(whole, content, item)
             faults.setdefault(fault.path, fault)
