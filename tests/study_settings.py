@@ -5,9 +5,9 @@ from typing import Any, TypeVar
 
 from lumbar.base.errors import Problems
 from lumbar.base.yaml_file import read_yaml
+from lumbar.settings.lifting import SubjectSettings
 from lumbar.settings.section import Section
 from lumbar.settings.study_settings import StudySettings
-from lumbar.settings.subject import SubjectSettings
 from lumbar.settings.validation import Origins, overlay, validate
 from lumbar.study.subject_file import read_subject
 from running import PROJECT

@@ -12,9 +12,9 @@ from typing import Any
 
 import lumbar.study
 from lumbar.base.files import write_text
+from lumbar.settings.lifting import SubjectSettings
 from lumbar.settings.section import Section
 from lumbar.settings.study_settings import StudySettings
-from lumbar.settings.subject import SubjectSettings
 from lumbar.settings.validation import Key, defaults_of
 
 DOCS = Path(__file__).resolve().parents[1]

@@ -9,9 +9,8 @@ from lumbar.lifting.movement.lift_analysis import analyse_lift
 from lumbar.lifting.stability.model.eqs_4_1_to_4_4_closed_loop import Pendulums, Weights, gather
 from lumbar.lifting.stability.model.pendulum_trajectories import Trajectory
 from lumbar.records.markers import MarkerRecording
-from lumbar.settings.lifting import LiftingSettings
+from lumbar.settings.lifting import LiftingSettings, TrialSettings
 from lumbar.settings.stability import RegulatorSettings
-from lumbar.settings.subject import TrialSettings
 from lumbar.twin.lifting_recordings import true_movement
 from study_settings import study_settings
 

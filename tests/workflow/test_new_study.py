@@ -11,7 +11,7 @@ from lumbar.base.errors import InputError
 from lumbar.interface.new_study import marker_set, new_study
 from lumbar.records.markers import read_markers
 from lumbar.settings.layout import MarkerLayout
-from lumbar.settings.subject import SubjectSettings
+from lumbar.settings.lifting import SubjectSettings
 from lumbar.study.load_study import load_settings
 from running import copy_project, snakemake
 

@@ -9,7 +9,7 @@ from test_new_study import fill_in
 import lumbar
 from lumbar.interface.new_study import new_study
 from lumbar.records.markers import read_markers
-from lumbar.settings.subject import SubjectSettings
+from lumbar.settings.lifting import SubjectSettings
 from lumbar.study.load_study import load_settings
 
 # By joint: the one before it, where it lies from there (left, up and forward, cm), how far it turns (degrees) where the person

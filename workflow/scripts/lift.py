@@ -2,8 +2,7 @@
 
 from job import run
 
-from lumbar.settings.lifting import LiftingSettings
-from lumbar.settings.subject import SubjectSettings, TrialSettings
+from lumbar.settings.lifting import LiftingSettings, SubjectSettings, TrialSettings
 
 
 def main(

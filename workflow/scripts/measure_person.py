@@ -2,9 +2,8 @@
 
 from job import run
 
-from lumbar.settings.lifting import LiftingSettings
+from lumbar.settings.lifting import LiftingSettings, SubjectSettings, TrialSettings
 from lumbar.settings.stability import StabilitySettings
-from lumbar.settings.subject import SubjectSettings, TrialSettings
 
 
 def main(

@@ -1,6 +1,6 @@
 """Commands that bring models to a haptic device: ``lumbar render`` and ``export``."""
 
-from lumbar.cli.options import given_settings
+from lumbar.cli.command import given_settings
 
 
 def run_export(options) -> None:

@@ -13,7 +13,7 @@ from tempfile import TemporaryDirectory
 
 import lumbar
 from lumbar.base.errors import InputError
-from lumbar.cli.options import given_settings
+from lumbar.cli.command import given_settings
 from lumbar.cli.tissue import fit_arguments, fit_settings
 from lumbar.interface.lift_page import saved_lifts
 from lumbar.interface.reading import read_listed

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from lumbar.base.errors import NumericalError
 from lumbar.base.files import read_json
-from lumbar.cli.options import given_settings
+from lumbar.cli.command import given_settings
 
 if TYPE_CHECKING:
     pass

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import lumbar
 from lumbar.base.errors import InputError, Problems
-from lumbar.cli.options import given_settings
+from lumbar.cli.command import given_settings
 from lumbar.interface.reading import is_column_file, is_marker_file
 from lumbar.settings.study_settings import StudySettings
 

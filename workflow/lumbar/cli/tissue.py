@@ -6,7 +6,7 @@ from typing import Any
 
 import lumbar
 from lumbar.base.errors import InputError
-from lumbar.cli.options import given_settings
+from lumbar.cli.command import given_settings
 from lumbar.settings.study_settings import StudySettings, record_layout
 
 

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 
 from lumbar.base.errors import InputError
 from lumbar.base.files import write_json, write_text
-from lumbar.interface.refinement import Refinement, fit_effects
 from lumbar.publishing.explorer.shown import candidates_of, model_key
 from lumbar.records.record import Record, require_one_axis
 from lumbar.settings.study_settings import StudySettings
@@ -34,6 +33,7 @@ from lumbar.tissue.models.fitted_model import FittedModel
 from lumbar.tissue.models.form import Effect
 
 if TYPE_CHECKING:
+    from lumbar.interface.refinement import Refinement
     from lumbar.publishing.explorer.explorer_page import ExplorerPage
     from lumbar.tissue.diagnosis.law.proposal import Proposal
     from lumbar.tissue.diagnosis.spatial.spatial_reports import SpatialReport
@@ -124,6 +124,8 @@ class Diagnosis:
 
     def refit(self, effects: Iterable[str]) -> Refinement:
         """Fit the base with these effects and no others; arguments and errors of `lumbar.refine`."""
+        from lumbar.interface.refinement import fit_effects
+
         return fit_effects(self.records, list(effects), self.settings, self.study.seed, self.source_label)
 
     def with_effects(self, effects: Iterable[str]) -> Refinement:
@@ -132,6 +134,8 @@ class Diagnosis:
         Models that the search fitted are taken from it, in whatever order their effects were added there; others are
         fitted now, as by `refit`.
         """
+        from lumbar.interface.refinement import Refinement
+
         effects = list(effects)
         known = {model_key(item.effects): item for item in candidates_of(self.result)}
         if model_key(effects) not in known:

@@ -28,8 +28,7 @@ from lumbar.records.marker_axes import check_axes, rotation_to_standard
 from lumbar.records.markers import MarkerRecording, read_markers
 from lumbar.records.unpacking import ending_of
 from lumbar.settings.layout import Axis, MarkerLayout
-from lumbar.settings.lifting import REFINING, LiftingSettings
-from lumbar.settings.subject import SubjectSettings, TrialSettings
+from lumbar.settings.lifting import REFINING, LiftingSettings, SubjectSettings, TrialSettings
 
 _STAND_IN = SubjectSettings(
     name="nobody", sex="unknown", mass_kg=70.0, height_m=1.7, experience="unknown", trials=()

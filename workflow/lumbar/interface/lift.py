@@ -24,8 +24,7 @@ from lumbar.lifting.movement.events import (
 from lumbar.lifting.movement.rigid_filling import BodyFilling
 from lumbar.lifting.quality.screening import QualitySheet, Screening, naming, read_screened
 from lumbar.records.markers import read_markers
-from lumbar.settings.lifting import LiftingSettings
-from lumbar.settings.subject import SubjectSettings, TrialSettings
+from lumbar.settings.lifting import LiftingSettings, SubjectSettings, TrialSettings
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -37,8 +37,7 @@ from lumbar.records.number_table import (
     stream_lines,
 )
 from lumbar.records.record import Channel, Record, check_record
-from lumbar.records.sampling import fill_missing_rows, resample, samples_between
-from lumbar.records.stretches import check_clipping
+from lumbar.records.sampling import check_clipping, fill_missing_rows, resample, samples_between
 from lumbar.records.unpacking import read_readable, stem_of
 from lumbar.settings.layout import AXES, SIDES, ColumnLayout, ColumnSettings
 

@@ -6,12 +6,11 @@ from pydantic import Field
 
 from lumbar.settings.improvement import ImprovementSettings, system_of
 from lumbar.settings.layout import ColumnLayout
-from lumbar.settings.lifting import LiftingSettings
+from lumbar.settings.lifting import LiftingSettings, SubjectSettings
 from lumbar.settings.runtime import RuntimeSettings
 from lumbar.settings.section import SEED, FolderName, Section, Unique
 from lumbar.settings.signals import SignalsSettings, SurgeonSettings
 from lumbar.settings.stability import StabilitySettings
-from lumbar.settings.subject import SubjectSettings
 from lumbar.settings.survey import SurveySettings
 from lumbar.settings.tissue import TissueSettings
 from lumbar.settings.twin import TwinSettings

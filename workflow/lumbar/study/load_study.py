@@ -11,8 +11,8 @@ from pathlib import Path
 from lumbar.base.errors import Problems
 from lumbar.base.yaml_file import read_yaml
 from lumbar.settings.improvement import ImprovementSettings, is_data
+from lumbar.settings.lifting import SubjectSettings
 from lumbar.settings.study_settings import StudySettings
-from lumbar.settings.subject import SubjectSettings
 from lumbar.settings.validation import Origins, overlay, validate
 from lumbar.study.artefacts import (
     LIFTED,

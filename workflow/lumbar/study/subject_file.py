@@ -5,7 +5,7 @@ from pathlib import Path
 
 from lumbar.base.errors import Problems
 from lumbar.base.yaml_file import YamlFile, read_yaml
-from lumbar.settings.subject import SubjectFile, SubjectSettings
+from lumbar.settings.lifting import SubjectFile, SubjectSettings
 from lumbar.settings.validation import Origins, validate
 
 

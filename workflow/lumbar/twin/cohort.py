@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lumbar.settings.subject import SubjectSettings, TrialSettings
+from lumbar.settings.lifting import SubjectSettings, TrialSettings
 from lumbar.settings.twin import (
     CohortGroup,
     CohortSettings,

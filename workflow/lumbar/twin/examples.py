@@ -7,7 +7,7 @@ import numpy as np
 
 from lumbar.base.yaml_file import shipped_yaml
 from lumbar.records.record import Channel, Record, RecordSet
-from lumbar.settings.subject import SubjectSettings, TrialSettings
+from lumbar.settings.lifting import SubjectSettings, TrialSettings
 from lumbar.settings.twin import SyntheticLiftingSettings
 from lumbar.twin.lifting_recordings import write_lift
 from lumbar.twin.tissue_recordings import tissue_force

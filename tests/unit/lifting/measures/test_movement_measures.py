@@ -15,9 +15,8 @@ from lumbar.lifting.measures.back_load import Link, net_moment
 from lumbar.lifting.measures.course import Lifter, course_of_lift
 from lumbar.lifting.measures.lift_values import ALL, SAGITTAL, long_table, measures_page, write_measures
 from lumbar.records.markers import read_markers
-from lumbar.settings.lifting import LiftingSettings
+from lumbar.settings.lifting import LiftingSettings, SubjectSettings
 from lumbar.settings.stability import MeasureSettings
-from lumbar.settings.subject import SubjectSettings
 from lumbar.tables.table import SYNTHETIC_TWIN
 from study_settings import changed, subject_settings
 

@@ -10,7 +10,7 @@ from lumbar.lifting.movement.lift_analysis import analyse_lift
 from lumbar.lifting.movement.lift_tables import summary
 from lumbar.records.markers import read_markers
 from lumbar.settings.layout import MarkerLayout
-from lumbar.settings.subject import TrialSettings
+from lumbar.settings.lifting import TrialSettings
 from lumbar.twin.lifting_recordings import write_markers
 from study_settings import changed, study_settings, subject_settings
 

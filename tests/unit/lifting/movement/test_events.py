@@ -14,8 +14,7 @@ from lumbar.lifting.movement.events import comparison, lift_windows, phases
 from lumbar.records.marker_file import RecordedEvent
 from lumbar.records.markers import MarkerRecording, read_markers
 from lumbar.settings.layout import MarkerLayout
-from lumbar.settings.lifting import EventLabels, EventSettings
-from lumbar.settings.subject import DeclaredEvents, TrialSettings
+from lumbar.settings.lifting import DeclaredEvents, EventLabels, EventSettings, TrialSettings
 from lumbar.twin.lifting_recordings import write_lift
 from study_settings import study_settings
 

@@ -11,7 +11,7 @@ import lumbar
 from column_files import write_columns, write_records
 from lumbar.base.errors import InputError
 from lumbar.records.record import Record
-from lumbar.records.stretches import check_clipping
+from lumbar.records.sampling import check_clipping
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.fitting.fit_data import ENOUGH, MOST, limit_samples
 from lumbar.tissue.diagnosis.fitting.preparation import check_excitation

@@ -104,8 +104,6 @@ def test_no_transfer_function_holds_a_contact(model):
 def test_an_fmu_of_a_contact_is_refused_in_words_that_help(model, tmp_path):
     with pytest.raises(InputError) as refused:
         lumbar.export_fmu(model, tmp_path / "fmu")
-    assert "base KB-contact: is one of a tool that leaves the tissue, which FMUs do not hold" in str(
-        refused.value
-    )
+    assert "base KB-contact" in str(refused.value)
     assert "with a base without contact (improvement.base: LE, Maxwell, KV or KB)" in str(refused.value)
     assert not (tmp_path / "fmu").exists()

@@ -14,7 +14,7 @@ import numpy as np
 
 from lumbar.base.errors import InputError, Problems
 from lumbar.records.markers import MarkerRecording
-from lumbar.records.stretches import runs
+from lumbar.records.sampling import runs
 from lumbar.settings.lifting import LiftingSettings
 
 FILLED, TOO_LONG, AT_START, AT_END, ALONE, ISLAND = (

@@ -37,9 +37,8 @@ from lumbar.lifting.movement.events import (
     wrist_centre,
 )
 from lumbar.records.markers import MarkerRecording
-from lumbar.records.stretches import runs
-from lumbar.settings.lifting import EventSettings
-from lumbar.settings.subject import DeclaredEvents
+from lumbar.records.sampling import runs
+from lumbar.settings.lifting import DeclaredEvents, EventSettings
 
 TOES = ("L_TOE", "R_TOE")
 ONSET_SHARE = 0.1

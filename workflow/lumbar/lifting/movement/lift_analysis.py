@@ -32,8 +32,7 @@ from lumbar.lifting.movement.pendulum_states import (
 from lumbar.lifting.quality.body import THIGH, landmarks
 from lumbar.lifting.quality.findings import MarkerFinding
 from lumbar.records.markers import MarkerRecording
-from lumbar.settings.lifting import LiftingSettings
-from lumbar.settings.subject import SubjectSettings, TrialSettings
+from lumbar.settings.lifting import LiftingSettings, SubjectSettings, TrialSettings
 
 NEW_STUDY = "'lumbar new-study'"
 """Command that writes the aliases of a folder of recordings."""

@@ -33,8 +33,7 @@ from lumbar.lifting.movement.pendulum_states import PendulumChoice
 if TYPE_CHECKING:
     from lumbar.lifting.movement.lift_analysis import AnalysedLift
     from lumbar.lifting.movement.pendulum_states import PendulumStates
-    from lumbar.settings.lifting import LiftingSettings
-    from lumbar.settings.subject import SubjectSettings, TrialSettings
+    from lumbar.settings.lifting import LiftingSettings, SubjectSettings, TrialSettings
 
 LIMBS = tuple(
     f"{side}_{name}"

@@ -14,7 +14,7 @@ import numpy as np
 from lumbar.base.errors import InputError, NumericalError, Problems
 from lumbar.lifting.movement.joint_centres import MID_HIP, TrunkPoints
 from lumbar.records.markers import MarkerRecording
-from lumbar.records.stretches import runs
+from lumbar.records.sampling import runs
 from lumbar.settings.lifting import LiftingSettings
 
 

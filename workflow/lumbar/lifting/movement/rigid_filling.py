@@ -16,7 +16,7 @@ import numpy as np
 from lumbar.lifting.movement.cleaning import FILLED, Gap
 from lumbar.lifting.quality.findings import NOTED, Legend, MarkerFinding
 from lumbar.records.marker_aliases import labels_of
-from lumbar.records.stretches import runs
+from lumbar.records.sampling import runs
 from lumbar.settings.lifting import LiftingSettings
 
 MIN_MARKERS = 3

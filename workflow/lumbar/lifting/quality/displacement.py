@@ -18,7 +18,7 @@ from lumbar.base.yaml_file import shipped_names
 from lumbar.lifting.quality.body import asymmetry
 from lumbar.lifting.quality.findings import Legend
 from lumbar.lifting.quality.implausible_motion import LONGEST_GAP_S, Leap
-from lumbar.records.stretches import runs
+from lumbar.records.sampling import runs
 
 _AT = shipped_names(Path(__file__).with_name("thresholds.yaml"), "displacement")
 ALONE = "decided only by most frames"

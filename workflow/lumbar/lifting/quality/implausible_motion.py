@@ -17,7 +17,7 @@ import numpy as np
 
 from lumbar.base.yaml_file import shipped_names
 from lumbar.lifting.quality.findings import ERROR, LEFT_OUT, NOTED, Legend, MarkerFinding
-from lumbar.records.stretches import runs
+from lumbar.records.sampling import runs
 
 _LIMITS = shipped_names(Path(__file__).with_name("thresholds.yaml"), "implausible_motion")
 

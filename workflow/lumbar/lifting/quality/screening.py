@@ -19,7 +19,7 @@ from lumbar.lifting.quality.findings import ERROR, LEFT_OUT, PROPOSED, MarkerFin
 from lumbar.lifting.quality.gate import examine, mask_findings, unchecked_properties, usable_markers
 from lumbar.records.marker_file import RecordedEvent
 from lumbar.records.markers import MarkerRecording, Mend, read_markers
-from lumbar.records.stretches import runs
+from lumbar.records.sampling import runs
 from lumbar.settings.layout import Alias, MarkerLayout, MeanOfMarkers, OffsetPoint, PointBetween
 from lumbar.tables.described import described
 from lumbar.tables.table import Table

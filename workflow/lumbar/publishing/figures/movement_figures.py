@@ -15,7 +15,7 @@ from lumbar.lifting.quality.screening import QualitySheet
 from lumbar.publishing.figures.lifting_figures import EVENT_LABELS
 from lumbar.publishing.figures.palette import MEASURED, SERIES
 from lumbar.publishing.figures.style import DOUBLE_COLUMN, house_style, new_figure, note, say_instead
-from lumbar.records.stretches import runs
+from lumbar.records.sampling import runs
 
 SHOWN = 4
 """Lifts of a figure, the first ones."""

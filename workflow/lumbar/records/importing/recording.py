@@ -31,8 +31,7 @@ from lumbar.records.record import (
     check_record,
     place_of,
 )
-from lumbar.records.sampling import samples_between
-from lumbar.records.stretches import check_clipping, runs
+from lumbar.records.sampling import check_clipping, runs, samples_between
 
 _MOST_PARTS = 200
 _OTHERS = "_.-"

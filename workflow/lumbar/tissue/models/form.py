@@ -16,7 +16,7 @@ from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from functools import cached_property
 from itertools import combinations
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
@@ -25,7 +25,9 @@ from lumbar.tissue.models.equation import CStep, Equation, Solution
 from lumbar.tissue.models.equation_check import check_at_rest, check_equation
 from lumbar.tissue.models.motion import OneMotion
 from lumbar.tissue.models.parameter import POSITIONS, Constant, LinearParameter, NonlinearParameter
-from lumbar.tissue.models.spatial_equation import SpatialEquation
+
+if TYPE_CHECKING:
+    from lumbar.tissue.models.spatial_equation import SpatialEquation
 
 
 class Place(StrEnum):
@@ -123,7 +125,9 @@ class Form:
         linear = self._in_space(axes, self.linear).linear_in_space()
         return replace(self, axes=axes, linear=linear, written=self.linear)
 
-    def _in_space(self, axes: tuple[str, ...], linear: tuple[LinearParameter, ...]) -> SpatialEquation:
+    def _in_space(self, axes: tuple[str, ...], linear: tuple[LinearParameter, ...]) -> "SpatialEquation":
+        from lumbar.tissue.models.spatial_equation import SpatialEquation
+
         return SpatialEquation(**self._equation_fields, linear=linear, axes=axes, channel=self.channel)
 
     @property
