@@ -95,7 +95,7 @@ def test_a_lift_without_a_deposit_leaves_the_others_their_basins(study):
     # So coarse a grid may cost the sensitivity runs of other lifts a basin.
     missing = missing[missing["basin"] == "trajectory"]
     assert missing["box_mass_kg"].tolist() == [15] * 6
-    assert missing["reason"].str.contains("the box still moves at the last frame looked at, 5.00 s").all()
+    assert missing["reason"].str.contains("the box still moves at the last searched frame, 5.00 s").all()
     table = pd.read_csv(tables / "table_4_1.csv").set_index("comparison")["status"]
     assert table.index.unique().tolist() == [
         "trained_vs_untrained",

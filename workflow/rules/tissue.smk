@@ -55,7 +55,15 @@ rule identify_tissue:
             settings,
             {
                 "tissue": True,
-                "improvement": {"base", "effects", "effect_files", "most_effects", "forward", "session"},
+                "improvement": {
+                    "base",
+                    "effects",
+                    "effect_files",
+                    "most_effects",
+                    "forward",
+                    "session",
+                    "propose_law",
+                },
                 "stability": {"pendulum": {"gravity_m_s2"}},
                 "seed": True,
             },

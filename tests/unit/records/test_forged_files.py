@@ -83,7 +83,7 @@ WORDS = {
     **dict.fromkeys(("many_sets.h5", "shape.mat", "bomb.csv.gz"), "unpacks to more than 200 MB, from 0."),
     "cells.mat": "more than 20000 variables",
     "far.xlsx": "more than 25000000 cells",
-    "order_models.json": "coefficients; at most",
+    "order_models.json": "list of 1 to 33: number",
     "deep_models.json": "nested too deep",
     "lists_models.json": "more than 1000000 lists and objects",
     "merged.yaml": "aliases of aliases",

@@ -27,7 +27,7 @@ Data = TypeVar("Data")
 
 
 @cache
-def adapter_of(kind: type[Data]) -> TypeAdapter[Data]:
+def adapter_of(kind: Any) -> TypeAdapter:
     """Return Pydantic's adapter of a class; it is built once."""
     return TypeAdapter(kind)
 
@@ -42,7 +42,8 @@ class Key:
     unit: str = ""
 
     @classmethod
-    def of(cls, kind: type) -> "Key":
+    @cache
+    def of(cls, kind: Any) -> "Key":
         """Return a whole section, or another class that Pydantic validates, as a key."""
         schema = adapter_of(kind).json_schema()
         return cls(schema, schema.get("$defs", {}))
@@ -98,6 +99,8 @@ class Key:
             if "prefixItems" in schema:
                 return f"list of {schema['minItems']}: {entry}"
             fewest = schema.get("minItems", 0)
+            if "maxItems" in schema:
+                return f"list of {fewest} to {schema['maxItems']}: {entry}"
             return f"list of at least {fewest}: {entry}" if fewest > 1 else f"list of {entry}"
         if schema["type"] == "string":
             return "text, not empty" if schema.get("minLength") else "text"
@@ -222,7 +225,7 @@ def check_types(content: Any, kind: type[Data], origins: Origins, known: Sequenc
         adapter: TypeAdapter[Data] = adapter_of(kind)  # type: ignore[arg-type]
         return adapter.validate_json(json.dumps(content, default=_as_plain), strict=True)
     except ValidationError as error:
-        whole = Key.of(kind)
+        whole = Key.of(kind)  # type: ignore[arg-type]
         faults: dict[tuple, Any] = {}
         for item in error.errors(include_url=False):
             fault = _explain(whole, content, item)
@@ -295,6 +298,8 @@ def _explain(whole: Key, content: Any, error: Mapping[str, Any]) -> _Fault:
         path, found = place, "missing"
     elif kind == "value_error":
         found = str(error["ctx"]["error"])
+    elif kind == "too_long" and isinstance(value, list):
+        found = f"found {len(value)} entries"
     else:
         found = f"found {_shown(value)}"
         found += ", which is not finite" if kind == "finite_number" else ""

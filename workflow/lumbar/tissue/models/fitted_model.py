@@ -239,7 +239,7 @@ def read_models(
     InputError
         With the place of everything that is missing, unknown or not allowed in any model.
     """
-    problems = Problems(name)
+    problems = Problems(name, most=20)
     if not isinstance(content, dict) or content.get("schema") != SCHEMA:
         found = repr(content.get("schema")) if isinstance(content, dict) else type(content).__name__
         problems.add("schema", found, f"{SCHEMA!r} is needed; make the file anew with identify or refine")
