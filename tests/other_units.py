@@ -66,22 +66,22 @@ def check_alike(diagnose: Diagnose, records: Sequence[Record], units: Units) -> 
     first = diagnose(records, None)
     train = [item.name for item in first.experiment.training.records]
     second = diagnose([units.of(record) for record in records[:: -1 if units.otherwise else 1]], train)
-    assert said(first) == said(second)
+    assert unit_free_fields(first) == unit_free_fields(second)
     for one, other in zip(first.path, second.path, strict=True):
         assert other.test_rms == pytest.approx(one.test_rms * units.force, rel=SIGNIFICANT)
     _check_parameters(first, second, units)
     return first
 
 
-def said(found: DiagnosisResult) -> dict:
-    """What no unit changes: base, verdict, effects, ties, findings, convergence."""
+def unit_free_fields(result: DiagnosisResult) -> dict:
+    """Return the fields that no unit changes: base, verdict, effects, ties, findings, convergence."""
     return {
-        "base": found.base.fit.structure.base.name,
-        "verdict": (found.status, found.refined_status, found.complete),
-        "selected": found.selected,
-        "ties": {frozenset(item.effects) for item in found.tied_with},
-        "findings": sorted((item.kind, sorted(item.record.split("+"))) for item in found.findings),
-        "converged": found.model.fit.converged,
+        "base": result.base.fit.structure.base.name,
+        "verdict": (result.status, result.refined_status, result.complete),
+        "selected": result.selected,
+        "ties": {frozenset(item.effects) for item in result.tied_with},
+        "findings": sorted((item.kind, sorted(item.record.split("+"))) for item in result.findings),
+        "converged": result.model.fit.converged,
     }
 
 

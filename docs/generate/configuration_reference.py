@@ -31,7 +31,7 @@ REQUIRED = object()
 def keys(section: Key, defaults: dict, prefix: str = "") -> Iterator[tuple[str, Key, Any]]:
     """Yield path, key and default of every key of a section, in its order.
 
-    ``[]`` stands for each entry of a list, ``*`` for each name the user chooses. The default is `REQUIRED` if there is
+    ``[]`` is any entry of a list, ``*`` any name that the user chooses. The default is `REQUIRED` if there is
     none.
     """
     for name, key in section.keys.items():

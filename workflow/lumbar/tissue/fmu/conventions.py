@@ -26,7 +26,7 @@ ROLES = {
 }
 """Label, role and description of each file in the manifest."""
 ANNOTATION = "lumbar"
-"""Name of the annotation that holds `lumbar.tissue.fmu.build.description.meaning`."""
+"""Name of the annotation of this project in the model description."""
 RATE_LIMIT = "_rate_limit"
 """Ending of the name of the parameter that limits the force's rate, where an FMU has one."""
 PUSH = 0.2
