@@ -1,6 +1,6 @@
 """Soft-tissue force-feedback models and lifting stability, from recordings to tables, figures and FMUs.
 
-The verbs of the command line and of the workflow, on objects::
+The functions of the command line and of the workflow, on objects::
 
     import lumbar
 
@@ -15,7 +15,10 @@ The verbs of the command line and of the workflow, on objects::
 
 __version__ = "0.1.0"
 
-_VERBS = {
+_EXPORTS = {
+    "InputError": "lumbar.base.errors",
+    "LumbarError": "lumbar.base.errors",
+    "NumericalError": "lumbar.base.errors",
     "export_fmu": "lumbar.interface.device",
     "load_models": "lumbar.interface.device",
     "render": "lumbar.interface.device",
@@ -37,23 +40,30 @@ _VERBS = {
     "report": "lumbar.interface.study_report",
     "bandwidth": "lumbar.interface.surgeons",
     "design_signals": "lumbar.interface.surgeons",
+    "Channel": "lumbar.records.record",
+    "Record": "lumbar.records.record",
+    "RecordSet": "lumbar.records.record",
+    "ImprovementSettings": "lumbar.settings.improvement",
+    "ColumnLayout": "lumbar.settings.layout",
+    "MarkerLayout": "lumbar.settings.layout",
+    "StudySettings": "lumbar.settings.study_settings",
     "load_settings": "lumbar.study.load_study",
     "load_subject": "lumbar.study.subject_file",
 }
-"""Where each verb lies: modules are imported when a verb is first used, so that ``import lumbar`` costs nothing. The
-stub ``__init__.pyi`` says the same to type checkers."""
+"""Module of each public name. A module is imported when one of its names is first used, so ``import lumbar`` is fast.
+The stub ``__init__.pyi`` lists the same names for type checkers."""
 
-__all__ = sorted(_VERBS)
+__all__ = sorted(_EXPORTS)
 
 
 def __getattr__(name: str):
-    if name not in _VERBS:
-        raise AttributeError(f"module 'lumbar' has no attribute {name!r}; its verbs are {', '.join(__all__)}")
+    if name not in _EXPORTS:
+        raise AttributeError(f"module 'lumbar' has no attribute {name!r}; it offers {', '.join(__all__)}")
     from importlib import import_module
 
-    verb = getattr(import_module(_VERBS[name]), name)
-    globals()[name] = verb
-    return verb
+    value = getattr(import_module(_EXPORTS[name]), name)
+    globals()[name] = value
+    return value
 
 
 def __dir__() -> list[str]:

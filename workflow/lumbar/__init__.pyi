@@ -1,5 +1,8 @@
-"""What ``import lumbar`` offers, for type checkers: the package itself imports verbs late, from the same modules."""
+"""Public names of ``lumbar``, for type checkers. The package imports them when they are first used."""
 
+from lumbar.base.errors import InputError as InputError
+from lumbar.base.errors import LumbarError as LumbarError
+from lumbar.base.errors import NumericalError as NumericalError
 from lumbar.interface.device import export_fmu as export_fmu
 from lumbar.interface.device import load_models as load_models
 from lumbar.interface.device import render as render
@@ -21,6 +24,13 @@ from lumbar.interface.refinement import refine as refine
 from lumbar.interface.study_report import report as report
 from lumbar.interface.surgeons import bandwidth as bandwidth
 from lumbar.interface.surgeons import design_signals as design_signals
+from lumbar.records.record import Channel as Channel
+from lumbar.records.record import Record as Record
+from lumbar.records.record import RecordSet as RecordSet
+from lumbar.settings.improvement import ImprovementSettings as ImprovementSettings
+from lumbar.settings.layout import ColumnLayout as ColumnLayout
+from lumbar.settings.layout import MarkerLayout as MarkerLayout
+from lumbar.settings.study_settings import StudySettings as StudySettings
 from lumbar.study.load_study import load_settings as load_settings
 from lumbar.study.subject_file import load_subject as load_subject
 

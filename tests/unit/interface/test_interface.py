@@ -56,9 +56,9 @@ def test_import_loads_nothing_that_a_verb_needs_later():
 def test_the_package_offers_its_stubs_verbs():
     stub = ast.parse(Path(lumbar.__file__).with_suffix(".pyi").read_text(encoding="utf-8"))
     imports = [node for node in stub.body if isinstance(node, ast.ImportFrom)]
-    assert {item.asname: node.module for node in imports for item in node.names} == lumbar._VERBS
+    assert {item.asname: node.module for node in imports for item in node.names} == lumbar._EXPORTS
     assert {"read", "diagnose", "lift"} <= set(lumbar.__all__) <= set(dir(lumbar))
-    assert all(callable(getattr(lumbar, verb)) for verb in lumbar.__all__)
+    assert all(callable(getattr(lumbar, name)) for name in lumbar.__all__)
 
 
 def test_records_are_found_by_name_and_number(records):
