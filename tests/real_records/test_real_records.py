@@ -58,7 +58,7 @@ def test_intervals_hold_the_published_parameters_of_the_positioning_axis(shared)
     if words := absent(shared / "real" / "positioning_axis", "real_records"):
         pytest.skip(words)
     records, keywords = positioning_axis(shared / "real")
-    prepared = Experiment.from_records(records, DiagnosisSettings(**keywords)).without_whitening()
+    prepared = Experiment.from_records(records, DiagnosisSettings(**keywords)).drop_whitening()
     fit = fit_base(Structure(BASES["KV"]), prepared.training)
     for effect in ("inertia", "coulomb_friction"):
         fit = add(fit, TISSUE[effect].forms[0], prepared.training)

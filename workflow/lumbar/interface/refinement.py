@@ -18,7 +18,7 @@ from lumbar.tables.table import Table
 from lumbar.tissue.diagnosis.finding import Finding
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.fitting.fit_data import limit_samples
-from lumbar.tissue.diagnosis.fitting.preparation import Experiment, in_session, prepare
+from lumbar.tissue.diagnosis.fitting.preparation import Experiment, prepare, simulate_in_session
 from lumbar.tissue.diagnosis.residuals.compare import comparison_table
 from lumbar.tissue.diagnosis.residuals.locate import (
     ResidualReport,
@@ -286,8 +286,8 @@ def _on_records(records, model, train, settings, source_label: str, shows: str) 
         chosen = DiagnosisSettings.from_study(settings, None, train)
         reports = spatial_reports(model, prepare_in_space(records, chosen), settings.seed)
     else:
-        experiment = prepare(records, train, settling_s=settings.tissue.settling_s).from_rest()
-        simulate = in_session(records, model.simulate) if session else model.simulate
+        experiment = prepare(records, train, settling_s=settings.tissue.settling_s).shift_to_rest()
+        simulate = simulate_in_session(records, model.simulate) if session else model.simulate
         reports = residual_reports(records, simulate, experiment, settings.seed)
     return OnRecords(model, reports, source_label, shows, findings)
 

@@ -216,7 +216,7 @@ def test_records_fitted_together_are_independent():
         motion = wandering(random)
         force = VISCOELASTIC.simulate(motion, np.array([STIFFNESS, VISCOSITY]), np.zeros(0))
         parts.append(FitData(name, motion, force + 0.3 * autoregressive(random, SAMPLES, 0.95)[:, 0]))
-    both = JointData.of(parts)
+    both = JointData.join(parts)
     found = fit(VISCOELASTIC, both, np.zeros(0))
     jacobian, errors = found.sensitivities(both), found.whitened_errors(both)
     scores = [

@@ -16,8 +16,8 @@ from lumbar.settings.study_settings import StudySettings
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData, JointData
 from lumbar.tissue.diagnosis.fitting.joint_fit import add, fit_base
-from lumbar.tissue.diagnosis.fitting.preparation import prepare, with_past
-from lumbar.tissue.diagnosis.fitting.uncertainty import beyond, tangent_basis
+from lumbar.tissue.diagnosis.fitting.preparation import add_session_history, prepare
+from lumbar.tissue.diagnosis.fitting.uncertainty import project_out, tangent_basis
 from lumbar.tissue.diagnosis.law.validation import alternate
 from lumbar.tissue.diagnosis.selection.diagnose import diagnose
 from lumbar.tissue.effects.catalogue import TISSUE
@@ -62,7 +62,7 @@ def test_every_record_begins_anew():
 def test_the_start_of_every_record_is_left_out():
     motion, whitening = Motion(np.arange(400) * STEP, moved(3)[:400], STEP), np.array([1.0, -0.5])
     parts = [FitData(name, motion, np.zeros(400), whitening, 50) for name in ("first", "second")]
-    joint = JointData.of(parts)
+    joint = JointData.join(parts)
     signal = np.arange(800.0)
     assert joint.name == "first+second"
     assert joint.size == 700
@@ -108,12 +108,12 @@ def test_zeros_that_moved_are_taken_up_record_by_record():
     ]
     found = []
     for own in (records, shifted):
-        experiment = prepare(own, ["a", "b"]).with_own_zeros()
+        experiment = prepare(own, ["a", "b"]).allow_own_zeros()
         fit = fit_base(Structure(BASES["KV"]), experiment.training)
         together = [experiment.training, *experiment.tests]
         basis = tangent_basis(fit, together)
         assert basis.shape[1] == 2 + 3  # stiffness and damping, and the zero of each record
-        assert np.abs(beyond(basis, np.repeat([5.0, -3.0, 1.0], 760))).max() < 1e-9
+        assert np.abs(project_out(basis, np.repeat([5.0, -3.0, 1.0], 760))).max() < 1e-9
         found.append(np.concatenate([fit.errors(item) for item in together]))
         choosing = alternate(experiment)[0]
         assert np.mean(fit.errors(choosing.tests[0])) == pytest.approx(0, abs=1e-9)
@@ -247,20 +247,20 @@ def test_compare_and_refine_carry_the_state_on_too():
 
 def test_past_of_a_record_is_what_was_recorded_before():
     records = session("nothing")
-    whole, begins = with_past(records)["three"]
+    whole, begins = add_session_history(records)["three"]
     assert begins == len(records[0]) + len(records[1])
     position, _ = one_run()
     np.testing.assert_array_equal(whole["input"], position[::FINE])
     prepared = prepare(list(records), session=True)
     third = next(item for item in prepared.tests if item.name == "three")
-    np.testing.assert_array_equal(third.own(third.force), records[2]["output"])
+    np.testing.assert_array_equal(third.drop_history(third.force), records[2]["output"])
     assert third.size == len(records[2]) - round(0.5 / STEP)
 
 
 def test_a_pause_that_the_clocks_tell_of_is_filled_in():
     first, second, third = session("nothing")
     later = [first, replace(second, time=second.time + 7), replace(third, time=third.time + 7)]
-    whole, begins = with_past(later)["three"]
+    whole, begins = add_session_history(later)["three"]
     assert begins == len(first) + len(second) + round(7 / STEP)
     between = whole["input"][len(first) : len(first) + round(7 / STEP)]
     low, high = sorted((first["input"][-1], second["input"][0]))
@@ -271,6 +271,6 @@ def test_records_of_one_session_are_sampled_alike_and_follow_one_another():
     first, second, third = session("nothing")
     slower = replace(third, time=2 * third.time)
     with pytest.raises(InputError, match="records of one session must be sampled alike"):
-        with_past([first, second, slower])
+        add_session_history([first, second, slower])
     with pytest.raises(InputError, match="leave session out"):
-        with_past([first, second, replace(third, time=third.time + 1e5)])
+        add_session_history([first, second, replace(third, time=third.time + 1e5)])

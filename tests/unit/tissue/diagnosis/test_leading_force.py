@@ -82,7 +82,7 @@ def test_the_force_of_known_position_noise_within_the_band_is_nothing_missing(no
     assert not is_adequate(noisy.base, replace(experiment, position_noise_force=0.0))
     expected = (noisy.base.train_rms**2 - experiment.noise**2) ** 0.5
     assert experiment.position_noise_force == pytest.approx(expected, rel=0.35)
-    assert experiment.beside_floor >= experiment.position_noise_force > 0
+    assert experiment.extra_floor_rms >= experiment.position_noise_force > 0
 
 
 def test_an_effect_is_named_beside_it():
@@ -99,4 +99,8 @@ def test_a_drift_that_may_be_a_wandering_zero_belongs_to_the_limit(noisy):
     sure = replace(
         small, floor=replace(floor, structured=((said[0][0], floor.rms),), structured_rms=floor.rms)
     )
-    assert (small.beside_floor, wandering.beside_floor, sure.beside_floor) == (0.0, pytest.approx(size), 0.0)
+    assert (small.extra_floor_rms, wandering.extra_floor_rms, sure.extra_floor_rms) == (
+        0.0,
+        pytest.approx(size),
+        0.0,
+    )

@@ -12,7 +12,7 @@ from lumbar.base.errors import InputError
 from lumbar.interface.reading import read
 from lumbar.tissue.diagnosis.fitting.preparation import prepare
 from lumbar.tissue.diagnosis.noise.noise_floor import find_period, noise_floor
-from lumbar.tissue.diagnosis.noise.periods import ONLY
+from lumbar.tissue.diagnosis.noise.periods import MIN_PERIODS
 
 REPEATED, SECONDS = multisine(4, seed=3), np.arange(4000) * STEP
 
@@ -44,7 +44,7 @@ def test_a_sine_whose_period_is_no_whole_number_of_samples():
 @pytest.mark.parametrize("periods", [1.5, 1.9])
 def test_fewer_than_two_periods_are_no_period(periods):
     position = multisine(3, seed=5)[: int(periods * 500)]
-    assert find_period(record(position, position), ONLY) is None
+    assert find_period(record(position, position), MIN_PERIODS) is None
     assert noise_floor(record(position, position)) is None
 
 
@@ -293,7 +293,7 @@ def test_drops_that_come_at_the_same_places_are_no_noise(pole):
     assert floor.rms == pytest.approx(0.3, rel=0.15)
     words, rms = floor.structured[0]
     assert words.startswith("bursts") and rms == pytest.approx(0.67, rel=0.1)
-    assert floor.structured_rms == floor.surely_structured_rms > rms
+    assert floor.structured_rms == floor.certain_structure_rms > rms
 
 
 def trembling(time, force):

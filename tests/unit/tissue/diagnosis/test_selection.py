@@ -138,7 +138,7 @@ def judged(*errors: np.ndarray):
     tests = []
     for number, error in enumerate(errors):
         motion = Motion(0.01 * np.arange(len(error)), np.zeros(len(error)), 0.01)
-        tests.append(FitData(f"unseen_{number}", motion, error, settling=50, own_zero=True))
+        tests.append(FitData(f"unseen_{number}", motion, error, settling=50, has_own_zero=True))
     fit = SimpleNamespace(zero=1.0, simulate=lambda motion: np.zeros(len(motion)))
     training = SimpleNamespace(name="training")
     return SimpleNamespace(

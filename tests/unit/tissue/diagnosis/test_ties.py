@@ -27,7 +27,7 @@ from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData
 from lumbar.tissue.diagnosis.fitting.joint_fit import Fit, add, fit, fit_base
 from lumbar.tissue.diagnosis.fitting.preparation import prepare
-from lumbar.tissue.diagnosis.fitting.uncertainty import beyond, estimates, tangent_basis
+from lumbar.tissue.diagnosis.fitting.uncertainty import estimates, project_out, tangent_basis
 from lumbar.tissue.diagnosis.selection.candidate import contradictions
 from lumbar.tissue.diagnosis.selection.diagnose import diagnose
 from lumbar.tissue.effects.catalogue import TISSUE
@@ -72,13 +72,13 @@ def test_a_refit_takes_up_what_lies_in_the_tangent_space():
     basis = tangent_basis(fitted, [FitData("a", motion, truth, settling=50)])
     nearby = structure.simulate(motion, np.array([0.51, 0.59]), np.array([0.1505]))
     assert basis.shape[1] == 4  # three parameters of the tissue and the zero of the sensor
-    left = np.linalg.norm(beyond(basis, (nearby - truth)[50:]))
+    left = np.linalg.norm(project_out(basis, (nearby - truth)[50:]))
     assert left < 1e-3 * np.linalg.norm((nearby - truth)[50:])
     cubic = motion.position[50:] ** 3
     data = FitData("a", motion, truth + 1e-3 * motion.position**3, settling=50)
     refitted = fit(structure, data, fitted.nonlinear)
     assert np.sqrt(refitted.squared_error) == pytest.approx(
-        1e-3 * np.linalg.norm(beyond(basis, cubic)), rel=0.01
+        1e-3 * np.linalg.norm(project_out(basis, cubic)), rel=0.01
     )
 
 

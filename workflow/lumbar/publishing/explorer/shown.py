@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lumbar.records.record import Record
-from lumbar.tissue.diagnosis.fitting.preparation import in_session
+from lumbar.tissue.diagnosis.fitting.preparation import simulate_in_session
 from lumbar.tissue.diagnosis.residuals.locate import residual_of, simulation
 from lumbar.tissue.diagnosis.residuals.motion_diagnostics import reversal_reach, reversals
 from lumbar.tissue.diagnosis.residuals.time_frequency import EVEN, EXCITED, ODD, excited_lines, line_classes
@@ -194,7 +194,7 @@ def shown_fitted(
         If the model is unstable.
     """
     seen = [item.record for item in records]
-    simulate = in_session(seen, model.simulate) if verdict.experiment.session else model.simulate
+    simulate = simulate_in_session(seen, model.simulate) if verdict.experiment.session else model.simulate
     values, density, merits = _on_records(simulate, records, step)
     train_rms, test_rms = (_pooled(merits, records, trained) for trained in (True, False))
     label = model.name if model.estimator == GIVEN else f"{model.name} ({_ESTIMATORS[model.estimator]})"

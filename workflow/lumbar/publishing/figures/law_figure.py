@@ -53,7 +53,7 @@ def _means(values: np.ndarray, force: np.ndarray, edges: np.ndarray) -> np.ndarr
 def _draw_sections(axis, proposal: Proposal) -> None:
     """Draw the model's residual and the law's force over the position, for velocities near each quantile."""
     experiment, start = proposal.experiment, proposal.start.fit
-    records = [item.without_whitening() for item in (experiment.training, *experiment.tests)]
+    records = [item.drop_whitening() for item in (experiment.training, *experiment.tests)]
     position, velocity = (
         [item.trim(np.concatenate([getattr(motion, name) for motion in motions(item)])) for item in records]
         for name in ("position", "velocity")
@@ -119,14 +119,16 @@ def linear_figure(found: DiagnosisResult) -> Figure:
         "base": found.base.fit.simulate(part.motion),
         "linear dynamics": found.linear.fit.simulate(part.motion),
     }
-    settings = {"fs": rate, "nperseg": len(part.own(part.force)) // _SEGMENTS}
-    position = part.own(part.motion.position)
+    settings = {"fs": rate, "nperseg": len(part.drop_history(part.force)) // _SEGMENTS}
+    position = part.drop_history(part.motion.position)
     frequency, power = scipy.signal.csd(position, position, **settings)
     moved = np.flatnonzero(np.abs(power) > _MOVED * np.abs(power).max())
     moved = moved[moved > 0]
     figure, (gain, phase, plane) = new_figure(DOUBLE_COLUMN, 2.4, ncols=3)
     for (label, force), color in zip(drawn.items(), SERIES, strict=False):
-        response = scipy.signal.csd(position, part.own(force), **settings)[1][moved] / power[moved].real
+        response = (
+            scipy.signal.csd(position, part.drop_history(force), **settings)[1][moved] / power[moved].real
+        )
         look = {"color": color, "label": label, "linestyle": "" if label == "measured" else "-"}
         look["marker"], look["markersize"] = "." if label == "measured" else "", 2
         gain.loglog(frequency[moved], np.abs(response), **look)

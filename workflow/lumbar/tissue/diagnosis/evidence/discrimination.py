@@ -16,7 +16,7 @@ import numpy as np
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData
 from lumbar.tissue.diagnosis.fitting.joint_fit import Fit
 from lumbar.tissue.diagnosis.fitting.joint_fit import fit as refit
-from lumbar.tissue.diagnosis.fitting.uncertainty import beyond, tangent_basis
+from lumbar.tissue.diagnosis.fitting.uncertainty import project_out, tangent_basis
 from lumbar.tissue.diagnosis.selection.candidate import Candidate
 from lumbar.tissue.diagnosis.selection.result import DiagnosisResult
 from lumbar.tissue.diagnosis.selection.sentences import effects_text
@@ -260,7 +260,7 @@ def separating_excitation(diagnosis: DiagnosisResult, limits: Kinematics | None 
         for rival in rivals:
             difference = data.whiten(model.simulate(data.motion) - rival.fit.simulate(data.motion))
             for fit in (model, rival.fit):
-                rest = beyond(tangent_basis(fit, [data]), difference)
+                rest = project_out(tangent_basis(fit, [data]), difference)
                 left.append(_Left.of(float(rest @ rest), data.size))
         return min(left)
 

@@ -23,7 +23,12 @@ from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData
 from lumbar.tissue.diagnosis.fitting.joint_fit import Fit, nonlinear_starts
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
-from lumbar.tissue.diagnosis.fitting.uncertainty import added_forces, beyond, simulation_over, tangent_basis
+from lumbar.tissue.diagnosis.fitting.uncertainty import (
+    added_forces,
+    project_out,
+    tangent_basis,
+    whitened_simulation,
+)
 from lumbar.tissue.diagnosis.residuals.locate import ResidualReport, compare_and_locate
 from lumbar.tissue.diagnosis.residuals.residual import steady_velocity
 from lumbar.tissue.diagnosis.selection.candidate import Candidate, drop_effect
@@ -88,9 +93,9 @@ def signal_angles(diagnosis: DiagnosisResult) -> Ties | None:
     ranked = {frozenset(item.effects) for item in candidates}
     candidates += [item for item in diagnosis.tied_with if frozenset(item.effects) not in ranked]
     basis = tangent_basis(diagnosis.base.fit, records)
-    base = simulation_over(diagnosis.base.fit, records)
-    added = np.stack([simulation_over(item.fit, records) - base for item in candidates], axis=1)
-    added = beyond(basis, added)
+    base = whitened_simulation(diagnosis.base.fit, records)
+    added = np.stack([whitened_simulation(item.fit, records) - base for item in candidates], axis=1)
+    added = project_out(basis, added)
     size = np.sqrt(np.sum(added**2, axis=0))
     noise = diagnosis.noise_rms
     # A candidate that adds less than noise would hide has no direction to speak of.
@@ -180,7 +185,7 @@ def _shares_left(fit: Fit, form: Form, data: FitData, basis: np.ndarray) -> list
     for start in chosen:
         for signal in added_forces(fit, form, data, start).T:
             energy = float(signal @ signal)
-            left = beyond(basis, signal)
+            left = project_out(basis, signal)
             if energy > 0 and left @ left > _NOTHING * energy:
                 shares.append(float(left @ left) / energy)
     return shares

@@ -29,7 +29,7 @@ class FitData:
     """Coefficients of an FIR filter that makes the noise white; ``[1]`` where it is white."""
     settling: int = 0
     """Samples at the start that are left out of every error: the initial state is not known."""
-    own_zero: bool = False
+    has_own_zero: bool = False
     """Whether the sensor had another zero than in training: the mean of an error is then ignored."""
     begins: int = 0
     """Sample at which the record itself begins: before it lies what came earlier in the same session, which is simulated
@@ -52,7 +52,7 @@ class FitData:
         """Number of samples of the record itself."""
         return len(self.force) - self.begins
 
-    def own(self, signal: np.ndarray) -> np.ndarray:
+    def drop_history(self, signal: np.ndarray) -> np.ndarray:
         """Signal (samples first) over the record itself."""
         return signal[self.begins :]
 
@@ -63,11 +63,11 @@ class FitData:
         early = replace(self, motion=self.motion.beginning(end), force=self.force[:end])
         return early, replace(self, settling=count)
 
-    def without_whitening(self) -> FitData:
+    def drop_whitening(self) -> FitData:
         """Return the same record without whitening of its errors."""
         return replace(self, whitening=np.ones(1))
 
-    def with_origin(self, position: float) -> FitData:
+    def shift_origin(self, position: float) -> FitData:
         """Return the same record with positions counted from this one."""
         return replace(self, motion=replace(self.motion, position=self.motion.position - position))
 
@@ -88,7 +88,7 @@ class FitData:
             signal = lfilter(self.whitening, [1.0], signal, axis=0)
         return self.trim(signal)
 
-    def by_record(self, values: np.ndarray) -> list[np.ndarray]:
+    def split_records(self, values: np.ndarray) -> list[np.ndarray]:
         """Values at the samples that count, apart for every record."""
         return [values]
 
@@ -106,9 +106,9 @@ class FitData:
         return self._about_zero(self.whiten(simulated - self.force))
 
     def _about_zero(self, errors: np.ndarray) -> np.ndarray:
-        return errors - errors.mean() if self.own_zero else errors
+        return errors - errors.mean() if self.has_own_zero else errors
 
-    def longest(self, signal: np.ndarray) -> tuple[Motion, np.ndarray]:
+    def longest_record(self, signal: np.ndarray) -> tuple[Motion, np.ndarray]:
         """Motion of the longest record, and a signal over all samples there."""
         return self.motion, signal
 
@@ -125,7 +125,7 @@ class JointData(FitData):
     """Records with the same sampling time."""
 
     @classmethod
-    def of(cls, parts: list[FitData]) -> Self:
+    def join(cls, parts: list[FitData]) -> Self:
         """Put records together; the name lists theirs."""
         return cls(
             "+".join(part.name for part in parts),
@@ -139,24 +139,24 @@ class JointData(FitData):
     def split(self, share: float) -> tuple[FitData, FitData]:
         """Cut every record in two."""
         early, later = zip(*(part.split(share) for part in self.parts), strict=True)
-        return self._with_parts(list(early)), self._with_parts(list(later))
+        return self._rebuild(list(early)), self._rebuild(list(later))
 
-    def without_whitening(self) -> FitData:
+    def drop_whitening(self) -> FitData:
         """Return the same records without whitening of their errors."""
-        return self._with_parts([part.without_whitening() for part in self.parts])
+        return self._rebuild([part.drop_whitening() for part in self.parts])
 
-    def with_origin(self, position: float) -> FitData:
+    def shift_origin(self, position: float) -> FitData:
         """Return the same records with positions counted from this one."""
-        return self._with_parts([part.with_origin(position) for part in self.parts])
+        return self._rebuild([part.shift_origin(position) for part in self.parts])
 
-    def _with_parts(self, parts: list[FitData]) -> JointData:
-        return replace(type(self).of(parts), own_zero=self.own_zero)
+    def _rebuild(self, parts: list[FitData]) -> JointData:
+        return replace(type(self).join(parts), has_own_zero=self.has_own_zero)
 
     @cached_property
     def zeros(self) -> np.ndarray:
         """Columns of the sensor's zero, shape (samples, zeros): ones, or ones for each record if every record has a zero."""
         parts = [part.zeros for part in self.parts]
-        if not self.own_zero:
+        if not self.has_own_zero:
             return np.concatenate(parts)
         ends = np.cumsum([part.shape[1] for part in parts])
         rows = [
@@ -180,7 +180,7 @@ class JointData(FitData):
         """Number of samples that count."""
         return sum(part.size for part in self.parts)
 
-    def by_record(self, values: np.ndarray) -> list[np.ndarray]:
+    def split_records(self, values: np.ndarray) -> list[np.ndarray]:
         """Values at the samples that count, apart for every record."""
         return np.split(values, np.cumsum([part.size for part in self.parts])[:-1])
 
@@ -194,7 +194,7 @@ class JointData(FitData):
         pieces = zip(self.parts, self.motion.split(signal), strict=True)
         return np.concatenate([part.whiten(piece) for part, piece in pieces])
 
-    def longest(self, signal: np.ndarray) -> tuple[Motion, np.ndarray]:
+    def longest_record(self, signal: np.ndarray) -> tuple[Motion, np.ndarray]:
         """Motion of the longest record, and a signal over all samples there."""
         return max(
             zip(self.motion.parts, self.motion.split(signal), strict=True), key=lambda pair: len(pair[0])
@@ -281,7 +281,7 @@ def decimate(data: FitData) -> FitData:
     if factor < 2:
         return data
     if isinstance(data, JointData):
-        return JointData.of([_smooth(part, factor) for part in data.parts])
+        return JointData.join([_smooth(part, factor) for part in data.parts])
     return _smooth(data, factor)
 
 

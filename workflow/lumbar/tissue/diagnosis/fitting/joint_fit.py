@@ -155,7 +155,7 @@ def shape_bounds(structure: Structure, data: FitData, start: np.ndarray) -> tupl
 def nonlinear_starts(form: Form, data: FitData, residual: np.ndarray) -> list[np.ndarray]:
     """Return the starting nonlinear parameters of a form: its own, or the grid of all its nonlinear parameters."""
     if form.starts is not None:
-        return form.starts(*data.longest(residual))
+        return form.starts(*data.longest_record(residual))
     return combinations(form.nonlinear, data)
 
 
@@ -264,11 +264,11 @@ def _least_squares(error, jacobian, start, low, high, **tolerances):
 
 def _search_nonlinear(structure, data, start, low, high) -> Fit:
     start = np.asarray(start)
-    low, high = folds(low, start), folds(high, start)
+    low, high = to_log_ratio(low, start), to_log_ratio(high, start)
     force, signs = data.whiten(data.force), _signs(structure, data)
 
     def error(vector):
-        design = _with_zero(structure, data, structure.design(data.motion, unfolded(vector, start)))
+        design = _with_zero(structure, data, structure.design(data.motion, from_log_ratio(vector, start)))
         return design @ solve_linear(design, force, signs) - force
 
     def jacobian(vector, at):
@@ -276,16 +276,16 @@ def _search_nonlinear(structure, data, start, low, high) -> Fit:
         return np.column_stack([(error(item) - at) / (item - vector).sum() for item in moved])
 
     found = _least_squares(error, jacobian, np.ones(len(start)), low, high, xtol=1e-7, ftol=1e-9)
-    return fit_at(structure, data, unfolded(found.x, start), found.status > 0)
+    return fit_at(structure, data, from_log_ratio(found.x, start), found.status > 0)
 
 
-def folds(values, start: np.ndarray) -> np.ndarray:
+def to_log_ratio(values, start: np.ndarray) -> np.ndarray:
     """1 + log(p/p₀): no unit moves it, and a step or tolerance that is a share of it is one of p."""
     return 1.0 + np.log(np.asarray(values) / start)
 
 
-def unfolded(vector: np.ndarray, start: np.ndarray) -> np.ndarray:
-    """Parameters of `folds`."""
+def from_log_ratio(vector: np.ndarray, start: np.ndarray) -> np.ndarray:
+    """Parameters of `to_log_ratio`."""
     return start * np.exp(vector - 1.0)
 
 
@@ -306,7 +306,7 @@ def _search_all(structure, data, start, low=(), high=()) -> Fit:
     amplitudes = len(structure.linear)
 
     def parts(vector):
-        return unfolded(vector[:count], start), vector[count:] * size
+        return from_log_ratio(vector[:count], start), vector[count:] * size
 
     def error(vector):
         nonlinear, linear = parts(vector)
@@ -324,8 +324,8 @@ def _search_all(structure, data, start, low=(), high=()) -> Fit:
         by_amplitude = _with_zero(structure, data, slope) * size
         return np.column_stack([*columns, by_amplitude])
 
-    lower = np.concatenate([folds(low, start), np.where(signs > 0, -1e-9, -np.inf)])
-    upper = np.concatenate([folds(high, start), np.where(signs < 0, 1e-9, np.inf)])
+    lower = np.concatenate([to_log_ratio(low, start), np.where(signs > 0, -1e-9, -np.inf)])
+    upper = np.concatenate([to_log_ratio(high, start), np.where(signs < 0, 1e-9, np.inf)])
     vector = np.concatenate(
         [np.ones(count), np.clip(first / size, lower[count:] + 1e-9, upper[count:] - 1e-9)]
     )

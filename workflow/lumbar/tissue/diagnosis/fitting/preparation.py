@@ -13,7 +13,7 @@ from lumbar.tissue.diagnosis.finding import Finding
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData, JointData
 from lumbar.tissue.diagnosis.noise.noise_floor import NoiseFloor, noise_floor
-from lumbar.tissue.diagnosis.noise.periods import FEWEST_PERIODS, ONLY, declared_period
+from lumbar.tissue.diagnosis.noise.periods import MIN_FULL_PERIODS, MIN_PERIODS, declared_period
 from lumbar.tissue.diagnosis.sensors.sensor_faults import force_of_position_noise, repair
 from lumbar.tissue.identification.metrics import settling_time
 from lumbar.tissue.models.bases import BASES
@@ -28,7 +28,7 @@ _LONGEST_PAUSE = 10.0
 """Durations of the whole session's records, beyond which a pause between two is a mistake of the clocks."""
 
 
-def with_past(records: Sequence[Record]) -> dict[str, tuple[Record, int]]:
+def add_session_history(records: Sequence[Record]) -> dict[str, tuple[Record, int]]:
     """Return every record with all that came before it in the session, and the sample at which the record begins, by name.
 
     A pause between two records is taken from their clocks, if each begins after the end of the one before; else they follow
@@ -62,11 +62,11 @@ def with_past(records: Sequence[Record]) -> dict[str, tuple[Record, int]]:
     return found
 
 
-def in_session(
+def simulate_in_session(
     records: Sequence[Record], simulate: Callable[[Record], np.ndarray]
 ) -> Callable[[Record], np.ndarray]:
     """A simulation of records that knows what came before each of them in the session."""
-    known = with_past(records)
+    known = add_session_history(records)
 
     def simulated(record: Record) -> np.ndarray:
         joined, begins = known[record.name]
@@ -75,7 +75,7 @@ def in_session(
     return simulated
 
 
-def check_sampled_alike(records: Sequence[Record], together: str) -> None:
+def check_equal_rates(records: Sequence[Record], together: str) -> None:
     """Refuse records with different sampling times; `together` says what they are."""
     first = records[0]
     for record in records[1:]:
@@ -87,7 +87,7 @@ def check_sampled_alike(records: Sequence[Record], together: str) -> None:
 
 
 def _check_alike(records: Sequence[Record]) -> None:
-    check_sampled_alike(records, "records of one session")
+    check_equal_rates(records, "records of one session")
     first = records[0]
     for record in records[1:]:
         if set(record.channels) != set(first.channels):
@@ -159,7 +159,7 @@ class Experiment:
     input_quantity: str = "position"
     output_quantity: str = "force"
     rest: tuple[float, ...] = (0.0,)
-    """Position along every axis from which those of a fastened tool are counted: 0, or that of `from_rest`."""
+    """Position along every axis from which those of a fastened tool are counted: 0, or that of `shift_to_rest`."""
     surface: float = 0.0
     """Position from which positions are counted, of one axis: that of a tissue's surface which the tool is not fastened to;
     else that of `rest`."""
@@ -194,14 +194,14 @@ class Experiment:
         """
         if settings.system != "tissue":
             seen = [for_base(record, BASES[settings.base]) for record in records]
-            return cls.as_recorded(seen, settings, records=tuple(records))
+            return cls.prepare_unrepaired(seen, settings, records=tuple(records))
         sound, faults = repaired or repair(records)
         force = force_of_position_noise(records, sound, faults)
         known = {"records": tuple(sound), "faults": tuple(faults), "position_noise_force": force}
-        return cls.as_recorded(sound, settings, **known).from_rest()
+        return cls.prepare_unrepaired(sound, settings, **known).shift_to_rest()
 
     @classmethod
-    def as_recorded(cls, records: Sequence[Record], settings: DiagnosisSettings, /, **known) -> Self:
+    def prepare_unrepaired(cls, records: Sequence[Record], settings: DiagnosisSettings, /, **known) -> Self:
         """Prepare records as they are; `known` are further fields of the experiment."""
         return prepare(list(records), settings.train, settings.session, settings.settling_s, **known)
 
@@ -221,52 +221,56 @@ class Experiment:
         return 0.0 if self.floor is None else self.floor.rms
 
     @property
-    def beside_floor(self) -> float:
+    def extra_floor_rms(self) -> float:
         """RMS error of a right model in addition to the floor: the force of known position noise, and drift that may be a
         wandering zero."""
         floor = self.floor
-        drift = 0.0 if floor is None or floor.surely_structured_rms else floor.structured_rms
+        drift = 0.0 if floor is None or floor.certain_structure_rms else floor.structured_rms
         return float(np.hypot(self.position_noise_force, drift))
 
-    def with_origin(self, surface: float, **fields) -> Self:
+    def shift_origin(self, surface: float, **fields) -> Self:
         """Return the same records, their positions counted from here; `fields` are other new values."""
         shift = surface - self.surface
         if not shift:
             return replace(self, **fields) if fields else self
-        return self.each(lambda item: item.with_origin(shift), surface=surface, **fields)
+        return self.each(lambda item: item.shift_origin(shift), surface=surface, **fields)
 
-    def from_rest(self) -> Self:
+    def shift_to_rest(self) -> Self:
         """Return the same records, of one axis, their positions counted from `resting_position`."""
         records = (*self.training.records, *self.tests)
-        rest = resting_position([item.own(item.motion.position)[None] for item in records])
-        return self.with_origin(float(rest[0]), rest=tuple(rest))
+        rest = resting_position([item.drop_history(item.motion.position)[None] for item in records])
+        return self.shift_origin(float(rest[0]), rest=tuple(rest))
 
     @property
-    def own_zeros(self) -> bool:
+    def has_own_zeros(self) -> bool:
         """Whether every record has a zero of the sensor, instead of one for all."""
-        return all(item.own_zero for item in self.tests)
+        return all(item.has_own_zero for item in self.tests)
 
-    def with_own_zeros(self) -> Self:
+    def allow_own_zeros(self) -> Self:
         """Return the same records, each with its zero."""
         # A single record that is fitted has one zero anyway: what was fitted to it stays.
         is_joint, tests = (
             isinstance(self.training, JointData),
-            [replace(item, own_zero=True) for item in self.tests],
+            [replace(item, has_own_zero=True) for item in self.tests],
         )
         return replace(
-            self, training=replace(self.training, own_zero=True) if is_joint else self.training, tests=tests
+            self,
+            training=replace(self.training, has_own_zero=True) if is_joint else self.training,
+            tests=tests,
         )
 
-    def without_whitening(self) -> Self:
+    def drop_whitening(self) -> Self:
         """Return the same records without whitening of their errors."""
-        return self.each(lambda item: item.without_whitening())
+        return self.each(lambda item: item.drop_whitening())
 
-    def with_data(self, change: Callable[[FitData], FitData], joint: type[JointData] = JointData) -> Self:
+    def change_data(self, change: Callable[[FitData], FitData], joint: type[JointData] = JointData) -> Self:
         """Return the same experiment with changed data of every record; `joint` is the class of joint data."""
 
         def changed(data: FitData) -> FitData:
             if isinstance(data, JointData):
-                return replace(joint.of([change(part) for part in data.parts]), own_zero=data.own_zero)
+                return replace(
+                    joint.join([change(part) for part in data.parts]), has_own_zero=data.has_own_zero
+                )
             return change(data)
 
         return self.each(changed)
@@ -325,13 +329,13 @@ def prepare(
     first, floor = _noise_floor_of(chosen)
     check_response(first, floor)
     whitening = np.ones(1) if floor is None else floor.whitening
-    past = with_past(records) if session else {}
+    past = add_session_history(records) if session else {}
     fitted = [_fit_data(item, whitening, settling, past) for item in chosen]
     alike = {item.name: np.isclose(item.sampling_time, first.sampling_time) for item in others}
     tests = [
         _fit_data(item, whitening if alike[item.name] else np.ones(1), settling, past) for item in others
     ]
-    return put_together(first, fitted, tests, floor, session=session, settling_s=settling_s, **known)
+    return assemble_experiment(first, fitted, tests, floor, session=session, settling_s=settling_s, **known)
 
 
 def resting_position(positions: Sequence[np.ndarray]) -> np.ndarray:
@@ -367,7 +371,7 @@ def choose_training(
         if name not in names:
             raise InputError(f"no record {name!r}; there are {', '.join(names)}")
     chosen = [item for item in records if item.name in wanted] or [max(records, key=len)]
-    check_sampled_alike(chosen, "records that are fitted together")
+    check_equal_rates(chosen, "records that are fitted together")
     return chosen, [item for item in records if all(item is not one for one in chosen)]
 
 
@@ -383,7 +387,7 @@ def settling_samples(record: Record, settling_s: float | None) -> int:
     return samples
 
 
-def put_together(
+def assemble_experiment(
     first: Record, fitted: Sequence[FitData], tests: Sequence[FitData], floor: NoiseFloor | None, **known
 ) -> Experiment:
     """Return an experiment of prepared records; the floor is from `first`, along one axis.
@@ -395,7 +399,7 @@ def put_together(
         fitted, tests = zip(*(item.split(1 - _HELD_BACK) for item in fitted), strict=True)
     position, force = first.channels["input"], first.channels["output"]
     return Experiment(
-        training=fitted[0] if len(fitted) == 1 else JointData.of(list(fitted)),
+        training=fitted[0] if len(fitted) == 1 else JointData.join(list(fitted)),
         tests=list(tests),
         floor=floor,
         input_unit=position.unit,
@@ -475,7 +479,7 @@ def _noise_floor_of(chosen: list[Record]) -> tuple[Record, NoiseFloor | None]:
 
     With two periods, every change from one to the other counts as noise: they are used only if no record has more.
     """
-    for fewest in (FEWEST_PERIODS, ONLY):
+    for fewest in (MIN_FULL_PERIODS, MIN_PERIODS):
         for record in chosen:
             floor = noise_floor(replace(record, period=declared_period(record, fewest)), fewest=fewest)
             if floor is not None:

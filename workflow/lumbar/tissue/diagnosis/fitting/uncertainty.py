@@ -49,9 +49,9 @@ def _scaled_covariance(fit: Fit, data: FitData) -> tuple[np.ndarray, np.ndarray]
     scaled = jacobian / size
     inverse = np.linalg.pinv(scaled.T @ scaled, rcond=1e-12)
     errors = fit.whitened_errors(data)
-    if are_white(data.by_record(errors)):
+    if are_white(data.split_records(errors)):
         return inverse * fit.squared_error / max(data.size - jacobian.shape[1], 1), size
-    return inverse @ score_covariance(data.by_record(scaled * errors[:, None])) @ inverse, size
+    return inverse @ score_covariance(data.split_records(scaled * errors[:, None])) @ inverse, size
 
 
 def estimates(fit: Fit, data: FitData, input_unit: str, output_unit: str) -> list[FittedParameter]:
@@ -158,7 +158,7 @@ def prediction_variance(fit: Fit, data: FitData, records: list[FitData]) -> floa
     covariance, size = scaled_covariance(fit, data)
     total, count = 0.0, 0
     for record in records:
-        jacobian = fit.sensitivities(record.without_whitening())
+        jacobian = fit.sensitivities(record.drop_whitening())
         # Zeros that every training record has of its own say nothing of this one.
         known = min(jacobian.shape[1], len(size)) if len(fit.zeros) <= 1 else len(size) - len(fit.zeros)
         scaled = jacobian[:, :known] / size[:known]
@@ -176,7 +176,7 @@ def tangent_basis(fit: Fit, records: list[FitData]) -> np.ndarray:
     The result has shape (samples, directions).
     """
     pieces = [fit.sensitivities(record) for record in records]
-    if not any(record.own_zero for record in records):
+    if not any(record.has_own_zero for record in records):
         columns = np.concatenate(pieces)
     else:
         # Zeros are the last columns; every record has its own.
@@ -188,12 +188,12 @@ def tangent_basis(fit: Fit, records: list[FitData]) -> np.ndarray:
     return left[:, values > _SMALLEST * values[0]]
 
 
-def beyond(basis: np.ndarray, signals: np.ndarray) -> np.ndarray:
+def project_out(basis: np.ndarray, signals: np.ndarray) -> np.ndarray:
     """Part of signals (samples first) that is orthogonal to a basis."""
     return signals - basis @ (basis.T @ signals)
 
 
-def simulation_over(fit: Fit, records: list[FitData]) -> np.ndarray:
+def whitened_simulation(fit: Fit, records: list[FitData]) -> np.ndarray:
     """Whitened free run over all samples that count of these records, one record after another."""
     return np.concatenate([record.whiten(fit.simulate(record.motion)) for record in records])
 
@@ -220,7 +220,7 @@ def check_excited(without: Fit, form: Form, data: FitData, nonlinear: np.ndarray
     """
     basis = tangent_basis(without, [data])
     forces = added_forces(without, form, data, nonlinear)
-    size, left = np.sum(forces**2, axis=0), np.sum(beyond(basis, forces) ** 2, axis=0)
+    size, left = np.sum(forces**2, axis=0), np.sum(project_out(basis, forces) ** 2, axis=0)
     error = without.squared_error / data.size
     response = float(np.var(data.trim(data.force)))
     # An effect of RMS r adds N r² left/size to the squared error; noise hides 1.96² of its own variance.

@@ -125,11 +125,11 @@ def with_motion_as_input(experiment: Experiment, response: Response) -> Experime
             force=data.motion.position,
             whitening=data.whitening,
             settling=data.settling,
-            own_zero=data.own_zero,
+            has_own_zero=data.has_own_zero,
             response=response,
         )
 
-    return experiment.with_data(exchange, CarriedJointData)
+    return experiment.change_data(exchange, CarriedJointData)
 
 
 def response_of(base: Base, linear: np.ndarray, nonlinear: np.ndarray) -> Response:
@@ -199,10 +199,12 @@ def prepare_forward(records: list[Record], settings: DiagnosisSettings) -> Exper
             force=data.force,
             whitening=data.whitening,
             settling=data.settling,
-            own_zero=data.own_zero,
+            has_own_zero=data.has_own_zero,
         )
 
-    return Experiment.as_recorded(seen, settings, records=tuple(seen)).with_data(forward, ForwardJointData)
+    return Experiment.prepare_unrepaired(seen, settings, records=tuple(seen)).change_data(
+        forward, ForwardJointData
+    )
 
 
 def shorten(experiment: Experiment) -> Experiment:
@@ -260,17 +262,17 @@ def fit_by_simulation(
     room = (high / low) ** _OFF_BOUND if shapes else 1.0
     nonlinear = np.clip(nonlinear, low * room, high / room)
     lower = np.concatenate(
-        [np.where(signs > 0, 0.0, -np.inf), joint_fit.folds(low, nonlinear), np.full(zeros, -np.inf)]
+        [np.where(signs > 0, 0.0, -np.inf), joint_fit.to_log_ratio(low, nonlinear), np.full(zeros, -np.inf)]
     )
     upper = np.concatenate(
-        [np.where(signs < 0, 0.0, np.inf), joint_fit.folds(high, nonlinear), np.full(zeros, np.inf)]
+        [np.where(signs < 0, 0.0, np.inf), joint_fit.to_log_ratio(high, nonlinear), np.full(zeros, np.inf)]
     )
     start = np.concatenate([linear / size, np.ones(shapes), np.full(zeros, zero / extent)])
     start = np.clip(start, lower + 1e-9, upper - 1e-9)
 
     def trial(vector) -> ForwardFit:
         return ForwardFit(
-            structure, vector[:count] * size, joint_fit.unfolded(vector[count : count + shapes], nonlinear), np.inf, True,
+            structure, vector[:count] * size, joint_fit.from_log_ratio(vector[count : count + shapes], nonlinear), np.inf, True,
             vector[count + shapes :] * extent,
         )  # fmt: skip
 

@@ -188,7 +188,7 @@ def _with_base(experiment: Experiment, settings: DiagnosisSettings) -> tuple[Exp
     """Return records with the weighting that they need, and the base of the settings or of their beginning."""
     base = choose_forward_base(shorten(experiment), settings.base)
     if experiment.error_dwarfs_noise(base.train_rms):
-        experiment = experiment.without_whitening()
+        experiment = experiment.drop_whitening()
         base = resume_fit(shorten(experiment), base)
     return experiment, base
 

@@ -7,7 +7,7 @@ import numpy as np
 import scipy
 
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData
-from lumbar.tissue.diagnosis.fitting.joint_fit import Fit, add, unfolded
+from lumbar.tissue.diagnosis.fitting.joint_fit import Fit, add, from_log_ratio
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.linear.linear_dynamics import LinearDynamics, linear_dynamics, rational_of_order
 from lumbar.tissue.diagnosis.linear.poles import Poles, forces
@@ -133,7 +133,7 @@ def _refined(structure: Structure, dynamics: LinearDynamics, data: FitData) -> F
     unit = float(np.linalg.norm(data.force)) or 1.0
 
     def parameters(vector):
-        return vector[:count] * size, unfolded(vector[count:], poles)
+        return vector[:count] * size, from_log_ratio(vector[count:], poles)
 
     def error(vector):
         return data.whiten(structure.simulate(data.motion, *parameters(vector)) - data.force) / unit

@@ -16,7 +16,7 @@ import numpy as np
 from lumbar.tissue.diagnosis.fitting.fit_data import JointData
 from lumbar.tissue.diagnosis.fitting.joint_fit import Fit, fit, nonlinear_starts, shape_bounds, solve_linear
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
-from lumbar.tissue.diagnosis.fitting.uncertainty import added_forces, beyond, tangent_basis
+from lumbar.tissue.diagnosis.fitting.uncertainty import added_forces, project_out, tangent_basis
 from lumbar.tissue.diagnosis.law.law_form import distinct, form_of, symbols_of
 from lumbar.tissue.diagnosis.law.terms import Term
 from lumbar.tissue.diagnosis.selection.candidate import Candidate, evaluate, is_adequate, unseen_improvement
@@ -83,7 +83,7 @@ class Search:
         training, floor = experiment.training, experiment.floor
         if floor is not None and floor.structured_rms <= 0 and not isinstance(training, JointData):
             # The record does nothing but repeat: a few of its periods are enough.
-            time = training.own(training.motion.time)
+            time = training.drop_history(training.motion.time)
             share = _PERIODS * floor.period / (time[-1] - time[0])
             training = training.split(share)[0] if share < 1 else training
         self.experiment = replace(experiment, training=training)
@@ -109,12 +109,12 @@ class Search:
         """Return the squares of the residual that every term explains at every starting value, the largest first."""
         data = self.experiment.training
         basis = tangent_basis(model, [data])
-        residual = beyond(basis, data.whiten(data.force - model.simulate(data.motion)))
+        residual = project_out(basis, data.whiten(data.force - model.simulate(data.motion)))
         columns = list(self.columns)
         if with_output:
             columns += self._output_columns(model)
         found = [
-            (_explained(beyond(basis, item.forces), residual), item.term, item.start) for item in columns
+            (_explained(project_out(basis, item.forces), residual), item.term, item.start) for item in columns
         ]
         return sorted(found, key=lambda item: -item[0])
 

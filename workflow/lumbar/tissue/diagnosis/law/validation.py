@@ -184,7 +184,7 @@ def thin(experiment: Experiment) -> Experiment:
     """
     records = [experiment.training, *experiment.tests]
     parts = [part for item in records for part in item.records]
-    edges = [band_edge(part.own(part.motion.position)) for part in parts]
+    edges = [band_edge(part.drop_history(part.motion.position)) for part in parts]
     room = min(int(1 / (PER_CYCLE * edge)) for edge in edges)
     factor = min(room, experiment.training.size // _ENOUGH)
     if factor < 2:
@@ -197,6 +197,6 @@ def thin(experiment: Experiment) -> Experiment:
         channels = {name: values[kept] for name, values in motion.channels.items()}
         lower = Motion(np.arange(len(position)) * step, position, step, motion.smooth, channels)
         settling, begins = round(data.settling / factor), data.begins // factor
-        return FitData(data.name, lower, data.force[kept], np.ones(1), settling, data.own_zero, begins)
+        return FitData(data.name, lower, data.force[kept], np.ones(1), settling, data.has_own_zero, begins)
 
-    return experiment.with_data(every_nth, JointData)
+    return experiment.change_data(every_nth, JointData)

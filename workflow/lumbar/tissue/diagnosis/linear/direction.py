@@ -76,7 +76,7 @@ def direction_or_sign(experiment: Experiment, layout: ColumnLayout | None = None
     the `layout` that the records were read with, by default the reference's.
     """
     pairs = [
-        _pair(record.own(record.motion.position), record.own(record.force))
+        _pair(record.drop_history(record.motion.position), record.drop_history(record.force))
         for record in (*experiment.training.records, *experiment.tests)
     ]
     layout = layout or TissueSettings().layout

@@ -19,10 +19,10 @@ import scipy
 
 from lumbar.records.record import Channel, Record
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData, FreeRun, decimate
-from lumbar.tissue.diagnosis.fitting.joint_fit import Fit, folds, solve_linear, unfolded
+from lumbar.tissue.diagnosis.fitting.joint_fit import Fit, from_log_ratio, solve_linear, to_log_ratio
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.linear.poles import Poles, forces, relocated_poles, slope_forces
-from lumbar.tissue.diagnosis.noise.periods import FEWEST_PERIODS, fold_periods
+from lumbar.tissue.diagnosis.noise.periods import MIN_FULL_PERIODS, fold_periods
 from lumbar.tissue.diagnosis.residuals.time_frequency import excited_lines
 from lumbar.tissue.models.measured_motion import is_held
 from lumbar.tissue.models.motion import JoinedMotions, Motion
@@ -218,11 +218,11 @@ def _with_delay(data: FitData, fitted: LinearDynamics) -> LinearDynamics:
 def _refine(data: FitData, start: LinearDynamics) -> LinearDynamics:
     """Search poles and delay, linear parameters solved for at each."""
     force, first = data.whiten(data.force), np.exp(start.poles.to_vector())
-    low, high = (folds(bound, first) for bound in _bounds(start.poles, *_rates_seen(data)))
+    low, high = (to_log_ratio(bound, first) for bound in _bounds(start.poles, *_rates_seen(data)))
     unit = float(np.linalg.norm(force)) or 1.0
 
     def moved(values):
-        return start.poles.with_vector(np.log(unfolded(values, first)))
+        return start.poles.with_vector(np.log(from_log_ratio(values, first)))
 
     @lru_cache(maxsize=1)
     def solution(numbers):
@@ -300,17 +300,18 @@ def nonlinear_share(experiment: Experiment, fit: Fit | LinearDynamics) -> float 
         return None
     data = next(item for item in experiment.training.records if item.name == experiment.floor_from)
     if (
-        len(data.own(data.force)) * data.motion.sampling_time < FEWEST_PERIODS * floor.period
+        len(data.drop_history(data.force)) * data.motion.sampling_time < MIN_FULL_PERIODS * floor.period
     ):  # the settled start left out
         return None
     channels = {
-        "input": Channel(data.own(data.motion.position), "position", ""),
-        "output": Channel(data.own(data.force), "force", ""),
+        "input": Channel(data.drop_history(data.motion.position), "position", ""),
+        "output": Channel(data.drop_history(data.force), "force", ""),
     }
-    folding = fold_periods(Record(data.name, data.own(data.motion.time), channels), floor.period)
+    folding = fold_periods(Record(data.name, data.drop_history(data.motion.time), channels), floor.period)
     error = data.force - fit.simulate(data.motion)
     position, force, error = (
-        folding.fold(data.own(signal)).mean(axis=0) for signal in (data.motion.position, data.force, error)
+        folding.fold(data.drop_history(signal)).mean(axis=0)
+        for signal in (data.motion.position, data.force, error)
     )
     excited = excited_lines(position)
     if len(excited) < 2 * _NEIGHBOURHOOD:

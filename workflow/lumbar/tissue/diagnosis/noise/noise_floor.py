@@ -25,7 +25,7 @@ from lumbar.tissue.diagnosis.noise.nonrepeating import (
     remove_structure,
     smooth_power,
 )
-from lumbar.tissue.diagnosis.noise.periods import ONLY, Folding, find_period, fold_periods, repeats
+from lumbar.tissue.diagnosis.noise.periods import MIN_PERIODS, Folding, find_period, fold_periods, repeats
 
 _CERTAIN = 6.0
 """Standard errors by which sizes must be related beyond what noise of any colour and distribution gives."""
@@ -109,7 +109,7 @@ class NoiseFloor:
         return next(taps * np.sqrt(gain) for taps, gain in filters if gain >= _NEARLY * full_gain)
 
     @property
-    def surely_structured_rms(self) -> float:
+    def certain_structure_rms(self) -> float:
         """`structured_rms` without a drift that wandering noise may be taken for (99 %)."""
         wandering = self.rms * np.sqrt(_NORMAL_99 * np.sqrt(2 / self.degrees_of_freedom))
         if all(words.startswith(DRIFT) and rms <= wandering for words, rms in self.structured):
@@ -147,7 +147,7 @@ class NoiseFloor:
         return np.interp(frequency, lines[1:], level[1:])
 
 
-def noise_floor(record: Record, period: float | None = None, fewest: int = ONLY) -> NoiseFloor | None:
+def noise_floor(record: Record, period: float | None = None, fewest: int = MIN_PERIODS) -> NoiseFloor | None:
     """Return the noise floor of a periodic record, or None where its input, or another input beside it, does not repeat.
 
     The period, in seconds, is by default the record's own, else one of which the record holds at least `fewest`.
@@ -170,7 +170,7 @@ def noise_floor(record: Record, period: float | None = None, fewest: int = ONLY)
     scale = np.abs(folded).max()
     if np.abs(deviations).max() <= 1e-12 * scale:
         deviations = np.zeros_like(deviations)
-    halves = len(record) < (ONLY + 1 - _SHORT) * folding.samples
+    halves = len(record) < (MIN_PERIODS + 1 - _SHORT) * folding.samples
     if halves:
         # The transient at the start of the first period is over; all that differs then counts as noise.
         degrees, parts, noise = folding.samples // 2, [], deviations.copy()

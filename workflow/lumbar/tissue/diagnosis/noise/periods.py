@@ -9,9 +9,9 @@ from lumbar.records.record import Record
 
 REPEATS_WITHIN = 0.02
 """An input repeats if one period differs from another by less than this share of its RMS about the mean."""
-FEWEST_PERIODS = 3
+MIN_FULL_PERIODS = 3
 """The first is the transient; two are the least that show what does not repeat."""
-ONLY = 2
+MIN_PERIODS = 2
 """Fewest periods at all: only their second halves count then, because the start of the first is its transient."""
 
 _MISSING_END = 0.02
@@ -57,7 +57,7 @@ def mismatch(values: np.ndarray, lags: int) -> np.ndarray:
     return np.maximum(overlapping - 2.0 * products, 0.0) / (2.0 * variance * (size - lag))
 
 
-def find_period(record: Record, fewest: int = FEWEST_PERIODS) -> float | None:
+def find_period(record: Record, fewest: int = MIN_FULL_PERIODS) -> float | None:
     """Return the period of the input in seconds, of all axes that move, or None where it does not repeat.
 
     The shortest lag at which the input agrees with itself as well as at any other, within
@@ -90,26 +90,32 @@ def declared_period(record: Record, fewest: int) -> float | None:
 
 
 def fold_periods(record: Record, period: float) -> Folding:
-    """Cut a record into the whole periods (`period` in seconds) after its first one; into the last `ONLY` where it holds no more.
+    """Cut a record into its whole periods without the first one, or into its last `MIN_PERIODS` if it has no more.
+
+    Parameters
+    ----------
+    record : Record
+    period : float
+        Seconds.
 
     Raises
     ------
     InputError
-        If the record holds fewer than `ONLY` periods, or its input does not repeat with `period`.
+        If the record holds fewer than `MIN_PERIODS` periods, or its input does not repeat with `period`.
     """
     name, size = record.source or record.name, len(record)
     length = period / record.sampling_time
     if not length >= 2:
         raise InputError(f"{name}: a period of {period:g} s is less than two samples")
     periods = int(size / length + _MISSING_END)
-    if periods < ONLY:
+    if periods < MIN_PERIODS:
         raise InputError(
             f"{name}: {record.duration:g} s hold {size / length:.3g} periods of {period:g} s; at least "
-            f"{ONLY} are needed, better {FEWEST_PERIODS}, of which the first is the transient: record for longer, or leave the "
-            "period out"
+            f"{MIN_PERIODS} are needed, better {MIN_FULL_PERIODS}, of which the first is the transient: record for longer, or "
+            "leave the period out"
         )
     samples = round(length)
-    starts = size - np.round(length * np.arange(max(periods - 1, ONLY), 0, -1)).astype(int)
+    starts = size - np.round(length * np.arange(max(periods - 1, MIN_PERIODS), 0, -1)).astype(int)
     starts = np.clip(starts, 0, size - samples)
     folding = Folding(period, samples, starts[:, None] + np.arange(samples))
     unlike = _unlike(folding.fold(record["input"]))

@@ -13,7 +13,7 @@ from lumbar.records.record import Record
 from lumbar.tables.described import described
 from lumbar.tables.table import Table
 from lumbar.tissue.diagnosis.fitting.joint_fit import Fit
-from lumbar.tissue.diagnosis.fitting.preparation import Experiment, in_session
+from lumbar.tissue.diagnosis.fitting.preparation import Experiment, simulate_in_session
 from lumbar.tissue.diagnosis.noise.noise_floor import NoiseFloor
 from lumbar.tissue.diagnosis.noise.periods import fold_periods
 from lumbar.tissue.diagnosis.residuals.candidate_causes import (
@@ -201,7 +201,7 @@ def simulation(
     def simulate(record: Record) -> np.ndarray:
         return fit.simulate(Motion.of(record, offset=surface))
 
-    return in_session(records, simulate) if session else simulate
+    return simulate_in_session(records, simulate) if session else simulate
 
 
 def residual_reports(

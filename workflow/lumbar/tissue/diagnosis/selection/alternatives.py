@@ -59,9 +59,9 @@ def compare_zeros(state: DiagnosisState) -> DiagnosisState:
     differ, a model that lacks a relaxation seems to have different zeros too: a zero counts only if its record begins with it.
     """
     step, experiment = "compare zeros", state.experiment
-    if experiment.own_zeros:
+    if experiment.has_own_zeros:
         return state.next(step, "not needed: every record has a zero already")
-    with_zeros = experiment.with_own_zeros()
+    with_zeros = experiment.allow_own_zeros()
 
     def helps(item: Candidate) -> bool:
         refitted = refit(item.fit.structure, item.fit.nonlinear, with_zeros)
@@ -177,7 +177,7 @@ def report_offsets(state: DiagnosisState) -> list[Finding]:
             f"the {experiment.input_quantity} is off by an amount that causes it. It was fitted with the model and subtracted."
         )
         findings.append(Finding("force_offset", sentence, fit.zero, unit, experiment.training.name))
-    if experiment.own_zeros and fit.structure.base.sensor_zero:
+    if experiment.has_own_zeros and fit.structure.base.sensor_zero:
         findings += _report_own_zeros(state)
     return findings
 
@@ -311,7 +311,7 @@ def force_leads(model: Candidate, experiment: Experiment, linear: set[str]) -> F
     kept = [form for form in model.fit.structure.forms if form.effect not in replaced | {"delay"}]
     shortest = min(data.size for data in (*experiment.training.records, *experiment.tests))
     for samples in (number for number in _LEAD_SAMPLES if _LEAD_ROOM * number <= shortest):
-        put_late = experiment.with_data(partial(_delay_force, samples=samples, longest=samples))
+        put_late = experiment.change_data(partial(_delay_force, samples=samples, longest=samples))
         best = _fit_with_delay(model, kept, put_late)
         units = experiment.input_unit, experiment.output_unit
         late = next(item for item in estimates(best.fit, put_late.training, *units) if item.effect == "delay")
@@ -321,7 +321,7 @@ def force_leads(model: Candidate, experiment: Experiment, linear: set[str]) -> F
     else:
         return None  # longer than the search allows: its size cannot be found
     first = samples * step
-    same = experiment.with_data(partial(_delay_force, samples=0, longest=samples))
+    same = experiment.change_data(partial(_delay_force, samples=0, longest=samples))
     rival = refit(model.fit.structure, model.fit.nonlinear, same)
     likelier = best.score < rival.score - (TIED if best.parameters >= rival.parameters else 0)
     # If another effect is missing a lead may help a little: it is reported only if nothing is left.

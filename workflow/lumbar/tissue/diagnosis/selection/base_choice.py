@@ -69,7 +69,7 @@ def reweigh_errors(state: DiagnosisState, search: tuple = SEARCH) -> DiagnosisSt
     if not state.prepared.error_dwarfs_noise(state.model.train_rms):
         return state.next(step, f"not needed: {rms} is near the noise, or that is white or unknown")
     reason = f"{rms} is far above the noise: its colour is ignored, and base and effects are searched again"
-    again = state.next(step, reason, experiment=state.prepared.without_whitening(), status=None)
+    again = state.next(step, reason, experiment=state.prepared.drop_whitening(), status=None)
     return run(search, again)
 
 
@@ -85,7 +85,7 @@ def find_base(
     positions are counted from the tissue's surface if the base has contact.
     """
     # Surfaces are positions as recorded, also if a base is chosen again.
-    experiment = experiment.with_origin(experiment.rest[0])
+    experiment = experiment.shift_origin(experiment.rest[0])
     if isinstance(name, Base):
         return experiment, fit_base(name, experiment)
     if name != CHOSEN_BY_DATA:
@@ -112,7 +112,7 @@ def _spring_shows_contact(experiment: Experiment) -> bool:
         return False
     fastened, touched = (
         fit_base(BASES["LE"], experiment),
-        fit_base(BASES["LE-contact"], experiment.with_origin(surface)),
+        fit_base(BASES["LE-contact"], experiment.shift_origin(surface)),
     )
     return touched.fit.squared_error < _SPRINGS * fastened.fit.squared_error
 
@@ -167,7 +167,7 @@ def fit_at_surface(experiment: Experiment, names: tuple[str, ...]) -> tuple[Expe
     start = first_surface(experiment)
     if start is None:
         start = float(experiment.training.motion.position.min())
-    first = experiment.with_origin(start)
+    first = experiment.shift_origin(start)
     best = min((fit_base(BASES[name], first) for name in names), key=lambda item: item.fit.squared_error)
     experiment, best = fit_surface(experiment, best, start)
     found = [fit_base(BASES[name], experiment) for name in names if name != best.fit.structure.base.name]
@@ -195,7 +195,7 @@ def fit_surface(experiment: Experiment, model: Candidate, start: float) -> tuple
     reach = _SEARCHED * float(np.ptp(experiment.training.motion.position))
 
     def squared_error(surface: float) -> float:
-        training = experiment.with_origin(surface).training
+        training = experiment.shift_origin(surface).training
         return fit(model.fit.structure, training, model.fit.nonlinear).squared_error
 
     found = scipy.optimize.minimize_scalar(
@@ -204,5 +204,5 @@ def fit_surface(experiment: Experiment, model: Candidate, start: float) -> tuple
         method="bounded",
         options={"xatol": 1e-3 * reach},
     )
-    moved = experiment.with_origin(float(found.x))
+    moved = experiment.shift_origin(float(found.x))
     return moved, refit(model.fit.structure, model.fit.nonlinear, moved)

@@ -213,7 +213,7 @@ def is_adequate(candidate: Candidate, experiment: Experiment, factor: float = AD
 
     def largest(records: list[FitData]) -> float:
         scatter = max(factor, floor.largest_ratio(sum(item.size for item in records)))
-        return scatter * float(np.hypot(floor.rms, experiment.beside_floor))
+        return scatter * float(np.hypot(floor.rms, experiment.extra_floor_rms))
 
     if candidate.train_rms > largest([training]):
         return False

@@ -110,7 +110,7 @@ def check_direction(state: DiagnosisState) -> DiagnosisState:
         return state.next(step, "not needed: the user-defined base has its own input and output")
     if experiment.faults:
         # A command that jumps between levels would be taken for a coarse sensor, and smoothed.
-        experiment = Experiment.as_recorded(state.records, settings, records=tuple(state.records))
+        experiment = Experiment.prepare_unrepaired(state.records, settings, records=tuple(state.records))
     finding = direction_or_sign(experiment, settings.layout)
     if finding is None:
         return state.next(step, "input, output and signs are those of a tissue")
@@ -188,7 +188,7 @@ def check_rate_independence(state: DiagnosisState) -> DiagnosisState:
     # Lowest and highest frequency (Hz) of the motion in all records.
     records = [part for item in (experiment.training, *experiment.tests) for part in item.records]
     bands = [
-        occupied_band(part.own(part.motion.position), part.motion.sampling_time, _FUNDAMENTAL)
+        occupied_band(part.drop_history(part.motion.position), part.motion.sampling_time, _FUNDAMENTAL)
         for part in records
     ]
     low, high = min(edges[0] for edges in bands), max(edges[1] for edges in bands)
@@ -249,8 +249,8 @@ def train_on_others(state: DiagnosisState) -> list[Finding]:
     experiment, model = state.experiment, state.model
 
     def fitted(names: list[str]):
-        chosen = Experiment.as_recorded(experiment.records, replace(state.settings, train=names))
-        return refit(model.fit.structure, model.fit.nonlinear, chosen.with_origin(experiment.surface))
+        chosen = Experiment.prepare_unrepaired(experiment.records, replace(state.settings, train=names))
+        return refit(model.fit.structure, model.fit.nonlinear, chosen.shift_origin(experiment.surface))
 
     first = [item.name for item in experiment.training.records]
     unseen = [item.name for item in experiment.tests]

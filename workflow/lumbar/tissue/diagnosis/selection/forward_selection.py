@@ -303,7 +303,7 @@ class Selection:
     def periods_differ(self) -> bool:
         """Whether periods differ by more than noise: something is missing, even where it raises the floor."""
         floor = self.experiment.floor
-        return floor is not None and floor.surely_structured_rms > STRUCTURED * floor.rms
+        return floor is not None and floor.certain_structure_rms > STRUCTURED * floor.rms
 
     def further(self, model: Candidate) -> Candidate | None:
         """Diagnose the refined model: what one more step of the search would add, however many effects it has.

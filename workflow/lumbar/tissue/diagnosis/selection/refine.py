@@ -170,7 +170,7 @@ def refine(
             raise InputError(f"{name} needs channels that the records do not have: {', '.join(missing)}")
     surfaced, path = _added_in_turn(experiment, usable, settings.base)
     if experiment.error_dwarfs_noise(path[-1].train_rms):
-        surfaced, path = _added_in_turn(experiment.without_whitening(), usable, settings.base)
+        surfaced, path = _added_in_turn(experiment.drop_whitening(), usable, settings.base)
     return surfaced, path
 
 

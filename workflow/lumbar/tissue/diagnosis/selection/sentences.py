@@ -124,10 +124,10 @@ def noise_sentence(experiment: Experiment) -> str:
         sentence += "; they are alike to the last digit, and so much the digits leave open"
     if floor.halves:
         sentence += ", all there are: what differs between their second halves passes for noise"
-    if experiment.beside_floor <= _NOTABLE * floor.rms:
+    if experiment.extra_floor_rms <= _NOTABLE * floor.rms:
         return f"{sentence}."
     return (
-        f"{sentence}. Beside it a right model would leave {experiment.beside_floor:.3g} {unit}: the force of the "
+        f"{sentence}. Beside it a right model would leave {experiment.extra_floor_rms:.3g} {unit}: the force of the "
         f"{experiment.input_quantity}'s noise within the band, or a drift that may be a wandering zero. It counts as noise."
     )
 

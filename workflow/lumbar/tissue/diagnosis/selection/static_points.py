@@ -13,9 +13,9 @@ from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData
 from lumbar.tissue.diagnosis.fitting.preparation import (
     Experiment,
+    assemble_experiment,
     check_unseen,
     choose_training,
-    put_together,
 )
 from lumbar.tissue.diagnosis.selection.alternatives import report_zeros
 from lumbar.tissue.diagnosis.selection.base_choice import first_surface, fit_at_surface
@@ -160,7 +160,7 @@ def experiment_of_points(records: Sequence[Record], settings: DiagnosisSettings)
     if not tests:
         tests = [_points(record, lambda number: number % _EVERY == 1) for record in chosen]
         fitted = [_points(record, lambda number: number % _EVERY != 1) for record in chosen]
-    return put_together(chosen[0], fitted, tests, None, records=tuple(records)).from_rest()
+    return assemble_experiment(chosen[0], fitted, tests, None, records=tuple(records)).shift_to_rest()
 
 
 def _points(record: Record, wanted: Callable[[np.ndarray], np.ndarray] | None = None) -> FitData:

@@ -102,7 +102,7 @@ def find_gaps(record: Record) -> Repair | None:
     return Repair(record, (finding,))
 
 
-def find_wild(record: Record) -> Repair | None:
+def find_outliers(record: Record) -> Repair | None:
     """Find single readings of the force far outside the range of all others, e.g. from a loose contact or a lost bit.
 
     A reading is an outlier if it is farther from the median of the seven samples about it than the range of the medians of the
@@ -130,7 +130,7 @@ def find_wild(record: Record) -> Repair | None:
     return Repair(record.with_values(output=repaired), (finding,))
 
 
-def find_held(record: Record, role: str) -> Repair | None:
+def find_stuck_samples(record: Record, role: str) -> Repair | None:
     """Find samples of a channel that stays at one value for a few samples while it is moving, and then catches up.
 
     They are interpolated by a cubic spline, and noted as filled. Of a force, what a linear tissue makes of the position is taken

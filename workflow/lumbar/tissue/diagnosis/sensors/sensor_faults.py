@@ -10,7 +10,7 @@ from lumbar.records.record import Record
 from lumbar.tissue.diagnosis.finding import Finding
 from lumbar.tissue.diagnosis.noise.nonrepeating import line_power, smooth_power
 from lumbar.tissue.diagnosis.noise.periods import (
-    FEWEST_PERIODS,
+    MIN_FULL_PERIODS,
     Folding,
     declared_period,
     find_period,
@@ -20,14 +20,14 @@ from lumbar.tissue.diagnosis.sensors.bad_samples import (
     Repair,
     find_dropped,
     find_gaps,
-    find_held,
-    find_wild,
+    find_outliers,
+    find_stuck_samples,
     linear_response,
 )
 from lumbar.tissue.diagnosis.sensors.position_noise import find_rough_acceleration, find_roughness
 
 CLOCK_SKEW = "clock_skew"
-_FEWEST_PERIODS = FEWEST_PERIODS + 2
+_FEWEST_PERIODS = MIN_FULL_PERIODS + 2
 """Smallest number of periods for a line through their delays."""
 _SURE = 6.0
 """Standard errors of a skew."""
@@ -157,7 +157,7 @@ def _is_skew(growth: np.ndarray, spectra: dict[str, np.ndarray]) -> bool:
 
 def _periods(record: Record) -> Folding | None:
     """Periods of a record, the first left out; None where they are few or no whole number of samples long."""
-    period = declared_period(record, FEWEST_PERIODS) or find_period(record)
+    period = declared_period(record, MIN_FULL_PERIODS) or find_period(record)
     if period is None:
         return None
     length = period / record.sampling_time
@@ -195,9 +195,9 @@ def shift_times(values: np.ndarray, rate: float) -> np.ndarray:
 
 _FINDERS = (
     find_gaps,
-    find_wild,
-    partial(find_held, role="input"),
-    partial(find_held, role="output"),
+    find_outliers,
+    partial(find_stuck_samples, role="input"),
+    partial(find_stuck_samples, role="output"),
     find_dropped,
     find_roughness,
     find_rough_acceleration,

@@ -15,14 +15,14 @@ from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData, JointData
 from lumbar.tissue.diagnosis.fitting.preparation import (
     Experiment,
+    assemble_experiment,
     check_unseen,
     choose_training,
-    put_together,
     resting_position,
     settling_samples,
 )
 from lumbar.tissue.diagnosis.noise.noise_floor import NoiseFloor, noise_floor
-from lumbar.tissue.diagnosis.noise.periods import FEWEST_PERIODS, find_period
+from lumbar.tissue.diagnosis.noise.periods import MIN_FULL_PERIODS, find_period
 from lumbar.tissue.diagnosis.sensors.sensor_faults import repair
 from lumbar.tissue.models.motion import Motion, SpatialMotion
 
@@ -40,18 +40,18 @@ class SpatialData(JointData):
             FitData(record.name, Motion.of(one, offset=rest), one["output"], taps, settling)
             for one, taps, rest in zip(map(record.axis, record.axes), whitening, rests, strict=True)
         ]
-        return cls.of(parts, record.axes)
+        return cls.join(parts, record.axes)
 
     @classmethod
-    def of(cls, parts: list[FitData], axes: tuple[str, ...] = ()) -> Self:
+    def join(cls, parts: list[FitData], axes: tuple[str, ...] = ()) -> Self:
         """Put axes together."""
-        joint = super().of(parts)
+        joint = super().join(parts)
         motion = SpatialMotion(tuple(part.motion for part in parts), names=axes)  # type: ignore[misc]
         return replace(joint, name=parts[0].name, motion=motion)
 
-    def _with_parts(self, parts: list[FitData]) -> Self:
+    def _rebuild(self, parts: list[FitData]) -> Self:
         assert isinstance(self.motion, SpatialMotion)
-        return replace(type(self).of(parts, self.motion.names), own_zero=self.own_zero)
+        return replace(type(self).join(parts, self.motion.names), has_own_zero=self.has_own_zero)
 
     @property
     def records(self) -> tuple[FitData, ...]:
@@ -63,21 +63,21 @@ class SpatialData(JointData):
         """Columns of the zeros of the sensor's channels, shape (axes × samples, axes)."""
         return np.kron(np.eye(len(self.parts)), np.ones((len(self.parts[0].force), 1)))
 
-    def own(self, signal: np.ndarray) -> np.ndarray:
+    def drop_history(self, signal: np.ndarray) -> np.ndarray:
         """Signal over the record itself, one axis after the other."""
         pieces = zip(self.parts, self.motion.split(signal), strict=True)
-        return np.concatenate([part.own(piece) for part, piece in pieces])
+        return np.concatenate([part.drop_history(piece) for part, piece in pieces])
 
-    def longest(self, signal: np.ndarray) -> tuple[Motion, np.ndarray]:
+    def longest_record(self, signal: np.ndarray) -> tuple[Motion, np.ndarray]:
         """Motion along the axis on which a signal is largest, and the signal there."""
         assert isinstance(self.motion, SpatialMotion)
         pieces = zip(self.motion.parts, self.motion.split(signal), strict=True)
         return max(pieces, key=lambda pair: float(np.var(pair[1])))
 
     def _about_zero(self, errors: np.ndarray) -> np.ndarray:
-        if not self.own_zero:
+        if not self.has_own_zero:
             return errors
-        return np.concatenate([piece - piece.mean() for piece in self.by_record(errors)])
+        return np.concatenate([piece - piece.mean() for piece in self.split_records(errors)])
 
 
 def prepare(records: list[Record], settings: DiagnosisSettings) -> Experiment:
@@ -110,7 +110,7 @@ def prepare(records: list[Record], settings: DiagnosisSettings) -> Experiment:
         taps = [floor.whitening for floor in known] if alike else white
         return SpatialData.along(record, taps, settling_samples(record.widest, settings.settling_s), rests)
 
-    return put_together(
+    return assemble_experiment(
         first.widest,
         list(map(data, chosen)),
         list(map(data, others)),
@@ -156,7 +156,7 @@ def _repaired(records: list[Record]) -> tuple[list[Record], list[Finding]]:
 
 def axis_floors(record: Record) -> list[NoiseFloor] | list[None]:
     """Noise floor of every axis of a record; None of all where its motion does not repeat."""
-    period = record.period or find_period(record) or find_period(record, FEWEST_PERIODS - 1)
+    period = record.period or find_period(record) or find_period(record, MIN_FULL_PERIODS - 1)
     still = record.widest["input"]  # which repeats where noise of an axis that rests does not
     single = [
         one if axis in record.moving else one.with_values(input=still)

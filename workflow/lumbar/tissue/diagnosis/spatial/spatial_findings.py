@@ -202,7 +202,7 @@ def _products_of(experiment: Experiment, size: int) -> _Products:
     for record in (*experiment.training.records, *experiment.tests):
         step = record.motion.sampling_time
         position, force = (
-            record.own(item).reshape(size, -1) for item in (record.motion.position, record.force)
+            record.drop_history(item).reshape(size, -1) for item in (record.motion.position, record.force)
         )
         speed = np.stack([steady_velocity(each, step) for each in position])
         signals = np.concatenate([position, speed])
