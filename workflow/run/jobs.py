@@ -54,14 +54,14 @@ def end_with_parent() -> None:
 
 def remove_half_written(jobs: Iterable) -> None:
     """Remove the temporary files that a killed run left next to the outputs of these jobs; Snakemake has locked the outputs."""
-    from lumbar.base.files import half_written
+    from lumbar.base.files import leftover_temp_files
 
     names = defaultdict(set)
     for job in jobs:
         for path in map(Path, job.output):
             names[path.parent].add(path.name)
     for folder, outputs in names.items():
-        for name, left in half_written(folder):
+        for name, left in leftover_temp_files(folder):
             if name in outputs:
                 shutil.rmtree(left, ignore_errors=True)
 

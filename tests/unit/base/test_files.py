@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 
 from lumbar.base.errors import InputError, NumericalError, user_message
-from lumbar.base.files import half_written, read_json, replacing, write_csv, write_json, write_text
+from lumbar.base.files import leftover_temp_files, read_json, replacing, write_csv, write_json, write_text
 
 
 def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path):
@@ -95,10 +95,10 @@ def test_what_a_killed_process_half_wrote_is_found_by_its_files_name(tmp_path):
     assert killed.returncode == -9
     write_text(tmp_path / "table.tex", "whole")
     (tmp_path / ".table.tex").mkdir()
-    ((name, left),) = half_written(tmp_path)
+    ((name, left),) = leftover_temp_files(tmp_path)
     assert name == "table.csv"
     assert (left / "table.csv").read_text() == "half"
-    assert half_written(tmp_path / "absent") == []
+    assert leftover_temp_files(tmp_path / "absent") == []
 
 
 def test_errors_about_other_files_keep_their_names(tmp_path):

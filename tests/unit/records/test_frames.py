@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from lumbar.base.errors import InputError
-from lumbar.records.frames import with_force_frame
-from lumbar.records.record import Channel, Record, exchanged
+from lumbar.records.frames import rotate_forces
+from lumbar.records.record import Channel, Record, swap_input_and_output
 
 TIME = np.arange(40) / 10
 
@@ -31,11 +31,13 @@ def rodrigues(vector, forces: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("vector", [(20.0, -35.0, 50.0), (0, 0, 90), (180, 0, 0), (1e-5, 0, 0)])
 def test_forces_are_turned_about_the_vector(vector):
     given = record("xyz")
-    turned = with_force_frame(given, vector)
+    turned = rotate_forces(given, vector)
     expected = rodrigues(vector, given.stacked("output"))
     assert turned.stacked("output") == pytest.approx(expected, abs=1e-14)
     assert np.array_equal(turned.stacked("input"), given.stacked("input"))
-    assert with_force_frame(exchanged(given), vector).stacked("input") == pytest.approx(expected, abs=1e-14)
+    assert rotate_forces(swap_input_and_output(given), vector).stacked("input") == pytest.approx(
+        expected, abs=1e-14
+    )
 
 
 @pytest.mark.parametrize(("axes", "normal", "sign"), [("xy", 2, 1), ("xz", 1, -1), ("yz", 0, 1)])
@@ -43,15 +45,15 @@ def test_two_axes_are_turned_in_their_plane_alone(axes, normal, sign):
     vector = np.zeros(3)
     vector[normal] = sign * 90
     one, other = record(axes).stacked("output")
-    turned = with_force_frame(record(axes), vector).stacked("output")
+    turned = rotate_forces(record(axes), vector).stacked("output")
     assert turned == pytest.approx(np.stack([-other, one]), abs=1e-14)
     with pytest.raises(InputError, match=rf"only its component along {'xyz'[normal]} may differ from 0"):
-        with_force_frame(record(axes), [5, 5, 5])
+        rotate_forces(record(axes), [5, 5, 5])
 
 
 def test_one_axis_has_no_frame_and_none_changes_nothing():
     given = record("xyz")
-    assert with_force_frame(given, None) is given
-    assert with_force_frame(given, (0, 0, 0)) is given
+    assert rotate_forces(given, None) is given
+    assert rotate_forces(given, (0, 0, 0)) is given
     with pytest.raises(InputError, match="has one axis"):
-        with_force_frame(given.axis("y"), (0, 0, 1))
+        rotate_forces(given.axis("y"), (0, 0, 1))

@@ -6,7 +6,7 @@ from foreign_files import FORCE, POSITION, RATE, TIME, rows
 
 import lumbar
 from lumbar.base.errors import InputError
-from lumbar.records.importing.raw_table import find_unit, name_and_unit, told_unit
+from lumbar.records.importing.raw_table import find_unit, name_and_unit, parse_unit
 from lumbar.records.importing.roles import named_so
 from refusing import refusal
 
@@ -80,12 +80,12 @@ def test_names_say_roles(name, role, plainness):
 
 
 def test_a_calibration_is_a_number_before_a_unit():
-    assert told_unit("2e-3 kN/count", "--force-unit").factor == pytest.approx(2.0)
-    assert told_unit("0.5 mm/s/V", "--position-unit").factor == 0.5
-    assert told_unit("0.5 mm/s", "--position-unit").quantity == "velocity"
+    assert parse_unit("2e-3 kN/count", "--force-unit").factor == pytest.approx(2.0)
+    assert parse_unit("0.5 mm/s/V", "--position-unit").factor == 0.5
+    assert parse_unit("0.5 mm/s", "--position-unit").quantity == "velocity"
     for wrong in ("35.15", "0 N", "35 furlongs", "3 N/s"):
         with pytest.raises(InputError, match="is no unit; known are"):
-            told_unit(wrong, "--force-unit")
+            parse_unit(wrong, "--force-unit")
 
 
 def test_two_forces_are_refused_with_both(tmp_path):

@@ -9,7 +9,7 @@ from scipy.io import savemat
 
 from lumbar.base.errors import InputError
 from lumbar.records.columns import read_record
-from lumbar.records.record import Channel, Record, check_record, same_units
+from lumbar.records.record import Channel, Record, check_record, require_same_units
 from lumbar.records.sampling import resample
 from lumbar.settings.layout import ColumnLayout
 from refusing import refusal
@@ -211,13 +211,13 @@ def test_a_clock_written_with_few_digits_is_even():
 
 def test_sets_share_quantities_and_units():
     a, b = record_of(TIME, TIME, TIME, name="a"), record_of(TIME, TIME, TIME, name="b")
-    same_units([])
-    same_units([a, b])
+    require_same_units([])
+    require_same_units([a, b])
     b.channels["output"] = Channel(TIME, "output", "kN")
     with pytest.raises(InputError, match="b: output is output in kN, but output in mm in a"):
-        same_units([a, b])
+        require_same_units([a, b])
     with pytest.raises(InputError, match="output is missing"):
-        same_units([a, record_of(TIME, TIME, name="b")])
+        require_same_units([a, record_of(TIME, TIME, name="b")])
 
 
 def test_resampling_keeps_what_lies_below_and_removes_what_lies_above():

@@ -6,7 +6,7 @@ import pytest
 import lumbar
 from case_tables import cases
 from lumbar.base.errors import InputError
-from lumbar.records.record import Channel, Record, exchanged, forced
+from lumbar.records.record import Channel, Record, swap_input_and_output, use_load_as_input
 from lumbar.records.sampling import resample
 from lumbar.settings.layout import ColumnLayout, columns
 from refusing import refusal
@@ -94,8 +94,10 @@ def test_axes_are_cut_resampled_and_exchanged_like_one():
     slower, alone = resample(record, 50), resample(record.axis("y"), 50)
     assert slower["output_y"] == pytest.approx(alone["output"], rel=1e-12)
     assert list(alone.channels) == ["input", "output", "heat"]
-    assert forced(record).stacked("input") == pytest.approx(record.stacked("output"))
-    assert forced(exchanged(record)).stacked("input") == pytest.approx(record.stacked("output"))
+    assert use_load_as_input(record).stacked("input") == pytest.approx(record.stacked("output"))
+    assert use_load_as_input(swap_input_and_output(record)).stacked("input") == pytest.approx(
+        record.stacked("output")
+    )
 
 
 def test_records_of_one_set_have_the_same_axes(tmp_path):

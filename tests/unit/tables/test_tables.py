@@ -12,8 +12,7 @@ import yaml
 
 import lumbar
 from lumbar.base.errors import NumericalError
-from lumbar.tables.described import described
-from lumbar.tables.table import Table, escape_latex
+from lumbar.tables.table import Table, escape_latex, table_from_schema
 
 LIBRARY = Path(lumbar.__file__).parent
 
@@ -157,7 +156,7 @@ def test_numbers_in_latex_have_powers_of_ten(text, expected):
 def test_a_new_column_is_shown_in_latex_unless_it_is_folded(tmp_path):
     description = "t: {title: T, folded: [more_*], columns: {name: n, more_1: m, added_N: a}}"
     (tmp_path / "tables.yaml").write_text(description)
-    table = described(str(tmp_path), "t", [{"name": "x", "more_1": 1, "added_N": 2}], "test")
+    table = table_from_schema(str(tmp_path), "t", [{"name": "x", "more_1": 1, "added_N": 2}], "test")
     tex, page = table.to_latex(), table.to_html()
     assert "Added (N)" in tex and "More 1" not in tex
     assert page.index("Added (N)") < page.index("<details>") < page.index("More 1")

@@ -31,12 +31,12 @@ def is_device(name: str) -> bool:
     return _DEVICE.fullmatch(name) is not None
 
 
-def as_name(text: str, otherwise: str, others: str = "_-") -> str:
+def sanitize_name(text: str, otherwise: str, others: str = "_-") -> str:
     """Return a text with ``_`` for what no name holds: letters, digits and `others` stay; `otherwise` where nothing is left.
 
     Examples
     --------
-    >>> as_name("../gait trial 3", "study"), as_name("???", "study"), as_name("con", "study")
+    >>> sanitize_name("../gait trial 3", "study"), sanitize_name("???", "study"), sanitize_name("con", "study")
     ('gait_trial_3', 'study', 'con_')
     """
     name = re.sub(rf"[^A-Za-z0-9{re.escape(others)}]+", "_", text).strip(others) or otherwise
@@ -93,9 +93,9 @@ def refuse_links(folder: str | os.PathLike) -> None:
 
 @contextlib.contextmanager
 def replacing(path: str | os.PathLike) -> Iterator[Path]:
-    """Give a temporary path beside `path` that takes its place when the block ends well.
+    """Yield a temporary path whose file replaces `path` if the block succeeds.
 
-    Nothing is left behind when the block raises, so a reader never sees half a file; see `half_written` for a killed process.
+    If the block raises, nothing is left; `leftover_temp_files` returns what a killed process left.
 
     Raises
     ------
@@ -143,7 +143,7 @@ def check_place(folder: str | os.PathLike) -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(there / "results"))
 
 
-def half_written(folder: str | os.PathLike) -> list[tuple[str, Path]]:
+def leftover_temp_files(folder: str | os.PathLike) -> list[tuple[str, Path]]:
     """Return what `replacing` left in a folder as its process was killed: names of the files, and what lies there for them."""
     folder = Path(folder)
     found = [(_TEMPORARY.fullmatch(path.name), path) for path in folder.iterdir()] if folder.is_dir() else []

@@ -22,7 +22,7 @@ def watch_progress(watcher: Callable[[str], None]) -> Iterator[None]:
         _watcher.reset(token)
 
 
-def going_on(words: str = "") -> None:
+def notify_progress(words: str = "") -> None:
     """Tell whoever watches that the work goes on."""
     watcher = _watcher.get()
     if watcher is not None:
@@ -34,7 +34,7 @@ def track(items: Collection[Item], label: str) -> Iterator[Item]:
     total = len(items)
     last = began = time.monotonic()
     for done, item in enumerate(items):
-        going_on(f"{label}: {done} of {total}")
+        notify_progress(f"{label}: {done} of {total}")
         now = time.monotonic()
         if now - last >= _EVERY_S:
             left = f", about {(now - began) / done * (total - done):.0f} s left" if done else ""

@@ -7,7 +7,7 @@ from pathlib import Path
 _HYPHEN = re.compile(r"(?<![\w.)])-(?=\d)")
 
 
-def in_print(text: str) -> str:
+def typeset_minus_signs(text: str) -> str:
     """Return a sentence with a minus sign before negative numbers, as pages and figures set them; ready HTML as it is."""
     return text if hasattr(text, "__html__") else _HYPHEN.sub("−", text)
 
@@ -31,5 +31,5 @@ def template(name: str):
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-    environment.filters["in_print"] = in_print
+    environment.filters["typeset_minus_signs"] = typeset_minus_signs
     return environment.get_template(name)

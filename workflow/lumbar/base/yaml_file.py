@@ -47,7 +47,7 @@ def dotted_path(way: tuple) -> str:
     return ".".join(map(str, way))
 
 
-def way_of(key: str) -> tuple:
+def parse_key_path(key: str) -> tuple:
     """Return the path of a key from its text; the inverse of `dotted_path`."""
     return tuple(int(part) if part.isdecimal() else part for part in key.split("."))
 
@@ -55,7 +55,7 @@ def way_of(key: str) -> tuple:
 _BARE = re.compile(r"[A-Za-z][\w.-]*( [\w.-]+)*")
 
 
-def quoted(text: str) -> str:
+def quote_yaml(text: str) -> str:
     """Return a YAML scalar that reads as this text, with quotes only if it needs them."""
     import yaml
 

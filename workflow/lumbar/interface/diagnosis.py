@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from lumbar.base.errors import InputError
 from lumbar.interface.diagnosed import FORWARD, Diagnosis, ProposedLaw
 from lumbar.interface.result import label_of, settings_or_default
-from lumbar.records.record import Record, forced, require_one_axis
+from lumbar.records.record import Record, require_one_axis, use_load_as_input
 from lumbar.settings.study_settings import StudySettings
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.fitting.fit_data import limit_samples
@@ -61,7 +61,7 @@ def diagnose(
     settings = settings_or_default(settings)
     chosen = DiagnosisSettings.from_study(settings, base, train)
     source_label = label_of(source_label, records)
-    driven = [forced(record) for record in records] if chosen.load_drives else list(records)
+    driven = [use_load_as_input(record) for record in records] if chosen.load_drives else list(records)
     if any(record.points for record in driven):
         return Diagnosis(driven, chosen, search(driven, chosen), settings, source_label)
     used, changed = limit_samples(driven, chosen.session)

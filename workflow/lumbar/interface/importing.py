@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING
 from lumbar.base.errors import InputError, Problems
 from lumbar.base.files import read_json, require_file
 from lumbar.interface.reading import COLUMN_ENDINGS, is_column_file
-from lumbar.records.importing.raw_table import COLUMNS_FOLLOW, Asked, RawTable
+from lumbar.records.importing.raw_table import COLUMNS_FOLLOW, RawTable, ReadOptions
 from lumbar.records.importing.recording import ImportedRecording, to_records
 from lumbar.records.importing.roles import Choices
 from lumbar.records.importing.source_file import file_name, read_content
 from lumbar.records.importing.study_file import PROVENANCE, needs_study, write_folder
-from lumbar.records.record import RecordSet, same_units
+from lumbar.records.record import RecordSet, require_same_units
 from lumbar.tissue.diagnosis.linear.direction import of_other_sign
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ class ForeignFile:
     sha256: str
 
     @classmethod
-    def of_content(cls, name: str, content: bytes, asked: Asked) -> ForeignFile:
+    def of_content(cls, name: str, content: bytes, asked: ReadOptions) -> ForeignFile:
         """Read a file from memory.
 
         Raises
@@ -48,7 +48,7 @@ class ForeignFile:
         return cls(file_name(Path(name)), *read_content(content, Path(name), asked))
 
     @classmethod
-    def of_path(cls, path: Path, asked: Asked) -> ForeignFile:
+    def of_path(cls, path: Path, asked: ReadOptions) -> ForeignFile:
         """Read a file; raise as `of_content` does."""
         require_file(path)
         return cls.of_content(str(path), path.read_bytes(), asked)
@@ -214,7 +214,7 @@ class ImportedRecordings(Sequence[ImportedRecording]):
             If they differ in quantities or units.
         """
         records = [recording.record for recording in self.recordings]
-        same_units(records)
+        require_same_units(records)
         return RecordSet(records)
 
     @property

@@ -121,7 +121,7 @@ def _read(path: Path, settings: LiftingSettings, height_m: float | None) -> _Rea
     screening, bodies = Screening(height_m, settings.markers.aliases, refuse=False), BodyFilling(settings)
     layout = settings.markers.model_copy(update={"required": (), "check_axes": False})
     try:
-        recording = read_markers(path, layout, screen=screening, mend=bodies)
+        recording = read_markers(path, layout, screen=screening, repair=bodies)
     except InputError as error:
         _refuse_record(path, error)
         raise

@@ -14,14 +14,14 @@ from typing import TYPE_CHECKING
 from pydantic import TypeAdapter
 
 from lumbar.base.errors import InputError, LumbarError
-from lumbar.base.files import as_name, write_text
+from lumbar.base.files import sanitize_name, write_text
 from lumbar.base.templates import template
 from lumbar.base.yaml_file import shipped_yaml
 from lumbar.interface.reading import MARKER_ENDINGS
 from lumbar.lifting.quality.body import THIGH, landmarks
 from lumbar.records.marker_aliases import resolve_aliases
 from lumbar.records.marker_axes import find_axes
-from lumbar.records.marker_file import NoMarkers
+from lumbar.records.marker_file import NoMarkersError
 from lumbar.records.markers import METRES, MarkerRecording, read_markers
 from lumbar.records.unpacking import ending_of
 from lumbar.settings.layout import Alias, MarkerLayout, MeanOfMarkers, OffsetPoint
@@ -225,7 +225,7 @@ def new_study(folder: str | os.PathLike, name: str | None = None) -> NewStudy:
     folder = Path(folder)
     if not folder.is_dir():
         raise InputError(f"{folder}: no such folder")
-    name = as_name(name or folder.resolve().name, "study")
+    name = sanitize_name(name or folder.resolve().name, "study")
     endings = (*MARKER_ENDINGS, *TABLES)
     paths = sorted(path for path in folder.rglob("*") if ending_of(path) in endings and path.is_file())
     if not paths:
@@ -263,10 +263,10 @@ def new_study(folder: str | os.PathLike, name: str | None = None) -> NewStudy:
 def _look_at(path: Path, folder: Path, study: str) -> FolderRecording | None:
     """Read one file; None for a table without markers."""
     below = path.relative_to(folder)
-    person = study if len(below.parts) == 1 else f"{study}_{as_name(below.parts[0], 'study')}"
+    person = study if len(below.parts) == 1 else f"{study}_{sanitize_name(below.parts[0], 'study')}"
     try:
         recording, states_unit = _read(path)
-    except NoMarkers:
+    except NoMarkersError:
         return None
     except LumbarError as error:
         return FolderRecording(str(below), person, str(error).splitlines()[0])
@@ -283,7 +283,7 @@ def _read(path: Path) -> tuple[MarkerRecording, bool]:
     layout = {"check_axes": False, "subject_prefix": "keep"}
     try:
         return read_markers(path, MarkerLayout(**layout), minimum_frames=1), True
-    except NoMarkers:
+    except NoMarkersError:
         raise
     except InputError as stated:
         for unit in METRES:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, overload
 
 from lumbar.base.errors import InputError
-from lumbar.records.record import RecordSet, same_units
+from lumbar.records.record import RecordSet, require_same_units
 from lumbar.records.unpacking import ending_of, stem_of
 from lumbar.settings.layout import ColumnLayout, MarkerLayout, RecordSettings
 
@@ -133,7 +133,7 @@ def read(
         read_record(file, layout, name, None, rate, (trims or {}).get(name))
         for file, name in zip(files, called, strict=True)
     ]
-    same_units(records)
+    require_same_units(records)
     return RecordSet(records).with_periods(periods)
 
 

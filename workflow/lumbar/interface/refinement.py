@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from lumbar.base.errors import InputError
 from lumbar.base.files import write_text
 from lumbar.interface.result import Result, label_of, settings_or_default
-from lumbar.records.record import Record, forced
+from lumbar.records.record import Record, use_load_as_input
 from lumbar.settings.study_settings import StudySettings
 from lumbar.tables.table import Table
 from lumbar.tissue.diagnosis.finding import Finding
@@ -89,7 +89,7 @@ def refine(
 
 def fit_effects(records, effects, settings, seed, data) -> Refinement:
     """Fit the base with these effects, each added in turn, on records of a manageable size."""
-    driven = [forced(record) for record in records] if settings.load_drives else list(records)
+    driven = [use_load_as_input(record) for record in records] if settings.load_drives else list(records)
     used, findings = limit_samples(driven, settings.session)
     if any(record.axes for record in used):
         from lumbar.tissue.diagnosis.spatial.spatial_diagnosis import refine as fit_in_space

@@ -27,7 +27,7 @@ from lumbar.page_server.index import INDEX, Index
 from lumbar.page_server.recording_preview import FIELDS, in_fields, preview, tables_columns
 from lumbar.page_server.requests import read_request
 from lumbar.page_server.served_sets import OWN, ExploredSet, ServedSets
-from lumbar.records.importing.raw_table import Asked
+from lumbar.records.importing.raw_table import ReadOptions
 from lumbar.records.importing.roles import Choices
 from lumbar.records.importing.study_file import common_rate
 from lumbar.records.sampling import resample
@@ -131,7 +131,7 @@ class OwnRecordings:
     choices: dict[str, Any] = field(default_factory=dict)
     """Last choices, as arguments of `lumbar.import_recordings`."""
     _explored: ExploredSet | None = None
-    _read: dict[tuple[str, Asked], ForeignFile] = field(default_factory=dict)
+    _read: dict[tuple[str, ReadOptions], ForeignFile] = field(default_factory=dict)
     _one_at_a_time: threading.Lock = field(default_factory=threading.Lock)
 
     @property
@@ -215,7 +215,7 @@ class OwnRecordings:
             return shown | {"wrong": in_fields(page_message(error), wrong)}, 0
 
     def _foreign(self, name: str) -> ForeignFile:
-        asked = Asked(self.choices.get("table"), self.choices.get("encoding"))
+        asked = ReadOptions(self.choices.get("table"), self.choices.get("encoding"))
         if (name, asked) not in self._read:
             self._read[name, asked] = ForeignFile.of_content(name, self.files[name], asked)
         return self._read[name, asked]

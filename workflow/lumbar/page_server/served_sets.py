@@ -14,7 +14,7 @@ from urllib.parse import quote
 
 from lumbar.base.errors import Problems
 from lumbar.base.files import read_json
-from lumbar.base.progress import going_on
+from lumbar.base.progress import notify_progress
 from lumbar.base.yaml_file import read_yaml
 from lumbar.interface.lift_page import lift_page
 from lumbar.page_server.background import DRAWING, Job
@@ -127,9 +127,9 @@ class ExploredSet:
     def prepare(self) -> None:
         """Diagnose the records and draw the page."""
         with self._preparing:
-            going_on("diagnosing the records")
+            notify_progress("diagnosing the records")
             _ = self.diagnosis
-            going_on("drawing the page")
+            notify_progress("drawing the page")
             with DRAWING:
                 if self.diagnosis.without_page:
                     self.html = self.diagnosis.written()

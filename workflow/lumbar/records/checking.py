@@ -8,7 +8,7 @@ from pathlib import Path
 from lumbar.base.errors import InputError, Problems
 from lumbar.base.progress import track
 from lumbar.records.markers import MarkerRecording, read_markers
-from lumbar.records.record import same_units
+from lumbar.records.record import require_same_units
 from lumbar.settings.layout import ColumnLayout, MarkerLayout
 from lumbar.settings.survey import RatingsLayout
 
@@ -55,7 +55,7 @@ def check_recordings(plan: list[dict], read: MarkerReader = read_markers) -> dic
             sets.setdefault(item["set"], []).append(record)
     for records in sets.values():
         try:
-            same_units(records)
+            require_same_units(records)
         except InputError as error:
             problems.add("", str(error).replace("\n", "\n    "))
     problems.raise_if_any()

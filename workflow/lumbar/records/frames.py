@@ -9,7 +9,7 @@ from lumbar.records.record import Record
 from lumbar.settings.layout import AXES
 
 
-def with_force_frame(record: Record, rotation_vector_deg: Sequence[float] | None) -> Record:
+def rotate_forces(record: Record, rotation_vector_deg: Sequence[float] | None) -> Record:
     """Return a record of several axes with its forces in the axes of its position.
 
     Parameters

@@ -120,7 +120,7 @@ def facing_by(positions: dict[str, np.ndarray]) -> tuple[np.ndarray | None, str]
     return None, ""
 
 
-def tells_axes(positions: dict[str, np.ndarray]) -> list[str]:
+def uncheckable_axes(positions: dict[str, np.ndarray]) -> list[str]:
     """Which of the declared axes cannot be compared with the body by these markers."""
     sides = any(_segment(positions, (f"L_{part}",), (f"R_{part}",)) is not None for part in _SIDES)
     told = {"up": upright(positions) is not None, "forward": sides or facing_by(positions)[0] is not None}

@@ -20,7 +20,7 @@ RATES_HZ = (1e-3, 1e6)
 """Rates of recording that are read."""
 
 
-class NoMarkers(InputError):
+class NoMarkersError(InputError):
     """A table that holds something else than markers."""
 
 

@@ -24,7 +24,7 @@ import numpy as np
 from lumbar.base.errors import InputError, Problems
 from lumbar.records.marker_file import (
     MarkerFile,
-    NoMarkers,
+    NoMarkersError,
     check_even,
     mark_missing,
     read_frames,
@@ -158,7 +158,7 @@ def _columns(path: Path, header: list[str]) -> _Columns:
         if len(axes) < 3:
             problems.add(marker, f"has the columns {', '.join(sorted(axes))}", "x, y and z are needed")
     if not markers:
-        raise NoMarkers(
+        raise NoMarkersError(
             f"{path}: no column of a marker among {', '.join(header[:12])}; names such as C7_x, C7_y, C7_z are needed"
         )
     if len(units) > 1:

@@ -33,7 +33,7 @@ from lumbar.records.unpacking import ending_of, read_readable, stem_of
 from lumbar.settings.layout import MarkerLayout
 
 Screen = Callable[[dict[str, np.ndarray], np.ndarray, float], tuple[dict[str, np.ndarray], dict[str, str]]]
-Mend = Callable[[dict[str, np.ndarray], np.ndarray], dict[str, np.ndarray]]
+Repair = Callable[[dict[str, np.ndarray], np.ndarray], dict[str, np.ndarray]]
 METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 _UNIT_NAMES = {unit: unit for unit in METRES} | dict.fromkeys(("meter", "meters", "metres"), "m")
 _UNIT_NAMES["millimeters"] = "mm"
@@ -101,7 +101,7 @@ def read_markers(
     name: str | None = None,
     minimum_frames: int = 2,
     screen: Screen | None = None,
-    mend: Mend | None = None,
+    repair: Repair | None = None,
 ) -> MarkerRecording:
     """Read a C3D, TRC, CSV or BVH file.
 
@@ -113,7 +113,7 @@ def read_markers(
         See the module's description. Without aliases every marker keeps its label.
     minimum_frames : int
         1 accepts a static pose of one frame; a trajectory needs at least 2.
-    mend : callable, optional
+    repair : callable, optional
         Takes all markers by their labels in the file (metres, standard axes) and the time, and returns them mended:
         before rules derive further points from them.
     screen : callable, optional
@@ -155,8 +155,8 @@ def read_markers(
         points = {label: values for label, values in points.items() if not np.isnan(values).all()}
         file = replace(file, dropped=file.dropped | left_out)
     _check_spread(points, file)
-    if mend is not None:
-        points = mend(points, file.time)
+    if repair is not None:
+        points = repair(points, file.time)
     resolved = resolve_aliases(
         layout.aliases, points, model_points, file.dropped, file.source, layout.required
     )

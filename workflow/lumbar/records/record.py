@@ -252,13 +252,13 @@ def _quantities(record: Record) -> dict[str, str]:
 _MOTIONS, _LOADS = ("position", "displacement", "angle", "velocity"), ("force", "moment", "torque")
 
 
-def forced(record: Record) -> Record:
+def use_load_as_input(record: Record) -> Record:
     """The record of a test that its load drove: the load is the input, wherever it stood in the file."""
     one, other = (record.channels[record.roles(side)[0]] for side in SIDES)
-    return exchanged(record) if one.quantity in _MOTIONS and other.quantity in _LOADS else record
+    return swap_input_and_output(record) if one.quantity in _MOTIONS and other.quantity in _LOADS else record
 
 
-def exchanged(record: Record) -> Record:
+def swap_input_and_output(record: Record) -> Record:
     """The record with its output as the input."""
     one, other = map(record.roles, SIDES)
     swapped = zip((*one, *other), (*other, *one), strict=True)
@@ -285,7 +285,7 @@ def require_one_axis(records: Iterable[Record], what: str) -> None:
         )
 
 
-def same_units(records: list[Record]) -> None:
+def require_same_units(records: list[Record]) -> None:
     """Raise unless all records agree in quantity and unit of every channel.
 
     Raises

@@ -10,7 +10,7 @@ from pydantic import TypeAdapter, ValidationError
 from pydantic_core import to_jsonable_python
 
 from lumbar.base.errors import Problems, did_you_mean
-from lumbar.base.yaml_file import YamlFile, way_of
+from lumbar.base.yaml_file import YamlFile, parse_key_path
 from lumbar.settings.layout import AXIS_ROLES, SIDES
 from lumbar.settings.section import Section
 
@@ -152,7 +152,7 @@ class Origins:
 
     def add(self, key: str | tuple, found: str, allowed: str) -> None:
         """Add a problem at a key, given by its name or the path to it."""
-        path = way_of(key) if isinstance(key, str) else key
+        path = parse_key_path(key) if isinstance(key, str) else key
         self.problems.add(self.place(path), found, allowed)
 
     def place(self, path: tuple, value: Any = _ANY) -> str:

@@ -1,4 +1,4 @@
-"""How a table stands on a page: numbers aligned on the decimal sign, no wider than the page, names in words with units."""
+"""Layout of a table on a page: numbers aligned on the decimal sign, no wider than the page, names as text with units."""
 
 import re
 from collections.abc import Sequence
@@ -8,10 +8,10 @@ from pathlib import Path
 
 from lumbar.base.yaml_file import shipped_yaml
 
-_SAID = shipped_yaml(Path(__file__).with_suffix(".yaml"))
-UNITS: dict[str, str] = _SAID["units"]
+_TEXTS = shipped_yaml(Path(__file__).with_suffix(".yaml"))
+UNITS: dict[str, str] = _TEXTS["units"]
 """Unit by the end of a column's name."""
-_SPELLED: dict[str, str] = _SAID["words"]
+_SPELLED: dict[str, str] = _TEXTS["words"]
 _VALUES = {"flexion_extension": "flexion/extension"}
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _NAME = re.compile(r"[a-z0-9]+(_[a-z0-9]+)+")
@@ -26,46 +26,55 @@ def column_in_words(name: str) -> str:
             unit = f" ({UNITS['_'.join(parts[-count:])]})"
             parts = parts[:-count]
             break
-    words = " ".join(_SPELLED.get(part, part) for part in parts)
+    text = " ".join(_SPELLED.get(part, part) for part in parts)
     # A symbol keeps its case: p value, a0, α.
-    small = (len(parts[0]) < 3 and parts[0] not in ("no", "at", "of", "up")) or not words.isascii()
-    return (words if small else words[:1].upper() + words[1:]) + unit
+    is_symbol = (len(parts[0]) < 3 and parts[0] not in ("no", "at", "of", "up")) or not text.isascii()
+    return (text if is_symbol else text[:1].upper() + text[1:]) + unit
 
 
 def value_in_words(text: str) -> str:
-    """Return a value that is a name with its words apart: ``"lateral_bending"`` is ``"lateral bending"``."""
+    """Return a name with its words separated: ``"lateral_bending"`` is ``"lateral bending"``."""
     return _VALUES.get(text, text.replace("_", " ")) if _NAME.fullmatch(text) else text
 
 
 def unit_in_print(unit: str) -> str:
-    """Return a unit as journals print it; a broken exponent stays, as no raised signs hold it.
+    """Return a unit as journals print it; a broken exponent stays, because there are no raised signs for it.
 
+    Parameters
+    ----------
+    unit : str
+        Plain text.
+
+    Examples
+    --------
     >>> unit_in_print("N s^2/mm^3"), unit_in_print("N/mm^1.5")
     ('N·s²/mm³', 'N/mm^1.5')
     """
-    return re.sub(r"\^(-?\d+)(?![.\d])", lambda found: found[1].translate(_RAISED), unit).replace(" ", "·")
+    return re.sub(r"\^(-?\d+)(?![.\d])", lambda match: match[1].translate(_RAISED), unit).replace(" ", "·")
 
 
 PAGE_WIDTH = 124
-"""Characters that stand side by side on a page."""
+"""Characters across a page."""
 _GAP = 3
-_WORDS, _FEWEST = 26, 14
-"""Characters of a line of words in a cell: longer ones go on below; where columns are many, lines are shorter."""
+_MAX_TEXT_WIDTH = 26
+"""Characters of a line of text in a cell; longer text is wrapped."""
+_MIN_TEXT_WIDTH = 14
+"""Characters of such a line if there are many columns."""
 EMPTY = "–"
 SMALLEST_P = 1e-4
-"""Below it a p value is printed as smaller than that: no tail of a distribution is known so far out."""
+"""Smaller p values are printed as ``< 0.0001``: no distribution's tail is known that far out."""
 _NUMBER = re.compile(r"((?:< )?[+−-]?\d+)((?:\.\d+)?(?:·10[⁰¹²³⁴⁵⁶⁷⁸⁹⁻]+)?)")
 
 
 @dataclass(frozen=True)
 class Column:
-    """One column as it is printed."""
+    """A printed column; widths are in characters."""
 
     header: str
     cells: tuple[str, ...]
-    """All rows."""
+    """Cells of all rows."""
     pictures: tuple[str, ...] = ()
-    """A picture for every row, as addresses of images, shown above the words in HTML."""
+    """Picture of each row, as the address of an image, shown above the text in HTML."""
 
     @cached_property
     def numeric(self) -> bool:
@@ -75,78 +84,100 @@ class Column:
 
     @cached_property
     def fraction(self) -> int:
-        """Characters from the decimal sign on of the cell that has most."""
+        """Width of the longest fraction, with its decimal sign."""
         return max((len(split_number(cell)[1]) for cell in self.cells), default=0)
 
     @cached_property
     def width(self) -> int:
-        """Characters that the column takes, the space beside it counted in."""
+        """Width of the column and the gap next to it."""
         word = max(map(len, re.split(r"[ /]", self.header)))
         if self.numeric:
             widest = max(len(split_number(cell)[0]) for cell in self.cells) + self.fraction
         else:
-            widest = min(max(map(len, self.cells), default=0), _WORDS)
+            widest = min(self.longest_cell, _MAX_TEXT_WIDTH)
         return max(word, widest) + _GAP
 
     @cached_property
     def narrowest(self) -> int:
-        """Characters that the column needs at least: words go on below one another, numbers do not."""
+        """Smallest width of the column: text is wrapped, numbers are not."""
         if self.numeric:
             return self.width
         words = (len(word) for cell in (self.header, *self.cells) for word in re.split(r"[ /]", cell))
-        return min(self.width, max(_FEWEST, *words) + _GAP)
+        return min(self.width, max(_MIN_TEXT_WIDTH, *words) + _GAP)
 
     @cached_property
-    def longest(self) -> int:
+    def longest_cell(self) -> int:
         """Characters of the longest cell."""
         return max(map(len, self.cells), default=0)
 
 
 def split_number(cell: str) -> tuple[str, str]:
-    """Return a number's part before the decimal sign, and the rest."""
-    found = _NUMBER.fullmatch(cell)
-    return (found[1], found[2]) if found else (cell, "")
+    """Return the part of a number before the decimal sign, and the rest."""
+    match = _NUMBER.fullmatch(cell)
+    return (match[1], match[2]) if match else (cell, "")
 
 
 def scientific(text: str) -> str:
-    """Return a number such as ``1.2e-16`` as ``1.2·10⁻¹⁶``; others as they are."""
+    """Return a number such as ``1.2e-16`` as ``1.2·10⁻¹⁶``; other texts unchanged."""
     mantissa, sign, exponent = text.partition("e")
     if not sign or not re.fullmatch(r"[+-]?\d+", exponent):
         return text
     return f"{mantissa}·10{str(int(exponent)).translate(_RAISED)}"
 
 
-def fitting(columns: Sequence[Column], width: int = PAGE_WIDTH) -> int:
-    """Return how many columns, from the first on, stand side by side."""
+def count_fitting(columns: Sequence[Column], width: int = PAGE_WIDTH) -> int:
+    """Return the number of leading columns that fit next to each other, at least 1.
+
+    Parameters
+    ----------
+    columns : sequence of Column
+        Columns in their order.
+    width : int
+        Characters of the page.
+    """
     if sum(column.narrowest for column in columns) <= width:
         return len(columns)
-    taken = 0
+    total = 0
     for count, column in enumerate(columns):
-        taken += column.width
-        if taken > width and count:
+        total += column.width
+        if total > width and count:
             return count
     return len(columns)
 
 
-def blocks(columns: Sequence[Column], keys: int) -> list[list[Column]]:
-    """Split columns into tables that fit, each beginning with the first `keys` columns."""
-    if fitting(columns, PAGE_WIDTH) == len(columns):
+def split_columns(columns: Sequence[Column], keys: int) -> list[list[Column]]:
+    """Split columns into tables that fit the page; each begins with the key columns.
+
+    Parameters
+    ----------
+    columns : sequence of Column
+        Columns in their order.
+    keys : int
+        Number of leading columns that identify a row.
+    """
+    if count_fitting(columns) == len(columns):
         return [list(columns)]
-    own, others = list(columns[:keys]), list(columns[keys:])
-    room = PAGE_WIDTH - sum(column.width for column in own)
-    found = []
+    leading, others = list(columns[:keys]), list(columns[keys:])
+    width = PAGE_WIDTH - sum(column.width for column in leading)
+    tables = []
     while others:
-        count = fitting(others, room)
-        found.append(own + others[:count])
+        count = count_fitting(others, width)
+        tables.append(leading + others[:count])
         others = others[count:]
-    return found or [own]
+    return tables or [leading]
 
 
-def keys_of(columns: Sequence[Column]) -> int:
-    """Count the first columns that tell one row from another: those of words, three at most, or the first."""
+def count_key_columns(columns: Sequence[Column]) -> int:
+    """Return the number of leading columns that identify a row: text columns, at least one and at most three.
+
+    Parameters
+    ----------
+    columns : sequence of Column
+        Columns in their order.
+    """
     count = 0
     for column in columns[:3]:
-        if column.numeric or column.longest > _WORDS:
+        if column.numeric or column.longest_cell > _MAX_TEXT_WIDTH:
             break
         count += 1
     return max(count, 1)

@@ -1,4 +1,4 @@
-"""Publishing a table as CSV, LaTeX and HTML, with the definition of every column."""
+"""Published tables: CSV, LaTeX and HTML with the definition of every column, described in a package's ``tables.yaml``."""
 
 from __future__ import annotations
 
@@ -6,10 +6,12 @@ import base64
 import math
 import os
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from fnmatch import fnmatchcase
+from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from lumbar.base.errors import NumericalError
 from lumbar.base.files import write_text
@@ -19,11 +21,11 @@ from lumbar.tables.layout import (
     EMPTY,
     SMALLEST_P,
     Column,
-    blocks,
     column_in_words,
-    fitting,
-    keys_of,
+    count_fitting,
+    count_key_columns,
     scientific,
+    split_columns,
     split_number,
     value_in_words,
 )
@@ -32,22 +34,24 @@ if TYPE_CHECKING:
     import pandas as pd
 
 SYNTHETIC_TWIN = "synthetic twin"
-"""The words that stand on everything made from synthetic data."""
+"""Source label of everything that is made from synthetic data."""
 
+_LIBRARY = Path(__file__).parents[1]
 ROWS_SHOWN = 40
-"""Rows that are shown at once; of more the first ones, the others below them on demand."""
+"""Largest number of rows of which HTML folds none."""
 _FIRST_ROWS = 12
-_NAMED = 16
-"""Columns that are named in one line."""
+"""Rows shown first in a longer table."""
+_MAX_LISTED_COLUMNS = 16
 LATEX_WIDTH = 52
 """Characters in ``\\footnotesize`` across a journal's column."""
 PAGE_ROWS = 45
-"""Rows of one page of LaTeX: what is longer goes on in a table without a number of its own."""
-_WORDS = 30
+"""Rows of one page of LaTeX; a longer table continues in an unnumbered one."""
+_MAX_TEXT_WIDTH = 30
+"""Characters of a text column that LaTeX does not wrap."""
 _ESCAPES = str.maketrans(shipped_yaml(Path(__file__).with_name("latex.yaml")))
 _POWER = re.compile("·10([⁰¹²³⁴⁵⁶⁷⁸⁹⁻]+)")
 _EXPONENT = re.compile(r"\b(\d+(?:\.\d+)?)e([+-]?\d+)\b")
-_PLAIN = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
+_LOWERED = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
 _NUMBERED = re.compile(r"^Table \d+\.\d+[.:,]? *(as |the )?")
 
 
@@ -58,17 +62,16 @@ def svg_address(text: str) -> str:
 
 @dataclass(frozen=True, repr=False)
 class Table:
-    """A table as it is published."""
+    """A published table."""
 
     title: str
-    """One sentence that says what the table shows."""
+    """One sentence that describes the table."""
     frame: pd.DataFrame
-    """The values; column names as in the CSV file. Empty cells are ``None`` or NaN only in the columns named in
-    `may_be_empty`."""
+    """Values; column names as in the CSV file. Cells may be ``None`` or NaN only in the columns of `may_be_empty`."""
     definitions: dict[str, str]
     """Definition of each column: formula or rule, scaling and unit."""
     source_label: str
-    """Where the data come from, e.g. ``"synthetic twin"``; shown in every format."""
+    """Source of the data, e.g. ``"synthetic twin"``; shown in every format."""
     notes: tuple[str, ...] = ()
     """Remarks shown below the table."""
     decimals: dict[str, int] = field(default_factory=dict)
@@ -76,14 +79,14 @@ class Table:
     may_be_empty: frozenset[str] = frozenset()
     """Columns in which a cell may be empty ("not applicable")."""
     headers: dict[str, str] = field(default_factory=dict)
-    """Words that stand over columns in LaTeX and HTML. Default: the column's name in words, its unit in brackets."""
+    """Column headers in LaTeX and HTML. Default: the column's name as text, its unit in brackets."""
     first: tuple[str, ...] = ()
-    """Columns shown first, in this order; HTML has the others on demand, LaTeX has none of them. Default: all
-    where there are `headers`, otherwise as many as fit the page."""
+    """Columns shown first, in this order; HTML shows the others on demand, LaTeX omits them. Default: all if there are
+    `headers`, otherwise as many as fit the page."""
     first_rows: tuple[int, ...] = ()
-    """Rows shown first, as `first`. Default: all where they are few."""
+    """Rows shown first; HTML shows the others on demand, LaTeX omits them. Default: all, or the first twelve of many."""
     pictures: dict[str, tuple[str, ...]] = field(default_factory=dict)
-    """By column a picture of every cell, as text of an SVG file: HTML shows it above the words, which name it elsewhere."""
+    """A picture for every cell of a column, as SVG text; HTML shows it above the cell's text."""
 
     def __post_init__(self):
         undefined = [column for column in self.frame.columns if column not in self.definitions]
@@ -100,11 +103,12 @@ class Table:
 
     def __repr__(self) -> str:
         columns = [*map(str, self.frame.columns)]
-        more = [f"{len(columns) - _NAMED} more"] if len(columns) > _NAMED else []
-        return f"<Table: {self.title} {len(self.frame)} rows; {', '.join([*columns[:_NAMED], *more])}>"
+        listed = columns[:_MAX_LISTED_COLUMNS]
+        if len(columns) > len(listed):
+            listed.append(f"{len(columns) - len(listed)} more")
+        return f"<Table: {self.title} {len(self.frame)} rows; {', '.join(listed)}>"
 
     def __str__(self) -> str:
-        """The table as a terminal shows it."""
         return f"{self.title}\n{self.frame.to_string(index=False)}"
 
     def _repr_html_(self) -> str:
@@ -113,8 +117,13 @@ class Table:
     def write(self, stem: str | os.PathLike) -> None:
         """Write ``stem.csv``, ``stem.tex`` and ``stem.html``.
 
-        The CSV file has a last column ``data`` that says where the data come from; the LaTeX and HTML files
-        carry title, definitions and notes.
+        The CSV file has a last column ``data`` with the source of the data; the LaTeX and HTML files contain title,
+        definitions and notes.
+
+        Parameters
+        ----------
+        stem : path
+            Path of the files without their endings.
         """
         stem = Path(stem)
         frame = self.frame.assign(data=self.source_label)
@@ -123,21 +132,19 @@ class Table:
         write_text(stem.with_name(stem.name + ".html"), self.to_html())
 
     def cell(self, column: str, value) -> str:
-        """Format one cell for print: missing as an en dash, floats rounded, names with their words apart."""
+        """Format one cell for print: missing as an en dash, floats rounded, names as separate words."""
         if value is None or value != value:
             return EMPTY
         if isinstance(value, bool) or getattr(getattr(value, "dtype", None), "kind", "") == "b":
             return "yes" if value else "no"
-        if isinstance(value, float):
-            if value < SMALLEST_P and column.startswith("p_"):
-                return f"< {SMALLEST_P:f}".rstrip("0")
-            return scientific(
-                f"{value:.{self.decimals[column]}f}" if column in self.decimals else f"{value:.4g}"
-            )
-        return value_in_words(str(value)) or EMPTY
+        if not isinstance(value, float):
+            return value_in_words(str(value)) or EMPTY
+        if value < SMALLEST_P and column.startswith("p_"):
+            return f"< {SMALLEST_P:f}".rstrip("0")
+        return scientific(f"{value:.{self.decimals[column]}f}" if column in self.decimals else f"{value:.4g}")
 
     def header(self, name: str) -> str:
-        """Words over a column."""
+        """Return the header of a column."""
         return self.headers.get(name, column_in_words(name))
 
     def _columns(self, names: Iterable[str], rows: Sequence[int]) -> list[Column]:
@@ -150,63 +157,158 @@ class Table:
             for name in names
         ]
 
-    @property
-    def _first(self) -> tuple[list[str], list[int]]:
-        """Columns and rows shown first."""
+    def _first_shown(self) -> tuple[list[str], list[int]]:
+        """Return the columns and rows shown first."""
         every = list(range(len(self.frame)))
         rows = list(self.first_rows) or (every if len(every) <= ROWS_SHOWN else every[:_FIRST_ROWS])
         names = [str(name) for name in self.frame.columns]
         if self.first or self.headers:
             return list(self.first or names), rows
-        return names[: fitting(self._columns(names, every))], rows
-
-    def _remarks(self, names: Iterable[str]) -> list[tuple[str, str]]:
-        return [(self.header(name), self.definitions[name]) for name in names]
+        return names[: count_fitting(self._columns(names, every))], rows
 
     def to_latex(self) -> str:
         """Return ``booktabs`` table environments of what is shown first: a journal's column, or both."""
-        names, rows = self._first
-        told = [f"{word}: {text}" for word, text in self._remarks(names)]
-        return latex_table(self.title, self._columns(names, rows), [*self.notes, *told], self.source_label)
+        names, rows = self._first_shown()
+        remarks = [*self.notes, *(f"{self.header(name)}: {self.definitions[name]}" for name in names)]
+        return latex_table(self.title, self._columns(names, rows), remarks, self.source_label)
 
     def to_html(self) -> str:
-        """Return a page of its own: no script, no outside resource.
+        """Return a self-contained page without scripts or external resources.
 
-        What stands between ``<main>`` and ``</main>`` is whole by itself, with the style of ``tables/page.css``.
+        The part between ``<main>`` and ``</main>`` can be embedded elsewhere, with the style of ``tables/page.css``.
         """
-        names, rows = self._first
+        names, rows = self._first_shown()
         every = range(len(self.frame))
-        hidden = [str(name) for name in self.frame.columns if name not in names]
+        folded = [str(name) for name in self.frame.columns if name not in names]
         rest: list[list[Column]] = []
-        if hidden or len(rows) < len(every):
-            columns = self._columns([*names, *hidden], every)
-            rest = blocks(columns, keys_of(columns))
+        if folded or len(rows) < len(every):
+            columns = self._columns([*names, *folded], every)
+            rest = split_columns(columns, count_key_columns(columns))
         shown = self._columns(names, rows)
         return template("tables/table.html.jinja").render(
             title=self.title,
             source_label=self.source_label,
-            shown=blocks(shown, keys_of(shown)),
+            shown=split_columns(shown, count_key_columns(shown)),
             rest=rest,
-            counts=(len(rows), len(every), len(names), len(names) + len(hidden)),
+            counts=(len(rows), len(every), len(names), len(names) + len(folded)),
             notes=self.notes,
-            definitions=self._remarks([*names, *hidden]),
+            definitions=[(self.header(name), self.definitions[name]) for name in (*names, *folded)],
             split=split_number,
         )
 
 
+@cache
+def _schemas(package: str) -> dict[str, Any]:
+    """Read the ``tables.yaml`` of a package."""
+    return shipped_yaml(_LIBRARY / package / "tables.yaml")
+
+
+def columns_of(package: str, name: str) -> list[str]:
+    """Return the columns of a described table in their order.
+
+    Parameters
+    ----------
+    package, name : str
+        Folder below ``lumbar`` and name of the table, see `table_from_schema`.
+    """
+    return list(_schemas(package)[name]["columns"])
+
+
+def table_from_schema(
+    package: str,
+    name: str,
+    values: pd.DataFrame | Sequence[Mapping],
+    source_label: str,
+    fields: Mapping[str, Any] | None = None,
+    **options: Any,
+) -> Table:
+    """Make a table from its description in ``tables.yaml``.
+
+    Parameters
+    ----------
+    package : str
+        Folder of the ``tables.yaml`` below ``lumbar``, e.g. ``"lifting/stability"``.
+    name : str
+        Name of the table there. A column has its definition ``is``, and optionally ``header``, ``decimals`` (then its
+        values are floats) and ``empty`` (cells may be empty); ``*`` in its name matches any text. ``folded`` lists the
+        columns that HTML shows on demand and LaTeX omits; all others are shown. A table without ``folded`` or headers
+        shows as many columns as fit the page.
+    values : pandas.DataFrame or sequence of mapping
+        The frame, or rows, which get the columns of the description in its order.
+    source_label : str
+        Source of the data.
+    fields : mapping, optional
+        Values of the ``{…}`` in the description's texts.
+    **options
+        Further fields of `Table`; notes and decimals are added to those of the description.
+    """
+    import pandas as pd
+
+    schema, fields = _schemas(package)[name], fields or {}
+    if not isinstance(values, pd.DataFrame):
+        names = list(schema["columns"])
+        floats = [column for column in names if "decimals" in schema["columns"][column]]
+        values = pd.DataFrame(values, columns=names).astype(dict.fromkeys(floats, float))
+    columns = {column: _column_schema(schema["columns"], column) for column in values.columns}
+
+    def entries(key: str) -> dict[str, Any]:
+        return {column: item[key] for column, item in columns.items() if key in item}
+
+    described = {
+        "notes": (*(note.format(**fields) for note in schema.get("notes", ())), *options.pop("notes", ())),
+        "decimals": entries("decimals") | options.pop("decimals", {}),
+        "may_be_empty": frozenset(entries("empty")),
+        "headers": {column: text.format(**fields) for column, text in entries("header").items()},
+    }
+    if "folded" in schema:
+        described["first"] = tuple(
+            column
+            for column in columns
+            if not any(fnmatchcase(column, pattern) for pattern in schema["folded"])
+        )
+    definitions = {column: text.format(**fields) for column, text in entries("is").items()}
+    return Table(schema["title"].format(**fields), values, definitions, source_label, **described | options)
+
+
+def _column_schema(columns: Mapping[str, Any], name: str) -> dict[str, Any]:
+    """Return the description of a column; ``*`` in a pattern and its texts is replaced by the matching part."""
+    for pattern, schema in columns.items():
+        before, star, after = pattern.partition("*")
+        if name == pattern or (star and name.startswith(before) and name.endswith(after)):
+            item = {"is": schema} if isinstance(schema, str) else schema
+            part = name[len(before) : len(name) - len(after)]
+            return {
+                key: text.replace("*", part) if star and isinstance(text, str) else text
+                for key, text in item.items()
+            }
+    return {}
+
+
 def escape_latex(text: str) -> str:
-    """Return a text as LaTeX prints it, numbers such as ``1.9e-06`` with a power of ten."""
-
-    def power_of_ten(found: re.Match) -> str:
-        power = f"10^{{{int(found[2])}}}"
-        return f"${power}$" if found[1] == "1" else rf"{found[1]}$\cdot{power}$"
-
-    written = _EXPONENT.sub(power_of_ten, text.translate(_ESCAPES))
-    return _POWER.sub(lambda found: rf"$\cdot10^{{{found[1].translate(_PLAIN)}}}$", written)
+    """Return a text escaped for LaTeX, numbers such as ``1.9e-06`` with a power of ten."""
+    escaped = _EXPONENT.sub(
+        lambda match: (
+            rf"$10^{{{int(match[2])}}}$" if match[1] == "1" else rf"{match[1]}$\cdot10^{{{int(match[2])}}}$"
+        ),
+        text.translate(_ESCAPES),
+    )
+    return _POWER.sub(lambda match: rf"$\cdot10^{{{match[1].translate(_LOWERED)}}}$", escaped)
 
 
 def latex_table(title: str, columns: Sequence[Column], remarks: Sequence[str], source_label: str) -> str:
-    """Return ``booktabs`` table environments; the number in the title is left to LaTeX."""
+    """Return ``booktabs`` table environments; LaTeX numbers the table.
+
+    Parameters
+    ----------
+    title : str
+        Title; a number in it is removed.
+    columns : sequence of Column
+        Columns with all their rows.
+    remarks : sequence of str
+        Sentences below the table.
+    source_label : str
+        Source of the data.
+    """
     wide = sum(column.width for column in columns) > LATEX_WIDTH
     environment = "table*" if wide else "table"
     rows = len(columns[0].cells) if columns else 0
@@ -219,41 +321,39 @@ def latex_table(title: str, columns: Sequence[Column], remarks: Sequence[str], s
         "r"
         if column.numeric
         else "l"
-        if column.longest <= _WORDS
-        else rf">{{\raggedright\arraybackslash}}p{{{_WORDS / 2:g}em}}"
+        if column.longest_cell <= _MAX_TEXT_WIDTH
+        else rf">{{\raggedright\arraybackslash}}p{{{_MAX_TEXT_WIDTH / 2:g}em}}"
         for column in columns
     )
     for number, part in enumerate(parts):
-        caption = (
-            f"{unnumbered[:1].upper()}{unnumbered[1:]} Data: {source_label}."
-            if number == 0
-            else "(continued)"
-        )
+        caption = "(continued)"
+        if number == 0:
+            caption = f"{unnumbered[:1].upper()}{unnumbered[1:]} Data: {source_label}."
         lines += [
             rf"\begin{{{environment}}}",
-            *([] if number == 0 else [r"\addtocounter{table}{-1}"]),
+            *([r"\addtocounter{table}{-1}"] if number else []),
             r"\footnotesize",
             rf"\caption{{{escape_latex(caption)}}}",
             rf"\begin{{tabular}}{{@{{}}{alignments}@{{}}}}",
             r"\toprule",
-            " & ".join(_head(column) for column in columns) + r" \\",
+            " & ".join(map(_latex_header, columns)) + r" \\",
             r"\midrule",
-            *(" & ".join(_cell(column, row) for column in columns) + r" \\" for row in part),
+            *(" & ".join(_latex_cell(column, row) for column in columns) + r" \\" for row in part),
             r"\bottomrule",
             r"\end{tabular}",
         ]
         if part is parts[-1]:
-            told = " ".join(f"{text.rstrip('.')}." for text in remarks)
-            lines.append(rf"\par\smallskip\parbox{{\linewidth}}{{\raggedright {escape_latex(told)}}}")
+            text = escape_latex(" ".join(f"{remark.rstrip('.')}." for remark in remarks))
+            lines.append(rf"\par\smallskip\parbox{{\linewidth}}{{\raggedright {text}}}")
         lines.append(rf"\end{{{environment}}}")
     return "\n".join(lines) + "\n"
 
 
-def _head(column: Column) -> str:
-    """Header with its words below one another where they are wider than the cells."""
-    lines, room = [""], max(column.width, 8)
+def _latex_header(column: Column) -> str:
+    """Return a header, in several lines if it is wider than the cells."""
+    lines, width = [""], max(column.width, 8)
     for word in column.header.split():
-        if lines[-1] and len(lines[-1]) + len(word) >= room:
+        if lines[-1] and len(lines[-1]) + len(word) >= width:
             lines.append(word)
         else:
             lines[-1] = f"{lines[-1]} {word}".strip()
@@ -264,8 +364,8 @@ def _head(column: Column) -> str:
     return rf"\begin{{tabular}}[b]{{@{{}}{side}@{{}}}}{stacked}\end{{tabular}}"
 
 
-def _cell(column: Column, row: int) -> str:
-    """Cell, filled up with invisible digits behind the decimal sign so that the signs stand below one another."""
+def _latex_cell(column: Column, row: int) -> str:
+    """Return a cell, padded with invisible digits so that decimal signs are aligned."""
     text = column.cells[row]
     if not column.numeric or text == EMPTY or "·" in text:
         return escape_latex(text)

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from lumbar.tables.described import described
-from lumbar.tables.table import Table
+from lumbar.tables.table import Table, table_from_schema
 
 MIN_PERSONS = 3
 """Subjects of a group that an interval needs."""
@@ -160,4 +159,4 @@ def comparison_table(comparisons: Sequence[GroupComparison], source_label: str) 
             row["p_holm"] = value
     sizes = " or ".join(map(str, sorted(set(map(len, families.values())))))
     words = {"fewest": MIN_PERSONS, "sizes": sizes or "no"}
-    return described("lifting/measures", "measure_comparison", rows, source_label, words)
+    return table_from_schema("lifting/measures", "measure_comparison", rows, source_label, words)

@@ -16,9 +16,8 @@ from lumbar.base.files import write_csv, write_text
 from lumbar.base.yaml_file import shipped_yaml
 from lumbar.lifting.measures.back_load import TRUNK_SOURCE
 from lumbar.lifting.measures.balance import ANKLE_SOURCE
-from lumbar.tables.described import described
 from lumbar.tables.layout import value_in_words
-from lumbar.tables.table import SYNTHETIC_TWIN, Table
+from lumbar.tables.table import SYNTHETIC_TWIN, Table, table_from_schema
 
 if TYPE_CHECKING:
     from lumbar.lifting.measures.course import Course
@@ -205,7 +204,9 @@ def measures_page(values: pd.DataFrame, source_label: str) -> Table:
         f"Absent, {', '.join(rows['lift'].unique())}, {', '.join(rows['measure'].unique())}: {reason}"
         for reason, rows in absent.groupby("reason", sort=False)
     ]
-    return described("lifting/measures", "measures", pd.DataFrame(rows), source_label, words, notes=notes)
+    return table_from_schema(
+        "lifting/measures", "measures", pd.DataFrame(rows), source_label, words, notes=notes
+    )
 
 
 def write_measures(stem: str | os.PathLike, values: pd.DataFrame, source_label: str) -> None:

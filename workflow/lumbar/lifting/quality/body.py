@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from lumbar.base.yaml_file import shipped_names, shipped_yaml
-from lumbar.records.marker_axes import check_axes, tells_axes
+from lumbar.records.marker_axes import check_axes, uncheckable_axes
 from lumbar.records.markers import MarkerRecording, read_markers
 from lumbar.settings.layout import Axis, MarkerLayout
 
@@ -369,11 +369,11 @@ def check_unaliased_axes(
     The markers are given by the file's labels, rotated by the declared axes, and as a recording under standard names. Returned
     are those of up and forward that no marker shows.
     """
-    if not layout.check_axes or not tells_axes(recording.positions):
+    if not layout.check_axes or not uncheckable_axes(recording.positions):
         return []
     body = {name: points[label] for name, label in landmarks(points).items()}
     check_axes({**body, **recording.positions}, layout, recording.source, _BY_LABELS)
-    return tells_axes({**body, **recording.positions})
+    return uncheckable_axes({**body, **recording.positions})
 
 
 def _signed(vector: np.ndarray) -> Axis:

@@ -18,11 +18,10 @@ from lumbar.lifting.quality.body import check_unaliased_axes, landmarks
 from lumbar.lifting.quality.findings import ERROR, LEFT_OUT, PROPOSED, MarkerFinding
 from lumbar.lifting.quality.gate import examine, mask_findings, unchecked_properties, usable_markers
 from lumbar.records.marker_file import RecordedEvent
-from lumbar.records.markers import MarkerRecording, Mend, read_markers
+from lumbar.records.markers import MarkerRecording, Repair, read_markers
 from lumbar.records.sampling import runs
 from lumbar.settings.layout import Alias, MarkerLayout, MeanOfMarkers, OffsetPoint, PointBetween
-from lumbar.tables.described import described
-from lumbar.tables.table import Table
+from lumbar.tables.table import Table, table_from_schema
 
 _MAX_GAPS = 5
 """Markers with gaps that the sheet's text names."""
@@ -158,7 +157,7 @@ def read_screened(
     layout: MarkerLayout | None = None,
     name: str | None = None,
     height_m: float | None = None,
-    mend: Mend | None = None,
+    repair: Repair | None = None,
 ) -> tuple[MarkerRecording, QualitySheet]:
     """Read a marker file, leave out what cannot be a body, and return its quality sheet too.
 
@@ -172,7 +171,7 @@ def read_screened(
     layout = layout or MarkerLayout()
     screening = Screening(height_m, layout.aliases)
     with naming(path):
-        recording = read_markers(path, layout, name=name, screen=screening, mend=mend)
+        recording = read_markers(path, layout, name=name, screen=screening, repair=repair)
         return recording, sheet_of(recording, screening, layout)
 
 
@@ -299,7 +298,7 @@ def quality_sheet(
 
 def quality_table(sheets: Sequence[dict], source_label: str) -> Table:
     """Return one row per recording: sheets as `QualitySheet.as_dict` gives them, with the name of the lift under ``lift``."""
-    return described("lifting/quality", "quality", [_row(sheet) for sheet in sheets], source_label)
+    return table_from_schema("lifting/quality", "quality", [_row(sheet) for sheet in sheets], source_label)
 
 
 def _row(sheet: dict) -> dict:

@@ -35,8 +35,7 @@ from lumbar.lifting.stability.model.eqs_4_1_to_4_4_closed_loop import (
 )
 from lumbar.lifting.stability.model.pendulum_trajectories import THESIS, Failure, Trajectory, compute_together
 from lumbar.settings.stability import PendulumSettings, StabilitySettings
-from lumbar.tables.described import columns_of, described
-from lumbar.tables.table import Table
+from lumbar.tables.table import Table, columns_of, table_from_schema
 
 
 @dataclass(frozen=True)
@@ -296,7 +295,7 @@ def areas_table(boa: pd.DataFrame, settings: StabilitySettings, source_label: st
         )
     drawn = (frame["method"] == "exact") & (frame["sign"] == settings.pendulum.sign)
     drawn &= (frame["time"] == settings.pendulum.time) & (frame["mass"] == settings.pendulum.mass)
-    return described(
+    return table_from_schema(
         "lifting/stability",
         "basin_areas",
         frame,

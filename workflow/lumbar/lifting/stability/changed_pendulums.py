@@ -42,8 +42,7 @@ from lumbar.lifting.stability.percent_differences import (
     headline_label,
 )
 from lumbar.settings.stability import StabilitySettings
-from lumbar.tables.described import described
-from lumbar.tables.table import Table
+from lumbar.tables.table import Table, table_from_schema
 
 BODY_MASS_SHARE = 0.1
 """Share by which the body mass of all subjects is raised and lowered."""
@@ -256,7 +255,9 @@ def decomposition_table(study: ComparedLifts) -> tuple[Table, list[Failure]]:
     columns = ["comparison", "com", "plane", "percent"]
     columns += [f"{part}{end}_percent" for part in PARTS for end in ("", "_low", "_high")] + ["pairs"]
     frame = pd.DataFrame(rows, columns=columns)
-    return described("lifting/stability", "table_4_1_parts", frame, study.source_label, words), failures
+    return table_from_schema(
+        "lifting/stability", "table_4_1_parts", frame, study.source_label, words
+    ), failures
 
 
 def _pairs(before: list[Trajectory], after: list[Trajectory]) -> list[_LiftPair]:

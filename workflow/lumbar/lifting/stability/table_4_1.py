@@ -34,8 +34,7 @@ from lumbar.lifting.stability.percent_differences import (
     headline_label,
     regulator_note,
 )
-from lumbar.tables.described import columns_of, described
-from lumbar.tables.table import Table
+from lumbar.tables.table import Table, columns_of, table_from_schema
 
 THESIS_DECIMALS = 1
 """Digits after the point of a percentage by the thesis's method: with areas of the digits that they have
@@ -102,7 +101,7 @@ def _first_table(study: ComparedLifts, differences: dict[str, list[dict]], missi
         "thesis": THESIS,
         "headline": headline_label(settings),
     }
-    return described(
+    return table_from_schema(
         "lifting/stability",
         "table_4_1",
         frame,
@@ -181,7 +180,9 @@ def controls_table(
         "body": 100 * BODY_MASS_SHARE,
     }
     notes = (regulator_note(settings),)
-    return described("lifting/stability", "table_4_1_controls", frame, study.source_label, words, notes=notes)
+    return table_from_schema(
+        "lifting/stability", "table_4_1_controls", frame, study.source_label, words, notes=notes
+    )
 
 
 def verdict(
@@ -261,7 +262,7 @@ def alternations_table(study: ComparedLifts) -> Table:
             entry |= {f"{name}_percent": float(found[name][index][plane]) for name in ("exact", *columns)}
             rows.append(entry)
     frame = pd.DataFrame(rows)
-    return described(
+    return table_from_schema(
         "lifting/stability",
         "table_4_1_alternations",
         frame[columns_of("lifting/stability", "table_4_1_alternations")],

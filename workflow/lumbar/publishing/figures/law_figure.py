@@ -4,7 +4,7 @@ import numpy as np
 import scipy
 from matplotlib.figure import Figure
 
-from lumbar.base.templates import in_print
+from lumbar.base.templates import typeset_minus_signs
 from lumbar.publishing.figures.comparison_figures import draw_error_bars
 from lumbar.publishing.figures.palette import SERIES
 from lumbar.publishing.figures.style import DOUBLE_COLUMN, head_room, house_style, label_panels, new_figure
@@ -70,7 +70,7 @@ def _draw_sections(axis, proposal: Proposal) -> None:
     for quantile, (marker, line), color in zip(_SECTIONS, _LOOKS, SERIES, strict=False):
         inside = np.abs(ranks - quantile) <= _WIDTH
         typical = float(np.median(velocity[inside]))
-        label = f"$v$ ≈ {in_print(f'{typical:.0f}' if abs(typical) >= 100 else f'{typical:.2g}')}"
+        label = f"$v$ ≈ {typeset_minus_signs(f'{typical:.0f}' if abs(typical) >= 100 else f'{typical:.2g}')}"
         measured = _means(position[inside], missing[inside], edges)
         axis.plot(middle, measured, marker, color=color, markersize=2.5, label=label)
         if added is not None:

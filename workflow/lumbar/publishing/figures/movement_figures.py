@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from lumbar.base.templates import in_print
+from lumbar.base.templates import typeset_minus_signs
 from lumbar.lifting.measures.balance import corners_around
 from lumbar.lifting.measures.course import CORNERS, base_in
 from lumbar.lifting.quality.body import landmarks
@@ -161,7 +161,7 @@ def _draw_support(axis, deposit: pd.DataFrame, functional_share: float, look: di
     axis.plot(*end, marker="o", markersize=4, color=look["color"], linestyle="none", label="at the release")
     margin = 1e3 * deposit.loc[at, "margin_of_stability_m"]
     nearest = place(deposit.loc[at, ["xcom_x_m", "xcom_y_m"]].to_numpy(float))
-    note(axis, in_print(f"{margin:+.0f} mm"), nearest, (6, 4), fontsize=7, bbox=_WHITE)
+    note(axis, typeset_minus_signs(f"{margin:+.0f} mm"), nearest, (6, 4), fontsize=7, bbox=_WHITE)
 
 
 _HEIGHTS = {

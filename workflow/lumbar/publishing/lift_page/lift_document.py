@@ -11,7 +11,7 @@ from bokeh.document import Document
 from bokeh.models import ColumnDataSource
 
 from lumbar.base.files import write_text
-from lumbar.base.templates import in_print
+from lumbar.base.templates import typeset_minus_signs
 from lumbar.lifting.measures.course import Course, Lifter, course_of_lift
 from lumbar.lifting.measures.lift_values import (
     MEASURES,
@@ -70,7 +70,7 @@ def _pictures() -> Drawn:
 def _in_print(value: float, unit: str) -> str:
     """Format a value: lengths in mm, with a minus sign."""
     value, unit = (1000 * value, "mm") if unit == "m" else (value, unit)
-    return in_print(f"{value:.3g} {unit}")
+    return typeset_minus_signs(f"{value:.3g} {unit}")
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,8 +20,7 @@ from lumbar.publishing.reproduction.claim import (
 )
 from lumbar.publishing.reproduction.tissue_claims import identification_sentences, survey_sentences
 from lumbar.settings.stability import GROUPS
-from lumbar.tables.described import columns_of, described
-from lumbar.tables.table import Table
+from lumbar.tables.table import Table, columns_of, table_from_schema
 
 _SCALED = "scaling of α not stated in the thesis"
 _ALPHA = Comparison("none", 0, "none: α scales with samples and units, which the thesis does not state")
@@ -277,7 +276,7 @@ def summary_table(claims: pd.DataFrame, source_label: str) -> Table:
         "verdicts": "; ".join(f"{name}: {count}" for name, count in counts.items()),
     }
     sentences = (~claims.claim.str.startswith("table_")).to_numpy().nonzero()[0]
-    return described(
+    return table_from_schema(
         "publishing/reproduction", "claims", frame, source_label, fields, first_rows=tuple(sentences)
     )
 

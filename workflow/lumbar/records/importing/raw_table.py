@@ -21,7 +21,7 @@ COLUMNS_FOLLOW = "\n    read as "
 
 
 @dataclass(frozen=True)
-class Asked:
+class ReadOptions:
     """What a person says of how a file is read, before its columns are known."""
 
     table: str | None = None
@@ -188,7 +188,7 @@ def find_unit(spelling: str) -> Unit | None:
 _CALIBRATED = re.compile(r"^([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([^\d\s/].*)$")
 
 
-def told_unit(text: str, place: str) -> Unit:
+def parse_unit(text: str, place: str) -> Unit:
     """Return the unit that a person gave, with a factor before it or without.
 
     Parameters
@@ -205,7 +205,7 @@ def told_unit(text: str, place: str) -> Unit:
 
     Examples
     --------
-    >>> told_unit("35.15 N/V", "--force-unit").factor, told_unit("2 m/s", "--position-unit").quantity
+    >>> parse_unit("35.15 N/V", "--force-unit").factor, parse_unit("2 m/s", "--position-unit").quantity
     (35.15, 'velocity')
     """
     calibrated = _CALIBRATED.match(text.strip())

@@ -10,7 +10,7 @@ from itertools import pairwise
 import numpy as np
 
 from lumbar.base.errors import InputError, Problems
-from lumbar.base.files import as_name
+from lumbar.base.files import sanitize_name
 from lumbar.records.importing.clock import (
     check_forward,
     contradictions,
@@ -52,7 +52,7 @@ class Part:
 
 def record_name(text: str) -> str:
     """Name of a record for any text."""
-    return as_name(text, "record", _OTHERS)
+    return sanitize_name(text, "record", _OTHERS)
 
 
 def parts_of(table: RawTable, time: np.ndarray, choices: Choices, name: str) -> list[Part]:
@@ -126,7 +126,7 @@ def _stretches(table: RawTable, wish: str, name: str) -> list[Part]:
     for first, stop in stretches:
         at = int(said[first])
         word = column.spellings[at] if column.spellings else f"{said[first]:g}"
-        own = f"{name}_{as_name(word, str(at + 1), _OTHERS)}"
+        own = f"{name}_{sanitize_name(word, str(at + 1), _OTHERS)}"
         times[own] = times.get(own, 0) + 1
         own = own if times[own] == 1 else f"{own}_{times[own]}"
         if stop - first < FEWEST_SAMPLES:
@@ -320,7 +320,9 @@ def _channel(name: str, role: Role, keep: np.ndarray, flip_force: bool) -> Chann
     ):  # a sensor's reading, e.g. in volts: named as in the file, unless that says position or force
         own = role.column.own_name
         quantity = (
-            name if named_so(own, name) >= 2 else as_name(own, "input" if name == "position" else "output")
+            name
+            if named_so(own, name) >= 2
+            else sanitize_name(own, "input" if name == "position" else "output")
         )
     values = role.column.values[keep] * role.unit.factor
     return Channel(-values if flip_force and side == "force" else values, quantity, role.unit.target)

@@ -11,7 +11,15 @@ import numpy as np
 from lumbar.base.errors import InputError
 from lumbar.base.yaml_file import shipped_yaml
 from lumbar.records.importing.clock import stated_time
-from lumbar.records.importing.raw_table import SPEEDS, Asked, RawColumn, RawTable, Unit, find_unit, told_unit
+from lumbar.records.importing.raw_table import (
+    SPEEDS,
+    RawColumn,
+    RawTable,
+    ReadOptions,
+    Unit,
+    find_unit,
+    parse_unit,
+)
 
 ROLES = ("time", "position", "force")
 NONE = "none"
@@ -63,10 +71,10 @@ class Choices:
             raise InputError(f"--trim {self.trim[0]:g}:{self.trim[1]:g}: the start must lie before the stop")
 
     @property
-    def asked(self) -> Asked:
+    def asked(self) -> ReadOptions:
         """What is said of how a file is read."""
         columns = [column for column, _ in self.wishes().values() if column not in (None, NONE)]
-        return Asked(
+        return ReadOptions(
             self.table, self.encoding, tuple(part for item in columns for part in (item, *parted(item)))
         )
 
@@ -323,7 +331,7 @@ def in_unit(column: RawColumn, role: str, told: str | None, why: str) -> Role:
         If there is none, or it is of something else.
     """
     if told:
-        given = told_unit(told, f"--{role}-unit")
+        given = parse_unit(told, f"--{role}-unit")
         if given.quantity not in (*_TAKEN[role], *(["reading"] if role != "time" else [])):
             raise InputError(f"--{role}-unit {told!r} is a unit of {given.quantity}, not of {role}")
         stated = find_unit(column.unit)
@@ -344,7 +352,7 @@ def in_unit(column: RawColumn, role: str, told: str | None, why: str) -> Role:
             )
         return Role(column, unit, f"{why}; unit {unit.name}, as the file says")
     if role == "time" and not column.unit and 0 < step <= 1 / _SLOWEST_HZ:
-        unit = told_unit("s", "--time-unit")
+        unit = parse_unit("s", "--time-unit")
         return Role(column, unit, f"{why}; unit s, as its steps of {step:g} are too small for ms")
     example, calibration = {
         "time": ("ms", "0.5 ms"),

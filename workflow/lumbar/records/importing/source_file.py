@@ -24,9 +24,9 @@ from lumbar.records.importing.dialect import (
     find_dialect,
 )
 from lumbar.records.importing.raw_table import (
-    Asked,
     RawColumn,
     RawTable,
+    ReadOptions,
     StatedRate,
     find_unit,
     name_and_unit,
@@ -60,7 +60,7 @@ def file_name(path: Path) -> str:
     return record_name(stem_of(path))
 
 
-def read_content(stored: bytes, path: Path, asked: Asked) -> tuple[RawTable, str]:
+def read_content(stored: bytes, path: Path, asked: ReadOptions) -> tuple[RawTable, str]:
     """Read the table of a file from its content. Return it, and the SHA-256 of the file.
 
     Parameters
@@ -82,7 +82,7 @@ def read_content(stored: bytes, path: Path, asked: Asked) -> tuple[RawTable, str
     return _read_table(content, path, asked), hashlib.sha256(stored).hexdigest()
 
 
-def _read_table(content: bytes, path: Path, asked: Asked) -> RawTable:
+def _read_table(content: bytes, path: Path, asked: ReadOptions) -> RawTable:
     source, kind = str(path), ending_of(path)
     if content.startswith(_HDF5) or content[512:520] == _HDF5:  # MATLAB 7.3 puts 512 bytes before
         _require_package("h5py", "an HDF5 file (MATLAB 7.3 writes them too)", path)
@@ -109,7 +109,7 @@ def _require_package(package: str, kind: str, path: Path) -> None:
         raise InputError(f"{path}: {kind} needs the package {package}: pip install 'lumbar[import]'")
 
 
-def _read_workbook(content: bytes, source: str, asked: Asked) -> RawTable:
+def _read_workbook(content: bytes, source: str, asked: ReadOptions) -> RawTable:
     """Read one sheet; raise if several sheets hold something and none is chosen."""
     sheets: dict[str, list[str]] = read_in_child(_sheets, source, content)
     filled = {title: lines for title, lines in sheets.items() if any(line.strip() for line in lines)}

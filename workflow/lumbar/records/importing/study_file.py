@@ -6,11 +6,11 @@ from dataclasses import replace
 from pathlib import Path
 
 from lumbar.base.errors import InputError
-from lumbar.base.files import as_name, read_json, write_csv, write_json, write_text
+from lumbar.base.files import read_json, sanitize_name, write_csv, write_json, write_text
 from lumbar.base.templates import template
-from lumbar.base.yaml_file import quoted
+from lumbar.base.yaml_file import quote_yaml
 from lumbar.records.importing.recording import ImportedRecording
-from lumbar.records.record import exchanged, forced
+from lumbar.records.record import swap_input_and_output, use_load_as_input
 
 SCHEMA = "lumbar.import/1"
 STUDY, PROVENANCE = "study.yaml", "imported.json"
@@ -53,9 +53,11 @@ def write_folder(
     if study.exists() and study.read_text(encoding="utf-8") != study_text(known, folder):
         raise InputError(f"{study}: was changed since it was made; move it away, or choose another folder")
     driven = (
-        # The load is the input; `forced` exchanges the records as they are read if their quantities say which it is.
+        # The load is the input; `use_load_as_input` swaps the records as they are read if their quantities say which it is.
         [
-            item if forced(item.record) is not item.record else replace(item, record=exchanged(item.record))
+            item
+            if use_load_as_input(item.record) is not item.record
+            else replace(item, record=swap_input_and_output(item.record))
             for item in recordings
         ]
         if forward
@@ -153,7 +155,7 @@ def study_text(content: dict, folder: Path) -> str:
     return template("records/importing/study_file.yaml.jinja").render(
         content=content,
         folder=str(folder),
-        name=as_name(folder.name, "study"),
+        name=sanitize_name(folder.name, "study"),
         configfile=shlex.quote(str(folder / STUDY)),
         provenance=PROVENANCE,
         label=content["data"] or f"recordings {folder.name}",
@@ -161,7 +163,7 @@ def study_text(content: dict, folder: Path) -> str:
         rate=common_rate(entry["rate_Hz"] for entry in records),
         longest=max(records, key=lambda entry: entry["duration_s"]),
         comments=_comments,
-        quoted=quoted,
+        quote_yaml=quote_yaml,
     )
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from lumbar.base.errors import InputError
 from lumbar.records.child_process import read_in_child
 from lumbar.records.importing.dialect import FEWEST_ROWS
-from lumbar.records.importing.raw_table import Asked, RawColumn, RawTable, StatedRate, name_and_unit
+from lumbar.records.importing.raw_table import RawColumn, RawTable, ReadOptions, StatedRate, name_and_unit
 from lumbar.records.unpacking import check_size
 
 _MOST_COLUMNS, _MOST_OFFERED = 64, 3
@@ -23,7 +23,7 @@ def to_table(
     arrays: Mapping[str, np.ndarray],
     source: str,
     form: str,
-    asked: Asked,
+    asked: ReadOptions,
     units: Mapping[str, str] | None = None,
 ) -> RawTable:
     """Make the vectors, and columns of matrices, of one length a table; scalars may state the sampling rate.
@@ -34,7 +34,7 @@ def to_table(
         Numbers by the variable's path, samples along the first axis.
     source, form : str
         As of `RawTable`.
-    asked : Asked
+    asked : ReadOptions
         `table` is the path below which variables are taken; `columns` choose among several lengths.
     units : mapping of str to str, optional
         By path, where the file states them.
@@ -127,7 +127,7 @@ def _stated(arrays: Mapping[str, np.ndarray]):
             yield StatedRate(1 / value, path)
 
 
-def read_matlab(content: bytes, source: str, asked: Asked) -> RawTable:
+def read_matlab(content: bytes, source: str, asked: ReadOptions) -> RawTable:
     """Read a MATLAB file; parameters as for `to_table`.
 
     Raises
@@ -205,7 +205,7 @@ def _attributes(item) -> dict[str, np.ndarray]:
     return {name: np.asarray(item.attrs[name]) for name in single}
 
 
-def read_hdf5(content: bytes, source: str, asked: Asked) -> RawTable:
+def read_hdf5(content: bytes, source: str, asked: ReadOptions) -> RawTable:
     """Read an HDF5 file; parameters as for `to_table`.
 
     A matrix is taken with its samples along the longer axis: MATLAB writes them along the other one than most.

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from lumbar.base.errors import InputError, Problems, did_you_mean
-from lumbar.base.yaml_file import YamlFile, read_yaml, shipped_yaml, way_of
+from lumbar.base.yaml_file import YamlFile, parse_key_path, read_yaml, shipped_yaml
 from lumbar.settings.improvement import is_data, system_of
 from lumbar.tissue.effects.hooks import HOOKS
 from lumbar.tissue.effects.notation import (
@@ -300,9 +300,9 @@ def _check_equation(form: Form, place: str, file: YamlFile, problems: Problems) 
 
     found = form.problems()
     for key, problem in found:
-        problems.add(file.place(way_of(place + ("parameters" if key == "symbol" else key))), problem)
+        problems.add(file.place(parse_key_path(place + ("parameters" if key == "symbol" else key))), problem)
     for problem, allowed in () if found else numerical_problems(form):
-        problems.add(file.place(way_of(f"{place}equation")), problem, allowed)
+        problems.add(file.place(parse_key_path(f"{place}equation")), problem, allowed)
 
 
 def _checked_base(file: YamlFile, problems: Problems) -> Base:

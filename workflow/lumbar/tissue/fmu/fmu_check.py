@@ -9,8 +9,7 @@ import fmpy
 import numpy as np
 
 from lumbar.base.errors import InputError, Problems
-from lumbar.tables.described import described
-from lumbar.tables.table import Table
+from lumbar.tables.table import Table, table_from_schema
 from lumbar.tissue.fmu.build.description import FMI_VERSIONS
 from lumbar.tissue.fmu.build.export_model import ExportModel
 from lumbar.tissue.fmu.build.package import fmu_name
@@ -171,7 +170,7 @@ def check_table(checks: list[Check], source_label: str, seed: int) -> Table:
         "unit": first.output.unit,
         "limit": first.output_limit,
     }
-    return described("tissue/fmu", "fmu_checks", rows, source_label, words)
+    return table_from_schema("tissue/fmu", "fmu_checks", rows, source_label, words)
 
 
 @dataclass(frozen=True)

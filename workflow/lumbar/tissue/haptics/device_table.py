@@ -7,8 +7,7 @@ from dataclasses import replace
 
 from lumbar.base.errors import NumericalError
 from lumbar.settings.runtime import DeviceSettings, RuntimeSettings
-from lumbar.tables.described import described
-from lumbar.tables.table import Table
+from lumbar.tables.table import Table, table_from_schema
 from lumbar.tissue.fmu.build.export_model import ExportModel
 from lumbar.tissue.haptics.loop_verdict import LoopVerdict, analyse, judge_loop
 from lumbar.tissue.haptics.rendered_model import REACH_MM, is_renderable, render_model
@@ -53,7 +52,7 @@ def device_table(
         f"±{REACH_MM:g} mm where these are not known, and simulated as their FMUs."
     )
     linearised = any(item.model.reach for item in verdicts)
-    return described(
+    return table_from_schema(
         "tissue/haptics",
         "rendering",
         rows,

@@ -21,8 +21,7 @@ from lumbar.base.errors import NumericalError
 from lumbar.base.files import write_json
 from lumbar.records.record import Record
 from lumbar.settings.runtime import RuntimeSettings
-from lumbar.tables.described import described
-from lumbar.tables.table import Table
+from lumbar.tables.table import Table, table_from_schema
 from lumbar.tissue.haptics.closed_loop import SampledModel, all_angles
 from lumbar.tissue.haptics.device_table import device_text, finite
 from lumbar.tissue.haptics.loop_verdict import LoopAnalysis, analyse
@@ -216,7 +215,7 @@ class PassiveFits:
         rows = [row for name in names for row in _rows(name, self)]
         own, servo = self.rates
         words = {"device": device_text(self.settings.device), "own": own, "servo": servo}
-        return described("tissue/haptics", "passive_fits", rows, source_label, words)
+        return table_from_schema("tissue/haptics", "passive_fits", rows, source_label, words)
 
     def save(self, folder: Path, source_label: str) -> None:
         """Write ``passive_models.json`` and the table ``passive_fits``."""

@@ -5,7 +5,7 @@ from dataclasses import asdict, dataclass, replace
 import numpy as np
 
 from lumbar.base.errors import InputError, NumericalError
-from lumbar.records.record import Record, same_units
+from lumbar.records.record import Record, require_same_units
 from lumbar.settings.tissue import TissueSettings
 from lumbar.tissue.identification.arx_search import (
     INPUT,
@@ -149,7 +149,7 @@ def _fit_all(
     training: Record, tests: list[Record], settings: TissueSettings, seed: int
 ) -> tuple[list[FittedModel], list[tuple[list[ArxCandidate], ArxCandidate]]]:
     """Fits in the order of Table 3.1; for every model the grid it was selected from, and the selected candidate."""
-    same_units([training, *tests])
+    require_same_units([training, *tests])
     _same_sampling_time([training, *tests])
     data = IdentificationData.from_record(training, settings.settling_s)
     others = [IdentificationData.from_record(test, settings.settling_s) for test in tests]

@@ -6,8 +6,7 @@ from collections.abc import Sequence
 import pandas as pd
 
 from lumbar.settings.tissue import TissueSettings
-from lumbar.tables.described import described
-from lumbar.tables.table import Table
+from lumbar.tables.table import Table, table_from_schema
 from lumbar.tissue.identification.arx_search import NEGLIGIBLE_POINTS
 from lumbar.tissue.models.bases import BASES
 from lumbar.tissue.models.fitted_model import FittedModel
@@ -51,7 +50,7 @@ def table_2_1(source_label: str, pictures: Sequence[str] = ()) -> Table:
         "references": "; ".join(REFERENCES),
     }
     shown = {"mechanical_analogue": tuple(pictures)} if pictures else {}
-    return described("tissue/identification", "table_2_1", frame, source_label, words, pictures=shown)
+    return table_from_schema("tissue/identification", "table_2_1", frame, source_label, words, pictures=shown)
 
 
 def physical_parameters_table(models: list[FittedModel], confidence: float, source_label: str) -> Table:
@@ -71,7 +70,7 @@ def physical_parameters_table(models: list[FittedModel], confidence: float, sour
     columns += ["value", "low", "high", "unit", "refused"]
     frame = pd.DataFrame(rows, columns=columns)
     unbiased = frame["derived"].eq(True) & (frame["estimator"] == OUTPUT_ERROR)
-    return described(
+    return table_from_schema(
         "tissue/identification",
         "physical_parameters",
         frame,
@@ -117,7 +116,7 @@ def table_3_1(models: list[FittedModel], settings: TissueSettings, source_label:
         "search": settings.search,
         "negligible": NEGLIGIBLE_POINTS,
     }
-    return described(
+    return table_from_schema(
         "tissue/identification",
         "table_3_1",
         frame,

@@ -10,8 +10,7 @@ import scipy
 
 from lumbar.base.errors import InputError
 from lumbar.settings.signals import AmplitudeSettings, SignalsSettings
-from lumbar.tables.described import described
-from lumbar.tables.table import Table
+from lumbar.tables.table import Table, table_from_schema
 from lumbar.tissue.signals.multisine import Multisine, design_multisine
 from lumbar.tissue.signals.spectrum import Kinematics, check_machine_limits, peak_kinematics
 from lumbar.tissue.signals.surgeon_motion import bandwidth_readings, readings_in_words
@@ -302,7 +301,9 @@ def signal_properties(
             }
         )
     band = _band_in_words(excitation.band, bandwidths, settings) if bandwidths else ()
-    return described("tissue/signals", "properties", rows, source_label, notes=[assumptions(settings), *band])
+    return table_from_schema(
+        "tissue/signals", "properties", rows, source_label, notes=[assumptions(settings), *band]
+    )
 
 
 def assumptions(settings: SignalsSettings) -> str:

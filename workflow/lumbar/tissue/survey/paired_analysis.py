@@ -12,8 +12,7 @@ import numpy as np
 from lumbar.base.errors import NumericalError
 from lumbar.records.ratings import Ratings
 from lumbar.settings.survey import SurveySettings
-from lumbar.tables.described import described
-from lumbar.tables.table import Table
+from lumbar.tables.table import Table, table_from_schema
 from lumbar.tissue.survey.table_3_2 import Overall, holm, pairs, reality_notes
 
 EXACT_LIMIT = 500
@@ -294,7 +293,7 @@ def paired_table(
         "margin": margin,
         "level": 1 - settings.confidence,
     }
-    return described(
+    return table_from_schema(
         "tissue/survey",
         "survey_paired",
         rows,

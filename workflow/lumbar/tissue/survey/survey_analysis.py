@@ -8,8 +8,7 @@ import pandas as pd
 from lumbar.base.errors import NumericalError
 from lumbar.records.ratings import Ratings
 from lumbar.settings.survey import SurveySettings
-from lumbar.tables.described import described
-from lumbar.tables.table import Table
+from lumbar.tables.table import Table, table_from_schema
 from lumbar.tissue.survey.paired_analysis import PairedComparison, compare_pairs, friedman, paired_table
 from lumbar.tissue.survey.table_3_2 import (
     Overall,
@@ -94,7 +93,7 @@ def best_picks_table(
     )
     notes = (*_notes(shares, baseline), *reality_notes(ratings))
     words = {"confidence": f"{100 * confidence:g} %"}
-    return described("tissue/survey", "survey_best_picks", frame, source_label, words, notes=notes)
+    return table_from_schema("tissue/survey", "survey_best_picks", frame, source_label, words, notes=notes)
 
 
 def _notes(shares: PickShares, baseline: str) -> tuple[str, ...]:

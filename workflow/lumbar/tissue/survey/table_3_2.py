@@ -12,8 +12,7 @@ import pandas as pd
 
 from lumbar.base.errors import NumericalError
 from lumbar.records.ratings import NOT_REAL, Ratings
-from lumbar.tables.described import described
-from lumbar.tables.table import Table
+from lumbar.tables.table import Table, table_from_schema
 
 
 @dataclass(frozen=True)
@@ -128,7 +127,7 @@ def table_3_2(ratings: Ratings, source_label: str) -> Table:
     words = {"points": ratings.scale_points, "pairs": len(pairs(ratings))}
     first = tuple(name for name in columns if not name.startswith("p_"))  # the thesis's columns
     notes = _notes(ratings, p_values, adjusted)
-    return described(
+    return table_from_schema(
         "tissue/survey", "table_3_2", pd.DataFrame(columns), source_label, words, notes=notes, first=first
     )
 

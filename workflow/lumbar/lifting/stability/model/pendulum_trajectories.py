@@ -17,8 +17,7 @@ import numpy as np
 
 from lumbar.base.errors import NumericalError, Problems
 from lumbar.lifting.movement.pendulum_states import CHOICES, THESIS_CHOICE
-from lumbar.tables.described import columns_of, described
-from lumbar.tables.table import Table
+from lumbar.tables.table import Table, columns_of, table_from_schema
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -402,7 +401,7 @@ def failures_table(failures: pd.DataFrame, source_label: str) -> Table:
     if none:
         failures = no_rows.astype(object)
         failures.loc[0] = dict.fromkeys(no_rows) | {"basin": "none", "reason": "every basin was computed"}
-    return described(
+    return table_from_schema(
         "lifting/stability",
         "missing_basins",
         failures,

@@ -14,7 +14,7 @@ from itertools import product
 import numpy as np
 import scipy
 
-from lumbar.base.progress import going_on
+from lumbar.base.progress import notify_progress
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData, FreeRun
 from lumbar.tissue.models.form import Form, Place
 from lumbar.tissue.models.motion import JoinedMotions, Motion, SpatialMotion
@@ -181,7 +181,7 @@ def fit(structure: Structure, data: FitData, start: np.ndarray) -> Fit:
 
     The same fit is returned wherever the same is asked for.
     """
-    going_on()
+    notify_progress()
     return data.cache.compute_once((structure, start.tobytes()), lambda: _search(structure, data, start))
 
 
@@ -366,7 +366,7 @@ def fit_base(structure: Structure, data: FitData, acting: Sequence[float] = ()) 
     found = []
     for start in starts:
         with suppress(ValueError, np.linalg.LinAlgError):  # a start that diverges is left out
-            going_on()
+            notify_progress()
             found.append(fit_at(structure, data, np.append(start, acting)))
     ranked = sorted(found, key=lambda item: item.squared_error)
     return min(

@@ -8,7 +8,7 @@ from typing import Self
 import numpy as np
 
 from lumbar.base.errors import InputError
-from lumbar.records.record import Record, require_clock, require_one_axis, same_units
+from lumbar.records.record import Record, require_clock, require_one_axis, require_same_units
 from lumbar.tissue.diagnosis.finding import Finding
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData, JointData
@@ -321,7 +321,7 @@ def prepare(
     """
     require_clock(records)
     require_one_axis(records, "this")
-    same_units(records)
+    require_same_units(records)
     settling = {record.name: settling_samples(record, settling_s) for record in records}
     chosen, others = choose_training(records, train)
     check_excitation(max(chosen, key=lambda item: float(np.ptp(item["input"]))), others)

@@ -6,8 +6,7 @@ import numpy as np
 
 from lumbar.base.errors import InputError, NumericalError
 from lumbar.records.record import Record
-from lumbar.tables.described import described
-from lumbar.tables.table import Table
+from lumbar.tables.table import Table, table_from_schema
 from lumbar.tissue.diagnosis.noise.noise_floor import NoiseFloor, autocovariance
 from lumbar.tissue.identification.metrics import fit_ratio, mean_residual, variance_accounted_for
 
@@ -233,7 +232,7 @@ def _correlated_samples(signal: np.ndarray) -> int:
 def comparison_table(comparisons: list[Comparison], source_label: str) -> Table:
     """Table of all records, as ``compare.csv`` publishes it."""
     words = {"start": comparisons[0].start, "percent": 100 * CONFIDENCE, "resamples": RESAMPLES}
-    return described(
+    return table_from_schema(
         "tissue/diagnosis/residuals", "compare", list(map(_row, comparisons)), source_label, words
     )
 

@@ -10,8 +10,7 @@ import numpy as np
 
 from lumbar.base.progress import track
 from lumbar.records.record import Record
-from lumbar.tables.described import described
-from lumbar.tables.table import Table
+from lumbar.tables.table import Table, table_from_schema
 from lumbar.tissue.diagnosis.fitting.joint_fit import Fit
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment, simulate_in_session
 from lumbar.tissue.diagnosis.noise.noise_floor import NoiseFloor
@@ -292,4 +291,4 @@ def location_table(reports: Sequence[Any], source_label: str) -> Table:
         for item in with_axes([report])
         for view in item.views.values()
     ]
-    return described("tissue/diagnosis/residuals", "location", rows, source_label)
+    return table_from_schema("tissue/diagnosis/residuals", "location", rows, source_label)

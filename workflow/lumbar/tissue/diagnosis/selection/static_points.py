@@ -7,7 +7,7 @@ import numpy as np
 import scipy
 
 from lumbar.base.errors import InputError
-from lumbar.records.record import Record, same_units
+from lumbar.records.record import Record, require_same_units
 from lumbar.tissue.diagnosis.finding import Finding
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData
@@ -138,7 +138,7 @@ class StaticSelection(Selection):
 
 def experiment_of_points(records: Sequence[Record], settings: DiagnosisSettings) -> Experiment:
     """Return points as training and unseen data, each in the order of the positions."""
-    same_units(list(records))
+    require_same_units(list(records))
     clocked = [record.name for record in records if not record.points]
     if clocked:
         raise InputError(

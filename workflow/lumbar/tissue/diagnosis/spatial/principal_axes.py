@@ -6,8 +6,7 @@ from itertools import cycle
 
 import numpy as np
 
-from lumbar.tables.described import described
-from lumbar.tables.table import Table
+from lumbar.tables.table import Table, table_from_schema
 from lumbar.tissue.diagnosis.fitting.joint_fit import Fit
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.fitting.uncertainty import estimates, scaled_covariance
@@ -142,4 +141,4 @@ def principal_axes_table(rows: Sequence[PrincipalAxis], axes: tuple[str, ...], s
         }
         for row in rows
     ]
-    return described("tissue/diagnosis/spatial", "principal_axes", written, source_label)
+    return table_from_schema("tissue/diagnosis/spatial", "principal_axes", written, source_label)

@@ -8,8 +8,8 @@ from typing import Self
 import numpy as np
 
 from lumbar.base.errors import InputError
-from lumbar.records.frames import with_force_frame
-from lumbar.records.record import Record, require_clock, same_units
+from lumbar.records.frames import rotate_forces
+from lumbar.records.record import Record, require_clock, require_same_units
 from lumbar.tissue.diagnosis.finding import Finding
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData, JointData
@@ -89,14 +89,14 @@ def prepare(records: list[Record], settings: DiagnosisSettings) -> Experiment:
         Different axes or units, a record that is too short, training records that are not there.
     """
     require_clock(records)
-    same_units(records)
+    require_same_units(records)
     if settings.session or settings.forward or settings.load_drives:
         key = "session" if settings.session else "forward"
         raise InputError(
             f"improvement.{key}: records of several axes begin at rest and have the position as input"
         )
     _check_channels(records)
-    sound, faults = _repaired([with_force_frame(record, settings.force_frame) for record in records])
+    sound, faults = _repaired([rotate_forces(record, settings.force_frame) for record in records])
     chosen, others = choose_training(sound, settings.train)
     first = chosen[0]
     check_unseen(chosen, others)
