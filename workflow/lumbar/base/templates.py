@@ -1,4 +1,4 @@
-"""Pages and files from the templates (``*.jinja``) that lie beside the modules they belong to."""
+"""Pages and files from the templates (``*.jinja``) in the folders of the modules that use them."""
 
 import re
 from functools import cache
@@ -14,7 +14,9 @@ def typeset_minus_signs(text: str) -> str:
 
 @cache
 def template(name: str):
-    """Return a `jinja2.Template` that refuses names it does not know, and escapes what it is given but in YAML and plain text.
+    """Return a `jinja2.Template`. It rejects unknown names, and escapes values except in YAML and plain text.
+
+    In a template ``file_text("page_server/own_recordings.css")`` is the text of a style sheet or script.
 
     Parameters
     ----------
@@ -22,14 +24,19 @@ def template(name: str):
         Path below the library, e.g. ``"tissue/fmu/build/documentation.html.jinja"``.
     """
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
+    from markupsafe import Markup
 
+    library = Path(__file__).parents[1]
     environment = Environment(
-        loader=FileSystemLoader(Path(__file__).parents[1]),
+        loader=FileSystemLoader(library),
         autoescape=lambda name: not name.endswith((".yaml.jinja", ".txt.jinja")),
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
         keep_trailing_newline=True,
+    )
+    environment.globals["file_text"] = lambda path: Markup(
+        (library / path).read_text(encoding="utf-8").rstrip("\n")
     )
     environment.filters["typeset_minus_signs"] = typeset_minus_signs
     return environment.get_template(name)
