@@ -49,7 +49,7 @@ acceptance: environment ## records whose truth is known, public and hard ones: a
 	python tests/real_records/ask_records.py --markdown docs/tissue/acceptance.md; real=$$?; \
 	python tests/hard_effects/ask_cases.py --markdown docs/tissue/acceptance.md && exit $$real
 
-report: results ## results/<study>/report.html: every table and figure beside the thesis's, one page, works offline
+report: results ## results/<study>/report.html: every table and figure with the thesis's, one page, works offline
 	snakemake --cores 1 $(CONFIGFILE) report
 
 provenance: results ## results/<study>/provenance.html: Snakemake's own report: which job made what, when, from what

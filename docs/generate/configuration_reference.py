@@ -86,22 +86,21 @@ _HEAD = ["| key | allowed | default | meaning |", "|---|---|---|---|"]
 def pages() -> dict[str, str]:
     """Return the Markdown page of every section of a study by its file name, and an index of them."""
     study, defaults = Key.of(StudySettings), defaults_of(StudySettings)
-    texts, index, own = {}, [], []
+    texts, index, top_level = {}, [], []
     for name in study.keys:
         section = StudySettings.model_fields[name].annotation
         if name == "subject":
             section = SubjectSettings
         if not (isinstance(section, type) and issubclass(section, Section)):
-            own.append(name)
+            top_level.append(name)
             continue
         meaning = " ".join((section.__doc__ or "").split())
         rows = _rows(Key.of(section), defaults[name] or defaults_of(section), f"{name}.")
         texts[f"{name}.md"] = "\n".join([f"# {name}", "", meaning, _defined(section), "", *_HEAD, *rows, ""])
         index.append(f"- [{name}]({name}.md): {meaning}")
-    top = [row for row in _rows(study, defaults, "") if row.split("`")[1].split(".")[0] in own]
-    words = "What a study is; its chapters have pages of their own. `[]` stands for each entry of a list, `*` for a "
-    words += "name of your choice."
-    texts[f"{STUDY_PAGE}.md"] = "\n".join(["# study", "", words, "", *_HEAD, *top, "", *index, ""])
+    top = [row for row in _rows(study, defaults, "") if row.split("`")[1].split(".")[0] in top_level]
+    introduction = "Keys of a study; each chapter has its own page. `[]` is an entry of a list, `*` a name of your choice."
+    texts[f"{STUDY_PAGE}.md"] = "\n".join(["# study", "", introduction, "", *_HEAD, *top, "", *index, ""])
     return texts
 
 

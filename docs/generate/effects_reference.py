@@ -98,7 +98,7 @@ def effects_page(system: str) -> str:
     return f"{reference.introduction}{listed}.\n" + "".join(sections)
 
 
-def _in_a_fit(form: Form) -> str:
+def _scaled_constants(form: Form) -> str:
     """Return the values that a fit uses for constants that depend on its records."""
     return "".join(
         f"; in a fit ${item.in_latex}$ is {item.value:g} × {_SCALES[item.scale]}"
@@ -116,7 +116,8 @@ def _section(effect: Effect, reference: CataloguePage) -> str:
     needed = any(form.channels for form in effect.forms)
     head = "| form | equation | needs |\n|---|---|---|" if needed else "| form | equation |\n|---|---|"
     forms = "\n".join(
-        f"| `{form.name}` | ${_escaped(form.latex)}${_in_a_fit(form)} |" + (_needs(form) if needed else "")
+        f"| `{form.name}` | ${_escaped(form.latex)}${_scaled_constants(form)} |"
+        + (_needs(form) if needed else "")
         for form in effect.forms
     )
     return f"""

@@ -29,19 +29,19 @@ class Entry(NamedTuple):
 
 def entries() -> list[Entry]:
     """Return every equation with the objects that compute it, in the thesis's order."""
-    found = []
+    listed = []
     for path in sorted(LIBRARY.rglob("*.py")):
         module = ".".join(("lumbar", *path.relative_to(LIBRARY).with_suffix("").parts))
         if module.startswith("lumbar.settings."):
             continue  # they name equations, and compute none
         for name, docstring in _docstrings(ast.parse(path.read_text(encoding="utf-8"))):
             paragraph = " ".join(docstring.split("\n\n")[0].split())
-            found += [Entry(number, module, name) for number in equations(paragraph)]
-    return sorted(found, key=lambda item: (_order(item.equation), item.module, item.name))
+            listed += [Entry(number, module, name) for number in equations(paragraph)]
+    return sorted(listed, key=lambda item: (_order(item.equation), item.module, item.name))
 
 
 def equations(text: str) -> list[str]:
-    """Return the numbers of the equations that a text names; a dash stands for all between two."""
+    """Return the numbers of the equations that a text names; a dash includes all between two."""
     numbers: list[str] = []
     for first, others in _MENTION.findall(text):
         numbers.append(first)

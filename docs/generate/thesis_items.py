@@ -45,13 +45,13 @@ Every numbered equation, table and figure, every stated parameter and every clai
 prints it, how it is *here*, and what is *otherwise*, and why; without that line it is done as printed. Modules are those below
 `lumbar` (`tissue.signals.multisine` is the file `workflow/lumbar/tissue/signals/multisine.py`); keys stand with their defaults;
 files lie below `results/<study>/`. A *claim* is a row of `claims.csv` and `tables/claims`, which hold its criterion and what a
-study shows; here stands the verdict of the default study, whose data are the synthetic twin.
+study shows; this page has the verdict of the default study on the synthetic twin.
 """
 
 
 @dataclass(frozen=True)
 class Item:
-    """One item; what its fields mean stands at the head of the file."""
+    """One item; the head of the YAML file explains the fields."""
 
     item: str
     section: str
@@ -67,28 +67,28 @@ class Item:
 
     @property
     def equations(self) -> list[str]:
-        """Numbers of the equations it is about."""
+        """Numbers of its equations."""
         return equation_index.equations(self.item)
 
     @property
     def all_objects(self) -> list[str]:
         """Objects that compute its equations, by their docstrings, and those that it names."""
-        found = [
+        computing_objects = [
             f"{entry.module.removeprefix('lumbar.')}:{entry.name}"
             for number in self.equations
             for entry in computing().get(number, ())
         ]
-        return list(dict.fromkeys([*found, *self.objects]))
+        return list(dict.fromkeys([*computing_objects, *self.objects]))
 
 
 def read_items() -> list[Item]:
-    """Items in the thesis's order."""
+    """Return the items in the thesis's order."""
     return [Item(**entry) for entry in yaml.safe_load(SOURCE.read_text(encoding="utf-8"))]
 
 
 @cache
 def computing() -> dict[str, list[equation_index.Entry]]:
-    """Objects by the equation that they compute."""
+    """Return objects by the equation that they compute."""
     return {
         number: list(rows) for number, rows in groupby(equation_index.entries(), lambda row: row.equation)
     }
@@ -96,25 +96,25 @@ def computing() -> dict[str, list[equation_index.Entry]]:
 
 @cache
 def default_values() -> dict[str, Any]:
-    """Default of every configuration key."""
-    return {way: value for way, _, value in keys(Key.of(StudySettings), defaults_of(StudySettings))}
+    """Return the default of every configuration key."""
+    return {path: value for path, _, value in keys(Key.of(StudySettings), defaults_of(StudySettings))}
 
 
 @cache
 def files() -> dict[str, Any]:
-    """Artefacts of the sheet by their ids."""
+    """Return the artefacts of the study by their ids."""
     return {row.id: row for row in read_artefacts(DOCS.parent / "config" / "artefacts.tsv")}
 
 
 def anchor(heading: str) -> str:
-    """Name by which a heading of a page is linked to."""
+    """Return the anchor of a heading."""
     return re.sub(r"[^\w\- ]", "", heading.lower()).strip().replace(" ", "-")
 
 
-def _key(way: str) -> str:
-    section, _, rest = way.partition(".")
+def _key(path: str) -> str:
+    section, _, rest = path.partition(".")
     page = section if rest and (DOCS / "config" / f"{section}.md").is_file() else STUDY_PAGE
-    return f"[`{way}`](config/{page}.md): {_value(default_values()[way])}"
+    return f"[`{path}`](config/{page}.md): {_value(default_values()[path])}"
 
 
 def _value(value: Any) -> str:
@@ -129,25 +129,25 @@ def _artefact(name: str) -> str:
 
 @cache
 def verdicts() -> dict[str, str]:
-    """Verdict of the default study on every claim."""
+    """Return the verdict of the default study on every claim."""
     with (DOCS.parent / "tests" / "reference" / "claims.csv").open(encoding="utf-8", newline="") as file:
         return {row["claim"]: row["verdict"] for row in csv.DictReader(file)}
 
 
 def _claim(pattern: str) -> str:
-    """A claim with its verdict; of several how many have each. One that is newer than the reference has none yet."""
+    """Return claims with their verdict, or with the count of each verdict. Claims newer than the reference have none."""
     counts = Counter(verdict for name, verdict in verdicts().items() if fnmatch(name, pattern))
-    said = [
+    verdict_counts = [
         verdict if len(counts) == count == 1 else f"{count} × {verdict}" for verdict, count in counts.items()
     ]
-    return f"*claim* `{pattern}`: {', '.join(said)}" if said else f"*claim* `{pattern}`"
+    return f"*claim* `{pattern}`: {', '.join(verdict_counts)}" if verdict_counts else f"*claim* `{pattern}`"
 
 
-def _page(way: str) -> str:
-    """Link to a page, or to a part of one, by its heading."""
-    name, _, part = way.partition("#")
+def _page(target: str) -> str:
+    """Return a link to a page or to one of its headings."""
+    name, _, part = target.partition("#")
     headings = re.findall(r"^#+ (.*)", (DOCS / name).read_text(encoding="utf-8"), flags=re.M)
-    return f"[{next(heading for heading in headings if not part or anchor(heading) == part)}]({way})"
+    return f"[{next(heading for heading in headings if not part or anchor(heading) == part)}]({target})"
 
 
 def _here(item: Item) -> str:

@@ -27,7 +27,7 @@ rule run_config:
         "../scripts/run_config.py"
 
 
-# What the claims are judged on. Where a study does not make it, its claims are said to be untestable.
+# Files that the claims are judged on. If a study does not make one, its claims are reported as untestable.
 EVIDENCE = {
     "bandwidth": "surgeon/bandwidth.json",
     "multisine": "signals/multisine.json",

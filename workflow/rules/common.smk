@@ -52,24 +52,24 @@ CONDA = str(Path(workflow.basedir) / "envs" / "lumbar.yaml")
 
 
 def DATA(wildcards):
-    """Words for the data, as a parameter: in a plain text Snakemake would take what stands in braces for wildcards."""
+    """Label of the data. It is a function because Snakemake would treat braces in a plain text as wildcards."""
     return study.data_label
 
 
 def placed(path):
-    """Recording at this path: made by the twin, a file that stays where it is, or an object of a store."""
+    """Return the recording at a path: made by the twin, a local file that is not copied, or an object of a store."""
     if study.synthetic:
         return path
     return storage(path) if study.remote else local(path)
 
 
 def recording(path):
-    """Recording by its name in the configuration."""
+    """Return a recording by its name in the configuration."""
     return placed(study.recording(path))
 
 
 def source(path):
-    """File that comes with the workflow: it stays where it is, wherever results are stored."""
+    """Return a file of the workflow; it is not copied to the storage of the results."""
     return sourcecache_entry(str(path), str(path))  # `local` would also keep the job from the cluster's nodes
 
 

@@ -56,7 +56,7 @@ if study.cohort:
             **job_size(peak_mb=50, seconds=1),
         params:
             code=library_code("twin_person.py"),
-            # Without the other groups and the numbers of persons: whoever is added makes nobody anew.
+            # Without the other groups and the numbers of subjects: an added subject does not re-run the others.
             settings=plain(settings.twin.lifting, RECORDING),
             cohort=lambda wildcards: plain(
                 own_part(study.cohort, study.subjects[wildcards.person].experience)
@@ -89,7 +89,7 @@ elif study.synthetic and study.lifts:
             **job_size(peak_mb=120, seconds=1),
         params:
             code=library_code("twin_lift.py"),
-            # Without other people and their lifts: whoever is added makes nobody anew.
+            # Without other subjects and their lifts: an added subject does not re-run the others.
             settings=lambda wildcards: plain(
                 own_settings(
                     settings.twin.lifting,

@@ -1,7 +1,7 @@
-"""Which source files of the library a script uses, found from its import statements.
+"""Source files of the library that a script uses, from its import statements.
 
-Snakemake re-runs a rule when one of its parameters changes, but it does not see imports. Every rule therefore has
-`library_code` of its script as a parameter. As inputs, a hundred files a job would make up most of the plan of a large study.
+Snakemake re-runs a rule when one of its parameters changes, but it does not see imports. So every rule has
+`library_code` of its script as a parameter. As inputs, the hundred files of each job would dominate the plan of a large study.
 """
 
 import ast
@@ -26,10 +26,10 @@ def _module_file(name: str) -> Path | None:
 
 
 def _import_statements(source: str) -> Iterator[ast.Import | ast.ImportFrom]:
-    """Import statements of a source at any depth, each on lines of its own: the rest is not parsed, which saves a second."""
-    for found in _IMPORT.finditer(source):
+    """Return the import statements of a source at any depth. The rest is not parsed, which saves a second."""
+    for statement in _IMPORT.finditer(source):
         try:
-            yield from ast.parse(found[0].strip()).body
+            yield from ast.parse(statement[0].strip()).body
         except SyntaxError:
             continue  # a line of prose
 
@@ -67,20 +67,20 @@ def _imported(path: Path) -> frozenset[Path]:
 
 @cache
 def _data_files(folder: Path) -> frozenset[Path]:
-    """Data files in a folder of modules, and in folders below it that hold data alone."""
-    found: set[Path] = set()
+    """Return the data files in a folder of modules, and in folders below it without modules."""
+    files: set[Path] = set()
     for path in folder.iterdir():
         if path.suffix in _DATA_ENDINGS:
-            found.add(path)
+            files.add(path)
         elif not path.suffix and path.is_dir() and not (path / "__init__.py").is_file():
-            found |= _data_files(path)
-    return frozenset(found)
+            files |= _data_files(path)
+    return frozenset(files)
 
 
 def library_sources(script: str) -> list[str]:
     """Return the sorted paths of all library files that a script of ``workflow/scripts`` imports, directly or through others.
 
-    Data files (C sources, tables) that lie in a package beside an imported module, or in a folder there, count too.
+    Data files (C sources, tables) in the package of an imported module, or in a folder below it, count too.
     """
     pending = [WORKFLOW / "scripts" / script]
     seen: set[Path] = set()
@@ -96,7 +96,7 @@ def library_sources(script: str) -> list[str]:
 
 @cache
 def library_code(script: str) -> str:
-    """Return a digest of all that `library_sources` names: another one whenever any of it changes, wherever the project lies."""
+    """Return a digest of the files in `library_sources`. It does not depend on the place of the project."""
     digest = hashlib.sha256()
     for path in map(Path, library_sources(script)):
         for part in (path.relative_to(WORKFLOW).as_posix().encode(), path.read_bytes()):

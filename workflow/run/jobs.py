@@ -1,4 +1,4 @@
-"""Jobs of a run: the environment they inherit, what they ask of a cluster, their warnings, and what a killed run leaves."""
+"""Jobs of a run: their environment, their size on a cluster, their warnings, and the remains of a killed run."""
 
 import ctypes
 import os
@@ -68,11 +68,11 @@ def remove_half_written(jobs: Iterable) -> None:
 
 def warnings_in(logs: Iterable[str]) -> list[str]:
     """Return the lines of log files that begin with ``WARNING``, each with the indented lines below it."""
-    found: list[str] = []
+    lines: list[str] = []
     for log in map(Path, logs):
         inside = False
         for line in log.read_text(encoding="utf-8").splitlines() if log.is_file() else ():
             inside = line.startswith("WARNING") or (inside and line.startswith(" "))
             if inside:
-                found.append(line)
-    return found
+                lines.append(line)
+    return lines

@@ -9,9 +9,9 @@ def main(input, output, settings: SurveySettings, seed: int, source_label: str):
     """Read the answers, analyse them as published and within participants, write tables, results and figures."""
     from lumbar.interface.participants import analyse_survey
 
-    found = analyse_survey(input.ratings, settings=settings, seed=seed, source_label=source_label)
+    result = analyse_survey(input.ratings, settings=settings, seed=seed, source_label=source_label)
     published = {name: stem(files) for name, files in output.items() if name != "results"}
-    found.write(published | {"survey.json": output.results})
+    result.write(published | {"survey.json": output.results})
 
 
 run(main, snakemake)

@@ -12,8 +12,8 @@ def main(input, output, settings: StabilitySettings, seed: int):
     from lumbar.base.files import read_json
     from lumbar.interface.lift_basins import basins
 
-    found = basins(input.states, facts=read_json(input.facts), settings=settings, seed=seed)
-    found.save(Path(output.boa).parent)
+    result = basins(input.states, facts=read_json(input.facts), settings=settings, seed=seed)
+    result.save(Path(output.boa).parent)
 
 
 run(main, snakemake)

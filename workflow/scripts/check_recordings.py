@@ -1,4 +1,4 @@
-"""Input check: every recording is read and described, or all problems are told and nothing is written."""
+"""Check of the inputs: read and describe every recording, or report all problems and write nothing."""
 
 from job import run
 

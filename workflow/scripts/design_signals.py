@@ -12,10 +12,10 @@ def main(input, output, settings: SignalsSettings, seed: int, source_label: str)
     from lumbar.interface.surgeons import design_signals
     from lumbar.publishing.figures.style import save
 
-    found = design_signals(input.bandwidth, settings=settings, seed=seed, source_label=source_label)
-    found.save(Path(output.properties).parent)
-    found.properties.write(stem(output.signal_properties))
-    save(found.figure(), stem(output.excitation_signals), source_label)
+    result = design_signals(input.bandwidth, settings=settings, seed=seed, source_label=source_label)
+    result.save(Path(output.properties).parent)
+    result.properties.write(stem(output.signal_properties))
+    save(result.figure(), stem(output.excitation_signals), source_label)
 
 
 run(main, snakemake)

@@ -14,8 +14,8 @@ def main(input, output, settings: StudySettings, source_label: str):
 
     tissue = settings.tissue
     records = read_listed(input.recordings, tissue.records, tissue.layout, tissue.rate_Hz)
-    found = identify(records, tissue.training, settings=settings, source_label=source_label)
-    found.write(
+    result = identify(records, tissue.training, settings=settings, source_label=source_label)
+    result.write(
         {
             "models.json": output.models,
             "search.csv": output.search,
@@ -25,7 +25,7 @@ def main(input, output, settings: StudySettings, source_label: str):
     )
     trained = sorted((records[name] for name in tissue.training), key=lambda item: (item.duration, item.name))
     save(excitation_figure(trained, tissue.segment_s), stem(output.figure_3_4), source_label)
-    save(found.comparison_figure(records[tissue.training[0]]), stem(output.figure_3_5), source_label)
+    save(result.comparison_figure(records[tissue.training[0]]), stem(output.figure_3_5), source_label)
 
 
 run(main, snakemake)

@@ -1,4 +1,4 @@
-"""What every script does around its one library call: logging, errors and progress."""
+"""Logging, errors and typed parameters around the library call of a script."""
 
 import os
 import signal
@@ -6,7 +6,7 @@ import sys
 import traceback
 
 INTERRUPTED = 130
-"""Exit status after Ctrl-C, as of every program that SIGINT ends."""
+"""Exit status after Ctrl-C, the convention for programs ended by SIGINT."""
 
 
 def stem(files) -> str:
@@ -20,7 +20,7 @@ class _Tee:
     def __init__(self, terminal, path):
         self.terminal = terminal
         self.path = path
-        self.log = open(path, "w", encoding="utf-8")  # noqa: PTH123, SIM115 - open as long as it is tee'd
+        self.log = open(path, "w", encoding="utf-8")  # noqa: PTH123, SIM115 - open until `close`
 
     def write(self, text: str) -> int:
         self.terminal.write(text)
@@ -35,7 +35,7 @@ class _Tee:
         self._to_log(lambda: self.log.close())
 
     def _to_log(self, action) -> None:
-        """On a full disk the terminal is told once, and the job's own error is not hidden behind the log's."""
+        """Write to the log; on a full disk, report it once, so that the job's own error stays visible."""
         if self.log is None:
             return
         try:
@@ -46,12 +46,14 @@ class _Tee:
 
 
 def run(main, snakemake) -> None:
-    """Call a job's function; an error that a user can mend ends the job with its message alone.
+    """Call a job's function; an error that the user can fix ends the job with only its message.
 
     Parameters
     ----------
     main : callable
         Takes ``input``, ``output`` and the rule's parameters by their names, settings as the classes of its annotations.
+    snakemake : Script
+        Object that Snakemake gives to a script.
 
     Warnings, progress and errors go to the rule's log file and to the terminal. Other exceptions are programming
     errors: they keep their traceback.
@@ -60,7 +62,7 @@ def run(main, snakemake) -> None:
     from run.jobs import end_with_parent
 
     end_with_parent()
-    signal.signal(signal.SIGTERM, signal.default_int_handler)  # which is how Snakemake ends a job
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # Snakemake ends a job by SIGTERM
     terminal = sys.stderr
     try:
         sys.stderr = _Tee(terminal, snakemake.log[0])
@@ -69,8 +71,8 @@ def run(main, snakemake) -> None:
         print(f"{snakemake.rule}: interrupted", file=sys.stderr)
         sys.exit(INTERRUPTED)
     except Exception as error:
-        told = user_message(error)
-        print(f"{snakemake.rule}: {told}" if told else traceback.format_exc(), file=sys.stderr)
+        message = user_message(error)
+        print(f"{snakemake.rule}: {message}" if message else traceback.format_exc(), file=sys.stderr)
         sys.exit(1)
     finally:
         if sys.stderr is not terminal:
@@ -79,12 +81,12 @@ def run(main, snakemake) -> None:
 
 
 def _typed_parameters(main, params) -> dict:
-    """The rule's parameters as `main` names and annotates them; ``code`` is there to run the job again.
+    """Return the rule's parameters with the types that `main` declares; ``code`` only makes changed code re-run the job.
 
     Raises
     ------
     TypeError
-        If the rule passes others than the job takes.
+        If the rule passes other parameters than the job takes.
     """
     from typing import get_type_hints
 

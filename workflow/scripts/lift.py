@@ -21,7 +21,7 @@ def main(
     from lumbar.interface.lift import lift as analyse
 
     static = next(iter(input.static), None)
-    found = analyse(
+    result = analyse(
         input.markers,
         SubjectSettings.model_construct(**subject, experience=""),
         trial=trial,
@@ -30,10 +30,10 @@ def main(
         settings=settings,
         source_label=source_label,
     )
-    found.save(Path(output.summary).parent)
-    if not found.analysed.states:
+    result.save(Path(output.summary).parent)
+    if not result.analysed.states:
         print(
-            "\n".join([f"WARNING: {found.name} has no pendulum:", *found.without_pendulum]), file=sys.stderr
+            "\n".join([f"WARNING: {result.name} has no pendulum:", *result.without_pendulum]), file=sys.stderr
         )
 
 

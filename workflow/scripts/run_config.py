@@ -4,7 +4,7 @@ from job import run
 
 
 def main(input, output, config: dict, subjects: dict, source_label: str):
-    """Write the configuration so that it can be given back to the workflow, and the versions beside it."""
+    """Write the configuration, in a form that the workflow reads again, and the versions."""
     import yaml
 
     from lumbar.base.environment import describe_environment

@@ -20,9 +20,9 @@ def main(input, output, settings: SurgeonSettings, seed: int, source_label: str)
         names=[entry.name for entry in settings.records],
     )
     surgeons = [entry.surgeon for entry in settings.records]
-    found = bandwidth(trials, surgeons, settings=settings, seed=seed, source_label=source_label)
-    found.save(Path(output.bandwidth).parent)
-    save(found.figure(), stem(output.surgeon_psd), source_label)
+    result = bandwidth(trials, surgeons, settings=settings, seed=seed, source_label=source_label)
+    result.save(Path(output.bandwidth).parent)
+    save(result.figure(), stem(output.surgeon_psd), source_label)
 
 
 run(main, snakemake)

@@ -1,4 +1,4 @@
-"""A synthetic lift: its marker file and the hip moment beside it."""
+"""A synthetic lift: its marker file and its hip moment."""
 
 from job import run
 

@@ -1,1 +1,1 @@
-"""What every chapter can be told: a frozen dataclass per section, with the one definition of each default."""
+"""Sections of a configuration: one pydantic model per section with type, default, limits, unit and meaning of each key."""

@@ -126,7 +126,7 @@ class Key:
 
     @property
     def rule(self) -> str:
-        """What is allowed and what the key means, for a message."""
+        """Allowed values and meaning of the key, for a message."""
         return f"allowed: {self.allowed}" + (f" ({self.meaning.rstrip('.')})" if self.meaning else "")
 
 
@@ -170,14 +170,14 @@ class Origins:
             part = path[:end]
             if value is _ANY or end < len(path):
                 value = _ANY if self.merged is None else _value(self.merged, part, _ANY)
-            holding = [file for file in self.files if part in file.lines]
-            for file in reversed(holding):
+            with_key = [file for file in self.files if part in file.lines]
+            for file in reversed(with_key):
                 # A mapping outside of lists is merged key by key from all files.
                 merged = isinstance(value, dict) and not any(isinstance(key, int) for key in part)
                 if value is _ANY or merged or _at(file.content, part) == value:
                     return f"{file.path}, line {file.lines[part]}: {name}"
             given = self.files and self.merged is not None and _value(self.merged, part, _ANY) is not _ANY
-            if given or holding:
+            if given or with_key:
                 return f"--config: {name}"
         return f"{self.files[0].path}: {name}" if len(self.files) == 1 and self.merged is None else name
 
@@ -207,11 +207,11 @@ def validate(content: dict, kind: type[Kind], origins: Origins) -> Kind | None:
     origins : Origins
         Collects every wrong key and value, with file, line, value and what is allowed.
     """
-    unfilled = _unfilled(content)
+    unfilled = _unfilled_paths(content)
     for path in unfilled:
         key = Key.of(kind).at(*path)
         origins.add(path, f"{FILL_IN}: still to be filled in", key.rule if key else "")
-    merged = overlay(_without_other_axes(defaults_of(kind), content), content)
+    merged = overlay(_remove_other_axes(defaults_of(kind), content), content)
     checked = check_types(merged, kind, origins, unfilled)
     return None if unfilled else checked
 
@@ -223,7 +223,7 @@ def check_types(content: Any, kind: type[Data], origins: Origins, known: Sequenc
     """
     try:
         adapter: TypeAdapter[Data] = adapter_of(kind)  # type: ignore[arg-type]
-        return adapter.validate_json(json.dumps(content, default=_as_plain), strict=True)
+        return adapter.validate_json(json.dumps(content, default=_to_plain), strict=True)
     except ValidationError as error:
         whole = Key.of(kind)  # type: ignore[arg-type]
         faults: dict[tuple, Any] = {}
@@ -238,16 +238,16 @@ def check_types(content: Any, kind: type[Data], origins: Origins, known: Sequenc
     return None
 
 
-def _as_plain(value: Any) -> Any:
+def _to_plain(value: Any) -> Any:
     """Return a number of NumPy as Python's, anything else that no file can hold as its text, which is an error."""
     return value.item() if hasattr(value, "item") else str(value)
 
 
-def _unfilled(content: Any, path: tuple = ()) -> list[tuple]:
+def _unfilled_paths(content: Any, path: tuple = ()) -> list[tuple]:
     """Return the paths to the values that the user has yet to fill in."""
     if isinstance(content, dict | list):
         items = content.items() if isinstance(content, dict) else enumerate(content)
-        return [found for key, value in items for found in _unfilled(value, (*path, key))]
+        return [unfilled for key, value in items for unfilled in _unfilled_paths(value, (*path, key))]
     return [path] if content == FILL_IN else []
 
 
@@ -262,15 +262,15 @@ def defaults_of(section: type[Section]) -> dict[str, Any]:
     )
 
 
-def _without_other_axes(defaults: dict, content: Any) -> dict:
+def _remove_other_axes(defaults: dict, content: Any) -> dict:
     """Remove the roles of one axis from the defaults of a layout that names those of several."""
-    kept = {
+    remaining = {
         role: item for role, item in defaults.items() if role not in SIDES or AXIS_ROLES.isdisjoint(content)
     }
-    within = [
-        name for name, item in kept.items() if isinstance(item, dict) and isinstance(content.get(name), dict)
-    ]
-    return {**kept, **{name: _without_other_axes(kept[name], content[name]) for name in within}}
+    for name, item in remaining.items():
+        if isinstance(item, dict) and isinstance(content.get(name), dict):
+            remaining[name] = _remove_other_axes(item, content[name])
+    return remaining
 
 
 @dataclass(frozen=True)
@@ -286,7 +286,7 @@ class _Fault:
 def _explain(whole: Key, content: Any, error: Mapping[str, Any]) -> _Fault:
     """Return an error of Pydantic as a fault: the path to it, the value or what is wrong with it, and what is allowed."""
     kind, place = error["type"], tuple(error["loc"])
-    path, value = _value_at(content, place)
+    path, value = _find_value(content, place)
     if kind in ("extra_forbidden", "unexpected_keyword_argument") and path == place:
         section = whole.at(*path[:-1])
         known = section.keys if section else {}
@@ -301,7 +301,7 @@ def _explain(whole: Key, content: Any, error: Mapping[str, Any]) -> _Fault:
     elif kind == "too_long" and isinstance(value, list):
         found = f"found {len(value)} entries"
     else:
-        found = f"found {_shown(value)}"
+        found = f"found {_abbreviate(value)}"
         found += ", which is not finite" if kind == "finite_number" else ""
     key = whole.at(*path)
     if key is None:
@@ -313,7 +313,7 @@ def _explain(whole: Key, content: Any, error: Mapping[str, Any]) -> _Fault:
     return _Fault(path, found, key.rule + hint, kind == "too_short")
 
 
-def _value_at(content: Any, place: tuple) -> tuple[tuple, Any]:
+def _find_value(content: Any, place: tuple) -> tuple[tuple, Any]:
     """Return the path of an error as far as the content has it, and the value there.
 
     The rest of the place is the name of a missing key, or of one of several types.
@@ -327,7 +327,7 @@ def _value_at(content: Any, place: tuple) -> tuple[tuple, Any]:
     return path, content
 
 
-def _shown(value: Any) -> str:
+def _abbreviate(value: Any) -> str:
     text = json.dumps(value, ensure_ascii=False, default=str)
     return text if len(text) <= MAX_SHOWN_CHARACTERS else f"{text[:MAX_SHOWN_CHARACTERS]}…"
 
