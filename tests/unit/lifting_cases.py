@@ -90,7 +90,12 @@ def lift_of(recording, subject, mass=0.0, settings=None, name="lift") -> Lift:
     settings = settings or LiftingSettings()
     trial = TrialSettings(box_mass_kg=mass, markers="lift.c3d")
     return Lift(
-        analyse_lift(recording, name, subject, trial, settings), subject, trial, settings, "test", None
+        analyse_lift(replace(recording, name=name), subject, trial, settings),
+        subject,
+        trial,
+        settings,
+        "test",
+        None,
     )
 
 

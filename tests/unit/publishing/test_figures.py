@@ -132,7 +132,7 @@ def test_intervals_stand_where_they_should():
 def drawn(twin_lift):
     settings, subject = study_settings().lifting, subject_settings("novice")
     trial, recording = subject.trials[0], read_markers(twin_lift("novice_23kg"), settings.markers)
-    lift = lifting.analyse_lift(recording, "novice_23kg", subject, trial, settings)
+    lift = lifting.analyse_lift(recording, subject, trial, settings)
     return {
         "motion": lift_tables.motion_frame(lift),
         "centres": lift_tables.centres_frame(lift),

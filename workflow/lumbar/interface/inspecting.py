@@ -167,7 +167,7 @@ def _run_pipeline(path: Path, seen: _ReadFile, settings: LiftingSettings) -> tup
                 check_axes(recording.positions, layout, str(path))
             sheet = sheet_of(recording, screening, layout)
         sheet = replace(sheet, findings=(*sheet.findings, *bodies.findings))
-        analysed = analyse_lift(recording, "", subject, trial, settings, bodies.gaps, sheet.findings)
+        analysed = analyse_lift(recording, subject, trial, settings, bodies.gaps, sheet.findings)
         return True, str(Lift(analysed, subject, trial, settings, "", sheet))
     except (InputError, NumericalError) as error:
         return False, str(error)

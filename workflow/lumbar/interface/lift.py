@@ -17,8 +17,8 @@ from lumbar.lifting.movement.events import (
     ABSENT,
     DECLARED,
     IN_FILE,
-    carried_object,
-    comparison,
+    compare_with_file,
+    locate_load,
     several_lifts,
 )
 from lumbar.lifting.movement.rigid_filling import BodyFilling
@@ -94,7 +94,7 @@ def lift(
     bodies = BodyFilling(settings, standing)
     recording, sheet = read_screened(markers, settings.markers, name, subject.height_m, bodies)
     sheet = replace(sheet, findings=(*sheet.findings, *bodies.findings))
-    analysed = lifting.analyse_lift(recording, name, subject, trial, settings, bodies.gaps, sheet.findings)
+    analysed = lifting.analyse_lift(recording, subject, trial, settings, bodies.gaps, sheet.findings)
     source_label = data_label(source_label, [recording.source])
     return Lift(analysed, subject, trial, settings, source_label, sheet)
 
@@ -119,7 +119,7 @@ class Lift(Result):
     @property
     def name(self) -> str:
         """Name of the lift, e.g. ``"expert_23kg"``."""
-        return self.analysed.name
+        return self.analysed.recording.name
 
     @cached_property
     def states(self) -> pd.DataFrame:
@@ -159,7 +159,7 @@ class Lift(Result):
     def checks(self) -> list[str]:
         """Return lines on segment ends on the skin."""
         points, ends = self.analysed.points, self.analysed.table.ends
-        return points.on_skin(ends) if self.settings.segment_ends == "inner" else []
+        return points.list_skin_rules(ends) if self.settings.segment_ends == "inner" else []
 
     @property
     def without_pendulum(self) -> list[str]:
@@ -177,7 +177,7 @@ class Lift(Result):
     @property
     def file_events(self) -> list[str]:
         """Lines on the events in the file itself, compared with those detected."""
-        return comparison(self.analysed.recording, self.analysed.events, self.settings.events.labels)
+        return compare_with_file(self.analysed.recording, self.analysed.events, self.settings.events.labels)
 
     @property
     def table(self) -> list[dict]:
@@ -217,7 +217,7 @@ class Lift(Result):
     def seen(self) -> str:
         """Events of the recording with their sources and bounds, and findings."""
         recording, events, lines = self.analysed.recording, self.analysed.events, []
-        _, carried = carried_object(recording)
+        _, carried = locate_load(recording)
         sources = {
             name: _SOURCES.get(event.method, "toes" if name == "toe_off" else carried)
             for name, event in events.items()

@@ -46,7 +46,7 @@ def test_the_recording_becomes_pendulums_that_say_what_was_assumed(study, shared
     settings, subject = study
     recording = read_markers(shared / "real" / "lifting" / "s2m_box_transfer" / "Vicon.c3d", settings.markers)
     trial = subject.trials[0]
-    lift = analyse_lift(recording, "box_transfer_6kg", subject, trial, settings)
+    lift = analyse_lift(recording, subject, trial, settings)
     facts = summary(lift, subject, trial, settings)
     said = " ".join(facts["assumptions"])
     for assumed in ("mass_kg = 60", "box_mass_kg = 6", "C7", "T12", "L5", "L_HIP", "R_HIP"):

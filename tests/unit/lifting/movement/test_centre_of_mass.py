@@ -17,22 +17,10 @@ from lumbar.lifting.movement.centre_of_mass import (
     centres_of_mass,
     segment_centres,
     segment_table,
-    trunk_centre,
     whole_body_centre,
 )
 from lumbar.lifting.movement.events import Event
-from lumbar.lifting.movement.joint_centres import (
-    SKIN_MARKERS,
-    cervical_centre,
-    hara_hips,
-    harrington_hips,
-    limb_joints,
-    lumbosacral_centre,
-    pelvis_of,
-    reed_hips,
-    thoracolumbar_centre,
-    trunk_points,
-)
+from lumbar.lifting.movement.joint_centres import SKIN_MARKERS, limb_joints, trunk_points
 from lumbar.records.markers import MarkerRecording, read_markers
 from lumbar.settings.layout import MarkerLayout
 from lumbar.settings.lifting import ALIASES
@@ -123,7 +111,7 @@ def test_positions_by_hand(standing):
 
 
 def test_trunk_and_box_keep_their_mass_and_their_common_centre(standing):
-    centres = centres_of_mass(standing, on_skin(standing), WINTER, 80.0, 23.0, "by_mass", EVENTS)
+    centres = centres_of_mass(standing, on_skin(standing), WINTER, (80.0, 23.0), "by_mass", EVENTS)
     total = sum(centre.mass_with_box_kg for centre in centres.values())
     assert total == pytest.approx(0.497 * 80 + 23)
     held = 100
@@ -135,7 +123,9 @@ def test_trunk_and_box_keep_their_mass_and_their_common_centre(standing):
 
 
 def test_the_box_counts_only_between_lift_off_and_release(standing):
-    for centre in centres_of_mass(standing, on_skin(standing), WINTER, 80.0, 23.0, "whole", EVENTS).values():
+    for centre in centres_of_mass(
+        standing, on_skin(standing), WINTER, (80.0, 23.0), "whole", EVENTS
+    ).values():
         moved = np.linalg.norm(centre.position_with_box - centre.position, axis=1) > 1e-9
         assert np.array_equal(moved, (TIME >= 0.5) & (TIME <= 1.5))
         assert centre.mass_with_box_kg == pytest.approx(centre.mass_kg + 23)
@@ -153,7 +143,7 @@ def test_the_hands_stand_for_a_box_without_markers(standing):
     positions, hands = without(standing, "BOX").positions, standing["BOX_1"] + np.array([0.0, 0.1, 0.0])
     held = MarkerRecording("x", TIME, 100.0, {**positions, "L_WRIST": hands, "R_WRIST": hands})
     box = MarkerRecording("x", TIME, 100.0, {**positions, "BOX_1": hands})
-    arguments = (on_skin(held), WINTER, 80.0, 23.0, "by_mass", EVENTS)
+    arguments = (on_skin(held), WINTER, (80.0, 23.0), "by_mass", EVENTS)
     for by_hands, by_box in zip(
         centres_of_mass(held, *arguments).values(), centres_of_mass(box, *arguments).values(), strict=True
     ):
@@ -162,7 +152,7 @@ def test_the_hands_stand_for_a_box_without_markers(standing):
 
 def test_without_box_and_hands_it_is_not_known_where_they_are(standing):
     bare = without(standing, "BOX")
-    for centre in centres_of_mass(bare, on_skin(bare), WINTER, 80.0, 23.0, "by_mass", EVENTS).values():
+    for centre in centres_of_mass(bare, on_skin(bare), WINTER, (80.0, 23.0), "by_mass", EVENTS).values():
         held = (TIME >= 0.5) & (TIME <= 1.5)
         assert np.array_equal(np.isnan(centre.position_with_box[:, 0]), held)
         assert np.isfinite(centre.position).all()
@@ -180,72 +170,6 @@ def posed(point):
 
 def unposed(points):
     return POSE.inv().apply(points - SHIFT)[0] * 1000
-
-
-@pytest.fixture
-def pelvis():
-    """Width 240 mm, depth 150 mm, axes those of the pose, origin between the ASIS."""
-    return pelvis_of(posed([-120, 0, 0]), posed([120, 0, 0]), posed([0, -150, 0]))
-
-
-def test_hips_by_hand(pelvis):
-    # Harrington: -0.24*150-9.9, -0.30*240-10.9, 0.33*240+7.3; Hara: leg of 900 mm; Reed: shares of the width.
-    assert np.multiply(1000, harrington_hips(pelvis)) == pytest.approx([-45.9, -82.9, 86.5])
-    assert np.multiply(1000, hara_hips(0.9)) == pytest.approx([-45.7, -79.2, 85.4])
-    assert np.multiply(1000, reed_hips(pelvis, "male")) == pytest.approx([-22.8, -88.8, 86.64])
-    assert np.multiply(1000, reed_hips(pelvis, "female")) == pytest.approx([-33.36, -80.64, 89.28])
-
-
-def test_unknown_sex_lies_between_the_sexes(pelvis):
-    between = [(lumbosacral_centre(pelvis, sex) * 1000)[0] for sex in ("female", "unknown", "male")]
-    assert between[1] == pytest.approx((between[0] + between[2]) / 2)
-    assert unposed(lumbosacral_centre(pelvis, "male")) == pytest.approx([0, -80.4, -7.68])
-
-
-def homogeneous(origin, axes, angle_deg, point):
-    """The point by a turning matrix about the third axis, as Dumas and Wojtusch's users write it."""
-    c, s = np.cos(np.deg2rad(angle_deg)), np.sin(np.deg2rad(angle_deg))
-    frame, turn = np.eye(4), np.eye(4)
-    frame[:3, :3], frame[:3, 3] = np.column_stack(axes), origin
-    turn[:2, :2] = [[c, s], [-s, c]]
-    return (frame @ turn @ [*point, 1.0])[:3]
-
-
-@pytest.mark.parametrize(
-    ("sex", "cervical", "thoracic"), [("male", (-8, 0.55), (94, 0.52)), ("female", (-14, 0.53), (92, 0.50))]
-)
-def test_spine_as_an_independent_implementation_has_it(sex, cervical, thoracic):
-    c7, notch, t8, t12 = (
-        posed(point) for point in ([2, -70, 300], [-3, 55, 250], [1, -100, 120], [0, -85, 0])
-    )
-    across = np.cross(notch[0] - c7[0], c7[0] - t12[0])
-    across /= np.linalg.norm(across)
-    width = np.linalg.norm(notch[0] - c7[0])
-    forward = (notch[0] - c7[0]) / width
-    expected = homogeneous(
-        c7[0], (forward, np.cross(across, forward), across), cervical[0], (cervical[1] * width, 0, 0)
-    )
-    assert cervical_centre(c7, notch, t12, sex)[0] == pytest.approx(expected)
-    up = (t8[0] - t12[0]) / np.linalg.norm(t8[0] - t12[0])
-    ahead = np.cross(up, across)
-    expected = homogeneous(t12[0], (ahead, up, across), thoracic[0], (0, thoracic[1] * width, 0))
-    assert thoracolumbar_centre(t12, t8, c7, notch, sex)[0] == pytest.approx(expected)
-    # In front of the spine's skin and inside the body.
-    inside = unposed(thoracolumbar_centre(t12, t8, c7, notch, sex))
-    assert -85 < inside[1] < 0
-
-
-@pytest.mark.parametrize(("sex", "expected"), [("male", (-0.336, -0.149)), ("female", (-0.371, -0.050))])
-def test_dumas_pelvis_lies_where_the_other_table_of_the_same_authors_has_it(sex, expected):
-    """Dumas et al., J. Biomech. 40 (2007), Table 2 alternative: from the middle of the ASIS, shares of the width."""
-    pelvis = pelvis_of(posed([-500, 0, 0]), posed([500, 0, 0]), posed([0, -600, 0]))
-    top = lumbosacral_centre(pelvis, sex)
-    bottom = pelvis.point(*reed_hips(pelvis, sex)[:2])
-    segment = DUMAS[sex].segments[2]
-    line = bottom - top
-    ahead = np.cross(-line, pelvis.right)
-    centre = unposed(top + segment.com_share * line + segment.forward_share * ahead) / 1000
-    assert centre == pytest.approx([0, *expected], abs=1e-3)
 
 
 def body(*left_out, **changed):
@@ -267,9 +191,85 @@ def body(*left_out, **changed):
     return MarkerRecording("hand", np.arange(FRAMES) / 100, 100.0, positions, source="hand.c3d")
 
 
+def pelvis(width, depth, **changed):
+    """Origin between the ASIS, axes those of the pose."""
+    sides = {f"{side}_ASIS": (x * width / 2, 0, 0) for side, x in (("L", -1), ("R", 1))}
+    return body(**sides, **dict.fromkeys(("L_PSIS", "R_PSIS"), (0, -depth, 0)), **changed)
+
+
+@pytest.mark.parametrize(
+    ("hips", "sex", "expected"),
+    [
+        ("harrington", "male", (86.5, -45.9, -82.9)),  # 0.33*240+7.3, -0.24*150-9.9, -0.30*240-10.9
+        ("hara", "male", (85.4, -45.7, -79.2)),  # a leg of 900 mm
+        ("reed", "male", (86.64, -22.8, -88.8)),  # shares of the width
+        ("reed", "female", (89.28, -33.36, -80.64)),
+        ("reed", "unknown", (87.96, -28.08, -84.72)),
+    ],
+)
+def test_hips_by_hand(hips, sex, expected):
+    ankles = {f"{side}_ANKLE": (x * 120, 0, -900) for side, x in (("L", -1), ("R", 1))}
+    points = trunk_points(pelvis(240, 150, **ankles), "inner", hips, sex)
+    assert unposed(points.hips["R_HIP"]) == pytest.approx(expected)
+    assert unposed(points["MID_HIP"]) == pytest.approx((0, *expected[1:]))
+
+
+def test_unknown_sex_lies_between_the_sexes():
+    between = [
+        unposed(trunk_points(pelvis(240, 150), "inner", "reed", sex)["L5S1"])
+        for sex in ("female", "unknown", "male")
+    ]
+    assert between[1] == pytest.approx((between[0] + between[2]) / 2)
+    assert between[2] == pytest.approx([0, -80.4, -7.68])
+
+
+def homogeneous(origin, axes, angle_deg, point):
+    """The point by a turning matrix about the third axis, as Dumas and Wojtusch's users write it."""
+    c, s = np.cos(np.deg2rad(angle_deg)), np.sin(np.deg2rad(angle_deg))
+    frame, turn = np.eye(4), np.eye(4)
+    frame[:3, :3], frame[:3, 3] = np.column_stack(axes), origin
+    turn[:2, :2] = [[c, s], [-s, c]]
+    return (frame @ turn @ [*point, 1.0])[:3]
+
+
+@pytest.mark.parametrize(
+    ("sex", "cervical", "thoracic"), [("male", (-8, 0.55), (94, 0.52)), ("female", (-14, 0.53), (92, 0.50))]
+)
+def test_spine_as_an_independent_implementation_has_it(sex, cervical, thoracic):
+    markers = {"C7": [2, -70, 300], "MANUBRIUM": [-3, 55, 250], "T8": [1, -100, 120], "T12": [0, -85, 0]}
+    c7, notch, t8, t12 = map(posed, markers.values())
+    points = trunk_points(body(**markers), "inner", "harrington", sex)
+    across = np.cross(notch[0] - c7[0], c7[0] - t12[0])
+    across /= np.linalg.norm(across)
+    width = np.linalg.norm(notch[0] - c7[0])
+    forward = (notch[0] - c7[0]) / width
+    expected = homogeneous(
+        c7[0], (forward, np.cross(across, forward), across), cervical[0], (cervical[1] * width, 0, 0)
+    )
+    assert points["C7T1"][0] == pytest.approx(expected)
+    up = (t8[0] - t12[0]) / np.linalg.norm(t8[0] - t12[0])
+    ahead = np.cross(up, across)
+    expected = homogeneous(t12[0], (ahead, up, across), thoracic[0], (0, thoracic[1] * width, 0))
+    assert points["T12L1"][0] == pytest.approx(expected)
+    # In front of the spine's skin and inside the body.
+    assert -85 < unposed(points["T12L1"])[1] < 0
+
+
+@pytest.mark.parametrize(("sex", "expected"), [("male", (-0.336, -0.149)), ("female", (-0.371, -0.050))])
+def test_dumas_pelvis_lies_where_the_other_table_of_the_same_authors_has_it(sex, expected):
+    """Dumas et al., J. Biomech. 40 (2007), Table 2 alternative: from the middle of the ASIS, shares of the width."""
+    points = trunk_points(pelvis(1000, 600), "inner", "reed", sex)
+    top, bottom = points["L5S1"], points["MID_HIP"]
+    segment = DUMAS[sex].segments[2]
+    line = bottom - top
+    ahead = np.cross(-line, points.right)
+    centre = unposed(top + segment.com_share * line + segment.forward_share * ahead) / 1000
+    assert centre == pytest.approx([0, *expected], abs=1e-3)
+
+
 def test_all_points_lie_inside_the_body_where_all_markers_are_there():
     points = trunk_points(body(), "inner", "harrington", "male")
-    assert not points.on_skin(SKIN_MARKERS)
+    assert not points.list_skin_rules(SKIN_MARKERS)
     assert not points.missing
     skin = trunk_points(body(), "skin", "harrington", "male")
     for name, depth in (("C7T1", 75), ("T12L1", 72), ("L4L5", 85)):
@@ -289,7 +289,7 @@ def test_all_points_lie_inside_the_body_where_all_markers_are_there():
 def test_what_lies_on_the_skin_is_said_with_how_far_it_may_be_off(left_out, on_skin, said):
     points = trunk_points(body(*left_out), "inner", "harrington", "male")
     assert {name for name, point in points.points.items() if not point.inner} == on_skin
-    assert len(points.on_skin(SKIN_MARKERS)) == len(on_skin)
+    assert len(points.list_skin_rules(SKIN_MARKERS)) == len(on_skin)
     for name in on_skin:
         point = points.points[name]
         assert said in point.rule
@@ -308,10 +308,9 @@ def test_a_point_without_any_of_its_markers_is_missing_and_names_each_marker_onc
     points = trunk_points(body("C7", "MANUBRIUM"), "inner", "harrington", "male")
     assert points.missing["C7T1"] == "no marker C7, MANUBRIUM"
     assert absent_segments(points, WINTER)["thorax"].startswith("no C7T1 (no marker C7, MANUBRIUM)")
-    points = trunk_points(body("C7", "T8", "T12"), "inner", "harrington", "male")
+    without_t12 = body("C7", "T8", "T12")
+    points = trunk_points(without_t12, "inner", "harrington", "male")
     assert points.missing["T12L1"] == "no marker T12, C7"
-    with pytest.raises(InputError, match="no centre of mass of thorax"):
-        trunk_centre(segment_centres(points, WINTER), WINTER)
 
 
 def test_haras_hips_need_the_ankles():

@@ -14,8 +14,8 @@ from lumbar.lifting.movement.cleaning import (
     dual_pass_sections,
     extension_frames,
     filter_markers,
+    frames_of_cutoff,
     low_pass,
-    shortest_stretch,
 )
 from lumbar.records.markers import MarkerRecording
 from lumbar.settings.lifting import LiftingSettings
@@ -90,7 +90,7 @@ def test_cut_off_must_fit_the_rate(cutoff):
 
 def test_stretch_that_is_too_short_is_named():
     values = np.zeros((100, 3))
-    values[40] = values[40 + shortest_stretch(6.0, 100.0) + 1] = np.nan
+    values[40] = values[40 + frames_of_cutoff(6.0, 100.0) + 1] = np.nan
     recording = MarkerRecording("lift", np.arange(100) / 100, 100.0, {"C7": values, "L5": np.zeros((100, 3))})
     said = refusal(filter_markers, recording)
     assert "C7: frames 42 to 58: 17 frames without a gap" in said and "L5" not in said

@@ -10,7 +10,7 @@ from lifting_cases import cut, without
 from lumbar.base.errors import InputError
 from lumbar.lifting.movement.cleaning import fill_gaps, filter_markers
 from lumbar.lifting.movement.event_detection import find_events
-from lumbar.lifting.movement.events import comparison, lift_windows, phases
+from lumbar.lifting.movement.events import compare_with_file, lift_windows, phases
 from lumbar.records.marker_file import RecordedEvent
 from lumbar.records.markers import MarkerRecording, read_markers
 from lumbar.settings.layout import MarkerLayout
@@ -316,14 +316,14 @@ def test_the_files_events_stand_beside_ours_and_change_nothing(lift):
         name: event.time_s for name, event in alone.items()
     }
     assert [event.file_s for event in events.values()] == [1.9, 3.25, None, 6.8]
-    lines = comparison(lift, events, SETTINGS.labels)
+    lines = compare_with_file(lift, events, SETTINGS.labels)
     early = events["toe_off"].time_s - 3.25
     assert any(
         "toe_off 3.250 s (Right Foot Off)" in line and f"{-early:.3f} s earlier" in line for line in lines
     )
     assert sum("Cough at 4.00 s" in line for line in lines) == 1
     assert sum("outside 0.00 to 7.99 s" in line and "Cough at 70.00 s" in line for line in lines) == 1
-    assert comparison(replace(lift, events=()), alone, SETTINGS.labels) == []
+    assert compare_with_file(replace(lift, events=()), alone, SETTINGS.labels) == []
 
 
 @pytest.mark.parametrize("by", ["trial", "study"])

@@ -15,7 +15,7 @@ from lumbar.lifting.movement.cleaning import (
     FILLED,
     TOO_LONG,
     fill_gaps,
-    without_islands,
+    remove_islands,
 )
 from lumbar.lifting.movement.joint_centres import trunk_points
 from lumbar.lifting.movement.lift_analysis import refuse_open_gaps
@@ -110,11 +110,11 @@ def test_an_island_is_what_a_filter_cannot_take():
     points = np.full((200, 3), np.nan)
     points[10], points[40:57], points[100:] = 1.0, 2.0, 3.0
     recording = MarkerRecording("x", np.arange(200) / 100, 100.0, {"C7": points})
-    cleaned, islands = without_islands(recording, 17)
+    cleaned, islands = remove_islands(recording, 17)
     assert [(item.first_frame, item.n_frames) for item in islands] == [(10, 1), (40, 17)]
     assert np.isnan(cleaned["C7"][:100]).all() and (cleaned["C7"][100:] == 3.0).all()
     with pytest.raises(InputError, match="200 frames; the filter needs more than 200"):
-        without_islands(recording, 200)
+        remove_islands(recording, 200)
 
 
 @pytest.mark.parametrize("maximum_s", [-0.1, np.nan])

@@ -15,7 +15,7 @@ from lumbar.lifting.movement.pendulum_states import (
     THESIS_CHOICE,
     pendulum_states,
     pivot_trajectory,
-    turn,
+    rotate,
 )
 from lumbar.lifting.stability.model.pendulum_trajectories import own_choice
 from lumbar.records.markers import MarkerRecording, read_markers
@@ -116,7 +116,7 @@ def test_the_whole_chain_recovers_the_twins_true_pendulum(study, recording):
     """Gaps, noise, filter and spline against finite differences of the noise-free movement at 10 kHz."""
     settings, twin, subject, trial = study
     settings = changed(settings, segment_ends="skin")  # points whose truth is known to the last digit
-    lift = analyse_lift(recording, "novice_23kg", subject, trial, settings)
+    lift = analyse_lift(recording, subject, trial, settings)
     states = lift.states[("thorax", "flexion_extension")]
     fine = np.arange(states.time[0] - 0.01, states.time[-1] + 0.01, 1e-4)
     truth = simulate(fine, twin.people["novice"], twin.lifts["novice_23kg"], twin.workplace).markers
@@ -138,7 +138,7 @@ def errors_mm(study, recording, ends):
     """Largest distance from the true centres of mass, by segment, and largest error of the thorax's angle."""
     settings, twin, subject, trial = study
     movement = true_movement(twin, "novice_23kg")
-    lift = analyse_lift(recording, "novice_23kg", subject, trial, changed(settings, segment_ends=ends))
+    lift = analyse_lift(recording, subject, trial, changed(settings, segment_ends=ends))
     distance = {
         name: 1e3 * np.linalg.norm(lift.centres[name].position - true, axis=1)
         for name, true in movement.centres_of_mass.items()
@@ -165,19 +165,17 @@ def test_states_do_not_depend_on_place_nor_on_the_laboratorys_heading(study, rec
     settings, _, subject, trial = study
     settings = changed(settings, frame="pelvis")
     shift = np.array([3.0, -7.0, 0.4])
-    moved = {name: turn(points, 0.9) + shift for name, points in recording.positions.items()}
-    here = states_frame(analyse_lift(recording, "here", subject, trial, settings).states)
-    there = states_frame(
-        analyse_lift(replace(recording, positions=moved), "there", subject, trial, settings).states
-    )
+    moved = {name: rotate(points, 0.9) + shift for name, points in recording.positions.items()}
+    here = states_frame(analyse_lift(recording, subject, trial, settings).states)
+    there = states_frame(analyse_lift(replace(recording, positions=moved), subject, trial, settings).states)
     for column in ("angle_rad", "angular_velocity_rad_s", "length_m", "length_rate_m_s"):
         assert there[column].to_numpy() == pytest.approx(here[column].to_numpy(), abs=1e-8)
 
 
 def test_the_box_pulls_the_pendulum_forward_where_it_counts_in_the_position(study, recording):
     settings, _, subject, trial = study
-    alone = analyse_lift(recording, "x", subject, trial, settings)
-    boxed = analyse_lift(recording, "x", subject, trial, changed(settings, box={"in_position": True}))
+    alone = analyse_lift(recording, subject, trial, settings)
+    boxed = analyse_lift(recording, subject, trial, changed(settings, box={"in_position": True}))
     key = ("thorax", "flexion_extension")
     assert (boxed.states[key].angle > alone.states[key].angle + 0.05).all()
 

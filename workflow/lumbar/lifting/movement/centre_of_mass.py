@@ -1,4 +1,4 @@
-"""Trunk segments, their published parameters, and centres of mass: of segments, with and without the box, and of the body."""
+"""Trunk segments, their published parameters, and centres of mass of segments, with and without the box, and of the body."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -9,13 +9,13 @@ from typing import NamedTuple
 import numpy as np
 
 from lumbar.base.errors import InputError
-from lumbar.lifting.movement.events import Event, carried_object, held_frames
+from lumbar.lifting.movement.events import Event, frames_with_box, locate_load
 from lumbar.lifting.movement.joint_centres import MID_HIP, SIDES, TrunkPoints, limb_joints, unit
 from lumbar.records.markers import MarkerRecording
 
 COMS = ("thorax", "abdomen", "pelvis")
 """The three centres of mass of the trunk, from top to bottom (thesis, Figure 4.2)."""
-HEAD_BEYOND = 0.35
+HEAD_SHARE = 0.35
 """The ear canal, centre of head and neck, lies beyond C7/T1 by this share of the line from the hips to C7/T1."""
 
 
@@ -43,7 +43,7 @@ ARM = (
 )
 LEG = ((MID_HIP, "KNEE", THIGH), ("KNEE", "ANKLE", _SHANK_AND_FOOT))
 STRAIGHT_ARM, STRAIGHT_LEG = ("SHOULDER", "WRIST", WHOLE_ARM), (MID_HIP, "ANKLE", _WHOLE_LEG)
-"""Segments of each side (Winter, 2009, Table 4.1); straight ones where no marker shows the joint between."""
+"""Segments of each side (Winter, 2009, Table 4.1); straight ones if no marker shows the joint between."""
 
 
 @dataclass(frozen=True)
@@ -77,9 +77,7 @@ class SegmentTable:
     @property
     def ends(self) -> tuple[str, ...]:
         """Return the ends of the segments, from top to bottom."""
-        return tuple(
-            dict.fromkeys(end for segment in self.segments for end in (segment.proximal, segment.distal))
-        )
+        return tuple(dict.fromkeys(end for segment in self.segments for end in self.ends_of(segment.name)))
 
     def ends_of(self, name: str) -> tuple[str, str]:
         """Return the upper and lower end of one segment."""
@@ -95,13 +93,8 @@ def _table(
     forward: Sequence[float] = (0.0, 0.0, 0.0),
 ) -> SegmentTable:
     """Return a table with masses as shares of the body's, and centres as shares along and ahead of the segments' lines."""
-    segments = tuple(
-        Segment(com, top, bottom, mass_share=m, com_share=along, forward_share=ahead)
-        for com, (top, bottom), m, along, ahead in zip(
-            COMS, pairwise(ends), mass, centre, forward, strict=True
-        )
-    )
-    return SegmentTable(name, segments, source)
+    rows = zip(COMS, pairwise(ends), mass, centre, forward, strict=True)
+    return SegmentTable(name, tuple(Segment(com, *pair, *shares) for com, pair, *shares in rows), source)
 
 
 WINTER = _table(
@@ -200,7 +193,7 @@ def segment_centres(points: TrunkPoints, table: SegmentTable) -> dict[str, np.nd
         if segment.name not in absent:
             proximal, line = points[segment.proximal], points[segment.distal] - points[segment.proximal]
             centres[segment.name] = proximal + segment.com_share * line
-            # If the subject's right is not seen, only a centre ahead of its line is not known.
+            # Only a centre ahead of its line needs the subject's right.
             if segment.forward_share:
                 forward = unit(np.cross(-line, points.right)) * np.linalg.norm(line, axis=1, keepdims=True)
                 centres[segment.name] += segment.forward_share * forward
@@ -211,61 +204,61 @@ def absent_segments(points: TrunkPoints, table: SegmentTable) -> dict[str, str]:
     """Return the segments with ends that a recording lacks, each with the missing markers and a remedy."""
     absent = {}
     for segment in table.segments:
-        lacking = [
-            f"{end} ({points.missing[end]})"
-            for end in (segment.proximal, segment.distal)
-            if end not in points
-        ]
-        if lacking:
+        ends = [end for end in (segment.proximal, segment.distal) if end not in points]
+        if ends:
+            lacking = ", ".join(f"{end} ({points.missing[end]})" for end in ends)
             absent[segment.name] = (
-                f"no {', '.join(lacking)}: name the markers' labels, or a rule for them, in lifting.markers.aliases"
+                f"no {lacking}: name the markers' labels, or a rule for them, in lifting.markers.aliases"
             )
     return absent
-
-
-def trunk_centre(centres: dict[str, np.ndarray], table: SegmentTable) -> np.ndarray:
-    """Return the common centre of mass of the table's segments, shape (n, 3) in metres."""
-    lacking = [segment.name for segment in table.segments if segment.name not in centres]
-    if lacking:
-        raise InputError(f"no centre of mass of {', '.join(lacking)}, and so none of the trunk")
-    masses = [segment.mass_share for segment in table.segments]
-    return np.average([centres[segment.name] for segment in table.segments], axis=0, weights=masses)
 
 
 def centres_of_mass(
     recording: MarkerRecording,
     points: TrunkPoints,
     table: SegmentTable,
-    body_mass: float,
-    box_mass: float,
+    masses_kg: tuple[float, float],
     share: str,
     events: dict[str, Event],
 ) -> dict[str, CentreOfMass]:
-    """Return the centres of mass of the trunk over the whole recording.
+    """Return the centres of mass of the trunk over the whole recording, as far as it has their landmarks, in the order of `COMS`.
 
     The box is a point mass at the centre of its markers, or of the hands if it has none, carried from lift-off to release.
-    `share` is by_mass (each centre of mass carries a part in proportion to the segments' masses, so that trunk and box together
-    keep their mass) or whole (each pendulum carries the whole box); masses in kilograms. The result is in the order of `COMS`, as
-    far as the recording has their landmarks. Positions with the box are NaN while it is held and neither box nor hands are seen.
+    Positions with the box are NaN while it is held and neither box nor hands are seen.
+
+    Parameters
+    ----------
+    recording : MarkerRecording
+        Filtered.
+    points : TrunkPoints
+        Ends of the segments.
+    table : SegmentTable
+        Their parameters.
+    masses_kg : tuple of float
+        Mass of the body and of the box.
+    share : {"by_mass", "whole"}
+        Each centre of mass carries a part in proportion to the segments' masses, so that trunk and box together keep their mass;
+        or each pendulum carries the whole box.
+    events : dict of str to Event
+        Events of the lift.
     """
+    body_mass, box_mass = masses_kg
     segments = segment_centres(points, table)
     trunk = sum(segment.mass_share for segment in table.segments)
-    held = held_frames(recording.time, events)
-    box, _ = carried_object(recording)
+    is_held = frames_with_box(recording.time, events)
+    box, _ = locate_load(recording)
     if box is None:
         box = np.full((len(recording), 3), np.nan)
     result = {}
-    for segment in table.segments:
-        if segment.name not in segments:
-            continue
+    # Tables have their segments in the order of `COMS`.
+    for segment in (segment for segment in table.segments if segment.name in segments):
         mass, position = segment.mass_share * body_mass, segments[segment.name]
         carried = box_mass * (segment.mass_share / trunk if share == "by_mass" else 1.0)
-        total = mass + carried
         with_box = position.copy()
         if box_mass > 0:
-            with_box[held] = (mass * position[held] + carried * box[held]) / total
-        result[segment.name] = CentreOfMass(segment.name, position, with_box, mass, total)
-    return {name: result[name] for name in COMS if name in result}
+            with_box[is_held] = (mass * position[is_held] + carried * box[is_held]) / (mass + carried)
+        result[segment.name] = CentreOfMass(segment.name, position, with_box, mass, mass + carried)
+    return result
 
 
 def head_centre(recording: MarkerRecording, points: TrunkPoints) -> np.ndarray:
@@ -273,10 +266,11 @@ def head_centre(recording: MarkerRecording, points: TrunkPoints) -> np.ndarray:
 
     Markers that are hidden while C7/T1 is seen do not count.
     """
-    seen = np.isfinite(points["C7T1"])
-    if "HEAD_CENTRE" in recording and np.isfinite(recording["HEAD_CENTRE"][seen]).all():
-        return recording["HEAD_CENTRE"]
-    return points["C7T1"] + HEAD_BEYOND * (points["C7T1"] - points[MID_HIP])
+    if "HEAD_CENTRE" in recording:
+        visible = np.isfinite(points["C7T1"])
+        if np.isfinite(recording["HEAD_CENTRE"][visible]).all():
+            return recording["HEAD_CENTRE"]
+    return points["C7T1"] + HEAD_SHARE * (points["C7T1"] - points[MID_HIP])
 
 
 def limb_parts(
@@ -296,14 +290,19 @@ def whole_body_centre(recording: MarkerRecording, points: TrunkPoints, table: Se
 
     The trunk is that of the segment table; head and limbs have Winter's shares between the joints of `limb_joints`.
 
-    The recording needs shoulders, wrists and ankles of both sides; elbows and knees are used where they are there.
+    The recording needs shoulders, wrists and ankles of both sides; elbows and knees are used if present.
     """
     names = {f"{side}_{name}" for side in "LR" for name in ("SHOULDER", "WRIST", "ANKLE")}
     lacking = sorted(name for name in names if name not in recording)
     lacking += [f"{name} ({points.missing[name]})" for name in ("C7T1", MID_HIP) if name not in points]
     if lacking:
         raise InputError(f"no {', '.join(lacking)}")
-    trunk = trunk_centre(segment_centres(points, table), table)
+    centres = segment_centres(points, table)
+    absent = [segment.name for segment in table.segments if segment.name not in centres]
+    if absent:
+        raise InputError(f"no centre of mass of {', '.join(absent)}, and so none of the trunk")
+    weights = [segment.mass_share for segment in table.segments]
+    trunk = np.average([centres[segment.name] for segment in table.segments], axis=0, weights=weights)
     moment = TRUNK_SHARE * trunk + HEAD.mass * head_centre(recording, points)
     joints = {**recording.positions, **limb_joints(recording), MID_HIP: points[MID_HIP]}
     for side, whole in product(SIDES, ("ARM", "LEG")):

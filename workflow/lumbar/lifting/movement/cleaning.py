@@ -9,6 +9,7 @@ section 3.4.4.2.
 """
 
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 
@@ -25,13 +26,12 @@ FILLED, TOO_LONG, AT_START, AT_END, ALONE, ISLAND = (
     "too few frames beside it",
     "seen too briefly to be filtered: left out",
 )
-SPLINE = "cubic spline"
-_BESIDE = 2
+MIN_NEIGHBOURS = 2
 """Seen frames needed on each side of a gap: position and direction there."""
 PASSES = 2
 EXTENSION_PERIODS = 3
 """Periods of the cut-off after which the continuation of an interval affects a second-order filter by only about 1e-7."""
-_OVERSHOOT_MARGIN = 1.5
+OVERSHOOT_MARGIN = 1.5
 """Factor on the extension for the larger overshoot of other orders."""
 
 
@@ -49,10 +49,9 @@ class Gap:
     length_s: float
     """Missing frames divided by the rate."""
     outcome: str
-    """``"filled"``, or why it was not: ``"longer than allowed"``, ``"at the start"``, ``"at the end"``, ``"too few frames
-    beside it"``; for frames that were seen, ``"seen too briefly to be filtered: left out"``."""
+    """``"filled"``, or the reason why it was not; for frames that were seen, the reason why they were left out."""
     method: str = ""
-    """How it was filled; empty if it was not."""
+    """Method of filling; empty if it was not filled."""
 
     @property
     def filled(self) -> bool:
@@ -67,7 +66,7 @@ class CleanRecording:
     smooth: MarkerRecording
     """Filtered; NaN while a gap stays open."""
     complete: MarkerRecording
-    """The same without the filter."""
+    """Gaps filled, not filtered."""
     gaps: list[Gap]
     """Gaps of every marker, then the frames that were seen too briefly."""
 
@@ -79,7 +78,7 @@ def clean(recording: MarkerRecording, settings: LiftingSettings) -> CleanRecordi
     """
     complete, gaps = fill_gaps(recording, settings.gaps.maximum_s)
     cutoff, order = settings.filter.cutoff_Hz, settings.filter.order
-    complete, islands = without_islands(complete, shortest_stretch(cutoff, complete.rate))
+    complete, islands = remove_islands(complete, frames_of_cutoff(cutoff, complete.rate))
     return CleanRecording(filter_markers(complete, cutoff, order), complete, [*gaps, *islands])
 
 
@@ -92,47 +91,39 @@ def fill_gaps(recording: MarkerRecording, maximum_s: float = 0.2) -> tuple[Marke
     """
     if not (np.isfinite(maximum_s) and maximum_s >= 0):
         raise InputError(f"gaps.maximum_s is {maximum_s}; a non-negative number of seconds is needed")
+    time, rate = recording.time, recording.rate
+    # At least the two frames on each side, even if only very short gaps are bridged.
+    window = max(MIN_NEIGHBOURS, round(maximum_s * rate))
     gaps: list[Gap] = []
     positions = {}
     for marker, points in recording.positions.items():
-        positions[marker], found = _fill(marker, points, recording, maximum_s)
-        gaps.extend(found)
+        visible = np.isfinite(points).all(axis=1)
+        positions[marker] = filled = points.copy()
+        for gap in runs(~visible):
+            length_s, first = (gap.stop - gap.start) / rate, max(0, gap.start - window)
+            before = first + np.flatnonzero(visible[first : gap.start])
+            after = gap.stop + np.flatnonzero(visible[gap.stop : gap.stop + window])
+            method = ""
+            if gap.start == 0:
+                outcome = AT_START
+            elif gap.stop == len(points):
+                outcome = AT_END
+            elif length_s > maximum_s:
+                outcome = TOO_LONG
+            elif min(len(before), len(after)) < MIN_NEIGHBOURS:
+                outcome = ALONE
+            else:
+                from scipy.interpolate import CubicSpline
+
+                outcome, method = FILLED, "cubic spline"
+                support = np.concatenate((before, after))
+                filled[gap] = CubicSpline(time[support], points[support])(time[gap])
+            start_s, frames = float(time[gap.start]), gap.stop - gap.start
+            gaps.append(Gap(marker, gap.start, frames, start_s, length_s, outcome, method))
     return replace(recording, positions=positions), gaps
 
 
-def _fill(
-    marker: str, points: np.ndarray, recording: MarkerRecording, maximum_s: float
-) -> tuple[np.ndarray, list[Gap]]:
-    seen = np.isfinite(points).all(axis=1)
-    filled = points.copy()
-    # At least the two frames on each side, even if only very short gaps are bridged.
-    reach = max(_BESIDE, round(maximum_s * recording.rate))
-    gaps = []
-    for gap in runs(~seen):
-        length_s = (gap.stop - gap.start) / recording.rate
-        first = max(0, gap.start - reach)
-        before = first + np.flatnonzero(seen[first : gap.start])
-        after = gap.stop + np.flatnonzero(seen[gap.stop : gap.stop + reach])
-        if gap.start == 0:
-            outcome = AT_START
-        elif gap.stop == len(points):
-            outcome = AT_END
-        elif length_s > maximum_s:
-            outcome = TOO_LONG
-        else:
-            outcome = FILLED if min(len(before), len(after)) >= _BESIDE else ALONE
-        if outcome == FILLED:
-            from scipy.interpolate import CubicSpline
-
-            support = np.concatenate((before, after))
-            spline = CubicSpline(recording.time[support], points[support])
-            filled[gap] = spline(recording.time[gap])
-        start_s, method = float(recording.time[gap.start]), SPLINE if outcome == FILLED else ""
-        gaps.append(Gap(marker, gap.start, gap.stop - gap.start, start_s, length_s, outcome, method))
-    return filled, gaps
-
-
-def without_islands(recording: MarkerRecording, shortest: int) -> tuple[MarkerRecording, list[Gap]]:
+def remove_islands(recording: MarkerRecording, shortest: int) -> tuple[MarkerRecording, list[Gap]]:
     """Leave out intervals of at most `shortest` frames between gaps, which cannot be filtered, and return them too.
 
     Raises
@@ -176,7 +167,7 @@ def dual_pass_sections(cutoff_Hz: float, rate: float, order: int = 2) -> np.ndar
     return butter(order, 2 / np.pi * np.arctan(warped), output="sos")
 
 
-def shortest_stretch(cutoff_Hz: float, rate: float) -> int:
+def frames_of_cutoff(cutoff_Hz: float, rate: float) -> int:
     """Return the frames of one period of the cut-off: an interval must be longer to be filtered."""
     return int(np.ceil(rate / cutoff_Hz))
 
@@ -187,16 +178,12 @@ def extension_frames(cutoff_Hz: float, rate: float, order: int = 2) -> int:
     The slowest poles of a Butterworth filter decay with ``sin(pi/(2*order))`` times its cut-off, which
     `dual_pass_sections` raises: at order 8 about four times more slowly than at order 2.
     """
-    shortest = shortest_stretch(cutoff_Hz, rate)
+    shortest = frames_of_cutoff(cutoff_Hz, rate)
     if order == 2:
         return EXTENSION_PERIODS * shortest
-    slower = max(1.0, _slowest_decay(2) / _slowest_decay(order))
-    return int(np.ceil(EXTENSION_PERIODS * _OVERSHOOT_MARGIN * slower * shortest))
-
-
-def _slowest_decay(order: int) -> float:
-    """Return the decay rate of the slowest poles of one pass, relative to the angular cut-off of both passes."""
-    return np.sin(np.pi / (2 * order)) / (2 ** (1 / PASSES) - 1) ** (1 / (2 * order))
+    # Decay of one pass, relative to the angular cut-off of both passes.
+    decay = [np.sin(np.pi / (2 * n)) / (2 ** (1 / PASSES) - 1) ** (1 / (2 * n)) for n in (2, order)]
+    return int(np.ceil(EXTENSION_PERIODS * OVERSHOOT_MARGIN * max(1.0, decay[0] / decay[1]) * shortest))
 
 
 def low_pass(values: np.ndarray, rate: float, cutoff_Hz: float = 6.0, order: int = 2) -> np.ndarray:
@@ -218,17 +205,12 @@ def low_pass(values: np.ndarray, rate: float, cutoff_Hz: float = 6.0, order: int
 
     sections = dual_pass_sections(cutoff_Hz, rate, order)
     values = np.asarray(values, dtype=float)
-    shortest = shortest_stretch(cutoff_Hz, rate)
     result = np.full_like(values, np.nan)
-    for stretch in _finite_runs(values):
-        length = stretch.stop - stretch.start
-        if length <= shortest:
-            raise InputError(
-                f"frames {stretch.start + 1} to {stretch.stop}: {length} frames without a gap; a "
-                f"{cutoff_Hz:g} Hz filter at {rate:g} Hz needs more than {shortest}"
-            )
-        padding = min(extension_frames(cutoff_Hz, rate, order), length - 1)
-        result[stretch] = sosfiltfilt(sections, values[stretch], axis=0, padtype="odd", padlen=padding)
+    for part in _finite_runs(
+        values, frames_of_cutoff(cutoff_Hz, rate), f"a {cutoff_Hz:g} Hz filter at {rate:g} Hz"
+    ):
+        padding = min(extension_frames(cutoff_Hz, rate, order), part.stop - part.start - 1)
+        result[part] = sosfiltfilt(sections, values[part], axis=0, padtype="odd", padlen=padding)
     return result
 
 
@@ -247,7 +229,7 @@ def filter_markers(recording: MarkerRecording, cutoff_Hz: float = 6.0, order: in
     return replace(recording, positions=positions)
 
 
-def derivative(values: np.ndarray, rate: float, order: int = 1) -> np.ndarray:
+def derivative(values: np.ndarray, rate: float, order: Literal[1, 2] = 1) -> np.ndarray:
     """Differentiate filtered values by central differences, each contiguous interval separately.
 
     Three-point formulas of second-order accuracy; one-sided ones at the ends. The result for a sine of frequency f is too small
@@ -261,28 +243,28 @@ def derivative(values: np.ndarray, rate: float, order: int = 1) -> np.ndarray:
         raise ValueError(f"derivative of order {order}; 1 and 2 are offered")
     values = np.asarray(values, dtype=float)
     result = np.full_like(values, np.nan)
-    for stretch in _finite_runs(values):
-        part = values[stretch]
-        if len(part) < 2 + order:
-            raise InputError(
-                f"frames {stretch.start + 1} to {stretch.stop}: {len(part)} frames without a gap; "
-                f"a derivative of order {order} needs {2 + order}"
-            )
-        result[stretch] = (
-            np.gradient(part, 1 / rate, axis=0, edge_order=2) if order == 1 else _second(part, rate)
-        )
+    for part in _finite_runs(values, 1 + order, f"a derivative of order {order}"):
+        piece = values[part]
+        if order == 1:
+            result[part] = np.gradient(piece, 1 / rate, axis=0, edge_order=2)
+            continue
+        # Second differences; at the ends the four-point one-sided formula of the same order of accuracy.
+        second = np.empty_like(piece)
+        second[1:-1] = piece[2:] - 2 * piece[1:-1] + piece[:-2]
+        second[0] = 2 * piece[0] - 5 * piece[1] + 4 * piece[2] - piece[3]
+        second[-1] = 2 * piece[-1] - 5 * piece[-2] + 4 * piece[-3] - piece[-4]
+        result[part] = second * rate**2
     return result
 
 
-def _second(values: np.ndarray, rate: float) -> np.ndarray:
-    """Return second differences; at the ends by the four-point one-sided formula of the same order of accuracy."""
-    result = np.empty_like(values)
-    result[1:-1] = values[2:] - 2 * values[1:-1] + values[:-2]
-    result[0] = 2 * values[0] - 5 * values[1] + 4 * values[2] - values[3]
-    result[-1] = 2 * values[-1] - 5 * values[-2] + 4 * values[-3] - values[-4]
-    return result * rate**2
-
-
-def _finite_runs(values: np.ndarray):
+def _finite_runs(values: np.ndarray, too_few: int, purpose: str) -> list[slice]:
+    """Return the intervals without a NaN; `InputError` if one has no more than `too_few` frames."""
     finite = np.isfinite(values)
-    return runs(finite if finite.ndim == 1 else finite.all(axis=tuple(range(1, finite.ndim))))
+    found = list(runs(finite if finite.ndim == 1 else finite.all(axis=tuple(range(1, finite.ndim)))))
+    for part in found:
+        if part.stop - part.start <= too_few:
+            raise InputError(
+                f"frames {part.start + 1} to {part.stop}: {part.stop - part.start} frames without a gap; {purpose} needs more "
+                f"than {too_few}"
+            )
+    return found

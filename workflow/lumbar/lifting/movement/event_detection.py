@@ -1,4 +1,4 @@
-"""Detection of the events of a lift: the box leaves its support, the first toe-off, the start of the deposit, the release.
+"""Detection of the events of a lift: lift-off of the box, first toe-off, start of the deposit, release.
 
 The box is lifted when it rises finally: before, it may slide on its support. The lift ends with the first toe-off. The deposit
 starts at the last instant before the box goes down finally. The thesis (section 4.2.3.1) takes a minimum of the wrists' speed,
@@ -24,13 +24,13 @@ from lumbar.lifting.movement.events import (
     IN_FILE,
     WRISTS,
     Event,
-    SeveralEvents,
-    carried_object,
+    SeveralEventsError,
     check_order,
     file_event,
     great_swings,
     greatest_rise,
-    refuse_without,
+    locate_load,
+    require_file_events,
     several_lifts,
     speed,
     turning_points,
@@ -43,13 +43,13 @@ from lumbar.settings.lifting import DeclaredEvents, EventSettings
 TOES = ("L_TOE", "R_TOE")
 ONSET_SHARE = 0.1
 """Share of a final rise or descent after which it has certainly begun."""
-STANDS_OUT, LEAST_SHARE = 1.5, 0.5
-"""A descent of less than `descent_m`, but of the second share of it, is a deposit if it is so many times every other."""
+MIN_DESCENT_RATIO, MIN_DESCENT_SHARE = 1.5, 0.5
+"""A descent of less than `descent_m`, but at least this share of it, is a deposit if it is this many times every other."""
 MIN_SLIDE_S = 0.1
 """Shortest sliding before the rise that is reported."""
 
 
-class NoEvent(Exception):
+class NoEventError(Exception):
     """An event that the recording does not hold; the text is the reason."""
 
 
@@ -71,112 +71,88 @@ def find_events(
     """
     from_file = settings.taken_from == IN_FILE or declared == IN_FILE
     if from_file:
-        refuse_without(recording, settings.labels, EVENTS)
+        require_file_events(recording, settings.labels)
     times = {name: getattr(declared, f"{name}_s", None) for name in EVENTS}
     given = {name: time for name, time in times.items() if time is not None}
     check_order(recording, given)
-    search = _Search(recording, settings)
+    search = _EventSearch(recording, settings)
     for name in ("lift_off", "release", "toe_off", "deposit_start"):
-        event = search.event(name)
+        event, mark, listed = search.detect(name), None, ""
+        if name != "toe_off" or search.has_lift:
+            try:
+                mark = file_event(recording, settings.labels, name, search.begin, search.end)
+                listed = mark.full_label if mark else ""
+            except SeveralEventsError as several:
+                if from_file and name not in given:
+                    raise InputError(f"{recording.source}: {name} in the file: {several}") from several
+                listed = str(several)
+        # An event set by hand precedes that of the file, and this the detected one if it is selected.
+        time, method, how = event.time_s, event.method, event.how
         if name in given:
+            time, method = given[name], DECLARED
             how = f"set in the subject's file ({declared.reason or 'no reason given'})"
-            event = _replaced(event, given[name], DECLARED, how)
-        search.found[name] = _with_file(search, name, event, from_file)
+        elif mark and from_file:
+            time, method, how = mark.time, IN_FILE, f"marked in the file as {mark.full_label}"
+        if method in (DECLARED, IN_FILE):
+            how += "; no event detected" if event.time_s is None else f"; detected at {event.time_s:.2f} s"
+            event = replace(event, detected_s=event.time_s, earliest_s=None, latest_s=None)
+        file_s = mark.time if mark else None
+        search.add(name, replace(event, time_s=time, method=method, how=how, file_s=file_s, file=listed))
     events = {name: search.found[name] for name in EVENTS}
     check_order(recording, {name: event.time_s for name, event in events.items() if event.time_s is not None})
-    doubt = several_lifts(recording, events, settings)
-    if doubt:
-        events["release"] = replace(events["release"], how=f"{events['release'].how}; {doubt}")
+    question = several_lifts(recording, events, settings)
+    if question:
+        events["release"] = replace(events["release"], how=f"{events['release'].how}; {question}")
     return events
 
 
-def _with_file(search: _Search, name: str, event: Event, from_file: bool) -> Event:
-    """Return an event with the time that the file gives it, which replaces a detected one if `from_file`."""
-    recording = search.whole
-    if name == "toe_off" and not search.has_lift():
-        return event
-    try:
-        marked = file_event(recording, search.settings.labels, name, search.begin, search.end)
-    except SeveralEvents as several:
-        if from_file and event.method != DECLARED:
-            raise InputError(f"{recording.source}: {name} in the file: {several}") from several
-        return replace(event, file=str(several))
-    if marked is None:
-        return event
-    if from_file and event.method != DECLARED:
-        event = _replaced(event, marked.time, IN_FILE, f"marked in the file as {marked.full_label}")
-    return replace(event, file_s=marked.time, file=marked.full_label)
-
-
-def _replaced(event: Event, time: float, method: str, how: str) -> Event:
-    """Return a detected event at another time."""
-    detected = "no event detected" if event.time_s is None else f"detected at {event.time_s:.2f} s"
-    kept = {"detected_s": event.time_s, "descent_s": event.descent_s, "thesis_s": event.thesis_s}
-    return Event(time, method, f"{how}; {detected}", **kept)
-
-
-class _Search:
-    """Searches the events one after the other: each between those already found."""
+class _EventSearch:
+    """Searches the events one after the other: each between those already known."""
 
     def __init__(self, recording: MarkerRecording, settings: EventSettings):
-        points, self.what = carried_object(recording)
+        points, self.what = locate_load(recording)
+        self.be, self.go = ("is", "goes") if self.what == "box" else ("are", "go")
         self.whole, self.settings = recording, settings
         self.found: dict[str, Event] = {}
+        self.begin, self.end, self.has_lift = float(recording.time[0]), float(recording.time[-1]), False
         # The longest part of the recording in which the carried object is always seen, and its positions there.
         self.part = self.points = None
         if points is not None and np.isfinite(points).any():
-            seen = runs(np.isfinite(points).all(axis=1))
-            self.part = recording.at(max(seen, key=lambda run: run.stop - run.start))
-            self.points = carried_object(self.part)[0]
+            visible = runs(np.isfinite(points).all(axis=1))
+            self.part = recording.at(max(visible, key=lambda run: run.stop - run.start))
+            self.points = locate_load(self.part)[0]
 
-    def event(self, name: str) -> Event:
+    def detect(self, name: str) -> Event:
         """Return one event by its name in `EVENTS`."""
-        seen = []
+        limits = []
         if self.part is not None and len(self.part) < len(self.whole):
             first, last = self.part.time[[0, -1]]
-            seen = [
-                f"searched only from {first:.2f} to {last:.2f} s, where the {self.what} {self._is} always seen"
+            limits = [
+                f"searched only from {first:.2f} to {last:.2f} s, where the {self.what} {self.be} always seen"
             ]
         try:
-            if name in ("toe_off", "deposit_start") and not self.has_lift():
-                raise NoEvent("neither a lift-off nor a release")
+            if name in ("toe_off", "deposit_start") and not self.has_lift:
+                raise NoEventError("neither a lift-off nor a release")
             if name == "toe_off":
-                return _toe_off(self.whole, self.settings, self.begin, self.end)
+                return self._toe_off()
             if self.part is None:
-                raise NoEvent("no box markers and no wrist markers: the carried object is not seen")
-            found = {
+                raise NoEventError("no box markers and no wrist markers: the carried object is not seen")
+            event = {
                 "lift_off": self._lift_off,
                 "release": self._box_release if self.what == "box" else self._hands_release,
                 "deposit_start": self._deposit_start,
             }[name]()
-        except NoEvent as reason:
-            return Event(None, ABSENT, "; ".join([str(reason), *seen]))
+        except NoEventError as reason:
+            return Event(None, ABSENT, "; ".join([str(reason), *limits]))
         hands = [] if self.what == "box" else ["hands instead of the box, which has no markers"]
-        return replace(found, how="; ".join([*hands, *seen, found.how]))
+        return replace(event, how="; ".join([*hands, *limits, event.how]))
 
-    @property
-    def _is(self) -> str:
-        return "is" if self.what == "box" else "are"
-
-    @property
-    def _goes(self) -> str:
-        return "goes" if self.what == "box" else "go"
-
-    def has_lift(self) -> bool:
-        """Return whether a lift-off or a release is known."""
-        return any(self.found[name].time_s is not None for name in ("lift_off", "release"))
-
-    @property
-    def begin(self) -> float:
-        """Lift-off, or the start of a recording without one."""
-        time = self.found["lift_off"].time_s if "lift_off" in self.found else None
-        return float(self.whole.time[0]) if time is None else time
-
-    @property
-    def end(self) -> float:
-        """Release, or the end of a recording without one."""
-        time = self.found["release"].time_s if "release" in self.found else None
-        return float(self.whole.time[-1]) if time is None else time
+    def add(self, name: str, event: Event) -> None:
+        """Keep a known event: lift-off and release limit the search for the others."""
+        self.found[name] = event
+        if name in ("lift_off", "release") and event.time_s is not None:
+            self.has_lift = True
+            setattr(self, "begin" if name == "lift_off" else "end", event.time_s)
 
     def _lift_off(self) -> Event:
         """Return the last instant before the object rises finally; for a box that is only taken down, the first movement."""
@@ -193,11 +169,9 @@ class _Search:
         # Onset: the last rest before the object is higher by `rise_m`.
         climb = derivative(self.points, self.part.rate)[:, 2]
         high = moved + int(risen[0])
-        still = np.flatnonzero(climb[moved:high] <= settings.box_rest_m_s)
-        onset = moved + int(still[-1]) if still.size else moved
+        onset = moved + _last_true(climb[moved:high] <= settings.box_rest_m_s, 0)
         # Bounds that depend on no threshold: the last instant without a rise, and a tenth of the rise.
-        before = np.flatnonzero(climb[: onset + 1] <= 0)
-        earliest = before[-1] if before.size else 0
+        earliest = _last_true(climb[: onset + 1] <= 0, 0)
         tenth = height[onset] + ONSET_SHARE * (height[high] - height[onset])
         latest = onset + int(np.flatnonzero(height[onset:] >= tenth)[0])
         how = (
@@ -213,7 +187,7 @@ class _Search:
         least = self.settings.hands_rise_m
         rises = great_swings(self.points[:, 2], least, 1)
         if not rises:
-            raise NoEvent(
+            raise NoEventError(
                 f"the hands never rise by {least:g} m (lifting.events.hands_rise_m), only by "
                 f"{greatest_rise(self.points[:, 2]):.3f} m at most"
             )
@@ -225,14 +199,13 @@ class _Search:
         pace, samples = speed(self.points, self.part.rate), max(1, round(lasting * self.part.rate))
         first = _first_run(pace > threshold, samples)
         if first is None:
-            raise NoEvent(
+            raise NoEventError(
                 f"the box never moves faster than {threshold:g} m/s for {lasting:g} s (lifting.events.box_speed_m_s), only than "
                 f"{_sustained(pace, samples):.3f} m/s"
             )
         if first == 0:
-            raise NoEvent("the box moves from the first frame: its lift-off was not recorded")
-        rest = np.flatnonzero(pace[:first] <= self.settings.box_rest_m_s)
-        return int(rest[-1]) + 1 if rest.size else first
+            raise NoEventError("the box moves from the first frame: its lift-off was not recorded")
+        return _last_true(pace[:first] <= self.settings.box_rest_m_s, first - 1) + 1
 
     def _box_release(self) -> Event:
         """Return the end of the box's movement, or the instant at which the wrists part from it."""
@@ -246,7 +219,7 @@ class _Search:
         is_moving = (pace > settings.box_speed_m_s) & (time >= self.begin) & (np.arange(len(time)) <= end)
         moving = np.flatnonzero(is_moving)
         if moving.size == 0:
-            raise NoEvent(f"the box does not move after {self.begin:.2f} s")
+            raise NoEventError(f"the box does not move after {self.begin:.2f} s")
         if moving[-1] < end:
             # Slow placing continues below the threshold of movement; it ends at rest, or when the hands leave.
             rest = np.flatnonzero(pace[moving[-1] : end + 1] <= settings.box_rest_m_s)
@@ -255,7 +228,7 @@ class _Search:
             how += "" if separation is None else f"; the wrists part from it at {time[separation]:.2f} s"
             return Event(float(time[stop]), DETECTED, how)
         if separation is None:
-            raise NoEvent(f"the box still moves at the last searched frame, {time[-1]:.2f} s")
+            raise NoEventError(f"the box still moves at the last searched frame, {time[-1]:.2f} s")
         how = f"the wrists part from the moving box by more than {settings.separation_m:g} m"
         return Event(float(time[separation]), DETECTED, how)
 
@@ -268,31 +241,31 @@ class _Search:
         if all(name in self.part for name in WRISTS):
             apart = np.linalg.norm(self.part["L_WRIST"] - self.part["R_WRIST"], axis=1)
             parted = self._grip_ends(apart, closing=True)
-        first, held = int(np.searchsorted(time, self.begin)), None
+        first, last_fall = int(np.searchsorted(time, self.begin)), None
         if parted is not None:
             points = turning_points(hands[first : parted + 1, 2], settings.descent_m)
             falls = [
                 pair for pair in pairwise(points) if hands[first + pair[1], 2] < hands[first + pair[0], 2]
             ]
-            held = falls[-1] if falls else None
+            last_fall = falls[-1] if falls else None
         # Hands that part before they have gone down were not holding yet, or never together: only great descents count.
         great = great_swings(hands[first:, 2], settings.descent_m, -1)
-        if held is None and not great:
-            raise NoEvent(
+        if last_fall is None and not great:
+            raise NoEventError(
                 f"no deposit: the hands do not go down by {settings.descent_m:g} m (lifting.events.descent_m) after "
                 f"{self.begin:.2f} s, only by {greatest_rise(-hands[first:, 2]):.3f} m at most"
             )
-        top, bottom = (first + index for index in held or great[-1])
+        top, bottom = (first + index for index in last_fall or great[-1])
         climb = derivative(hands, self.part.rate)[:, 2]
-        falling = np.flatnonzero(climb[top : bottom + 1] < -settings.box_rest_m_s)
-        stop = min(top + int(falling[-1]) + 1, bottom) if falling.size else bottom
+        last = _last_true(climb[top : bottom + 1] < -settings.box_rest_m_s, bottom - top)
+        stop = min(top + last + 1, bottom)
         if stop >= len(time) - 1:
-            raise NoEvent(f"the hands still go down at the last searched frame, {time[-1]:.2f} s")
+            raise NoEventError(f"the hands still go down at the last searched frame, {time[-1]:.2f} s")
         how = (
             f"the hands stop going down (slower than {settings.box_rest_m_s:g} m/s) after "
             f"{hands[top, 2] - hands[bottom, 2]:.2f} m; "
         )
-        if held is None:
+        if last_fall is None:
             how += "the last great descent: it is not seen whether they hold anything"
         else:
             how += f"they part, or close, by more than {settings.separation_m:g} m at {time[parted]:.2f} s"
@@ -305,8 +278,8 @@ class _Search:
         if not np.isfinite(grip).any():
             return None
         change = distance - np.nanmedian(grip)
-        left = after & ((np.abs(change) if closing else change) > self.settings.separation_m)
-        return _first_run(left, max(1, round(self.settings.box_sustained_s * self.part.rate)))
+        is_open = after & ((np.abs(change) if closing else change) > self.settings.separation_m)
+        return _first_run(is_open, max(1, round(self.settings.box_sustained_s * self.part.rate)))
 
     def _deposit_start(self) -> Event:
         """Return the last instant before the object goes down finally, or the wrists' last minimum of speed before that."""
@@ -314,15 +287,15 @@ class _Search:
         start, release = self.begin if toe_off is None else toe_off, self.end
         searched = np.flatnonzero((self.part.time > start) & (self.part.time <= release))
         if searched.size < 3:
-            raise NoEvent(f"the {what} {self._is} not seen from {start:.2f} to {release:.2f} s")
+            raise NoEventError(f"the {what} {self.be} not seen from {start:.2f} to {release:.2f} s")
         time, height = self.part.time[searched], self.points[searched, 2]
         climb = derivative(self.points, self.part.rate)[searched, 2]
         onset = self._descent_onset(time, height, climb)
         starts = {"descent_s": float(time[onset]), "thesis_s": self._slowest_wrists(searched, onset)}
         if settings.deposit_start == "wrist_minimum":
-            before = f"before the {what} {self._goes} down at {starts['descent_s']:.2f} s"
+            before = f"before the {what} {self.go} down at {starts['descent_s']:.2f} s"
             if starts["thesis_s"] is None:
-                raise NoEvent(
+                raise NoEventError(
                     f"the wrists' speed is not known or has no minimum {settings.prominence_m_s:g} m/s deep "
                     f"(lifting.events.prominence_m_s) {before}"
                 )
@@ -330,11 +303,10 @@ class _Search:
             return Event(starts["thesis_s"], DETECTED, how, **starts)
         # Bounds that depend on no threshold: the last instant without a descent, and a tenth of the descent.
         left = float(height[onset] - height[-1])
-        not_down = np.flatnonzero(climb[: onset + 1] >= 0)
-        earliest = not_down[-1] if not_down.size else 0
+        earliest = _last_true(climb[: onset + 1] >= 0, 0)
         latest = onset + int(np.flatnonzero(height[onset:] <= height[onset] - ONSET_SHARE * left)[0])
         how = (
-            f"last instant at which the {what} {self._goes} down no faster than {settings.box_rest_m_s:g} m/s before the last "
+            f"last instant at which the {what} {self.go} down no faster than {settings.box_rest_m_s:g} m/s before the last "
             f"{left:.2f} m to the release"
         )
         bounds = {"earliest_s": float(time[earliest]), "latest_s": float(time[latest])}
@@ -345,10 +317,10 @@ class _Search:
 
         A deposit is a descent of `descent_m`, or of less if the object hardly goes down otherwise.
         """
-        least = LEAST_SHARE * self.settings.descent_m
+        least = MIN_DESCENT_SHARE * self.settings.descent_m
         ends = height[turning_points(height, least / 2)]
         falls = [high - low for high, low in pairwise(ends) if high > low] or [0.0]
-        others = STANDS_OUT * max(falls[:-1], default=0.0)
+        others = MIN_DESCENT_RATIO * max(falls[:-1], default=0.0)
         needed = float(np.clip(others, least, self.settings.descent_m))
         onset = self._last_stop(height, climb, self.settings.descent_m)
         if onset is None:
@@ -357,17 +329,19 @@ class _Search:
             return onset
         # The largest smaller setting that would find a deposit.
         lower = np.arange(int(1e3 * falls[-1]), 4, -1) / 1e3
-        stops = ((way, self._last_stop(height, climb, way, least=way)) for way in lower)
-        hints = (f"; {way:g} would give one from {time[at]:.2f} s" for way, at in stops if at is not None)
-        raise NoEvent(
-            f"no deposit: the {self.what} {self._goes} down by {height.max() - height[-1]:.3f} m before {time[-1]:.2f} s; a "
+        stops = ((fall, self._last_stop(height, climb, fall, least=fall)) for fall in lower)
+        hints = (f"; {fall:g} would give one from {time[at]:.2f} s" for fall, at in stops if at is not None)
+        raise NoEventError(
+            f"no deposit: the {self.what} {self.go} down by {height.max() - height[-1]:.3f} m before {time[-1]:.2f} s; a "
             f"deposit needs {needed:.2g} m here from the last rest or rise (lifting.events.descent_m{next(hints, '')})"
         )
 
-    def _last_stop(self, height: np.ndarray, climb: np.ndarray, way: float, least: float = 0.0) -> int | None:
-        """Return the index of the last rest in the last rise or stay from which there are `way` metres to go down.
+    def _last_stop(
+        self, height: np.ndarray, climb: np.ndarray, fall: float, least: float = 0.0
+    ) -> int | None:
+        """Return the index of the last rest in the last rise or stay from which there are `fall` metres to go down.
 
-        Slowing down, or a small rise on the way, is no stop: a stay lasts, and a rise is a lift by itself. Two speeds separate
+        Slowing down, or a small rise on the way, does not count: a stay lasts, a rise is a lift by itself. Two speeds separate
         them, so that noise neither cuts a stay nor makes one. A descent may be too slow to be distinguished from a stay by them:
         rests with less than `least` metres below them do not count.
         """
@@ -376,10 +350,9 @@ class _Search:
         for run in runs(climb >= -self.settings.box_speed_m_s):
             lasting = run.stop - run.start >= self.settings.stay_s * self.part.rate
             resting = run.start + np.flatnonzero(rests[run])
-            if (lasting or np.ptp(height[run]) >= way) and resting.size:
+            if (lasting or np.ptp(height[run]) >= fall) and resting.size:
                 stops.append(int(resting[-1]))
-        high_enough = [stop for stop in stops if height[stop] - height[-1] >= way]
-        return high_enough[-1] if high_enough else None
+        return next((stop for stop in reversed(stops) if height[stop] - height[-1] >= fall), None)
 
     def _slowest_wrists(self, searched: np.ndarray, onset: int) -> float | None:
         """Return the time of the last local minimum of the wrists' speed before the descent, as in the thesis."""
@@ -393,44 +366,49 @@ class _Search:
         minima = minima[minima <= onset]
         return float(self.part.time[searched[minima[-1]]]) if minima.size else None
 
+    def _toe_off(self) -> Event:
+        """Return the first step between lift-off and release."""
+        recording, settings = self.whole, self.settings
+        toes = [name for name in TOES if name in recording]
+        if not toes:
+            return Event(None, ABSENT, "no toe markers: the end of the lift is not known")
+        searched = (recording.time > self.begin) & (recording.time < self.end)
+        # 65 ms are 13 frames at 200 Hz, whatever the rounding of the product.
+        samples = max(1, int(np.ceil(settings.toe_sustained_s * recording.rate - 1e-9)))
+        starts, hidden, fastest = {}, [], 0.0
+        for name in toes:
+            foot = speed(recording[name], recording.rate)
+            fastest = max(fastest, _sustained(foot[searched], samples))
+            first = _first_run((foot > settings.toe_speed_m_s) & searched, samples)
+            if first is not None:
+                starts[name] = float(recording.time[first])
+            if np.isnan(foot[searched]).any():
+                hidden.append(name)
+        gaps = f"; not always seen: {', '.join(hidden)}" if hidden else ""
+        rule = (
+            f"toe faster than {settings.toe_speed_m_s:g} m/s for at least {settings.toe_sustained_s:g} s between lift-off and "
+            "release"
+        )
+        if not starts:
+            how = f"no toe-off: no {rule} ({', '.join(toes)}), only than {fastest:.2f} m/s (lifting.events.toe_speed_m_s)"
+            return Event(None, ABSENT, how + gaps)
+        first_toe = min(starts, key=starts.__getitem__)
+        return Event(starts[first_toe], DETECTED, f"{first_toe} first: {rule}{gaps}")
+
 
 def _first_run(flags: np.ndarray, samples: int) -> int | None:
     """Return the index at which `flags` first stays true for at least `samples` samples."""
     return next((run.start for run in runs(flags) if run.stop - run.start >= samples), None)
 
 
+def _last_true(flags: np.ndarray, default: int) -> int:
+    """Return the last index at which `flags` is true, or the default."""
+    return int(max(np.flatnonzero(flags), default=default))
+
+
 def _sustained(values: np.ndarray, samples: int) -> float:
-    """Return the largest value that is exceeded for this number of samples; 0 if there is none."""
+    """Return the largest value that is exceeded for this number of samples; 0 if none is."""
     if len(values) < samples:
         return 0.0
     least = np.lib.stride_tricks.sliding_window_view(values, samples).min(axis=1)
     return float(np.nanmax(least, initial=0.0))
-
-
-def _toe_off(recording: MarkerRecording, settings: EventSettings, lift_off: float, release: float) -> Event:
-    """Return the first step between lift-off and release."""
-    toes = [name for name in TOES if name in recording]
-    if not toes:
-        return Event(None, ABSENT, "no toe markers: the end of the lift is not known")
-    searched = (recording.time > lift_off) & (recording.time < release)
-    # 65 ms are 13 frames at 200 Hz, whatever the rounding of the product.
-    samples = max(1, int(np.ceil(settings.toe_sustained_s * recording.rate - 1e-9)))
-    starts, unseen, fastest = {}, [], 0.0
-    for name in toes:
-        foot = speed(recording[name], recording.rate)
-        fastest = max(fastest, _sustained(foot[searched], samples))
-        first = _first_run((foot > settings.toe_speed_m_s) & searched, samples)
-        if first is not None:
-            starts[name] = float(recording.time[first])
-        if np.isnan(foot[searched]).any():
-            unseen.append(name)
-    gaps = f"; not always seen: {', '.join(unseen)}" if unseen else ""
-    rule = (
-        f"toe faster than {settings.toe_speed_m_s:g} m/s for at least {settings.toe_sustained_s:g} s between lift-off and "
-        "release"
-    )
-    if not starts:
-        how = f"no toe-off: no {rule} ({', '.join(toes)}), only than {fastest:.2f} m/s (lifting.events.toe_speed_m_s)"
-        return Event(None, ABSENT, how + gaps)
-    first_toe = min(starts, key=starts.__getitem__)
-    return Event(starts[first_toe], DETECTED, f"{first_toe} first: {rule}{gaps}")

@@ -43,23 +43,23 @@ class Event:
     latest_s: float | None = None
     """Instant at which a tenth of the movement is done: no threshold gives a later event; None if the rule has no such bound."""
     descent_s: float | None = None
-    """Start of the deposit by the rule ``descent``; None if there is none, and for other events."""
+    """Start of the deposit by the rule ``descent``; None if it has no result, and for other events."""
     thesis_s: float | None = None
-    """Start of the deposit by the thesis's rule ``wrist_minimum``; None if there is none, and for other events."""
+    """Start of the deposit by the thesis's rule ``wrist_minimum``; None if it has no result, and for other events."""
     file_s: float | None = None
     """Time in the recording's own file; None if the file has no such event, or several."""
     file: str = ""
     """The file's label, or those of several."""
 
     def as_dict(self) -> dict:
-        """Plain data for JSON."""
+        """Return plain data for JSON."""
         return asdict(self)
 
 
 def phases(time: np.ndarray, events: dict[str, Event]) -> np.ndarray:
     """Return the phase of every sample: before, lift, carry, deposit or after.
 
-    Without a toe-off the lift lasts until the start of the deposit and there is no carry. Times and phases have shape (n,).
+    Without a toe-off the lift lasts until the start of the deposit without a carry. Times and phases have shape (n,).
     """
     labels = np.full(len(time), "before", dtype="<U7")
     for label, name in (
@@ -74,7 +74,7 @@ def phases(time: np.ndarray, events: dict[str, Event]) -> np.ndarray:
     return labels
 
 
-def held_frames(time: np.ndarray, events: dict[str, Event]) -> np.ndarray:
+def frames_with_box(time: np.ndarray, events: dict[str, Event]) -> np.ndarray:
     """Return whether the box is held, shape (n,): from lift-off to release, as far as there are such events."""
     start, stop = (events[name].time_s for name in ("lift_off", "release"))
     if start is None and stop is None:
@@ -82,35 +82,35 @@ def held_frames(time: np.ndarray, events: dict[str, Event]) -> np.ndarray:
     return (time >= (time[0] if start is None else start)) & (time <= (time[-1] if stop is None else stop))
 
 
-def best_seen(recording: MarkerRecording, names: Iterable[str]) -> list[str]:
+def most_visible(recording: MarkerRecording, names: Iterable[str]) -> list[str]:
     """Return those markers that are seen whenever the longest seen one is; none without markers."""
-    seen = {name: np.isfinite(recording[name]).all(axis=1) for name in names if name in recording}
-    if not seen:
+    visible = {name: np.isfinite(recording[name]).all(axis=1) for name in names if name in recording}
+    if not visible:
         return []
-    best = max(seen.values(), key=np.count_nonzero)
-    return [name for name, when in seen.items() if when[best].all()]
+    best = max(visible.values(), key=np.count_nonzero)
+    return [name for name, when in visible.items() if when[best].all()]
 
 
-def mean_of_best_seen(recording: MarkerRecording, names: Iterable[str]) -> np.ndarray | None:
-    """Return the mean of `best_seen` markers, shape (n, 3) in metres; None without markers, NaN while they are not seen.
+def mean_of_most_visible(recording: MarkerRecording, names: Iterable[str]) -> np.ndarray | None:
+    """Return the mean of the `most_visible` markers, shape (n, 3) in metres; None without markers, NaN while they are not seen.
 
     A marker that is missing for a while is left out altogether: it would shift the mean when it comes and goes.
     """
-    best = best_seen(recording, names)
+    best = most_visible(recording, names)
     return np.mean([recording[name] for name in best], axis=0) if best else None
 
 
 def box_centre(recording: MarkerRecording) -> np.ndarray | None:
     """Return the centre of the box markers."""
-    return mean_of_best_seen(recording, [name for name in recording.positions if name.startswith("BOX_")])
+    return mean_of_most_visible(recording, [name for name in recording.positions if name.startswith("BOX_")])
 
 
 def wrist_centre(recording: MarkerRecording) -> np.ndarray | None:
     """Return the mean of the wrists in the recording."""
-    return mean_of_best_seen(recording, WRISTS)
+    return mean_of_most_visible(recording, WRISTS)
 
 
-def carried_object(recording: MarkerRecording) -> tuple[np.ndarray | None, str]:
+def locate_load(recording: MarkerRecording) -> tuple[np.ndarray | None, str]:
     """Return the positions of the box, or of the hands if it has no markers, and ``"box"`` or ``"hands"``."""
     box = box_centre(recording)
     return (wrist_centre(recording), "hands") if box is None else (box, "box")
@@ -146,12 +146,12 @@ def turning_points(height: np.ndarray, size: float) -> list[int]:
 def great_swings(height: np.ndarray, size: float, sign: int) -> list[tuple[int, int]]:
     """Return the first and last index of every great rise (`sign` 1) or descent (-1) of at least `size`."""
     swings = [
-        pair
-        for pair in pairwise(turning_points(height, size))
-        if sign * (height[pair[1]] - height[pair[0]]) > 0
+        (low, high)
+        for low, high in pairwise(turning_points(height, size))
+        if sign * (height[high] - height[low]) > 0
     ]
-    greatest = max((abs(height[last] - height[first]) for first, last in swings), default=0.0)
-    return [pair for pair in swings if abs(height[pair[1]] - height[pair[0]]) >= GREAT * greatest]
+    sizes = [abs(height[last] - height[first]) for first, last in swings]
+    return [swing for swing, size in zip(swings, sizes, strict=True) if size >= GREAT * max(sizes)]
 
 
 def greatest_rise(height: np.ndarray) -> float:
@@ -164,11 +164,11 @@ def lift_windows(recording: MarkerRecording, settings: EventSettings) -> list[tu
 
     They are cut in the middle of the time for which it stays lowest between two rises.
     """
-    points, _ = carried_object(recording)
-    seen = np.isfinite(points).all(axis=1) if points is not None else np.zeros(len(recording), bool)
-    if not seen.any():
+    points, _ = locate_load(recording)
+    if points is None or not np.isfinite(points).all(axis=1).any():
         return []
-    time, height = recording.time[seen], points[seen, 2]
+    visible = np.isfinite(points).all(axis=1)
+    time, height = recording.time[visible], points[visible, 2]
     swings, edges = great_swings(height, settings.hands_rise_m, 1), [float(recording.time[0])]
     for (_, before), (low, high) in pairwise(swings):
         lowest = height[before:high] <= height[low] + LOWEST * (height[high] - height[low])
@@ -178,7 +178,7 @@ def lift_windows(recording: MarkerRecording, settings: EventSettings) -> list[tu
 
 def several_lifts(recording: MarkerRecording, events: dict[str, Event], settings: EventSettings) -> str:
     """Return a question with time windows if the object rises so often that it may be several lifts; else nothing."""
-    _, carried = carried_object(recording)
+    _, carried = locate_load(recording)
     start, stop = (events[name].time_s for name in ("lift_off", "release"))
     if start is None or stop is None:
         return ""
@@ -211,101 +211,98 @@ def check_order(recording: MarkerRecording, times: dict[str, float]) -> None:
     problems.raise_if_any()
 
 
-class SeveralEvents(Exception):
+class SeveralEventsError(Exception):
     """Several marks that may be the event; the text lists them."""
 
 
 def marks_of(recording: MarkerRecording, labels: EventLabels, name: str) -> list[RecordedEvent]:
     """Return the events of the file, within the recording, with a label that means this event of a lift."""
-    wanted = set(map(_folded, getattr(labels, name)))
-    return [event for event in _within(recording) if _folded(event.label) in wanted]
+    wanted = {re.sub(r"[\W_]+", "", label.lower()) for label in getattr(labels, name)}
+    return [mark for mark in _marks_within(recording) if re.sub(r"[\W_]+", "", mark.label.lower()) in wanted]
 
 
 def file_event(
     recording: MarkerRecording, labels: EventLabels, name: str, start: float, stop: float
 ) -> RecordedEvent | None:
-    """Return the event of the file that means one of a lift; None if there is none.
+    """Return the event of the file that means one of a lift; None if the file has no such event.
 
     `labels` are those that mean each event. Among steps (`name` ``"toe_off"``) it is the first between `start` and `stop`, in
     seconds; any other event may be there only a single time.
 
     Raises
     ------
-    SeveralEvents
+    SeveralEventsError
         The event is there several times.
     """
-    found = marks_of(recording, labels, name)
+    marks = marks_of(recording, labels, name)
     if name == "toe_off":
-        return next((event for event in found if start < event.time < stop), None)
-    if len(found) > 1:
-        times = ", ".join(f"{event.full_label} at {event.time:.2f} s" for event in found)
-        raise SeveralEvents(
+        return next((mark for mark in marks if start < mark.time < stop), None)
+    if len(marks) > 1:
+        times = ", ".join(f"{mark.full_label} at {mark.time:.2f} s" for mark in marks)
+        raise SeveralEventsError(
             f"{times}: it is not known which one is meant (window_s of the trial selects one)"
         )
-    return found[0] if found else None
+    return marks[0] if marks else None
 
 
-def refuse_without(recording: MarkerRecording, labels: EventLabels, names: tuple[str, ...]) -> None:
+def require_file_events(recording: MarkerRecording, labels: EventLabels) -> None:
     """Raise `InputError` if a file has no event of a lift although its events are selected."""
-    if any(marks_of(recording, labels, name) for name in names):
+    if any(marks_of(recording, labels, name) for name in EVENTS):
         return
-    within = _within(recording)
-    found = f"holds {', '.join(sorted({repr(event.label) for event in within}))}" if within else "holds none"
+    within = _marks_within(recording)
+    content = f"holds {', '.join(sorted({repr(mark.label) for mark in within}))}" if within else "holds none"
     outside = len(recording.events) - len(within)
-    found += f", and {outside} outside {_span(recording)}" if outside else ""
+    content += f", and {outside} outside {_span(recording)}" if outside else ""
     raise InputError(
-        f"{recording.source}: the file's events are selected, but it {found}; set lifting.events.labels to the labels that mean "
-        "lift_off, toe_off, deposit_start and release; or select those detected (lifting.events.taken_from, the trial's events)"
+        f"{recording.source}: the file's events are selected, but it {content}; set lifting.events.labels to the labels that "
+        "mean lift_off, toe_off, deposit_start and release; or select those detected (lifting.events.taken_from, the trial's "
+        "events)"
     )
 
 
-def comparison(recording: MarkerRecording, events: Mapping[str, Event], labels: EventLabels) -> list[str]:
+def compare_with_file(
+    recording: MarkerRecording, events: Mapping[str, Event], labels: EventLabels
+) -> list[str]:
     """Return sentences on how far the file's events are from those detected, and on labels that mean no event of a lift."""
-    lines = [f"events of the file: {line}" for name in events if (line := _compared(name, events[name]))]
+    lines = []
+    for name, event in events.items():
+        in_file = f"events of the file: {name} {event.file_s or 0.0:.3f} s ({event.file})"
+        detected = event.detected_s if event.method in (DECLARED, IN_FILE) else event.time_s
+        if event.file_s is None:
+            lines += [f"events of the file: {name}: {event.file}"] if event.file else []
+        elif detected is None:
+            lines.append(f"{in_file}; none detected")
+        else:
+            late = detected - event.file_s
+            shift = f"{abs(late):.3f} s {'later' if late > 0 else 'earlier'}"
+            shift = "the same" if abs(late) < NEAREST_S else shift
+            lines.append(f"{in_file}; detected at {detected:.3f} s, {shift}")
+    # Marks that are compared with no event, by the reason.
     meant = {name: marks_of(recording, labels, name) for name in events}
-    within = _within(recording)
-    unnamed = [event for event in within if not any(event in found for found in meant.values())]
-    unused = [event for name, found in meant.items() for event in found if not events[name].file]
-    for found, why in (
-        (unnamed, "with labels that mean no event of a lift by lifting.events.labels"),
-        (unused, "that are not compared, because they are not between a lift-off and a release"),
-        (
-            [event for event in recording.events if event not in within],
-            f"outside {_span(recording)}, not used",
-        ),
-    ):
-        lines += [f"events of the file {why}: {_listed(found)}"] if found else []
+    within = _marks_within(recording)
+    ignored = {
+        "with labels that mean no event of a lift by lifting.events.labels": [
+            mark for mark in within if not any(mark in marks for marks in meant.values())
+        ],
+        "that are not compared, because they are not between a lift-off and a release": [
+            mark for name, marks in meant.items() for mark in marks if not events[name].file
+        ],
+        f"outside {_span(recording)}, not used": [mark for mark in recording.events if mark not in within],
+    }
+    for reason, marks in ignored.items():
+        times: dict[str, list[str]] = {}
+        for mark in marks:
+            times.setdefault(mark.full_label, []).append(f"{mark.time:.2f}")
+        listed = "; ".join(f"{label} at {', '.join(at)} s" for label, at in times.items())
+        lines += [f"events of the file {reason}: {listed}"] if marks else []
     return lines
 
 
-def _listed(events: list[RecordedEvent]) -> str:
-    times: dict[str, list[str]] = {}
-    for event in events:
-        times.setdefault(event.full_label, []).append(f"{event.time:.2f}")
-    return "; ".join(f"{label} at {', '.join(at)} s" for label, at in times.items())
-
-
-def _compared(name: str, event: Event) -> str:
-    if event.file_s is None:
-        return f"{name}: {event.file}" if event.file else ""
-    detected = event.detected_s if event.method in (DECLARED, IN_FILE) else event.time_s
-    in_file = f"{name} {event.file_s:.3f} s ({event.file})"
-    if detected is None:
-        return f"{in_file}; none detected"
-    late = detected - event.file_s
-    where = "the same" if abs(late) < NEAREST_S else f"{abs(late):.3f} s {'later' if late > 0 else 'earlier'}"
-    return f"{in_file}; detected at {detected:.3f} s, {where}"
-
-
-def _within(recording: MarkerRecording) -> list[RecordedEvent]:
-    first, last = recording.time[0], recording.time[-1]
-    frame = 1 / recording.rate
-    return [event for event in recording.events if first - frame <= event.time <= last + frame]
+def _marks_within(recording: MarkerRecording) -> list[RecordedEvent]:
+    """Return the marks of the file in the recorded time, with a frame's tolerance."""
+    first, last = recording.time[0] - 1 / recording.rate, recording.time[-1] + 1 / recording.rate
+    return [mark for mark in recording.events if first <= mark.time <= last]
 
 
 def _span(recording: MarkerRecording) -> str:
     return f"{recording.time[0]:.2f} to {recording.time[-1]:.2f} s"
-
-
-def _folded(label: str) -> str:
-    return re.sub(r"[\W_]+", "", label.lower())

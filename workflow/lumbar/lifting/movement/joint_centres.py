@@ -17,7 +17,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 
@@ -33,7 +32,7 @@ _THORACOLUMBAR = {"male": (94.0, 0.52), "female": (92.0, 0.50)}
 """Angle from the line T12-T8 towards the front, degrees, and share of the thorax's width C7-suprasternale."""
 _CERVICAL = {"male": (8.0, 0.55), "female": (14.0, 0.53)}
 """Angle from the line C7-suprasternale upwards, degrees, and share of its length."""
-INNER, SKIN = "inner", "skin"
+INNER = "inner"
 SIDES = ("L", "R")
 MID_HIP = "MID_HIP"
 """Middle between the hips: of their joint centres, or of the greater trochanters."""
@@ -48,11 +47,13 @@ SKIN_MARKERS = {
 """Markers whose mean is the point on the skin, which the thesis takes."""
 SKIN_OFF_MM = {"C7T1": 75.0, "T12L1": 70.0, "XIPHOID_LEVEL": 90.0, "L4L5": 80.0, "L5S1": 85.0, MID_HIP: 20.0}
 """Approximate distance of the point on the skin from the joint's centre: by the regressions on an adult."""
+_HIP_YEARS = {"harrington": 2007, "hara": 2016, "reed": 1999}
 _HIP_OFF_MM = {"harrington": 15.0, "hara": 15.0, "reed": 25.0}
 _SPINE_OFF_MM, _WITHOUT_T8_OFF_MM = 20.0, 25.0
 L5_SHARE = 0.2
 """L4/L5 lies one of the five lumbar vertebrae above L5/S1, on the line to T12/L1."""
 _PELVIS_MARKERS = ("L_ASIS", "R_ASIS", "L_PSIS", "R_PSIS", "SACRUM")
+_ANKLES = ("L_ANKLE", "R_ANKLE")
 _PAIRS = (("L_ASIS", "R_ASIS"), ("L_HIP", "R_HIP"), ("L_SHOULDER", "R_SHOULDER"))
 
 
@@ -65,11 +66,11 @@ class TrunkPoint:
     rule: str
     """Definition, with its source."""
     inner: bool
-    """Whether it is a joint's centre and not a point on the skin."""
+    """True for a joint's centre, false for a point on the skin."""
     off_mm: float
     """Possible distance from the joint's centre: for hips the published error, otherwise an assumption."""
     markers: tuple[str, ...]
-    """Markers it was computed from."""
+    """Markers from which it was computed."""
 
 
 @dataclass(frozen=True)
@@ -96,12 +97,12 @@ class TrunkPoints:
         used = (self.points[name].markers for name in names if name in self)
         return list(dict.fromkeys(marker for markers in used for marker in markers))
 
-    def on_skin(self, names: Iterable[str]) -> list[str]:
+    def list_skin_rules(self, names: Iterable[str]) -> list[str]:
         """Return the rules of those of the named points that are not joint centres."""
         return [self.points[name].rule for name in names if name in self and not self.points[name].inner]
 
 
-class _MissingMarkers(Exception):
+class _MissingMarkersError(Exception):
     """Markers, or ends above, that a rule needs and the recording does not have; the text names them."""
 
     def __init__(self, text: str, markers: Iterable[str] = ()):
@@ -114,39 +115,63 @@ def trunk_points(recording: MarkerRecording, ends: str, hips: str, sex: str) -> 
 
     If a joint's centre cannot be estimated, the marker on the skin replaces it, and its rule reports this and the possible error.
     Joint centres of the file are used unchanged.
-    The recording is filtered; `ends` are inner (joint centres) or skin (the thesis's markers), `hips` one of `HIP_RULES`.
+
+    Parameters
+    ----------
+    recording : MarkerRecording
+        Filtered.
+    ends : {"inner", "skin"}
+        Joint centres, or the thesis's markers.
+    hips : str
+        One of `HIP_RULES`.
+    sex : str
+        As in the subject's file.
     """
     inner = _InnerPoints(recording, hips, sex)
-    found: dict[str, TrunkPoint] = {}
+    points: dict[str, TrunkPoint] = {}
     missing: dict[str, str] = {}
-    for name in SKIN_MARKERS:
+    for name, markers in SKIN_MARKERS.items():
         inside = None
         if ends == INNER and not recording.joints:
             try:
-                found[name] = inner.point(name, found)
+                points[name] = inner.locate(name, points)
                 continue
-            except _MissingMarkers as error:
+            except _MissingMarkersError as error:
                 inside = error
         try:
-            found[name] = _skin_point(recording, name, str(inside or ""))
-        except _MissingMarkers as error:
+            _require(recording, markers)
+        except _MissingMarkersError as error:
             repeated = inside is not None and error.markers <= inside.markers
             missing[name] = "; ".join(map(str, filter(None, (inside, None if repeated else error))))
+            continue
+        rule, off = (
+            f"{name} is given by {' and '.join(markers)}, joint centres as the file has them",
+            _SPINE_OFF_MM,
+        )
+        if not recording.joints:
+            place = (
+                "the middle of the trochanters" if name == MID_HIP else f"the marker {markers[0]} on the skin"
+            )
+            off = SKIN_OFF_MM[name]
+            rule = f"{name} is {place}, about {off:g} mm from the joint's centre" + (
+                f" ({inside})" if inside else ""
+            )
+        position = np.mean([recording[marker] for marker in markers], axis=0)
+        points[name] = TrunkPoint(position, rule, recording.joints, off, markers)
     sides: dict[str, np.ndarray] = {}
-    if MID_HIP in found and found[MID_HIP].inner and not recording.joints:
-        pelvis, hip = inner.pelvis.pelvis, inner.hip.centre
+    if MID_HIP in points and points[MID_HIP].inner and not recording.joints:
+        forward, up, right = inner.hip
         sides = {
-            f"{side}_HIP": pelvis.point(hip.forward, hip.up, sign * hip.right)
-            for side, sign in (("L", -1), ("R", 1))
+            f"{side}_HIP": inner.pelvis.point(forward, up, s * right) for side, s in (("L", -1), ("R", 1))
         }
-    elif MID_HIP in found:
+    elif MID_HIP in points:
         sides = {name: recording[name] for name in SKIN_MARKERS[MID_HIP]}
     # The subject's right: by the first pair of markers in the recording, else that of the laboratory.
     right = np.tile([1.0, 0.0, 0.0], (len(recording), 1))
     pair = next((pair for pair in _PAIRS if all(name in recording for name in pair)), None)
     if pair is not None:
         right = unit(recording[pair[1]] - recording[pair[0]])
-    return TrunkPoints(found, missing, right, sides)
+    return TrunkPoints(points, missing, right, sides)
 
 
 def limb_joints(recording: MarkerRecording) -> dict[str, np.ndarray]:
@@ -164,162 +189,10 @@ def limb_joints(recording: MarkerRecording) -> dict[str, np.ndarray]:
     return joints
 
 
-def _skin_point(recording: MarkerRecording, name: str, reason: str) -> TrunkPoint:
-    markers = SKIN_MARKERS[name]
-    _need(recording, markers)
-    position = np.mean([recording[marker] for marker in markers], axis=0)
-    what = "the middle of the trochanters" if name == MID_HIP else f"the marker {markers[0]} on the skin"
-    if recording.joints:
-        rule = f"{name} is given by {' and '.join(markers)}, joint centres as the file has them"
-        return TrunkPoint(position, rule, True, _SPINE_OFF_MM, markers)
-    off = SKIN_OFF_MM[name]
-    rule = f"{name} is {what}, about {off:g} mm from the joint's centre" + (f" ({reason})" if reason else "")
-    return TrunkPoint(position, rule, False, off, markers)
-
-
-def _need(recording: MarkerRecording, markers: tuple[str, ...]) -> None:
+def _require(recording: MarkerRecording, markers: Iterable[str]) -> None:
     lacking = list(dict.fromkeys(name for name in markers if name not in recording))
     if lacking:
-        raise _MissingMarkers(f"no marker {', '.join(lacking)}", lacking)
-
-
-class HipCentre(NamedTuple):
-    """Coordinates of the right hip's centre along the axes of the pelvis, metres."""
-
-    forward: float
-    up: float
-    right: float
-
-
-@dataclass(frozen=True)
-class _SeenPelvis:
-    """The pelvis of a recording."""
-
-    pelvis: Pelvis
-    markers: tuple[str, ...]
-    filled: str
-    """Text on frames that were filled; empty without any."""
-
-
-@dataclass(frozen=True)
-class _RuledHip:
-    """The right hip by one of `HIP_RULES`."""
-
-    centre: HipCentre
-    markers: tuple[str, ...]
-    source: str
-    """Publication."""
-
-
-class _InnerPoints:
-    """Joint centres of one recording; a rule raises `_MissingMarkers` if its markers are missing."""
-
-    def __init__(self, recording: MarkerRecording, hips: str, sex: str):
-        self.recording, self.hips, self.sex = recording, hips, sex
-
-    def point(self, name: str, found: dict[str, TrunkPoint]) -> TrunkPoint:
-        """Return a point by its name in `SKIN_MARKERS`; those above it on the spine are in `found`."""
-        match name:
-            case "C7T1":
-                return self.cervical()
-            case "T12L1":
-                return self.thoracolumbar()
-            case "XIPHOID_LEVEL":
-                return self.level_of_xiphoid(found)
-            case "L4L5":
-                return self.fourth_lumbar(found)
-            case "L5S1":
-                return self.lumbosacral()
-        hip = self.hip
-        rule = f"{MID_HIP} is the middle of the hip joint centres ({hip.source}){self.pelvis.filled}"
-        position = self.pelvis.pelvis.point(hip.centre.forward, hip.centre.up)
-        return TrunkPoint(position, rule, True, _HIP_OFF_MM[self.hips], hip.markers)
-
-    @cached_property
-    def pelvis(self) -> _SeenPelvis:
-        """The pelvis; the sacrum's marker may replace both PSIS."""
-        recording = self.recording
-        psis = ("L_PSIS", "R_PSIS")
-        if not all(name in recording for name in psis) and "SACRUM" in recording:
-            psis = ("SACRUM",)
-        markers = ("L_ASIS", "R_ASIS", *psis)
-        _need(recording, markers)
-        body = {name: recording[name] for name in _PELVIS_MARKERS if name in recording}
-        seen, frames = fill_from_body(body)
-        counts = ", ".join(f"{name} in {count} frames" for name, count in frames.items() if name in markers)
-        filled = f"; not seen and filled from the rest of the pelvis: {counts}" if counts else ""
-        middle = np.mean([seen[name] for name in psis], axis=0)
-        return _SeenPelvis(
-            pelvis_of(seen["L_ASIS"], seen["R_ASIS"], middle, recording.source), markers, filled
-        )
-
-    @cached_property
-    def hip(self) -> _RuledHip:
-        """The right hip by the chosen rule."""
-        recording, seen = self.recording, self.pelvis
-        if self.hips == "harrington":
-            return _RuledHip(harrington_hips(seen.pelvis), seen.markers, "Harrington et al. 2007")
-        if self.hips == "reed":
-            return _RuledHip(reed_hips(seen.pelvis, self.sex), seen.markers, "Reed et al. 1999")
-        legs = ("L_ANKLE", "R_ANKLE")
-        _need(recording, legs)
-        # Distance of ASIS and ankle with the straightest legs, mean of both sides.
-        lengths = [
-            np.linalg.norm(recording[f"{side}_ASIS"] - recording[f"{side}_ANKLE"], axis=1) for side in "LR"
-        ]
-        length = float(np.mean([np.nanpercentile(side, 95) for side in lengths]))
-        source = "Hara et al. 2016, leg from ASIS to ankle marker"
-        return _RuledHip(hara_hips(length), (*seen.markers, *legs), source)
-
-    def lumbosacral(self) -> TrunkPoint:
-        seen = self.pelvis
-        position = lumbosacral_centre(seen.pelvis, self.sex)
-        rule = f"joint centre of L5/S1 (Reed et al. 1999){seen.filled}"
-        return self.spine("L5S1", position, rule, seen.markers)
-
-    def fourth_lumbar(self, found: dict[str, TrunkPoint]) -> TrunkPoint:
-        if "T12L1" not in found:
-            raise _MissingMarkers("no T12/L1 above it")
-        below, above = self.lumbosacral(), found["T12L1"]
-        position = below.position + L5_SHARE * (above.position - below.position)
-        rule = f"centre of L4/L5, {L5_SHARE:g} of the way from L5/S1 to T12/L1{self.pelvis.filled}"
-        off = below.off_mm + L5_SHARE * above.off_mm
-        return self.spine("L4L5", position, rule, (*below.markers, *above.markers), off)
-
-    def cervical(self) -> TrunkPoint:
-        below = next((name for name in ("T12", "SACRUM", "XIPHOID") if name in self.recording), "T12")
-        markers = ("C7", "MANUBRIUM", below)
-        _need(self.recording, markers)
-        position = cervical_centre(*(self.recording[name] for name in markers), self.sex)
-        return self.spine("C7T1", position, "joint centre of C7/T1 (Reed et al. 1999)", markers)
-
-    def thoracolumbar(self) -> TrunkPoint:
-        above = "T8" if "T8" in self.recording else "C7"
-        markers = ("T12", above, "C7", "MANUBRIUM")
-        _need(self.recording, markers)
-        position = thoracolumbar_centre(*(self.recording[name] for name in markers), self.sex)
-        rule, off = "joint centre of T12/L1 (Reed et al. 1999)", _SPINE_OFF_MM
-        if above != "T8":
-            rule, off = "joint centre of T12/L1 (Reed et al. 1999, C7 in place of T8)", _WITHOUT_T8_OFF_MM
-        return self.spine("T12L1", position, rule, markers, off)
-
-    def level_of_xiphoid(self, found: dict[str, TrunkPoint]) -> TrunkPoint:
-        """Foot of the perpendicular from the xiphoid on the line C7/T1-T12/L1."""
-        _need(self.recording, ("XIPHOID",))
-        if not all(name in found and found[name].inner for name in ("C7T1", "T12L1")):
-            raise _MissingMarkers("no C7/T1 and T12/L1 inside the body")
-        top, bottom = found["C7T1"], found["T12L1"]
-        down = unit(bottom.position - top.position)
-        along = np.sum((self.recording["XIPHOID"] - top.position) * down, axis=1, keepdims=True)
-        rule = "level of the xiphoid on the line C7/T1-T12/L1"
-        markers = ("XIPHOID", *top.markers, *bottom.markers)
-        return self.spine("XIPHOID_LEVEL", top.position + along * down, rule, markers)
-
-    @staticmethod
-    def spine(
-        name: str, position: np.ndarray, rule: str, markers: tuple[str, ...], off: float = _SPINE_OFF_MM
-    ) -> TrunkPoint:
-        return TrunkPoint(position, f"{name} is the {rule}", True, off, markers)
+        raise _MissingMarkersError(f"no marker {', '.join(lacking)}", lacking)
 
 
 @dataclass(frozen=True)
@@ -338,78 +211,145 @@ class Pelvis:
     """Distance between the ASIS, median over time, metres."""
     depth: float
     """Distance of their middle from that of the PSIS, median over time, metres."""
+    markers: tuple[str, ...]
+    """Markers from which it was computed."""
+    filled: str
+    """Text on frames that were filled; empty without any."""
 
     def point(self, forward: float, up: float, right: float = 0.0) -> np.ndarray:
         """Return the trajectory, shape (n, 3), of a point of the pelvis, in metres along its axes."""
         return self.origin + forward * self.forward + up * self.up + right * self.right
 
 
-def pelvis_of(
-    left_asis: np.ndarray, right_asis: np.ndarray, middle_of_psis: np.ndarray, source: str = ""
-) -> Pelvis:
-    """Return axes and size of the pelvis from trajectories of its markers, each of shape (n, 3) in metres."""
-    origin = (left_asis + right_asis) / 2
-    right = unit(right_asis - left_asis)
-    up = unit(np.cross(right_asis - middle_of_psis, left_asis - middle_of_psis))
-    width = typical_distance(left_asis, right_asis)
-    depth = typical_distance(origin, middle_of_psis)
-    if not np.isfinite(up).any():
-        raise InputError(f"{source}: the markers of the pelvis (ASIS, PSIS) are never seen together")
-    return Pelvis(origin, np.cross(up, right), up, right, width, depth)
+class _InnerPoints:
+    """Joint centres of one recording; a rule raises `_MissingMarkersError` if its markers are missing."""
 
+    def __init__(self, recording: MarkerRecording, hips: str, sex: str):
+        self.recording, self.hips, self.sex = recording, hips, sex
 
-def harrington_hips(pelvis: Pelvis) -> HipCentre:
-    """Return the right hip's centre (Harrington et al. 2007).
+    def locate(self, name: str, above: Mapping[str, TrunkPoint]) -> TrunkPoint:
+        """Return a point by its name in `SKIN_MARKERS`; those above it on the spine are given."""
+        match name:
+            case "C7T1":
+                return self._cervical()
+            case "T12L1":
+                return self._thoracolumbar()
+            case "XIPHOID_LEVEL":
+                return self._xiphoid_level(above)
+            case "L4L5":
+                return self._fourth_lumbar(above)
+            case "L5S1":
+                return self._lumbosacral()
+        forward, up, _ = self.hip
+        markers, source = self.pelvis.markers, f"{self.hips.title()} et al. {_HIP_YEARS[self.hips]}"
+        if self.hips == "hara":
+            markers, source = (*markers, *_ANKLES), f"{source}, leg from ASIS to ankle marker"
+        rule = f"{MID_HIP} is the middle of the hip joint centres ({source}){self.pelvis.filled}"
+        return TrunkPoint(self.pelvis.point(forward, up), rule, True, _HIP_OFF_MM[self.hips], markers)
 
-    The published equations that need no length of the leg, with pelvic depth PD and width PW in millimetres:
-    -0.24 PD - 9.9, -0.30 PW - 10.9, 0.33 PW + 7.3.
-    """
-    return HipCentre(
-        -0.24 * pelvis.depth - 0.0099, -0.30 * pelvis.width - 0.0109, 0.33 * pelvis.width + 0.0073
-    )
+    def _row(self, table: Mapping[str, tuple[float, ...]]) -> tuple[float, ...]:
+        """Return the coefficients of the subject's sex; the mean of both for an unknown sex."""
+        means = (float(np.mean(values)) for values in zip(*table.values(), strict=True))
+        return table[self.sex] if self.sex in table else tuple(means)
 
+    @cached_property
+    def pelvis(self) -> Pelvis:
+        """The pelvis; the sacrum's marker may replace both PSIS."""
+        recording = self.recording
+        psis = ("L_PSIS", "R_PSIS")
+        if not all(name in recording for name in psis) and "SACRUM" in recording:
+            psis = ("SACRUM",)
+        markers = ("L_ASIS", "R_ASIS", *psis)
+        _require(recording, markers)
+        body, frames = fill_from_body(
+            {name: recording[name] for name in _PELVIS_MARKERS if name in recording}
+        )
+        counts = ", ".join(f"{name} in {count} frames" for name, count in frames.items() if name in markers)
+        filled = f"; not seen and filled from the rest of the pelvis: {counts}" if counts else ""
+        left, right, back = body["L_ASIS"], body["R_ASIS"], np.mean([body[name] for name in psis], axis=0)
+        origin, rightward, up = (
+            (left + right) / 2,
+            unit(right - left),
+            unit(np.cross(right - back, left - back)),
+        )
+        if not np.isfinite(up).any():
+            raise InputError(
+                f"{recording.source}: the markers of the pelvis (ASIS, PSIS) are never seen together"
+            )
+        width, depth = typical_distance(left, right), typical_distance(origin, back)
+        return Pelvis(origin, np.cross(up, rightward), up, rightward, width, depth, markers, filled)
 
-def hara_hips(leg_length: float) -> HipCentre:
-    """Return the right hip's centre from the leg's length in metres (Hara et al. 2016).
+    @cached_property
+    def hip(self) -> tuple[float, ...]:
+        """The right hip's centre forward, up and right along the axes of the pelvis, metres."""
+        pelvis = self.pelvis
+        if self.hips == "harrington":
+            # Those of the published equations that need no length of the leg.
+            return -0.24 * pelvis.depth - 0.0099, -0.30 * pelvis.width - 0.0109, 0.33 * pelvis.width + 0.0073
+        if self.hips == "reed":
+            return tuple(share * pelvis.width for share in self._row(_HIPS))
+        # Hara: distance of ASIS and ankle with the straightest legs, mean of both sides.
+        _require(self.recording, _ANKLES)
+        lines = [self.recording[f"{side}_ASIS"] - self.recording[f"{side}_ANKLE"] for side in SIDES]
+        leg = float(np.mean([np.nanpercentile(np.linalg.norm(line, axis=1), 95) for line in lines]))
+        return 0.011 - 0.063 * leg, -0.009 - 0.078 * leg, 0.008 + 0.086 * leg
 
-    The leg's length is that from ASIS to medial malleolus, LL in millimetres: 11 - 0.063 LL, -9 - 0.078 LL,
-    8 + 0.086 LL.
-    """
-    return HipCentre(0.011 - 0.063 * leg_length, -0.009 - 0.078 * leg_length, 0.008 + 0.086 * leg_length)
+    def _lumbosacral(self) -> TrunkPoint:
+        pelvis = self.pelvis
+        position = pelvis.point(*(share * pelvis.width for share in self._row(_LUMBOSACRAL)))
+        rule = f"L5S1 is the joint centre of L5/S1 (Reed et al. 1999){pelvis.filled}"
+        return TrunkPoint(position, rule, True, _SPINE_OFF_MM, pelvis.markers)
 
+    def _fourth_lumbar(self, above: Mapping[str, TrunkPoint]) -> TrunkPoint:
+        if "T12L1" not in above:
+            raise _MissingMarkersError("no T12/L1 above it")
+        bottom, top = self._lumbosacral(), above["T12L1"]
+        position = bottom.position + L5_SHARE * (top.position - bottom.position)
+        rule = (
+            f"L4L5 is the centre of L4/L5, {L5_SHARE:g} of the way from L5/S1 to T12/L1{self.pelvis.filled}"
+        )
+        off = bottom.off_mm + L5_SHARE * top.off_mm
+        return TrunkPoint(position, rule, True, off, (*bottom.markers, *top.markers))
 
-def reed_hips(pelvis: Pelvis, sex: str) -> HipCentre:
-    """Return the right hip's centre (Reed et al. 1999)."""
-    return HipCentre(*(share * pelvis.width for share in _row(_HIPS, sex)))
+    def _cervical(self) -> TrunkPoint:
+        # A marker further down the spine gives the sagittal plane.
+        below = next((name for name in ("T12", "SACRUM", "XIPHOID") if name in self.recording), "T12")
+        markers = ("C7", "MANUBRIUM", below)
+        _require(self.recording, markers)
+        c7, front, lower = (self.recording[name] for name in markers)
+        angle, share = self._row(_CERVICAL)
+        forward = unit(front - c7)
+        up = np.cross(unit(np.cross(front - c7, c7 - lower)), forward)
+        position = c7 + share * typical_distance(c7, front) * _rotate(forward, up, angle)
+        rule = "C7T1 is the joint centre of C7/T1 (Reed et al. 1999)"
+        return TrunkPoint(position, rule, True, _SPINE_OFF_MM, markers)
 
+    def _thoracolumbar(self) -> TrunkPoint:
+        # With C7 for T8 the point moves along the spine by about the sine of the angle between both lines.
+        has_t8 = "T8" in self.recording
+        markers = ("T12", "T8" if has_t8 else "C7", "C7", "MANUBRIUM")
+        _require(self.recording, markers)
+        t12, above, c7, front = (self.recording[name] for name in markers)
+        angle, share = self._row(_THORACOLUMBAR)
+        up = unit(above - t12)
+        forward = np.cross(up, unit(np.cross(front - c7, c7 - t12)))
+        position = t12 + share * typical_distance(c7, front) * _rotate(up, forward, angle)
+        rule = (
+            f"T12L1 is the joint centre of T12/L1 (Reed et al. 1999{'' if has_t8 else ', C7 in place of T8'})"
+        )
+        return TrunkPoint(position, rule, True, _SPINE_OFF_MM if has_t8 else _WITHOUT_T8_OFF_MM, markers)
 
-def lumbosacral_centre(pelvis: Pelvis, sex: str) -> np.ndarray:
-    """Return the centre of L5/S1, shape (n, 3) in metres (Reed et al. 1999)."""
-    return pelvis.point(*(share * pelvis.width for share in _row(_LUMBOSACRAL, sex)))
-
-
-def cervical_centre(c7: np.ndarray, suprasternale: np.ndarray, below: np.ndarray, sex: str) -> np.ndarray:
-    """Return the centre of C7/T1 from markers, each of shape (n, 3) in metres (Reed et al. 1999).
-
-    `below` is one of the spine further down, which gives the sagittal plane.
-    """
-    angle, share = _row(_CERVICAL, sex)
-    forward = unit(suprasternale - c7)
-    up = np.cross(_spine_rightward(c7, suprasternale, below), forward)
-    return c7 + share * typical_distance(c7, suprasternale) * _turned(forward, up, angle)
-
-
-def thoracolumbar_centre(
-    t12: np.ndarray, above: np.ndarray, c7: np.ndarray, suprasternale: np.ndarray, sex: str
-) -> np.ndarray:
-    """Return the centre of T12/L1 from markers, each of shape (n, 3) in metres (Reed et al. 1999).
-
-    `above` is T8; with C7 in its place the point is moved along the spine by about the sine of the angle between both lines.
-    """
-    angle, share = _row(_THORACOLUMBAR, sex)
-    up = unit(above - t12)
-    forward = np.cross(up, _spine_rightward(c7, suprasternale, t12))
-    return t12 + share * typical_distance(c7, suprasternale) * _turned(up, forward, angle)
+    def _xiphoid_level(self, above: Mapping[str, TrunkPoint]) -> TrunkPoint:
+        # Foot of the perpendicular from the xiphoid on the line C7/T1-T12/L1.
+        _require(self.recording, ("XIPHOID",))
+        if not all(name in above and above[name].inner for name in ("C7T1", "T12L1")):
+            raise _MissingMarkersError("no C7/T1 and T12/L1 inside the body")
+        top, bottom = above["C7T1"], above["T12L1"]
+        down = unit(bottom.position - top.position)
+        along = np.sum((self.recording["XIPHOID"] - top.position) * down, axis=1, keepdims=True)
+        rule = "XIPHOID_LEVEL is the level of the xiphoid on the line C7/T1-T12/L1"
+        markers = ("XIPHOID", *top.markers, *bottom.markers)
+        return TrunkPoint(top.position + along * down, rule, True, _SPINE_OFF_MM, markers)
 
 
 def unit(vectors: np.ndarray) -> np.ndarray:
@@ -421,20 +361,11 @@ def unit(vectors: np.ndarray) -> np.ndarray:
 def typical_distance(start: np.ndarray, end: np.ndarray) -> float:
     """Return the median over time of the distance of two trajectories: a size of the body."""
     distance = np.linalg.norm(end - start, axis=-1)
-    seen = distance[np.isfinite(distance)]
-    return float(np.median(seen)) if seen.size else np.nan
+    known = distance[np.isfinite(distance)]
+    return float(np.median(known)) if known.size else np.nan
 
 
-def _spine_rightward(c7: np.ndarray, suprasternale: np.ndarray, below: np.ndarray) -> np.ndarray:
-    return unit(np.cross(suprasternale - c7, c7 - below))
-
-
-def _turned(start: np.ndarray, towards: np.ndarray, angle_deg: float) -> np.ndarray:
+def _rotate(start: np.ndarray, towards: np.ndarray, angle_deg: float) -> np.ndarray:
+    """Return unit vectors, shape (n, 3), rotated by an angle towards others at right angles."""
     angle = np.deg2rad(angle_deg)
     return np.cos(angle) * start + np.sin(angle) * towards
-
-
-def _row(table: Mapping[str, tuple[float, ...]], sex: str) -> tuple[float, ...]:
-    if sex in table:
-        return table[sex]
-    return tuple(float(np.mean(values)) for values in zip(*table.values(), strict=True))

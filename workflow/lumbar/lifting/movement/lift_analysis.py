@@ -14,20 +14,20 @@ from lumbar.lifting.movement.centre_of_mass import (
     centres_of_mass,
     segment_table,
 )
-from lumbar.lifting.movement.cleaning import ISLAND, Gap, clean, shortest_stretch
+from lumbar.lifting.movement.cleaning import ISLAND, Gap, clean, frames_of_cutoff
 from lumbar.lifting.movement.event_detection import find_events
 from lumbar.lifting.movement.events import ABSENT, DETECTED, Event
 from lumbar.lifting.movement.joint_centres import TrunkPoints, trunk_points
 from lumbar.lifting.movement.pendulum_states import (
     PIVOTS,
     THESIS_CHOICE,
+    MissingSamplesError,
     PendulumChoice,
     PendulumStates,
-    SamplesMissing,
     heading,
     pendulum_states,
     pivot_trajectory,
-    turn,
+    rotate,
 )
 from lumbar.lifting.quality.body import THIGH, landmarks
 from lumbar.lifting.quality.findings import MarkerFinding
@@ -48,10 +48,8 @@ MAX_SPLINE_S = 1.0
 class AnalysedLift:
     """One analysed lift."""
 
-    name: str
-    """E.g. ``"expert_23kg"``."""
     recording: MarkerRecording
-    """Gaps filled, filtered, in the axes of the planes."""
+    """Gaps filled, filtered, in the axes of the planes; its name is that of the lift, e.g. ``"expert_23kg"``."""
     complete: MarkerRecording
     """The whole file, gaps filled, not filtered, in the same axes."""
     gaps: list[Gap]
@@ -72,7 +70,6 @@ class AnalysedLift:
 
 def analyse_lift(
     recording: MarkerRecording,
-    name: str,
     subject: SubjectSettings,
     trial: TrialSettings,
     settings: LiftingSettings,
@@ -84,8 +81,16 @@ def analyse_lift(
     Results that a recording does not allow are left out, with the reason: events in `AnalysedLift.events`, pendulums in
     `AnalysedLift.missing`.
 
-    `recording` is as read. Gaps filled then (`filled`) go into the report, frames left out (`findings`) into the reasons of
-    missing results.
+    Parameters
+    ----------
+    recording : MarkerRecording
+        As read.
+    subject, trial, settings
+        Settings of the study.
+    filled : sequence of Gap
+        Gaps filled while it was read, for the report.
+    findings : sequence of MarkerFinding
+        Findings of the quality checks: frames left out are the reason for missing results.
 
     Raises
     ------
@@ -94,7 +99,7 @@ def analyse_lift(
         with ``gaps.longer: error`` a gap that matters stays open.
     """
     cleaned, window = clean(recording, settings), trial.window_s
-    smooth, complete = within_window(cleaned.smooth, trial, settings), cleaned.complete
+    smooth, complete = cut_to_window(cleaned.smooth, trial, settings), cleaned.complete
     gaps = [*filled, *(gap for gap in cleaned.gaps if window is None or _overlaps(gap, *window))]
 
     events = find_events(smooth, settings.events, trial.events)
@@ -104,8 +109,9 @@ def analyse_lift(
     _require_content(smooth, events, missing)
     times = [event.time_s for event in events.values() if event.time_s is not None]
     if settings.gaps.longer == "error" and times:
-        needed = _needed(points, table.ends, settings.pivot)
-        refuse_open_gaps(smooth, gaps, settings.gaps.maximum_s, needed, min(times), max(times))
+        needed, span = _needed(points, table.ends, settings.pivot), (min(times), max(times))
+        harmful = [gap for gap in gaps if gap.marker in needed and _overlaps(gap, *span)]
+        refuse_open_gaps(smooth, harmful, settings.gaps.maximum_s)
 
     # The axes of the planes are those of the laboratory, or rotated with the hips at the start of the deposit.
     angle, without_frame = 0.0, None
@@ -116,25 +122,23 @@ def analyse_lift(
             without_frame = str(error)
     if angle:
         smooth, complete = (
-            replace(one, positions={name: turn(points, angle) for name, points in one.positions.items()})
+            replace(one, positions={name: rotate(places, angle) for name, places in one.positions.items()})
             for one in (smooth, complete)
         )
         points = _points(smooth, subject, settings)
 
-    share = settings.box.share
-    centres = centres_of_mass(smooth, points, table, subject.mass_kg, trial.box_mass_kg, share, events)
+    masses, share = (subject.mass_kg, trial.box_mass_kg), settings.box.share
+    centres = centres_of_mass(smooth, points, table, masses, share, events)
     pivot, without_pivot = _pivot(smooth, points, settings.pivot)
     reasons = filter(None, (no_deposit(events), without_pivot, without_frame))
     states, errors = _pendulums(smooth, centres, pivot, events, settings, "; ".join(reasons))
     for com, error in errors.items():
         missing[com] = str(error)
-        if isinstance(error, SamplesMissing):
+        if isinstance(error, MissingSamplesError):
             needed = _needed(points, table.ends_of(com), settings.pivot)
             ends = points.markers(table.ends_of(com))
             missing[com] += f"; {_reason_for_missing(smooth, needed, ends, error.frames, gaps, findings)}"
-    return AnalysedLift(
-        name, smooth, complete, gaps, events, table, points, centres, pivot, angle, states, missing
-    )
+    return AnalysedLift(smooth, complete, gaps, events, table, points, centres, pivot, angle, states, missing)
 
 
 def _pendulums(
@@ -192,21 +196,18 @@ def thesis_pendulums(
     if own == THESIS_CHOICE:
         return None
     if own.segment_ends != THESIS_CHOICE.segment_ends:
-        points = _points(
-            lift.recording, subject, settings.model_copy(update={"segment_ends": THESIS_CHOICE.segment_ends})
-        )
-        box = trial.box_mass_kg, settings.box.share
-        centres = centres_of_mass(lift.recording, points, lift.table, subject.mass_kg, *box, events)
+        on_skin = settings.model_copy(update={"segment_ends": THESIS_CHOICE.segment_ends})
+        points, masses = _points(lift.recording, subject, on_skin), (subject.mass_kg, trial.box_mass_kg)
+        centres = centres_of_mass(lift.recording, points, lift.table, masses, settings.box.share, events)
     pivot, without_pivot = _pivot(lift.recording, points, THESIS_CHOICE.pivot)
-    rule = THESIS_CHOICE.deposit_start
+    rule, start = THESIS_CHOICE.deposit_start, events["deposit_start"]
     if own.deposit_start != rule:
-        start = events["deposit_start"]
         how = f"by deposit_start: {rule}; otherwise {start.how}"
         method = ABSENT if start.thesis_s is None else DETECTED
         events = {**events, "deposit_start": Event(start.thesis_s, method, how)}
     reason = no_deposit(events) or without_pivot or ""
     states, errors = _pendulums(lift.recording, centres, pivot, events, settings, reason)
-    absent = {com: reason for com, reason in lift.missing.items() if com not in lift.centres}
+    absent = {com: why for com, why in lift.missing.items() if com not in lift.centres}
     absent |= absent_segments(points, lift.table) | {com: str(error) for com, error in errors.items()}
     return ThesisPendulums(states, absent)
 
@@ -215,7 +216,7 @@ def _points(recording: MarkerRecording, subject: SubjectSettings, settings: Lift
     return trunk_points(recording, settings.segment_ends, settings.hip_centres, subject.sex)
 
 
-def within_window(
+def cut_to_window(
     smooth: MarkerRecording, trial: TrialSettings, settings: LiftingSettings
 ) -> MarkerRecording:
     """Return the trial's window of a filtered recording."""
@@ -223,7 +224,7 @@ def within_window(
         return smooth
     start, stop = trial.window_s
     inside = (smooth.time >= start) & (smooth.time <= stop)
-    shortest = shortest_stretch(settings.filter.cutoff_Hz, smooth.rate)
+    shortest = frames_of_cutoff(settings.filter.cutoff_Hz, smooth.rate)
     if inside.sum() <= shortest:
         raise InputError(
             f"{smooth.source}: window_s {start:g} to {stop:g} s holds {inside.sum()} frames of the recording, which runs "
@@ -239,20 +240,15 @@ def _require_content(recording: MarkerRecording, events: dict[str, Event], missi
     problems = Problems(f"{recording.source}: neither an event of a lift nor a centre of mass")
     for name, reason in {**missing, "lift_off": events["lift_off"].how}.items():
         problems.add(name, reason)
-    unused = recording.unused[:60]
-    problems.add(
-        "",
-        f"markers of the file that no alias names: {', '.join(unused) or 'none'}",
-        recognised_unaliased(recording),
-    )
+    unused = f"markers of the file that no alias names: {', '.join(recording.unused[:60]) or 'none'}"
+    problems.add("", unused, recognised_unaliased(recording))
     problems.raise_if_any()
 
 
 def recognised_unaliased(recording: MarkerRecording) -> str:
-    """Return a remedy for markers with a known meaning that no alias names; empty if there are none."""
-    known = [
-        one for one in landmarks(x for x in recording.unused if x not in THIGH) if one in recording.absent
-    ]
+    """Return a remedy for markers with a known meaning that no alias names; empty without any."""
+    labels = [label for label in recording.unused if label not in THIGH]
+    known = [name for name in landmarks(labels) if name in recording.absent]
     return f"{NEW_STUDY} writes aliases for those that are recognised: {', '.join(known)}" if known else ""
 
 
@@ -272,7 +268,7 @@ def no_deposit(events: dict[str, Event]) -> str | None:
 def _pivot(
     recording: MarkerRecording, points: TrunkPoints, pivot: str
 ) -> tuple[np.ndarray | None, str | None]:
-    """Return the pivot's trajectory, or the reason why there is none."""
+    """Return the pivot's trajectory, or the reason why it is unknown."""
     try:
         return pivot_trajectory(recording, points, pivot), None
     except InputError as error:
@@ -284,24 +280,13 @@ def _overlaps(item: Gap | MarkerFinding, start: float, stop: float) -> bool:
     return item.start_s <= stop and item.start_s + item.length_s > start
 
 
-def refuse_open_gaps(
-    recording: MarkerRecording,
-    gaps: list[Gap],
-    maximum_s: float,
-    markers: Collection[str] | None = None,
-    start_s: float = -np.inf,
-    stop_s: float = np.inf,
-) -> None:
-    """Raise an error that lists the gaps left open in `markers` (default all) between two times, with a remedy."""
+def refuse_open_gaps(recording: MarkerRecording, gaps: Sequence[Gap], maximum_s: float) -> None:
+    """Raise an error that lists those of some gaps that stay open, with a remedy."""
     problems = Problems(recording.source or recording.name)
-    for gap in gaps:
-        concerns = (markers is None or gap.marker in markers) and (
-            gap.start_s <= stop_s and gap.start_s + gap.length_s >= start_s
+    for gap in (gap for gap in gaps if not gap.filled):
+        problems.add(
+            gap.marker, f"not seen for {gap.length_s:.3g} s from {gap.start_s:.3f} s ({gap.outcome})"
         )
-        if concerns and not gap.filled:
-            problems.add(
-                gap.marker, f"not seen for {gap.length_s:.3g} s from {gap.start_s:.3f} s ({gap.outcome})"
-            )
     if problems.entries:
         problems.add("", f"gaps up to {maximum_s:g} s between seen frames are filled", CUT_OR_KEEP)
     problems.raise_if_any()
@@ -327,22 +312,28 @@ def _reason_for_missing(
         Missing samples, in order.
     gaps : sequence of Gap
         Gaps after the findings' frames were left out.
+    findings : sequence of MarkerFinding
+        Findings of the quality checks.
     """
     start, stop = recording.time[frames[[0, -1]]]
-    unseen = [name for name in needed if name in recording and not np.isfinite(recording[name][frames]).all()]
+    hidden = [name for name in needed if name in recording and not np.isfinite(recording[name][frames]).all()]
     causes = [
         finding
         for finding in findings
-        if _overlaps(finding, start, stop) and set(unseen) & set(finding.concerns)
+        if _overlaps(finding, start, stop) and set(hidden) & set(finding.concerns)
     ]
+    left_out = {
+        (name, frame)
+        for finding in causes
+        for name in finding.concerns
+        for frame in range(finding.frames.start, finding.frames.stop)
+    }
+    # Gaps of the file itself: not all of their frames were left out by findings.
     open_gaps = [
         gap
         for gap in gaps
-        if gap.marker in unseen
-        and not gap.filled
-        and gap.outcome != ISLAND
-        and _overlaps(gap, start, stop)
-        and not _explained(gap, causes)
+        if gap.marker in hidden and not gap.filled and gap.outcome != ISLAND and _overlaps(gap, start, stop)
+        if not {(gap.marker, gap.first_frame + frame) for frame in range(gap.n_frames)} <= left_out
     ]
     gappy = sorted({gap.marker for gap in open_gaps})
     reasons = [
@@ -362,12 +353,3 @@ def _reason_for_missing(
         where = f"not seen in the file: {', '.join(gappy)}: " if gappy else ""
         reasons.append(where + ", or ".join(remedies))
     return "; ".join(reasons)
-
-
-def _explained(gap: Gap, findings: Sequence[MarkerFinding]) -> bool:
-    """Return whether all frames of a gap were left out by findings."""
-    frames = set(range(gap.first_frame, gap.first_frame + gap.n_frames))
-    for finding in findings:
-        if gap.marker in finding.concerns:
-            frames -= set(range(finding.frames.start, finding.frames.stop))
-    return not frames

@@ -1,4 +1,4 @@
-"""Results of an analysed lift: its body, centres of mass, pendulums, gaps and motion as tables, its facts for JSON.
+"""Results of an analysed lift as tables and facts: its body, centres of mass, pendulums, gaps and motion.
 
 Points of the body (joints, feet, hands, load and centres of mass) move over the whole recording, in the axes of the planes.
 """
@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
 
 from lumbar.base.errors import InputError
 from lumbar.lifting.movement.centre_of_mass import COMS, head_centre, segment_centres, whole_body_centre
@@ -19,10 +18,10 @@ from lumbar.lifting.movement.events import (
     EVENTS,
     IN_FILE,
     WRISTS,
-    best_seen,
     box_centre,
-    carried_object,
-    held_frames,
+    frames_with_box,
+    locate_load,
+    most_visible,
     phases,
     speed,
     wrist_centre,
@@ -31,6 +30,8 @@ from lumbar.lifting.movement.joint_centres import INNER, MID_HIP, SIDES, limb_jo
 from lumbar.lifting.movement.pendulum_states import PendulumChoice
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from lumbar.lifting.movement.lift_analysis import AnalysedLift
     from lumbar.lifting.movement.pendulum_states import PendulumStates
     from lumbar.settings.lifting import LiftingSettings, SubjectSettings, TrialSettings
@@ -65,45 +66,50 @@ def body_frame(lift: AnalysedLift) -> tuple[pd.DataFrame, dict[str, str]]:
     Returns
     -------
     frame : pandas.DataFrame
-        ``time_s``, ``phase``, ``load_held`` (0 or 1), ``RIGHT_x`` … (unit vector to the person's right), and for every point
+        ``time_s``, ``phase``, ``load_held`` (0 or 1), ``RIGHT_x`` … (unit vector to the subject's right), and for every point
         ``<POINT>_x_m``, ``_y_m``, ``_z_m``: x to the right, y forward, z up; empty if a marker is not seen. Points are
         joints and markers of `LIMBS`, hips, joint centres of `TRUNK`, the centres of mass of its segments (``THORAX_COM`` …), of
         ``HEAD`` and ``WHOLE_BODY`` without the load, and the ``LOAD`` in the hands.
     missing : dict of str to str
         Points that the recording does not have.
     """
+    import pandas as pd
+
     recording, points = lift.recording, lift.points
-    found = {name: recording[name] for name in LIMBS if name in recording}
-    found |= limb_joints(recording) | points.hips
-    missing = {name: f"no marker {name}" for name in LIMBS if name not in recording}
-    missing.update({f"{side}_HIP": points.missing[MID_HIP] for side in SIDES if MID_HIP in points.missing})
-    found.update({name: points[name] for name in TRUNK if name in points})
-    missing.update({name: points.missing[name] for name in TRUNK if name not in points})
     segments = segment_centres(points, lift.table)
-    found.update({com_of(name): values for name, values in segments.items()})
-    missing.update({com_of(name): lift.missing[name] for name in COMS if name not in segments})
+    located = {name: recording[name] for name in LIMBS if name in recording}
+    located |= limb_joints(recording) | points.hips
+    located |= {name: points[name] for name in TRUNK if name in points}
+    located |= {com_of(name): values for name, values in segments.items()}
+    missing = {name: f"no marker {name}" for name in LIMBS if name not in recording}
+    missing |= {f"{side}_HIP": points.missing[MID_HIP] for side in SIDES if MID_HIP in points.missing}
+    missing |= {name: points.missing[name] for name in TRUNK if name not in points}
+    missing |= {com_of(name): lift.missing[name] for name in COMS if name not in segments}
     ends = [name for name in ("C7T1", MID_HIP) if name not in points]
     if ends:
         missing[HEAD] = f"no {', '.join(ends)}"
     else:
-        found[HEAD] = head_centre(recording, points)
+        located[HEAD] = head_centre(recording, points)
     try:
-        found[WHOLE_BODY] = whole_body_centre(recording, points, lift.table)
+        located[WHOLE_BODY] = whole_body_centre(recording, points, lift.table)
     except InputError as error:
         missing[WHOLE_BODY] = str(error)
-    load, _ = carried_object(recording)
+    load, _ = locate_load(recording)
     if load is None:
         missing[LOAD] = "no markers on the box and none on the wrists"
     else:
-        found[LOAD] = load
-    held = held_frames(recording.time, lift.events).astype(int)
-    columns = {"time_s": recording.time, "phase": phases(recording.time, lift.events), "load_held": held}
-    columns.update({f"RIGHT_{axis}": values for axis, values in zip("xyz", points.right.T, strict=True)})
-    for name, values in found.items():
-        columns.update({f"{name}_{axis}_m": part for axis, part in zip("xyz", values.T, strict=True)})
-    frame = pd.DataFrame(columns)
-    exact = ["time_s", "phase", "load_held"]
-    return pd.concat([frame[exact], frame.drop(columns=exact).round(DECIMALS)], axis=1), missing
+        located[LOAD] = load
+    rounded = dict(zip(("RIGHT_x", "RIGHT_y", "RIGHT_z"), points.right.T, strict=True))
+    for name, values in located.items():
+        rounded |= {f"{name}_{axis}_m": part for axis, part in zip("xyz", values.T, strict=True)}
+    exact = pd.DataFrame(
+        {
+            "time_s": recording.time,
+            "phase": phases(recording.time, lift.events),
+            "load_held": frames_with_box(recording.time, lift.events).astype(int),
+        }
+    )
+    return pd.concat([exact, pd.DataFrame(rounded).round(DECIMALS)], axis=1), missing
 
 
 def com_of(segment: str) -> str:
@@ -120,41 +126,44 @@ def points_of(frame: pd.DataFrame) -> dict[str, np.ndarray]:
 def centres_frame(lift: AnalysedLift) -> pd.DataFrame:
     """Return the trajectories of all centres of mass over the whole recording, one row per sample and centre."""
     phase = phases(lift.recording.time, lift.events)
-    nowhere = np.full((len(lift.recording), 3), np.nan)
-    pivot = nowhere if lift.pivot is None else lift.pivot
+    pivot = np.full((len(lift.recording), 3), np.nan) if lift.pivot is None else lift.pivot
     parts = [
         (com, lift.recording.time, phase, *centre.position.T, *centre.position_with_box.T, *pivot.T)
         for com, centre in lift.centres.items()
     ]
-    return _stacked(CENTRES_COLUMNS, parts)
+    return _stack(CENTRES_COLUMNS, parts)
 
 
 def states_frame(pendulums: dict[tuple[str, str], PendulumStates]) -> pd.DataFrame:
     """Return the pendulum states of the deposit, one row per centre of mass, plane and instant."""
     parts = [(*which, *(getattr(states, name) for name in _STATES)) for which, states in pendulums.items()]
-    return _stacked(STATES_COLUMNS, parts)
+    return _stack(STATES_COLUMNS, parts)
 
 
-def _stacked(columns: Sequence[str], parts: Sequence[tuple]) -> pd.DataFrame:
+def _stack(columns: Sequence[str], parts: Sequence[tuple]) -> pd.DataFrame:
     """Return one table below the other; an empty one with these columns without parts."""
+    import pandas as pd
+
     frames = [pd.DataFrame(dict(zip(columns, part, strict=True))) for part in parts]
     return pd.concat(frames, ignore_index=True) if frames else pd.DataFrame(columns=list(columns))
 
 
 def gaps_frame(lift: AnalysedLift) -> pd.DataFrame:
     """Return the gaps of the recording with their outcomes."""
-    columns = ("marker", "start_s", "length_s", "frames", "outcome", "method")
-    rows = [
-        (gap.marker, gap.start_s, gap.length_s, gap.n_frames, gap.outcome, gap.method) for gap in lift.gaps
-    ]
-    return pd.DataFrame(rows, columns=columns)
+    import pandas as pd
+
+    fields = ("marker", "start_s", "length_s", "n_frames", "outcome", "method")
+    rows = [[getattr(gap, name) for name in fields] for gap in lift.gaps]
+    return pd.DataFrame(rows, columns=["frames" if name == "n_frames" else name for name in fields])
 
 
 def motion_frame(lift: AnalysedLift) -> pd.DataFrame:
     """Return the heights and speeds that the events are detected from, as far as the recording has them."""
+    import pandas as pd
+
     recording = lift.recording
     columns = {"time_s": recording.time}
-    hands = best_seen(recording, WRISTS)
+    hands = most_visible(recording, WRISTS)
     wrists = hands[0].lower() if len(hands) == 1 else "wrists"
     for name, points in (("box", box_centre(recording)), (wrists, wrist_centre(recording))):
         if points is not None:
@@ -168,22 +177,23 @@ def motion_frame(lift: AnalysedLift) -> pd.DataFrame:
 
 def landmarks_frame(lift: AnalysedLift) -> pd.DataFrame:
     """Return markers, centres of mass and pivot at every event, for a stick figure."""
+    import pandas as pd
+
+    points = lift.recording.positions | {
+        f"COM_{com}": centre.position for com, centre in lift.centres.items()
+    }
+    points |= {} if lift.pivot is None else {"PIVOT": lift.pivot}
+    points |= {name: point.position for name, point in lift.points.points.items()}
     rows = []
     for event in EVENTS:
         time = lift.events[event].time_s
-        if time is None:
-            continue
-        at = int(np.abs(lift.recording.time - time).argmin())
-        points = dict(lift.recording.positions)
-        points.update({f"COM_{com}": centre.position for com, centre in lift.centres.items()})
-        if lift.pivot is not None:
-            points["PIVOT"] = lift.pivot
-        points.update({name: point.position for name, point in lift.points.points.items()})
-        rows += [
-            (event, float(lift.recording.time[at]), name, *positions[at])
-            for name, positions in points.items()
-            if np.isfinite(positions[at]).all()
-        ]
+        if time is not None:
+            at = int(np.abs(lift.recording.time - time).argmin())
+            rows += [
+                (event, float(lift.recording.time[at]), name, *positions[at])
+                for name, positions in points.items()
+                if np.isfinite(positions[at]).all()
+            ]
     return pd.DataFrame(rows, columns=["event", "time_s", "point", "x_m", "y_m", "z_m"])
 
 
@@ -195,11 +205,12 @@ def summary(
     lengths: dict[str, dict[str, float]] = {com: {} for com in lift.centres}
     for (com, plane), states in lift.states.items():
         lengths[com][plane] = float(states.length.mean())
+    ends = {name: lift.points.points[name] for name in lift.table.ends if name in lift.points}
     return {
         "schema": "lumbar.pendulum/1",
-        "lift": lift.name,
+        "lift": lift.recording.name,
         "subject": subject.name,
-        # A study's lifts have none: its tables label people, so that another label needs no new analysis.
+        # Absent from a study's lifts: its tables label the subjects, so that another label needs no new analysis.
         **({"experience": subject.experience} if subject.experience else {}),
         "sex": subject.sex,
         "body_mass_kg": subject.mass_kg,
@@ -223,12 +234,8 @@ def summary(
             "table": lift.table.name,
             "source": lift.table.source,
             "ends": {segment.name: [segment.proximal, segment.distal] for segment in lift.table.segments},
-            "points": {
-                name: lift.points.points[name].rule for name in lift.table.ends if name in lift.points
-            },
-            "off_mm": {
-                name: lift.points.points[name].off_mm for name in lift.table.ends if name in lift.points
-            },
+            "points": {name: point.rule for name, point in ends.items()},
+            "off_mm": {name: point.off_mm for name, point in ends.items()},
         },
         "events": {name: event.method for name, event in lift.events.items()},
         "missing": lift.missing,
@@ -241,25 +248,25 @@ def assumptions(
 ) -> list[str]:
     """Return sentences on inputs of the result that were not measured."""
     values = {**vars(subject), **vars(trial)}
-    found = []
+    lines = []
     for key in subject.assumed:
         value = values.get(key)
         shown = f"{value:g}" if isinstance(value, float) else value
-        found.append(f"{key} = {shown} is assumed" if key in values else f"{key} is assumed")
+        lines.append(f"{key} = {shown} is assumed" if key in values else f"{key} is assumed")
     if settings.segment_ends == INNER:
-        found += lift.points.on_skin(lift.table.ends)
-    if carried_object(lift.recording)[1] == "hands":
-        found.append(
+        lines += lift.points.list_skin_rules(lift.table.ends)
+    if locate_load(lift.recording)[1] == "hands":
+        lines.append(
             "the box has no markers: the hands replace it, in its events and in the centres of mass with it; it is not known "
             "whether they hold anything"
         )
-    found += [
+    lines += [
         f"marker {marker} is derived: {rule}" for marker, rule in sorted(lift.recording.derived.items())
     ]
     origins = {DECLARED: "set by hand", IN_FILE: "taken from the file"}
-    found += [
+    lines += [
         f"{name} is {origins[event.method]}: {event.how}"
         for name, event in lift.events.items()
         if event.method in origins
     ]
-    return found
+    return lines

@@ -45,7 +45,7 @@ MIN_LENGTH_M = 0.01
 """A centre of mass nearer to its pivot has no useful angle."""
 
 
-class SamplesMissing(InputError):
+class MissingSamplesError(InputError):
     """A centre of mass is not known at all instants of the deposit: `frames` are the missing ones."""
 
     def __init__(self, text: str, frames: np.ndarray):
@@ -80,13 +80,13 @@ def pivot_trajectory(recording: MarkerRecording, points: TrunkPoints, pivot: str
         For a marker that the recording lacks.
     """
 
-    def there(name: str) -> bool:
+    def is_known(name: str) -> bool:
         return name in points or name in recording
 
     problems = Problems(recording.source or recording.name)
     for name in PIVOTS[pivot]:
-        if not there(name):
-            others = ", ".join(other for other, parts in PIVOTS.items() if all(map(there, parts)))
+        if not is_known(name):
+            others = ", ".join(other for other, parts in PIVOTS.items() if all(map(is_known, parts)))
             problems.add(
                 f"marker {name}",
                 points.missing.get(name, recording.absent.get(name, "not in the recording")),
@@ -108,7 +108,7 @@ def heading(recording: MarkerRecording, time: float) -> float:
     return float(np.arctan2(across[1], across[0]))
 
 
-def turn(points: np.ndarray, angle: float) -> np.ndarray:
+def rotate(points: np.ndarray, angle: float) -> np.ndarray:
     """Return points, shape (n, 3), in axes rotated by `angle` about the vertical."""
     cosine, sine = np.cos(angle), np.sin(angle)
     return points @ np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
@@ -121,11 +121,23 @@ def pendulum_states(
 
     A cubic spline through the filtered samples of the *whole* recording gives position, velocity and acceleration at the same
     instants on the real clock, so that the spline continues beyond the ends of the deposit.
-    `relative`, shape (n, 3) in m, is the centre of mass relative to the pivot; `what`, file and centre of mass, is for messages.
+
+    Parameters
+    ----------
+    time : ndarray, shape (n,)
+        Seconds.
+    relative : ndarray, shape (n, 3)
+        Centre of mass relative to the pivot, metres.
+    start, stop : float
+        Limits of the deposit, seconds.
+    points : int
+        Instants of the grid.
+    what : str
+        File and centre of mass, for messages.
 
     Raises
     ------
-    SamplesMissing
+    MissingSamplesError
         Samples missing within the deposit.
     InputError
         Fewer than 4 of them.
@@ -134,50 +146,36 @@ def pendulum_states(
     """
     from scipy.interpolate import CubicSpline
 
-    samples = _unbroken(time, relative, start, stop, what)
-    spline = CubicSpline(time[samples], relative[samples])
-    grid = np.linspace(start, stop, points)
-    position, velocity, acceleration = spline(grid), spline(grid, 1), spline(grid, 2)
-    return {
-        plane: planar_states(
-            grid, *(values[:, [axis, 2]] for values in (position, velocity, acceleration)), what
-        )
-        for plane, axis in PLANES.items()
-    }
-
-
-def _unbroken(time: np.ndarray, relative: np.ndarray, start: float, stop: float, what: str) -> slice:
-    """Return the longest interval without a missing sample that contains the deposit."""
-    seen = np.isfinite(relative).all(axis=1)
+    visible = np.isfinite(relative).all(axis=1)
     step = (time[-1] - time[0]) / (len(time) - 1)
     within = (time >= start - step) & (time <= stop + step)
-    if not seen[within].all():
-        gone = np.flatnonzero(within & ~seen)
-        first = time[gone[0]]
-        raise SamplesMissing(
-            f"{what}: {len(gone)} samples missing within the deposit, the first at {first:.2f} s", gone
+    if not visible[within].all():
+        gone = np.flatnonzero(within & ~visible)
+        raise MissingSamplesError(
+            f"{what}: {len(gone)} samples missing within the deposit, the first at {time[gone[0]]:.2f} s",
+            gone,
         )
     if within.sum() < 4:
         raise InputError(
             f"{what}: the deposit from {start:g} to {stop:g} s has {within.sum()} samples; 4 are needed"
         )
-    return next(run for run in runs(seen) if run.start <= within.argmax() < run.stop)
-
-
-def planar_states(
-    time: np.ndarray, position: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray, what: str
-) -> PendulumStates:
-    """Return the states of planar motion relative to the pivot; arguments of shape (points, 2): horizontal and vertical part."""
-    (r, z), (r1, z1), (r2, z2) = position.T, velocity.T, acceleration.T
-    length = np.hypot(r, z)
-    if length.min() < MIN_LENGTH_M:
-        raise NumericalError(
-            f"{what}: comes within {length.min() * 1e3:.1f} mm of the pivot, where the angle is not defined; use another "
-            "lifting.pivot"
-        )
-    length_rate = (r * r1 + z * z1) / length
-    angular_velocity = (r1 * z - r * z1) / length**2
-    angular_acceleration = (r2 * z - r * z2) / length**2 - 2 * length_rate * angular_velocity / length
-    return PendulumStates(
-        time, np.unwrap(np.arctan2(r, z)), angular_velocity, angular_acceleration, length, length_rate
-    )
+    # The longest interval without a missing sample that contains the deposit.
+    samples = next(run for run in runs(visible) if run.start <= within.argmax() < run.stop)
+    spline = CubicSpline(time[samples], relative[samples])
+    grid = np.linspace(start, stop, points)
+    motion = [spline(grid, order) for order in range(3)]
+    found = {}
+    for plane, axis in PLANES.items():
+        (r, r1, r2), (z, z1, z2) = ([values[:, index] for values in motion] for index in (axis, 2))
+        length = np.hypot(r, z)
+        if length.min() < MIN_LENGTH_M:
+            raise NumericalError(
+                f"{what}: comes within {length.min() * 1e3:.1f} mm of the pivot, where the angle is not defined; use another "
+                "lifting.pivot"
+            )
+        length_rate = (r * r1 + z * z1) / length
+        velocity = (r1 * z - r * z1) / length**2
+        acceleration = (r2 * z - r * z2) / length**2 - 2 * length_rate * velocity / length
+        angle = np.unwrap(np.arctan2(r, z))
+        found[plane] = PendulumStates(grid, angle, velocity, acceleration, length, length_rate)
+    return found

@@ -71,13 +71,12 @@ def body_shape(points: Mapping[str, np.ndarray], labels: Collection[str], source
     frames = frames[np.isfinite(frames).all(axis=(1, 2))]
     if not len(frames):
         return None
-    shape, few = frames[0], _few(frames)
+    shape, few = frames[0], _sample(frames)
     for _ in range(ALIGNMENTS):
         # The inverse rotations align the frames with the shape.
         back = _rotations(shape, few).transpose(0, 2, 1)
         shape = ((few - few.mean(axis=1, keepdims=True)) @ back).mean(axis=0) + shape.mean(axis=0)
-    residual = float(np.sqrt(np.mean(np.sum((fit_shape(shape, frames) - frames) ** 2, axis=2))))
-    return BodyShape(names, shape, residual, source)
+    return BodyShape(names, shape, _rms_distance(shape, frames), source)
 
 
 def _misfit(shape: BodyShape, points: Mapping[str, np.ndarray]) -> float | None:
@@ -85,19 +84,24 @@ def _misfit(shape: BodyShape, points: Mapping[str, np.ndarray]) -> float | None:
 
     Markers that are never all seen together are omitted, first the one seen least.
     """
-    seen = {label: np.isfinite(points[label]).all(axis=1) for label in shape.labels if label in points}
-    names = sorted(seen, key=lambda label: -seen[label].sum())
-    while len(names) >= MIN_MARKERS and not np.all([seen[name] for name in names], axis=0).any():
+    visible = {label: np.isfinite(points[label]).all(axis=1) for label in shape.labels if label in points}
+    names = sorted(visible, key=lambda label: -visible[label].sum())
+    while len(names) >= MIN_MARKERS and not np.all([visible[name] for name in names], axis=0).any():
         names.pop()
     if len(names) < MIN_MARKERS:
         return None
-    together = np.all([seen[name] for name in names], axis=0)
-    frames = _few(np.stack([points[name][together] for name in names], axis=1))
+    together = np.all([visible[name] for name in names], axis=0)
+    frames = _sample(np.stack([points[name][together] for name in names], axis=1))
     known = shape.points[[shape.labels.index(name) for name in names]]
-    return float(np.sqrt(np.mean(np.sum((fit_shape(known, frames) - frames) ** 2, axis=2))))
+    return _rms_distance(known, frames)
 
 
-def _few(frames: np.ndarray) -> np.ndarray:
+def _rms_distance(shape: np.ndarray, frames: np.ndarray) -> float:
+    """Return the root mean square distance in metres of frames, shape (n, k, 3), from a shape fitted to each."""
+    return float(np.sqrt(np.mean(np.sum((fit_shape(shape, frames) - frames) ** 2, axis=2))))
+
+
+def _sample(frames: np.ndarray) -> np.ndarray:
     """Return at most 500 frames, spread over all: a mean needs no more."""
     return frames[:: max(1, len(frames) // 500)]
 
@@ -116,8 +120,12 @@ def fill_rigid(
     ----------
     points : mapping of str to ndarray, shape (n, 3)
         All markers by label, in metres.
+    rate : float
+        Frames per second.
     start_s : float
         Time of the first frame.
+    shape : BodyShape
+        Shape of the body.
     body : str
         Name of the body, for the report.
     longer_than_s : float
@@ -130,23 +138,18 @@ def fill_rigid(
         if not open_gaps:
             continue
         estimate = _estimate_from_others(points, shape, label)
-        values = points[label].copy()
+        filled[label] = points[label].copy()
         for gap in open_gaps:
             for part in runs(np.isfinite(estimate[gap]).all(axis=1)):
-                piece = slice(gap.start + part.start, gap.start + part.stop)
-                values[piece] = estimate[piece] + _edge_error(points[label], estimate, piece)
-                frames = piece.stop - piece.start
+                piece, frames = slice(gap.start + part.start, gap.start + part.stop), part.stop - part.start
+                filled[label][piece] = estimate[piece] + _edge_error(points[label], estimate, piece)
                 start = start_s + piece.start / rate
                 gaps.append(Gap(label, piece.start, frames, start, frames / rate, FILLED, method))
-        filled[label] = values
     return filled, gaps
 
 
 def fill_from_body(markers: Mapping[str, np.ndarray]) -> tuple[Mapping[str, np.ndarray], dict[str, int]]:
-    """Fill every unseen frame of a body's markers from its other markers, if three of them are seen.
-
-    Returned are the markers, and the number of filled frames of each.
-    """
+    """Fill every unseen frame of a body's markers from three others; return the markers, and the filled frames of each."""
     complete = all(np.isfinite(points).all() for points in markers.values())
     shape = None if complete else body_shape(markers, markers, "")
     if shape is None:
@@ -159,7 +162,7 @@ def fill_from_body(markers: Mapping[str, np.ndarray]) -> tuple[Mapping[str, np.n
 
 
 class BodyFilling:
-    """Fills the rigid bodies of a recording while `lumbar.records.markers.read_markers` reads it (argument ``mend``).
+    """Fills the rigid bodies of a recording while `lumbar.records.markers.read_markers` reads it.
 
     `static` are markers of a static trial by label, in metres. Filled gaps are in `gaps`; bodies with another shape in the static
     trial are in `findings`.
@@ -219,7 +222,7 @@ def _estimate_from_others(points: Mapping[str, np.ndarray], shape: BodyShape, la
     estimate = np.full_like(points[label], np.nan)
     patterns = np.stack([np.isfinite(points[name]).all(axis=1) for name in others], axis=1)
     for pattern in np.unique(patterns, axis=0):
-        names = [name for name, there in zip(others, pattern, strict=True) if there]
+        names = [name for name, is_visible in zip(others, pattern, strict=True) if is_visible]
         known = np.array([place[name] for name in names]).reshape(-1, 3)
         # Markers on one line do not show the rotation about it.
         least = MIN_SPREAD_M * np.sqrt(len(names))
@@ -233,16 +236,9 @@ def _estimate_from_others(points: Mapping[str, np.ndarray], shape: BodyShape, la
 
 def _edge_error(values: np.ndarray, estimate: np.ndarray, piece: slice) -> np.ndarray:
     """Return the estimate's error next to a piece, spread over it linearly, shape (frames, 3); 0 if it is unknown."""
-    missed = values - estimate
-    sides = (
-        missed[max(0, piece.start - EDGE_FRAMES) : piece.start],
-        missed[piece.stop : piece.stop + EDGE_FRAMES],
-    )
-    errors = [side[np.isfinite(side).all(axis=1)] for side in sides]
-    known = [error.mean(axis=0) for error in errors if len(error)]
-    if not known:
-        return np.zeros((piece.stop - piece.start, 3))
-    first, last = known[0], known[-1]
-    before, after = piece.start - 1, piece.stop
-    share = (np.arange(piece.start, piece.stop) - before)[:, None] / (after - before)
-    return first + share * (last - first)
+    error, start, stop = values - estimate, piece.start, piece.stop
+    sides = error[max(0, start - EDGE_FRAMES) : start], error[stop : stop + EDGE_FRAMES]
+    known = [side[np.isfinite(side).all(axis=1)] for side in sides]
+    means = [side.mean(axis=0) for side in known if len(side)] or [np.zeros(3)]
+    share = (np.arange(start, stop) - start + 1)[:, None] / (stop - start + 1)
+    return means[0] + share * (means[-1] - means[0])
