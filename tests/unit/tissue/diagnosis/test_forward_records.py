@@ -113,12 +113,10 @@ def test_no_sensor_is_told_where_a_set_of_effects_that_was_not_selected_explains
     _, found = friction
     known, after = found.result, replace(found.result.model, score=found.result.model.score + 100.0)
     monkeypatch.setattr(forward_diagnosis, "sensor_candidates", lambda *_: [(known.base, after)])
-    state = DiagnosisState(
-        found.records, found.settings, experiment=known.experiment, base=known.base, path=[known.base]
-    )
-    ranked = forward_diagnosis.check_motion_sensor(replace(state, ranking=known.ranking))
-    assert ranked.path == [known.base]
-    assert forward_diagnosis.check_motion_sensor(state).path == [known.base, after]
+    for ranking, path in ((known.ranking, [known.base]), ([], [known.base, after])):
+        before = replace(known, path=[known.base], ranking=ranking)
+        state = DiagnosisState(found.records, found.settings, before)
+        assert forward_diagnosis.check_motion_sensor(state).result.path == path
 
 
 def test_the_response_of_a_base_is_that_of_its_transfer_function():

@@ -22,12 +22,14 @@ from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.fitting.joint_fit import fit, fit_base
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment, prepare
 from lumbar.tissue.diagnosis.law.law_form import form_of
-from lumbar.tissue.diagnosis.law.proposal import effect_text, propose, with_law
+from lumbar.tissue.diagnosis.law.proposal import effect_text, propose
 from lumbar.tissue.diagnosis.law.search import Search
 from lumbar.tissue.diagnosis.law.terms import library
 from lumbar.tissue.diagnosis.law.validation import alternate, is_dissipative, least_work, stays_bounded, thin
 from lumbar.tissue.diagnosis.selection.candidate import Candidate, evaluate
 from lumbar.tissue.diagnosis.selection.diagnose import diagnose as search
+from lumbar.tissue.diagnosis.selection.diagnose import search_formula
+from lumbar.tissue.diagnosis.selection.result import DiagnosisState
 from lumbar.tissue.effects.catalogue import TISSUE, load_effects
 from lumbar.tissue.models.bases import BASES
 from lumbar.tissue.models.motion import Motion
@@ -232,13 +234,11 @@ def test_a_likeness_of_the_law_is_not_what_is_missing(diagnosed, monkeypatch):
     assert not diagnosed.complete
     # A search ends at a number of effects: that one more would pass does not make the first ones right.
     further = replace(diagnosed, further=diagnosed.model)
-    assert further.goes_beyond_catalogue
-    law = propose(further.experiment, further.base, further.model)
-    beside = with_law(diagnosed, law)
-    assert law.start is law.base
-    assert beside.status == "unexplained"
-    assert beside.findings[-1].kind == "proposed_law"
-    assert beside.findings[-1].value < 0.5 * diagnosed.model.test_rms
+    result = search_formula(DiagnosisState([], DiagnosisSettings("KB", propose_law=True), further)).result
+    assert result.proposal.start is result.base
+    assert result.status == "unexplained"
+    assert result.findings[-1].kind == "proposed_law"
+    assert result.findings[-1].value < 0.5 * diagnosed.model.test_rms
 
 
 def test_no_law_is_looked_for_where_the_catalogue_goes_on_or_records_are_turned(diagnosed):
@@ -246,8 +246,12 @@ def test_no_law_is_looked_for_where_the_catalogue_goes_on_or_records_are_turned(
     noise = diagnosed.experiment.floor.rms
     whole = replace(diagnosed.model, train_rms=noise, test_rms=noise)
     for verdict in (replace(diagnosed, further=whole), replace(diagnosed, findings=(turned,))):
-        assert not verdict.goes_beyond_catalogue
-        assert with_law(verdict, None) is verdict
+        assert (
+            search_formula(
+                DiagnosisState([], DiagnosisSettings("KB", propose_law=True), verdict)
+            ).result.proposal
+            is None
+        )
 
 
 def test_terms_are_chosen_at_a_lower_rate_and_the_law_is_fitted_to_every_sample(monkeypatch):
@@ -266,7 +270,7 @@ def test_the_diagnosis_proposes_by_itself_unless_it_is_told_not_to(tmp_path, dia
     diagnosis = Diagnosis(
         records(depth_friction),
         DiagnosisSettings("KB"),
-        replace(with_law(diagnosed, needle), proposal=needle),
+        replace(diagnosed, findings=(needle.finding,), proposal=needle),
         StudySettings(),
         "a test",
     )
@@ -315,5 +319,4 @@ def test_a_law_of_no_catalogue_is_left_without_a_formula():
     prepared, base = experiment(two_steps)
     found = propose(prepared, base, terms=terms("friction", "viscous_z"))
     assert found.law is None and found.is_needed
-    diagnosed = search(records(two_steps), DiagnosisSettings("KB", catalogue={}))
-    assert with_law(diagnosed, found) is diagnosed
+    assert not found.is_imitated

@@ -73,7 +73,7 @@ def choose_simulated_base(state: DiagnosisState) -> DiagnosisState:
 
 def select_by_simulation(state: DiagnosisState) -> DiagnosisState:
     """Select effects with the motion as input; keep what simulation from force to motion confirms."""
-    experiment, base, data = state.experiment, state.base, state.experiment.training
+    experiment, base, data = state.result.experiment, state.result.base, state.result.experiment.training
     model = base.fit.structure.base
     if state.inverse is None and base.train_rms**2 > (1 - _LEAST_EXPLAINED) * float(
         np.var(data.trim(data.force))
@@ -95,40 +95,44 @@ def select_by_simulation(state: DiagnosisState) -> DiagnosisState:
 def reconsider_simulated_base(state: DiagnosisState) -> DiagnosisState:
     """Choose the base again, with the selected effects; if another one is better, select effects again."""
     step = "reconsider the base"
-    if state.inverse is None or state.settings.base != CHOSEN_BY_DATA or not state.selected:
+    if state.inverse is None or state.settings.base != CHOSEN_BY_DATA or not state.result.selected:
         return state.next(step, "not needed: the base is given, or no effect was selected")
-    other = better_base(state.model, state.inverse)
+    other = better_base(state.result.model, state.inverse)
     if other is None:
         return state.next(step, "no other base explains the records better with the selected effects")
-    base = simulate_base(state.experiment, other)
-    reason = f"{other.name} explains the records better with {' and '.join(state.selected)}; effects are selected again"
+    base = simulate_base(state.result.experiment, other)
+    reason = f"{other.name} explains the records better with {' and '.join(state.result.selected)}; effects are selected again"
     return select_by_simulation(state.next(step, reason, base=base, path=[base]))
 
 
 def fit_whole_records(state: DiagnosisState) -> DiagnosisState:
     """Fit the same models and the best rival to all of long records, and judge them there."""
     step, experiment = "fit whole records", state.prepared
-    if state.experiment is experiment:
+    if state.result.experiment is experiment:
         return state.next(step, "not needed: the search has used whole records")
-    base = resume_fit(experiment, state.base, _POLISHED)
+    base = resume_fit(experiment, state.result.base, _POLISHED)
     model, data = base.fit.structure.base, experiment.training
     usable = replace(state.settings, catalogue=forward_catalogue(state.settings.searched, model, data))
-    rivals = [item.candidate for item in state.ranking if set(item.candidate.effects) != set(state.selected)]
-    named = [*state.path[1:], *state.tied_with, *rivals[:1]]
+    rivals = [
+        item.candidate
+        for item in state.result.ranking
+        if set(item.candidate.effects) != set(state.result.selected)
+    ]
+    named = [*state.result.path[1:], *state.result.tied_with, *rivals[:1]]
     selection = Confirmation(experiment, base, usable, named, evaluations=_POLISHED)
     return find_ties(after_selection(state, selection, step))
 
 
 def check_motion_sensor(state: DiagnosisState) -> DiagnosisState:
     """Check whether linear dynamics with a sensor that is not linear explain all records better than all that was tried."""
-    step, experiment = "check the motion sensor", state.experiment
-    if is_adequate(state.model, experiment):
+    step, experiment = "check the motion sensor", state.result.experiment
+    if is_adequate(state.result.model, experiment):
         return state.next(step, "not needed: the model leaves only noise")
     forms = {name: state.settings.candidates[name].forms for name in MOTION_SENSOR}
-    best = min([state.model.score, *(item.candidate.score for item in state.ranking)])
+    best = min([state.result.model.score, *(item.candidate.score for item in state.result.ranking)])
     for before, after in sorted(sensor_candidates(experiment, forms), key=lambda pair: pair[1].score):
         judge = Selection(experiment, before, state.settings, singles=[])
-        better = unseen_improvement(state.model, after, experiment) > UNSEEN
+        better = unseen_improvement(state.result.model, after, experiment) > UNSEEN
         if not (better and after.score < best - TIED and judge.passes(before, after)):
             continue
         judge.tried = [after]
@@ -140,7 +144,7 @@ def check_motion_sensor(state: DiagnosisState) -> DiagnosisState:
             status=judge.status(after, [], share),
             path=[before, after],
             tied_with=[],
-            ranking=[*judge.ranking(after), *state.ranking],
+            ranking=[*judge.ranking(after), *state.result.ranking],
             explainable_share_removed=share,
             refined_status=judge.refined_status(after, None),
         )
@@ -150,15 +154,13 @@ def check_motion_sensor(state: DiagnosisState) -> DiagnosisState:
 def compare_motion_with_linear_dynamics(state: DiagnosisState) -> DiagnosisState:
     """Name nothing if linear dynamics of higher order explain the motion better."""
     step = "compare with linear dynamics"
-    if is_adequate(state.model, state.prepared):
+    if is_adequate(state.result.model, state.prepared):
         return state.next(step, "not needed: the model leaves only noise")
-    alternative = linear_alternative(state.model, state.prepared)
+    alternative = linear_alternative(state.result.model, state.prepared)
     if alternative is None:
         return state.next(step, "linear dynamics of higher order do not explain the records better")
     dynamics, finding = alternative
-    errors = (
-        f"{dynamics.test_rms:.4g} {state.prepared.output_unit} unseen, the model {state.model.test_rms:.4g}"
-    )
+    errors = f"{dynamics.test_rms:.4g} {state.prepared.output_unit} unseen, the model {state.result.model.test_rms:.4g}"
     reason = f"linear dynamics explain more: {errors}"
     unexplained = {"status": Status.UNEXPLAINED, "refined_status": Status.UNEXPLAINED, "tied_with": []}
     return state.next(step, reason, finding, **unexplained)
@@ -166,7 +168,7 @@ def compare_motion_with_linear_dynamics(state: DiagnosisState) -> DiagnosisState
 
 def report_motion_offset(state: DiagnosisState) -> DiagnosisState:
     """Report where the zero of the motion's sensor is, if that matters."""
-    findings = [replace(item, kind="motion_offset") for item in report_offsets(state)]
+    findings = [replace(item, kind="motion_offset") for item in report_offsets(state.result)]
     reason = "the zero is not where the records say" if findings else "the zero is where the records say"
     return state.next("report zeros", reason, *findings, is_searched_further=False)
 

@@ -31,7 +31,6 @@ from lumbar.tissue.diagnosis.selection.candidate import (
     refit,
     unseen_improvement,
 )
-from lumbar.tissue.diagnosis.selection.result import DiagnosisResult, Status
 from lumbar.tissue.diagnosis.selection.thresholds import COMPLETE, LEVEL, null_distribution
 from lumbar.tissue.models.form import Form
 from lumbar.tissue.models.model_data import unit_of
@@ -52,7 +51,7 @@ _AROUND = 1.5
 _FEW = 2
 """Most nonlinear parameters with several starting values each; with more, a fit begins at the fitted values."""
 _REACH = (0.2, 5.0)
-_CLEARLY = 0.5
+_MAX_IMITATION_RATIO = 0.5
 """Ratio of the error of a law on the base to that of the selected effects, up to which these only imitate the law."""
 
 
@@ -123,6 +122,12 @@ class Proposal:
         if tried.beyond_rms is not None:
             outside += f", and {tried.beyond_rms:.3g} {force} on unseen samples beyond the range"
         return f"{fitted}{outside}{'; farther out it is a guess' if tried.holds else ': it does not extrapolate'}"
+
+    @property
+    def is_imitated(self) -> bool:
+        """True if the law, added to the base, leaves far less than the catalogue's best effects: they only imitate it."""
+        error = np.inf if self.law is None or self.start.effects else self.law.candidate.test_rms
+        return bool(self.before.effects) and error < _MAX_IMITATION_RATIO * self.before.test_rms
 
     @property
     def sentences(self) -> list[str]:
@@ -304,17 +309,3 @@ def _start(item: NonlinearParameter, scaled: float, points: int) -> str:
         f"start: [{scaled / around:.6g}, {scaled * around:.6g}], scale: {item.scale}, points: {points}, "
         f"reach: [{_REACH[0]:g}, {_REACH[1]:g}]"
     )
-
-
-def with_law(verdict: DiagnosisResult, proposal: Proposal | None) -> DiagnosisResult:
-    """Return the result with the law among its findings, if there is one.
-
-    If the law is added to the base and leaves far less than the selected effects, these only imitate it: nothing of the
-    catalogue explains the records.
-    """
-    if proposal is None or proposal.law is None:
-        return verdict
-    error, on_base = proposal.law.candidate.test_rms, not proposal.start.effects
-    imitated = on_base and verdict.selected and error < _CLEARLY * verdict.model.test_rms
-    changed = {"status": Status.UNEXPLAINED, "tied_with": []} if imitated else {}
-    return replace(verdict, findings=(*verdict.findings, proposal.finding), **changed)

@@ -40,7 +40,7 @@ _FLAT = 0.1
 
 def choose_base(state: DiagnosisState) -> DiagnosisState:
     """Choose the base that the settings name, or the one that explains all records best."""
-    experiment, base = find_base(state.experiment, state.settings.base, state.settings.candidates)
+    experiment, base = find_base(state.result.experiment, state.settings.base, state.settings.candidates)
     unit, name = experiment.output_unit, base.fit.structure.base.name
     reason = f"{name}: error {base.train_rms:.4g} {unit} in training, {base.test_rms:.4g} {unit} unseen"
     return state.next("choose the base", reason, experiment=experiment, base=base, path=[base])
@@ -48,14 +48,14 @@ def choose_base(state: DiagnosisState) -> DiagnosisState:
 
 def reconsider_base(state: DiagnosisState) -> DiagnosisState:
     """Choose the base again, with the selected effects; if another one is better, select effects again."""
-    step = "reconsider the base"
-    if state.settings.base != CHOSEN_BY_DATA or not state.selected:
+    step, result = "reconsider the base", state.result
+    if state.settings.base != CHOSEN_BY_DATA or not result.selected:
         return state.next(step, "not needed: the base is given, or no effect was selected")
-    other = better_base(state.model, state.experiment)
+    other = better_base(result.model, result.experiment)
     if other is None:
         return state.next(step, "no other base explains the records better with the selected effects")
-    experiment, base = find_base(state.experiment, other, state.settings.candidates)
-    reason = f"{other} explains the records better with {' and '.join(state.selected)}"
+    experiment, base = find_base(result.experiment, other, state.settings.candidates)
+    reason = f"{other} explains the records better with {' and '.join(result.selected)}"
     return select_effects(state.next(step, reason, experiment=experiment, base=base, path=[base]))
 
 
@@ -65,8 +65,9 @@ SEARCH = (choose_base, select_effects, reconsider_base)
 
 def reweigh_errors(state: DiagnosisState, search: tuple = SEARCH) -> DiagnosisState:
     """Repeat a search without whitening if the model's error is far above the noise."""
-    step, rms = "weigh errors", f"{state.model.train_rms:.4g} {state.experiment.output_unit}"
-    if not state.prepared.error_dwarfs_noise(state.model.train_rms):
+    step, error = "weigh errors", state.result.model.train_rms
+    rms = f"{error:.4g} {state.result.experiment.output_unit}"
+    if not state.prepared.error_dwarfs_noise(error):
         return state.next(step, f"not needed: {rms} is near the noise, or that is white or unknown")
     reason = f"{rms} is far above the noise: its colour is ignored, and base and effects are searched again"
     again = state.next(step, reason, experiment=state.prepared.drop_whitening(), status=None)

@@ -1,6 +1,6 @@
 """A diagnosis as a sequence of named steps: from records to the physical effect that a base model is missing."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -9,8 +9,6 @@ from lumbar.base.errors import InputError
 from lumbar.records.record import Record
 from lumbar.tissue.diagnosis.finding import Finding
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
-from lumbar.tissue.diagnosis.fitting.fit_data import FitData
-from lumbar.tissue.diagnosis.fitting.joint_fit import Fit
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.linear.direction import direction_or_sign
 from lumbar.tissue.diagnosis.selection.alternatives import (
@@ -20,7 +18,7 @@ from lumbar.tissue.diagnosis.selection.alternatives import (
     report_zeros,
 )
 from lumbar.tissue.diagnosis.selection.base_choice import SEARCH, find_base, reweigh_errors
-from lumbar.tissue.diagnosis.selection.candidate import Candidate, drop_effect, refit
+from lumbar.tissue.diagnosis.selection.candidate import Candidate, drop_effect, is_adequate, refit
 from lumbar.tissue.diagnosis.selection.forward_selection import extend, find_ties
 from lumbar.tissue.diagnosis.selection.result import DiagnosisResult, DiagnosisState, Status, run
 from lumbar.tissue.diagnosis.selection.sentences import effects_text
@@ -30,6 +28,30 @@ from lumbar.tissue.effects.catalogue import usable_effects
 from lumbar.tissue.models.bases import Base
 from lumbar.tissue.models.form import Effect
 from lumbar.tissue.signals.spectrum import occupied_band
+
+_MAX_UNSEEN_ERROR = 2.0
+"""Largest unseen error, in noise floors, of a model that leaves only noise in training and holds for all records."""
+_SEGMENTS = 4
+"""Segments of a record with a stiffness each."""
+_MAX_RANK_CORRELATION = -0.9
+"""Largest rank correlation of the stiffnesses of all segments with their order if they fall throughout."""
+_MIN_RANGE_SHARE = 0.2
+"""Smallest range of a segment, as a share of the record's range."""
+_MIN_FALL_SHARE = 0.01
+"""Smallest share of the stiffness by which it falls."""
+_MIN_RATE_RATIO = 2.0
+"""Smallest ratio of the highest to the lowest rate of motion for which records show rate dependence of a force."""
+_MAX_ERROR_RATIO = 1.5
+"""Largest ratio of the unseen to the training error, each relative to its force if that is larger, of a record that is
+predicted; and of the error of a rival to that of the model if they are tied."""
+_FUNDAMENTAL = 0.9
+"""Share of the power that bounds the rates of a motion: without the harmonics of a triangle, which has one rate."""
+_RELAXATIONS = ("relaxation_spectrum", "second_relaxation")
+_SPRINGS = ("hardening_stiffness", "strain_softening", "quadratic_stiffness")
+"""Alternatives to a rate-independent mechanism: relaxation, without or with a spring of large strain."""
+_MIN_SIZE_SHARE = 0.5
+"""Smallest share of the error on a record that another size of the mechanism removes if the rate of that record contradicts
+it; otherwise something else is missing there."""
 
 
 def diagnose(
@@ -42,8 +64,13 @@ def diagnose(
     records : sequence of Record
         One per excitation, with channels ``input`` and ``output``, or one pair for every axis.
     settings : DiagnosisSettings, optional
+        Default settings if None.
     findings : sequence of Finding
-        What is known of the records already.
+        Known properties of the records.
+
+    Returns
+    -------
+    DiagnosisResult
 
     Raises
     ------
@@ -51,31 +78,20 @@ def diagnose(
         For a base that such records cannot have, and for records that cannot be used.
     """
     settings = settings or DiagnosisSettings()
-    state = DiagnosisState(list(records), settings, tuple(findings))
-    return run(steps_for(records, settings), state).result()
-
-
-def steps_for(
-    records: Sequence[Record], settings: DiagnosisSettings
-) -> tuple[Callable[[DiagnosisState], DiagnosisState], ...]:
-    """Return the steps of the diagnosis of such records."""
+    steps = PENDULUM_STEPS if settings.system == "pendulum" else TISSUE_STEPS
     if any(record.axes for record in records):
-        from lumbar.tissue.diagnosis.spatial.spatial_diagnosis import SPATIAL_STEPS
-
-        return SPATIAL_STEPS
-    if settings.forward:
-        from lumbar.tissue.diagnosis.forward.forward_diagnosis import FORWARD_STEPS
-
-        return FORWARD_STEPS
-    if any(record.points for record in records):
-        from lumbar.tissue.diagnosis.selection.static_points import POINT_STEPS
-
-        return POINT_STEPS
-    return TISSUE_STEPS if settings.system == "tissue" else PENDULUM_STEPS
+        from lumbar.tissue.diagnosis.spatial.spatial_diagnosis import SPATIAL_STEPS as steps
+    elif settings.forward:
+        from lumbar.tissue.diagnosis.forward.forward_diagnosis import FORWARD_STEPS as steps
+    elif any(record.points for record in records):
+        from lumbar.tissue.diagnosis.selection.static_points import POINT_STEPS as steps
+    return run(
+        steps, DiagnosisState(list(records), settings, DiagnosisResult(findings=tuple(findings)))
+    ).result
 
 
 def repair_sensor_faults(state: DiagnosisState) -> DiagnosisState:
-    """Repair what is wrong with the sensors and their clocks."""
+    """Repair faults of the sensors and their clocks."""
     repaired, faults = repair(state.records)
     kinds = ", ".join(f"{item.kind.replace('_', ' ')} in {item.record}" for item in faults)
     return state.next("repair sensor faults", kinds or "no fault", *faults, repaired=(repaired, faults))
@@ -104,13 +120,13 @@ def estimate_noise_floor(state: DiagnosisState) -> DiagnosisState:
 
 
 def check_direction(state: DiagnosisState) -> DiagnosisState:
-    """Stop if input and output are exchanged, or a sign is the other way: no effect is searched in such records."""
-    step, settings, experiment = "check direction and signs", state.settings, state.experiment
+    """Stop if input and output are exchanged or a sign is inverted: no effect is searched in such records."""
+    step, settings, experiment = "check direction and signs", state.settings, state.result.experiment
     if isinstance(settings.base, Base):
         return state.next(step, "not needed: the user-defined base has its own input and output")
     if experiment.faults:
-        # A command that jumps between levels would be taken for a coarse sensor, and smoothed.
-        experiment = Experiment.prepare_unrepaired(state.records, settings, records=tuple(state.records))
+        # A command that jumps between levels would be mistaken for a coarse sensor, and smoothed.
+        experiment = Experiment.as_recorded(state.records, settings, records=tuple(state.records))
     finding = direction_or_sign(experiment, settings.layout)
     if finding is None:
         return state.next(step, "input, output and signs are those of a tissue")
@@ -119,7 +135,7 @@ def check_direction(state: DiagnosisState) -> DiagnosisState:
         step,
         f"{finding.kind}: these records are not what a tissue model takes",
         finding,
-        findings=tuple(item for item in state.findings if item not in state.experiment.faults),
+        findings=tuple(item for item in state.result.findings if item not in state.result.experiment.faults),
         experiment=experiment,
         base=base,
         path=[base],
@@ -130,60 +146,37 @@ def check_direction(state: DiagnosisState) -> DiagnosisState:
 
 
 def search_formula(state: DiagnosisState) -> DiagnosisState:
-    """Search a short formula for what no effect of the catalogue explains."""
-    step, result = "search a formula", state.result()
-    if not result.goes_beyond_catalogue:
+    """Search a short formula for the error that no effect of the catalogue explains."""
+    step, result = "search a formula", state.result
+    # One more effect may pass and leave only noise: then the catalogue is not exhausted.
+    further = result.further is not None and is_adequate(result.further, result.experiment, COMPLETE)
+    is_error_left = result.status == Status.UNEXPLAINED or (result.complete is False and not further)
+    if result.orientation is not None or not is_error_left:
         return state.next(
             step, "not needed: nothing is known to be left that effects of the catalogue do not explain"
         )
     if not state.settings.propose_law:
         return state.next(step, "left out: the settings do not ask for it")
-    from lumbar.tissue.diagnosis.law.proposal import propose, with_law
+    from lumbar.tissue.diagnosis.law.proposal import propose
 
     proposal = propose(result.experiment, result.base, result.model)
-    changed = with_law(result, proposal)
-    added = changed.findings[len(result.findings) :]
-    reason = (
-        f"a law is proposed: {proposal.form.equation}" if added else "no short formula explains what is left"
-    )
-    return state.next(
-        step, reason, *added, status=changed.status, tied_with=changed.tied_with, proposal=proposal
-    )
-
-
-FAR = 2.0
-"""Error of an unseen record, in noise floors, that a model which leaves only noise in training should not have."""
-_STRETCHES = 4
-_FALLING = -0.9
-"""Largest rank correlation of the stiffnesses of all intervals with their order if they fall throughout."""
-_MOVES = 0.2
-"""Smallest range of an interval, as a share of the record's range."""
-_FALL = 0.01
-"""Smallest share of the stiffness by which it falls."""
-_APART = 2.0
-"""Smallest ratio of the highest to the lowest rate of the motion for which records show whether a force depends on it."""
-_AS_GOOD = 1.5
-"""Largest ratio of the error on an unseen record to that in training, each relative to its force if that is larger, if the
-record is predicted; and of the error of a rival to that of the model if they are tied."""
-_FUNDAMENTAL = 0.9
-"""Share of the power that bounds the rates of a motion: without the harmonics of a triangle, which has one rate."""
-_RIVALS = ("relaxation_spectrum", "second_relaxation")
-_SPRINGS = ("hardening_stiffness", "strain_softening", "quadratic_stiffness")
-"""Alternatives to a rate-independent mechanism: relaxation, without or with a spring of large strain."""
-_OWN_SIZE = 0.5
-"""Smallest share of the error on a record of another rate that another size of the mechanism removes if that rate contradicts
-it; else something else is missing there."""
+    if proposal.law is None:
+        return state.next(step, "no short formula explains what is left", proposal=proposal)
+    changes = {"status": Status.UNEXPLAINED, "tied_with": []} if proposal.is_imitated else {}
+    reason = f"a law is proposed: {proposal.form.equation}"
+    return state.next(step, reason, proposal.finding, proposal=proposal, **changes)
 
 
 def check_rate_independence(state: DiagnosisState) -> DiagnosisState:
     """Name a rate-independent mechanism only if other rates are predicted without new constants.
 
-    Else it is tied with the relaxations, without or with a spring of large strain, that explain the unseen records as well; it
-    is unexplained if records of other rates contradict it and none of these does.
+    Otherwise it is tied with the relaxations, without or with a spring of large strain, that explain the unseen records equally
+    well; it is unexplained if records of other rates contradict it and none of these does.
     """
-    step, experiment, effects = "check rate independence", state.experiment, state.effects
-    named = [name for name in state.selected if effects[name].rate_independent]
-    if state.status not in (Status.NAMED, Status.TIED) or not named:
+    step, result, effects = "check rate independence", state.result, state.effects
+    experiment = result.experiment
+    named = [name for name in result.selected if effects[name].rate_independent]
+    if result.status not in (Status.NAMED, Status.TIED) or not named:
         return state.next(step, "not needed: no rate-independent effect is named")
     # Lowest and highest frequency (Hz) of the motion in all records.
     records = [part for item in (experiment.training, *experiment.tests) for part in item.records]
@@ -192,155 +185,147 @@ def check_rate_independence(state: DiagnosisState) -> DiagnosisState:
         for part in records
     ]
     low, high = min(edges[0] for edges in bands), max(edges[1] for edges in bands)
-    apart, failed = high >= _APART * low, _not_predicted(state, named)
+    rates_differ, failed = high >= _MIN_RATE_RATIO * low, _unpredicted_records(result, named)
     rates = f"rates from {low:.3g} to {high:.3g} Hz"
-    if apart and not failed:
+    if rates_differ and not failed:
         return state.next(
             step, f"{effects_text(named)} predicts all records with one set of constants ({rates})"
         )
-    known = {frozenset(item.effects) for item in state.tied_with}
-    rivals = [item for item in _rivals(state, named, effects) if frozenset(item.effects) not in known]
-    tied = [*state.tied_with, *rivals]
-    status = Status.TIED if tied else Status.UNEXPLAINED if apart else Status.NAMED
-    missed = " and ".join(failed)
-    if apart:
-        kind = "other_rates_missed"
+    known = {frozenset(item.effects) for item in result.tied_with}
+    rivals = [item for item in _fit_rivals(result, named, effects) if frozenset(item.effects) not in known]
+    tied, missed = [*result.tied_with, *rivals], " and ".join(failed)
+    status = Status.TIED if tied else Status.UNEXPLAINED if rates_differ else Status.NAMED
+    if rates_differ:
+        kind, outcome = "other_rates_missed", f"{missed} not predicted"
         sentence = (
             f"The constants of {experiment.training.name} do not predict records at other rates: {missed} (rates from {low:.3g} "
             f"to {high:.3g} Hz). The records thus do not show that {effects_text(named)} acts at every speed; relaxation on many "
             "time scales and springs of large strain were tried instead."
         )
     else:
-        kind = "one_rate"
+        kind, outcome = "one_rate", "too similar to show rate independence"
         sentence = (
             f"All records move at nearly one rate ({low:.3g} to {high:.3g} Hz), so they do not show that {effects_text(named)} "
             "acts at every speed. Repeat the same path ten times as fast or as slowly."
         )
-    finding = Finding(kind, sentence, high / low, "1")
     others = ", ".join(effects_text(item.effects) for item in rivals) or "no other effects"
-    seen = f"{missed} not predicted" if apart else "too alike to show rate independence"
-    reason = f"{rates}: {seen}; {others} explain the unseen records as well"
+    reason = f"{rates}: {outcome}; {others} explain the unseen records as well"
+    finding = Finding(kind, sentence, high / low, "1")
     return state.next(step, reason, finding, status=status, tied_with=tied)
 
 
 def compare_records(state: DiagnosisState) -> DiagnosisState:
     """Report unseen records that the model misses though it leaves only noise in training, and stiffness that falls."""
-    findings = [*train_on_others(state), *falling_stiffness(state.experiment)]
+    findings = [*_train_on_others(state), *_falling_stiffness(state.result.experiment)]
     kinds = ", ".join(item.kind.replace("_", " ") for item in findings)
     return state.next("compare records", kinds or "no record contradicts the others", *findings)
 
 
-def missed_records(state: DiagnosisState) -> list[str]:
-    """Return the unseen records with an error far above the noise, of a model that leaves only noise in training."""
-    experiment, model = state.experiment, state.model
+def _train_on_others(state: DiagnosisState) -> list[Finding]:
+    """Report the errors of the selected model fitted to the unseen records, and to all, if it leaves noise in training only."""
+    experiment, model = state.result.experiment, state.result.model
     noise = experiment.noise or model.train_rms
-    tissue = model.fit.structure.base.system == "tissue" and not experiment.session and not experiment.points
-    if not tissue or model.train_rms > COMPLETE * noise:
+    is_tissue = (
+        model.fit.structure.base.system == "tissue" and not experiment.session and not experiment.points
+    )
+    if not is_tissue or model.train_rms > COMPLETE * noise:
         return []
-    trained = {item.name for item in experiment.training.records}
-    return [name for name, rms in model.unseen_rms.items() if rms > FAR * noise and name not in trained]
-
-
-def train_on_others(state: DiagnosisState) -> list[Finding]:
-    """Report the errors of the selected model fitted to the unseen records, and to all."""
-    left = missed_records(state)
-    if not left:
-        return []
-    experiment, model = state.experiment, state.model
-
-    def fitted(names: list[str]):
-        chosen = Experiment.prepare_unrepaired(experiment.records, replace(state.settings, train=names))
-        return refit(model.fit.structure, model.fit.nonlinear, chosen.shift_origin(experiment.surface))
-
     first = [item.name for item in experiment.training.records]
+    missed = {
+        name: rms
+        for name, rms in model.unseen_rms.items()
+        if rms > _MAX_UNSEEN_ERROR * noise and name not in first
+    }
+    if not missed:
+        return []
     unseen = [item.name for item in experiment.tests]
+    fitted = []
     try:
-        turned, joint = fitted(unseen), fitted([*first, *unseen])
+        for names in (unseen, [*first, *unseen]):
+            chosen = Experiment.as_recorded(experiment.records, replace(state.settings, train=names))
+            chosen = chosen.with_origin(experiment.surface)
+            fitted.append(refit(model.fit.structure, model.fit.nonlinear, chosen))
     except InputError:
         return []  # the others move too little, or have another rate: they cannot be training records
-    noise = experiment.noise or model.train_rms
+    exchanged, joint = fitted
     worst = max(joint.train_rms, joint.test_rms)
     unit, trained, others = experiment.output_unit, " and ".join(first), " and ".join(unseen)
-    error = max(model.unseen_rms[name] for name in left)
     outcome = (
         "so one set of parameters describes all records: fit them together with --train"
-        if worst <= FAR * noise
+        if worst <= _MAX_UNSEEN_ERROR * noise
         else "so no single set of parameters describes all of them"
     )
     sentence = (
-        f"Of {trained} only noise is left, of {' and '.join(left)} up to {error:.3g} {unit}; the same model fitted to {others} "
-        f"leaves {turned.train_rms:.3g} {unit} there and {turned.test_rms:.3g} {unit} of {trained}, and fitted to all together "
-        f"it leaves {worst:.3g} {unit}, {outcome}. What came before a record may matter (softening, wear, slow recovery): use "
-        "--session if they were recorded one after another, in the order of their names."
+        f"Of {trained} only noise is left, of {' and '.join(missed)} up to {max(missed.values()):.3g} {unit}; the same model "
+        f"fitted to {others} leaves {exchanged.train_rms:.3g} {unit} there and {exchanged.test_rms:.3g} {unit} of {trained}, and "
+        f"fitted to all together it leaves {worst:.3g} {unit}, {outcome}. What came before a record may matter (softening, wear, "
+        "slow recovery): use --session if they were recorded one after another, in the order of their names."
     )
-    return [Finding("trained_otherwise", sentence, turned.test_rms, unit)]
+    return [Finding("trained_otherwise", sentence, exchanged.test_rms, unit)]
 
 
-def falling_stiffness(experiment: Experiment) -> list[Finding]:
+def _falling_stiffness(experiment: Experiment) -> list[Finding]:
     """Report a stiffness that falls through all records, in their order."""
     records = experiment.records
     if len(records) < 2 or experiment.session or experiment.points:
         return []
     slopes = []
     for record in records:
-        parts = zip(*(np.array_split(record[role], _STRETCHES) for role in ("input", "output")), strict=True)
-        least = _MOVES * float(np.ptp(record["input"]))
-        for position, force in parts:
+        least = _MIN_RANGE_SHARE * float(np.ptp(record["input"]))
+        for position, force in zip(
+            *(np.array_split(record[role], _SEGMENTS) for role in ("input", "output")), strict=True
+        ):
             if np.ptp(position) < least:
                 return []  # a hold shows no stiffness
             moved = position - position.mean()
             slopes.append(float(moved @ force / (moved @ moved)))
     ranks = np.argsort(np.argsort(slopes))
     order = float(np.corrcoef(ranks, np.arange(len(slopes)))[0, 1])
-    falls = order <= _FALLING and slopes[-1] < (1 - _FALL) * slopes[0]
+    if order > _MAX_RANK_CORRELATION or slopes[-1] >= (1 - _MIN_FALL_SHARE) * slopes[0]:
+        return []
     unit = f"{experiment.output_unit}/{experiment.input_unit}"
     sentence = (
         f"The stiffness falls through all records, in the order of their names, from {slopes[0]:.4g} to {slopes[-1]:.4g} {unit}. "
         "If they were recorded one after another on one specimen, use --session: each then begins where the one before it ended."
     )
-    return [Finding("falling_stiffness", sentence, slopes[-1], unit)] if falls else []
+    return [Finding("falling_stiffness", sentence, slopes[-1], unit)]
 
 
-def _not_predicted(state: DiagnosisState, named: list[str]) -> list[str]:
+def _unpredicted_records(result: DiagnosisResult, named: list[str]) -> list[str]:
     """Return the unseen records with an error far above that of training that other sizes of the named effects would remove."""
-    model, experiment = state.model, state.experiment
+    model, experiment, fit = result.model, result.experiment, result.model.fit
     least = max(model.train_rms, experiment.noise)
-
-    def size(data: FitData) -> float:
-        return float(np.std(data.trim(data.force)))
-
-    own = size(experiment.training)
-    return [
-        item.name
-        for item in experiment.tests
-        if model.unseen_rms[item.name] > _AS_GOOD * least * max(1.0, size(item) / own)
-        and _removed_by_size(model.fit, named, item) > _OWN_SIZE
-    ]
-
-
-def _removed_by_size(fit: Fit, named: list[str], data: FitData) -> float:
-    """Return the share of the squared error on a record that another size of the named effects removes."""
-    of_base = np.zeros(len(fit.structure.base.linear), dtype=bool)
+    trained = float(np.std(experiment.training.trim(experiment.training.force)))
+    # The named effects by themselves: the simulation with twice their size less that with their size.
     of_forms = [np.full(len(form.linear), form.effect in named) for form in fit.structure.forms]
-    larger = fit.linear * np.where(np.concatenate([of_base, *of_forms]), 2.0, 1.0)
-    force = fit.structure.simulate(data.motion, larger, fit.nonlinear) + fit.zero - fit.simulate(data.motion)
-    error = data.trim(data.force - fit.simulate(data.motion))
-    part = data.trim(force)
-    error, part = error - error.mean(), part - part.mean()
-    return float((error @ part) ** 2 / max((error @ error) * (part @ part), 1e-300))
+    is_named = np.concatenate([np.zeros(len(fit.structure.base.linear), dtype=bool), *of_forms])
+    larger = fit.linear * np.where(is_named, 2.0, 1.0)
+    failed = []
+    for item in experiment.tests:
+        size = float(np.std(item.trim(item.force)))
+        if model.unseen_rms[item.name] <= _MAX_ERROR_RATIO * least * max(1.0, size / trained):
+            continue
+        simulated = fit.simulate(item.motion)
+        part = item.trim(fit.structure.simulate(item.motion, larger, fit.nonlinear) + fit.zero - simulated)
+        error = item.trim(item.force - simulated)
+        error, part = error - error.mean(), part - part.mean()
+        removed = (error @ part) ** 2 / max((error @ error) * (part @ part), 1e-300)
+        if removed > _MIN_SIZE_SHARE:
+            failed.append(item.name)
+    return failed
 
 
-def _rivals(state: DiagnosisState, named: list[str], effects: Mapping[str, Effect]) -> list[Candidate]:
+def _fit_rivals(result: DiagnosisResult, named: list[str], effects: dict[str, Effect]) -> list[Candidate]:
     """Fit relaxations instead of the mechanism, without and with a spring; return those with a similar unseen error."""
-    experiment, start = state.experiment, state.model
+    experiment, start = result.experiment, result.model
     for name in named:
         start = drop_effect(start, name, experiment)
-    relaxing, springs = (
-        {name: effects[name] for name in names if name in effects} for names in (_RIVALS, _SPRINGS)
+    relaxations, springs = (
+        {name: effects[name] for name in names if name in effects} for names in (_RELAXATIONS, _SPRINGS)
     )
-    alone = extend(start, relaxing, experiment)[:1]
-    beside = [item for model in alone for item in extend(model, springs, experiment)[:1]]
-    return [item for item in alone + beside if item.test_rms <= _AS_GOOD * state.model.test_rms]
+    rivals = extend(start, relaxations, experiment)[:1]
+    rivals += [item for model in rivals for item in extend(model, springs, experiment)[:1]]
+    return [item for item in rivals if item.test_rms <= _MAX_ERROR_RATIO * result.model.test_rms]
 
 
 TISSUE_STEPS = (

@@ -344,7 +344,8 @@ class Selection:
 
 def select_effects(state: DiagnosisState) -> DiagnosisState:
     """Select the effects that the base lacks, by forward selection."""
-    return after_selection(state, Selection(state.experiment, state.base, state.settings))
+    result = state.result
+    return after_selection(state, Selection(result.experiment, result.base, state.settings))
 
 
 def after_selection(
@@ -376,7 +377,7 @@ def _selection_reason(selection: Selection, path: list[Candidate]) -> str:
 
 def find_ties(state: DiagnosisState) -> DiagnosisState:
     """Compare the selected model with all other sets that were tried, and judge the base and the model."""
-    selection, model = state.selection, state.model
+    selection, model = state.selection, state.result.model
     tied, share = selection.ties(model), selection.share_removed(model)
     status, further = selection.status(model, tied, share), selection.further(model)
     others = ", ".join(" and ".join(item.effects) for item in tied)

@@ -1,7 +1,7 @@
 """The result of a diagnosis, the state between two of its steps, and the runner of a sequence of steps."""
 
 from collections.abc import Callable, Iterable
-from dataclasses import asdict, dataclass, field, fields, replace
+from dataclasses import asdict, dataclass, field, replace
 from enum import StrEnum
 from typing import Any, Self
 
@@ -9,8 +9,7 @@ from lumbar.records.record import Record
 from lumbar.tissue.diagnosis.finding import Finding
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
-from lumbar.tissue.diagnosis.selection.candidate import Candidate, is_adequate
-from lumbar.tissue.diagnosis.selection.thresholds import COMPLETE
+from lumbar.tissue.diagnosis.selection.candidate import Candidate
 from lumbar.tissue.models.form import Effect, Form
 from lumbar.tissue.models.model_data import FittedParameter
 
@@ -24,14 +23,14 @@ _LAST_KINDS = (
 
 
 class Status(StrEnum):
-    """Whether a base model lacks something, and what."""
+    """Verdict on a base model."""
 
     ADEQUATE = "adequate"
     """No effect passes, and the error is within 1.1 noise floors if that is known."""
     NAMED = "named"
     """The selected effects are missing."""
     TIED = "tied"
-    """The selected effects cannot be distinguished from others on these records."""
+    """These records cannot distinguish the selected effects from others."""
     UNEXPLAINED = "unexplained"
     """Something is missing that the selected effects do not explain."""
 
@@ -57,46 +56,70 @@ class Ranked:
     """See `lumbar.tissue.diagnosis.selection.thresholds`."""
     estimates: list[FittedParameter]
 
+    def to_json(self) -> dict:
+        """Return the entry of ``ranking`` in ``diagnosis.json``."""
+        names = [item.name for item in self.estimates]
+        parameters = {
+            item.name if names.count(item.name) == 1 else f"{item.effect or 'base'}.{item.name}": {
+                "value": item.value,
+                "low": item.low,
+                "high": item.high,
+                "unit": item.unit,
+                "effect": item.effect or None,
+            }
+            for item in self.estimates
+        }
+        candidate = self.candidate
+        return {
+            "effects": list(candidate.effects),
+            "forms": [form.name for form in candidate.fit.structure.forms],
+            "train_rms": candidate.train_rms,
+            "test_rms": candidate.test_rms,
+            "p_value": self.p_value,
+            "converged": candidate.fit.converged,
+            "parameters": parameters,
+        }
+
 
 @dataclass(frozen=True, eq=False)
 class DiagnosisResult:
-    """Status of a base model and the evidence for it."""
+    """Status of a base model and the evidence for it; a field is None until a step has set it."""
 
-    experiment: Experiment
-    base: Candidate
-    """The base alone."""
-    status: Status
+    experiment: Experiment = None
+    base: Candidate = None
+    """Base without effects."""
+    status: Status = None
     """Status of the base model: ``verdict`` in ``diagnosis.json``."""
-    path: list[Candidate]
+    path: list[Candidate] = field(default_factory=list)
     """Base, base and first effect, …."""
-    tied_with: list[Candidate]
-    """Alternatives that explain the data as well."""
-    ranking: list[Ranked]
+    tied_with: list[Candidate] = field(default_factory=list)
+    """Alternatives that explain the data equally well."""
+    ranking: list[Ranked] = field(default_factory=list)
     """Sets of effects, best first."""
-    explainable_share_removed: float
-    """Share of the base's variance on unseen records, that of known noise aside, that the selected effects remove."""
-    refined_status: Status
+    explainable_share_removed: float = 0.0
+    """Share of the base's unseen variance, without that of known noise, that the selected effects remove."""
+    refined_status: Status = None
     """Status of the refined model: ``named`` (`further` passes what an effect must pass to be selected), else
     ``adequate`` (its error is within `COMPLETE` of the noise floor, or that is not known) or ``unexplained``."""
     further: Candidate | None = None
-    """Refined model with the effect that one more step of the search would add. None as well where the refined model
+    """Refined model with the effect that one more step of the search would add. None as well if the refined model
     leaves only noise, so that no step was made."""
     not_tried: list[tuple[Form, tuple[str, ...]]] = field(default_factory=list)
     """Forms that need channels which the records do not have, with these channels."""
     findings: tuple[Finding, ...] = ()
     """Properties of the records that are not physical effects."""
     is_searched_further: bool = True
-    """Whether a further effect was searched for in addition to those selected."""
+    """True if a further effect was searched for in addition to those selected."""
     linear: Candidate | None = None
-    """Linear dynamics of higher order that explain more than the refined model, as a base of their own."""
+    """User-defined base of higher-order linear dynamics that explain more than the refined model."""
     proposal: Any = None
-    """The search of a law for what the catalogue leaves (`law.proposal.Proposal`); None if none was made."""
+    """Search of a law for what the catalogue leaves (`law.proposal.Proposal`); None if none was made."""
     steps: tuple[Step, ...] = ()
     """Steps of the diagnosis in their order."""
 
     @property
     def model(self) -> Candidate:
-        """The refined model: base and selected effects."""
+        """Refined model: base and selected effects."""
         return self.path[-1]
 
     @property
@@ -106,40 +129,27 @@ class DiagnosisResult:
 
     @property
     def noise_rms(self) -> float:
-        """Noise per sample: the floor, or the error of the model in training if the floor is unknown."""
+        """Noise per sample: the floor, or the training error of the model if the floor is unknown."""
         floor = self.experiment.floor
         return self.model.train_rms if floor is None else floor.rms
 
     @property
     def orientation(self) -> Finding | None:
-        """The finding that input and output, a sign or channels are the wrong way round; None where they are not."""
+        """Finding that input and output are exchanged or a sign or channels are wrong; None if they are right."""
         wrong = ("direction", "sign", "force_channels")
         return next((item for item in self.findings if item.kind in wrong), None)
 
     @property
     def decided_by(self) -> Step | None:
-        """The step that set the status: the last one with another status than the step before it."""
-        decided, before = None, None
-        for step in self.steps:
-            if step.status != before:
-                decided, before = step, step.status
-        return decided
+        """Step that set the status: the last one with another status than the step before it."""
+        before = (None, *(step.status for step in self.steps))
+        changed = [step for step, status in zip(self.steps, before, strict=False) if step.status != status]
+        return changed[-1] if changed else None
 
     @property
     def complete(self) -> bool | None:
-        """Whether the status of the refined model is ``adequate``; None if the noise floor is unknown."""
+        """True if the status of the refined model is ``adequate``; None if the noise floor is unknown."""
         return None if self.experiment.floor is None else self.refined_status == Status.ADEQUATE
-
-    @property
-    def goes_beyond_catalogue(self) -> bool:
-        """Whether a law outside the catalogue may explain the rest.
-
-        False if nothing is known to be left, if one more effect passes and leaves only noise, and if records are exchanged, so
-        that nothing that fits them is a force law.
-        """
-        goes_on = self.further is not None and is_adequate(self.further, self.experiment, COMPLETE)
-        named_on = self.complete is False and not goes_on
-        return self.orientation is None and (self.status == Status.UNEXPLAINED or named_on)
 
     def to_json(self) -> dict:
         """Return the content of ``diagnosis.json`` (schema ``lumbar.diagnosis/1``)."""
@@ -161,7 +171,7 @@ class DiagnosisResult:
             "findings": [item.to_json() for item in self.findings],
             "noise_floor_rms": None if floor is None else floor.rms,
             "explainable_share_removed": self.explainable_share_removed,
-            "ranking": [_ranked_json(item) for item in self.ranking],
+            "ranking": [item.to_json() for item in self.ranking],
             "ladder": [
                 {
                     "effects": list(item.effects),
@@ -179,101 +189,50 @@ class DiagnosisResult:
         }
 
 
-def _ranked_json(item: Ranked) -> dict:
-    parameters: dict[str, dict] = {}
-    names = [estimate.name for estimate in item.estimates]
-    for estimate in item.estimates:
-        key = (
-            estimate.name
-            if names.count(estimate.name) == 1
-            else f"{estimate.effect or 'base'}.{estimate.name}"
-        )
-        parameters[key] = {
-            "value": estimate.value,
-            "low": estimate.low,
-            "high": estimate.high,
-            "unit": estimate.unit,
-            "effect": estimate.effect or None,
-        }
-    return {
-        "effects": list(item.candidate.effects),
-        "forms": [form.name for form in item.candidate.fit.structure.forms],
-        "train_rms": item.candidate.train_rms,
-        "test_rms": item.candidate.test_rms,
-        "p_value": item.p_value,
-        "converged": item.candidate.fit.converged,
-        "parameters": parameters,
-    }
-
-
 @dataclass(frozen=True, eq=False)
 class DiagnosisState:
-    """State of a diagnosis between two steps; fields of `DiagnosisResult` have the same meaning."""
+    """State of a diagnosis between two steps."""
 
     records: list[Record]
     """Records as given."""
     settings: DiagnosisSettings
     """Settings; their catalogue is limited to what these records allow as soon as that is known."""
-    findings: tuple[Finding, ...] = ()
+    result: DiagnosisResult = field(default_factory=DiagnosisResult)
+    """Result so far."""
     repaired: tuple[list[Record], list[Finding]] | None = None
     """Records without the faults of their sensors, and these faults."""
     effects: dict[str, Effect] = field(default_factory=dict)
     """All effects that these records allow, rivals included."""
-    prepared: Experiment | None = None
+    prepared: Experiment = None
     """Records as prepared; their positions are not counted from a surface."""
-    experiment: Experiment | None = None
-    base: Candidate | None = None
     selection: Any = None
     """`forward_selection.Selection` of the current base, with all sets of effects that were tried."""
     inverse: Experiment | None = None
     """Records with the force as input, prepared with the motion as input for the search."""
-    path: list[Candidate] = field(default_factory=list)
-    status: Status | None = None
-    refined_status: Status | None = None
-    tied_with: list[Candidate] = field(default_factory=list)
-    ranking: list[Ranked] = field(default_factory=list)
-    explainable_share_removed: float = 0.0
-    further: Candidate | None = None
-    is_searched_further: bool = True
-    linear: Candidate | None = None
-    not_tried: list[tuple[Form, tuple[str, ...]]] = field(default_factory=list)
-    proposal: Any = None
     is_decided: bool = False
-    """Whether no further step can change the result."""
-    steps: tuple[Step, ...] = ()
-
-    @property
-    def model(self) -> Candidate:
-        """The last model of the path: base and selected effects."""
-        return self.path[-1]
-
-    @property
-    def selected(self) -> tuple[str, ...]:
-        """Names of the selected effects, in the order added."""
-        return self.model.effects
+    """True if no further step can change the result."""
 
     def next(self, step: str, reason: str, *findings: Finding, **changes) -> Self:
         """Return the state after a step.
 
         Parameters
         ----------
-        step, reason : str
-            Name of the step; what it did or found, with numbers.
-        findings : Finding
+        step : str
+            Name of the step.
+        reason : str
+            Action or finding of the step, with numbers.
+        *findings : Finding
             Findings that the step adds.
-        changes
-            New values of fields.
+        **changes
+            New values of fields of the state or of its result.
         """
-        changes["findings"] = (*changes.get("findings", self.findings), *findings)
-        status = changes.get("status", self.status)
-        return replace(self, steps=(*self.steps, Step(step, reason, status)), **changes)
-
-    def result(self) -> DiagnosisResult:
-        """Return the result, its findings in the order of their subjects."""
-        values = {item.name: getattr(self, item.name) for item in fields(DiagnosisResult)}
-        places = {kind: number for number, kind in enumerate(_LAST_KINDS)}
-        values["findings"] = tuple(sorted(self.findings, key=lambda item: places.get(item.kind, -1)))
-        return DiagnosisResult(**values)
+        result, places = self.result, {kind: number for number, kind in enumerate(_LAST_KINDS)}
+        changed = {name: value for name, value in changes.items() if hasattr(result, name)}
+        listed = (*changed.get("findings", result.findings), *findings)
+        changed["findings"] = tuple(sorted(listed, key=lambda item: places.get(item.kind, -1)))
+        changed["steps"] = (*result.steps, Step(step, reason, changed.get("status", result.status)))
+        own = {name: value for name, value in changes.items() if name not in changed}
+        return replace(self, result=replace(result, **changed), **own)
 
 
 def run(steps: Iterable[Callable[[DiagnosisState], DiagnosisState]], state: DiagnosisState) -> DiagnosisState:

@@ -85,7 +85,7 @@ def choose_spring(state: DiagnosisState) -> DiagnosisState:
     InputError
         For a base that depends on more than position.
     """
-    experiment, name = state.experiment, state.settings.base
+    experiment, name = state.result.experiment, state.settings.base
     if isinstance(name, Base):
         if not name.form.is_static:
             raise InputError(f"{name.name}: its equation holds more than position, and points have no clock")
@@ -109,16 +109,17 @@ def choose_spring(state: DiagnosisState) -> DiagnosisState:
 
 def select_law(state: DiagnosisState) -> DiagnosisState:
     """Select the law of position that the spring lacks."""
-    return after_selection(state, StaticSelection(state.experiment, state.base, state.settings))
+    result = state.result
+    return after_selection(state, StaticSelection(result.experiment, result.base, state.settings))
 
 
 def check_curve(state: DiagnosisState) -> DiagnosisState:
     """Check whether errors of neighbouring points are correlated: then the points are on a curve that no law tried has."""
-    step = "check the curve"
-    if not errors_are_alike(state.model, state.experiment):
+    step, result = "check the curve", state.result
+    if not errors_are_correlated(result.model, result.experiment):
         return state.next(step, "errors of neighbouring points differ as noise does")
-    status = state.status if state.selected else Status.UNEXPLAINED
-    reason = "errors of neighbouring points are alike: no law tried has this curve"
+    status = result.status if result.selected else Status.UNEXPLAINED
+    reason = "errors of neighbouring points are correlated: no law tried has this curve"
     return state.next(step, reason, status=status, refined_status=Status.UNEXPLAINED)
 
 
@@ -172,7 +173,7 @@ def _points(record: Record, wanted: Callable[[np.ndarray], np.ndarray] | None = 
     return FitData(record.name, Motion(number, record["input"][order], 1.0), record["output"][order])
 
 
-def errors_are_alike(model: Candidate, experiment: Experiment) -> bool:
+def errors_are_correlated(model: Candidate, experiment: Experiment) -> bool:
     """Return whether errors of neighbours are significantly correlated (J. von Neumann, Ann. Math. Stat. 12 (1941) 367-395)."""
     parts = [*experiment.training.records, *experiment.tests]
     position = np.concatenate([part.motion.position for part in parts])

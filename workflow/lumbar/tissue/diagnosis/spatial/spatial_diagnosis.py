@@ -65,7 +65,7 @@ def check_channels(state: DiagnosisState) -> DiagnosisState:
     InputError
         For a base that is not one of `KINDS`.
     """
-    step, experiment, axes = "check channels", state.experiment, state.records[0].axes
+    step, experiment, axes = "check channels", state.result.experiment, state.records[0].axes
     kinds = _kinds(state.settings)
     finding = exchanged_channels(experiment, axes, state.settings.layout)
     if finding is None:
@@ -88,7 +88,7 @@ def select_in_space(state: DiagnosisState) -> DiagnosisState:
 
     One effect at first: as long as the axes are wrong, a second one would be searched in vain.
     """
-    experiment, settings, axes = state.experiment, state.settings, state.records[0].axes
+    experiment, settings, axes = state.result.experiment, state.settings, state.records[0].axes
     kinds = _kinds(settings)
     base, singles = choose_base(experiment, axes, kinds), None
     single_effect = replace(settings, most_effects=1)
@@ -109,8 +109,10 @@ def select_in_space(state: DiagnosisState) -> DiagnosisState:
 
 def free_axes(state: DiagnosisState) -> DiagnosisState:
     """Fit the principal axes together with the other parameters."""
-    path = [freed(item, state.experiment) for item in state.path]
-    reason = f"error {path[-1].test_rms:.4g} {state.experiment.output_unit} unseen with the axes fitted too"
+    path = [freed(item, state.result.experiment) for item in state.result.path]
+    reason = (
+        f"error {path[-1].test_rms:.4g} {state.result.experiment.output_unit} unseen with the axes fitted too"
+    )
     return state.next("fit the axes", reason, base=path[0], path=path)
 
 

@@ -56,10 +56,10 @@ def headline_in_space(result: DiagnosisResult) -> str:
 
 def spatial_findings(state: DiagnosisState, axes: tuple[str, ...]) -> list[Finding]:
     """Findings of the force sensor, and of directions that the training record hardly excites."""
-    experiment, fit = state.experiment, state.model.fit
+    experiment, fit = state.result.experiment, state.result.model.fit
     known = estimates(fit, experiment.training, experiment.input_unit, experiment.output_unit)
     found = []
-    named = state.selected if state.status in NAMED else ()
+    named = state.result.selected if state.result.status in NAMED else ()
     if "turned_frame" in named:
         found.append(_turned([item for item in known if item.effect == "turned_frame"], axes))
     if "crosstalk" in named:
