@@ -17,7 +17,7 @@ from lumbar.tissue.diagnosis.fitting.joint_fit import add, fit_base
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment, prepare
 from lumbar.tissue.diagnosis.selection.alternatives import apparent_zeros, zeros_moved
 from lumbar.tissue.diagnosis.selection.base_choice import better_base, find_base
-from lumbar.tissue.diagnosis.selection.candidate import Candidate, by_score, evaluate
+from lumbar.tissue.diagnosis.selection.candidate import Candidate, evaluate, sort_by_score
 from lumbar.tissue.diagnosis.selection.diagnose import diagnose
 from lumbar.tissue.diagnosis.selection.forward_selection import Selection
 from lumbar.tissue.diagnosis.selection.thresholds import TIED
@@ -100,7 +100,7 @@ def candidate(score, *effects):
 @pytest.mark.parametrize("sign", [-1, 1])
 def test_scores_equal_to_rounding_are_ordered_by_name(sign):
     scores = (-1000.0 + sign * 1e-5, -1000.0, -1000.5)
-    found = by_score([candidate(score, name) for score, name in zip(scores, "bac", strict=True)])
+    found = sort_by_score([candidate(score, name) for score, name in zip(scores, "bac", strict=True)])
     assert [item.effects[0] for item in found] == ["c", "a", "b"]
 
 
@@ -129,7 +129,8 @@ def test_no_name_from_a_fit_that_has_not_converged(found):
     stopped = replace(found.model, fit=replace(found.model.fit, converged=False))
     selection = Selection(found.experiment, found.base, DiagnosisSettings(catalogue=TISSUE), singles=[])
     assert selection.status(stopped, [], 0.99) == "unexplained"
-    settled = selection.converge(stopped)
+    selection.selected_path = [found.base, stopped]
+    settled = selection.fitted_path()[-1]
     assert settled.fit.converged and settled.test_rms == pytest.approx(found.model.test_rms, rel=1e-6)
 
 

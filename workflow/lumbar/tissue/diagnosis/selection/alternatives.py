@@ -17,8 +17,8 @@ from lumbar.tissue.diagnosis.selection.candidate import (
     fit_base,
     is_adequate,
     refit,
+    select_forms,
     unseen_improvement,
-    with_forms,
 )
 from lumbar.tissue.diagnosis.selection.forward_selection import find_ties
 from lumbar.tissue.diagnosis.selection.result import DiagnosisResult, DiagnosisState, Status, run
@@ -328,7 +328,7 @@ def force_leads(model: Candidate, experiment: Experiment, linear: set[str]) -> F
 def _fit_with_delay(model: Candidate, others: list[Form], put_late: Experiment) -> Candidate:
     """Fit the likeliest base with a delay and with effects of the model."""
     (delay,) = TISSUE["delay"].forms
-    acting = with_forms(model.fit, others).nonlinear[len(model.fit.structure.base.nonlinear) :]
+    acting = select_forms(model.fit, others).nonlinear[len(model.fit.structure.base.nonlinear) :]
     step = put_late.training.motion.sampling_time
     fits = (
         fit_structure(Structure(BASES[name], (*others, delay)), put_late.training, [*acting, samples * step])

@@ -1,4 +1,4 @@
-"""A set of effects fitted with a base: how well it explains all records, next to others, and next to the noise."""
+"""A set of effects fitted with a base: how well it explains all records, compared with others and with the noise."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -20,39 +20,35 @@ from lumbar.tissue.diagnosis.noise.noise_floor import autocovariance, prediction
 from lumbar.tissue.diagnosis.selection.thresholds import MOST_OF_REST, WORTHWHILE, WORTHWHILE_BLIND
 from lumbar.tissue.models.bases import Base
 from lumbar.tissue.models.form import Form
-from lumbar.tissue.models.model_data import FittedParameter
 from lumbar.tissue.models.motion import Motion
 from lumbar.tissue.models.structure import Structure
 
-_MOST_LEFT = 0.5
+_MAX_LEFT_SHARE = 0.5
 """Share of a response's variance that a model without a known noise floor may leave and still be adequate."""
 _PREDICTION_ORDER = 12
-_UNCERTAIN = 4.0
+_UNCERTAIN_VARIANCES = 4.0
 """Variances of a prediction, from the uncertainty of the parameters, that an unseen error may be above the noise (95 %)."""
 ADEQUATE = 1.1
-"""A model whose error is within this factor of the noise floor leaves nothing to explain."""
+"""A model with an error within this factor of the noise floor leaves nothing to explain."""
 SAME_SCORE = 1e-6
 """Relative difference of scores that rounding on another processor may invert."""
-_EARLY = 0.6
-"""Share of the training record from which the rest is predicted."""
-_FREEDOM = 4
+_STUDENT_FREEDOM = 4
 """Degrees of freedom of Student's t for unseen errors."""
-_AT_BOUND = 1e-3
+_BOUND_SHARE = 1e-3
 """Distance from a bound, as a share of the logarithmic range, within which a parameter counts as at it."""
-
-
-_BETTER = 1e-4
-"""Share of the squared error by which another optimum must be lower to be one: what ends in the same differs by less."""
+_MIN_OPTIMUM_GAIN = 1e-4
+"""Share of the squared error by which another optimum must be lower: fits that end in the same one differ by less."""
 
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """A fitted set of effects and how well it does."""
+    """A fitted set of effects and its errors."""
 
     fit: Fit
     train_rms: float
+    """Free-run simulation error in training, in the output's unit."""
     test_rms: float
-    """`train_rms`, `test_rms`: free-run simulation errors in the output's unit."""
+    """Free-run simulation error on unseen records, in the output's unit."""
     score: float
     """Minus twice the log-likelihood of all records, up to a constant, and the logarithm of their size for each parameter
     (Schwarz, Ann. Statist. 6 (1978) 461-464): smaller is better. Unseen errors are taken as Student's t, so that a few
@@ -77,7 +73,7 @@ def evaluate(fit: Fit, experiment: Experiment) -> Candidate:
     simulated = [(item, fit.simulate(item.motion)) for item in tests]
     errors = {item.name: item.error(values) for item, values in simulated}
     unseen = np.concatenate([item.whitened_error(values) for item, values in simulated])
-    scale, unlikelihood = _robust_scale(unseen), float("-inf")
+    scale, unlikelihood = _student_scale(unseen), float("-inf")
     if scale > 0:
         unlikelihood = float(np.sum(_loss(unseen, scale))) + 2 * len(unseen) * float(np.log(scale))
     score = training.size * np.log(fit.squared_error / training.size) + unlikelihood
@@ -107,9 +103,9 @@ def refit_from_starts(model: Candidate, experiment: Experiment) -> Candidate:
     if not (structure.is_linear and structure.base.nonlinear):
         return model
     acting = model.fit.nonlinear[len(structure.base.nonlinear) :]
-    found = joint_fit.fit_base(structure, experiment.training, acting)
-    better = found.squared_error < model.fit.squared_error * (1 - _BETTER)
-    return evaluate(found, experiment) if better else model
+    again = joint_fit.fit_base(structure, experiment.training, acting)
+    is_better = again.squared_error < model.fit.squared_error * (1 - _MIN_OPTIMUM_GAIN)
+    return evaluate(again, experiment) if is_better else model
 
 
 def add_form(model: Candidate, form: Form, experiment: Experiment) -> Candidate:
@@ -119,7 +115,7 @@ def add_form(model: Candidate, form: Form, experiment: Experiment) -> Candidate:
 
 def drop_effect(model: Candidate, name: str, experiment: Experiment) -> Candidate:
     """Refit a model without one of its effects."""
-    rest = with_forms(model.fit, model.fit.structure.without(name).forms)
+    rest = select_forms(model.fit, model.fit.structure.without(name).forms)
     return refit(rest.structure, rest.nonlinear, experiment)
 
 
@@ -131,7 +127,7 @@ def exchange_base(model: Candidate, base: Base, experiment: Experiment) -> Candi
     return refit(Structure(base, structure.forms), np.concatenate([bare.nonlinear, acting]), experiment)
 
 
-def with_forms(fit: Fit, forms: Sequence[Form]) -> Fit:
+def select_forms(fit: Fit, forms: Sequence[Form]) -> Fit:
     """Return the same fitted parameters for some of the forms, or for all in another order."""
     structure = fit.structure
     sizes = [len(structure.base.linear), *(len(form.linear) for form in structure.forms)]
@@ -146,51 +142,41 @@ def with_forms(fit: Fit, forms: Sequence[Form]) -> Fit:
     )
 
 
-def _robust_scale(errors: np.ndarray) -> float:
-    """Maximum-likelihood scale of Student's t, by expectation and maximisation."""
+def _student_scale(errors: np.ndarray) -> float:
+    """Return the maximum-likelihood scale of Student's t, by expectation and maximisation."""
     square = errors**2
     scale = float(np.median(square)) or float(np.mean(square))
     for _ in range(12):
         if scale <= 0:
             break
-        scale = float(np.mean((_FREEDOM + 1) * square / (_FREEDOM + square / scale)))
+        scale = float(np.mean((_STUDENT_FREEDOM + 1) * square / (_STUDENT_FREEDOM + square / scale)))
     return float(np.sqrt(scale))
 
 
 def _loss(errors: np.ndarray, scale: float) -> np.ndarray:
-    """Minus twice the log-likelihood of Student's t, per error, up to a constant."""
-    return (_FREEDOM + 1) * np.log1p((errors / scale) ** 2 / _FREEDOM)
+    """Return minus twice the log-likelihood of Student's t, per error, up to a constant."""
+    return (_STUDENT_FREEDOM + 1) * np.log1p((errors / scale) ** 2 / _STUDENT_FREEDOM)
 
 
 def likelihood_ratio(before: Candidate, after: Candidate, experiment: Experiment) -> float:
-    """Likelihood-ratio statistic on the training record: twice what the log-likelihood gains."""
+    """Return the likelihood-ratio statistic on the training record: twice the gain in log-likelihood."""
     return experiment.training.size * float(np.log(before.fit.squared_error / after.fit.squared_error))
 
 
 def unseen_improvement(before: Candidate, after: Candidate, experiment: Experiment) -> float:
-    """Return the number of standard errors by which the loss on unseen records falls.
+    """Return the number of standard errors by which the loss on unseen records falls; see `loss_improvement`."""
+    return loss_improvement(before.fit, after.fit, experiment.tests)
+
+
+def loss_improvement(before: Fit, after: Fit, records: list[FitData]) -> float:
+    """Return the number of standard errors by which the loss on some records falls.
 
     Mean difference of losses over its standard error, neighbouring samples taken as dependent (Diebold and Mariano,
     J. Bus. Econ. Stat. 13 (1995) 253-263; `variance_of_sum`). The loss is that of Student's t: of
     squared errors the mean depends on a few peaks of an extrapolated force, and no difference is ever significant.
     """
-    return _improvement(before.fit, after.fit, experiment.tests)
-
-
-def later_improvement(before: Candidate, after: Candidate, experiment: Experiment) -> float:
-    """Return the number of standard errors by which the loss falls in the later training record, after a fit to its beginning.
-
-    For effects that accumulate: they hardly show in short records, in which they begin again.
-    """
-    training = experiment.training
-    early, later = training.cache.compute_once("early and later", lambda: training.split(_EARLY))
-    fits = [joint_fit.fit(item.fit.structure, early, item.fit.nonlinear) for item in (before, after)]
-    return _improvement(*fits, [later])
-
-
-def _improvement(before: Fit, after: Fit, records: list[FitData]) -> float:
     errors = [(before.whitened_errors(record), after.whitened_errors(record)) for record in records]
-    scale = min(_robust_scale(np.concatenate(own)) for own in zip(*errors, strict=True))
+    scale = min(_student_scale(np.concatenate(by_fit)) for by_fit in zip(*errors, strict=True))
     if scale <= 0:
         return np.inf
     differences = [_loss(first, scale) - _loss(second, scale) for first, second in errors]
@@ -205,10 +191,20 @@ def _improvement(before: Fit, after: Fit, records: list[FitData]) -> float:
 def is_adequate(candidate: Candidate, experiment: Experiment, factor: float = ADEQUATE) -> bool:
     """Return whether the errors are within this factor of the noise floor and of the other errors of a right model.
 
-    Without a floor: whether the model explains most of the response and leaves white noise.
+    Without a floor, the model must explain at least half of the variance of every record and leave white noise: an autoregressive
+    model (Yule–Walker) must not predict its error better than by this factor.
     """
     if experiment.floor is None:
-        return leaves_white_noise(candidate.fit, experiment, factor)
+        for record in (experiment.training, *experiment.tests):
+            errors = candidate.fit.errors(record)
+            if np.mean(errors**2) > _MAX_LEFT_SHARE * np.var(record.trim(record.force)):
+                return False
+            size, order = len(errors), min(_PREDICTION_ORDER, len(errors) // 20)
+            _, gained = prediction_error_filter(autocovariance(errors, order) / size)
+            # White noise gains by chance one part in its size for each coefficient.
+            if np.sqrt(max(gained * (1 - order / size), 1.0)) > factor:
+                return False
+        return True
     floor, training, tests = experiment.floor, experiment.training, experiment.tests
 
     def largest(records: list[FitData]) -> float:
@@ -220,13 +216,13 @@ def is_adequate(candidate: Candidate, experiment: Experiment, factor: float = AD
     if candidate.test_rms <= largest(tests):
         return True
     left = candidate.test_rms**2 - largest(tests) ** 2
-    return left <= _UNCERTAIN * prediction_variance(candidate.fit, training, tests)
+    return left <= _UNCERTAIN_VARIANCES * prediction_variance(candidate.fit, training, tests)
 
 
 def is_worthwhile(base: Candidate, before: Candidate, after: Candidate, experiment: Experiment) -> bool:
     """Return whether a larger model explains more than the slight error of the smaller model's form.
 
-    It leaves noise alone, or removes a share of what the base without effects leaves to explain, or most of what the smaller
+    It leaves only noise, or removes a share of what the base without effects leaves to explain, or most of what the smaller
     model leaves (`lumbar.tissue.diagnosis.selection.thresholds`).
     """
     if is_adequate(after, experiment):
@@ -238,93 +234,66 @@ def is_worthwhile(base: Candidate, before: Candidate, after: Candidate, experime
     return removed >= max(min(share * of_base, MOST_OF_REST * of_rest), floor**2)
 
 
-def leaves_white_noise(fit: Fit, experiment: Experiment, factor: float) -> bool:
-    """Return whether a model explains at least half of the variance of every record, and past errors do not predict its error.
-
-    Prediction by an autoregressive model (Yule–Walker): white noise cannot be predicted, so the error is at most
-    this factor above that of the prediction.
-    """
-    for record in (experiment.training, *experiment.tests):
-        errors = fit.errors(record)
-        if np.mean(errors**2) > _MOST_LEFT * np.var(record.trim(record.force)):
-            return False
-        if predictability(errors) > factor:
-            return False
-    return True
-
-
-def predictability(errors: np.ndarray) -> float:
-    """RMS of a signal over that of its prediction error by its own past; 1 for white noise."""
-    size, order = len(errors), min(_PREDICTION_ORDER, len(errors) // 20)
-    _, gained = prediction_error_filter(autocovariance(errors, order) / size)
-    # What white noise would gain by chance: one part in its size for each coefficient.
-    return float(np.sqrt(max(gained * (1 - order / size), 1.0)))
-
-
 def best_by_effect(candidates: list[Candidate]) -> list[Candidate]:
-    """Best form of every set of effects, best first."""
+    """Return the best form of every set of effects, best first."""
     best: dict[frozenset[str], Candidate] = {}
     for candidate in sorted(candidates, key=lambda item: item.score):
         best.setdefault(frozenset(candidate.effects), candidate)
     return list(best.values())
 
 
-def by_score(candidates: list[Candidate]) -> list[Candidate]:
-    """Candidates by score, the best first; those whose scores are the same to rounding by their effects' names."""
+def sort_by_score(candidates: list[Candidate]) -> list[Candidate]:
+    """Sort candidates by score, the best first; those with scores equal to rounding by the names of their effects."""
     ordered: list[Candidate] = []
-    alike: list[Candidate] = []
+    equal: list[Candidate] = []
     for item in sorted(candidates, key=lambda item: item.score):
-        if alike and item.score - alike[0].score > SAME_SCORE * abs(alike[0].score):
-            ordered += sorted(alike, key=lambda item: item.effects)
-            alike = []
-        alike.append(item)
-    return ordered + sorted(alike, key=lambda item: item.effects)
+        if equal and item.score - equal[0].score > SAME_SCORE * abs(equal[0].score):
+            ordered += sorted(equal, key=lambda item: item.effects)
+            equal = []
+        equal.append(item)
+    return ordered + sorted(equal, key=lambda item: item.effects)
 
 
 def contradictions(fit: Fit, experiment: Experiment) -> list[str]:
-    """Say what in a fitted model, base and effects, contradicts the names of its effects, one sentence each.
+    """Return the contradictions between a fitted model and the names of its effects, one sentence each.
 
     - No force that an effect adds differs significantly from 0 (of several, or of those that its form calls essential, one
       of them or all together).
-    - A parameter that decides whether the mechanism is there lies at the end of its range.
-    - What the form itself refuses (`Form.contradiction`): a limit that the record exceeds, less than two cycles of a
+    - A parameter that decides whether the mechanism is there is at the end of its range.
+    - The form itself rejects it (`Form.contradiction`): a limit that the record exceeds, less than two cycles of a
       disturbance or a frequency of the excitation's own grid.
     - Nothing is left of the base.
     """
     structure, training = fit.structure, experiment.training
     count = len(structure.base.linear)
-    found = []
+    sentences = []
     if count and structure.base.system == "tissue" and not np.any(fit.linear[:count] > 0):
-        found.append(f"nothing is left of {structure.base.name}: all its stiffnesses are 0")
+        sentences.append(f"nothing is left of {structure.base.name}: all its stiffnesses are 0")
     known = estimates(fit, training, experiment.input_unit, experiment.output_unit)
     low, high = shape_bounds(structure, training, fit.nonlinear) if len(fit.nonlinear) else ((), ())
     position = len(structure.base.nonlinear)
     for form in structure.forms:
-        own = [item for item in known if item.effect == form.effect]
-        found += _nothing_added(form, own, fit, training)
+        parameters = [item for item in known if item.effect == form.effect]
+        names = form.essential or tuple(item.name for item in form.linear)
+        sizes = [item for item in parameters if item.name in names]
+        is_significant = any(item.low > 0 or item.high < 0 for item in sizes) or (
+            len(sizes) > 1 and _are_jointly_significant(form, names, fit, training)
+        )
+        if sizes and not is_significant:
+            sentences.append(f"{form.effect}: the interval of {', '.join(names)} holds 0")
         for shape in form.nonlinear:
             if shape.decisive:
                 value, least, most = fit.nonlinear[position], low[position], high[position]
-                if min(np.log(value / least), np.log(most / value)) < _AT_BOUND * np.log(most / least):
-                    found.append(f"{form.effect}: {shape.name} is at the end of its range")
+                if min(np.log(value / least), np.log(most / value)) < _BOUND_SHARE * np.log(most / least):
+                    sentences.append(f"{form.effect}: {shape.name} is at the end of its range")
             position += 1
         if form.contradiction is not None:
-            values = {item.name: item.value for item in own}
-            found += _refused(form, values, fit, experiment)
-    return found
+            values = {item.name: item.value for item in parameters}
+            sentences += _form_contradiction(form, values, fit, experiment)
+    return sentences
 
 
-def _nothing_added(form: Form, own: list[FittedParameter], fit: Fit, training: FitData) -> list[str]:
-    names = form.essential or tuple(item.name for item in form.linear)
-    sizes = [item for item in own if item.name in names]
-    if not sizes or any(item.low > 0 or item.high < 0 for item in sizes):
-        return []
-    if len(sizes) > 1 and _surely_together(form, names, fit, training):
-        return []
-    return [f"{form.effect}: the interval of {', '.join(names)} holds 0"]
-
-
-def _surely_together(form: Form, names: tuple[str, ...], fit: Fit, training: FitData) -> bool:
+def _are_jointly_significant(form: Form, names: tuple[str, ...], fit: Fit, training: FitData) -> bool:
     """Return whether several amplitudes together are significantly not 0, by Wald's test: similar ones hide each other."""
     owners = [form for form in fit.structure.forms for _ in form.linear]
     items = fit.structure.linear[len(fit.structure.base.linear) :]
@@ -336,19 +305,18 @@ def _surely_together(form: Form, names: tuple[str, ...], fit: Fit, training: Fit
     return bool(wald > scipy.special.chdtri(len(chosen), 0.05))
 
 
-def _refused(form: Form, values: dict[str, float], fit: Fit, experiment: Experiment) -> list[str]:
+def _form_contradiction(form: Form, values: dict[str, float], fit: Fit, experiment: Experiment) -> list[str]:
     """Return the contradiction that a form itself finds in its parameters, on one training record after another."""
-    training = experiment.training
-    noise = experiment.floor.rms if experiment.floor else fit.rms(training)
+    training, floor = experiment.training, experiment.floor
+    noise, period = (floor.rms, floor.period) if floor else (fit.rms(training), None)
     motions = (training.motion,) if isinstance(training.motion, Motion) else training.motion.parts
     forces = [training.force] if len(motions) == 1 else training.motion.split(training.force)
     zeros = fit.zeros if len(fit.zeros) == len(motions) else [fit.zero] * len(motions)
     axes = form.axes or [""] * len(motions)
-    period = experiment.floor.period if experiment.floor else None
     for motion, force, zero, axis in zip(motions, forces, zeros, axes, strict=True):
-        own = values | {name.removesuffix(f"_{axis}"): value for name, value in values.items()}
-        if axis in (form.channel or axis) and (
-            words := form.contradiction(own, motion, force - zero, noise, period)
-        ):
-            return [f"{form.effect}: {words}"]
+        along = values | {name.removesuffix(f"_{axis}"): value for name, value in values.items()}
+        if axis in (form.channel or axis):
+            reason = form.contradiction(along, motion, force - zero, noise, period)
+            if reason:
+                return [f"{form.effect}: {reason}"]
     return []

@@ -12,24 +12,24 @@ import numpy as np
 
 from lumbar.base.progress import track
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
-from lumbar.tissue.diagnosis.fitting.joint_fit import Fit, screen
+from lumbar.tissue.diagnosis.fitting.joint_fit import fit, screen
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.fitting.uncertainty import estimates
 from lumbar.tissue.diagnosis.selection.candidate import (
     Candidate,
     add_form,
     best_by_effect,
-    by_score,
     contradictions,
     drop_effect,
     is_adequate,
     is_worthwhile,
-    later_improvement,
     likelihood_ratio,
+    loss_improvement,
     refit,
     refit_from_starts,
+    select_forms,
+    sort_by_score,
     unseen_improvement,
-    with_forms,
 )
 from lumbar.tissue.diagnosis.selection.result import DiagnosisState, Ranked, Status
 from lumbar.tissue.diagnosis.selection.thresholds import (
@@ -52,11 +52,12 @@ REFITTED = 5
 """Number of effects that are refitted after screening; the first round refits all."""
 EXCHANGED = 3
 """Number of effects that are tried, in all their forms, instead of one that is taken out."""
-_MORE_FITS = 3
+_MAX_REFITS = 3
 """Largest number of times that the fit of a selected model is continued if it has not converged."""
+_EARLY_SHARE = 0.6
+"""Share of the training record from which the rest is predicted."""
 _AKAIKE = 2.0
-_SHOWN = 10
-"""Number of sets of effects in a ranking."""
+_RANKED_SETS = 10
 
 
 def extend(
@@ -66,31 +67,45 @@ def extend(
     most: int | None = None,
     all_forms: bool = True,
 ) -> list[Candidate]:
-    """Add each effect of the catalogue that the model does not have; every refitted form is returned, best first.
+    """Add each effect of the catalogue that the model does not have; return every refitted form, best first.
 
     Parameters
     ----------
+    model : Candidate
+    catalogue : dict of str to Effect
+    experiment : Experiment
     most : int or None
         Refit only this many effects, those with the best screening; None refits all.
     all_forms : bool
         Refit all forms of an effect, or only the one with the best screening. With all forms, general ones are tried if
         simpler ones fail, if they remove `MOST_OF_REST` of what these leave.
+
+    Returns
+    -------
+    list of Candidate
     """
     every = [
         form for effect in catalogue.values() if effect.name not in model.effects for form in effect.forms
     ]
     forms = [form for form in every if not form.general]
     if most is not None:
-        forms = _promising(model.fit, forms, experiment, most, all_forms)
-    tried = track(
-        forms,
-        f"forms of effects fitted beside {' and '.join([model.fit.structure.base.name, *model.effects])}",
-    )
-    found = [add_form(model, form, experiment) for form in tried]
+        # Only forms of the effects that screening ranks first.
+        screened = {form.key: screen(model.fit, form, experiment.training)[0][0] for form in forms}
+        first: dict[str, Form] = {}
+        for form in sorted(forms, key=lambda item: screened[item.key]):
+            first.setdefault(form.effect, form)
+        effects = list(first)[:most]
+        forms = [
+            form for form in forms if form.effect in effects and (all_forms or form is first[form.effect])
+        ]
+    names = " and ".join([model.fit.structure.base.name, *model.effects])
+    extended = [
+        add_form(model, form, experiment) for form in track(forms, f"forms of effects fitted with {names}")
+    ]
     if all_forms:
-        # General forms may stand in for the best effects; for all where none of these leaves only noise: the simpler forms of
-        # what is right may be far from it.
-        ranked = best_by_effect(found)
+        # General forms may replace those of the best effects; of all effects if none of the best leaves only noise, because
+        # the simpler forms of the right effect may be far from it.
+        ranked = best_by_effect(extended)
         enough = any(is_adequate(item, experiment) for item in ranked[:LOOK_AHEAD])
         simpler = {item.effects[-1]: item for item in (ranked[:LOOK_AHEAD] if enough else ranked)}
         for form in every:
@@ -99,19 +114,8 @@ def extend(
                 general = add_form(model, form, experiment)
                 rest = max(best.train_rms**2 - experiment.noise**2, 0.0)
                 if best.train_rms**2 - general.train_rms**2 >= MOST_OF_REST * rest:
-                    found.append(general)
-    return sorted(found, key=lambda item: item.score)
-
-
-def _promising(fit: Fit, forms: list[Form], experiment: Experiment, most: int, all_forms: bool) -> list[Form]:
-    """Forms of the effects that screening ranks first."""
-    screened = {form.key: screen(fit, form, experiment.training)[0][0] for form in forms}
-    ranked = sorted(forms, key=lambda item: screened[item.key])
-    first: dict[str, Form] = {}
-    for form in ranked:
-        first.setdefault(form.effect, form)
-    effects = list(first)[:most]
-    return [form for form in forms if form.effect in effects and (all_forms or form is first[form.effect])]
+                    extended.append(general)
+    return sorted(extended, key=lambda item: item.score)
 
 
 def pairs(
@@ -120,17 +124,17 @@ def pairs(
     experiment: Experiment,
     polished: Callable[[list[Candidate]], list[Candidate]],
 ) -> list[Candidate]:
-    """Pairs of effects that begin with one of the best single ones, best first.
+    """Return pairs of effects that begin with one of the best single ones, best first.
 
-    Further first effects are not tried once a pair leaves nothing but noise; `exchange` looks for others like it. `polished`
-    fits candidates on, the best one first, where a search holds something fixed.
+    Further first effects are not tried as soon as a pair leaves only noise; `exchange` looks for others like it. `polished`
+    refits candidates, the best one first, with parameters that a search keeps fixed.
     """
-    found: list[Candidate] = []
+    tried: list[Candidate] = []
     for first in best_by_effect(singles)[:LOOK_AHEAD]:
-        found += polished(extend(polished([first])[0], catalogue, experiment, REFITTED, all_forms=False))
-        if any(is_adequate(pair, experiment) for pair in found):
+        tried += polished(extend(polished([first])[0], catalogue, experiment, REFITTED, all_forms=False))
+        if any(is_adequate(pair, experiment) for pair in tried):
             break
-    return sorted(found, key=lambda item: item.score)
+    return sorted(tried, key=lambda item: item.score)
 
 
 def exchange(
@@ -139,10 +143,10 @@ def exchange(
     experiment: Experiment,
     polished: Callable[[list[Candidate]], list[Candidate]] = list,
 ) -> Candidate:
-    """Take out each effect in turn and put back whatever then fits best: another form, another effect or it itself."""
+    """Replace each effect in turn by the one that fits best: another form, another effect or it itself."""
     for name in model.effects:
-        found = extend(drop_effect(model, name, experiment), catalogue, experiment, EXCHANGED)
-        best = min(polished(found), key=lambda item: item.score)
+        others = extend(drop_effect(model, name, experiment), catalogue, experiment, EXCHANGED)
+        best = min(polished(others), key=lambda item: item.score)
         if best.score < model.score - 1.0:
             model = best
     return model
@@ -170,24 +174,20 @@ class Selection:
     def fitted_path(self) -> list[Candidate]:
         """Select effects and return the path from the base to the model, its last fit continued to the optimum."""
         *before, model = self.selected_path
-        return [*before, self.converge(model)]
+        if model is self.base:
+            return [model]
+        for _ in range(_MAX_REFITS):
+            if model.fit.converged:
+                break
+            model = self.continue_fit(model)
+        return [*before, refit_from_starts(model, self.experiment)]
 
     def polished(self, models: list[Candidate]) -> list[Candidate]:
         """Return models, the best first, some refitted with what their base keeps fixed; along one axis nothing is fixed."""
         return models
 
-    def converge(self, model: Candidate) -> Candidate:
-        """Continue the fit of a model that has not converged; take the fit from another start if that is better."""
-        if model is self.base:
-            return model
-        for _ in range(_MORE_FITS):
-            if model.fit.converged:
-                break
-            model = self.continue_fit(model)
-        return refit_from_starts(model, self.experiment)
-
     def continue_fit(self, model: Candidate) -> Candidate:
-        """Continue the fit of a model."""
+        """Continue the fit of a model that has not converged."""
         return refit(model.fit.structure, model.fit.nonlinear, self.experiment)
 
     def p_value(self, before: Candidate, after: Candidate) -> float:
@@ -195,16 +195,23 @@ class Selection:
         return self.null.p_value(likelihood_ratio(before, after, self.experiment), self.forms)
 
     def passes(self, before: Candidate, after: Candidate) -> bool:
-        """Whether an effect may be selected: no false alarm in training, significantly better on unseen records, consistent."""
+        """Return whether an effect may be selected: no false alarm in training, significantly better unseen, consistent."""
         experiment = self.experiment
         largest = before.test_rms if experiment.floor else BLIND * before.test_rms
         if after.test_rms >= largest or self.p_value(before, after) > LEVEL:
             return False
         if unseen_improvement(before, after, experiment) <= UNSEEN:
-            # An effect that accumulates hardly shows in short records: the later part of the training record counts.
+            # An effect that accumulates hardly shows in short records, in which it begins again: the later part of the
+            # training record counts, after a fit to its beginning.
             added = set(after.effects) - set(before.effects)
-            accumulating = any(self.settings.candidates[name].accumulates for name in added)
-            if not accumulating or later_improvement(before, after, experiment) <= UNSEEN:
+            if not any(self.settings.candidates[name].accumulates for name in added):
+                return False
+            training = experiment.training
+            early, later = training.cache.compute_once(
+                "early and later", lambda: training.split(_EARLY_SHARE)
+            )
+            fits = [fit(item.fit.structure, early, item.fit.nonlinear) for item in (before, after)]
+            if loss_improvement(*fits, [later]) <= UNSEEN:
                 return False
         if after not in self.contradicting:
             self.contradicting[after] = bool(contradictions(after.fit, experiment))
@@ -216,29 +223,23 @@ class Selection:
 
     @cached_property
     def selected_path(self) -> list[Candidate]:
-        """Select effects one after the other; return the path from the base to the model."""
+        """Path from the base to the model, its effects selected one after the other."""
+        experiment, catalogue, most = self.experiment, self.settings.catalogue, self.settings.most_effects
         single = next((item for item in self.singles if self.passes(self.base, item)), None)
         path = [self.base] if single is None else [self.base, single]
-        if is_adequate(path[-1], self.experiment) or self.settings.most_effects < 2:
+        if is_adequate(path[-1], experiment) or most < 2:
             return path
-        pair = self.best_pair(path[-1])
-        return path if pair is None else self.further_path(pair)
-
-    def best_pair(self, before: Candidate) -> Candidate | None:
-        """Return the best pair if it is worth a second effect; pairs are tried even where no single effect passes."""
-        found = pairs(self.singles, self.settings.catalogue, self.experiment, self.polished)
-        self.tried += found
-        found = [item for item in found if self.is_further(before, item)]
-        if not found:
-            return None
-        best = exchange(found[0], self.settings.catalogue, self.experiment, self.polished)
-        return best if best.test_rms <= found[0].test_rms * 1.001 else found[0]
-
-    def further_path(self, pair: Candidate) -> list[Candidate]:
-        """Add effects to a pair while they are worth it, drop what has become needless, order what is left."""
-        model = pair
-        while len(model.effects) < self.settings.most_effects and not is_adequate(model, self.experiment):
-            more = extend(model, self.settings.catalogue, self.experiment, most=4)
+        # The best pair, if it is worth a second effect; pairs are tried even if no single effect passes.
+        tried = pairs(self.singles, catalogue, experiment, self.polished)
+        self.tried += tried
+        first = next((item for item in tried if self.is_further(path[-1], item)), None)
+        if first is None:
+            return path
+        best = exchange(first, catalogue, experiment, self.polished)
+        model = best if best.test_rms <= first.test_rms * 1.001 else first
+        # Further effects as long as they are worth it.
+        while len(model.effects) < most and not is_adequate(model, experiment):
+            more = extend(model, catalogue, experiment, most=4)
             self.tried += more
             best = next((item for item in more if self.is_further(model, item)), None)
             if best is None:
@@ -247,51 +248,48 @@ class Selection:
         return self.ordered_path(model)
 
     def ordered_path(self, model: Candidate) -> list[Candidate]:
-        """Models from the base to the model: each adds the effect that helps most; needless ones are dropped."""
+        """Return models from the base to the model: each adds the effect that helps most; needless ones are dropped."""
         forms = list(model.fit.structure.forms)
         path = [self.base]
         while forms:
-            found = [add_form(path[-1], form, self.experiment) for form in forms]
-            best = min(found, key=lambda item: item.score)
+            best = min(
+                (add_form(path[-1], form, self.experiment) for form in forms), key=lambda item: item.score
+            )
             forms = [form for form in forms if form.effect != best.effects[-1]]
             if not forms and best.score > model.score:
                 # The last one is the model itself, with its effects in the order in which they help.
-                own = {form.effect: form for form in model.fit.structure.forms}
-                best = replace(model, fit=with_forms(model.fit, [own[name] for name in best.effects]))
+                by_effect = {form.effect: form for form in model.fit.structure.forms}
+                best = replace(model, fit=select_forms(model.fit, [by_effect[name] for name in best.effects]))
             path.append(best)
         while len(path) > 2 and not self.passes(path[-2], path[-1]):
             path.pop()
         return path
 
     def ties(self, model: Candidate) -> list[Candidate]:
-        """Other sets of as many effects that explain all records as well."""
+        """Return other sets of at most as many effects that explain all records equally well.
+
+        Each further parameter of another set counts 2 (Akaike, IEEE Trans. Autom. Control 19 (1974) 716-723), not the logarithm
+        of the records' size: the sampling rate must not distinguish sets that explain all records equally well.
+        """
         if model is self.base:
             return []
+        discount = float(np.log(self.experiment.size)) - _AKAIKE
         return [
             item
             for item in best_by_effect([*self.tried, model])
             if set(item.effects) != set(model.effects)
             and len(item.effects) <= len(model.effects)
-            and self.lead(model, item) < TIED
+            and item.score - model.score - max(item.parameters - model.parameters, 0) * discount < TIED
         ]
 
-    def lead(self, model: Candidate, other: Candidate) -> float:
-        """By how much a model is more likely than another one, in twice the log-likelihood.
-
-        Each parameter that the other one has more counts 2 (Akaike, IEEE Trans. Autom. Control 19 (1974) 716-723), not the
-        logarithm of the records' size: how often the sensors are read must not tell apart what explains all records alike.
-        """
-        more = max(other.parameters - model.parameters, 0)
-        return other.score - model.score - more * (float(np.log(self.experiment.size)) - _AKAIKE)
-
     def share_removed(self, model: Candidate) -> float:
-        """Share of the base's variance on unseen records, that of known noise aside, that the effects remove."""
+        """Return the share of the base's unseen variance, without that of known noise, that the effects remove."""
         explainable = max(self.base.test_rms**2 - self.experiment.noise**2, 0.0)
         removed = max(self.base.test_rms**2 - model.test_rms**2, 0.0)
         return float(min(removed / explainable, 1.0)) if explainable > removed else float(removed > 0)
 
     def status(self, model: Candidate, tied: list[Candidate], share: float) -> Status:
-        """Status of the base."""
+        """Return the status of the base."""
         if model is self.base:
             lacking = self.periods_differ or not is_adequate(self.base, self.experiment)
             return Status.UNEXPLAINED if lacking else Status.ADEQUATE
@@ -301,26 +299,26 @@ class Selection:
 
     @property
     def periods_differ(self) -> bool:
-        """Whether periods differ by more than noise: something is missing, even where it raises the floor."""
+        """True if periods differ by more than noise: something is missing, even if it raises the floor."""
         floor = self.experiment.floor
         return floor is not None and floor.certain_structure_rms > STRUCTURED * floor.rms
 
     def further(self, model: Candidate) -> Candidate | None:
-        """Diagnose the refined model: what one more step of the search would add, however many effects it has.
+        """Return what one more step of the search would add to the refined model, however many effects it has.
 
-        Nothing is looked for beyond a model that leaves only noise, nor beyond the base, whose every single effect has
-        been tried. A step that the search has made from this very model is not made again.
+        None if the model leaves only noise, and for the base: every single effect has been tried with it. A step that the search
+        has made from this very model is not repeated.
         """
         if model is self.base or is_adequate(model, self.experiment):
             return None
         forms = {form.key for form in model.fit.structure.forms}
         made = [item for item in self.tried if {form.key for form in item.fit.structure.forms[:-1]} == forms]
-        found = made or extend(model, self.settings.catalogue, self.experiment, REFITTED)
-        found = [item for item in found if self.is_further(model, item)]
-        return min(found, key=lambda item: item.score, default=None)
+        made = made or extend(model, self.settings.catalogue, self.experiment, REFITTED)
+        made = [item for item in made if self.is_further(model, item)]
+        return min(made, key=lambda item: item.score, default=None)
 
     def refined_status(self, model: Candidate, further: Candidate | None) -> Status:
-        """Status of the refined model."""
+        """Return the status of the refined model."""
         if further is not None:
             return Status.NAMED
         if self.periods_differ and not any(self.settings.candidates[name].changes for name in model.effects):
@@ -330,8 +328,8 @@ class Selection:
     def best_sets(self, model: Candidate) -> list[Candidate]:
         """Return the selected set, then the other sets tried, best first."""
         chosen = [] if model is self.base else [model]
-        sets = by_score(best_by_effect([*self.tried, *chosen]))
-        return [*chosen, *(item for item in sets if set(item.effects) != set(model.effects))][:_SHOWN]
+        sets = sort_by_score(best_by_effect([*self.tried, *chosen]))
+        return [*chosen, *(item for item in sets if set(item.effects) != set(model.effects))][:_RANKED_SETS]
 
     def ranking(self, model: Candidate) -> list[Ranked]:
         """Return `best_sets` with p-values and parameters."""
@@ -352,27 +350,20 @@ def after_selection(
     state: DiagnosisState, selection: Selection, step: str = "select effects", **changes
 ) -> DiagnosisState:
     """Return the state with the path that a selection has found, and other changes."""
-    path = selection.fitted_path()
-    changes |= {
-        "experiment": selection.experiment,
-        "base": selection.base,
-        "selection": selection,
-        "path": path,
-    }
-    return state.next(step, _selection_reason(selection, path), **changes)
-
-
-def _selection_reason(selection: Selection, path: list[Candidate]) -> str:
-    """Say which effects were selected and how the error fell, or how near the best of them came."""
-    unit, base, model = selection.experiment.output_unit, path[0], path[-1]
+    path, experiment = selection.fitted_path(), selection.experiment
+    changes |= {"experiment": experiment, "base": selection.base, "selection": selection, "path": path}
+    unit, base, model = experiment.output_unit, path[0], path[-1]
+    reason = "no effect passes"
     if model.effects:
         errors = f"from {base.test_rms:.4g} to {model.test_rms:.4g} {unit}"
-        return f"selected: {' and '.join(model.effects)}; the error on unseen records falls {errors}"
-    if not selection.tried:
-        return "no effect passes"
-    best = min(selection.tried, key=lambda item: item.score)
-    chance = f"p = {selection.p_value(base, best):.2g}, at most {LEVEL:g} is needed"
-    return f"no effect passes; the best, {' and '.join(best.effects)}, leaves {best.test_rms:.4g} {unit} unseen ({chance})"
+        reason = f"selected: {' and '.join(model.effects)}; the error on unseen records falls {errors}"
+    elif selection.tried:
+        best = min(selection.tried, key=lambda item: item.score)
+        chance = f"p = {selection.p_value(base, best):.2g}, at most {LEVEL:g} is needed"
+        reason += (
+            f"; the best, {' and '.join(best.effects)}, leaves {best.test_rms:.4g} {unit} unseen ({chance})"
+        )
+    return state.next(step, reason, **changes)
 
 
 def find_ties(state: DiagnosisState) -> DiagnosisState:
@@ -381,10 +372,10 @@ def find_ties(state: DiagnosisState) -> DiagnosisState:
     tied, share = selection.ties(model), selection.share_removed(model)
     status, further = selection.status(model, tied, share), selection.further(model)
     others = ", ".join(" and ".join(item.effects) for item in tied)
-    removed = f"{100 * share:.3g} % of what a model could explain is removed"
+    likely = f"as likely: {others}" if others else "no other set of effects is as likely"
     return state.next(
         "find ties",
-        f"{removed}; as likely: {others}" if others else f"{removed}; no other set of effects is as likely",
+        f"{100 * share:.3g} % of what a model could explain is removed; {likely}",
         status=status,
         refined_status=status if model is selection.base else selection.refined_status(model, further),
         tied_with=tied,

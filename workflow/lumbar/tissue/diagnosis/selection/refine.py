@@ -15,7 +15,7 @@ from lumbar.tissue.diagnosis.fitting.joint_fit import Fit
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.fitting.uncertainty import check_excited, derived_estimates, estimates
 from lumbar.tissue.diagnosis.selection.base_choice import find_base
-from lumbar.tissue.diagnosis.selection.candidate import Candidate, is_adequate, with_forms
+from lumbar.tissue.diagnosis.selection.candidate import Candidate, is_adequate, select_forms
 from lumbar.tissue.diagnosis.selection.forward_selection import exchange, extend
 from lumbar.tissue.diagnosis.selection.sentences import (
     distinguishing_digits,
@@ -214,7 +214,7 @@ def added_in_turn(experiment: Experiment, first: Candidate, chosen: dict[str, Ef
         best = exchange(path[-1], chosen, experiment)
         own = {form.effect: form for form in best.fit.structure.forms}
         if own.keys() == chosen.keys():  # in the order given, as the rungs before are
-            path[-1] = replace(best, fit=with_forms(best.fit, [own[name] for name in chosen]))
+            path[-1] = replace(best, fit=select_forms(best.fit, [own[name] for name in chosen]))
     if chosen and not path[-1].fit.converged:
         raise NumericalError(
             f"{first.fit.structure.base.name} with {', '.join(chosen)}: the fit on {experiment.training.name} did not converge; "

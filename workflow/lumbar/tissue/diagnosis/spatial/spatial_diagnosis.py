@@ -8,7 +8,7 @@ from lumbar.records.record import Record
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.selection.base_choice import reweigh_errors
-from lumbar.tissue.diagnosis.selection.candidate import Candidate, with_forms
+from lumbar.tissue.diagnosis.selection.candidate import Candidate, select_forms
 from lumbar.tissue.diagnosis.selection.forward_selection import (
     Selection,
     after_selection,
@@ -196,7 +196,7 @@ def _better_base(
     best = likelier(experiment, turned, again)
     if best is turned and turned.score > model.score - TIED:
         return None
-    return held(replace(best, fit=with_forms(best.fit, ())), experiment)
+    return held(replace(best, fit=select_forms(best.fit, ())), experiment)
 
 
 class SpatialSelection(Selection):
