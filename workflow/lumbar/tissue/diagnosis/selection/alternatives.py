@@ -58,9 +58,9 @@ def compare_zeros(state: DiagnosisState) -> DiagnosisState:
     differ, a model that lacks a relaxation seems to have different zeros too: a zero counts only if its record begins with it.
     """
     step, result, experiment = "compare zeros", state.result, state.result.experiment
-    if experiment.own_zeros:
+    if experiment.has_own_zeros:
         return state.next(step, "not needed: every record has a zero already")
-    with_zeros = experiment.with_own_zeros()
+    with_zeros = experiment.allow_own_zeros()
     accumulating = any(state.settings.candidates[name].accumulates for name in result.selected)
     if not accumulating and not any(
         refit(item.fit.structure, item.fit.nonlinear, with_zeros).test_rms
@@ -170,7 +170,7 @@ def report_offsets(result: DiagnosisResult) -> list[Finding]:
             f"the {experiment.input_quantity} is off by an amount that causes it. It was fitted with the model and subtracted."
         )
         findings.append(Finding("force_offset", sentence, fit.zero, unit, training))
-    if experiment.own_zeros and fit.structure.base.sensor_zero:
+    if experiment.has_own_zeros and fit.structure.base.sensor_zero:
         for item in _record_zeros(result):
             sentence = (
                 f"{item.name}: the zero of the {quantity} is at {item.zero:+.3g} {unit}, in {training} at {fit.zero:+.3g} {unit}"
@@ -292,7 +292,7 @@ def force_leads(model: Candidate, experiment: Experiment, linear: set[str]) -> F
     step = experiment.training.motion.sampling_time
     shortest = min(data.size for data in (*experiment.training.records, *experiment.tests))
     for samples in (number for number in _MAX_LEADS if _MIN_SAMPLES_PER_LEAD * number <= shortest):
-        put_late = experiment.with_data(partial(_delay_force, samples=samples, longest=samples))
+        put_late = experiment.change_data(partial(_delay_force, samples=samples, longest=samples))
         best = _fit_with_delay(model, others, put_late)
         units = experiment.input_unit, experiment.output_unit
         late = next(item for item in estimates(best.fit, put_late.training, *units) if item.effect == "delay")

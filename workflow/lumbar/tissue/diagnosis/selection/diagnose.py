@@ -126,7 +126,7 @@ def check_direction(state: DiagnosisState) -> DiagnosisState:
         return state.next(step, "not needed: the user-defined base has its own input and output")
     if experiment.faults:
         # A command that jumps between levels would be mistaken for a coarse sensor, and smoothed.
-        experiment = Experiment.as_recorded(state.records, settings, records=tuple(state.records))
+        experiment = Experiment.prepare_unrepaired(state.records, settings, records=tuple(state.records))
     finding = direction_or_sign(experiment, settings.layout)
     if finding is None:
         return state.next(step, "input, output and signs are those of a tissue")
@@ -242,8 +242,8 @@ def _train_on_others(state: DiagnosisState) -> list[Finding]:
     fitted = []
     try:
         for names in (unseen, [*first, *unseen]):
-            chosen = Experiment.as_recorded(experiment.records, replace(state.settings, train=names))
-            chosen = chosen.with_origin(experiment.surface)
+            chosen = Experiment.prepare_unrepaired(experiment.records, replace(state.settings, train=names))
+            chosen = chosen.shift_origin(experiment.surface)
             fitted.append(refit(model.fit.structure, model.fit.nonlinear, chosen))
     except InputError:
         return []  # the others move too little, or have another rate: they cannot be training records
