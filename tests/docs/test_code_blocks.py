@@ -10,7 +10,7 @@ import yaml
 
 from column_files import write_columns, write_records
 from generate.thesis_items import DOCS
-from lumbar.cli.command import COMMANDS, build_parser
+from lumbar.cli.command import build_parser, command_names
 from lumbar.twin.examples import example_lift, example_records
 
 PROJECT = DOCS.parent
@@ -40,7 +40,7 @@ def command_lines(program: str) -> list[tuple[str, str]]:
 LUMBAR = [
     (name, line)
     for name, line in command_lines("lumbar")
-    if line.split()[1] in COMMANDS or line.split()[1].isidentifier()
+    if line.split()[1] in command_names() or line.split()[1].isidentifier()
 ]
 
 

@@ -13,7 +13,7 @@ from scipy.signal import butter, lfilter
 
 import lumbar
 from column_files import write_columns
-from lumbar.cli.command import COMMANDS
+from lumbar.cli.command import command_names
 from running import python
 
 
@@ -33,7 +33,7 @@ def tissue(tmp_path_factory):
 
 def test_help_and_version(run):
     out = run.done("--help")
-    names = list(COMMANDS)
+    names = command_names()
     assert all(name in out for name in names)
     for name in names:
         out = run.done(name, "--help")

@@ -7,6 +7,7 @@ import os
 import pkgutil
 import re
 import sys
+import textwrap
 from collections.abc import Mapping, Sequence
 from contextlib import redirect_stdout
 from functools import partial
@@ -21,27 +22,8 @@ from lumbar.base.yaml_file import shipped_yaml
 if TYPE_CHECKING:
     from lumbar.settings.study_settings import StudySettings
 
-COMMANDS = {
-    "import": "recordings:run_import",
-    "check": "recordings:run_check",
-    "bandwidth": "tissue:run_bandwidth",
-    "signals": "tissue:run_signals",
-    "identify": "tissue:run_identify",
-    "compare": "tissue:run_compare",
-    "locate": "tissue:run_locate",
-    "diagnose": "tissue:run_diagnose",
-    "propose": "tissue:run_propose",
-    "explore": "explore:run_explore",
-    "refine": "tissue:run_refine",
-    "render": "device:run_render",
-    "export": "device:run_export",
-    "survey": "tissue:run_survey",
-    "new-study": "lifting:run_new_study",
-    "inspect": "recordings:run_inspect",
-    "lift": "lifting:run_lift",
-    "basin": "lifting:run_basin",
-}
-"""Module and function of each command of ``commands.yaml``; the module is imported when its command runs."""
+COMMANDS_FILE = Path(__file__).with_name("commands.yaml")
+"""Group, function (``module:function``), help and options of each command."""
 INTERRUPTED = 130
 """Exit status after Ctrl-C."""
 
@@ -68,21 +50,38 @@ class _Parser(argparse.ArgumentParser):
 
     def error(self, message: str):
         wrong = re.match(r"argument COMMAND: invalid choice: '(.+?)'", message)
-        super().error(f"no command {wrong[1]!r}{did_you_mean(wrong[1], COMMANDS)}" if wrong else message)
+        super().error(
+            f"no command {wrong[1]!r}{did_you_mean(wrong[1], command_names())}" if wrong else message
+        )
 
 
 def build_parser() -> argparse.ArgumentParser:
     """Return the parser of all commands."""
     parser = _Parser(
         prog="lumbar",
-        description="Soft-tissue force-feedback models and lifting stability: does on files and folders "
-        "what the Snakemake workflow does on a study, with settings that all have defaults.",
+        usage="lumbar COMMAND ...",
+        description=f"Soft-tissue force-feedback models and lifting stability, on files and folders.\n\n{_list_commands()}",
         epilog="'lumbar COMMAND --help' explains a command and gives examples.",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--version", action=_Version, nargs=0, help="print the version and exit")
-    commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
-    add_commands(commands, COMMANDS)
+    _add_commands(parser.add_subparsers(metavar="COMMAND", required=True, help=argparse.SUPPRESS))
     return parser
+
+
+def command_names() -> list[str]:
+    """Return the names of all commands."""
+    return [name for name in shipped_yaml(COMMANDS_FILE) if name != "shared"]
+
+
+def _list_commands() -> str:
+    """Return the commands by group, one line each."""
+    groups: dict[str, list[str]] = {}
+    described = shipped_yaml(COMMANDS_FILE)
+    for name in command_names():
+        group, text = described[name]["group"], described[name]["help"]
+        groups.setdefault(group, []).append(f"  {name:<11}{text}")
+    return "\n\n".join("\n".join([f"{group}:", *lines]) for group, lines in groups.items())
 
 
 class _Terminal:
@@ -178,21 +177,20 @@ TYPES = {
 """Types of options by their names in ``commands.yaml``."""
 
 
-def add_commands(commands: Any, runs: Mapping[str, str]) -> None:
-    """Add the parser of every command with its options; `runs` names the function of each, as in ``module:function``."""
-    described = shipped_yaml(Path(__file__).with_name("commands.yaml"))
+def _add_commands(commands: Any) -> None:
+    """Add the parser of every command with its options."""
+    described = shipped_yaml(COMMANDS_FILE)
     shared = described.pop("shared")
     for name, command in described.items():
         about = command["help"]
         parser = commands.add_parser(
             name,
-            help=about,
-            description=command.get("description", f"{about[0].upper()}{about[1:]}."),
+            description=textwrap.fill(command.get("description", f"{about[0].upper()}{about[1:]}."), 79),
             epilog="\n  ".join(["example:", *command["examples"]]),
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
         _add_options(parser, command["options"], shared)
-        parser.set_defaults(run=partial(_run, runs[name]), parser=parser)
+        parser.set_defaults(run=partial(_run, command["run"]), parser=parser)
 
 
 def _run(function: str, options: argparse.Namespace) -> None:
