@@ -17,7 +17,7 @@ from lumbar.tissue.models.space import (
     frame_of,
     turn,
 )
-from lumbar.tissue.models.spatial_equation import in_space
+from lumbar.tissue.models.spatial_equation import vectorise
 from lumbar.tissue.models.structure import Structure
 
 XYZ = ("x", "y", "z")
@@ -107,7 +107,7 @@ def test_spatial_form_along_one_axis_matches_one_axis_form(form, spatial):
 )
 def test_an_expression_in_components(text, components):
     vectors = {name: (Symbol(f"{name}_x"), Symbol(f"{name}_y")) for name in "zv"}
-    read = in_space(parse(text), vectors)
+    read = vectorise(parse(text), vectors)
     parts = read if isinstance(read, tuple) else (read,)
     assert [*map(to_text, parts)] == [to_text(parse(item)) for item in components]
 

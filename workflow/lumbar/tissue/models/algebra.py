@@ -1,7 +1,4 @@
-"""What is computed from expressions: their values by NumPy, in the order in which they are written, and derivatives.
-
-A force is proportional to its linear parameters, and a number for every motion.
-"""
+"""Values of expressions by NumPy, in the order in which they are written; their derivatives and linear parts."""
 
 import math
 import operator
@@ -32,8 +29,6 @@ from lumbar.tissue.models.expression import (
     to_text,
     whole_power,
 )
-
-Functions = Mapping[str, Callable]
 
 
 def _smoothstep(x):
@@ -90,7 +85,7 @@ MATH: dict[str, Callable] = {
 class Evaluator:
     """Several expressions as one list of operations; what they have in common is computed once.
 
-    Expressions are without ``sum``; `functions` are what computes each operation, by its name.
+    Expressions are without ``sum``; `functions` compute the operations, by their names.
 
     Examples
     --------
@@ -99,7 +94,7 @@ class Evaluator:
     [array([1., 8.]), array([2., 4.])]
     """
 
-    def __init__(self, expressions: Sequence[Expression], functions: Functions = NUMPY):
+    def __init__(self, expressions: Sequence[Expression], functions: Mapping[str, Callable] = NUMPY):
         self._functions = functions
         self._places: dict[Expression, int] = {}
         self._known: list = []
@@ -112,58 +107,54 @@ class Evaluator:
         if expression in self._places:
             return self._places[expression]
         value: float | None = None
-        step: tuple[Callable, list[int]] | None = None
+        places: list[int] = []
         match expression:
             case Number(value):
                 pass
             case Symbol("pi"):
                 value = np.pi
-            case Operation():
-                function, given = self._functions[expression.name], expression.operands
-                if expression.name == "**" and (exponent := whole_power(given[1])):
+            case Operation(name, operands):
+                function = self._functions[name]
+                if name == "**" and (exponent := whole_power(operands[1])):
                     # Small whole powers are products.
-                    function, given = partial(_product, self._functions["*"], exponent), given[:1]
-                operands = [self._place(operand) for operand in given]
-                known = [self._known[operand] for operand in operands]
-                if any(item is None for item in known):
-                    step = function, operands
-                else:  # numbers alone: 2π
+                    function, operands = partial(_product, self._functions["*"], exponent), operands[:1]
+                places = [self._place(operand) for operand in operands]
+                known = [self._known[place] for place in places]
+                if not any(item is None for item in known):  # only numbers, such as 2π
                     value = function(*known)
         place = self._places[expression] = len(self._known)
         self._known.append(value)
         if isinstance(expression, Symbol) and value is None:
             self._symbols.append((expression.name, place))
-        if step:
-            function, (first, *others) = step
-            second = others[0] if others else None
-            self._operations.append((function, first, second, tuple(others[1:]), place))
+        elif value is None:
+            second = places[1] if len(places) > 1 else None
+            self._operations.append((function, places[0], second, tuple(places[2:]), place))
         return place
 
     def __call__(self, values: Mapping[str, np.ndarray | float]) -> list[np.ndarray | float]:
-        """Return the expressions' values for those of the symbols, one per expression."""
-        found = self._known.copy()
+        """Return the values of the expressions, from the values of the symbols."""
+        results = self._known.copy()
         for name, place in self._symbols:
-            found[place] = values[name]
-        # Spelt out by the number of operands: short records spend as long here as in NumPy.
+            results[place] = values[name]
+        # One branch per number of operands: for short records this loop takes as long as NumPy.
         for function, first, second, others, place in self._operations:
             if second is None:
-                found[place] = function(found[first])
+                results[place] = function(results[first])
             elif not others:
-                found[place] = function(found[first], found[second])
+                results[place] = function(results[first], results[second])
             else:
-                found[place] = function(found[first], found[second], *[found[other] for other in others])
-        return [found[place] for place in self._results]
+                results[place] = function(
+                    results[first], results[second], *[results[item] for item in others]
+                )
+        return [results[place] for place in self._results]
 
 
 def _product(multiply: Callable, exponent: int, base):
-    found = base
-    for _ in range(exponent - 1):
-        found = multiply(found, base)
-    return found
+    return reduce(multiply, [base] * exponent)
 
 
 def derivative(expression: Expression, symbol: str) -> Expression:
-    """Derivative by one symbol; at a kink that of one side.
+    """Return the derivative by one symbol; at a kink that of one side.
 
     Raises
     ------
@@ -189,7 +180,7 @@ def derivative(expression: Expression, symbol: str) -> Expression:
 
 
 def _chain_rule(called: Operation, slopes: Sequence[Expression]) -> Expression:
-    """Derivative of an operation, from those of its operands."""
+    """Return the derivative of an operation, from those of its operands."""
     match called.name, called.operands, slopes:
         case "+", _, (left, right):
             return add(left, right)
@@ -205,11 +196,9 @@ def _chain_rule(called: Operation, slopes: Sequence[Expression]) -> Expression:
             return divide(subtract(above, multiply(called, below)), divisor)
         case "**", (base, exponent), (slope, in_exponent):
             if in_exponent != Number(0.0):
-                raise InputError("a state may not stand in an exponent; write exp(…) of it")
-            if isinstance(exponent, Number):
-                lower: Expression = Number(exponent.value - 1)
-            else:
-                lower = Operation("-", (exponent, Number(1.0)))
+                raise InputError("a state is not allowed in an exponent; write exp(…) of it")
+            lower: Expression = Operation("-", (exponent, Number(1.0)))
+            lower = Number(exponent.value - 1) if isinstance(exponent, Number) else lower
             return multiply(multiply(exponent, power(base, lower)), slope)
     given = dict(zip("xyw", called.operands, strict=False))
     terms = (
@@ -225,10 +214,7 @@ _DERIVATIVES: dict[str, list[str]] = shipped_yaml(Path(__file__).with_name("func
 
 
 def linear_parts(expression: Expression, linear: Collection[str]) -> dict[str, Expression]:
-    """Split an expression into what each linear parameter is multiplied by.
-
-    The expression is without ``sum`` (see `expand_sums`); it is the sum of each of the `linear` symbols times what the
-    result gives for it.
+    """Return the factor of each linear parameter in an expression without ``sum`` (see `expand_sums`).
 
     Raises
     ------
@@ -241,41 +227,39 @@ def linear_parts(expression: Expression, linear: Collection[str]) -> dict[str, E
     >>> linear_parts(parse("k*z + c*v*abs(v)"), ("k", "c")) == {"k": parse("z"), "c": parse("v*abs(v)")}
     True
     """
-    if not symbols(expression) & set(linear):
-        raise InputError(f"{to_text(expression)} holds no linear parameter, so that a fit could not scale it")
+    inside = symbols(expression) & set(linear)
+    if not inside:
+        raise InputError(f"{to_text(expression)} has no linear parameter, so a fit cannot scale it")
     match expression:
         case Symbol(name):
             return {name: Number(1.0)}
         case Operation("+" | "-" as name, (left, right)):
-            found = linear_parts(left, linear)
+            factors = linear_parts(left, linear)
             for symbol, part in linear_parts(right, linear).items():
                 signed = part if name == "+" else negate(part)
-                found[symbol] = add(found[symbol], signed) if symbol in found else signed
-            return found
+                factors[symbol] = add(factors[symbol], signed) if symbol in factors else signed
+            return factors
         case Operation("neg", (operand,)):
             return {symbol: negate(part) for symbol, part in linear_parts(operand, linear).items()}
-        case Operation("*", (left, right)) if not symbols(right) & set(linear):
+        case Operation("*", (left, right)) if not symbols(right) & inside:
             return {symbol: multiply(part, right) for symbol, part in linear_parts(left, linear).items()}
-        case Operation("*", (left, right)) if not symbols(left) & set(linear):
+        case Operation("*", (left, right)) if not symbols(left) & inside:
             return {symbol: multiply(left, part) for symbol, part in linear_parts(right, linear).items()}
-        case Operation("/", (above, below)) if not symbols(below) & set(linear):
+        case Operation("/", (above, below)) if not symbols(below) & inside:
             return {symbol: divide(part, below) for symbol, part in linear_parts(above, linear).items()}
-        case Operation("where", (condition, yes, no)) if not symbols(condition) & set(linear):
+        case Operation("where", (condition, yes, no)) if not symbols(condition) & inside:
             zero = Number(0.0)
             branches = [{} if branch == zero else linear_parts(branch, linear) for branch in (yes, no)]
             return {
                 symbol: Operation("where", (condition, *(branch.get(symbol, zero) for branch in branches)))
                 for symbol in {**branches[0], **branches[1]}
             }
-    inside = ", ".join(sorted(symbols(expression) & set(linear)))
-    raise InputError(
-        f"{to_text(expression)} is not proportional to {inside}; a parameter that the force is not proportional to is "
-        "nonlinear"
-    )
+    wrong = ", ".join(sorted(inside))
+    raise InputError(f"{to_text(expression)} is not proportional to {wrong}; declare {wrong} as nonlinear")
 
 
 def never_negative(expression: Expression, positive: Collection[str]) -> bool:
-    """Whether an expression is certainly at least 0 if these symbols are."""
+    """Return whether an expression is certainly at least 0 if these symbols are."""
     match expression:
         case Number(value):
             return value >= 0
@@ -283,10 +267,9 @@ def never_negative(expression: Expression, positive: Collection[str]) -> bool:
             return name in positive or name == "pi"
         case Operation("abs" | "sqrt" | "exp" | "hypot" | "softplus" | "smoothstep"):
             return True
-        case Operation("**", (_, Number(exponent))) if exponent % 2 == 0:
-            return True
-        case Operation("**", (base, _)):
-            return never_negative(base, positive)
+        case Operation("**", (base, exponent)):
+            is_even = isinstance(exponent, Number) and exponent.value % 2 == 0
+            return is_even or never_negative(base, positive)
         case Operation("max", operands):
             return any(never_negative(operand, positive) for operand in operands)
         case Operation("+" | "*" | "/" | "min", operands):
@@ -299,12 +282,13 @@ def never_negative(expression: Expression, positive: Collection[str]) -> bool:
 
 
 def check_powers(expression: Expression, positive: Collection[str]) -> None:
-    """Refuse powers with a broken exponent of what may be negative."""
+    """Reject a power of a base that may be negative unless its exponent is a whole number from 2 to 8."""
     for part in parts(expression):
         match part:
-            case Operation("**", (base, exponent)):
-                if not whole_power(exponent) and not never_negative(base, positive):
-                    raise InputError(
-                        f"{to_text(part)}: {to_text(base)} may be negative, which has no such power; write abs(…) or "
-                        "max(…, 0), or a whole exponent from 2 to 8"
-                    )
+            case Operation("**", (base, exponent)) if not (
+                whole_power(exponent) or never_negative(base, positive)
+            ):
+                raise InputError(
+                    f"{to_text(part)}: {to_text(base)} may be negative and has no such power; write abs(…) or "
+                    "max(…, 0), or a whole exponent from 2 to 8"
+                )

@@ -1,10 +1,10 @@
-r"""The motion of a model that a force drives: R(z, ż, z̈, r, t) = F(t), ṙ = ρ(z, ż, r), with or without a mass.
+r"""Motion of a model that is driven by a force: R(z, ż, z̈, r, t) = F(t), ṙ = ρ(z, ż, r), with or without a mass.
 
 Collocation at Radau's three points (Radau IIA, order 5, stiffly accurate: Hairer and Wanner, Solving Ordinary Differential
-Equations II (1996), section IV.5), which also solves the balance where no mass is in it (section VI.1) and damps what is
-stiff. Newton's method for all steps at once: each iteration solves the linearised steps one by one and joins them by a
-linear recursion. What has converged from the start on is kept; where it does not, fewer steps are taken together. The balance R
-follows from the one equation of the base and of every form.
+Equations II (1996), section IV.5), which also solves a balance without mass (section VI.1) and damps stiff parts. Newton's
+method solves many steps together: each iteration solves the linearised steps and joins them by a linear recursion. Steps that
+have converged from the start are kept; if others do not converge, fewer steps are taken together. The balance R follows from
+the equations of the base and of every form.
 """
 
 from collections.abc import Mapping, Sequence
@@ -31,14 +31,13 @@ from lumbar.tissue.models.parameter import SIGNALS
 
 MOTION = ("z", "v", "a")
 """Symbols of position, velocity and acceleration."""
-_PATH_RATE = parse("abs(v)")
 _KNOWN = {*MOTION, "s", "t"}  # signals that a simulation from force to motion has
 
 
 def can_be_simulated(form: Form) -> bool:
-    """Whether a parallel form can be part of a balance of forces: an equation in signals that a simulation has.
+    """Return whether a parallel form can be part of a balance of forces: an equation in signals that a simulation has.
 
-    Its states begin at 0: the position there is unknown itself.
+    Its states start at 0, since the position at the start is unknown.
     """
     if form.hand_written or form.place is not Place.PARALLEL or form.start:
         return False
@@ -67,32 +66,38 @@ class ForceBalance:
         return (*linear, *(_indexed(item.symbol, index) for index, form in pieces for item in form.nonlinear))
 
     @cached_property
-    def force(self) -> Expression:
-        """R, each piece with symbols of its own."""
-        terms = []
+    def _substitutions(self) -> list[dict[str, Expression]]:
+        """Constants and indexed symbols by the symbols of each piece."""
+        substitutions: list[dict[str, Expression]] = []
         for index, form in enumerate(self.pieces):
-            names = self._names(index)
-            for item, column in zip(form.linear, form.parsed_equation.columns, strict=True):
-                terms.append(multiply(Symbol(_indexed(item.symbol, index)), substitute(column, names)))
+            names = [item.symbol for item in (*form.linear, *form.nonlinear)] + [
+                name for name, _ in form.state
+            ]
+            constants: dict[str, Expression] = {item.symbol: Number(item.value) for item in form.constants}
+            substitutions.append(constants | {name: Symbol(_indexed(name, index)) for name in names})
+        return substitutions
+
+    @cached_property
+    def force(self) -> Expression:
+        """R, with separate symbols for each piece."""
+        terms = [
+            multiply(names[item.symbol], substitute(column, names))
+            for form, names in zip(self.pieces, self._substitutions, strict=True)
+            for item, column in zip(form.linear, form.parsed_equation.columns, strict=True)
+        ]
         return reduce(add, terms)
 
     @cached_property
     def rates(self) -> dict[str, Expression]:
-        """Rate of change of every state; the path travelled is one where it is asked for."""
-        found = {
-            _indexed(name, index): substitute(slope, self._names(index))
+        """Rate of change of every state; the path travelled is one if an equation uses it."""
+        rates = {
+            _indexed(name, index): substitute(slope, self._substitutions[index])
             for index, form in enumerate(self.pieces)
             for name, slope in form.parsed_equation.slopes.items()
         }
-        if "s" in set().union(*map(symbols, (self.force, *found.values()))):
-            found["s"] = _PATH_RATE
-        return found
-
-    def _names(self, index: int) -> dict[str, Expression]:
-        form = self.pieces[index]
-        given: dict[str, Expression] = {item.symbol: Number(item.value) for item in form.constants}
-        own = [item.symbol for item in (*form.linear, *form.nonlinear)] + [name for name, _ in form.state]
-        return given | {name: Symbol(_indexed(name, index)) for name in own}
+        if "s" in set().union(*map(symbols, (self.force, *rates.values()))):
+            rates["s"] = parse("abs(v)")
+        return rates
 
     @property
     def states(self) -> tuple[str, ...]:
@@ -107,23 +112,22 @@ class ForceBalance:
         return Evaluator(trees), Evaluator([*trees, *slopes])
 
     def values(self, known: Mapping[str, np.ndarray | float], shape: tuple[int, ...]) -> np.ndarray:
-        """R and the states' rates, shape (1 + states, *shape)."""
+        """Return R and the states' rates, shape (1 + states, *shape)."""
         return np.array([np.broadcast_to(item, shape) for item in self._evaluators[0](known)], dtype=float)
 
     def slopes(
         self, known: Mapping[str, np.ndarray | float], shape: tuple[int, ...]
     ) -> tuple[np.ndarray, np.ndarray]:
-        """R and the rates, and their derivatives by z, ż, z̈ and the states, shape (1 + states, 3 + states, *shape)."""
+        """Return R and the rates, and their derivatives by z, ż, z̈ and the states, (1 + states, 3 + states, *shape)."""
         count = 1 + len(self.states)
-        found = [np.broadcast_to(item, shape) for item in self._evaluators[1](known)]
-        slopes = np.array(found[count:], dtype=float).reshape(count, len(MOTION) + count - 1, *shape)
-        return np.array(found[:count], dtype=float), slopes
+        numbers = np.array([np.broadcast_to(item, shape) for item in self._evaluators[1](known)], dtype=float)
+        return numbers[:count], numbers[count:].reshape(count, len(MOTION) + count - 1, *shape)
 
 
-def linearised(
+def linearise(
     form: Form, linear: Sequence[float], nonlinear: Sequence[float]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Slopes of a base's force (first row) and of its states' rates at 0: by z, ż, z̈, and by the states."""
+    """Return the slopes of a base's force (first row) and of its states' rates at 0: by z, ż, z̈, and by the states."""
     balance = ForceBalance((form,))
     known = dict(zip(balance.parameters, (*linear, *nonlinear), strict=True))
     known |= dict.fromkeys(("z", "v", "a", "s", "t", *balance.states), 0.0)
@@ -133,13 +137,13 @@ def linearised(
 
 
 def _indexed(symbol: str, index: int) -> str:
-    """Symbol of a piece: two forms may use the same symbol."""
+    """Return the symbol of a piece: two forms may use the same symbol."""
     return f"{symbol}__{index}"
 
 
 _ROOT = np.sqrt(6.0)
 POINTS = np.array([(4 - _ROOT) / 10, (4 + _ROOT) / 10, 1.0])
-"""Collocation points, as shares of a step."""
+"""Collocation points, as fractions of a step."""
 _INTEGRAL = np.array(
     [
         [(88 - 7 * _ROOT) / 360, (296 - 169 * _ROOT) / 1800, (-2 + 3 * _ROOT) / 225],
@@ -148,34 +152,35 @@ _INTEGRAL = np.array(
     ]
 )
 _RATE = np.linalg.inv(_INTEGRAL)
-"""Derivatives at the points by the values there, less those at the step's beginning; per step."""
+"""Derivatives at the points from the differences between the values there and the one at the step's beginning; per step."""
 _SUM = _RATE.sum(axis=1)
 _RATE2, _SUM2 = _RATE @ _RATE, _RATE @ _SUM
 _STAGES = len(POINTS)
 _MAX_ITERATIONS = 10  # then only converged steps are kept, and fewer steps are taken together
 _MAX_DAMPED_ITERATIONS = 40  # of a single step
-_SHARES = 0.5 ** np.arange(12)
-_FEWER = 8
-_MOST_FAILURES = 100
-_TOLERANCE = 1e-7  # largest change of the position in the last iteration, as a share of its size
-_STEPS_TOGETHER = 400  # taken together without a guess
+_DAMPING_FACTORS = 0.5 ** np.arange(12)
+_WINDOW_DIVISOR = 8  # of the number of steps taken together, after a failure
+_MAX_FAILURES = 100
+_TOLERANCE = 1e-7  # largest change of the position in the last iteration, relative to its size
+_WINDOW_STEPS = 400  # taken together without a guess
 
 
 @dataclass(frozen=True, eq=False)
-class Driven:
+class DrivenMotion:
     """A simulated motion."""
 
     position: np.ndarray
+    """Shape (steps + 1,)."""
     velocity: np.ndarray
-    """`position`, `velocity`: shape (steps + 1,)."""
+    """Shape (steps + 1,)."""
     states: np.ndarray
     """Shape (states, steps + 1)."""
     points: np.ndarray
-    """Shape (1 + states, steps, 3): position and states at the collocation points."""
+    """Position and states at the collocation points, shape (1 + states, steps, 3)."""
 
     @property
-    def finite(self) -> bool:
-        """Whether the simulation succeeded."""
+    def is_finite(self) -> bool:
+        """True if the simulation succeeded."""
         return bool(np.isfinite(self.points).all())
 
 
@@ -185,7 +190,7 @@ class ForceDrive:
 
     balance: ForceBalance
     force: np.ndarray
-    """Shape (steps, 3): at the collocation points of every step."""
+    """Force at the collocation points of every step, shape (steps, 3)."""
     step: float
     """Seconds."""
     size: float
@@ -195,8 +200,8 @@ class ForceDrive:
 
     def motion(
         self, parameters: Mapping[str, float], start: np.ndarray, guess: np.ndarray | None = None
-    ) -> Driven:
-        """Simulate from a start; not finite where no motion was found.
+    ) -> DrivenMotion:
+        """Simulate from a start; the result is not finite if no motion solves the equations.
 
         Parameters
         ----------
@@ -205,74 +210,74 @@ class ForceDrive:
         start : numpy.ndarray, shape (2 + states,)
             Position, velocity and states at the beginning.
         guess : numpy.ndarray, shape (1 + states, steps, 3), optional
-            To begin with.
+            First values of the iteration.
         """
         steps, states = len(self.force), len(self.balance.states)
         points = np.zeros((1 + states, steps, _STAGES)) if guess is None else guess.copy()
         begun, first, failures = np.asarray(start, dtype=float), 0, 0
-        together = min(steps, _STEPS_TOGETHER) if guess is None else steps
+        together = min(steps, _WINDOW_STEPS) if guess is None else steps
         with np.errstate(all="ignore"):
             while first < steps:
                 last = min(first + together, steps)
                 window = slice(first, last)
                 if failures or guess is None:  # a failed iteration leaves no useful guess
                     points[:, window] = np.concatenate([begun[:1], begun[2:]])[:, None, None]
-                found, good = self._converged(parameters, begun, points[:, window], window)
-                points[:, first : first + good] = found[:, :good]
+                solved, good = self._iterate(parameters, begun, points[:, window], window)
+                points[:, first : first + good] = solved[:, :good]
                 if good:
-                    begun = self._ends(found[:, :good], begun)[:, -1]
+                    begun = self._ends(solved[:, :good], begun)[:, -1]
                     first += good
                 if first < last:
                     failures += 1
-                    together = max(min(together // _FEWER, 2 * good) if good else together // _FEWER, 1)
-                    if failures > _MOST_FAILURES or (not good and last - first <= 1):
+                    fewer = together // _WINDOW_DIVISOR
+                    together = max(min(fewer, 2 * good) if good else fewer, 1)
+                    if failures > _MAX_FAILURES or (not good and last - first <= 1):
                         points[:] = np.nan
                         break
-                elif together < _STEPS_TOGETHER:
+                elif together < _WINDOW_STEPS:
                     together *= 2
         ends = self._ends(points, np.asarray(start, dtype=float))
-        return Driven(ends[0], ends[1], ends[2:], points)
+        return DrivenMotion(ends[0], ends[1], ends[2:], points)
 
-    def _converged(self, parameters, begun, points, window) -> tuple[np.ndarray, int]:
-        """Newton's iterations over a window, and how many steps from its beginning have converged."""
+    def _iterate(self, parameters, begun, points, window) -> tuple[np.ndarray, int]:
+        """Return the points after Newton's iterations over a window, and how many of its first steps have converged."""
         good = 0
         for _ in range(_MAX_ITERATIONS if len(points[0]) > 1 else _MAX_DAMPED_ITERATIONS):
-            local, slope, driven = self._linearised(parameters, begun, points, window)[:3]
-            joined = recursion(slope, driven[:, :, None])[:, :, 0]
+            local, slope, driven = self._linearise(parameters, begun, points, window)
+            joined = recursion(slope, driven)[:, :, 0]
             change = local[..., 0] + np.einsum("kij,kj->ki", local[..., 1:], joined[:-1])
             change = change.reshape(len(change), -1, _STAGES).transpose(1, 0, 2)
-            share = 1.0 if len(points[0]) > 1 else self._damped(parameters, begun, points, change, window)
+            share = 1.0 if len(points[0]) > 1 else self._damping(parameters, begun, points, change, window)
             points = points + share * change
-            broken = ~(np.isfinite(points).all(axis=(0, 2)))
-            settled = np.abs(change[0]).max(axis=1) <= _TOLERANCE * self.size
-            wrong = np.flatnonzero(broken | ~settled)
-            good = len(settled) if not len(wrong) else int(wrong[0])
-            if not len(wrong) or broken.all():
+            is_broken = ~(np.isfinite(points).all(axis=(0, 2)))
+            is_settled = np.abs(change[0]).max(axis=1) <= _TOLERANCE * self.size
+            wrong = np.flatnonzero(is_broken | ~is_settled)
+            good = len(is_settled) if not len(wrong) else int(wrong[0])
+            if not len(wrong) or is_broken.all():
                 break
-            points[:, broken] = 0.0
+            points[:, is_broken] = 0.0
         return points, good
 
-    def _damped(self, parameters, begun, points, change, window) -> float:
-        """Share of Newton's change that lessens the residual: with sticking friction the whole change alternates."""
+    def _damping(self, parameters, begun, points, change, window) -> float:
+        """Return the factor of Newton's change that lowers the residual: with sticking friction the whole change alternates."""
 
-        def size(share: float) -> float:
-            trial = points + share * change
+        def size(factor: float) -> float:
+            trial = points + factor * change
             values = self.balance.values(self._known(parameters, begun, trial, window), trial.shape[1:])
-            before = self._ends(trial, begun)[:, :-1]
-            return float(np.abs(self._residual(values, trial, before, window)).sum())
+            return float(np.abs(self._residual(values, trial, begun, window)).sum())
 
         here = size(0.0)
-        return next((share for share in _SHARES if size(share) < here), 1.0)
+        return next((factor for factor in _DAMPING_FACTORS if size(factor) < here), 1.0)
 
     def _ends(self, points: np.ndarray, start: np.ndarray) -> np.ndarray:
-        """Position, velocity and states at the beginning and after every step, shape (2 + states, steps + 1)."""
+        """Return position, velocity and states at the beginning and after every step, shape (2 + states, steps + 1)."""
         position = np.append(start[0], points[0, :, -1])
         speed = (points[0] @ _RATE[-1] - _SUM[-1] * position[:-1]) / self.step
         states = np.column_stack([start[2:], points[1:, :, -1]])
         return np.vstack([position, np.append(start[1], speed), states])
 
     def _known(self, parameters, begun, points, window) -> dict:
-        """Values of all symbols at the collocation points."""
+        """Return the values of all symbols at the collocation points."""
         before = self._ends(points, begun)[:, :-1]
         speed = (points[0] @ _RATE.T - before[0][:, None] * _SUM) / self.step
         acceleration = (speed @ _RATE.T - before[1][:, None] * _SUM) / self.step
@@ -280,20 +285,22 @@ class ForceDrive:
         named = dict(zip(self.balance.states, points[1:], strict=True))
         return {**parameters, **named, "z": points[0], "v": speed, "a": acceleration, "t": time}
 
-    def _residual(self, values, points, before, window) -> np.ndarray:
-        """Residual of the equations, shape (steps, 1 + states, 3)."""
-        rates = (points[1:] @ _RATE.T - before[2:, :, None] * _SUM) / self.step
+    def _residual(self, values, points, begun, window) -> np.ndarray:
+        """Return the residual of the equations, shape (steps, 1 + states, 3)."""
+        before = self._ends(points, begun)[2:, :-1]
+        rates = (points[1:] @ _RATE.T - before[:, :, None] * _SUM) / self.step
         return np.concatenate([values[:1] - self.force[window], rates - values[1:]]).transpose(1, 0, 2)
 
-    def _linearised(self, parameters, begun, points, window, right_sides: np.ndarray | None = None):
+    def _linearise(self, parameters, begun, points, window, right_sides: np.ndarray | None = None):
         """Linearise every step: its change by the right-hand side and by its start, slope and rest of the recursion.
 
-        `right_sides`, shape (steps, 1 + states, 3, more), replace the residual of the equations.
+        `right_sides`, shape (steps, 1 + states, 3, columns), replace the residual of the equations.
         """
         known = self._known(parameters, begun, points, window)
         steps, count, rate = points.shape[1], len(points), 1 / self.step
         values, slopes = self.balance.slopes(known, points.shape[1:])
-        before = self._ends(points, begun)[:, :-1]
+        if right_sides is None:
+            right_sides = self._residual(values, points, begun, window)[..., None]
         by_z, by_v, by_a, by_r = slopes[:, 0], slopes[:, 1], slopes[:, 2], slopes[:, 3:]
         # Equations of a step by its unknowns, z and the states at the three points, and by z, ż and the states at its start.
         matrix = np.zeros((steps, count, _STAGES, count, _STAGES))
@@ -313,13 +320,9 @@ class ForceDrive:
                 matrix[:, row, :, row, :] += rate * _RATE
                 start[:, row, :, row + 1] -= rate * _SUM
         # Solve every step for its right-hand sides and for its start.
-        size = count * _STAGES
-        right = (
-            self._residual(values, points, before, window)[..., None] if right_sides is None else right_sides
-        )
-        more = right.shape[-1]
+        size, columns = count * _STAGES, right_sides.shape[-1]
         whole = np.concatenate(
-            [right.reshape(steps, size, more), start.reshape(steps, size, count + 1)], axis=2
+            [right_sides.reshape(steps, size, columns), start.reshape(steps, size, count + 1)], axis=2
         )
         try:
             local = -np.linalg.solve(matrix.reshape(steps, size, size), whole)
@@ -328,36 +331,36 @@ class ForceDrive:
         # Position, velocity and states at the end of a step, which are the start of the next one.
         last = slice(_STAGES - 1, None, _STAGES)
         ends = np.insert(local[:, last], 1, rate * (_RATE[-1] @ local[:, :_STAGES]), axis=1)
-        driven, slope = ends[..., :more], ends[..., more:]
+        driven, slope = ends[..., :columns], ends[..., columns:]
         slope[:, 1, 0] -= rate * _SUM[-1]
-        return local, slope, driven[..., 0] if right_sides is None else driven
+        return local, slope, driven
 
     def sensitivities(
         self,
         parameters: Mapping[str, float],
-        found: Driven,
+        motion: DrivenMotion,
         changes: list[tuple[str, float]],
         by_start: bool = False,
     ) -> np.ndarray:
-        """Derivatives of the position by parameters, and by position, velocity and states at the start.
+        """Return the derivatives of the position by parameters, and by position, velocity and states at the start.
 
         The result has shape (steps + 1, parameters). `changes` are symbols and the steps of central differences of the
         equations (not of the motion); with `by_start` the derivatives by the start follow those by the parameters.
         """
-        steps, count = len(self.force), len(found.points)
-        start = np.concatenate([[found.position[0], found.velocity[0]], found.states[:, 0]])
+        steps, count = len(self.force), len(motion.points)
+        start = np.concatenate([[motion.position[0], motion.velocity[0]], motion.states[:, 0]])
         window = slice(0, steps)
-        known = self._known(parameters, start, found.points, window)
+        known = self._known(parameters, start, motion.points, window)
         right_sides = np.zeros((steps, count, _STAGES, len(changes)))
         sign = np.array([1.0] + [-1.0] * (count - 1))[:, None, None]
         with np.errstate(all="ignore"):
             for column, (name, step) in enumerate(changes):
                 more, less = (
-                    self.balance.values({**known, name: parameters[name] + change}, found.points.shape[1:])
+                    self.balance.values({**known, name: parameters[name] + change}, motion.points.shape[1:])
                     for change in (step, -step)
                 )
                 right_sides[..., column] = (sign * (more - less) / (2 * step)).transpose(1, 0, 2)
-            _, slope, driven = self._linearised(parameters, start, found.points, window, right_sides)
+            _, slope, driven = self._linearise(parameters, start, motion.points, window, right_sides)
             first = np.zeros((count + 1, len(changes)))
             if by_start:
                 driven = np.concatenate([driven, np.zeros((steps, count + 1, count + 1))], axis=2)
@@ -381,16 +384,14 @@ def recursion(slope: np.ndarray, driven: np.ndarray, first: np.ndarray | None = 
     right = np.concatenate([np.zeros((1, size, columns)) if first is None else first[None], driven])
     right = right.reshape(size * (steps + 1), columns)
     if not (np.isfinite(bands).all() and np.isfinite(right).all()):
-        # What follows the first step that is not finite is unknown; what lies before it is not.
-        wrong = ~(np.isfinite(slope).all(axis=(1, 2)) & np.isfinite(driven).all(axis=(1, 2)))
-        whole = int(np.argmax(wrong)) if wrong.any() else 0
-        found = np.full((steps + 1, size, columns), np.nan)
-        found[: whole + 1] = (
-            recursion(slope[:whole], driven[:whole], first)
-            if whole
-            else right[:size].reshape(1, size, columns)
-        )
-        return found
-    # Substitution forward, without pivoting: with slopes as large as sticking friction makes them that ends in a zero pivot.
+        # Solve the steps before the first one that is not finite; the later ones are unknown.
+        is_wrong = ~(np.isfinite(slope).all(axis=(1, 2)) & np.isfinite(driven).all(axis=(1, 2)))
+        whole = int(np.argmax(is_wrong)) if is_wrong.any() else 0
+        result = np.full((steps + 1, size, columns), np.nan)
+        result[0] = right[:size]
+        if whole:
+            result[: whole + 1] = recursion(slope[:whole], driven[:whole], first)
+        return result
+    # Forward substitution without pivoting: the large slopes of sticking friction would lead to a zero pivot.
     solved, _ = scipy.linalg.lapack.dtbtrs(bands, right, uplo="L", diag="U")
     return solved.reshape(steps + 1, size, columns)

@@ -11,7 +11,7 @@ import numpy as np
 from lumbar.base.errors import InputError, NumericalError, Problems
 from lumbar.records.record import Record
 from lumbar.tissue.models.bases import Base
-from lumbar.tissue.models.driven_motion import linearised
+from lumbar.tissue.models.driven_motion import linearise
 from lumbar.tissue.models.form import Effect
 from lumbar.tissue.models.measured_motion import for_base, with_measured_motion
 from lumbar.tissue.models.model_data import ModelData, headline, in_html, in_text
@@ -132,7 +132,7 @@ class FittedModel(ModelData):
     def _linearised(self, base: Base) -> tuple[np.ndarray, np.ndarray]:
         """Numerator and denominator in s, from the slopes of the equation and of the rates of its states."""
         linear, nonlinear = self.values_of(base)
-        by_motion, by_states = linearised(base.form, linear, nonlinear)
+        by_motion, by_states = linearise(base.form, linear, nonlinear)
         if not (np.isfinite(by_motion).all() and np.isfinite(by_states).all()):
             raise NumericalError(f"{self.name}: it has no slope at 0 of its input and states")
         rates, response = by_states[1:], by_states[0]

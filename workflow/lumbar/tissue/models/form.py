@@ -1,11 +1,11 @@
-"""What an effect is: a mechanism with one or more mathematical forms.
+"""Effects: a mechanism with one or more mathematical forms.
 
 A model's force is composed in this order::
 
     motion --(input forms: delay, play)--> motion' --> base force + parallel forms' forces --(output forms)--> force
 
 A form is one equation in the operations of `lumbar.tissue.models.expression`; its simulation, LaTeX and C code follow from it. A
-parallel form is a sum of terms with a *linear parameter* as factor each, which least squares solves directly; the other
+parallel form is a sum of terms, each with a *linear parameter* as factor that least squares solves directly; the other
 parameters are *nonlinear*: positive, searched over decades. Output forms have nonlinear parameters only. Mechanisms that no
 equation expresses (play, delay) are `HandWritten` forms.
 """
@@ -16,7 +16,7 @@ from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from functools import cached_property
 from itertools import combinations
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 import numpy as np
 
@@ -26,9 +26,6 @@ from lumbar.tissue.models.equation_check import check_at_rest, check_equation
 from lumbar.tissue.models.motion import OneMotion
 from lumbar.tissue.models.parameter import POSITIONS, Constant, LinearParameter, NonlinearParameter
 
-if TYPE_CHECKING:
-    from lumbar.tissue.models.spatial_equation import SpatialEquation
-
 
 class Place(StrEnum):
     """Place of an effect on the path from position to force."""
@@ -37,7 +34,7 @@ class Place(StrEnum):
     PARALLEL = "parallel"
     OUTPUT = "output"
     FRAME = "frame"
-    """The frame of several axes: it rotates and mixes the forces along them."""
+    """Frame of several axes: it rotates and mixes the forces along them."""
 
 
 @dataclass(frozen=True)
@@ -53,19 +50,16 @@ class HandWritten:
     c_step: CStep | Callable[[], CStep | None] | None = None
     """C code of one sample, or a function that returns it; a form without it cannot be exported to a haptic device."""
     channels: tuple[str, ...] = ()
-    """Roles of further channels that it needs."""
+    """Roles of the additional channels that it needs."""
     matrix: Callable[[np.ndarray], np.ndarray] | None = None
     """Forms of a frame: from nonlinear parameters to the matrix that multiplies the forces along the axes, (axes, axes)."""
     spatial: bool = False
-    """Whether it is valid for motions in space unchanged."""
+    """True if it is valid for motions in space unchanged."""
 
 
 @dataclass(frozen=True)
 class Form:
-    """One mathematical form of a mechanism.
-
-    Its equation is read and checked when it is first needed: `check` does so at once.
-    """
+    """One mathematical form of a mechanism; its equation is read and checked when it is first needed."""
 
     name: str
     """Unique within its effect, e.g. ``"cubic"``."""
@@ -76,30 +70,29 @@ class Form:
     """Input forms are hand-written."""
     linear: tuple[LinearParameter, ...] = ()
     nonlinear: tuple[NonlinearParameter, ...] = ()
-    """`linear`, `nonlinear`: parameters."""
     state: tuple[tuple[str, str], ...] = ()
     """Symbol of each state and its rate of change per second."""
     start: tuple[tuple[str, str], ...] = ()
-    """Symbol and value when a record begins of each state that is not 0 then: an expression in position and parameters."""
+    """Symbol and start value of each state that does not start at 0: an expression in position and parameters."""
     constants: tuple[Constant, ...] = ()
     starts: Callable[[Any, np.ndarray], list[np.ndarray]] | None = None
     """From the motion and the residual force to starting nonlinear parameters, instead of the parameters' grids."""
     solution: Solution | None = None
-    """From motion and nonlinear parameters to the states in closed form; faster or more exact than the solver."""
+    """From motion and nonlinear parameters to the states in closed form, instead of the solver."""
     c_solution: str = ""
     """C statements that write the states of the next sample, if the solver's step is less exact."""
     hand_written: HandWritten | None = None
-    """Instead of the equation."""
+    """Replacement of the equation."""
     general: bool = False
-    """Whether it contains other forms of its effect as special cases: a search selects it only if these leave much."""
+    """True if it contains other forms of its effect as special cases: a search selects it only if these leave much."""
     one_axis: bool = False
-    """Whether it has no equivalent in space."""
+    """True if it has no equivalent in space."""
     essential: tuple[str, ...] = ()
     """Linear parameters that must not be 0 for the mechanism to be present; default any of them."""
     contradiction: Callable[[dict[str, float], Any, np.ndarray, float, float | None], str] | None = None
     """From parameters by name, motion, measured force less the sensor's zero, RMS of the noise and the excitation's period (s, or
     None) to a sentence: how the record contradicts the parameters; ``""`` if it does not."""
-    effect: str = field(default="", compare=True)
+    effect: str = ""
     """Name of its effect; set by the effect."""
     definition: Mapping | None = field(default=None, compare=False, repr=False)
     """Content of the user's file of its effect; set by the effect."""
@@ -119,37 +112,22 @@ class Form:
             If its equation has no meaning in space.
         """
         if self.one_axis or (self.hand_written and not self.hand_written.spatial):
-            raise InputError(f"{self.key} counts along one axis")
-        if self.hand_written:
-            return replace(self, axes=axes)
-        linear = self._in_space(axes, self.linear).linear_in_space()
-        return replace(self, axes=axes, linear=linear, written=self.linear)
-
-    def _in_space(self, axes: tuple[str, ...], linear: tuple[LinearParameter, ...]) -> "SpatialEquation":
-        from lumbar.tissue.models.spatial_equation import SpatialEquation
-
-        return SpatialEquation(**self._equation_fields, linear=linear, axes=axes, channel=self.channel)
-
-    @property
-    def _equation_fields(self) -> dict[str, Any]:
-        return {
-            "text": self.equation,
-            "transforms": self.place is Place.OUTPUT,
-            "nonlinear": self.nonlinear,
-            "constants": self.constants,
-            "states": self.state,
-            "starts": self.start,
-        }
+            raise InputError(f"{self.key} is defined along one axis only")
+        form = replace(self, axes=axes, written=() if self.hand_written else self.linear)
+        if form.hand_written:
+            return form
+        return replace(form, linear=form._unchecked.linear_in_space())  # type: ignore[attr-defined]  # it has axes
 
     def with_constants(self, values: Mapping[str, float]) -> Self:
         """Return the form with other values of its constants, by symbol; other symbols are ignored."""
-        constants = tuple(
-            replace(item, value=values[item.symbol], given=True)
-            if values.get(item.symbol, item.value) != item.value
-            else item
-            for item in self.constants
+        given = {item for item in self.constants if values.get(item.symbol, item.value) != item.value}
+        return replace(
+            self,
+            constants=tuple(
+                replace(item, value=values[item.symbol], given=True) if item in given else item
+                for item in self.constants
+            ),
         )
-        return replace(self, constants=constants)
 
     def check(self) -> None:
         """Raise all problems of the equation.
@@ -157,24 +135,25 @@ class Form:
         Raises
         ------
         InputError
-            If it uses undeclared symbols, is not proportional to the linear parameters, or has no finite value or slope at
-            rest (`lumbar.tissue.models.equation_check`).
+            If it uses undeclared symbols, is not proportional to the linear parameters, or its value or its slope by
+            position or velocity is not finite at z = 0, v = 0.
         """
         problems = Problems(f"form {self.key.strip('/')}")
-        for where, found in self.problems():
-            problems.add(where, found)
+        for key, problem in self.problems():
+            problems.add(key, problem)
         problems.raise_if_any()
 
     def problems(self) -> list[tuple[str, str]]:
-        """Return the problems of the equation: key, and what was found and is allowed."""
+        """Return the problems of the equation: the key of each, and what is wrong and allowed."""
         if self.hand_written:
             return []
         if self.place is Place.INPUT:
             return [("place", "no equation transforms a motion; a form at the input is hand-written")]
-        found = check_equation(self._unchecked)
-        if found or self.axes:
-            return found
-        return [(key, f"form {self.name}: {problem}") for key, problem in check_at_rest(self._unchecked)]
+        problems = check_equation(self._unchecked)
+        if not problems and not self.axes:
+            at_rest = check_at_rest(self._unchecked)
+            problems = [(key, f"form {self.name}: {problem}") for key, problem in at_rest]
+        return problems
 
     @cached_property
     def key(self) -> str:
@@ -187,29 +166,34 @@ class Form:
         return " ".join([self.key, *(f"{item.symbol}={item.value}" for item in self.constants if item.given)])
 
     @cached_property
-    def _equation(self) -> Equation:
-        self.check()
-        return self._unchecked
-
-    @property
     def parsed_equation(self) -> Equation:
         """The equation, read and checked; a hand-written form has none."""
         assert not self.hand_written
-        return self._equation
+        self.check()
+        return self._unchecked
 
     @cached_property
     def _unchecked(self) -> Equation:
-        if self.axes:
-            return self._in_space(self.axes, self.written)
-        return Equation(**self._equation_fields, linear=self.linear)
+        fields: dict[str, Any] = {
+            "text": self.equation,
+            "transforms": self.place is Place.OUTPUT,
+            "nonlinear": self.nonlinear,
+            "constants": self.constants,
+            "states": self.state,
+            "starts": self.start,
+        }
+        if not self.axes:
+            return Equation(**fields, linear=self.linear)
+        from lumbar.tissue.models.spatial_equation import SpatialEquation
+
+        return SpatialEquation(**fields, linear=self.written, axes=self.axes, channel=self.channel)
 
     @cached_property
     def latex(self) -> str:
         """The equation in LaTeX."""
         if self.hand_written:
             return self.equation
-        arrow = r"F \to " if self.place is Place.OUTPUT else ""
-        return arrow + self._equation.latex
+        return (r"F \to " if self.place is Place.OUTPUT else "") + self.parsed_equation.latex
 
     @property
     def text(self) -> str:
@@ -223,27 +207,27 @@ class Form:
 
     @cached_property
     def channels(self) -> tuple[str, ...]:
-        """Roles of further channels that it needs; without them a search leaves it out."""
-        return self.hand_written.channels if self.hand_written else self._equation.channels
+        """Roles of the additional channels that it needs; without them a search leaves it out."""
+        return self.hand_written.channels if self.hand_written else self.parsed_equation.channels
 
     @property
     def is_static(self) -> bool:
-        """Whether it depends on position and force only: no rate, path, time, state or further channel."""
-        return not (self.hand_written or self.state) and self._equation.signals <= set(POSITIONS)
+        """True if it depends on position and force only: no rate, path, time, state or additional channel."""
+        return not (self.hand_written or self.state) and self.parsed_equation.signals <= set(POSITIONS)
 
     @cached_property
     def c_step(self) -> CStep | None:
         """C code of one sample; None if it cannot be exported to a haptic device."""
         if not self.hand_written:
-            return self._equation.c_step(self.c_solution)
+            return self.parsed_equation.c_step(self.c_solution)
         written = self.hand_written.c_step
         return written() if callable(written) else written
 
     def columns(self, motion: OneMotion, nonlinear: np.ndarray) -> list[np.ndarray]:
-        """Forces of a parallel form, one per linear parameter at size 1, each of shape (samples,)."""
+        """Return the forces of a parallel form, one per linear parameter at size 1, each of shape (samples,)."""
         if self.hand_written:
             return self.hand_written.columns(motion, nonlinear)
-        return self._equation.forces(motion, nonlinear, self.solution)
+        return self.parsed_equation.forces(motion, nonlinear, self.solution)
 
     def input_transform(self, motion: OneMotion, nonlinear: np.ndarray) -> OneMotion:
         """Return the motion that reaches the tissue behind an input form."""
@@ -251,24 +235,19 @@ class Form:
         return self.hand_written.input_transform(motion, nonlinear)
 
     def output_transform(self, force: np.ndarray, motion: OneMotion, nonlinear: np.ndarray) -> np.ndarray:
-        """Return the measured force of an output form."""
+        """Return the measured force of an output form, shape (samples,)."""
         if self.hand_written:
             return self.hand_written.output_transform(force, motion, nonlinear)
-        return self._equation.forces(motion, nonlinear, self.solution, force)[0]
+        return self.parsed_equation.forces(motion, nonlinear, self.solution, force)[0]
 
 
-def _by_channel(form: Form, alone: Sequence[Form]) -> Form:
-    """Return the form with separate parameters in some channels, from the forms `alone` that transform one channel each."""
-    channels = "".join(one.channel for one in alone)
-    nonlinear = tuple(
-        replace(item, name=f"{item.name}_{axis}", symbol=f"{item.symbol}_{axis}", points=_POINTS_PER_CHANNEL)
-        for axis in channels
-        for item in form.nonlinear
-    )
+def _join_channels(form: Form, single: Sequence[Form]) -> Form:
+    """Return the form with separate parameters in several channels; the forms `single` transform one channel each."""
+    channels = "".join(one.channel for one in single)
 
-    def transformed(force: np.ndarray, motion: OneMotion, values: np.ndarray) -> np.ndarray:
-        for one, own in zip(alone, values.reshape(len(alone), -1), strict=True):
-            force = one.output_transform(force, motion, own)
+    def transform(force: np.ndarray, motion: OneMotion, values: np.ndarray) -> np.ndarray:
+        for one, parameters in zip(single, values.reshape(len(single), -1), strict=True):
+            force = one.output_transform(force, motion, parameters)
         return force
 
     def c_step() -> CStep | None:
@@ -289,12 +268,16 @@ def _by_channel(form: Form, alone: Sequence[Form]) -> Form:
         channel=channels,
         general=True,
         equation=form.latex,
-        nonlinear=nonlinear,
-        hand_written=HandWritten(output_transform=transformed, c_step=c_step, spatial=True),
+        nonlinear=tuple(
+            replace(item, name=f"{item.name}_{axis}", symbol=f"{item.symbol}_{axis}", points=_CHANNEL_POINTS)
+            for axis in channels
+            for item in form.nonlinear
+        ),
+        hand_written=HandWritten(output_transform=transform, c_step=c_step, spatial=True),
     )
 
 
-_POINTS_PER_CHANNEL = 3  # starting values of a parameter that every channel has
+_CHANNEL_POINTS = 3  # starting values of a parameter that every channel has
 
 
 @dataclass(frozen=True)
@@ -302,7 +285,7 @@ class Effect:
     """A physical mechanism."""
 
     name: str
-    """E.g. ``"coulomb_friction"``."""
+    """For example ``"coulomb_friction"``."""
     mechanism: str
     """One sentence for the reader of a report."""
     forms: tuple[Form, ...]
@@ -310,40 +293,40 @@ class Effect:
     source: str
     """Reference."""
     experiment: str = ""
-    """The excitation that shows it best, for ties."""
+    """Excitation that shows it best, for ties."""
     sensors: str = ""
-    """One sentence: the part of the measuring chain that looks the same in the records."""
+    """Part of the measuring chain that looks the same in the records, in one sentence."""
     accumulates: bool = False
-    """Whether it grows with time or path from each record's start, so that short records hardly show it."""
+    """True if it grows with time or path from each record's start, so that short records hardly show it."""
     unrepeated: bool = False
-    """Whether it has its own clock, independent of the excitation."""
+    """True if it has its own clock, independent of the excitation."""
     linear: bool = False
-    """Whether a linear time-invariant model remains one with it."""
+    """True if a linear time-invariant model remains one with it."""
     rate_independent: bool = False
-    """Whether its force is the same however fast a path is travelled."""
+    """True if its force depends on the path travelled, not on the speed."""
     rival: bool = False
-    """Whether it is only compared with similar effects that were selected, and never searched for."""
+    """True if it is only compared with similar effects that were selected, and never searched for."""
     definition: Mapping | None = field(default=None, compare=False, repr=False)
-    """Content of the user's file that it was read from, for files of models to carry; None of others."""
+    """Content of the user's file that defines it, stored in files of models; None for effects of the catalogue."""
 
     def in_space(self, axes: tuple[str, ...]) -> tuple[Self | None, dict[str, str]]:
         """Return the effect for motions along these axes, None if no form has a meaning there; and the reasons by form."""
-        forms, without = [], {}
+        forms, reasons = [], {}
         for form in self.forms:
             try:
                 forms.append(read := form.in_space(axes))
                 if form is self.forms[0] and form.place is Place.OUTPUT:
                     # One channel of a sensor may be at its limit while the others are not, or several, each at its own.
-                    alone = [replace(read, name=f"{form.name}_{axis}", channel=axis) for axis in axes]
-                    some = [each for count in range(2, len(axes) + 1) for each in combinations(alone, count)]
-                    forms += [*alone, *(_by_channel(read, each) for each in some)]
+                    single = [replace(read, name=f"{form.name}_{axis}", channel=axis) for axis in axes]
+                    groups = (combinations(single, count) for count in range(2, len(axes) + 1))
+                    forms += [*single, *(_join_channels(read, some) for group in groups for some in group)]
             except InputError as error:
-                without[form.key] = str(error)
-        return (replace(self, forms=tuple(forms)) if forms else None), without
+                reasons[form.key] = str(error)
+        return (replace(self, forms=tuple(forms)) if forms else None), reasons
 
     @property
     def changes(self) -> bool:
-        """Whether it makes one period of an excitation differ from another."""
+        """True if it makes one period of an excitation differ from another."""
         return self.accumulates or self.unrepeated
 
     def __post_init__(self):

@@ -1,16 +1,16 @@
-"""An equation read in space: its signals are vectors, and it holds in any direction.
+"""An equation in space: its signals are vectors, and it is valid in any direction.
 
-One equation says one mechanism, along one axis or along several. In space the signals ``z v a dz`` and the force ``F`` are
+One equation defines a mechanism along one axis and along several. In space the signals ``z v a dz`` and the force ``F`` are
 vectors, parameters are numbers, and
 
 - a product of two vectors is their scalar product, so that ``z**2`` is |z|², ``z**3`` is |z|² z and ``v*abs(v)`` is |v| v;
-- ``abs`` is the length, ``sign`` the direction (none of a vector of length 0);
+- ``abs`` is the length, ``sign`` the direction (0 for a vector of length 0);
 - an odd function acts along its argument: ``tanh(v/vs)`` is tanh(|v|/vs) v/|v|;
-- a state whose rate is a vector is one;
-- ``s`` is the length of the way; a term without any vector (a drift) has a parameter of its own in every axis.
+- a state with a vector as rate is a vector;
+- ``s`` is the length of the path; a term without any vector (a drift) has one parameter per axis.
 
-A form that acts on the output transforms the reading of every channel of the force sensor separately. A term that is not a vector
-(``k*z**2``: in which direction?) has no form in space, which is an error.
+A form that acts on the output transforms the reading of every channel of the force sensor separately. A scalar term such as
+``k*z**2`` has no direction and no form in space, which is an error.
 """
 
 from collections.abc import Mapping, Sequence
@@ -50,55 +50,55 @@ _MIN_SQUARE = Number(1e-300)  # square of the length of a vector that has a dire
 
 
 def dot(left: Vector, right: Vector) -> Expression:
-    """Scalar product."""
-    return reduce(add, (multiply(one, other) for one, other in zip(left, right, strict=True)))
+    """Return the scalar product."""
+    return reduce(add, map(multiply, left, right))
 
 
 def length(vector: Vector) -> Expression:
-    """Length of a vector; of no length it has a slope too, 0."""
+    """Return the length of a vector, with slope 0 at length 0."""
     return Operation("sqrt", (Operation("max", (dot(vector, vector), _MIN_SQUARE)),))
 
 
-def in_space(expression: Expression, vectors: Mapping[str, Vector]) -> Expression | Vector:
-    """Read an expression in space: `vectors` are the components of its symbols that are vectors.
+def vectorise(expression: Expression, vectors: Mapping[str, Vector]) -> Expression | Vector:
+    """Read an expression in space: `vectors` contains the components of the symbols that are vectors.
 
     Raises
     ------
     InputError
-        If a part of it means nothing in space, with this part.
+        If a part of it has no meaning in space, with this part.
 
     Examples
     --------
     >>> from lumbar.tissue.models.expression import parse
-    >>> [to_text(part) for part in in_space(parse("k*z**3"), {"z": (Symbol("z_x"), Symbol("z_y"))})]
+    >>> [to_text(part) for part in vectorise(parse("k*z**3"), {"z": (Symbol("z_x"), Symbol("z_y"))})]
     ['k*((z_x*z_x + z_y*z_y)*z_x)', 'k*((z_x*z_x + z_y*z_y)*z_y)']
     """
     match expression:
         case Symbol(name):
             return vectors.get(name, expression)
         case Operation(name, operands):
-            read = [in_space(operand, vectors) for operand in operands]
+            read = [vectorise(operand, vectors) for operand in operands]
             numbers = [item for item in read if not isinstance(item, tuple)]
             if len(numbers) == len(read):
                 return operation(name, *numbers)
-            found = _of_vectors(name, read, operands)
-            if found is None:
+            result = _apply_to_vectors(name, read, operands)
+            if result is None:
                 raise InputError(f"{to_text(expression)} has no meaning for vectors")
-            return found
+            return result
     return expression
 
 
-def _of_vectors(
+def _apply_to_vectors(
     name: str, read: Sequence[Expression | Vector], operands: Sequence[Expression]
 ) -> Expression | Vector | None:
-    """An operation on vectors; None if it has no meaning for them."""
+    """Return the result of an operation on vectors; None if it has no meaning for them."""
     match name, *read:
         case "+" | "-", tuple(first), tuple(second):
             return tuple(map(add if name == "+" else subtract, first, second))
         case "*", tuple(first), tuple(second):
             return dot(first, second)
         case ("*", tuple(vector), number) | ("*", number, tuple(vector)):
-            return tuple(multiply(number, item) for item in vector)  # type: ignore[arg-type]
+            return tuple(multiply(number, item) for item in vector)  # type: ignore[arg-type]  # one is no tuple
         case "/", tuple(vector), (Number() | Symbol() | Operation()) as number:
             return tuple(divide(item, number) for item in vector)
         case "**", tuple(vector), Number() if exponent := whole_power(operands[1]):
@@ -123,81 +123,82 @@ def _of_vectors(
 
 
 def element(name: str, axes: Sequence[str], row: int, column: int) -> str:
-    """Name of an element of a symmetric matrix: the same on both sides of its diagonal."""
+    """Return the name of an element of a symmetric matrix, equal on both sides of its diagonal."""
     first, second = sorted((row, column))
     return f"{name}_{axes[first]}{axes[second]}"
 
 
-def _components(name: str, axes: Sequence[str]) -> Vector:
-    return tuple(Symbol(f"{name}_{axis}") for axis in axes)
-
-
 @dataclass(frozen=True)
 class SpatialEquation(Equation):
-    """An equation read in space; forces stand one axis after the other, shape (axes × samples,)."""
+    """An equation in space; forces are one axis after the other, shape (axes × samples,)."""
 
     axes: tuple[str, ...] = ()
     """Names of the axes."""
     channel: str = ""
-    """The axis whose channel alone is transformed; empty for all."""
+    """Axis of the only channel that is transformed; empty for all."""
+
+    def _components(self, name: str) -> Vector:
+        return tuple(Symbol(f"{name}_{axis}") for axis in self.axes)
 
     @cached_property
     def vectors(self) -> dict[str, Vector]:
-        """Components of the symbols that are vectors: signals, and states whose rate of change is one."""
-        found = {name: _components(name, self.axes) for name in VECTORS}
+        """Components of the symbols that are vectors: signals, and states with a vector as rate of change."""
+        vectors = {name: self._components(name) for name in VECTORS}
         for _ in self.rates:
             # A state may depend on another one: known vectors decide which states are vectors.
             for name, rate in self.rates.items():
-                if name not in found and symbols(rate) & found.keys():
-                    known = found | {name: _components(name, self.axes)}
-                    found = known if isinstance(in_space(rate, known), tuple) else found
-        return found
+                if name not in vectors and symbols(rate) & vectors.keys():
+                    known = vectors | {name: self._components(name)}
+                    vectors = known if isinstance(vectorise(rate, known), tuple) else vectors
+        return vectors
 
     @cached_property
     def slopes(self) -> dict[str, Expression]:
-        """Rate of change by state; of a state that is a vector by component."""
-        found: dict[str, Expression] = {}
+        """Rate of change by state, and by component if the state is a vector."""
+        slopes: dict[str, Expression] = {}
         for name, rate in self.rates.items():
-            read = in_space(rate, self.vectors)
+            read = vectorise(rate, self.vectors)
             if isinstance(read, tuple) is not (name in self.vectors):
                 raise InputError(f"the rate of {name}, {to_text(rate)}, has no meaning for vectors")
             if isinstance(read, tuple):
-                found |= {f"{name}_{axis}": part for axis, part in zip(self.axes, read, strict=True)}
+                slopes |= {f"{name}_{axis}": part for axis, part in zip(self.axes, read, strict=True)}
             else:
-                found[name] = read
-        return found
+                slopes[name] = read
+        return slopes
 
     @cached_property
     def begin(self) -> dict[str, Expression]:
-        """Value at the beginning by state."""
+        """Start value by state; none in space."""
         if self.starts:
-            raise InputError(f"state {self.starts[0][0]} with a start of its own has no form in space")
+            raise InputError(f"state {self.starts[0][0]} has a start value, which has no form in space")
         return {}
 
     @cached_property
-    def _read(self) -> tuple[tuple[LinearParameter, Vector], ...]:
+    def _linear_forces(self) -> tuple[tuple[LinearParameter, Vector], ...]:
         """Linear parameters in space, each with the force of size 1 along every axis."""
-        found: list[tuple[LinearParameter, Vector]] = []
+        forces: list[tuple[LinearParameter, Vector]] = []
+        components = set().union(*(map(symbols, chain(*self.vectors.values()))))
         for item, column in zip(self.linear, self.columns, strict=True):
-            read = in_space(column, self.vectors)
+            read = vectorise(column, self.vectors)
             if isinstance(read, tuple):
-                found.append((item, read))
+                forces.append((item, read))
                 continue
-            components = set().union(*(map(symbols, chain(*self.vectors.values()))))
             if symbols(read) & components:
                 raise InputError(f"{to_text(column)} has no direction in space")
-            zero = Number(0.0)
+            # A term without direction, such as a drift, has one parameter per axis.
             for axis in self.axes:
-                own = replace(item, name=f"{item.name}_{axis}", symbol=f"{item.symbol}_{axis}")
-                found.append((own, tuple(read if axis == other else zero for other in self.axes)))
-        return tuple(found)
+                along = tuple(read if axis == other else Number(0.0) for other in self.axes)
+                forces.append(
+                    (replace(item, name=f"{item.name}_{axis}", symbol=f"{item.symbol}_{axis}"), along)
+                )
+        return tuple(forces)
 
-    @property
+    @cached_property
     def signals(self) -> set[str]:
         """Signals that the force uses, without those of the states' rates."""
         if self.transforms:
             return super().signals
-        parts = chain(*(vector for _, vector in self._read))
+        parts = chain(*(vector for _, vector in self._linear_forces))
         return set().union(*map(symbols, parts)) & SIGNALS.keys()
 
     @cached_property
@@ -205,7 +206,7 @@ class SpatialEquation(Equation):
         if self.transforms:
             return super()._evaluator
         return Evaluator(
-            [substitute(part, self._constant_values) for _, vector in self._read for part in vector]
+            [substitute(part, self._constant_values) for _, vector in self._linear_forces for part in vector]
         )
 
     def forces(
@@ -215,11 +216,19 @@ class SpatialEquation(Equation):
         solution: Solution | None = None,
         force: np.ndarray | None = None,
     ) -> list[np.ndarray]:
-        """Forces per linear parameter at size 1, or the transformed force; each of shape (axes × samples,)."""
+        """Return the force per linear parameter at size 1, or the transformed force; each of shape (axes × samples,)."""
         assert isinstance(motion, SpatialMotion)
-        if force is not None:
-            return [self._transformed(motion, nonlinear, force)]
         values: dict = self.parameters(nonlinear)
+        if force is not None:
+            # The readings of the channels for the forces along their axes.
+            pieces = motion.split(force)
+            for row, (axis, part) in enumerate(zip(self.axes, motion.parts, strict=True)):
+                if self.channel in ("", axis):
+                    # Path is that in space, other signals are those along the axis.
+                    along = {name: SIGNALS[name].of(motion if name == "s" else part) for name in self.signals}
+                    (reading,) = self._evaluator({**values, **along, FORCE: pieces[row]})
+                    pieces[row] = np.broadcast_to(reading, len(part))
+            return [np.concatenate(pieces)]
         if self.state is not None:
             values |= self._states(self.state, motion, nonlinear, solution)
         values |= {name: SIGNALS[name].of(motion) for name in self.signals}
@@ -231,28 +240,26 @@ class SpatialEquation(Equation):
     def _states(
         self, state: StateEquation, motion: SpatialMotion, nonlinear: np.ndarray, solution: Solution | None
     ) -> dict[str, np.ndarray]:
-        """States at every sample: in closed form where those of an axis know nothing of another one."""
-        names = [name for name, _ in self.states]
-        if solution is None or not self._apart:
+        """Return the states at every sample: in closed form if those of each axis are independent of the others."""
+        if solution is None or not self._are_axes_independent:
             if not all(part.smooth for part in motion.parts):  # in straight lines from sample to sample
                 return state.trajectory(motion, self.parameters(nonlinear))
-            # What turns between two samples is followed there.
+            # A smooth motion may turn between two samples: follow it in smaller steps.
             fine = motion.cache.compute_once(
                 "in steps between samples", lambda: motion.each(lambda part: part.finer)
             )
-            found = state.trajectory(fine, self.parameters(nonlinear))
-            return {name: values[::SUBSTEPS] for name, values in found.items()}
-        found = {}
+            states = state.trajectory(fine, self.parameters(nonlinear))
+            return {name: values[::SUBSTEPS] for name, values in states.items()}
+        states = {}
         for axis, part in zip(self.axes, motion.parts, strict=True):
             solved = part.cache.compute_at(
                 "states in closed form", nonlinear, partial(solution, part, nonlinear)
             )
-            found |= {f"{name}_{axis}": value for name, value in zip(names, solved, strict=True)}
-        return found
+            states |= {f"{name}_{axis}": value for (name, _), value in zip(self.states, solved, strict=True)}
+        return states
 
     @cached_property
-    def _apart(self) -> bool:
-        """Whether the states of one axis are independent of the other axes."""
+    def _are_axes_independent(self) -> bool:
         return all(
             not symbols(rate)
             & {f"{name}_{other}" for name in self.vectors for other in self.axes if other != axis}
@@ -261,43 +268,29 @@ class SpatialEquation(Equation):
             if name.endswith(f"_{axis}")
         )
 
-    def _transformed(self, motion: SpatialMotion, nonlinear: np.ndarray, force: np.ndarray) -> np.ndarray:
-        """Return the readings of the channels for the forces along their axes."""
-        values: dict = self.parameters(nonlinear)
-        pieces = []
-        for axis, part, piece in zip(self.axes, motion.parts, motion.split(force), strict=True):
-            if self.channel not in ("", axis):
-                pieces.append(piece)
-                continue
-            # Path is that in space, other signals are those along the axis.
-            own = {name: SIGNALS[name].of(motion if name == "s" else part) for name in self.signals}
-            (read,) = self._evaluator({**values, **own, FORCE: piece})
-            pieces.append(np.broadcast_to(read, len(part)))
-        return np.concatenate(pieces)
-
     def c_step(self, solution: str = "") -> CStep | None:
-        """Return the C code of one sample, with a value along every axis; an output form has one value for every channel.
+        """Return the C code of one sample, with a value per axis; an output form has one value for every channel.
 
-        `solution` is that of one axis, and is ignored.
+        The `solution` along one axis is ignored.
         """
         if self.transforms:
             return super().c_step()
         sums = [
             self._portable(
                 Operation("*", (Symbol(item.symbol), vector[row]))
-                for item, vector in self._read
+                for item, vector in self._linear_forces
                 if vector[row] != Number(0.0)
             )
             for row in range(len(self.axes))
         ]
-        return self._c_step_of(sums, (item for item, _ in self._read))
+        return self._c_step_of(sums, (item for item, _ in self._linear_forces))
 
     def c_step_by_matrices(self) -> CStep:
-        """Return the C code with a symmetric matrix for every linear parameter; `element` gives the names of its elements."""
+        """Return the C code with a symmetric matrix for every linear parameter; `element` names its elements."""
         names, sums = [], []
         for row in range(len(self.axes)):
             terms: list[Expression] = []
-            for item, vector in self._read:
+            for item, vector in self._linear_forces:
                 for column, part in enumerate(vector):
                     name = element(item.name, self.axes, row, column)
                     names.append(LinearParameter(name, "", symbol=name))
@@ -312,16 +305,16 @@ class SpatialEquation(Equation):
         return {**begun, "path": f"(path - sqrt({squares}))"}
 
     def linear_in_space(self) -> tuple[LinearParameter, ...]:
-        """Linear parameters in space: those of a term without direction once in every axis.
+        """Return the linear parameters in space; a term without direction has one per axis.
 
         Raises
         ------
         InputError
-            With the part of the equation that means nothing in space.
+            With the part of the equation that has no meaning in space.
         """
         if not self.transforms:
             _ = self.begin, self.slopes
-            return tuple(item for item, _ in self._read)
+            return tuple(item for item, _ in self._linear_forces)
         if self.states or symbols(self.force) & {*VECTORS, *COMPARISONS}:
-            raise InputError(f"{self.text} of one channel hangs on a motion that is a vector")
+            raise InputError(f"{self.text} of one channel depends on a motion that is a vector")
         return self.linear

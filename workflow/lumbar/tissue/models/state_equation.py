@@ -158,8 +158,8 @@ class StateEquation:
         gain = _STEP if jacobian == Number(0.0) else multiply(_STEP, stretch)
         return add(Symbol(name), multiply(gain, slope))
 
-    def at_rest(self, values: Mapping[str, float], sampling_time: float) -> np.ndarray:
-        """Derivatives of the increments where nothing moves; shape (states, states)."""
+    def slopes_at_rest(self, values: Mapping[str, float], sampling_time: float) -> np.ndarray:
+        """Return the derivatives of the increments without motion; shape (states, states)."""
         given = dict.fromkeys((*self.names, *self.signals), 0.0)
         rows = [Evaluator(row, STEP_FUNCTIONS) for row in self._jacobian]
         with np.errstate(all="ignore"):

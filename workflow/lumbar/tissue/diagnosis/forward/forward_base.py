@@ -22,7 +22,7 @@ from lumbar.tissue.diagnosis.fitting.fit_data import FitData, JointData
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.selection.candidate import Candidate, evaluate, exchange_base, fit_base
 from lumbar.tissue.models.bases import BASES, CHOSEN_BY_DATA, Base
-from lumbar.tissue.models.driven_motion import linearised
+from lumbar.tissue.models.driven_motion import linearise
 from lumbar.tissue.models.measured_motion import with_measured_motion, without_noise
 from lumbar.tissue.models.motion import JoinedMotions, Motion
 from lumbar.tissue.models.structure import ForwardStructure, Structure
@@ -134,7 +134,7 @@ def with_motion_as_input(experiment: Experiment, response: Response) -> Experime
 
 def response_of(base: Base, linear: np.ndarray, nonlinear: np.ndarray) -> Response:
     """Return the frequency response of a base from force to motion."""
-    by_motion, by_states = linearised(base.form, linear, nonlinear)
+    by_motion, by_states = linearise(base.form, linear, nonlinear)
 
     def response(frequency: np.ndarray) -> np.ndarray:
         s = 2j * np.pi * frequency

@@ -115,7 +115,7 @@ def add_form(model: Candidate, form: Form, experiment: Experiment) -> Candidate:
 
 def drop_effect(model: Candidate, name: str, experiment: Experiment) -> Candidate:
     """Refit a model without one of its effects."""
-    rest = select_forms(model.fit, model.fit.structure.without(name).forms)
+    rest = select_forms(model.fit, model.fit.structure.remove_effect(name).forms)
     return refit(rest.structure, rest.nonlinear, experiment)
 
 
