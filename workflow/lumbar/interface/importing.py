@@ -18,7 +18,7 @@ from lumbar.records.importing.roles import Choices
 from lumbar.records.importing.source_file import file_name, read_content
 from lumbar.records.importing.study_file import PROVENANCE, needs_study, write_folder
 from lumbar.records.record import RecordSet, require_same_units
-from lumbar.tissue.diagnosis.linear.direction import of_other_sign
+from lumbar.tissue.diagnosis.linear.direction import inverted_sign_reason
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -189,7 +189,7 @@ def _sources(given: str | os.PathLike | ForeignFile) -> list[Path | ForeignFile]
 
 def _with_sign(recording: ImportedRecording, flipped: bool) -> ImportedRecording:
     """Add a note to a recording if its force is significantly against the motion."""
-    reason = "" if recording.record.axes else of_other_sign(recording.record)
+    reason = "" if recording.record.axes else inverted_sign_reason(recording.record)
     if not reason:
         return recording
     force = recording.record.channels["output"].quantity

@@ -21,7 +21,7 @@ from lumbar.tissue.diagnosis.spatial.principal_axes import (
     principal_axes,
     principal_axes_table,
 )
-from lumbar.tissue.diagnosis.spatial.spatial_diagnosis import in_space, usable_in_space
+from lumbar.tissue.diagnosis.spatial.spatial_diagnosis import effects_in_space, usable_in_space
 from lumbar.tissue.diagnosis.spatial.spatial_findings import headline_in_space
 from lumbar.tissue.diagnosis.spatial.spatial_reports import SpatialReport, spatial_reports
 from lumbar.tissue.models.form import Effect
@@ -33,7 +33,7 @@ class SpatialDiagnosis(Diagnosis):
     @cached_property
     def candidates(self) -> dict[str, Effect]:
         """The catalogue that was searched, read in space."""
-        return in_space(self.settings.candidates, self.records[0].axes)
+        return effects_in_space(self.settings.candidates, self.records[0].axes)
 
     @property
     def headline(self) -> str:

@@ -264,7 +264,7 @@ def test_slopes_are_those_of_the_force(delay):
     vector = poles.to_vector()
 
     def force(values):
-        return forces(moved, poles.with_vector(values), False) @ linear
+        return forces(moved, poles.moved_to(values), False) @ linear
 
     slopes = slope_forces(moved, poles, linear, False)
     for index, unit in enumerate(np.eye(len(vector))):
@@ -273,7 +273,7 @@ def test_slopes_are_those_of_the_force(delay):
 
 
 def test_poles_are_stable_wherever_they_are_put():
-    poles = Poles.of(np.array([3.0, -0.5, 2 + 7j, 2 - 7j, -4.0]))
+    poles = Poles.from_places(np.array([3.0, -0.5, 2 + 7j, 2 - 7j, -4.0]))
     assert poles.order == 5
     assert (poles.rates > 0).all()
     assert (poles.sections > 0).all()

@@ -183,4 +183,4 @@ def _base_of(dynamics: LinearDynamics) -> Base:
 
 
 def _columns(poles: Poles, held: bool) -> Callable[[Motion, np.ndarray], list[np.ndarray]]:
-    return lambda motion, nonlinear: list(forces(motion, poles.with_vector(np.log(nonlinear)), held).T)
+    return lambda motion, nonlinear: list(forces(motion, poles.moved_to(np.log(nonlinear)), held).T)

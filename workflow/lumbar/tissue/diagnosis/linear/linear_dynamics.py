@@ -1,7 +1,6 @@
-"""The best linear time-invariant model from position to force, and how much of what a model leaves no such model explains.
+"""The best linear time-invariant model from position to force, and the share of an error that no such model explains.
 
-What such a model explains needs no nonlinear effect. Two kinds are tried, each with a constant (a sensor's zero), a
-spring, a dashpot and a mass:
+Two kinds are tried, each with a constant (a sensor's zero), a spring, a dashpot and a mass:
 
 - a Prony series, relaxing branches of non-negative stiffness on a grid of time constants from the sampling interval to the
   record's length, which approximates any passive viscoelastic material, springpots included (Park and Schapery, Int. J. Solids
@@ -19,9 +18,9 @@ import scipy
 
 from lumbar.records.record import Channel, Record
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData, FreeRun, decimate
-from lumbar.tissue.diagnosis.fitting.joint_fit import Fit, from_log_ratio, solve_linear, to_log_ratio
+from lumbar.tissue.diagnosis.fitting.joint_fit import Fit, to_log_ratio, solve_linear, from_log_ratio
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
-from lumbar.tissue.diagnosis.linear.poles import Poles, forces, relocated_poles, slope_forces
+from lumbar.tissue.diagnosis.linear.poles import Poles, forces, relocate_poles, slope_forces
 from lumbar.tissue.diagnosis.noise.periods import MIN_FULL_PERIODS, fold_periods
 from lumbar.tissue.diagnosis.residuals.time_frequency import excited_lines
 from lumbar.tissue.models.measured_motion import is_held
@@ -29,30 +28,30 @@ from lumbar.tissue.models.motion import JoinedMotions, Motion
 
 ORDERS = (1, 2, 3, 4, 6)
 """Numbers of poles that are tried, one after the other while the criterion falls."""
-_PER_DECADE = 5
+_RATES_PER_DECADE = 5
 """Time constants of the Prony series in a decade."""
 _DELAYED_ORDER = 1
-"""Poles of the model that is also tried behind a delay; higher orders come near small delays by themselves."""
-_DELAYS = (1.0, 4.0, 16.0)
+"""Poles of the model that is also tried with a delay; higher orders approximate small delays by themselves."""
+_START_DELAYS = (1.0, 4.0, 16.0)
 """Starting delays in samples."""
-_LONGEST_DELAY = 64.0
-"""Samples: a few cycles of the fastest motion, at the rate that records are searched at."""
+_MAX_DELAY = 64.0
+"""Largest delay in samples: a few cycles of the fastest motion, at the rate of the search."""
 _EVALUATIONS = 15
-_WORTHWHILE = 0.997
-"""Share of the squared error that a higher order must leave at most for a still higher one to be tried."""
-_LARGEST_SPRING = 10.0
-"""Largest force of the spring in forces measured, both as standard deviations."""
-_LONG = 12_000
-"""Samples on which poles are searched at most."""
+_MAX_ERROR_RATIO = 0.997
+"""Share of the squared error that a higher order may leave if a still higher one is to be tried."""
+_MAX_SPRING_FORCE = 10.0
+"""Largest force of the spring relative to the measured force, both as standard deviations."""
+_MAX_SEARCH_SAMPLES = 12_000
+"""Samples with which poles are searched; the other parameters are fitted to all samples."""
 _LINE_WIDTH = 2.0
 """(ΣS)²/ΣS² of one sine through Hann's window."""
-_SMALLEST = 1e-12
+_ROUNDING = 1e-12
 """Share of the force's power below which an error is rounding."""
 _NEIGHBOURHOOD = 9
-"""Neighbouring excited lines over which the response is taken as a parabola."""
-_DEGREES = 3
-_ABOVE_NOISE = 2.0
-"""Power of a residual in that of its noise, below which it holds too little to be divided."""
+"""Neighbouring excited lines over which the response is approximated by a parabola."""
+_COEFFICIENTS = 3
+_MIN_NOISE_RATIO = 2.0
+"""Power of a residual relative to that of its noise, below which it is not divided."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,36 +62,35 @@ class LinearDynamics(FreeRun):
     """``prony``, ``rational`` or ``delayed``."""
     poles: Poles
     held: bool
-    """Whether the input is held between jumps: a discrete model, without derivatives of the input."""
+    """True if the input is a zero-order hold: the model is discrete, without derivatives of the input."""
     linear: np.ndarray
-    nonlinear: np.ndarray
-    """`linear`, `nonlinear`: constant, stiffness, viscosity and mass (what of them acts), then of sections and branches;
-    and what was searched with them."""
+    """Constant, stiffness, viscosity and mass (those in use), then gains of sections and branches, shape (parameters,)."""
     squared_error: float
     """Sum of squared (whitened) errors over the samples of the training record that count."""
     train_rms: float = np.nan
+    """Free-run simulation error on the training record, in the output's unit."""
     test_rms: float = np.nan
-    """`train_rms`, `test_rms`: free-run simulation errors in the output's unit."""
+    """Free-run simulation error on the test records, in the output's unit."""
+
+    @property
+    def nonlinear(self) -> np.ndarray:
+        """Searched parameters: those of `Poles.to_vector`, not their logarithms."""
+        return np.exp(self.poles.to_vector())
 
     @property
     def order(self) -> int:
-        """Number of poles; of a Prony series, branches that are not zero."""
+        """Number of poles; for a Prony series the number of branches that are not zero."""
         return self.poles.order
 
-    @property
-    def constant(self) -> float:
-        """Force of the sensor's zero, in the output's unit."""
-        return float(self.linear[0])
-
     def simulate(self, motion: Motion | JoinedMotions) -> np.ndarray:
-        """Free-run simulation from rest at the first position, shape (samples,)."""
+        """Simulate from rest at the first position, shape (samples,)."""
         return forces(motion, self.poles, self.held) @ self.linear
 
 
 def linear_dynamics(experiment: Experiment) -> LinearDynamics:
     """Fit linear models of rising order to the training record and return the one that its criterion favours.
 
-    The test records have no say. Long records are fitted at a lower rate; errors are those at the full one.
+    The test records have no influence. Long records are fitted at a lower rate; errors are those at the full one.
     """
     data = decimate(experiment.training)
     best = _lowest_criterion(list(_candidates(data)), data)
@@ -106,20 +104,21 @@ def linear_dynamics(experiment: Experiment) -> LinearDynamics:
 
 
 def rational_of_order(data: FitData, order: int) -> LinearDynamics:
-    """Fit an output-error model of so many free poles and free residues to a record."""
-    static = _solve("rational", data, Poles(np.zeros(0), np.zeros((0, 2))), is_held(data.motion))
-    return _rational(data, order, static)
+    """Fit an output-error model with this number of free poles and free residues to a record."""
+    return _fit_rational(
+        data, order, _solve("rational", data, Poles.from_places(np.zeros(0)), is_held(data.motion))
+    )
 
 
 def _lowest_criterion(candidates: list[LinearDynamics], data: FitData) -> LinearDynamics:
-    """The candidate of the lowest information criterion (Schwarz, Ann. Statist. 6 (1978) 461-464).
+    """Return the candidate with the lowest information criterion (Schwarz, Ann. Statist. 6 (1978) 461-464).
 
-    What a model of any order leaves of a nonlinear force is coloured, often a few lines: it holds fewer independent errors
-    than samples, and pays for fewer parameters.
+    The error of a linear model of a nonlinear force is coloured, often a few lines: it has fewer independent values than
+    samples, and determines fewer parameters.
     """
     # The spring must be of the size of the forces measured. A pole slower than the record and a spring can cancel on a record
     # that begins at 0, however large both are; they do not on one that begins elsewhere.
-    moved, most = np.std(data.motion.position), _LARGEST_SPRING * np.std(data.force)
+    moved, most = np.std(data.motion.position), _MAX_SPRING_FORCE * np.std(data.force)
     candidates = [item for item in candidates if abs(item.linear[1]) * moved <= most]
     least = min(candidates, key=lambda item: item.squared_error)
     errors = least.whitened_errors(data)
@@ -138,97 +137,91 @@ def _lowest_criterion(candidates: list[LinearDynamics], data: FitData) -> Linear
 
 def _candidates(data: FitData) -> Iterator[LinearDynamics]:
     held = is_held(data.motion)
-    yield _prony(data, held)
-    best = lower = _solve("rational", data, Poles(np.zeros(0), np.zeros((0, 2))), held)
+    yield _fit_prony(data, held)
+    best = lower = _solve("rational", data, Poles.from_places(np.zeros(0)), held)
     yield best
     yield from (_solve("rational", data, replace(best.poles, direct=direct), held) for direct in (2, 3))
-    lines = _excited_lines(data)
+    # A line of the spectrum determines two parameters, and so one more pole. Number of lines: (ΣS)²/ΣS² of the power
+    # spectrum S of the position's steps, relative to that of a single line through the window.
+    steps = np.diff(data.motion.position)
+    power = np.abs(np.fft.rfft((steps - steps.mean()) * np.hanning(len(steps)))) ** 2
+    lines = float(power.sum()) ** 2 / float(np.sum(power**2)) / _LINE_WIDTH
     for order in (order for order in ORDERS if order == 1 or order < lines):
-        fitted = _on_all(data, partial(_rational, order=order, lower=lower))
+        fitted = _fit_all_samples(data, partial(_fit_rational, order=order, lower=lower))
         yield fitted
         if order == 1:
-            yield _on_all(data, partial(_without_derivatives, fitted=fitted))
+            # Constant and spring only: with one pole this is the Kelvin–Boltzmann model.
+            yield _fit_all_samples(
+                data, partial(_fit_from, held=held, starts=[replace(fitted.poles, direct=2)])
+            )
         if order == _DELAYED_ORDER and not held:
-            yield _on_all(data, partial(_with_delay, fitted=fitted))
-        if order > 2 and fitted.squared_error > _WORTHWHILE * best.squared_error:
+            starts = [
+                replace(fitted.poles, delay=delay * data.motion.sampling_time) for delay in _START_DELAYS
+            ]
+            yield _fit_all_samples(data, partial(_fit_from, held=held, starts=starts, kind="delayed"))
+        if order > 2 and fitted.squared_error > _MAX_ERROR_RATIO * best.squared_error:
             break
         lower = fitted
         best = min(best, fitted, key=lambda item: item.squared_error)
 
 
-def _excited_lines(data: FitData) -> float:
-    """How many frequencies the motion holds at all: a line determines two parameters, and so one more pole at most.
-
-    (ΣS)²/ΣS² of the power spectrum S of the position's steps, over that of a single line seen through the window.
-    """
-    steps = np.diff(data.motion.position)
-    power = np.abs(np.fft.rfft((steps - steps.mean()) * np.hanning(len(steps)))) ** 2
-    return float(power.sum()) ** 2 / float(np.sum(power**2)) / _LINE_WIDTH
-
-
-def _on_all(data: FitData, fit: Callable[[FitData], LinearDynamics]) -> LinearDynamics:
-    """Search poles, on the beginning of what is still long at its lower rate, and solve for the rest on all of it."""
-    if data.size <= _LONG:
+def _fit_all_samples(data: FitData, fit: Callable[[FitData], LinearDynamics]) -> LinearDynamics:
+    """Search poles on the beginning of a long record, and solve for the linear parameters on all of it."""
+    if data.size <= _MAX_SEARCH_SAMPLES:
         return fit(data)
     settling = data.length - data.size
-    found = fit(data.split((settling + _LONG) / data.length)[0])
-    return _solve(found.kind, data, found.poles, found.held)
+    start = fit(data.split((settling + _MAX_SEARCH_SAMPLES) / data.length)[0])
+    return _solve(start.kind, data, start.poles, start.held)
 
 
-def _rates_seen(data: FitData) -> tuple[float, float]:
-    """Rates (1/s) that a record can show: of its length and of its sampling."""
+def _rate_range(data: FitData) -> tuple[float, float]:
+    """Return the rates (1/s) that a record can show: of its length and of its sampling."""
     return 1 / data.scale("duration"), 1 / data.motion.sampling_time
 
 
-def _prony(data: FitData, held: bool) -> LinearDynamics:
-    low, high = _rates_seen(data)
-    rates = np.geomspace(low, high, 1 + round(_PER_DECADE * np.log10(high / low)))
-    every = Poles(rates, np.zeros((0, 2)))
-    columns = forces(data.motion, every, held)
+def _fit_prony(data: FitData, held: bool) -> LinearDynamics:
+    low, high = _rate_range(data)
+    rates = np.geomspace(low, high, 1 + round(_RATES_PER_DECADE * np.log10(high / low)))
+    poles = Poles(rates, np.zeros((0, 2)))
+    columns = forces(data.motion, poles, held)
     direct = columns.shape[1] - len(rates)
     linear = solve_linear(data.whiten(columns), data.whiten(data.force), (0,) + (1,) * (columns.shape[1] - 1))
-    kept = linear[direct:] > 0
-    poles = replace(every, rates=rates[kept])
-    return _model("prony", data, poles, held, np.concatenate([linear[:direct], linear[direct:][kept]]))
+    used = linear[direct:] > 0
+    linear = np.concatenate([linear[:direct], linear[direct:][used]])
+    return _solve("prony", data, replace(poles, rates=rates[used]), held, linear)
 
 
-def _rational(data: FitData, order: int, lower: LinearDynamics) -> LinearDynamics:
+def _fit_rational(data: FitData, order: int, lower: LinearDynamics) -> LinearDynamics:
     """Refine poles from the last iterations of their relocation, or from those of a lower order and some more."""
-    low, high = _rates_seen(data)
+    low, high = _rate_range(data)
     more = np.geomspace(low, high, order - lower.order + 2)[1:-1]
-    starts = relocated_poles(data, order, low, high, lower.held)[-2:]
-    starts.append(Poles.of(np.concatenate([lower.poles.to_array(), -more])))
-    found = [_solve("rational", data, poles, lower.held) for poles in starts]
-    return _refine(data, min(found, key=lambda item: item.squared_error))
+    starts = relocate_poles(data, order, low, high, lower.held)[-2:]
+    pairs = [np.roots([1.0, *section]) for section in lower.poles.sections]
+    starts.append(Poles.from_places(np.concatenate([-lower.poles.rates, *pairs, -more])))
+    return _fit_from(data, lower.held, starts)
 
 
-def _without_derivatives(data: FitData, fitted: LinearDynamics) -> LinearDynamics:
-    """Refine the same poles with constant and spring only: with one pole this is the Kelvin–Boltzmann model."""
-    return _refine(data, _solve("rational", data, replace(fitted.poles, direct=2), fitted.held))
-
-
-def _with_delay(data: FitData, fitted: LinearDynamics) -> LinearDynamics:
-    """Refine the same poles with a pure delay."""
-    step = data.motion.sampling_time
-    late = [replace(fitted.poles, delay=delay * step) for delay in _DELAYS]
-    found = [_solve("delayed", data, poles, fitted.held) for poles in late]
-    return _refine(data, min(found, key=lambda item: item.squared_error))
-
-
-def _refine(data: FitData, start: LinearDynamics) -> LinearDynamics:
-    """Search poles and delay, linear parameters solved for at each."""
-    force, first = data.whiten(data.force), np.exp(start.poles.to_vector())
-    low, high = (to_log_ratio(bound, first) for bound in _bounds(start.poles, *_rates_seen(data)))
+def _fit_from(data: FitData, held: bool, starts: list[Poles], kind: str = "rational") -> LinearDynamics:
+    """Search poles and delay from the best of some starts, with the linear parameters solved for at each."""
+    start = min((_solve(kind, data, poles, held) for poles in starts), key=lambda item: item.squared_error)
+    force, first = data.whiten(data.force), start.nonlinear
+    # Bounds of the delay, of the coefficients of sections and of the rates.
+    slow, fast = _rate_range(data)
+    delay = [(1e-3 / fast, _MAX_DELAY / fast)] if start.poles.delay else []
+    fast = 10 * fast
+    pairs = [(0.1 * slow, 10 * fast), (slow**2, fast**2)] * len(start.poles.sections)
+    bounds = np.array([*delay, *pairs, *[(slow, fast)] * len(start.poles.rates)]).reshape(-1, 2)
+    low, high = (to_log_ratio(bound, first) for bound in (bounds[:, 0] * (1 - 1e-9), bounds[:, 1] * (1 + 1e-9)))
     unit = float(np.linalg.norm(force)) or 1.0
 
-    def moved(values):
-        return start.poles.with_vector(np.log(from_log_ratio(values, first)))
+    def poles_at(values):
+        return start.poles.moved_to(np.log(from_log_ratio(values, first)))
 
     @lru_cache(maxsize=1)
     def solution(numbers):
-        poles = moved(np.frombuffer(numbers))
-        design = data.whiten(forces(data.motion, poles, start.held))
-        return poles, design, *_solution(design, force)
+        poles = poles_at(np.frombuffer(numbers))
+        design = data.whiten(forces(data.motion, poles, held))
+        return poles, design, *_least_squares(design, force)
 
     def error(values):
         _, design, linear, _ = solution(values.tobytes())
@@ -236,11 +229,11 @@ def _refine(data: FitData, start: LinearDynamics) -> LinearDynamics:
 
     def jacobian(values):
         poles, design, linear, basis = solution(values.tobytes())
-        slopes = data.whiten(slope_forces(data.motion, poles, linear, start.held))
+        slopes = data.whiten(slope_forces(data.motion, poles, linear, held))
         directions = design @ basis
         return (slopes - directions @ (directions.T @ slopes)) / unit
 
-    found = scipy.optimize.least_squares(
+    result = scipy.optimize.least_squares(
         error,
         np.clip(np.ones(len(first)), low, high),
         jacobian,
@@ -250,78 +243,65 @@ def _refine(data: FitData, start: LinearDynamics) -> LinearDynamics:
         gtol=1e-15,
         max_nfev=_EVALUATIONS,
     )
-    refined = _solve(start.kind, data, moved(found.x), start.held)
+    refined = _solve(kind, data, poles_at(result.x), held)
     return min(refined, start, key=lambda item: item.squared_error)
 
 
-def _bounds(poles: Poles, low: float, high: float) -> tuple[np.ndarray, np.ndarray]:
-    delay = [(1e-3 / high, _LONGEST_DELAY / high)] if poles.delay else []
-    high = 10 * high
-    pairs = [(0.1 * low, 10 * high), (low**2, high**2)] * len(poles.sections)
-    bounds = np.array([*delay, *pairs, *[(low, high)] * len(poles.rates)]).reshape(-1, 2)
-    return bounds[:, 0] * (1 - 1e-9), bounds[:, 1] * (1 + 1e-9)
-
-
-def _solution(design: np.ndarray, force: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Least squares, and a basis that makes the columns orthonormal; directions that rounding hides are left out."""
+def _least_squares(design: np.ndarray, force: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the solution, and a basis that makes the columns orthonormal; directions lost in rounding are left out."""
     normal = design.T @ design
     size = np.sqrt(np.diag(normal))
     size[size == 0] = 1.0
     values, vectors = np.linalg.eigh(normal / np.outer(size, size))
-    kept = values > 1e-13 * values[-1]
-    basis = vectors[:, kept] / np.sqrt(values[kept]) / size[:, None]
+    used = values > 1e-13 * values[-1]
+    basis = vectors[:, used] / np.sqrt(values[used]) / size[:, None]
     return basis @ (basis.T @ (design.T @ force)), basis
 
 
-def _solve(kind: str, data: FitData, poles: Poles, held: bool) -> LinearDynamics:
-    columns = forces(data.motion, poles, held)
-    return _model(kind, data, poles, held, _solution(data.whiten(columns), data.whiten(data.force))[0])
-
-
-def _model(kind: str, data: FitData, poles: Poles, held: bool, linear: np.ndarray) -> LinearDynamics:
-    found = LinearDynamics(kind, poles, held, linear, np.exp(poles.to_vector()), np.inf)
-    error, force = found.whitened_errors(data), data.whiten(data.force)
-    return replace(found, squared_error=max(float(error @ error), _SMALLEST * float(force @ force)))
+def _solve(
+    kind: str, data: FitData, poles: Poles, held: bool, linear: np.ndarray | None = None
+) -> LinearDynamics:
+    """Return the model with these poles and, unless they are given, the best linear parameters."""
+    columns, force = forces(data.motion, poles, held), data.whiten(data.force)
+    if linear is None:
+        linear = _least_squares(data.whiten(columns), force)[0]
+    error = data.whitened_error(columns @ linear)
+    squared_error = max(float(error @ error), _ROUNDING * float(force @ force))
+    return LinearDynamics(kind, poles, held, linear, squared_error)
 
 
 def nonlinear_share(experiment: Experiment, fit: Fit | LinearDynamics) -> float | None:
     """Return the share of a model's repeating error, without noise, that no linear model can explain.
 
-    In the steady state a linear tissue answers a periodic motion at the lines of that motion only, and there with a frequency
+    In the steady state a linear tissue responds to a periodic motion only at the lines of that motion, with a frequency
     response that is smooth from line to line. The rest of the mean period is nonlinear distortion (Pintelon and
     Schoukens, System Identification: A Frequency Domain Approach, 2012, chapters 4 and 7: best linear approximation, local
-    polynomial method). A nonlinear force also shifts the linear approximation: its distortion is less than all it does.
+    polynomial method). A nonlinear force also shifts the linear approximation, so the share, from 0 to 1, is a lower bound.
 
-    The share, from 0 to 1, is a lower bound; None if no training record repeats, if it excites too few lines to
-    compare neighbours, or if the model leaves hardly more than noise.
+    Return None if no training record repeats, if it excites too few lines to compare neighbours, or if the model leaves
+    hardly more than noise.
     """
     floor = experiment.floor
     if floor is None:
         return None
     data = next(item for item in experiment.training.records if item.name == experiment.floor_from)
-    if (
-        len(data.drop_history(data.force)) * data.motion.sampling_time < MIN_FULL_PERIODS * floor.period
-    ):  # the settled start left out
+    position, force = data.drop_history(data.motion.position), data.drop_history(data.force)
+    # Without the settled start the record may be too short.
+    if len(force) * data.motion.sampling_time < MIN_FULL_PERIODS * floor.period:
         return None
-    channels = {
-        "input": Channel(data.drop_history(data.motion.position), "position", ""),
-        "output": Channel(data.drop_history(data.force), "force", ""),
-    }
+    channels = {"input": Channel(position, "position", ""), "output": Channel(force, "force", "")}
     folding = fold_periods(Record(data.name, data.drop_history(data.motion.time), channels), floor.period)
-    error = data.force - fit.simulate(data.motion)
-    position, force, error = (
-        folding.fold(data.drop_history(signal)).mean(axis=0)
-        for signal in (data.motion.position, data.force, error)
-    )
+    error = data.drop_history(data.force - fit.simulate(data.motion))
+    position, force, error = (folding.fold(signal).mean(axis=0) for signal in (position, force, error))
     excited = excited_lines(position)
     if len(excited) < 2 * _NEIGHBOURHOOD:
         return None
-    # Expected squared magnitude of the noise at the lines of the mean period's spectrum, from line 1 on.
+    # Expected squared magnitude of the noise at the lines of the mean period's spectrum, from line 1.
     frequency = np.fft.rfftfreq(folding.samples, floor.sampling_time)[1:]
     density = floor.density(frequency) / 2  # two-sided
     noise = density * folding.samples / floor.sampling_time / len(folding.rows)
     left = np.abs(np.fft.rfft(error)[1:]) ** 2
-    if left.sum() < _ABOVE_NOISE * noise.sum():
+    if left.sum() < _MIN_NOISE_RATIO * noise.sum():
         return None
     distortion = distortion_power(np.fft.rfft(position), np.fft.rfft(force), excited)[1:]
     share = (distortion.sum() - noise.sum()) / (left.sum() - noise.sum())
@@ -329,18 +309,26 @@ def nonlinear_share(experiment: Experiment, fit: Fit | LinearDynamics) -> float 
 
 
 def distortion_power(inputs: np.ndarray, outputs: np.ndarray, excited: np.ndarray) -> np.ndarray:
-    """Power at every line of an output's spectrum that the best linear approximation does not explain, noise included.
+    """Return the power of an output's spectrum that the best linear approximation does not explain, noise included.
 
-    The power is a squared magnitude in the unit of the spectrum, shape (lines,); at excited lines the estimate from
-    their neighbourhood. `inputs` and `outputs` are complex spectra of a mean period, shape (lines,); `excited` are the
-    lines of the input, at least `_NEIGHBOURHOOD`.
+    Parameters
+    ----------
+    inputs, outputs : numpy.ndarray, shape (lines,)
+        Complex spectra of a mean period.
+    excited : numpy.ndarray
+        Indices of the lines of the input, at least `_NEIGHBOURHOOD`.
+
+    Returns
+    -------
+    numpy.ndarray, shape (lines,)
+        Squared magnitude in the unit of the spectrum; at excited lines the estimate from their neighbourhood.
     """
     power = np.abs(outputs) ** 2
     for index, line in enumerate(excited):
         first = min(max(index - _NEIGHBOURHOOD // 2, 0), len(excited) - _NEIGHBOURHOOD)
         near = excited[first : first + _NEIGHBOURHOOD]
         distance = (near - line) / max(near[-1] - near[0], 1)
-        columns = inputs[near, None] * distance[:, None] ** np.arange(_DEGREES)
+        columns = inputs[near, None] * distance[:, None] ** np.arange(_COEFFICIENTS)
         fitted = columns @ np.linalg.lstsq(columns, outputs[near], rcond=1e-12)[0]
-        power[line] = np.sum(np.abs(outputs[near] - fitted) ** 2) / (_NEIGHBOURHOOD - _DEGREES)
+        power[line] = np.sum(np.abs(outputs[near] - fitted) ** 2) / (_NEIGHBOURHOOD - _COEFFICIENTS)
     return power

@@ -1,4 +1,4 @@
-"""Poles of a linear time-invariant model from position to force, and its forces, one per linear parameter."""
+"""Poles of a linear time-invariant model from position to force, and the forces of its linear parameters."""
 
 from dataclasses import dataclass, replace
 from typing import Self
@@ -16,10 +16,10 @@ from lumbar.tissue.models.transfer_function import filtered
 
 _STEP = 1e-5
 """Relative step of derivatives by poles and delay."""
-_APART = 1e-3
-"""Relative distance of two real poles below which they count as that far apart: their responses differ else too little."""
+_MIN_DISTANCE = 1e-3
+"""Relative distance of two poles of a pair that is assumed at least: below it the difference of their responses is rounding."""
 _ITERATIONS = 6
-_DAMPING = 0.3
+_START_DAMPING = 0.3
 """Damping ratio of the starting pairs of poles."""
 
 
@@ -28,12 +28,11 @@ class Poles:
     """Poles of a strictly stable model, in the left half-plane by construction."""
 
     rates: np.ndarray
-    """Shape (branches,): real poles at −rate (1/s): each a relaxing (Maxwell) branch of time constant 1/rate."""
+    """Rates (1/s) of real poles at −rate, shape (branches,): relaxing (Maxwell) branches of time constant 1/rate."""
     sections: np.ndarray
-    """Shape (sections, 2): pairs of poles, roots of s² + a₁ s + a₀ with a₁ (1/s) and a₀ (1/s²) positive: complex or real.
-    """
+    """Pairs of poles, shape (sections, 2): roots of s² + a₁ s + a₀ with a₁ (1/s) and a₀ (1/s²) positive."""
     delay: float = 0.0
-    """Seconds by which the force follows the position late."""
+    """Delay of the force after the position in seconds."""
     direct: int = 4
     """Number of direct terms, in this order: the constant, the position and its two derivatives."""
 
@@ -43,65 +42,53 @@ class Poles:
         return len(self.rates) + 2 * len(self.sections)
 
     @classmethod
-    def of(cls, values: np.ndarray) -> Self:
-        """Poles at these places (1/s), unstable ones reflected."""
-        values = np.asarray(values, dtype=complex)
-        tiny = 1e-6 * np.abs(values)
-        upper = values[values.imag > tiny]
-        real = np.sort(
-            np.maximum(
-                np.abs(values[np.abs(values.imag) <= tiny].real), 1e-12 * np.abs(values).max(initial=0.0)
-            )
-        )
-        damped = np.maximum(np.abs(upper.real), 1e-6 * np.abs(upper))
-        pairs = [(2 * alpha, alpha**2 + pole.imag**2) for alpha, pole in zip(damped, upper, strict=True)]
-        pairs += [(slow + fast, slow * fast) for slow, fast in zip(real[0:-1:2], real[1::2], strict=True)]
-        return cls(real[len(real) - len(real) % 2 :], np.array(pairs).reshape(-1, 2))
-
-    def to_array(self) -> np.ndarray:
-        """Places of the poles (1/s), complex."""
-        pairs = [np.roots([1.0, *section]) for section in self.sections]
-        return np.concatenate([-self.rates, *pairs]).astype(complex)
+    def from_places(cls, places: np.ndarray) -> Self:
+        """Return poles at these places (1/s), unstable ones reflected."""
+        places = np.asarray(places, dtype=complex)
+        size = np.abs(places)
+        pairs = places[places.imag > 1e-6 * size]
+        real = np.abs(places[np.abs(places.imag) <= 1e-6 * size].real)
+        real = np.sort(np.maximum(real, 1e-12 * size.max(initial=0.0)))
+        damped = np.maximum(np.abs(pairs.real), 1e-6 * np.abs(pairs))
+        sections = [(2 * alpha, alpha**2 + pole.imag**2) for alpha, pole in zip(damped, pairs, strict=True)]
+        sections += [(slow + fast, slow * fast) for slow, fast in zip(real[0:-1:2], real[1::2], strict=True)]
+        return cls(real[len(real) - len(real) % 2 :], np.array(sections).reshape(-1, 2))
 
     def to_vector(self) -> np.ndarray:
-        """Logarithms of all that is searched: the delay where there is one, sections, rates."""
+        """Return the logarithms of the searched parameters: the delay if there is one, sections, rates."""
         delay = [self.delay] if self.delay else []
         return np.log([*delay, *self.sections.ravel(), *self.rates])
 
-    def with_vector(self, vector: np.ndarray) -> Self:
-        """Poles of the same kind with other values, as `to_vector` gives them."""
-        values, late = np.exp(vector), int(self.delay > 0)
-        paired = late + self.sections.size
-        return replace(
-            self,
-            rates=values[paired:],
-            sections=values[late:paired].reshape(-1, 2),
-            delay=float(values[0]) if late else 0.0,
-        )
+    def moved_to(self, vector: np.ndarray) -> Self:
+        """Return poles of the same kind with the searched parameters of `to_vector`."""
+        values, first = np.exp(vector), int(self.delay > 0)
+        paired = first + self.sections.size
+        sections = values[first:paired].reshape(-1, 2)
+        return type(self)(values[paired:], sections, float(values[0]) if first else 0.0, self.direct)
 
 
 def forces(motion: Motion | JoinedMotions, poles: Poles, held: bool) -> np.ndarray:
-    """Return the forces of the linear parameters at size 1, all from rest at the first position.
+    """Return the forces of the linear parameters at size 1, all from rest at the first position, shape (samples, parameters).
 
-    The columns are those of a constant, of the position and of its derivatives, two of each section, and those of the branches;
-    shape (samples, parameters). An input that is held between jumps acts through its present and its last value instead of
-    its derivatives. With a delay there is no acceleration: small delays have nearly the same effect.
+    The columns belong to a constant, the position and its derivatives, two to each section, one to each branch. If the input is
+    a zero-order hold (`held`), its present and last value replace the derivatives. With a delay the acceleration is left out,
+    because a small delay has nearly the same effect.
     """
     if isinstance(motion, JoinedMotions):
         return np.concatenate([forces(part, poles, held) for part in motion.parts])
-    motion = _late(motion, poles.delay)
+    motion = _delayed(motion, poles.delay)
     one, position = np.ones(len(motion)), motion.position
     if held:
         direct = [one, position, np.append(position[:1], position[:-1])]
     else:
         direct = [one, position, motion.velocity, *([] if poles.delay else [motion.acceleration])]
-    sections = [column for section in poles.sections for column in section_forces(motion, section, held)]
+    sections = [column for section in poles.sections for column in _section_forces(motion, section, held)]
     branches = [_branch(motion, rate, held) for rate in poles.rates]
     return np.column_stack([*direct[: poles.direct], *sections, *branches])
 
 
 def slope_forces(motion: Motion | JoinedMotions, poles: Poles, linear: np.ndarray, held: bool) -> np.ndarray:
-    """Derivatives of the force by what `Poles.to_vector` gives, linear parameters kept; by differences.
+    """Differentiate the force by the parameters of `Poles.to_vector` with fixed linear parameters, by differences.
 
     The result has shape (samples, searched parameters).
     """
@@ -112,32 +99,33 @@ def slope_forces(motion: Motion | JoinedMotions, poles: Poles, linear: np.ndarra
         later = replace(poles, delay=poles.delay * (1 + _STEP))
         difference = forces(motion, later, held) - forces(motion, poles, held)
         slopes.append(difference @ linear / _STEP)
-    late = _late(motion, poles.delay)
+    delayed = _delayed(motion, poles.delay)
     gains = linear[len(linear) - poles.order :]
     for index, section in enumerate(poles.sections):
-        own = gains[2 * index : 2 * index + 2]
-        present = np.column_stack(section_forces(late, section, held)) @ own
-        for which in (0, 1):
-            moved = section * (1 + _STEP * np.eye(2)[which])
-            slopes.append((np.column_stack(section_forces(late, moved, held)) @ own - present) / _STEP)
+        pair = gains[2 * index : 2 * index + 2]
+        present = np.column_stack(_section_forces(delayed, section, held)) @ pair
+        for step in _STEP * np.eye(2):
+            moved = np.column_stack(_section_forces(delayed, section * (1 + step), held)) @ pair
+            slopes.append((moved - present) / _STEP)
     for rate, gain in zip(poles.rates, gains[2 * len(poles.sections) :], strict=True):
-        slopes.append((_branch(late, rate * (1 + _STEP), held) - _branch(late, rate, held)) * gain / _STEP)
+        difference = _branch(delayed, rate * (1 + _STEP), held) - _branch(delayed, rate, held)
+        slopes.append(difference * gain / _STEP)
     return np.column_stack(slopes)
 
 
-def _late(motion: Motion, delay: float) -> Motion:
-    return (
-        motion.cache.compute_at("late", np.array([delay]), lambda: motion.delayed(delay)) if delay else motion
-    )
+def _delayed(motion: Motion, delay: float) -> Motion:
+    if not delay:
+        return motion
+    return motion.cache.compute_at("late", np.array([delay]), lambda: motion.delayed(delay))
 
 
-def section_forces(motion: Motion, section: np.ndarray, held: bool) -> tuple[np.ndarray, np.ndarray]:
-    """Responses of a₀/(s² + a₁ s + a₀) and √a₀ s/(s² + a₁ s + a₀) to the velocity, times 1/√a₀, from two branches."""
+def _section_forces(motion: Motion, section: np.ndarray, held: bool) -> tuple[np.ndarray, np.ndarray]:
+    """Return the responses of √a₀/(s² + a₁ s + a₀) and s/(s² + a₁ s + a₀) to the velocity, from two branches."""
     damping, square = section
     scale = np.sqrt(square)
     root = np.sqrt(complex(damping**2 / 4 - square))
-    if abs(root) < _APART * scale:
-        root = _APART * scale * (1 if root.imag == 0 else 1j)
+    if abs(root) < _MIN_DISTANCE * scale:
+        root = _MIN_DISTANCE * scale * (1 if root.imag == 0 else 1j)
     first, second = -damping / 2 + root, -damping / 2 - root
     if root.imag:
         response = _branch(motion, -first, held)
@@ -151,80 +139,68 @@ def section_forces(motion: Motion, section: np.ndarray, held: bool) -> tuple[np.
 
 
 def _branch(motion: Motion, rate: complex, held: bool) -> np.ndarray:
-    """Response of 1/(s + rate) to the velocity; the rate may be complex."""
+    """Return the response of 1/(s + rate) to the velocity; the rate may be complex."""
     if not held:
         return relaxation(motion, 1 / rate)
     return filtered([1.0], [1.0, -np.exp(-rate * motion.sampling_time)], motion.increments)
 
 
-def relocated_poles(data: FitData, order: int, low: float, high: float, held: bool) -> list[Poles]:
+def relocate_poles(data: FitData, order: int, low: float, high: float, held: bool) -> list[Poles]:
     """Find poles of a linear model from its input and output without a start, by relocation (vector fitting).
 
     Steiglitz and McBride's iteration in partial fractions, which stays well conditioned if all poles are slow compared with the
     sampling (Gustavsen and Semlyen, IEEE Trans. Power Delivery 14 (1999) 1052-1061; in the time domain Grivet-Talocia, IEEE
-    Trans. Circuits Syst. I 50 (2003) 1444-1456). It begins with pairs spread evenly over a band.
+    Trans. Circuits Syst. I 50 (2003) 1444-1456). It starts from pairs spread evenly between `low` and `high` in 1/s.
 
-    Return `order` poles after each iteration, the last one last. The starting poles are between `low` and `high`
-    in 1/s; `held` says whether the input is held between jumps.
+    Return `order` poles after each iteration, the last one last; `held` is true if the input is a zero-order hold.
     """
     sizes = np.geomspace(low, high, order // 2 + order % 2 + 2)[1:-1]
-    pairs = sizes[order % 2 :] * np.exp(1j * (np.pi - np.arccos(_DAMPING)))
-    poles, found = np.concatenate([-sizes[: order % 2], pairs, pairs.conj()]), []
+    pairs = sizes[order % 2 :] * np.exp(1j * (np.pi - np.arccos(_START_DAMPING)))
+    places, results = np.concatenate([-sizes[: order % 2], pairs, pairs.conj()]), []
     for _ in range(_ITERATIONS):
-        poles = np.clip(np.abs(poles), 1e-2 * low, 1e2 * high) * np.exp(1j * np.angle(poles))
-        shaped = Poles.of(poles)
-        poles = _relocate(data, shaped, held)
-        if not np.isfinite(poles).all():
+        places = np.clip(np.abs(places), 1e-2 * low, 1e2 * high) * np.exp(1j * np.angle(places))
+        poles = Poles.from_places(places)
+        # The new poles are the zeros of σ = 1 + Σ kᵢ/(s − pᵢ) for which σ F is a numerator over the present poles.
+        state, inputs = _real_form(poles)
+        columns = data.whiten(np.column_stack([forces(data.motion, poles, held), _filter_force(data, poles)]))
+        size = np.sqrt(np.mean(columns**2, axis=0))
+        size[size == 0] = 1.0
+        solution = np.linalg.lstsq(columns / size, data.whiten(data.force), rcond=1e-9)[0] / size
+        places = np.linalg.eigvals(state + np.outer(inputs, solution[-poles.order :]))
+        if not np.isfinite(places).all():
             break
-        found.append(Poles.of(poles))
-    return found
-
-
-def _relocate(data: FitData, poles: Poles, held: bool) -> np.ndarray:
-    """Zeros of σ = 1 + Σ kᵢ/(s − pᵢ) such that σ F is a numerator over the same poles."""
-    state, inputs = _real_form(poles)
-    filtered = _filtered_forces(data, poles)
-    columns = np.column_stack([forces(data.motion, poles, held), filtered])
-    columns = data.whiten(columns)
-    size = np.sqrt(np.mean(columns**2, axis=0))
-    size[size == 0] = 1.0
-    solution = np.linalg.lstsq(columns / size, data.whiten(data.force), rcond=1e-9)[0] / size
-    gains = -solution[-poles.order :]
-    return np.linalg.eigvals(state - np.outer(inputs, gains))
+        results.append(Poles.from_places(places))
+    return results
 
 
 def _real_form(poles: Poles) -> tuple[np.ndarray, np.ndarray]:
-    """State matrix and input vector whose states are the responses that `_filtered_forces` gives."""
-    order = poles.order
-    state, inputs = np.zeros((order, order)), np.zeros(order)
+    """Return the state matrix and the input vector with the responses of `_filter_force` as states."""
+    state, inputs = np.zeros((poles.order, poles.order)), np.zeros(poles.order)
     for index, (damping, square) in enumerate(poles.sections):
-        at = 2 * index
-        state[at, at + 1], state[at + 1, at], state[at + 1, at + 1] = 1.0, -square, -damping
-        inputs[at + 1] = 1.0
+        rows = slice(2 * index, 2 * index + 2)
+        state[rows, rows] = [[0.0, 1.0], [-square, -damping]]
+        inputs[2 * index + 1] = 1.0
     for index, rate in enumerate(poles.rates, start=2 * len(poles.sections)):
         state[index, index], inputs[index] = -rate, 1.0
     return state, inputs
 
 
-def _filtered_forces(data: FitData, poles: Poles) -> np.ndarray:
-    """Force through the state equations of `_real_form`, taken as linear between samples, shape (samples, order)."""
+def _filter_force(data: FitData, poles: Poles) -> np.ndarray:
+    """Filter the force by the state equations of `_real_form`, with a first-order hold, shape (samples, order)."""
     parts = data.motion.split(data.force) if isinstance(data.motion, JoinedMotions) else [data.force]
     transfers = []
     for damping, square in poles.sections:
         transfers += [([1.0], [1.0, damping, square]), ([1.0, 0.0], [1.0, damping, square])]
     transfers += [([1.0], [1.0, rate]) for rate in poles.rates]
-    columns = []
+    columns, step = [], data.motion.sampling_time
     for transfer in transfers:
-        (numerator,), denominator, _ = scipy.signal.cont2discrete(
-            transfer, data.motion.sampling_time, method="foh"
-        )
-        columns.append(
-            np.concatenate([scipy.signal.lfilter(numerator, denominator, part - part[0]) for part in parts])
-        )
+        (numerator,), denominator, _ = scipy.signal.cont2discrete(transfer, step, method="foh")
+        responses = [scipy.signal.lfilter(numerator, denominator, part - part[0]) for part in parts]
+        columns.append(np.concatenate(responses))
     return np.column_stack(columns)
 
 
-NAME = "linear_dynamics"
+_NAME = "linear_dynamics"
 _DIRECT = (
     ("k", "z", "stiffness", "{y}/{x}"),
     ("b", "v", "viscosity", "{y} s/{x}"),
@@ -234,9 +210,9 @@ _DIRECT = (
 
 
 def linear_base(poles: Poles, held: bool) -> Base | None:
-    """The base whose equation a linear model with these poles is; a fit begins at them.
+    """Return a base with the equation of a linear model, whose fit starts at these poles.
 
-    None for an input that is held between jumps, behind a delay, and for more poles than an equation has states.
+    Return None if the input is a zero-order hold (`held`), with a delay, and for more poles than an equation has states.
     """
     if held or poles.delay or poles.order > MOST_STATES:
         return None
@@ -264,13 +240,13 @@ def linear_base(poles: Poles, held: bool) -> Base | None:
             symbol: _nonlinear(f"relaxation_rate_{number}", "1/s", rate),
         }
     definition = {
-        "name": NAME,
+        "name": _NAME,
         "mechanism": f"Linear dynamics of {poles.order} poles, without names.",
         "equation": " + ".join(terms),
         "state": states,
         "parameters": parameters,
     }
-    return carried_bases({"bases": {NAME: definition}})[NAME]
+    return carried_bases({"bases": {_NAME: definition}})[_NAME]
 
 
 def _linear(name: str, unit: str) -> dict:

@@ -1,139 +1,128 @@
-"""Principal stiffnesses and viscosities of a fitted tissue in space with their axes and intervals."""
+"""Principal stiffnesses and viscosities of a fitted tissue in space, with their axes and intervals."""
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from itertools import cycle
 
 import numpy as np
 
-from lumbar.tables.table import Table, table_from_schema
+from lumbar.tables.described import table_from_schema
+from lumbar.tables.table import Table
 from lumbar.tissue.diagnosis.fitting.joint_fit import Fit
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.fitting.uncertainty import estimates, scaled_covariance
 from lumbar.tissue.diagnosis.selection.sentences import distinguishing_digits
-from lumbar.tissue.diagnosis.spatial.location_in_space import in_words, upward
-from lumbar.tissue.models.model_data import FittedParameter
+from lumbar.tissue.diagnosis.spatial.location_in_space import upward, vector_text
 from lumbar.tissue.models.parameter import AXES
-from lumbar.tissue.models.space import PlaneContact, SpatialBase
+from lumbar.tissue.models.space import PlaneContact
 
-_TWO_975 = 2.4477
-"""Radius in standard deviations that holds 95 % of a plane's normal scatter (χ² of two degrees of freedom)."""
+_ELLIPSE_QUANTILE = 2.4477
+"""Radius in standard deviations that contains 95 % of a bivariate normal distribution (χ² with two degrees of freedom)."""
+_DIRECTIONS = {"": "every direction", "_along": "axis", "_across": "across the axis"}
+"""Direction of a principal value by the ending of its name; other values belong to one of several axes."""
 
 
 @dataclass(frozen=True)
 class PrincipalAxis:
-    """One principal value of one matrix."""
+    """One principal value of a matrix, with its 95 % interval."""
 
     quantity: str
     """Parameter of the base of one axis, e.g. ``"spring_stiffness"``."""
     along: str
     """E.g. ``"every direction"``, ``"axis"``, ``"across the axis"``, ``"axis 2"``."""
     value: float
-    low: float
-    high: float
+    low: float | None
+    high: float | None
     unit: str
-    """`value`, `low`, `high`, `unit`: with the 95 % interval."""
     direction: tuple[float, ...] | None
-    """Unit vector of the axis in the record's axes; None if there is none."""
+    """Unit vector of the axis in the record's axes; None for a value of several directions."""
     cone_deg: float | None
-    """Half angle of the cone that holds the axis at 95 %; None without one or for frames that were not fitted."""
+    """Half angle of the cone that contains the axis with 95 % probability; None for axes that were not fitted."""
 
 
 def principal_axes(fit: Fit, experiment: Experiment) -> list[PrincipalAxis]:
-    """Principal values of every matrix of a fitted base; of one that meets a plane what acts into it."""
+    """Return the principal values of every matrix of a fitted base; of a contact plane the values normal to it and along it."""
     spatial = fit.structure.base.spatial
     known = estimates(fit, experiment.training, experiment.input_unit, experiment.output_unit)
-    own = fit.nonlinear[: len(spatial.nonlinear)]
+    nonlinear = fit.nonlinear[: len(spatial.nonlinear)]
     if isinstance(spatial, PlaneContact):
-        words, normal = ("into the surface", "friction along it"), spatial.plane(own)[0]
-        return [_value(item, item.name, along, normal) for item, along in zip(known, words, strict=False)]
-    frames, cones, values = spatial.frames_at(own), _cones(fit, experiment), iter(known)
-    found = []
-    for item, frame, cone in zip(spatial.base.linear, cycle(frames), cycle(cones or [()]), strict=False):
-        for (ending, axes), value in zip(spatial.alike.items(), values, strict=False):
-            has_axis = len(axes) == 1
-            along = _ALONG.get(ending, f"axis {axes[0] + 1}")
-            direction = upward(frame[:, axes[0]]) if has_axis else None
-            found.append(
-                _value(value, item.name, along, direction, cone[axes[0]] if has_axis and cone else None)
-            )
-    return found
-
-
-_ALONG = {"": "every direction", "_along": "axis", "_across": "across the axis"}
-"""Meaning of a principal value by the ending of its name; all others belong to one of several axes."""
-
-
-def _value(
-    item: FittedParameter, quantity: str, along: str, direction: np.ndarray | None, cone: float | None = None
-) -> PrincipalAxis:
-    assert item.low is not None and item.high is not None  # a fit has intervals
-    way = None if direction is None else tuple(direction.tolist())
-    return PrincipalAxis(quantity, along, item.value, item.low, item.high, item.unit, way, cone)
+        normal = tuple(spatial.plane(nonlinear)[0].tolist())
+        return [
+            PrincipalAxis(item.name, along, item.value, item.low, item.high, item.unit, normal, None)
+            for item, along in zip(known, ("into the surface", "friction along it"), strict=False)
+        ]
+    frames, cones, values = spatial.frames_at(nonlinear), _cones(fit, experiment), iter(known)
+    rows = []
+    for parameter, frame, cone in zip(spatial.base.linear, cycle(frames), cycle(cones or [()]), strict=False):
+        for (ending, axes), item in zip(spatial.alike.items(), values, strict=False):
+            direction, cone_deg = None, None
+            if len(axes) == 1:
+                direction = tuple(upward(frame[:, axes[0]]).tolist())
+                cone_deg = cone[axes[0]] if cone else None
+            along = _DIRECTIONS.get(ending, f"axis {axes[0] + 1}")
+            interval = (item.value, item.low, item.high, item.unit)
+            rows.append(PrincipalAxis(parameter.name, along, *interval, direction, cone_deg))
+    return rows
 
 
 def _cones(fit: Fit, experiment: Experiment) -> list[list[float]]:
-    """Half angle in degrees of the 95 % cone of every axis of every frame; none where axes were not fitted."""
-    spatial: SpatialBase = fit.structure.base.spatial
+    """Return the half angle in degrees of the 95 % cone of every axis of every frame; nothing for axes that were not fitted."""
+    spatial = fit.structure.base.spatial
     if not (spatial.free and spatial.turns):
         return []
     scaled, size = scaled_covariance(fit, experiment.training)
     first = len(fit.linear) + len(spatial.base.nonlinear)
-    found, axes = [], len(spatial.axes)
+    cones, axes = [], len(spatial.axes)
     for number in range(len(spatial.frames)):
-        own = np.arange(first + number * spatial.turns, first + (number + 1) * spatial.turns)
-        covariance = scaled[np.ix_(own, own)] / np.outer(size[own], size[own])
+        angles = np.arange(first + number * spatial.turns, first + (number + 1) * spatial.turns)
+        covariance = scaled[np.ix_(angles, angles)] / np.outer(size[angles], size[angles])
         if axes == 2:
-            widest = [float(covariance[0, 0])] * 2
+            quantile, variances = 1.96, [float(covariance[0, 0])] * 2
         else:
-            # An axis is moved by the turns about the other two; one alone is turned about those only.
+            # An axis is moved by the rotations about the other two; a single axis only has these.
             whole = np.zeros((3, 3))
-            whole[3 - len(own) :, 3 - len(own) :] = covariance
+            whole[3 - len(angles) :, 3 - len(angles) :] = covariance
             others = [[second for second in range(3) if second != axis] for axis in range(3)]
-            widest = [float(np.linalg.eigvalsh(whole[np.ix_(pair, pair)])[-1]) for pair in others]
-        quantile = 1.96 if axes == 2 else _TWO_975
-        found.append([float(np.degrees(quantile * np.sqrt(max(variance, 0.0)))) for variance in widest])
-    return found
+            variances = [float(np.linalg.eigvalsh(whole[np.ix_(pair, pair)])[-1]) for pair in others]
+            quantile = _ELLIPSE_QUANTILE
+        cones.append([float(np.degrees(quantile * np.sqrt(max(variance, 0.0)))) for variance in variances])
+    return cones
 
 
 def axes_sentences(fit: Fit, experiment: Experiment) -> list[str]:
     """Report the symmetry and the principal values, one sentence per matrix."""
-    spatial = fit.structure.base.spatial
-    found = principal_axes(fit, experiment)
+    spatial, rows = fit.structure.base.spatial, principal_axes(fit, experiment)
     if isinstance(spatial, PlaneContact):
-        return [_plane_sentence(spatial, fit, found, experiment)]
-    lines = []
+        normal, depth = spatial.plane(fit.nonlinear[: len(spatial.nonlinear)])
+        into, along = rows[:2]
+        return [
+            f"The tool is not fastened: it touches the tissue at a plane across {vector_text(normal)}, {depth:.3g} "
+            f"{experiment.input_unit} along it; {_format_value(into)} {into.along}, coefficient of friction "
+            f"{along.value / into.value:.3g}."
+        ]
+    sentences = []
     for item in spatial.base.linear:
-        own = [row for row in found if row.quantity == item.name]
-        told = "; ".join(_told(row) for row in own)
-        lines.append(f"{item.name.replace('_', ' ').capitalize()} is {spatial.symmetry}: {told}.")
-    return lines
+        parts = []
+        for row in (row for row in rows if row.quantity == item.name):
+            along = f"in {row.along}" if row.along == "every direction" else row.along
+            if row.direction is not None:
+                cone = "" if row.cone_deg is None else f" ± {row.cone_deg:.2g}°"
+                along = f"along {vector_text(row.direction)}{cone}"
+            parts.append(f"{_format_value(row)} {along}")
+        name = item.name.replace("_", " ").capitalize()
+        sentences.append(f"{name} is {spatial.symmetry}: {'; '.join(parts)}.")
+    return sentences
 
 
-def _plane_sentence(
-    plane: PlaneContact, fit: Fit, rows: Sequence[PrincipalAxis], experiment: Experiment
-) -> str:
-    normal, depth = plane.plane(fit.nonlinear[: len(plane.nonlinear)])
-    into, along = rows[:2]
-    friction = f"coefficient of friction {along.value / into.value:.3g}"
-    return (
-        f"The tool is not fastened: it meets the tissue at a plane across {in_words(normal)}, {depth:.3g} "
-        f"{experiment.input_unit} along it; {_told(replace(into, direction=None))}, {friction}."
-    )
-
-
-def _told(row: PrincipalAxis) -> str:
-    low, found, high = distinguishing_digits([row.low, row.value, row.high], 3)
-    value = f"{found} {row.unit} ({low} to {high})"
-    if row.direction is None:
-        return f"{value} in {row.along}" if row.along == "every direction" else f"{value} {row.along}"
-    within = "" if row.cone_deg is None else f" ± {row.cone_deg:.2g}°"
-    return f"{value} along {in_words(row.direction)}{within}"
+def _format_value(row: PrincipalAxis) -> str:
+    assert row.low is not None and row.high is not None  # a fit has intervals
+    low, value, high = distinguishing_digits([row.low, row.value, row.high], 3)
+    return f"{value} {row.unit} ({low} to {high})"
 
 
 def principal_axes_table(rows: Sequence[PrincipalAxis], axes: tuple[str, ...], source_label: str) -> Table:
-    """The table ``principal_axes``."""
-    written = [
+    """Return the table ``principal_axes``."""
+    frame = [
         {
             **asdict(row),
             **{f"direction_{axis}": None for axis in AXES},
@@ -141,4 +130,4 @@ def principal_axes_table(rows: Sequence[PrincipalAxis], axes: tuple[str, ...], s
         }
         for row in rows
     ]
-    return table_from_schema("tissue/diagnosis/spatial", "principal_axes", written, source_label)
+    return table_from_schema("tissue/diagnosis/spatial", "principal_axes", frame, source_label)

@@ -1,4 +1,4 @@
-"""The base of a tissue in space that records ask for: which one, of which symmetry, with principal axes where."""
+"""Choice of the base model of a tissue in space: its equation, its symmetry and its principal axes."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -18,7 +18,7 @@ from lumbar.tissue.diagnosis.selection.candidate import (
     refit,
 )
 from lumbar.tissue.diagnosis.selection.thresholds import TIED
-from lumbar.tissue.models.bases import BASES
+from lumbar.tissue.models.bases import BASES, Base
 from lumbar.tissue.models.form import Form
 from lumbar.tissue.models.space import (
     PlaneContact,
@@ -31,17 +31,17 @@ from lumbar.tissue.models.space import (
 from lumbar.tissue.models.structure import Structure
 
 KINDS = ("KB", "KV", "Maxwell", "LE")
-"""Bases of a fastened tool that are tried."""
-CONTACT_KINDS = ("KB-contact", "KV-contact", "LE-contact")
-"""Bases of a tool that is not fastened."""
-_SPRINGS = 0.9
-"""Squared error of a spring that is met, in those of a fastened one, up to which contact is tried."""
-_DEPTHS = 40
-"""Depths at which the surface is looked for."""
-_STRONG = 0.25
-"""Share of the largest squared force above which a force points into the surface."""
-_ROOM = 50.0
-"""Of twice the log-likelihood, by which fewer parameters may predict unseen records better than all of them do."""
+"""Bases that are tried for a tool that is fastened to the tissue."""
+_CONTACT_KINDS = ("KB-contact", "KV-contact", "LE-contact")
+"""Bases that are tried for a tool that is not fastened."""
+_MAX_CONTACT_ERROR_RATIO = 0.9
+"""Largest squared error of a spring with contact, relative to that of a fastened one, with which contact is tried."""
+_SURFACE_DEPTHS = 40
+"""Number of depths of the surface that are tried."""
+_STRONG_FORCE = 0.25
+"""Share of the largest squared force above which a force is assumed to point into the surface."""
+_LIKELIHOOD_MARGIN = 50.0
+"""Twice the log-likelihood by which a symmetry may predict unseen records better than any symmetric matrices do."""
 
 
 def choose_base(
@@ -51,27 +51,44 @@ def choose_base(
     forms: tuple[Form, ...] = (),
     acting: Sequence[float] = (),
 ) -> Candidate:
-    """Fit the base and symmetry that all records together ask for, by likelihood and number of parameters.
+    """Choose base and symmetry by the likelihood of all records and the number of parameters.
 
-    First which base, with any symmetric matrices; then which symmetry, from the principal axes of these. `forms` are those of
-    effects beside it, `acting` their nonlinear parameters where the fits begin.
+    The base is chosen with any symmetric matrices, then the symmetry, which starts from their principal axes.
+
+    Parameters
+    ----------
+    experiment : Experiment
+    axes : tuple of str
+        Names of the axes of the records.
+    kinds : sequence of str
+        Names of the bases to try.
+    forms : tuple of Form
+        Forms of effects that are fitted together with the base.
+    acting : sequence of float
+        Starting values of their nonlinear parameters.
     """
-    fits = {
-        evaluate(_fit_symmetric(kind, experiment, axes, forms, acting), experiment): kind for kind in kinds
-    }
-    symmetric = reduce(partial(likelier, experiment), fits)
-    fastened = _of_symmetry(fits[symmetric], symmetric, experiment, axes, forms)
+    fits = {}
+    for kind in kinds:
+        structure = Structure(symmetric_base(BASES[kind], axes), forms)
+        if structure.is_linear:
+            fit = joint_fit.fit_base(structure, experiment.training, acting)
+        else:
+            bare = joint_fit.fit_base(Structure(structure.base), experiment.training)
+            fit = joint_fit.fit(structure, experiment.training, np.concatenate([bare.nonlinear, acting]))
+        fits[evaluate(fit, experiment)] = kind
+    symmetric = reduce(partial(choose_likelier, experiment), fits)
+    fastened = _choose_symmetry(BASES[fits[symmetric]], symmetric, experiment, axes)
     if kinds != KINDS or is_adequate(fastened, experiment):
         return fastened
-    touched = at_plane(experiment, axes, forms, acting)
-    return fastened if touched is None else likelier(experiment, fastened, touched)
+    contact = _fit_plane_contact(experiment, axes, forms, acting)
+    return fastened if contact is None else choose_likelier(experiment, fastened, contact)
 
 
-def likelier(experiment: Experiment, first: Candidate, second: Candidate) -> Candidate:
-    """The one of two models that the records speak for; where they do not, that of fewer parameters, or the first.
+def choose_likelier(experiment: Experiment, first: Candidate, second: Candidate) -> Candidate:
+    """Return the model that the records support; if they do not decide, the one with fewer parameters, or the first.
 
-    More parameters are paid for by all records and by the training record alone, which they are fitted to: where a form is
-    slightly wrong on unseen records, parameters that are hardly known happen to help there.
+    Additional parameters must be worthwhile for all records together and for the training record. If a form is slightly
+    wrong, parameters that the training record hardly determines can help on unseen records by accident.
     """
     simple, rich = sorted((first, second), key=lambda item: item.parameters)
     cost = (rich.parameters - simple.parameters) * float(np.log(experiment.size))
@@ -79,147 +96,115 @@ def likelier(experiment: Experiment, first: Candidate, second: Candidate) -> Can
     return rich if paid and rich.score < simple.score - TIED else simple
 
 
-def _of_symmetry(
-    kind: str, symmetric: Candidate, experiment: Experiment, axes: tuple[str, ...], forms: tuple[Form, ...]
+def _choose_symmetry(
+    base: Base, symmetric: Candidate, experiment: Experiment, axes: tuple[str, ...]
 ) -> Candidate:
-    """The base of the symmetry that is likeliest, from the simplest on.
+    """Return the base with the likeliest symmetry; the simplest one is fitted first."""
+    fit = symmetric.fit
+    count, forms = len(fit.structure.base.linear), fit.structure.forms
+    matrices = matrices_of(fit.linear[:count], len(base.linear), len(axes))
+    own = len(base.nonlinear)
 
-    No symmetry explains more than any symmetric matrices do, so that one is fitted only where these, with its number of
-    parameters, would beat what was found.
-    """
-    fit, base = symmetric.fit, BASES[kind]
-    matrices = matrices_of(fit.linear[: len(fit.structure.base.linear)], len(base.linear), len(axes))
+    def starting_error(candidate: SpatialBase) -> float:
+        start = np.concatenate([fit.nonlinear[:own], np.ones(len(candidate.nonlinear) - own)])
+        return joint_fit.fit_at(Structure(candidate.structural), experiment.training, start).squared_error
+
     best: Candidate | None = None
-    for item in _symmetries(kind, axes):
-        more = len(item.linear) + len(item.nonlinear) - len(fit.structure.base.linear) - len(base.nonlinear)
+    for symmetry in Symmetry:
+        # A plane has no direction across an axis, and a single matrix no second frame.
+        if (symmetry is Symmetry.TRANSVERSE and len(axes) < 3) or (
+            symmetry is Symmetry.FULL and len(base.linear) < 2
+        ):
+            continue
+        bases = _with_principal_axes(base, symmetry, axes, matrices)
+        # No symmetry fits better than any symmetric matrices: skip it if these, with its number of parameters, would lose.
+        more = len(bases[0].linear) + len(bases[0].nonlinear) - count - own
         least = symmetric.score + more * float(np.log(experiment.size))
-        if best is None or best.score > least - _ROOM:
-            found = _refit(
-                _nearest(_with_axes(item, matrices), fit, experiment), fit.nonlinear, experiment, forms
-            )
-            best = found if best is None else likelier(experiment, best, found)
+        if best is None or best.score > least - _LIKELIHOOD_MARGIN:
+            nearest = min(bases, key=starting_error) if len(bases) > 1 else bases[0]
+            fitted = _refit(nearest, fit.nonlinear, experiment, forms)
+            best = fitted if best is None else choose_likelier(experiment, best, fitted)
     assert best is not None
     return best
 
 
-def _nearest(bases: list[SpatialBase], fit: joint_fit.Fit, experiment: Experiment) -> SpatialBase:
-    """The base of several that leaves least without a search, effects that act on the output aside."""
-    if len(bases) == 1:
-        return bases[0]
-    own = len(bases[0].base.nonlinear)
-
-    def left(base: SpatialBase) -> float:
-        start = np.concatenate([fit.nonlinear[:own], np.ones(len(base.nonlinear) - own)])
-        return joint_fit.fit_at(Structure(base.structural), experiment.training, start).squared_error
-
-    return min(bases, key=left)
-
-
-def _fit_symmetric(kind, experiment, axes, forms, acting) -> joint_fit.Fit:
-    structure = Structure(symmetric_base(BASES[kind], axes), forms)
-    if structure.is_linear:
-        return joint_fit.fit_base(structure, experiment.training, acting)
-    bare = joint_fit.fit_base(Structure(structure.base), experiment.training)
-    return joint_fit.fit(structure, experiment.training, np.concatenate([bare.nonlinear, acting]))
-
-
-def _symmetries(kind: str, axes: tuple[str, ...]) -> list[SpatialBase]:
-    """The family of a base, from the simplest on; that in the plane has no axis to be alike about, nor one matrix two frames."""
-    base, frame = BASES[kind], tuple(np.eye(len(axes)).ravel().tolist())
-    frames = dict.fromkeys(Symmetry, (frame,))
-    if len(base.linear) < 2:
-        del frames[Symmetry.FULL]
-    else:
-        frames[Symmetry.FULL] = (frame,) * len(base.linear)
-    if len(axes) < 3:
-        del frames[Symmetry.TRANSVERSE]
-    return [SpatialBase(base, symmetry, axes, given) for symmetry, given in frames.items()]
-
-
-def _with_axes(base: SpatialBase, matrices: Sequence[np.ndarray]) -> list[SpatialBase]:
-    """The base from the principal axes of matrices: of one axis apart from the others, from each of them."""
-    if base.symmetry is Symmetry.ISOTROPIC:
-        return [base]
-    if base.symmetry is Symmetry.FULL:
-        return [base.at([_axes_of(matrix) for matrix in matrices])]
-    together = sum(matrix / max(np.linalg.norm(matrix), 1e-300) for matrix in matrices)
-    frame = _axes_of(together)
-    if base.symmetry is Symmetry.ORTHOTROPIC:
-        return [base.at([frame])]
+def _with_principal_axes(
+    base: Base, symmetry: Symmetry, axes: tuple[str, ...], matrices: Sequence[np.ndarray]
+) -> list[SpatialBase]:
+    """Return the base with the principal axes of matrices; any of three axes may be that of transverse isotropy."""
+    options = [[np.eye(len(axes))]]
+    if symmetry is Symmetry.FULL:
+        options = [[_principal_frame(matrix) for matrix in matrices]]
+    elif symmetry is not Symmetry.ISOTROPIC:
+        frame = _principal_frame(sum(matrix / max(np.linalg.norm(matrix), 1e-300) for matrix in matrices))
+        options = [[frame]]
+        if symmetry is Symmetry.TRANSVERSE:
+            orders = list(permutations(range(3)))[::2]
+            options = [[_make_right_handed(frame[:, order])] for order in orders]
     return [
-        base.at([_right_handed(frame[:, [first, *others]])])
-        for first, *others in list(permutations(range(3)))[::2]
+        SpatialBase(base, symmetry, axes, tuple(tuple(frame.ravel().tolist()) for frame in frames))
+        for frames in options
     ]
 
 
-def _axes_of(matrix: np.ndarray) -> np.ndarray:
-    return _right_handed(np.linalg.eigh(matrix)[1][:, ::-1])
+def _principal_frame(matrix: np.ndarray) -> np.ndarray:
+    return _make_right_handed(np.linalg.eigh(matrix)[1][:, ::-1])
 
 
-def _right_handed(frame: np.ndarray) -> np.ndarray:
+def _make_right_handed(frame: np.ndarray) -> np.ndarray:
     return frame * np.where(np.arange(len(frame)) == 0, np.sign(np.linalg.det(frame)), 1.0)
 
 
 def _refit(
     base: SpatialBase, start: np.ndarray, experiment: Experiment, forms: tuple[Form, ...]
 ) -> Candidate:
+    """Fit a base with forms from nonlinear parameters without those of its rotations, which start at 0."""
     own = len(base.base.nonlinear)
-    turns = np.ones(len(base.nonlinear) - own)
-    return refit(
-        Structure(base.structural, forms), np.concatenate([start[:own], turns, start[own:]]), experiment
-    )
+    start = np.concatenate([start[:own], np.ones(len(base.nonlinear) - own), start[own:]])
+    return refit(Structure(base.structural, forms), start, experiment)
 
 
-def held(model: Candidate, experiment: Experiment) -> Candidate:
-    """Fix the principal axes of a model for a search of effects."""
-    return _exchanged(model, experiment, free=False)
-
-
-def freed(model: Candidate, experiment: Experiment) -> Candidate:
-    """Fit a model together with its principal axes."""
-    return _exchanged(model, experiment, free=True)
-
-
-def _exchanged(model: Candidate, experiment: Experiment, free: bool) -> Candidate:
+def refit_axes(model: Candidate, experiment: Experiment, free: bool) -> Candidate:
+    """Fit a model again, with its principal axes free or fixed where they are; a contact plane is always fitted."""
     structure = model.fit.structure
     spatial, count = structure.base.spatial, len(structure.base.nonlinear)
     if isinstance(spatial, PlaneContact):
-        return model  # the plane is fitted with every effect
+        return model
     base = spatial.at(spatial.frames_at(model.fit.nonlinear[:count]), free)
     start = np.concatenate([model.fit.nonlinear[: len(spatial.base.nonlinear)], model.fit.nonlinear[count:]])
     return _refit(base, start, experiment, structure.forms)
 
 
-def at_plane(
+def _fit_plane_contact(
     experiment: Experiment, axes: tuple[str, ...], forms: tuple[Form, ...], acting: Sequence[float]
 ) -> Candidate | None:
-    """Fit the best base that meets the tissue at a plane, with forms of effects.
+    """Fit the best base that touches the tissue at a plane, with forms of effects.
 
-    Return None if a spring that is met there fits no better than one that is fastened, of any symmetry.
+    Return None if a spring with contact fits no better than a fastened one of any symmetry.
     """
     training = experiment.training
     fastened = joint_fit.fit_at(Structure(symmetric_base(BASES["LE"], axes)), training, np.zeros(0))
-    started = _nearest_spring(training, axes)
-    if started is None:
+    plane = _find_plane(training, axes)
+    if plane is None:
         return None
-    spring = joint_fit.fit(
-        Structure(started.structural), training, joint_fit.combinations(started.nonlinear, training)[0]
-    )
-    if spring.squared_error > _SPRINGS * fastened.squared_error:
+    start = joint_fit.combinations(plane.nonlinear, training)[0]
+    spring = joint_fit.fit(Structure(plane.structural), training, start)
+    if spring.squared_error > _MAX_CONTACT_ERROR_RATIO * fastened.squared_error:
         return None
-    started = started.held(spring.nonlinear)
-    found = []
-    for name in CONTACT_KINDS:
-        plane = replace(started, base=BASES[name])
-        starts = joint_fit.combinations(plane.nonlinear, training)
-        fits = [joint_fit.fit_at(Structure(plane.structural), training, start) for start in starts]
+    plane = plane.held(spring.nonlinear)
+    candidates = []
+    for name in _CONTACT_KINDS:
+        contact = replace(plane, base=BASES[name])
+        starts = joint_fit.combinations(contact.nonlinear, training)
+        fits = [joint_fit.fit_at(Structure(contact.structural), training, start) for start in starts]
         start = min(fits, key=lambda item: item.squared_error).nonlinear
-        found.append(refit(Structure(plane.structural, forms), np.concatenate([start, acting]), experiment))
-    return min(found, key=lambda item: item.score)
+        structure = Structure(contact.structural, forms)
+        candidates.append(refit(structure, np.concatenate([start, acting]), experiment))
+    return min(candidates, key=lambda item: item.score)
 
 
-def _nearest_spring(training: FitData, axes: tuple[str, ...]) -> PlaneContact | None:
-    """A spring across the mean direction of strong forces, at the depth that leaves least."""
+def _find_plane(training: FitData, axes: tuple[str, ...]) -> PlaneContact | None:
+    """Return a spring across the mean direction of strong forces, at the depth with the smallest error."""
     records = training.records
     position, force = (
         np.concatenate([np.reshape(signal, (len(axes), -1)) for signal in signals], axis=1)
@@ -227,17 +212,17 @@ def _nearest_spring(training: FitData, axes: tuple[str, ...]) -> PlaneContact | 
     )
     free = np.median(force, axis=1, keepdims=True)
     squares = np.sum((force - free) ** 2, axis=0)
-    normal = (force - free)[:, squares > _STRONG * squares.max()].mean(axis=1)
+    normal = (force - free)[:, squares > _STRONG_FORCE * squares.max()].mean(axis=1)
     if not np.any(normal):
         return None
     normal /= np.linalg.norm(normal)
     along = normal @ position
-    reach, frames = float(np.ptp(along)), (tuple(frame_of(normal).ravel().tolist()),)
+    span, frames = float(np.ptp(along)), (tuple(frame_of(normal).ravel().tolist()),)
 
-    def left(depth: float) -> float:
-        plane = PlaneContact(BASES["LE-contact"], axes, frames, depth, reach)
+    def squared_error(depth: float) -> float:
+        plane = PlaneContact(BASES["LE-contact"], axes, frames, depth, span)
         start = joint_fit.combinations(plane.nonlinear, training)[0]
         return joint_fit.fit_at(Structure(plane.structural), training, start).squared_error
 
-    depths = (along.min() + reach * np.linspace(0.02, 0.98, _DEPTHS)).tolist()
-    return PlaneContact(BASES["LE-contact"], axes, frames, min(depths, key=left), reach)
+    depths = (along.min() + span * np.linspace(0.02, 0.98, _SURFACE_DEPTHS)).tolist()
+    return PlaneContact(BASES["LE-contact"], axes, frames, min(depths, key=squared_error), span)

@@ -1,6 +1,5 @@
-"""Records of several axes as a fit sees them: axes are fitted together and whitened and judged each by its own noise."""
+"""Preparation of records of several axes: the axes are fitted together, each with its own noise and sensor faults."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Self
@@ -10,14 +9,13 @@ import numpy as np
 from lumbar.base.errors import InputError
 from lumbar.records.frames import rotate_forces
 from lumbar.records.record import Record, require_clock, require_same_units
-from lumbar.tissue.diagnosis.finding import Finding
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData, JointData
 from lumbar.tissue.diagnosis.fitting.preparation import (
     Experiment,
-    assemble_experiment,
     check_unseen,
     choose_training,
+    assemble_experiment,
     resting_position,
     settling_samples,
 )
@@ -29,22 +27,11 @@ from lumbar.tissue.models.motion import Motion, SpatialMotion
 
 @dataclass(frozen=True, eq=False)
 class SpatialData(JointData):
-    """One record of several axes; its signals stand one axis after the other, and each axis is a part."""
-
-    @classmethod
-    def along(
-        cls, record: Record, whitening: Sequence[np.ndarray], settling: int, rests: Sequence[float]
-    ) -> Self:
-        """A record with the whitening of every axis and its position at rest, and samples at its start that count for nothing."""
-        parts = [
-            FitData(record.name, Motion.of(one, offset=rest), one["output"], taps, settling)
-            for one, taps, rest in zip(map(record.axis, record.axes), whitening, rests, strict=True)
-        ]
-        return cls.join(parts, record.axes)
+    """One record of several axes, which are its parts; a signal has the samples of one axis after those of another."""
 
     @classmethod
     def join(cls, parts: list[FitData], axes: tuple[str, ...] = ()) -> Self:
-        """Put axes together."""
+        """Return the record with these parts along axes of these names."""
         joint = super().join(parts)
         motion = SpatialMotion(tuple(part.motion for part in parts), names=axes)  # type: ignore[misc]
         return replace(joint, name=parts[0].name, motion=motion)
@@ -55,7 +42,7 @@ class SpatialData(JointData):
 
     @property
     def records(self) -> tuple[FitData, ...]:
-        """The record."""
+        """The records that are fitted together: this one."""
         return (self,)
 
     @cached_property
@@ -64,12 +51,12 @@ class SpatialData(JointData):
         return np.kron(np.eye(len(self.parts)), np.ones((len(self.parts[0].force), 1)))
 
     def drop_history(self, signal: np.ndarray) -> np.ndarray:
-        """Signal over the record itself, one axis after the other."""
+        """Return the part of a signal that belongs to the record itself, one axis after the other."""
         pieces = zip(self.parts, self.motion.split(signal), strict=True)
         return np.concatenate([part.drop_history(piece) for part, piece in pieces])
 
     def longest_record(self, signal: np.ndarray) -> tuple[Motion, np.ndarray]:
-        """Motion along the axis on which a signal is largest, and the signal there."""
+        """Return the motion along the axis with the largest variance of a signal, and the signal there."""
         assert isinstance(self.motion, SpatialMotion)
         pieces = zip(self.motion.parts, self.motion.split(signal), strict=True)
         return max(pieces, key=lambda pair: float(np.var(pair[1])))
@@ -81,12 +68,13 @@ class SpatialData(JointData):
 
 
 def prepare(records: list[Record], settings: DiagnosisSettings) -> Experiment:
-    """Prepare records of the same axes for diagnosis, faults of their sensors repaired.
+    """Prepare records of the same axes for diagnosis and repair the faults of their sensors, axis by axis.
 
     Raises
     ------
     InputError
-        Different axes or units, a record that is too short, training records that are not there.
+        For different axes or units, a record that is too short, missing training records, or a force that does not
+        change along an axis with motion.
     """
     require_clock(records)
     require_same_units(records)
@@ -95,20 +83,41 @@ def prepare(records: list[Record], settings: DiagnosisSettings) -> Experiment:
         raise InputError(
             f"improvement.{key}: records of several axes begin at rest and have the position as input"
         )
-    _check_channels(records)
-    sound, faults = _repaired([rotate_forces(record, settings.force_frame) for record in records])
-    chosen, others = choose_training(sound, settings.train)
+    axes = records[0].axes
+    for axis in axes:
+        moving = [record for record in records if axis in record.moving]
+        constant = [record.name for record in moving if np.ptp(record[f"output_{axis}"]) == 0]
+        if constant:
+            channel = moving[0].channels[f"output_{axis}"]
+            raise InputError(
+                f"{', '.join(constant)}: the force along {axis} is {channel.values[0]:g} {channel.unit} throughout, though the "
+                f"position moves. Check whether the channel was connected, or leave the columns of {axis} out."
+            )
+    records, faults = [rotate_forces(record, settings.force_frame) for record in records], []
+    for axis in axes:
+        moving = [index for index, record in enumerate(records) if axis in record.moving]
+        repaired, findings = repair([axis_record(records[index], axis) for index in moving])
+        faults += findings
+        for index, record in zip(moving, repaired, strict=True):
+            values = {f"{role}_{axis}": record[role] for role in ("input", "output")}
+            records[index] = records[index].with_values(**values)
+    chosen, others = choose_training(records, settings.train)
     first = chosen[0]
     check_unseen(chosen, others)
     floors = axis_floors(first)
     rests = resting_position([record.stacked("input") for record in (*chosen, *others)]).tolist()
     known = [floor for floor in floors if floor is not None]
-    white = [np.ones(1)] * len(floors)
 
     def data(record: Record) -> SpatialData:
-        alike = known and np.isclose(record.sampling_time, first.sampling_time)
-        taps = [floor.whitening for floor in known] if alike else white
-        return SpatialData.along(record, taps, settling_samples(record.widest, settings.settling_s), rests)
+        taps = [np.ones(1)] * len(axes)
+        if known and np.isclose(record.sampling_time, first.sampling_time):
+            taps = [floor.whitening for floor in known]
+        settling = settling_samples(record.widest, settings.settling_s)
+        parts = [
+            FitData(record.name, Motion.of(single, offset=rest), single["output"], whitening, settling)
+            for single, whitening, rest in zip(map(record.axis, axes), taps, rests, strict=True)
+        ]
+        return SpatialData.join(parts, axes)
 
     return assemble_experiment(
         first.widest,
@@ -116,52 +125,26 @@ def prepare(records: list[Record], settings: DiagnosisSettings) -> Experiment:
         list(map(data, others)),
         NoiseFloor.together(known) if known else None,
         rest=tuple(rests),
-        records=tuple(sound),
+        records=tuple(records),
         faults=tuple(faults),
         settling_s=settings.settling_s,
     )
 
 
-def _check_channels(records: Sequence[Record]) -> None:
-    """Refuse a force that does not change along an axis which some record moves along."""
-    for axis in records[0].axes:
-        moved = [record for record in records if axis in record.moving]
-        dead = [record.name for record in moved if np.ptp(record[f"output_{axis}"]) == 0]
-        if dead:
-            unit = records[0].channels[f"output_{axis}"].unit
-            raise InputError(
-                f"{', '.join(dead)}: the force along {axis} is {moved[0][f'output_{axis}'][0]:g} {unit} throughout, though the "
-                f"position moves: look for a channel that was not connected, or leave the columns of {axis} out"
-            )
-
-
 def axis_record(record: Record, axis: str) -> Record:
-    """The record of one axis, which it has behind its name."""
+    """Return the record of one axis, with the axis in its name."""
     return replace(record.axis(axis), name=f"{record.name} ({axis})")
 
 
-def _repaired(records: list[Record]) -> tuple[list[Record], list[Finding]]:
-    """Records and findings of their sensors, axis by axis; a finding's record has the axis behind its name."""
-    sound, faults = list(records), []
-    for axis in records[0].axes:
-        single = [axis_record(record, axis) for record in records]
-        moving = [index for index, record in enumerate(records) if axis in record.moving]
-        repaired, found = repair([single[index] for index in moving])
-        faults += found
-        for index, record in zip(moving, repaired, strict=True):
-            values = {f"{role}_{axis}": record[role] for role in ("input", "output")}
-            sound[index] = sound[index].with_values(**values)
-    return sound, faults
-
-
 def axis_floors(record: Record) -> list[NoiseFloor] | list[None]:
-    """Noise floor of every axis of a record; None of all where its motion does not repeat."""
+    """Return the noise floor of every axis of a record; None for all axes if its motion does not repeat."""
     period = record.period or find_period(record) or find_period(record, MIN_FULL_PERIODS - 1)
-    still = record.widest["input"]  # which repeats where noise of an axis that rests does not
+    # The noise of an axis at rest does not repeat; it is estimated with the motion of another axis.
+    moving = record.widest["input"]
     single = [
-        one if axis in record.moving else one.with_values(input=still)
-        for axis, one in zip(record.axes, map(record.axis, record.axes), strict=True)
+        record.axis(axis) if axis in record.moving else record.axis(axis).with_values(input=moving)
+        for axis in record.axes
     ]
-    found = [noise_floor(one, period) for one in single if period]
-    known = [floor for floor in found if floor is not None]
+    floors = [noise_floor(item, period) for item in single if period]
+    known = [floor for floor in floors if floor is not None]
     return known if len(known) == len(record.axes) else [None] * len(record.axes)

@@ -1,4 +1,4 @@
-"""What a model of tissue in space is missing: steps of the diagnosis of records of several axes, and effects that are added."""
+"""Diagnosis of records of several axes: its steps, and the fit of a base with given effects."""
 
 from dataclasses import replace
 from functools import partial
@@ -18,7 +18,7 @@ from lumbar.tissue.diagnosis.selection.forward_selection import (
 from lumbar.tissue.diagnosis.selection.refine import added_in_turn
 from lumbar.tissue.diagnosis.selection.result import DiagnosisState, Status
 from lumbar.tissue.diagnosis.selection.thresholds import TIED
-from lumbar.tissue.diagnosis.spatial.spatial_base import KINDS, choose_base, freed, held, likelier
+from lumbar.tissue.diagnosis.spatial.spatial_base import KINDS, choose_base, choose_likelier, refit_axes
 from lumbar.tissue.diagnosis.spatial.spatial_data import prepare
 from lumbar.tissue.diagnosis.spatial.spatial_findings import SENSOR, exchanged_channels, spatial_findings
 from lumbar.tissue.effects.catalogue import choose, usable_effects
@@ -27,7 +27,7 @@ from lumbar.tissue.models.form import Effect
 from lumbar.tissue.models.space import force_sensor_effects
 
 _PROMISING = 8
-"""Number of effects, those with the best screening, that are refitted after axes were chosen again."""
+"""Number of effects that are refitted after axes were chosen again: those with the best screening."""
 _ROUNDS = 3
 """Largest number of times that base and axes are chosen again with the selected effects."""
 
@@ -44,12 +44,10 @@ def prepare_axes(state: DiagnosisState) -> DiagnosisState:
     usable = usable_in_space(state.settings.searched, axes, experiment)
     floor, unit = experiment.floor, experiment.output_unit
     noise = f"{floor.rms:.3g} {unit} per axis" if floor else "unknown: no record repeats"
-    faults = (
-        ", ".join(f"{item.kind.replace('_', ' ')} in {item.record}" for item in experiment.faults) or "none"
-    )
+    faults = ", ".join(f"{item.kind.replace('_', ' ')} in {item.record}" for item in experiment.faults)
     return state.next(
         "estimate the noise floor",
-        f"axes {', '.join(axes)}; noise {noise}; sensor faults: {faults}; {len(usable)} effects can be tried",
+        f"axes {', '.join(axes)}; noise {noise}; sensor faults: {faults or 'none'}; {len(usable)} effects can be tried",
         *experiment.faults,
         prepared=experiment,
         experiment=experiment,
@@ -58,7 +56,7 @@ def prepare_axes(state: DiagnosisState) -> DiagnosisState:
 
 
 def check_channels(state: DiagnosisState) -> DiagnosisState:
-    """Stop if the channels of the force are exchanged: no effect is searched in such records.
+    """Stop without a search of effects if the channels of the force are exchanged.
 
     Raises
     ------
@@ -86,14 +84,14 @@ def check_channels(state: DiagnosisState) -> DiagnosisState:
 def select_in_space(state: DiagnosisState) -> DiagnosisState:
     """Choose base, symmetry and axes and select effects, until the effects no longer change what is chosen.
 
-    One effect at first: as long as the axes are wrong, a second one would be searched in vain.
+    A single effect is selected first: with wrong axes the search of a second one is futile.
     """
     experiment, settings, axes = state.result.experiment, state.settings, state.records[0].axes
     kinds = _kinds(settings)
     base, singles = choose_base(experiment, axes, kinds), None
     single_effect = replace(settings, most_effects=1)
     for chosen in (single_effect, *[settings] * _ROUNDS):
-        selection = SpatialSelection(experiment, held(base, experiment), chosen, singles)
+        selection = SpatialSelection(experiment, refit_axes(base, experiment, free=False), chosen, singles)
         better = _better_base(selection.selected_path[-1], experiment, axes, kinds)
         if better is not None:
             base = better
@@ -109,10 +107,8 @@ def select_in_space(state: DiagnosisState) -> DiagnosisState:
 
 def free_axes(state: DiagnosisState) -> DiagnosisState:
     """Fit the principal axes together with the other parameters."""
-    path = [freed(item, state.result.experiment) for item in state.result.path]
-    reason = (
-        f"error {path[-1].test_rms:.4g} {state.result.experiment.output_unit} unseen with the axes fitted too"
-    )
+    path = [refit_axes(item, state.result.experiment, free=True) for item in state.result.path]
+    reason = f"error {path[-1].test_rms:.4g} {state.result.experiment.output_unit} unseen with the axes fitted too"
     return state.next("fit the axes", reason, base=path[0], path=path)
 
 
@@ -136,7 +132,13 @@ SPATIAL_STEPS = (
 def refine(
     records: list[Record], effects: list[str], settings: DiagnosisSettings
 ) -> tuple[Experiment, list[Candidate]]:
-    """Add effects to the base that the records require with them; see `lumbar.tissue.diagnosis.selection.refine`."""
+    """Choose a base together with effects and add them in turn; see `lumbar.tissue.diagnosis.selection.refine`.
+
+    Raises
+    ------
+    InputError
+        For an effect without a form in space, or one that needs other axes.
+    """
     experiment = prepare(records, settings)
     axes, kinds = records[0].axes, _kinds(settings)
     known, without = usable_in_space(settings.candidates, axes, experiment), {}
@@ -148,18 +150,18 @@ def refine(
     usable = {name: known[name] for name in effects}
     base = choose_base(experiment, axes, kinds)
     for _ in range(_ROUNDS):
-        path = added_in_turn(experiment, held(base, experiment), usable)
+        path = added_in_turn(experiment, refit_axes(base, experiment, free=False), usable)
         better = _better_base(path[-1], experiment, axes, kinds)
         if better is None:
             break
         base = better
     else:
         path = added_in_turn(experiment, base, usable)
-    return experiment, [freed(item, experiment) for item in path]
+    return experiment, [refit_axes(item, experiment, free=True) for item in path]
 
 
-def in_space(catalogue: dict[str, Effect], axes: tuple[str, ...]) -> dict[str, Effect]:
-    """Effects of a catalogue that have a form in space, and those of the force sensor."""
+def effects_in_space(catalogue: dict[str, Effect], axes: tuple[str, ...]) -> dict[str, Effect]:
+    """Return the effects of a catalogue that have a form in space, and those of the force sensor."""
     read = {name: effect.in_space(axes)[0] for name, effect in catalogue.items()}
     return {name: effect for name, effect in read.items() if effect is not None} | force_sensor_effects(axes)
 
@@ -167,9 +169,9 @@ def in_space(catalogue: dict[str, Effect], axes: tuple[str, ...]) -> dict[str, E
 def usable_in_space(
     catalogue: dict[str, Effect], axes: tuple[str, ...], experiment: Experiment
 ) -> dict[str, Effect]:
-    """Return the effects of `in_space` with channels in the records."""
+    """Return the effects of `effects_in_space` with channels in the records."""
     training = experiment.training
-    return usable_effects(in_space(catalogue, axes), training.motion.channels, training.scale)[0]
+    return usable_effects(effects_in_space(catalogue, axes), training.motion.channels, training.scale)[0]
 
 
 def _kinds(settings: DiagnosisSettings) -> tuple[str, ...]:
@@ -178,7 +180,7 @@ def _kinds(settings: DiagnosisSettings) -> tuple[str, ...]:
     if settings.base in KINDS:
         return (str(settings.base),)
     name = settings.base if isinstance(settings.base, str) else settings.base.name
-    raise InputError(f"improvement.base: {name} has no form in space; there are auto, {', '.join(KINDS)}")
+    raise InputError(f"improvement.base: {name} has no form in space. Use auto, {', '.join(KINDS)}.")
 
 
 def _better_base(
@@ -186,27 +188,28 @@ def _better_base(
 ) -> Candidate | None:
     """Return the base, without effects, that the records require with a model's effects; None if the model has it.
 
-    It is another one, or the same with other axes.
+    It has another equation, symmetry or other axes.
     """
     structure = model.fit.structure
     if not model.effects:
         return None
     acting = model.fit.nonlinear[len(structure.base.nonlinear) :]
-    turned, again = freed(model, experiment), choose_base(experiment, axes, kinds, structure.forms, acting)
-    best = likelier(experiment, turned, again)
-    if best is turned and turned.score > model.score - TIED:
+    rotated = refit_axes(model, experiment, free=True)
+    chosen = choose_base(experiment, axes, kinds, structure.forms, acting)
+    best = choose_likelier(experiment, rotated, chosen)
+    if best is rotated and rotated.score > model.score - TIED:
         return None
-    return held(replace(best, fit=select_forms(best.fit, ())), experiment)
+    return refit_axes(replace(best, fit=select_forms(best.fit, ())), experiment, free=False)
 
 
 class SpatialSelection(Selection):
     """A search with fixed principal axes, which are fitted again with pairs of effects."""
 
     def polished(self, models: list[Candidate]) -> list[Candidate]:
-        """Models with their axes where they fit best: of the best one, and of effects of the sensor, which turn them."""
-        return [
-            held(freed(item, self.experiment), self.experiment)
-            if item is models[0] or item.effects[-1] in SENSOR
-            else item
-            for item in models
-        ]
+        """Fit the axes of the best model, and of those with an effect of the sensor, which rotates them; then fix them."""
+        polished = []
+        for item in models:
+            if item is models[0] or item.effects[-1] in SENSOR:
+                item = refit_axes(refit_axes(item, self.experiment, free=True), self.experiment, free=False)
+            polished.append(item)
+        return polished

@@ -1,6 +1,5 @@
-"""Findings of records of several axes: how the force sensor is mounted, exchanged channels, directions that hardly move."""
+"""Findings of records of several axes: mounting of the force sensor, exchanged channels, directions with little motion."""
 
-from dataclasses import dataclass
 from itertools import permutations, product
 
 import numpy as np
@@ -20,85 +19,83 @@ from lumbar.tissue.diagnosis.selection.sentences import (
     error_falls,
     headline,
 )
-from lumbar.tissue.diagnosis.spatial.location_in_space import in_words, upward
+from lumbar.tissue.diagnosis.spatial.location_in_space import upward, vector_text
 from lumbar.tissue.models.bases import BASES
 from lumbar.tissue.models.space import matrices_of, symmetric_base
 from lumbar.tissue.models.structure import Structure
 
-_VAGUE = 0.2
-"""Half width of the 95 % interval of a stiffness, as a share of it, above which its direction is reported."""
-_SMALL, _SMALLISH = 0.05, 0.25
-"""Largest spread of the position along a reported direction, and along one with a vague stiffness, relative to the largest."""
+_MAX_RELATIVE_UNCERTAINTY = 0.2
+"""Half width of the 95 % interval of a stiffness, relative to it, above which its direction is reported earlier."""
+_MIN_SPREAD, _MIN_SPREAD_IF_UNCERTAIN = 0.05, 0.25
+"""Spread of the position along a direction, relative to the largest spread, below which the direction is reported."""
 SENSOR = ("turned_frame", "crosstalk")
 """Effects of the force sensor."""
-
-
-NAMED = (Status.NAMED, Status.TIED)
-"""Verdicts by which an effect is there."""
-_TOLD = {"turned_frame": "axes that are turned", "crosstalk": "crosstalk between its channels"}
+_SENSOR_TEXTS = {"turned_frame": "rotated axes", "crosstalk": "crosstalk between its channels"}
+_SELECTED = (Status.NAMED, Status.TIED)
+"""Statuses with selected effects."""
+_MAX_ERROR_RATIO, _MIN_GAIN = 0.5, 0.03
+"""Largest error of another assignment of the channels, relative to that as recorded, with which it is reported; and the
+smallest additional share of the force's power that it must explain."""
+_SYMMETRY_TOLERANCE = 0.1
+"""Share of the force's power by which this assignment may be worse than any linear relation, for a sensor that is rotated."""
 
 
 def headline_in_space(result: DiagnosisResult) -> str:
-    """Return the result in one sentence; effects of the force sensor are not the tissue's."""
-    sensor = [_TOLD[name] for name in result.selected if name in SENSOR]
-    if not sensor or result.status not in NAMED:
+    """Return the result in one sentence; effects of the force sensor are reported separately from those of the tissue."""
+    sensor = [_SENSOR_TEXTS[name] for name in result.selected if name in SENSOR]
+    if not sensor or result.status not in _SELECTED:
         return headline(result)
     tissue = [name for name in result.selected if name not in SENSOR]
     base, fall = result.base.fit.structure.base.name, error_falls(result)
-    told = f"the force sensor has {' and '.join(sensor)}"
-    missing = (
-        f"The {base} model is missing {effects_text(tissue)}, and" if tissue else f"Beside the {base} model"
-    )
+    start = f"is missing {effects_text(tissue)}" if tissue else "explains the tissue"
+    added = "both" if tissue else "this"
     tied = ", ".join(effects_text(item.effects) for item in result.tied_with)
-    beside = f" These records do not tell it from {tied}." if tied else ""
-    return f"{missing} {told}: with {'both' if tissue else 'it'} {fall}.{beside}"
+    end = f" These records do not distinguish it from {tied}." if tied else ""
+    return f"The {base} model {start}, and the force sensor has {' and '.join(sensor)}: with {added} {fall}.{end}"
 
 
 def spatial_findings(state: DiagnosisState, axes: tuple[str, ...]) -> list[Finding]:
-    """Findings of the force sensor, and of directions that the training record hardly excites."""
+    """Return findings of the force sensor, and of directions that the training record hardly excites."""
     experiment, fit = state.result.experiment, state.result.model.fit
     known = estimates(fit, experiment.training, experiment.input_unit, experiment.output_unit)
-    found = []
-    named = state.result.selected if state.result.status in NAMED else ()
-    if "turned_frame" in named:
-        found.append(_turned([item for item in known if item.effect == "turned_frame"], axes))
-    if "crosstalk" in named:
-        found.append(_crosstalk([item for item in known if item.effect == "crosstalk"]))
-    return [*position_offset(experiment), *found, *_vague(experiment, axes)]
+    sensor = []
+    selected = state.result.selected if state.result.status in _SELECTED else ()
+    if "turned_frame" in selected:
+        sensor.append(_report_rotation([item for item in known if item.effect == "turned_frame"], axes))
+    if "crosstalk" in selected:
+        sensor.append(_report_crosstalk([item for item in known if item.effect == "crosstalk"]))
+    return [*position_offset(experiment), *sensor, *_report_unexcited_direction(experiment, axes)]
 
 
-def _turned(known: list, axes: tuple[str, ...]) -> Finding:
-    """The rotation of the force sensor in degrees, with what a study says of it."""
+def _report_rotation(known: list, axes: tuple[str, ...]) -> Finding:
+    """Report the rotation of the force sensor in degrees, and the key of the study that corrects it."""
     vector = np.degrees([item.value for item in known])
     half = np.degrees([(item.high - item.low) / 2 for item in known])
     angle = float(np.linalg.norm(vector))
     spread = float(np.sqrt(np.sum((vector * half) ** 2)) / angle)
-    # In a study the rotation is from the sensor's axes to the position's, hence the opposite one.
-    about = (
-        range(3)
-        if len(axes) == 3
-        else [next(number for number, axis in enumerate("xyz") if axis not in axes)]
-    )
-    said = np.zeros(3)
-    sign = -1.0 if len(axes) == 3 or axes != ("x", "z") else 1.0
-    said[list(about)] = sign * vector
-    low, found, high = distinguishing_digits([angle - spread, angle, angle + spread], 3)
-    frame = ", ".join(f"{part:.4g}" for part in said)
+    # The study gives the rotation from the sensor's axes to those of the position, which is the opposite one.
+    rotation = np.zeros(3)
+    if len(axes) == 3:
+        rotation[:] = -vector
+    else:
+        normal = next(number for number, axis in enumerate("xyz") if axis not in axes)
+        rotation[normal] = (1.0 if axes == ("x", "z") else -1.0) * vector[0]
+    low, value, high = distinguishing_digits([angle - spread, angle, angle + spread], 3)
     sentence = (
-        f"The force sensor's axes are rotated by {found}° ({low} to {high}) from those of the position: declare tissue: "
-        f"force_frame: [{frame}] and diagnose again. Channels that read a share of each other's forces, with a tissue of other "
-        "symmetry, look the same."
+        f"The force sensor's axes are rotated by {value}° ({low} to {high}) from those of the position: declare tissue: "
+        f"force_frame: [{', '.join(f'{part:.4g}' for part in rotation)}] and diagnose again. Crosstalk between the channels, "
+        "with a tissue of other symmetry, looks the same."
     )
     return Finding("turned_frame", sentence, angle, "°")
 
 
-def _crosstalk(known: list) -> Finding:
+def _report_crosstalk(known: list) -> Finding:
     """Report the shares of other axes' forces in the channels that are significantly not 0."""
-    sure = [item for item in known if item.low > 0 or item.high < 0]
+    significant = [item for item in known if item.low > 0 or item.high < 0]
     shares = "; ".join(
         f"{item.name[len('share_of_') :].replace('_in_', ' in ')} {100 * item.value:.2g} % "
         f"({100 * item.low:.2g} to {100 * item.high:.2g})"
-        for item in sorted(sure, key=lambda item: -abs(item.value))
+        for item in sorted(significant, key=lambda item: -abs(item.value))
     )
     largest = max((abs(item.value) for item in known), default=0.0)
     sentence = (
@@ -109,154 +106,119 @@ def _crosstalk(known: list) -> Finding:
     return Finding("crosstalk", sentence, 100 * largest, "%")
 
 
-def _vague(experiment: Experiment, axes: tuple[str, ...]) -> list[Finding]:
-    """Report the direction with the least certain stiffness in the training record, if it is hardly moved along.
+def _report_unexcited_direction(experiment: Experiment, axes: tuple[str, ...]) -> list[Finding]:
+    """Report the direction with the smallest motion of the training record, if its stiffness is uncertain.
 
-    From a fit of any symmetric matrices, which takes nothing from other directions.
+    The stiffness is that of any symmetric matrices, which take nothing from other directions.
     """
     training, size = experiment.training, len(axes)
     fit = fit_base(Structure(symmetric_base(BASES["KV"], axes)), training)
-    # Direction of the least spread of the position, and its share of the largest.
     position = np.concatenate([item.motion.position.reshape(size, -1) for item in training.records], axis=1)
     variances, directions = np.linalg.eigh(np.cov(position))
     direction, share = upward(directions[:, 0]), float(np.sqrt(max(variances[0], 0.0) / variances[-1]))
-    # Stiffness along it and half of its 95 % interval.
+    # Stiffness along the direction, and half of its 95 % interval.
     rows, columns = np.triu_indices(size)
     weight = direction[rows] * direction[columns] * np.where(rows == columns, 1.0, 2.0)
+    count = len(weight)
     scaled, scale = scaled_covariance(fit, training)
-    own = slice(0, len(weight))
-    covariance = scaled[own, own] / np.outer(scale[own], scale[own])
-    value = float(direction @ matrices_of(fit.linear[own], 1, size)[0] @ direction)
+    covariance = scaled[:count, :count] / np.outer(scale[:count], scale[:count])
+    value = float(direction @ matrices_of(fit.linear[:count], 1, size)[0] @ direction)
     half = 1.96 * float(np.sqrt(weight @ covariance @ weight))
-    if share > (_SMALL if half < _VAGUE * abs(value) else _SMALLISH):
+    certain = half < _MAX_RELATIVE_UNCERTAINTY * abs(value)
+    if share > (_MIN_SPREAD if certain else _MIN_SPREAD_IF_UNCERTAIN):
         return []
     unit = f"{experiment.output_unit}/{experiment.input_unit}"
     sentence = (
-        f"{training.name} hardly moves along {in_words(direction)}: {100 * share:.2g} % of its motion along its main direction. "
-        f"Without what other directions show, the stiffness there is {value:.2g} {unit} ({value - half:.2g} to "
-        f"{value + half:.2g}); these records do not show whether effects act alike there."
+        f"{training.name} hardly moves along {vector_text(direction)}: {100 * share:.2g} % of its motion along its main "
+        f"direction. Without the information of other directions, the stiffness there is {value:.2g} {unit} "
+        f"({value - half:.2g} to {value + half:.2g}); these records do not show whether effects are the same there."
     )
     return [Finding("unexcited", sentence, value, unit, training.name)]
-
-
-_BETTER, _MORE = 0.5, 0.03
-"""Largest error of another reading relative to that as recorded if it is right, and the smallest additional share of the
-force's power that it explains."""
-_AS_WELL = 0.1
-"""Share of the force's power by which the right reading may leave more than any linear relation: a sensor that is turned."""
 
 
 def exchanged_channels(
     experiment: Experiment, axes: tuple[str, ...], layout: ColumnLayout | None
 ) -> Finding | None:
-    """Report which channels of the force are exchanged or have the other sign, if that is significant.
+    """Report which channels of the force are exchanged or inverted, if that is significant.
 
     The sentence ends with the lines to put into the study's YAML, in the `layout` that the records were read with.
     """
-    products = _products_of(experiment, len(axes))
-    power, along = products.power, products.force
-    least = power - float(np.trace(along @ np.linalg.lstsq(products.motion, along.T, rcond=None)[0]))
-    # Channel and sign of every axis, in every way, as recorded first.
+    # Sums of products over all samples, about the mean of each record: of the force, and of position and speed.
+    size = len(axes)
+    power, along, moved = 0.0, np.zeros((size, 2 * size)), np.zeros((2 * size, 2 * size))
+    for record in (*experiment.training.records, *experiment.tests):
+        signals = (record.motion.position, record.force)
+        position, force = (record.drop_history(item).reshape(size, -1) for item in signals)
+        speed = np.stack([steady_velocity(each, record.motion.sampling_time) for each in position])
+        motion = np.concatenate([position, speed])
+        force, motion = (item - item.mean(axis=1, keepdims=True) for item in (force, motion))
+        power += float(np.sum(force**2))
+        along += force @ motion.T
+        moved += motion @ motion.T
+    # Channel and sign of every axis in all combinations, as recorded first.
     readings = (
         tuple(zip(order, signs, strict=True))
-        for order in permutations(range(len(axes)))
-        for signs in product((1, -1), repeat=len(axes))
+        for order in permutations(range(size))
+        for signs in product((1, -1), repeat=size)
     )
-    left = {reading: _left(reading, products) for reading in readings}
-    as_recorded = next(iter(left.values()))
+    left = {
+        reading: _unexplained_power(
+            power, np.stack([sign * along[source] for source, sign in reading]), moved
+        )
+        for reading in readings
+    }
+    prepare_unrepaired = next(iter(left.values()))
     best = min(left, key=lambda reading: left[reading])
-    better = left[best] <= _BETTER * as_recorded and as_recorded - left[best] >= _MORE * power
-    if not better or left[best] > least + _AS_WELL * power:
+    least = power - float(np.trace(along @ np.linalg.lstsq(moved, along.T, rcond=None)[0]))
+    better = left[best] <= _MAX_ERROR_RATIO * prepare_unrepaired and prepare_unrepaired - left[best] >= _MIN_GAIN * power
+    if not better or left[best] > least + _SYMMETRY_TOLERANCE * power:
         return None
-    columns = _columns(best, axes, experiment, layout)
     force, explained = experiment.output_quantity, 100 * (1 - left[best] / power)
     reading = ", ".join(
         f"along {axis} it is {'−' * (sign < 0)}{axes[source]}"
         for axis, (source, sign) in zip(axes, best, strict=True)
         if (axes[source], sign) != (axis, 1)
     )
+    columns = {f"input_{axis}": _column("input", axis, experiment, layout) for axis in axes}
+    for axis, (source, sign) in zip(axes, best, strict=True):
+        column = _column("output", axes[source], experiment, layout)
+        columns[f"output_{axis}"] = column if sign > 0 else column.other_sign
     sentence = (
-        f"The channels of the {force} do not seem to be those of the position's axes: {reading} of the file. Read like this, a "
-        f"spring and a dashpot explain {explained:.3g} % of the {force}, as recorded {100 * (1 - as_recorded / power):.3g} %: "
-        "the stiffness and the viscosity of a tissue at rest are symmetric and never negative. No effect was searched; if this "
-        f"reading is right, put this into the study's YAML:\n{columns_yaml(**columns)}"
+        f"The channels of the {force} do not seem to be those of the position's axes: {reading} of the file. With this "
+        f"assignment, a spring and a dashpot explain {explained:.3g} % of the {force}, as recorded "
+        f"{100 * (1 - prepare_unrepaired / power):.3g} %: the stiffness and the viscosity of a tissue at rest are symmetric and never "
+        "negative. No effect was searched; if this assignment is right, put this into the study's YAML:\n"
+        f"{columns_yaml(**columns)}"
     )
     return Finding("force_channels", sentence, explained, "%")
 
 
-@dataclass(frozen=True, eq=False)
-class _Products:
-    """Sums of products over all samples of all records, about their means."""
+def _unexplained_power(power: float, along: np.ndarray, moved: np.ndarray) -> float:
+    """Return the power of a force that a passive spring and dashpot do not explain.
 
-    power: float
-    """Force times itself, over all axes."""
-    force: np.ndarray
-    """Force times position and speed, shape (axes, 2 × axes)."""
-    motion: np.ndarray
-    """Position and speed times themselves, shape (2 × axes, 2 × axes)."""
-
-
-def _products_of(experiment: Experiment, size: int) -> _Products:
-    """Sum the products over the records of an experiment."""
-    power, along, moved = 0.0, np.zeros((size, 2 * size)), np.zeros((2 * size, 2 * size))
-    for record in (*experiment.training.records, *experiment.tests):
-        step = record.motion.sampling_time
-        position, force = (
-            record.drop_history(item).reshape(size, -1) for item in (record.motion.position, record.force)
-        )
-        speed = np.stack([steady_velocity(each, step) for each in position])
-        signals = np.concatenate([position, speed])
-        force, signals = (item - item.mean(axis=1, keepdims=True) for item in (force, signals))
-        power += float(np.sum(force**2))
-        along += force @ signals.T
-        moved += signals @ signals.T
-    return _Products(power, along, moved)
-
-
-def _left(reading: tuple[tuple[int, int], ...], products: _Products) -> float:
-    """Return the power of the forces, as they are read, that a passive spring and dashpot do not explain.
-
-    By least squares over symmetric matrices, whose negative values are then left out.
+    Least squares over symmetric matrices, with negative principal values set to 0. `along` are the sums of products of the
+    force with position and speed, shape (axes, 2 × axes); `moved` those of position and speed, shape (2 × axes, 2 × axes).
     """
-    size = len(reading)
-    read = np.stack([sign * products.force[source] for source, sign in reading])
+    size = len(along)
     rows, columns = np.triu_indices(size)
     terms = np.zeros((2 * len(rows), size, 2 * size))
     for part in range(2):
         for number, (row, column) in enumerate(zip(rows, columns, strict=True)):
             term = terms[part * len(rows) + number]
             term[row, part * size + column] = term[column, part * size + row] = 1.0
-    normal = np.einsum("aij,jk,bik->ab", terms, products.motion, terms)
-    found = np.linalg.lstsq(normal, np.einsum("aij,ij->a", terms, read), rcond=None)[0]
-    matrices = np.tensordot(found, terms, axes=1)
-    parts = []
-    for each in np.split(matrices, 2, axis=1):
-        values, vectors = np.linalg.eigh(each)
-        parts.append((vectors * np.maximum(values, 0.0)) @ vectors.T)
-    passive = np.concatenate(parts, axis=1)
-    return float(products.power - 2 * np.sum(passive * read) + np.sum((passive @ products.motion) * passive))
+    normal = np.einsum("aij,jk,bik->ab", terms, moved, terms)
+    solution = np.linalg.lstsq(normal, np.einsum("aij,ij->a", terms, along), rcond=None)[0]
+    matrices = []
+    for matrix in np.split(np.tensordot(solution, terms, axes=1), 2, axis=1):
+        values, vectors = np.linalg.eigh(matrix)
+        matrices.append((vectors * np.maximum(values, 0.0)) @ vectors.T)
+    passive = np.concatenate(matrices, axis=1)
+    return float(power - 2 * np.sum(passive * along) + np.sum((passive @ moved) * passive))
 
 
-def _columns(
-    reading: tuple[tuple[int, int], ...],
-    axes: tuple[str, ...],
-    experiment: Experiment,
-    layout: ColumnLayout | None,
-) -> dict[str, ColumnSettings]:
-    """Columns of position and force as they should be read, by role."""
-    known = layout.columns if layout is not None and layout.axes else {}
-    kinds = {
-        "input": (experiment.input_quantity, experiment.input_unit),
-        "output": (experiment.output_quantity, experiment.output_unit),
-    }
-
-    def column(side: str, axis: str, sign: int = 1) -> ColumnSettings:
-        quantity, unit = kinds[side]
-        given = known.get(f"{side}_{axis}") or ColumnSettings(
-            column=f"{quantity}_{axis}_{unit}", unit=unit, quantity=quantity
-        )
-        return given if sign > 0 else given.other_sign
-
-    inputs = {f"input_{axis}": column("input", axis) for axis in axes}
-    read = zip(axes, reading, strict=True)
-    return inputs | {f"output_{axis}": column("output", axes[source], sign) for axis, (source, sign) in read}
+def _column(side: str, axis: str, experiment: Experiment, layout: ColumnLayout | None) -> ColumnSettings:
+    """Return the column of the position (``input``) or force (``output``) along an axis, by default that of the project."""
+    if layout is not None and layout.axes and f"{side}_{axis}" in layout.columns:
+        return layout.columns[f"{side}_{axis}"]
+    quantity, unit = getattr(experiment, f"{side}_quantity"), getattr(experiment, f"{side}_unit")
+    return ColumnSettings(column=f"{quantity}_{axis}_{unit}", unit=unit, quantity=quantity)
