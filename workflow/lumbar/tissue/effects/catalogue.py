@@ -95,11 +95,11 @@ def usable_effects(
         return tuple(role for role in form.channels if role not in available)
 
     every = [form for effect in catalogue.values() for form in effect.forms]
-    usable = with_forms_that(catalogue, lambda form: not missing(form), scale)
+    usable = filter_forms(catalogue, lambda form: not missing(form), scale)
     return usable, [(form, missing(form)) for form in every if missing(form)]
 
 
-def with_forms_that(
+def filter_forms(
     catalogue: Mapping[str, Effect], holds: Callable[[Form], bool], scale: Callable[[str], float]
 ) -> dict[str, Effect]:
     """Effects with those of their forms of which something holds, their constants as large as quantities are by `scale`."""

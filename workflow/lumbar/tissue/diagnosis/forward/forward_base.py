@@ -1,15 +1,15 @@
-"""Records with the force as input for a fit, the same with the motion as input for the search, and the base that they require.
+"""Data and bases of records with the force as input: fitted by simulation, searched as the inverse problem.
 
-With the motion as input, every error of the force is carried through the base to the motion. If R(z) is the force of a model
-with motion z, a true model leaves R(z + n) − F ≈ (dR/dz) n of the noise n in the measured motion; through the base's own
-response G ≈ (dR/dz)⁻¹ that is n again, in the unit of the motion and as it was measured (the weighting of Steiglitz and McBride,
-IEEE Trans. Automat. Contr. 10 (1965) 461-464). So the search over all forms, which are linear in most parameters here, needs no
-simulation.
+In the inverse problem the motion is the input, and errors of the force are filtered by the response of the base from force to
+motion. If R(z) is the force of a model with motion z, a true model leaves R(z + n) − F ≈ (dR/dz) n of the noise n in the
+measured motion; the response G ≈ (dR/dz)⁻¹ of the base turns it into n again, in the unit of the motion (the weighting of
+Steiglitz and McBride, IEEE Trans. Automat. Contr. 10 (1965) 461-464). So the search over all forms, which are linear in most
+parameters here, needs no simulation.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from dataclasses import dataclass, fields
+from functools import cached_property, lru_cache, partial
 
 import numpy as np
 import scipy
@@ -30,25 +30,24 @@ from lumbar.tissue.models.structure import ForwardStructure, Structure
 FORWARD_BASES = ("KV-mass", "KB-mass", "KV", "KB", "LE")
 """Bases that are tried if the force is the input."""
 _SIMULATED = 2
-"""Number of bases, those that fit best with the motion as input, that are simulated."""
-_LONG = 6000
-"""Samples of every record on which a search is made."""
+"""Number of bases that are simulated: those that fit best in the inverse problem."""
+_MAX_SEARCH_SAMPLES = 6000
+"""Samples of every record with which effects are searched."""
 Response = Callable[[np.ndarray], np.ndarray]
-"""From frequencies (Hz) to the ratio of motion and force."""
-_STIFFEST = 1e-6
-"""Smallest dynamic stiffness, as a share of the largest: a free mass would drift away."""
-_STIFF = 10.0
-"""Stiffness of what does not follow the force, relative to the ratio of force and motion."""
+"""Ratio of motion and force by frequency in Hz."""
+_MIN_STIFFNESS = 1e-6
+"""Smallest dynamic stiffness relative to the largest one: a free mass would drift away."""
+_RIGID = 10.0
+"""Stiffness of a motion that does not follow the force, relative to the ratio of force and motion."""
 _SEGMENTS = 8
-_TURNS = 3
-"""Fits of the base, each weighted by the response of the one before."""
-_OF_MOTION = ("position", "speed", "path")
+_WEIGHTED_FITS = 3
+"""Number of fits of the base, each weighted by the response of the one before."""
 EVALUATIONS = 20
-"""Largest number of evaluations of the error to fit one model."""
-_AT_ZERO = 1e-3
-"""Size of a linear parameter that starts at 0, as a share of the largest that acts alike."""
-_OFF_BOUND = 1e-3
-_LOST = 1e3
+"""Largest number of evaluations of the error in a fit by simulation."""
+_ZERO_SIZE = 1e-3
+"""Scale of a linear parameter that starts at 0, relative to the largest one."""
+_BOUND_MARGIN = 1e-3
+_FAILED_ERROR = 1e3
 """Error of a simulation that failed, relative to the measured motion."""
 
 
@@ -58,12 +57,14 @@ class ForwardData(FitData):
 
     @cached_property
     def measured_motion(self) -> Motion:
-        """The motion, smoothed."""
+        """The smoothed motion."""
         return Motion(self.motion.time, without_noise(self.force), self.motion.sampling_time)
 
     def scale(self, kind: str) -> float:
         """Return the size of a quantity for starting values; ``force`` is the signal that a form at the output transforms."""
-        return self.measured_motion.scale(kind) if kind in _OF_MOTION else super().scale(kind)
+        if kind in ("position", "speed", "path"):
+            return self.measured_motion.scale(kind)
+        return super().scale(kind)
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,65 +72,63 @@ class ForwardJointData(JointData):
     """Several records with the force as input that are fitted together."""
 
     def scale(self, kind: str) -> float:
-        """Largest size in any of the records."""
+        """Return the largest size of a quantity in any of the records."""
         return max(part.scale(kind) for part in self.parts)
 
 
 @dataclass(frozen=True, eq=False)
-class CarriedData(FitData):
-    """A record with the force as input, fitted with the measured motion as input; attributes of `FitData`."""
+class FilteredForwardData(FitData):
+    """A record of the inverse problem; its errors of the force are filtered to errors of the motion."""
 
     response: Response = np.ones_like
-    """Response through which errors of the force are carried to the motion."""
+    """Response from force to motion."""
 
-    def _carried(self, signal: np.ndarray) -> np.ndarray:
-        """Signal (samples first) through the response, from rest."""
+    def _filter(self, signal: np.ndarray) -> np.ndarray:
+        """Return the motion that a force (samples first) causes, from rest."""
         length = scipy.fft.next_fast_len(2 * len(signal), real=True)
-        kept = self.motion.cache.compute_once(
+        response = self.motion.cache.compute_once(
             ("response", self.response),
             lambda: self.response(scipy.fft.rfftfreq(length, self.motion.sampling_time)),
         )
-        spectrum = scipy.fft.rfft(signal, length, axis=0)
-        return scipy.fft.irfft(spectrum * kept.reshape(-1, *[1] * (signal.ndim - 1)), length, axis=0)[
-            : len(signal)
-        ]
+        spectrum = scipy.fft.rfft(signal, length, axis=0) * response.reshape(-1, *[1] * (signal.ndim - 1))
+        return scipy.fft.irfft(spectrum, length, axis=0)[: len(signal)]
 
     def whiten(self, signal: np.ndarray) -> np.ndarray:
-        """Carried and whitened signal (samples first) from the first sample that counts."""
-        return super().whiten(self._carried(signal))
+        """Return the filtered and whitened signal (samples first) from the first sample that counts."""
+        return super().whiten(self._filter(signal))
 
     def error(self, simulated: np.ndarray) -> np.ndarray:
-        """Simulated less measured force, carried to the motion, over the samples that count."""
-        return self._about_zero(self.trim(self._carried(simulated - self.force)))
+        """Return the simulated less the measured force, filtered to the motion, over the samples that count."""
+        return self._about_zero(self.trim(self._filter(simulated - self.force)))
 
 
 @dataclass(frozen=True, eq=False)
-class CarriedJointData(JointData):
-    """Several records of `CarriedData` that are fitted together."""
+class FilteredForwardJointData(JointData):
+    """Several records of `FilteredForwardData` that are fitted together."""
 
     def error(self, simulated: np.ndarray) -> np.ndarray:
-        """Errors of all records, each carried."""
+        """Return the filtered errors of all records."""
         pieces = zip(self.parts, self.motion.split(simulated), strict=True)
         return np.concatenate([part.error(piece) for part, piece in pieces])
 
 
-def with_motion_as_input(experiment: Experiment, response: Response) -> Experiment:
+def _convert(data: FitData, kind: type[FitData], **changes) -> FitData:
+    """Return data as another class, with changed or additional fields."""
+    values = {item.name: getattr(data, item.name) for item in fields(data) if item.init}
+    return kind(**{**values, **changes})
+
+
+def to_inverse_problem(experiment: Experiment, response: Response) -> Experiment:
     """Return an experiment with the force as input, prepared with the motion as input."""
 
-    def exchange(data: ForwardData) -> CarriedData:
-        moved = data.measured_motion
-        motion = Motion(moved.time, moved.position, moved.sampling_time)
-        return CarriedData(
-            name=data.name,
-            motion=motion,
-            force=data.motion.position,
-            whitening=data.whitening,
-            settling=data.settling,
-            has_own_zero=data.has_own_zero,
-            response=response,
+    def invert(data: ForwardData) -> FitData:
+        measured = data.measured_motion
+        motion = Motion(measured.time, measured.position, measured.sampling_time)
+        return _convert(
+            data, FilteredForwardData, motion=motion, force=data.motion.position, response=response
         )
 
-    return experiment.change_data(exchange, CarriedJointData)
+    return experiment.change_data(invert, FilteredForwardJointData)
 
 
 def response_of(base: Base, linear: np.ndarray, nonlinear: np.ndarray) -> Response:
@@ -143,38 +142,36 @@ def response_of(base: Base, linear: np.ndarray, nonlinear: np.ndarray) -> Respon
         for state in range(1, len(by_states)):  # the states of a base are not coupled
             driven = by_motion[state] @ powers / (s - by_states[state, state - 1])
             stiffness = stiffness + by_states[0, state - 1] * driven
-        least = _STIFFEST * np.abs(stiffness).max()
+        least = _MIN_STIFFNESS * np.abs(stiffness).max()
         return 1 / np.where(np.abs(stiffness) > least, stiffness, least)
 
     return response
 
 
-def measured_response(data: FitData) -> Response:
-    """Return the ratio of the spectra of motion and force without their phases, for a first weighting."""
-    force, motion = data.motion.position, data.force
-    rate = 1 / data.motion.sampling_time
+def fit_inverse_problem(experiment: Experiment, base: Base) -> tuple[np.ndarray, np.ndarray]:
+    """Fit a base with the motion as input; return its linear and nonlinear parameters."""
+    training = experiment.training
+    first = training.records[0]
+    # The first weighting is the ratio of the spectra of motion and force without their phases.
+    force, motion = first.motion.position, first.force
+    rate = 1 / first.motion.sampling_time
     frequency, powers = scipy.signal.welch(
         np.array([force - force.mean(), motion - motion.mean()]), rate, nperseg=len(force) // _SEGMENTS
     )
     ratio = np.sqrt(powers[1] / np.maximum(powers[0], 1e-12 * powers[0].max()))
-    # At frequencies without force the ratio is noise.
-    ratio[powers[0] < 1e-6 * powers[0].max()] = 0.0
-    return lambda wanted: np.interp(wanted, frequency, ratio)
+    ratio[powers[0] < 1e-6 * powers[0].max()] = 0.0  # noise at frequencies without force
 
+    def response(wanted: np.ndarray) -> np.ndarray:
+        return np.interp(wanted, frequency, ratio)
 
-def fit_with_motion_as_input(experiment: Experiment, base: Base) -> tuple[np.ndarray, np.ndarray]:
-    """Fit a base with the motion as input; return its linear and nonlinear parameters."""
-    training = experiment.training
-    first = training.records[0]
-    response = measured_response(first)
-    for _ in range(_TURNS):
-        found = joint_fit.fit_base(Structure(base), with_motion_as_input(experiment, response).training)
-        linear = found.linear
-        if not linear.any():  # without a material, what does not follow the force is stiff
+    for _ in range(_WEIGHTED_FITS):
+        fit = joint_fit.fit_base(Structure(base), to_inverse_problem(experiment, response).training)
+        linear = fit.linear
+        if not linear.any():  # the motion does not follow the force
             spring = [item.name == "spring_stiffness" for item in base.linear]
-            linear = np.where(spring, _STIFF * np.std(training.motion.position) / np.std(training.force), 0.0)
-        response = response_of(base, linear, found.nonlinear)
-    return linear, found.nonlinear
+            linear = np.where(spring, _RIGID * np.std(training.motion.position) / np.std(training.force), 0.0)
+        response = response_of(base, linear, fit.nonlinear)
+    return linear, fit.nonlinear
 
 
 def prepare_forward(records: list[Record], settings: DiagnosisSettings) -> Experiment:
@@ -187,33 +184,21 @@ def prepare_forward(records: list[Record], settings: DiagnosisSettings) -> Exper
     """
     if settings.session:
         raise InputError(
-            "records of one session (improvement.session) are not supported with the force as input (improvement.forward): each "
-            "begins in the state that its own motion tells; leave session out"
+            "records of one session (improvement.session) are not supported with the force as input (improvement.forward), "
+            "because their initial state follows from the motion. Leave session out."
         )
-    seen = [with_measured_motion(record) for record in records]
-
-    def forward(data: FitData) -> ForwardData:
-        return ForwardData(
-            name=data.name,
-            motion=data.motion,
-            force=data.force,
-            whitening=data.whitening,
-            settling=data.settling,
-            has_own_zero=data.has_own_zero,
-        )
-
-    return Experiment.prepare_unrepaired(seen, settings, records=tuple(seen)).change_data(
-        forward, ForwardJointData
-    )
+    measured = [with_measured_motion(record) for record in records]
+    experiment = Experiment.prepare_unrepaired(measured, settings, records=tuple(measured))
+    return experiment.change_data(partial(_convert, kind=ForwardData), ForwardJointData)
 
 
 def shorten(experiment: Experiment) -> Experiment:
     """Return the beginnings of long records, enough for a search; the same experiment if none is longer."""
 
     def short(data: FitData) -> FitData:
-        return data.split(_LONG / data.size)[0] if data.size > _LONG else data
+        return data.split(_MAX_SEARCH_SAMPLES / data.size)[0] if data.size > _MAX_SEARCH_SAMPLES else data
 
-    if max(item.size for item in (experiment.training, *experiment.tests)) <= _LONG:
+    if max(item.size for item in (experiment.training, *experiment.tests)) <= _MAX_SEARCH_SAMPLES:
         return experiment
     return experiment.each(short)
 
@@ -225,7 +210,7 @@ class ForwardFit(joint_fit.Fit):
     structure: ForwardStructure
 
     def simulate(self, motion: Motion | JoinedMotions) -> np.ndarray:
-        """Free-run simulation of what the sensor of the motion reads, shape (samples,)."""
+        """Simulate the reading of the motion's sensor, shape (samples,)."""
         parts = motion.parts if isinstance(motion, JoinedMotions) else (motion,)
         zeros = self.zeros if len(self.zeros) == len(parts) else [self.zero] * len(parts)
         return np.concatenate(
@@ -236,7 +221,7 @@ class ForwardFit(joint_fit.Fit):
         )
 
     def sensitivities(self, data: FitData) -> np.ndarray:
-        """Derivatives of the whitened simulation by linear parameters, logarithms of nonlinear ones, and the zeros."""
+        """Differentiate the whitened simulation by linear parameters, logarithms of nonlinear ones, and the zeros."""
         slopes = self.structure.sensitivities(data.motion, self.linear, self.nonlinear, self.zero)
         return data.whiten(np.column_stack([slopes, data.zeros]))
 
@@ -255,44 +240,42 @@ def fit_by_simulation(
     """
     data = experiment.training
     signs = np.array(structure.signs, dtype=int)
-    size = np.where(linear != 0, np.abs(linear), _AT_ZERO * (np.abs(linear).max(initial=0.0) or 1.0))
+    size = np.where(linear != 0, np.abs(linear), _ZERO_SIZE * (np.abs(linear).max(initial=0.0) or 1.0))
     extent = float(np.std(data.force))
     count, shapes, zeros = len(linear), len(nonlinear), data.zeros.shape[1]
-    low, high = joint_fit.shape_bounds(structure, data, nonlinear) if shapes else (np.zeros(0), np.zeros(0))
-    room = (high / low) ** _OFF_BOUND if shapes else 1.0
-    nonlinear = np.clip(nonlinear, low * room, high / room)
-    lower = np.concatenate(
-        [np.where(signs > 0, 0.0, -np.inf), joint_fit.to_log_ratio(low, nonlinear), np.full(zeros, -np.inf)]
-    )
-    upper = np.concatenate(
-        [np.where(signs < 0, 0.0, np.inf), joint_fit.to_log_ratio(high, nonlinear), np.full(zeros, np.inf)]
-    )
+    low = high = np.zeros(0)
+    if shapes:
+        low, high = joint_fit.shape_bounds(structure, data, nonlinear)
+        margin = (high / low) ** _BOUND_MARGIN
+        nonlinear = np.clip(nonlinear, low * margin, high / margin)
+
+    free = np.full(zeros, np.inf)
+    lower = np.concatenate([np.where(signs > 0, 0.0, -np.inf), joint_fit.to_log_ratio(low, nonlinear), -free])
+    upper = np.concatenate([np.where(signs < 0, 0.0, np.inf), joint_fit.to_log_ratio(high, nonlinear), free])
     start = np.concatenate([linear / size, np.ones(shapes), np.full(zeros, zero / extent)])
     start = np.clip(start, lower + 1e-9, upper - 1e-9)
 
-    def trial(vector) -> ForwardFit:
-        return ForwardFit(
-            structure, vector[:count] * size, joint_fit.from_log_ratio(vector[count : count + shapes], nonlinear), np.inf, True,
-            vector[count + shapes :] * extent,
-        )  # fmt: skip
+    def fit_at(vector, squared_error: float = np.inf, converged: bool = True) -> ForwardFit:
+        shape = joint_fit.from_log_ratio(vector[count : count + shapes], nonlinear)
+        zero = vector[count + shapes :] * extent
+        return ForwardFit(structure, vector[:count] * size, shape, squared_error, converged, zero)
 
     @lru_cache(maxsize=1)
     def error_of(numbers: bytes) -> np.ndarray:
-        errors = trial(np.frombuffer(numbers)).whitened_errors(data) / extent
+        errors = fit_at(np.frombuffer(numbers)).whitened_errors(data) / extent
         # The error of a failed simulation is larger than any other.
-        return errors if np.isfinite(errors).all() else np.full(len(errors), _LOST)
+        return errors if np.isfinite(errors).all() else np.full(len(errors), _FAILED_ERROR)
 
     def jacobian(vector):
-        slopes = trial(vector).sensitivities(data)
+        slopes = fit_at(vector).sensitivities(data)
         scale = np.concatenate([size, np.ones(shapes), np.full(zeros, extent)]) / extent
         return np.where(np.isfinite(slopes), slopes, 0.0) * scale
 
-    found = scipy.optimize.least_squares(
+    result = scipy.optimize.least_squares(
         lambda vector: error_of(vector.tobytes()), start, jac=jacobian, bounds=(lower, upper), x_scale="jac",
         xtol=1e-6, ftol=1e-7, gtol=1e-15, max_nfev=evaluations,
     )  # fmt: skip
-    squared_error, converged = 2 * float(found.cost) * extent**2, bool(found.status > 0)
-    return evaluate(replace(trial(found.x), squared_error=squared_error, converged=converged), experiment)
+    return evaluate(fit_at(result.x, 2 * float(result.cost) * extent**2, bool(result.status > 0)), experiment)
 
 
 def resume_fit(experiment: Experiment, model: Candidate, evaluations: int = EVALUATIONS) -> Candidate:
@@ -311,28 +294,29 @@ def choose_forward_base(experiment: Experiment, name: str) -> Candidate:
     """
     if name != CHOSEN_BY_DATA:
         if BASES[name].contact or BASES[name].system != "tissue":
-            known = ", ".join(FORWARD_BASES)
-            raise InputError(f"base {name}: records with the force as input know the bases {known}")
+            raise InputError(
+                f"base {name} is not available with the force as input. Use one of {', '.join(FORWARD_BASES)}."
+            )
         return simulate_base(experiment, BASES[name])
     # All are weighted by the response of the first, which has all elements of the others but a second relaxation.
     first = BASES[FORWARD_BASES[0]]
-    seen = with_motion_as_input(experiment, response_of(first, *fit_with_motion_as_input(experiment, first)))
-    ranked = sorted(FORWARD_BASES, key=lambda name: fit_base(BASES[name], seen).score)
-    found = [simulate_base(experiment, BASES[name]) for name in ranked[:_SIMULATED]]
-    return min(found, key=lambda item: item.score if np.isfinite(item.score) else np.inf)
+    inverse = to_inverse_problem(experiment, response_of(first, *fit_inverse_problem(experiment, first)))
+    ranked = sorted(FORWARD_BASES, key=lambda name: fit_base(BASES[name], inverse).score)
+    fits = [simulate_base(experiment, BASES[name]) for name in ranked[:_SIMULATED]]
+    return min(fits, key=lambda item: item.score if np.isfinite(item.score) else np.inf)
 
 
 def simulate_base(experiment: Experiment, base: Base) -> Candidate:
     """Fit a base with the motion as input, and from there by simulation."""
-    return fit_by_simulation(experiment, ForwardStructure(base), *fit_with_motion_as_input(experiment, base))
+    return fit_by_simulation(experiment, ForwardStructure(base), *fit_inverse_problem(experiment, base))
 
 
-def better_base(model: Candidate, seen: Experiment) -> Base | None:
-    """Return the base that explains the records better with the same effects and the motion as input, or None.
+def better_base(model: Candidate, inverse: Experiment) -> Base | None:
+    """Return a base that explains the records better with the same effects in the inverse problem, or None.
 
     A missing effect may have been mistaken for a relaxation or a mass.
     """
-    own = model.fit.structure.base
-    bases = [own, *(BASES[name] for name in FORWARD_BASES if name != own.name)]
-    best = min(bases, key=lambda base: exchange_base(model, base, seen).score)
-    return None if best is own else best
+    present = model.fit.structure.base
+    bases = [present, *(BASES[name] for name in FORWARD_BASES if name != present.name)]
+    best = min(bases, key=lambda base: exchange_base(model, base, inverse).score)
+    return None if best is present else best

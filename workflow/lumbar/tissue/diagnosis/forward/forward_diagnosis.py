@@ -21,7 +21,7 @@ from lumbar.tissue.diagnosis.forward.forward_base import (
     resume_fit,
     shorten,
     simulate_base,
-    with_motion_as_input,
+    to_inverse_problem,
 )
 from lumbar.tissue.diagnosis.forward.sensor import sensor_candidates
 from lumbar.tissue.diagnosis.selection.alternatives import linear_alternative, report_offsets
@@ -35,7 +35,7 @@ from lumbar.tissue.diagnosis.selection.candidate import (
 from lumbar.tissue.diagnosis.selection.forward_selection import Selection, after_selection, find_ties
 from lumbar.tissue.diagnosis.selection.result import DiagnosisState, Status
 from lumbar.tissue.diagnosis.selection.thresholds import TIED, UNSEEN
-from lumbar.tissue.effects.catalogue import MOTION_SENSOR, with_forms_that
+from lumbar.tissue.effects.catalogue import MOTION_SENSOR, filter_forms
 from lumbar.tissue.models.bases import CHOSEN_BY_DATA, Base
 from lumbar.tissue.models.driven_motion import can_be_simulated
 from lumbar.tissue.models.form import Effect, Form
@@ -43,27 +43,24 @@ from lumbar.tissue.models.structure import ForwardStructure
 
 _RIVALS = 5
 """Number of sets of effects that are simulated in addition to those named."""
-_LEAST_EXPLAINED = 0.05
-"""Smallest share of the motion's variance that a base must explain if effects are to be searched."""
-_POLISHED = 4
+_MIN_EXPLAINED = 0.05
+"""Share of the motion's variance that a base must explain if effects are to be searched."""
+_FINAL_EVALUATIONS = 4
 """Largest number of evaluations of the error on whole records, from the fit to their beginning."""
 
 
 def estimate_motion_noise(state: DiagnosisState) -> DiagnosisState:
     """Prepare records with the force as input, and estimate the noise of the motion."""
     experiment = prepare_forward(state.records, state.settings)
-    floor = experiment.floor
-    noise = (
-        f"{floor.rms:.3g} {experiment.output_unit} from {floor.periods} periods"
-        if floor
-        else "unknown: no record repeats"
-    )
+    noise, floor = "unknown: no record repeats", experiment.floor
+    if floor:
+        noise = f"{floor.rms:.3g} {experiment.output_unit} from {floor.periods} periods"
     return state.next("estimate the noise floor", noise, prepared=experiment)
 
 
 def choose_simulated_base(state: DiagnosisState) -> DiagnosisState:
     """Choose the base on the beginning of long records; ignore the colour of the noise if the error is far above it."""
-    prepared, base = _with_base(state.prepared, state.settings)
+    prepared, base = _prepare_base(state.prepared, state.settings)
     experiment = shorten(prepared)
     reason = f"{base.fit.structure.base.name}: error {base.test_rms:.4g} {experiment.output_unit} unseen"
     return state.next(
@@ -75,18 +72,17 @@ def select_by_simulation(state: DiagnosisState) -> DiagnosisState:
     """Select effects with the motion as input; keep what simulation from force to motion confirms."""
     experiment, base, data = state.result.experiment, state.result.base, state.result.experiment.training
     model = base.fit.structure.base
-    if state.inverse is None and base.train_rms**2 > (1 - _LEAST_EXPLAINED) * float(
-        np.var(data.trim(data.force))
-    ):
-        # The motion hardly follows the force: no effect can be searched with a response that does not exist.
+    variance = float(np.var(data.trim(data.force)))
+    if state.inverse is None and base.train_rms**2 > (1 - _MIN_EXPLAINED) * variance:
+        # The motion hardly follows the force: without a response no effect can be searched.
         return after_selection(state, Confirmation(experiment, base, state.settings))
     usable = replace(state.settings, catalogue=forward_catalogue(state.settings.searched, model, data))
     response = response_of(model, base.fit.linear, base.fit.nonlinear)
-    inverse = with_motion_as_input(experiment, response)
+    inverse = to_inverse_problem(experiment, response)
     search = Selection(inverse, fit_base(model, inverse), usable)
     named = search.fitted_path()
     rivals = [*search.ties(named[-1]), *search.best_sets(named[-1])]
-    # A constant force moves what it acts on by the static response.
+    # A constant force shifts the motion by the static response.
     static = float(response(np.zeros(1))[0].real)
     selection = Confirmation(experiment, base, usable, named[1:], rivals, zero_factor=-static)
     return after_selection(state, selection, inverse=inverse)
@@ -110,7 +106,7 @@ def fit_whole_records(state: DiagnosisState) -> DiagnosisState:
     step, experiment = "fit whole records", state.prepared
     if state.result.experiment is experiment:
         return state.next(step, "not needed: the search has used whole records")
-    base = resume_fit(experiment, state.result.base, _POLISHED)
+    base = resume_fit(experiment, state.result.base, _FINAL_EVALUATIONS)
     model, data = base.fit.structure.base, experiment.training
     usable = replace(state.settings, catalogue=forward_catalogue(state.settings.searched, model, data))
     rivals = [
@@ -119,12 +115,13 @@ def fit_whole_records(state: DiagnosisState) -> DiagnosisState:
         if set(item.candidate.effects) != set(state.result.selected)
     ]
     named = [*state.result.path[1:], *state.result.tied_with, *rivals[:1]]
-    selection = Confirmation(experiment, base, usable, named, evaluations=_POLISHED)
+    selection = Confirmation(experiment, base, usable, named)
+    selection.evaluations = _FINAL_EVALUATIONS
     return find_ties(after_selection(state, selection, step))
 
 
 def check_motion_sensor(state: DiagnosisState) -> DiagnosisState:
-    """Check whether linear dynamics with a sensor that is not linear explain all records better than all that was tried."""
+    """Select linear dynamics with a nonlinear sensor if they explain all records better than every model tried before."""
     step, experiment = "check the motion sensor", state.result.experiment
     if is_adequate(state.result.model, experiment):
         return state.next(step, "not needed: the model leaves only noise")
@@ -137,9 +134,10 @@ def check_motion_sensor(state: DiagnosisState) -> DiagnosisState:
             continue
         judge.tried = [after]
         share = judge.share_removed(after)
+        error = f"{after.test_rms:.4g} {experiment.output_unit} unseen"
         return state.next(
             step,
-            f"{after.effects[-1]} of the sensor and linear dynamics leave {after.test_rms:.4g} {experiment.output_unit} unseen",
+            f"{after.effects[-1]} of the sensor and linear dynamics leave {error}",
             base=before,
             status=judge.status(after, [], share),
             path=[before, after],
@@ -160,15 +158,15 @@ def compare_motion_with_linear_dynamics(state: DiagnosisState) -> DiagnosisState
     if alternative is None:
         return state.next(step, "linear dynamics of higher order do not explain the records better")
     dynamics, finding = alternative
-    errors = f"{dynamics.test_rms:.4g} {state.prepared.output_unit} unseen, the model {state.result.model.test_rms:.4g}"
-    reason = f"linear dynamics explain more: {errors}"
+    error = f"{dynamics.test_rms:.4g} {state.prepared.output_unit}"
+    reason = f"linear dynamics explain more: {error} unseen, the model {state.result.model.test_rms:.4g}"
     unexplained = {"status": Status.UNEXPLAINED, "refined_status": Status.UNEXPLAINED, "tied_with": []}
     return state.next(step, reason, finding, **unexplained)
 
 
 def report_motion_offset(state: DiagnosisState) -> DiagnosisState:
     """Report where the zero of the motion's sensor is, if that matters."""
-    findings = [replace(item, kind="motion_offset") for item in report_offsets(state.result)]
+    findings = [replace(item, kind="motion_offset") for item in report_offsets(state)]
     reason = "the zero is not where the records say" if findings else "the zero is where the records say"
     return state.next("report zeros", reason, *findings, is_searched_further=False)
 
@@ -186,8 +184,8 @@ FORWARD_STEPS = (
 )
 
 
-def _with_base(experiment: Experiment, settings: DiagnosisSettings) -> tuple[Experiment, Candidate]:
-    """Return records with the weighting that they need, and the base of the settings or of their beginning."""
+def _prepare_base(experiment: Experiment, settings: DiagnosisSettings) -> tuple[Experiment, Candidate]:
+    """Return records without whitening if the error dwarfs the noise, and the base of the settings or the best one."""
     base = choose_forward_base(shorten(experiment), settings.base)
     if experiment.error_dwarfs_noise(base.train_rms):
         experiment = experiment.drop_whitening()
@@ -199,29 +197,30 @@ def forward_catalogue(catalogue: dict[str, Effect], base: Base, data: FitData) -
     """Return the effects that can be simulated from force to motion and that the base does not contain, scaled to the data."""
     known = set(base.form.parsed_equation.columns)
 
-    def new(form: Form) -> bool:
+    def is_usable(form: Form) -> bool:
         return can_be_simulated(form) and not known >= set(form.parsed_equation.columns)
 
-    return with_forms_that(catalogue, new, data.scale)
+    return filter_forms(catalogue, is_usable, data.scale)
 
 
 class Confirmation(Selection):
-    """Selection by simulation, of what the search with the motion as input has named.
+    """Selection by simulation among the models that the inverse problem has named.
 
     Parameters
     ----------
     experiment : Experiment
         Forward records.
     base : Candidate
-        Simulated on them.
+        Base fitted by simulation.
     settings : DiagnosisSettings
     named, rivals : sequence of Candidate
         Models that were named, and others.
     zero_factor : float
         Ratio of the zero of the motion's sensor to the zero of their fits.
-    evaluations : int
-        Of the error, at most, to fit one of them.
     """
+
+    evaluations: int = EVALUATIONS
+    """Largest number of evaluations of the error to fit one model."""
 
     def __init__(
         self,
@@ -231,17 +230,13 @@ class Confirmation(Selection):
         named: Sequence[Candidate] = (),
         rivals: Sequence[Candidate] = (),
         zero_factor: float = 1.0,
-        evaluations: int = EVALUATIONS,
     ):
         super().__init__(experiment, base, settings, singles=[])
-        self.named = named
-        self.rivals = rivals
-        self.zero_factor = zero_factor
-        self.evaluations = evaluations
+        self.named, self.rivals, self.zero_factor = named, rivals, zero_factor
 
     @cached_property
     def selected_path(self) -> list[Candidate]:
-        """Simulate what was named, and its rivals; return the path to larger and larger sets that pass, the best of each size."""
+        """Path to larger and larger simulated sets of effects that pass, the best of each size."""
         self.simulate(self.named)
         rivals = self.rivals
         best = min([self.base, *self.tried], key=lambda item: item.score)
@@ -250,75 +245,85 @@ class Confirmation(Selection):
             rivals = [item for item in rivals if len(item.effects) <= len(best.effects)]
         self.simulate(rivals[:_RIVALS])
         path = [self.base]
-        while larger := [item for item in self.tried if self.follows(path[-1], item)]:
+        while larger := [item for item in self.tried if self.may_follow(path[-1], item)]:
             path.append(min(larger, key=lambda item: (len(item.effects), item.score)))
         return path
 
     def simulate(self, models: Sequence[Candidate]) -> None:
-        """Fit models by their simulation, each set of forms once."""
+        """Fit models by simulation, each set of forms a single time."""
         known = {item.fit.structure.forms for item in self.tried}
         for item in models:
             structure = ForwardStructure(self.base.fit.structure.base, item.fit.structure.forms)
             if structure.forms and structure.forms not in known:
                 known.add(structure.forms)
                 start = item.fit.linear, item.fit.nonlinear, self.zero_factor * item.fit.zero
-                found = fit_by_simulation(self.experiment, structure, *start, self.evaluations)
-                if np.isfinite(found.score):
-                    self.tried.append(found)
+                fit = fit_by_simulation(self.experiment, structure, *start, self.evaluations)
+                if np.isfinite(fit.score):
+                    self.tried.append(fit)
 
     def continue_fit(self, model: Candidate) -> Candidate:
         """Continue the fit of a model by simulation."""
         return resume_fit(self.experiment, model, self.evaluations)
 
-    def follows(self, before: Candidate, after: Candidate) -> bool:
+    def may_follow(self, before: Candidate, after: Candidate) -> bool:
         """Return whether a larger set may be selected after another one."""
-        may = self.passes if before is self.base else self.is_further
-        return set(after.effects) > set(before.effects) and may(before, after)
+        passes = self.passes if before is self.base else self.is_further
+        return set(after.effects) > set(before.effects) and passes(before, after)
 
     def further(self, model: Candidate) -> Candidate | None:
-        """Return None: no set beyond those of the search is simulated."""
+        """Return None: only the sets of the search are simulated."""
         return None
 
 
 def refine_forward(
     records: list[Record], effects: dict[str, Effect], settings: DiagnosisSettings
 ) -> tuple[Experiment, list[Candidate]]:
-    """Add effects in the order given, each in the form that fits best with the motion as input, all refitted by simulation.
+    """Add effects in the given order, each in the form that fits best in the inverse problem, and fit by simulation.
 
-    The records have the force as channel ``input`` and the motion as ``output``. The candidates are the path: base,
-    base and first effect, ….
+    Parameters
+    ----------
+    records : list of Record
+        Records with the force as channel ``input`` and the motion as ``output``.
+    effects : dict of str to Effect
+        Effects by name.
+    settings : DiagnosisSettings
+
+    Returns
+    -------
+    Experiment, list of Candidate
+        The prepared records and the path: base, base with the first effect, ….
 
     Raises
     ------
     InputError
-        For an effect that cannot be simulated from force to motion, or that the base has itself.
+        For an effect that cannot be simulated from force to motion, or that the base contains.
     NumericalError
         If an effect makes the model worse.
     """
-    experiment, base = _with_base(prepare_forward(records, settings), settings)
+    experiment, base = _prepare_base(prepare_forward(records, settings), settings)
     model = base.fit.structure.base
     usable = forward_catalogue(effects, model, experiment.training)
     for name in effects:
         if name not in usable:
             known = ", ".join(forward_catalogue(settings.candidates, model, experiment.training))
             raise InputError(
-                f"{name}: it cannot be added to {model.name} from force to motion; those that can are {known}"
+                f"{name}: it cannot be added to {model.name} from force to motion. Use one of {known}."
             )
     short = shorten(experiment)
-    seen = with_motion_as_input(short, response_of(model, base.fit.linear, base.fit.nonlinear))
-    inverse = fit_base(model, seen)
+    inverse = to_inverse_problem(short, response_of(model, base.fit.linear, base.fit.nonlinear))
+    searched = fit_base(model, inverse)
     path = [base if short is experiment else resume_fit(experiment, base)]
     for effect in usable.values():
-        added = [add_form(inverse, form, seen) for form in effect.forms]
-        inverse = min(added, key=lambda item: item.score)
-        structure = ForwardStructure(model, inverse.fit.structure.forms)
-        start = inverse.fit.linear, inverse.fit.nonlinear, path[-1].fit.zero
-        found = fit_by_simulation(short, structure, *start)
-        found = found if short is experiment else resume_fit(experiment, found)
-        if found.fit.squared_error > path[-1].fit.squared_error * (1 + 1e-6):
+        added = [add_form(searched, form, inverse) for form in effect.forms]
+        searched = min(added, key=lambda item: item.score)
+        structure = ForwardStructure(model, searched.fit.structure.forms)
+        start = searched.fit.linear, searched.fit.nonlinear, path[-1].fit.zero
+        fitted = fit_by_simulation(short, structure, *start)
+        fitted = fitted if short is experiment else resume_fit(experiment, fitted)
+        if fitted.fit.squared_error > path[-1].fit.squared_error * (1 + 1e-6):
             raise NumericalError(
-                f"{effect.name}: added, it raises the error on {experiment.training.name} from {path[-1].train_rms:.4g} to "
-                f"{found.train_rms:.4g} {experiment.output_unit}; leave it out"
+                f"{effect.name} raises the error on {experiment.training.name} from {path[-1].train_rms:.4g} to "
+                f"{fitted.train_rms:.4g} {experiment.output_unit}. Leave it out."
             )
-        path.append(found)
+        path.append(fitted)
     return experiment, path

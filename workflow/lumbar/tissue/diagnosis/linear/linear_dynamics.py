@@ -211,7 +211,9 @@ def _fit_from(data: FitData, held: bool, starts: list[Poles], kind: str = "ratio
     fast = 10 * fast
     pairs = [(0.1 * slow, 10 * fast), (slow**2, fast**2)] * len(start.poles.sections)
     bounds = np.array([*delay, *pairs, *[(slow, fast)] * len(start.poles.rates)]).reshape(-1, 2)
-    low, high = (to_log_ratio(bound, first) for bound in (bounds[:, 0] * (1 - 1e-9), bounds[:, 1] * (1 + 1e-9)))
+    low, high = (
+        to_log_ratio(bound, first) for bound in (bounds[:, 0] * (1 - 1e-9), bounds[:, 1] * (1 + 1e-9))
+    )
     unit = float(np.linalg.norm(force)) or 1.0
 
     def poles_at(values):

@@ -28,7 +28,7 @@ from lumbar.tissue.diagnosis.selection.forward_selection import (
 )
 from lumbar.tissue.diagnosis.selection.result import DiagnosisState, Status
 from lumbar.tissue.diagnosis.selection.thresholds import UNSEEN
-from lumbar.tissue.effects.catalogue import with_forms_that
+from lumbar.tissue.effects.catalogue import filter_forms
 from lumbar.tissue.models.bases import BASES, CHOSEN_BY_DATA, Base
 from lumbar.tissue.models.motion import Motion
 
@@ -51,7 +51,7 @@ def prepare_points(state: DiagnosisState) -> DiagnosisState:
         If tables with and without a clock are mixed, a table has few points, or the base is not one of a static test.
     """
     experiment = experiment_of_points(state.records, state.settings)
-    catalogue = with_forms_that(
+    catalogue = filter_forms(
         state.settings.candidates, lambda form: form.is_static, experiment.training.scale
     )
     is_held_back = experiment.tests[0].name == experiment.training.records[0].name

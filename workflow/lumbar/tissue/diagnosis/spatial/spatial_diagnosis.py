@@ -108,7 +108,9 @@ def select_in_space(state: DiagnosisState) -> DiagnosisState:
 def free_axes(state: DiagnosisState) -> DiagnosisState:
     """Fit the principal axes together with the other parameters."""
     path = [refit_axes(item, state.result.experiment, free=True) for item in state.result.path]
-    reason = f"error {path[-1].test_rms:.4g} {state.result.experiment.output_unit} unseen with the axes fitted too"
+    reason = (
+        f"error {path[-1].test_rms:.4g} {state.result.experiment.output_unit} unseen with the axes fitted too"
+    )
     return state.next("fit the axes", reason, base=path[0], path=path)
 
 

@@ -170,7 +170,10 @@ def exchanged_channels(
     prepare_unrepaired = next(iter(left.values()))
     best = min(left, key=lambda reading: left[reading])
     least = power - float(np.trace(along @ np.linalg.lstsq(moved, along.T, rcond=None)[0]))
-    better = left[best] <= _MAX_ERROR_RATIO * prepare_unrepaired and prepare_unrepaired - left[best] >= _MIN_GAIN * power
+    better = (
+        left[best] <= _MAX_ERROR_RATIO * prepare_unrepaired
+        and prepare_unrepaired - left[best] >= _MIN_GAIN * power
+    )
     if not better or left[best] > least + _SYMMETRY_TOLERANCE * power:
         return None
     force, explained = experiment.output_quantity, 100 * (1 - left[best] / power)
