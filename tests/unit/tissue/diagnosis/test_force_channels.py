@@ -10,9 +10,10 @@ import yaml
 from lumbar.base.errors import InputError
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.selection.diagnose import diagnose
-from lumbar.tissue.diagnosis.spatial.spatial_data import prepare
+from lumbar.tissue.diagnosis.spatial.location_in_space import cells, directions
+from lumbar.tissue.diagnosis.spatial.spatial_data import axis_floors, prepare
 from lumbar.tissue.diagnosis.spatial.spatial_findings import exchanged_channels
-from space_records import FRICTION, POSITION, STIFFNESS, record, record_of, white
+from space_records import FRICTION, NOISE, POSITION, STIFFNESS, record, record_of, white
 
 TURNED = np.array([[0.9, -0.4, 0.2], [-0.4, 0.5, 0.1], [0.2, 0.1, 0.3]])
 """Stiffness beside the spring's, positive with it, in no frame of the axes."""
@@ -66,3 +67,24 @@ def test_a_channel_that_is_dead_is_named():
     dead = replace(item.with_values(output_z=np.zeros(len(item))), name="bench")
     with pytest.raises(InputError, match="bench: the force along z is 0 N throughout"):
         diagnose([dead], DiagnosisSettings())
+
+
+def test_cells_of_directions_have_one_size_and_contain_their_centres():
+    for axes in (2, 3):
+        centres = directions(axes)
+        assert cells(centres.T).tolist() == list(range(len(centres)))
+        drawn = np.random.default_rng(0).standard_normal((axes, 200_000))
+        shares = np.bincount(cells(drawn), minlength=len(centres)) / 200_000
+        assert shares == pytest.approx(1 / len(centres), rel=0.1)
+
+
+def test_noise_floor_of_axes_with_different_periods_and_of_a_resting_axis():
+    time, random = 0.01 * np.arange(6000), np.random.default_rng(3)
+    # Two axes repeat after 4 and 5 s, both after 20 s; the third is held, and its encoder has noise.
+    position = np.stack(
+        [np.sin(np.pi * time / 2), np.sin(0.4 * np.pi * time), 0.001 * random.normal(size=6000)]
+    )
+    force = 0.5 * position + NOISE * random.normal(size=position.shape)
+    floors = axis_floors(record_of("orbits", time, position, force, "xyz"))
+    assert [floor.period for floor in floors] == pytest.approx([20.0] * 3)
+    assert [floor.rms for floor in floors] == pytest.approx([NOISE] * 3, rel=0.1)

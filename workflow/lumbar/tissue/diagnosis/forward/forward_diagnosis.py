@@ -166,7 +166,7 @@ def compare_motion_with_linear_dynamics(state: DiagnosisState) -> DiagnosisState
 
 def report_motion_offset(state: DiagnosisState) -> DiagnosisState:
     """Report where the zero of the motion's sensor is, if that matters."""
-    findings = [replace(item, kind="motion_offset") for item in report_offsets(state)]
+    findings = [replace(item, kind="motion_offset") for item in report_offsets(state.result)]
     reason = "the zero is not where the records say" if findings else "the zero is where the records say"
     return state.next("report zeros", reason, *findings, is_searched_further=False)
 

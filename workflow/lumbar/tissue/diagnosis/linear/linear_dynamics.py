@@ -18,7 +18,7 @@ import scipy
 
 from lumbar.records.record import Channel, Record
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData, FreeRun, decimate
-from lumbar.tissue.diagnosis.fitting.joint_fit import Fit, to_log_ratio, solve_linear, from_log_ratio
+from lumbar.tissue.diagnosis.fitting.joint_fit import Fit, from_log_ratio, solve_linear, to_log_ratio
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.linear.poles import Poles, forces, relocate_poles, slope_forces
 from lumbar.tissue.diagnosis.noise.periods import MIN_FULL_PERIODS, fold_periods

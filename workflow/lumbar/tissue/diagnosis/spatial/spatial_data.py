@@ -13,9 +13,9 @@ from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData, JointData
 from lumbar.tissue.diagnosis.fitting.preparation import (
     Experiment,
+    assemble_experiment,
     check_unseen,
     choose_training,
-    assemble_experiment,
     resting_position,
     settling_samples,
 )

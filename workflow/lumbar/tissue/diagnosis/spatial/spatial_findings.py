@@ -167,12 +167,12 @@ def exchanged_channels(
         )
         for reading in readings
     }
-    prepare_unrepaired = next(iter(left.values()))
+    recorded_power = next(iter(left.values()))
     best = min(left, key=lambda reading: left[reading])
     least = power - float(np.trace(along @ np.linalg.lstsq(moved, along.T, rcond=None)[0]))
     better = (
-        left[best] <= _MAX_ERROR_RATIO * prepare_unrepaired
-        and prepare_unrepaired - left[best] >= _MIN_GAIN * power
+        left[best] <= _MAX_ERROR_RATIO * recorded_power
+        and recorded_power - left[best] >= _MIN_GAIN * power
     )
     if not better or left[best] > least + _SYMMETRY_TOLERANCE * power:
         return None
@@ -189,8 +189,8 @@ def exchanged_channels(
     sentence = (
         f"The channels of the {force} do not seem to be those of the position's axes: {reading} of the file. With this "
         f"assignment, a spring and a dashpot explain {explained:.3g} % of the {force}, as recorded "
-        f"{100 * (1 - prepare_unrepaired / power):.3g} %: the stiffness and the viscosity of a tissue at rest are symmetric and never "
-        "negative. No effect was searched; if this assignment is right, put this into the study's YAML:\n"
+        f"{100 * (1 - recorded_power / power):.3g} %: the stiffness and the viscosity of a tissue at rest are symmetric and "
+        "never negative. No effect was searched; if this assignment is right, put this into the study's YAML:\n"
         f"{columns_yaml(**columns)}"
     )
     return Finding("force_channels", sentence, explained, "%")
