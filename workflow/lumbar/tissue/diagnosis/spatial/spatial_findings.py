@@ -171,8 +171,7 @@ def exchanged_channels(
     best = min(left, key=lambda reading: left[reading])
     least = power - float(np.trace(along @ np.linalg.lstsq(moved, along.T, rcond=None)[0]))
     better = (
-        left[best] <= _MAX_ERROR_RATIO * recorded_power
-        and recorded_power - left[best] >= _MIN_GAIN * power
+        left[best] <= _MAX_ERROR_RATIO * recorded_power and recorded_power - left[best] >= _MIN_GAIN * power
     )
     if not better or left[best] > least + _SYMMETRY_TOLERANCE * power:
         return None
