@@ -101,7 +101,7 @@ def effects_page(system: str) -> str:
 def _scaled_constants(form: Form) -> str:
     """Return the values that a fit uses for constants that depend on its records."""
     return "".join(
-        f"; in a fit ${item.in_latex}$ is {item.value:g} × {_SCALES[item.scale]}"
+        f"; in a fit ${item.latex_symbol}$ is {item.value:g} × {_SCALES[item.scale]}"
         for item in form.constants
         if item.scale
     )
@@ -157,7 +157,7 @@ def _rows_of_forms(forms: Sequence[Form]) -> list[str]:
 def _rows(form: Form) -> list[str]:
     """Return the rows of a form's parameters, without the first cell and the bars at both ends."""
     rows = [
-        f"${item.in_latex}$ | `{item.name}` | {_unit(item.unit)} | {_SIGNS[item.sign]} | solved for"
+        f"${item.latex_symbol}$ | `{item.name}` | {_unit(item.unit)} | {_SIGNS[item.sign]} | solved for"
         for item in form.linear
     ]
     for item in form.nonlinear:
@@ -169,7 +169,7 @@ def _rows(form: Form) -> list[str]:
             if item.lines is not None
             else f"{low:.3g} to {high:.3g} × {scale}"
         )
-        rows.append(f"${item.in_latex}$ | `{item.name}` | {_unit(item.unit)} | {span} | {starts}")
+        rows.append(f"${item.latex_symbol}$ | `{item.name}` | {_unit(item.unit)} | {span} | {starts}")
     return rows
 
 

@@ -212,7 +212,7 @@ def _add_options(parser: Any, options: Sequence[str | Mapping], shared: Mapping[
                 parser.add_argument(*names.split(", "), **how | kind)
 
 
-def given_settings(options: argparse.Namespace) -> StudySettings:
+def read_settings(options: argparse.Namespace) -> StudySettings:
     """Return the settings of ``--config`` and ``--trust``; errors as in `lumbar.load_settings`."""
     if not options.config:
         from lumbar.settings.study_settings import StudySettings

@@ -1,13 +1,13 @@
 """Commands that bring models to a haptic device: ``lumbar render`` and ``export``."""
 
-from lumbar.cli.command import given_settings
+from lumbar.cli.command import read_settings
 
 
 def run_export(options) -> None:
     """Compile and pack the models."""
     from lumbar.interface.device import export_fmu
 
-    settings = given_settings(options)
+    settings = read_settings(options)
     made = export_fmu(
         options.models,
         options.output,
@@ -26,7 +26,7 @@ def run_render(options) -> None:
     """Print what each model does; write table and figures where a folder is given."""
     from lumbar.interface.device import render
 
-    settings = given_settings(options)
+    settings = read_settings(options)
     found = render(
         options.models,
         options.model,

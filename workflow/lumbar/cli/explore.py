@@ -13,7 +13,7 @@ from tempfile import TemporaryDirectory
 
 import lumbar
 from lumbar.base.errors import InputError
-from lumbar.cli.command import given_settings
+from lumbar.cli.command import read_settings
 from lumbar.cli.tissue import fit_arguments, fit_settings
 from lumbar.interface.lift_page import saved_lifts
 from lumbar.interface.reading import read_listed
@@ -87,7 +87,7 @@ def _index(options) -> tuple[Index, OwnDiagnosis]:
         place, results = target.resolve().name, target if (target / "run_config.yaml").is_file() else None
         folders = [page.parent for page in sorted(target.glob("improvement/*/diagnosis.html"))]
         sets = [ExploredSet(folder.name, None, EXPLORED, stored=StoredVerdict(folder)) for folder in folders]
-        settings, stability = fit_settings(options), given_settings(options).stability
+        settings, stability = fit_settings(options), read_settings(options).stability
         lifts = [ServedLift(folder, stability, options.data) for folder in saved_lifts(target)]
     else:
         options.folder, place = target, target.resolve().name

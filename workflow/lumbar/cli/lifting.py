@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from lumbar.base.errors import NumericalError
 from lumbar.base.files import read_json
-from lumbar.cli.command import given_settings
+from lumbar.cli.command import read_settings
 
 if TYPE_CHECKING:
     pass
@@ -25,7 +25,7 @@ def run_new_study(options) -> None:
 
 def run_lift(options) -> None:
     """Analyse a lift, write its pendulums, print its events, its measures and the checks of its centres of mass."""
-    study = given_settings(options)
+    study = read_settings(options)
     from lumbar.interface.lift import lift
     from lumbar.interface.movement import measure_movement
 
@@ -71,7 +71,7 @@ def run_basin(options) -> None:
     from lumbar.interface.lift_basins import basins
     from lumbar.lifting.stability.model.pendulum_trajectories import announcement
 
-    settings = given_settings(options)
+    settings = read_settings(options)
     facts = read_json(options.facts) if options.facts else None
     found = basins(options.states, facts=facts, settings=settings.stability, seed=settings.seed)
     found.save(options.output)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import lumbar
 from lumbar.base.errors import InputError, Problems
-from lumbar.cli.command import given_settings
+from lumbar.cli.command import read_settings
 from lumbar.interface.reading import is_column_file, is_marker_file
 from lumbar.settings.study_settings import StudySettings
 
@@ -34,7 +34,7 @@ def run_import(options) -> None:
 
 def run_check(options) -> None:
     """Check the files and print one line for each."""
-    settings = given_settings(options)
+    settings = read_settings(options)
     plan = [_reading(file, options.chapter, settings) for file in _files(options.paths)]
     from lumbar.lifting.quality.body import read_upright
     from lumbar.records.checking import check_recordings
@@ -91,7 +91,7 @@ def run_inspect(options) -> None:
         raise InputError(f"--picture draws one file; {len(options.files)} are given")
     if options.picture:
         check_picture(options.picture)
-    settings = given_settings(options).lifting if options.config else None
+    settings = read_settings(options).lifting if options.config else None
     problems, found = Problems("files"), []
     for file in options.files:
         try:

@@ -6,13 +6,13 @@ from typing import Any
 
 import lumbar
 from lumbar.base.errors import InputError
-from lumbar.cli.command import given_settings
+from lumbar.cli.command import read_settings
 from lumbar.settings.study_settings import StudySettings, record_layout
 
 
 def run_bandwidth(options) -> None:
     """Print the bandwidths; write them and the spectra if a folder is given."""
-    settings = given_settings(options)
+    settings = read_settings(options)
     surgeon = settings.surgeon
     trials = lumbar.read(options.folder, layout=surgeon.layout, rate=surgeon.rate_Hz)
     label = options.data or options.folder.name
@@ -24,7 +24,7 @@ def run_bandwidth(options) -> None:
 
 def run_signals(options) -> None:
     """Design the signals, check them against the machine, write them."""
-    settings = given_settings(options)
+    settings = read_settings(options)
     band = options.bandwidth if options.band is None else options.band
     result = lumbar.design_signals(band, settings=settings.signals, seed=settings.seed)
     result.save(options.output)
@@ -33,7 +33,7 @@ def run_signals(options) -> None:
 
 def run_identify(options) -> None:
     """Identify on one record, test on the others, write models.json and the tables, print the result."""
-    settings = given_settings(options)
+    settings = read_settings(options)
     records = lumbar.read(options.folder, layout=settings.tissue.layout, rate=settings.tissue.rate_Hz)
     train, label = options.train or max(records, key=len).name, options.data or options.folder.name
     result = lumbar.identify(records, train, settings=settings, source_label=label)
@@ -48,7 +48,7 @@ def run_identify(options) -> None:
 
 def fit_settings(options) -> StudySettings:
     """Return the settings of ``--config``, overridden by the options on the fit."""
-    settings = given_settings(options)
+    settings = read_settings(options)
     values = {name: getattr(options, name) for name in ("base", "train", "forward", "session")}
     given = {name: value for name, value in values.items() if value is not None}
     return settings.model_copy(update={"improvement": settings.improvement.model_copy(update=given)})
@@ -131,7 +131,7 @@ def run_propose(options) -> None:
 
 def run_survey(options) -> None:
     """Write tables, figures and survey.json, and print the overall tests."""
-    settings, label = given_settings(options), options.data or options.file.name
+    settings, label = read_settings(options), options.data or options.file.name
     result = lumbar.analyse_survey(
         options.file, settings=settings.survey, seed=settings.seed, source_label=label
     )

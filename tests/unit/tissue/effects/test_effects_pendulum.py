@@ -168,7 +168,7 @@ def test_channels_follow_the_motion():
     late = MOTION.delayed(0.05)
     assert np.allclose(late.channels["length"][100:], stretched(TIME[100:] - 0.05), atol=1e-4)
     assert late.channels["length"][0] == stretched(0.0)
-    assert MOTION.with_position(TIME).channels is CHANNELS
+    assert MOTION.replace_position(TIME).channels is CHANNELS
     assert MOTION.through(lambda motion: motion.position).channels is CHANNELS
     assert len(MOTION.beginning(300).channels["box_held"]) == len(MOTION.beginning(300)) == 300
 

@@ -11,7 +11,7 @@ from lumbar.tissue.effects.catalogue import TISSUE
 from lumbar.tissue.models.bases import BASES
 from lumbar.tissue.models.driven_motion import POINTS, ForceBalance, ForceDrive, can_be_simulated
 from lumbar.tissue.models.fitted_model import FittedModel
-from lumbar.tissue.models.measured_motion import MEASURED, for_base, with_smooth_angle
+from lumbar.tissue.models.measured_motion import MEASURED, for_base, smooth_angle
 from lumbar.tissue.models.model_data import FittedParameter, Port
 from lumbar.tissue.models.motion import Motion
 from lumbar.tissue.models.structure import ForwardStructure, Structure
@@ -246,8 +246,8 @@ def acceleration_error(item):
 )
 def test_smooth_angle_keeps_noise_out_of_acceleration(made, allowed):
     measured = record(**made)
-    assert acceleration_error(with_smooth_angle(measured)) < allowed
-    assert acceleration_error(with_smooth_angle(measured)) < 0.2 * acceleration_error(measured)
+    assert acceleration_error(smooth_angle(measured)) < allowed
+    assert acceleration_error(smooth_angle(measured)) < 0.2 * acceleration_error(measured)
 
 
 def test_angle_in_degrees_is_rejected():

@@ -137,7 +137,7 @@ def test_symbols_as_latex(symbol, expected):
 
 @pytest.mark.parametrize(
     ("text", "expected"),
-    cases(__file__, "in_latex"),
+    cases(__file__, "latex_symbol"),
 )
 def test_latex_keeps_the_brackets_that_count(text, expected):
     assert latex(parse(text), {}) == expected

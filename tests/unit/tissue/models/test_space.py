@@ -157,7 +157,7 @@ def test_held_base_keeps_its_frames():
     base, motion = _base(Symmetry.FULL), _motion(3)
     nonlinear = np.array([0.15, *np.exp([0.1, -0.2, 0.3, 0.0, 0.2, -0.1])])
     linear = np.arange(1.0, 7.0)
-    held = base.held(nonlinear)
+    held = base.freeze(nonlinear)
     assert [item.name for item in held.nonlinear] == ["relaxation_time"]
     before, after = _force(base, motion, linear, nonlinear), _force(held, motion, linear, nonlinear[:1])
     assert np.allclose(before, after, atol=1e-12)

@@ -306,7 +306,7 @@ class _Estimates:
             found.append(
                 FittedParameter(
                     item.name,
-                    item.in_latex,
+                    item.latex_symbol,
                     unit_of(item.unit, *units),
                     values[item.name],
                     float(low),

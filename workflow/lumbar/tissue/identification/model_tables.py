@@ -21,7 +21,7 @@ from lumbar.tissue.models.tissue_models import (
     MW,
     REFERENCES,
     TABLE_2_1,
-    in_words,
+    describe_network,
 )
 
 
@@ -33,7 +33,7 @@ def table_2_1(source_label: str, pictures: Sequence[str] = ()) -> Table:
     frame = pd.DataFrame(
         {
             "name": model.title,
-            "mechanical_analogue": in_words(model.network),
+            "mechanical_analogue": describe_network(model.network),
             "equation": model.equation,
             "parameter_definition": ", ".join(model.relations) or "–",
             "references": model.references,

@@ -207,7 +207,7 @@ class Equation:
     def latex(self) -> str:
         """The equation, those of its states, and its constants, in LaTeX."""
         names = {name: item.latex for name, item in SIGNALS.items() if item.latex}
-        names |= {item.symbol: item.in_latex for item in self.declared}
+        names |= {item.symbol: item.latex_symbol for item in self.declared}
         parts = [latex(parse(self.text), names)]
         parts += [rf"\dot {symbol_latex(name)} = {latex(parse(text), names)}" for name, text in self.states]
         parts += [rf"{symbol_latex(name)}(0) = {latex(parse(text), names)}" for name, text in self.starts]

@@ -13,8 +13,8 @@ from lumbar.records.record import Record
 from lumbar.tissue.models.bases import Base
 from lumbar.tissue.models.driven_motion import linearise
 from lumbar.tissue.models.form import Effect
-from lumbar.tissue.models.measured_motion import for_base, with_measured_motion
-from lumbar.tissue.models.model_data import ModelData, headline, in_html, in_text
+from lumbar.tissue.models.measured_motion import add_measured_motion, for_base
+from lumbar.tissue.models.model_data import ModelData, format_html, format_text, headline
 from lumbar.tissue.models.model_entry import checked_entry, entry_of
 from lumbar.tissue.models.motion import Motion, SpatialMotion
 from lumbar.tissue.models.structure import ForwardStructure, Structure
@@ -72,7 +72,7 @@ class FittedModel(ModelData):
         if isinstance(self.structure, Structure):
             linear, nonlinear = self._numbers(self.structure)
             if isinstance(self.structure, ForwardStructure):
-                force = Motion.of(with_measured_motion(record), offset=self.input.offset)
+                force = Motion.of(add_measured_motion(record), offset=self.input.offset)
                 forced = self.structure.simulate(force, linear, nonlinear, self.output.offset)
                 return forced + self.output.offset
             motion = Motion.of(for_base(record, self.structure.base), offset=self.input.offset)
@@ -195,11 +195,11 @@ class FittedModel(ModelData):
 
     def __str__(self) -> str:
         """Equation, parameters with intervals, scores."""
-        return in_text(self)
+        return format_text(self)
 
     def _repr_html_(self) -> str:
         """Equation, parameters and scores for a notebook."""
-        return in_html(self)
+        return format_html(self)
 
 
 SCHEMA = "lumbar.models/2"

@@ -26,14 +26,14 @@ _ORDER = 4
 _MAX_CUTOFF = 0.45  # cycles per sample; above it nothing is smoothed
 
 
-def with_measured_motion(record: Record) -> Record:
+def add_measured_motion(record: Record) -> Record:
     """Return the record with its filtered output as a further channel, from which a simulation estimates its start."""
     output = record.channels["output"]
-    filtered = replace(output, values=without_noise(output.values))
+    filtered = replace(output, values=remove_noise(output.values))
     return replace(record, channels={**record.channels, MEASURED: filtered})
 
 
-def without_noise(signal: np.ndarray) -> np.ndarray:
+def remove_noise(signal: np.ndarray) -> np.ndarray:
     """Return a signal without the frequencies that show only noise, by a zero-phase Butterworth filter.
 
     The highest quarter of the frequencies gives the level of the noise; a motion has little power there.
@@ -70,10 +70,10 @@ def for_base(record: Record, base: Base) -> Record:
             f"{record.source or record.name}: the angle reaches {largest:.3g} rad, more than a full turn; if it is in "
             "degrees, give its column scale: 0.0174533 in lifting.moment_layout"
         )
-    return with_smooth_angle(record)
+    return smooth_angle(record)
 
 
-def with_smooth_angle(record: Record) -> Record:
+def smooth_angle(record: Record) -> Record:
     """Return the record with its input smoothed by a spline, or unchanged if no spline improves it.
 
     The knots' distance is the one with the least generalised cross-validation error (Craven and Wahba, Numer. Math. 31

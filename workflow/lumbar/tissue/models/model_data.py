@@ -82,7 +82,7 @@ class MotionRange:
     highest_Hz: float
     """`lowest_Hz`, `highest_Hz`: band of 99 % of the position's power."""
 
-    def in_words(self, unit: str) -> str:
+    def describe(self, unit: str) -> str:
         """E.g. ``"-2 to 2 mm, to 12.6 mm/s, 0.1 to 5 Hz"``."""
         return (
             f"{self.lowest:.3g} to {self.highest:.3g} {unit}, to {self.speed:.3g} {unit}/s, "
@@ -183,7 +183,7 @@ class ModelData:
         """Linear and nonlinear parameters of the base or of an effect's form, in the part's own order."""
         owner = f"{part.effect}." if isinstance(part, Form) else ""
         linear = tuple(self[owner + item.name].value for item in part.linear)
-        return linear, tuple(item.counted(self[owner + item.name].value) for item in part.nonlinear)
+        return linear, tuple(item.encode(self[owner + item.name].value) for item in part.nonlinear)
 
 
 def headline(model: ModelData) -> str:
@@ -193,7 +193,7 @@ def headline(model: ModelData) -> str:
     return f"{model.name}, {model.estimator}{trained}" + ("" if vaf is None else f", VAF {vaf:.2f} %")
 
 
-def in_text(model: ModelData) -> str:
+def format_text(model: ModelData) -> str:
     """Return equation, parameters with intervals and scores as lines of plain text."""
     signals = (
         f"{model.input.quantity} in {model.input.unit} to {model.output.quantity} in {model.output.unit}"
@@ -209,7 +209,7 @@ def in_text(model: ModelData) -> str:
     return "\n".join([headline(model), f"{equation}, {signals}", *rows, *filter(None, notes)])
 
 
-def in_html(model: ModelData) -> str:
+def format_html(model: ModelData) -> str:
     """Return the same as HTML with the equations in LaTeX, as notebooks set them."""
     rows = "".join(
         f"<tr><td>{html.escape(item.key)}</td><td>${html.escape(item.symbol)}$</td>"

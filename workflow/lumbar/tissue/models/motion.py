@@ -205,16 +205,16 @@ class Motion:
         time = self.time[0] + step * np.arange(1 + (len(self) - 1) * SUBSTEPS)
         return Motion(time, self._spline(time), step, interpolation=self._spline)
 
-    def with_position(self, position: np.ndarray, between: np.ndarray | None = None) -> Motion:
+    def replace_position(self, position: np.ndarray, between: np.ndarray | None = None) -> Motion:
         """Motion with a position that is not smooth, on the same clock; `between` are its steps between the samples."""
         return Motion(self.time, position, self.sampling_time, False, self.channels, between)
 
     def through(self, moved: Callable[[Motion], np.ndarray]) -> Motion:
         """Motion whose position is what `moved` makes of it and which is not smooth; on the same clock."""
         if not self.smooth:
-            return self.with_position(moved(self))
+            return self.replace_position(moved(self))
         between = moved(self.finer)
-        return self.with_position(between[::SUBSTEPS], between)
+        return self.replace_position(between[::SUBSTEPS], between)
 
     def scale(self, kind: str) -> float:
         """Size of a quantity, for starting values: see `lumbar.tissue.models.parameter.NonlinearParameter`."""
@@ -264,13 +264,13 @@ class SampledMotion(Motion):
             for late in (whole, whole + 1)
         )
         length = len(self)
-        return self.with_position(newer[:length] + (samples - whole) * (older[:length] - newer[:length]))
+        return self.replace_position(newer[:length] + (samples - whole) * (older[:length] - newer[:length]))
 
     def through(self, moved: Callable[[Motion], np.ndarray]) -> SampledMotion:
         """Motion whose position is what `moved` makes of the samples, on the same clock."""
-        return self.with_position(moved(self))
+        return self.replace_position(moved(self))
 
-    def with_position(self, position: np.ndarray, between: np.ndarray | None = None) -> SampledMotion:
+    def replace_position(self, position: np.ndarray, between: np.ndarray | None = None) -> SampledMotion:
         """Motion with another position, on the same clock; a running loop knows nothing between the samples."""
         return SampledMotion(self.time, position, self.sampling_time)
 

@@ -30,7 +30,7 @@ class Parameter:
     """LaTeX; by default it follows from the symbol: ``F_c``."""
 
     @property
-    def in_latex(self) -> str:
+    def latex_symbol(self) -> str:
         """The symbol as LaTeX."""
         return self.latex or symbol_latex(self.symbol)
 
@@ -68,11 +68,11 @@ class NonlinearParameter(Parameter):
     decisive: bool = field(default=False, kw_only=True)
     """Whether a value at the end of its range means that the mechanism is absent, or is another one."""
 
-    def shown(self, counted: float) -> float:
+    def decode(self, counted: float) -> float:
         """Return its value, from the number that a fit searches."""
         return float(np.log(counted)) if self.signed else counted
 
-    def counted(self, value: float) -> float:
+    def encode(self, value: float) -> float:
         """Return the number that a fit searches, from its value."""
         return float(np.exp(value)) if self.signed else value
 
@@ -112,7 +112,7 @@ class Constant:
     """Whether the value replaces that of the catalogue: it is then written with a model."""
 
     @property
-    def in_latex(self) -> str:
+    def latex_symbol(self) -> str:
         """The symbol as LaTeX."""
         return self.latex or symbol_latex(self.symbol)
 

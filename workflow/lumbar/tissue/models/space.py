@@ -197,11 +197,11 @@ class SpatialBase:
         )
         return replace(self.base, form=form, spatial=self)
 
-    def held(self, nonlinear: np.ndarray) -> "SpatialBase":
+    def freeze(self, nonlinear: np.ndarray) -> "SpatialBase":
         """Return the base with its frames rotated by these parameters; a fit keeps them fixed."""
-        return self.at(self.frames_at(nonlinear), free=False)
+        return self.replace_frames(self.frames_at(nonlinear), free=False)
 
-    def at(self, frames: Sequence[np.ndarray], free: bool = True) -> "SpatialBase":
+    def replace_frames(self, frames: Sequence[np.ndarray], free: bool = True) -> "SpatialBase":
         """Return the base with other frames."""
         return replace(self, frames=tuple(tuple(frame.ravel().tolist()) for frame in frames), free=free)
 
@@ -332,7 +332,7 @@ class PlaneContact:
         )
         return replace(self.base, form=form, touching=self.touching, spatial=self)
 
-    def held(self, nonlinear: Sequence[float]) -> "PlaneContact":
+    def freeze(self, nonlinear: Sequence[float]) -> "PlaneContact":
         """Return the base with the plane moved by these parameters."""
         numbers = np.asarray(nonlinear)
         normal, depth = self.plane(numbers)

@@ -53,7 +53,7 @@ class Parallel:
 Network = Spring | Dashpot | Series | Parallel
 
 
-def in_words(network: Network) -> str:
+def describe_network(network: Network) -> str:
     """Put the network into words, e.g. ``"(spring k1 parallel to dashpot b) in series with spring k2"``."""
     match network:
         case Spring(symbol):
@@ -63,7 +63,9 @@ def in_words(network: Network) -> str:
         case Series(parts) | Parallel(parts):
             joint = " in series with " if isinstance(network, Series) else " parallel to "
             return joint.join(
-                f"({in_words(part)})" if isinstance(part, Series | Parallel) else in_words(part)
+                f"({describe_network(part)})"
+                if isinstance(part, Series | Parallel)
+                else describe_network(part)
                 for part in parts
             )
 
@@ -82,7 +84,7 @@ class Element(Parameter):
     """Its meaning."""
 
     @property
-    def in_latex(self) -> str:
+    def latex_symbol(self) -> str:
         """The name as LaTeX."""
         return symbol_latex(self.name)
 

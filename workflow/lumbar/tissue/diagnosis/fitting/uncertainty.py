@@ -73,14 +73,14 @@ def estimates(fit: Fit, data: FitData, input_unit: str, output_unit: str) -> lis
         low, high = value - deviation, value + deviation
         ends.append((max(low, 0.0) if item.sign > 0 else low, min(high, 0.0) if item.sign < 0 else high))
     shapes = deviations[len(fit.linear) : len(fit.linear) + len(fit.nonlinear)]
-    shown = [item.shown(value) for item, value in zip(structure.nonlinear, fit.nonlinear, strict=True)]
+    shown = [item.decode(value) for item, value in zip(structure.nonlinear, fit.nonlinear, strict=True)]
     for item, value, deviation in zip(structure.nonlinear, shown, shapes, strict=True):
         ends.append((value - deviation, value + deviation) if item.signed else _around(value, deviation))
     items, values = (*structure.linear, *structure.nonlinear), (*fit.linear, *shown)
     return [
         FittedParameter(
             item.name,
-            item.in_latex,
+            item.latex_symbol,
             unit_of(item.unit, input_unit, output_unit),
             float(value),
             float(low),
@@ -124,7 +124,7 @@ def derived_estimates(fit: Fit, data: FitData, input_unit: str, output_unit: str
     return [
         FittedParameter(
             item.name,
-            item.in_latex,
+            item.latex_symbol,
             unit_of(item.unit, input_unit, output_unit),
             float(found[item.name]),
             *map(float, _around(found[item.name], 1.96 * np.sqrt(max(variance, 0.0)))),

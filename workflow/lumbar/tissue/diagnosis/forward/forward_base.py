@@ -23,7 +23,7 @@ from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.selection.candidate import Candidate, evaluate, exchange_base, fit_base
 from lumbar.tissue.models.bases import BASES, CHOSEN_BY_DATA, Base
 from lumbar.tissue.models.driven_motion import linearise
-from lumbar.tissue.models.measured_motion import with_measured_motion, without_noise
+from lumbar.tissue.models.measured_motion import add_measured_motion, remove_noise
 from lumbar.tissue.models.motion import JoinedMotions, Motion
 from lumbar.tissue.models.structure import ForwardStructure, Structure
 
@@ -58,7 +58,7 @@ class ForwardData(FitData):
     @cached_property
     def measured_motion(self) -> Motion:
         """The smoothed motion."""
-        return Motion(self.motion.time, without_noise(self.force), self.motion.sampling_time)
+        return Motion(self.motion.time, remove_noise(self.force), self.motion.sampling_time)
 
     def scale(self, kind: str) -> float:
         """Return the size of a quantity for starting values; ``force`` is the signal that a form at the output transforms."""
@@ -187,7 +187,7 @@ def prepare_forward(records: list[Record], settings: DiagnosisSettings) -> Exper
             "records of one session (improvement.session) are not supported with the force as input (improvement.forward), "
             "because their initial state follows from the motion. Leave session out."
         )
-    measured = [with_measured_motion(record) for record in records]
+    measured = [add_measured_motion(record) for record in records]
     experiment = Experiment.prepare_unrepaired(measured, settings, records=tuple(measured))
     return experiment.change_data(partial(_convert, kind=ForwardData), ForwardJointData)
 

@@ -49,7 +49,7 @@ def fitted_model(candidate: Candidate, experiment: Experiment) -> FittedModel:
     structure, base = fit.structure, fit.structure.base.name
     if spatial is not None:
         # Axes that were found are those of the model; how far they may be turned from there are further numbers.
-        turned = spatial.held(fit.nonlinear[: len(spatial.nonlinear)])
+        turned = spatial.freeze(fit.nonlinear[: len(spatial.nonlinear)])
         structure, base = replace(structure, base=turned.structural), spatial.base.name
         parameters = [_from_there(item, spatial) for item in parameters]
     try:

@@ -170,7 +170,7 @@ def refit_axes(model: Candidate, experiment: Experiment, free: bool) -> Candidat
     spatial, count = structure.base.spatial, len(structure.base.nonlinear)
     if isinstance(spatial, PlaneContact):
         return model
-    base = spatial.at(spatial.frames_at(model.fit.nonlinear[:count]), free)
+    base = spatial.replace_frames(spatial.frames_at(model.fit.nonlinear[:count]), free)
     start = np.concatenate([model.fit.nonlinear[: len(spatial.base.nonlinear)], model.fit.nonlinear[count:]])
     return _refit(base, start, experiment, structure.forms)
 
@@ -191,7 +191,7 @@ def _fit_plane_contact(
     spring = joint_fit.fit(Structure(plane.structural), training, start)
     if spring.squared_error > _MAX_CONTACT_ERROR_RATIO * fastened.squared_error:
         return None
-    plane = plane.held(spring.nonlinear)
+    plane = plane.freeze(spring.nonlinear)
     candidates = []
     for name in _CONTACT_KINDS:
         contact = replace(plane, base=BASES[name])

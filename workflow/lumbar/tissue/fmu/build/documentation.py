@@ -38,7 +38,7 @@ def range_text(model: ExportModel) -> str:
         why = "its file does not say what motion it was fitted to"
         return f"Valid range: not known, {'prescribed, not fitted to data' if model.prescribed else why}."
     return (
-        f"Valid range, that of the data it was fitted to: {model.valid_for.in_words(model.input.unit)}. Beyond it the "
+        f"Valid range, that of the data it was fitted to: {model.valid_for.describe(model.input.unit)}. Beyond it the "
         f"{model.output.quantity} is a guess."
     )
 
