@@ -26,7 +26,7 @@ from lumbar.records.record import Channel, Record
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData
 from lumbar.tissue.diagnosis.fitting.joint_fit import add, fit_base
 from lumbar.tissue.diagnosis.noise.noise_floor import noise_floor
-from lumbar.tissue.diagnosis.selection.thresholds import TABLES
+from lumbar.tissue.diagnosis.selection import thresholds
 from lumbar.tissue.effects.catalogue import catalogue_with
 from lumbar.tissue.models.bases import BASES
 from lumbar.tissue.models.motion import Motion
@@ -126,7 +126,8 @@ def main() -> None:
     parser.add_argument("--cores", type=int, default=os.cpu_count())
     parser.add_argument("--output", type=Path, help="elsewhere than the shipped table")
     options = parser.parse_args()
-    shipped = TABLES[BASES[options.base].system]
+    system = BASES[options.base].system
+    shipped = Path(thresholds.__file__).with_name(f"null_distribution_{system}.json")
     if options.output is None and options.experiments < (least := len(read_json(shipped)["gains"])):
         parser.error(
             f"--experiments {options.experiments}: the shipped {shipped.name} holds {least}; ask for as many or name an --output"

@@ -139,6 +139,27 @@ def test_without_a_floor_the_views_still_work():
     assert location.views["frequency"].share == 0.0
 
 
+@pytest.mark.parametrize("repeats", [True, False])
+def test_position_at_rest_has_no_relation_to_the_error(repeats):
+    """A ramp that is over before the first sample that counts, held afterwards; the error drifts."""
+    position = np.minimum(np.arange(2000) / 40, 1.0)
+    force = 0.7 * position + 0.02 * noise(2000, 1)
+    floor = noise_floor(noisy_record(10, 0.02, 1)) if repeats else None
+    location = locate(record(position, force, "hold"), 0.5 * position, floor, "multisine", start=0.5)
+    motion = location.views["position and velocity"]
+    assert (motion.share, motion.p_value, len(motion.table["mean"])) == (0.0, 1.0, 0)
+    assert (
+        location.shares["depth"] == location.shares["reversals"] == location.views["frequency"].share == 0.0
+    )
+    assert {cause.name for cause in location.causes} <= {"constant offset", "linear dynamics", "time"}
+
+
+def test_constant_speed_has_one_bin():
+    position = np.arange(2000.0)
+    location = locate(record(position, 0.7 * position + 0.01 * noise(2000, 1)), 0.7 * position)
+    assert np.isfinite(location.views["position and velocity"].p_value)
+
+
 def test_a_floor_of_another_record_serves():
     periodic = noisy_record(10, 0.05, 1)
     position = noise(3000, 1, 0.97)

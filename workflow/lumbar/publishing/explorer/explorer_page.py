@@ -36,8 +36,8 @@ from lumbar.tissue.diagnosis.selection.sentences import (
     effects_text,
     headline,
     readable,
+    remaining_error,
     runner_up,
-    what_is_left,
 )
 from lumbar.tissue.diagnosis.selection.thresholds import LEVEL
 from lumbar.tissue.models.fitted_model import FittedModel
@@ -137,7 +137,7 @@ class ExplorerPage:
             "data": self.source_label,
             "verdict": verdict.status,
             "headline": headline(verdict),
-            "left": what_is_left(verdict) if verdict.selected else "",
+            "left": remaining_error(verdict) if verdict.selected else "",
             "findings": [item.sentence for item in verdict.findings],
             "sure": how_sure(verdict, self.evidence),
             "floor": "" if floor is None else f"{floor.rms:.3g} {experiment.output_unit}",

@@ -1,9 +1,9 @@
-"""Candidate causes of a simulation's residual: what it correlates with, and which cause is distinguished from the others.
+"""Candidate causes of a simulation's residual: its correlations with the input, and the causes ranked against each other.
 
-A residual that is related to the input holds dynamics or nonlinearity that a better model would explain (Ljung,
-System Identification, 2nd ed., section 16.6). Even functions of the input, z² and |v|, show what a correlation with the
-input itself cannot: a force that is not mirrored when the motion is (Billings and Voon, Int. J. Control 44, 1986).
-Limits follow from the noise's spectrum and the function's own, so they hold for coloured noise too.
+A residual that is related to the input contains dynamics or nonlinearity that a better model would explain (Ljung,
+System Identification, 2nd ed., section 16.6). Even functions of the input, z² and |v|, reveal a force that is not mirrored when
+the motion is; the input itself does not (Billings and Voon, Int. J. Control 44, 1986). Limits follow from the spectra of noise
+and function, so they are valid for coloured noise too.
 
 Any force that follows the motion resembles linear dynamics on one record, its best linear approximation, but others on other
 excitation (Pintelon and Schoukens, System Identification: A Frequency Domain Approach, 2012, chapter 3); and refitting a base
@@ -28,7 +28,7 @@ from lumbar.tissue.diagnosis.residuals.residual import (
     Residual,
     View,
     chi_square_p,
-    only,
+    format_share,
     percent,
     probability,
 )
@@ -39,22 +39,21 @@ _NORMAL_975 = 1.959964
 _LAGS = 25
 _RELAXATIONS = 8
 """Time constants, spread evenly in logarithm, that span linear dynamics."""
-_MOSTLY = 0.8
-_WEAK = 0.3
+_MOST_OF_ERROR = 0.8
+_WEAK_RATIO = 0.3
 """Correlations below this share of the largest are called weak, even if they are significant."""
 LINEAR_FUNCTIONS = ("z", "v")
 EVEN_FUNCTIONS = ("z²", "|v|")
 ODD_FUNCTIONS = ("z³", "sign v", "v|v|")
 _KINDS = {
-    "position and velocity": LINEAR_FUNCTIONS,
-    "even functions": EVEN_FUNCTIONS,
-    "odd functions": ODD_FUNCTIONS,
+    "position and velocity": (LINEAR_FUNCTIONS, "; linear dynamics"),
+    "even functions": (
+        EVEN_FUNCTIONS,
+        "; an even nonlinearity: a force that is not mirrored with the motion",
+    ),
+    "odd functions": (ODD_FUNCTIONS, "; an odd nonlinearity: a force that is mirrored with the motion"),
 }
-_MEANINGS = {
-    "position and velocity": "; linear dynamics",
-    "even functions": "; an even nonlinearity: a force that is not mirrored with the motion",
-    "odd functions": "; an odd nonlinearity: a force that is mirrored with the motion",
-}
+"""Functions of the input and their meaning, by kind."""
 _CAUSES = {
     "time": "it does not repeat with the motion, as a drift, a softening or a disturbance",
     "position and velocity": "a damping or friction that depends on the present velocity",
@@ -67,76 +66,69 @@ _CAUSES = {
 
 
 def causes_view(residual: Residual) -> View:
-    """Cross-correlation of the residual with functions of the input, and how much better linear dynamics could explain.
+    """Return the correlation of the residual with functions of the input, and the share that linear dynamics would explain.
 
     Of even and odd functions only the part counts that is neither linear in the input nor shared with functions of the other
     kind: z² is related to z³ unless the motion is mirrored about zero. Linear dynamics are position, velocity and relaxations of
     the position with eight time constants.
 
-    Columns ``function``, ``lag`` (s, of the input's past), ``correlation`` and ``limit`` (95 % under noise alone). Numbers:
-    p-value of every function, ``p even``, ``p odd``, ``linear_share`` and ``linear_p``. The p-value is that of the correlations.
+    Columns ``function``, ``lag`` (s, of the input's past), ``correlation`` and ``limit`` (95 % under noise only). Numbers:
+    p-value of every function, ``p even``, ``p odd``, ``linear_share`` (beyond chance, 0 unless significant) and ``linear_p``.
+    The p-value is that of the correlations.
     """
     linear = _orthonormal(linear_columns(residual, relaxation_times([residual])))
-    numbers = _linear_numbers(residual, linear)
+    covariance = residual.covariance(linear.T)
+    linear_p = chi_square_p(linear.T @ residual.values, covariance)
+
+    def explained(values: np.ndarray) -> float:
+        return float(np.sum((linear.T @ values) ** 2)) / values.size
+
+    share = residual.share_beyond_chance(explained, float(np.trace(covariance)) / len(residual.values))
+    linear_sentence = f"the error is not related to the input linearly ({probability(linear_p)})"
+    if linear_p < SIGNIFICANT:
+        rest = (
+            "a richer linear model is worth trying"
+            if share > _MOST_OF_ERROR
+            else "the rest is not linear in the input"
+        )
+        linear_sentence = (
+            "stiffness, damping and relaxations fitted to the error itself (linear dynamics) would explain "
+            f"{format_share(share)} of the {residual.error_name} of this record ({probability(linear_p)}); {rest}"
+        )
     functions = {name: values - values.mean() for name, values in _functions(residual).items()}
     columns, p_values = [], {}
     for name, signal in functions.items():
         if name not in LINEAR_FUNCTIONS:
             others = ODD_FUNCTIONS if name in EVEN_FUNCTIONS else EVEN_FUNCTIONS
-            known = np.column_stack([linear, *(functions[other] for other in others)])
-            basis = _orthonormal(known)
+            basis = _orthonormal(np.column_stack([linear, *(functions[other] for other in others)]))
             signal = signal - basis @ (basis.T @ signal)
-        found = cross_correlation(residual, signal)
-        p_values[name] = found.p_value
+        correlation = cross_correlation(residual, signal)
+        p_values[name] = correlation.p_value
         columns += [
-            (name, lag * residual.sampling_time, value, found.limit)
-            for lag, value in zip(found.lags, found.values, strict=True)
+            (name, lag * residual.sampling_time, value, correlation.limit)
+            for lag, value in zip(correlation.lags, correlation.values, strict=True)
         ]
     names = ("function", "lag", "correlation", "limit")
     table = {key: np.array(column) for key, column in zip(names, zip(*columns, strict=True), strict=True)}
     p_value = _bonferroni(p_values, p_values)
+    numbers = {"linear_share": share if linear_p < SIGNIFICANT else 0.0, "linear_p": linear_p}
     numbers |= {f"p {name}": value for name, value in p_values.items()}
     numbers |= {
         "p even": _bonferroni(p_values, EVEN_FUNCTIONS),
         "p odd": _bonferroni(p_values, ODD_FUNCTIONS),
     }
     correlated = _correlation_sentence(table, p_values, p_value)
-    sentence = f"Candidate causes: {_linear_sentence(residual, numbers)}. {correlated}"
+    sentence = f"Candidate causes: {linear_sentence}. {correlated}"
     return View("candidate causes", None, p_value, sentence, table, numbers)
 
 
 def _bonferroni(p_values: Mapping[str, float], names: Collection[str]) -> float:
-    """Probability that the smallest of some p-values is due to chance."""
+    """Return the probability that the smallest of some p-values is due to chance."""
     return min(1.0, len(names) * min(p_values[name] for name in names))
 
 
-def _linear_numbers(residual: Residual, columns: np.ndarray) -> dict[str, float]:
-    """Project the residual on linear dynamics: share beyond chance (0 unless significant) and p-value."""
-    covariance = residual.covariance(columns.T)
-    p_value = chi_square_p(columns.T @ residual.values, covariance)
-
-    def explained(values: np.ndarray) -> float:
-        return float(np.sum((columns.T @ values) ** 2)) / values.size
-
-    share = residual.share_beyond_chance(explained, float(np.trace(covariance)) / len(residual.values))
-    return {"linear_share": share if p_value < SIGNIFICANT else 0.0, "linear_p": p_value}
-
-
-def _linear_sentence(residual: Residual, numbers: dict[str, float]) -> str:
-    share, chance = numbers["linear_share"], probability(numbers["linear_p"])
-    if numbers["linear_p"] >= SIGNIFICANT:
-        return f"the error is not related to the input linearly ({chance})"
-    rest = (
-        "a richer linear model is worth trying" if share > _MOSTLY else "the rest is not linear in the input"
-    )
-    return (
-        "stiffness, damping and relaxations fitted to the error itself (linear dynamics) would explain "
-        f"{only(share)} of the {residual.base_words} of this record ({chance}); {rest}"
-    )
-
-
 def relaxation_times(residuals: Sequence[Residual]) -> np.ndarray:
-    """Time constants (s) that span linear dynamics on all records."""
+    """Return time constants (s) that span linear dynamics on all records."""
     step = max(item.sampling_time for item in residuals)
     shortest = min(item.time[-1] - item.time[0] for item in residuals)
     return np.geomspace(2 * step, max(shortest, 20 * step) / 5, _RELAXATIONS)
@@ -214,20 +206,20 @@ def _correlation_sentence(table: dict[str, np.ndarray], p_values: Mapping[str, f
         return f"No correlation with a function of the input is significant ({probability(p_value)})."
     # The largest correlation of every kind of function that is significant.
     largest = []
-    for kind, names in _KINDS.items():
+    for kind, (names, meaning) in _KINDS.items():
         if _bonferroni(p_values, names) < SIGNIFICANT:
             mine = np.isin(table["function"], names)
             top = int(np.argmax(np.abs(table["correlation"][mine])))
-            largest.append((table["correlation"][mine][top], table["function"][mine][top], kind))
+            largest.append((table["correlation"][mine][top], table["function"][mine][top], kind, meaning))
     largest.sort(key=lambda item: -abs(item[0]))
-    weak = _WEAK * abs(largest[0][0])
+    weak = _WEAK_RATIO * abs(largest[0][0])
     strong = ", ".join(
-        f"{kind} (up to {value:+.2f} with {name}{_MEANINGS[kind]})"
-        for value, name, kind in largest
+        f"{kind} (up to {value:+.2f} with {name}{meaning})"
+        for value, name, kind, meaning in largest
         if abs(value) > weak
     )
     faint = ", ".join(
-        f"{kind} ({value:+.2f} with {name})" for value, name, kind in largest if abs(value) <= weak
+        f"{kind} ({value:+.2f} with {name})" for value, name, kind, _ in largest if abs(value) <= weak
     )
     faint = f"; weakly also with {faint}" if faint else ""
     return (
@@ -235,15 +227,15 @@ def _correlation_sentence(table: dict[str, np.ndarray], p_values: Mapping[str, f
     )
 
 
-_SHARES = np.linspace(0, 1, 9)
+_PATH_SHARES = np.linspace(0, 1, 9)
 """Ends of the bins of the path since a reversal, as shares of the samples: most paths are short."""
-_MOST, _WORTH = 0.5, 0.05
-"""Shares of what linear dynamics leave and of the explainable error that another cause takes where it explains more."""
-_LEAST = 0.01
-"""Share of the explainable error below which a cause is not told."""
+_MAJOR_SHARE_OF_REST, _MAJOR_SHARE = 0.5, 0.05
+"""Shares of what linear dynamics leave and of the explainable error, above which another cause comes before them."""
+_MIN_SHARE = 0.01
+"""Share of the explainable error below which a cause is not reported."""
 _OUTSIDE_REST = ("constant offset", "linear dynamics")
 """Causes that are fitted first; all others share what these leave."""
-_SMALLEST = 1e-10
+_MIN_EIGENVALUE = 1e-10
 """Eigenvalue of the columns' products, as a share of the largest, below which a direction is rounding."""
 
 
@@ -268,13 +260,21 @@ def rank_causes(residuals: Sequence[Residual]) -> list[Cause]:
     ----------
     residuals : sequence of Residual
         One model's, of all records.
+
+    Returns
+    -------
+    list of Cause
     """
     values = np.concatenate([item.values for item in residuals])
     noise = np.mean([0.0 if item.floor is None else item.floor.rms**2 for item in residuals])
     explainable = float(np.mean(values**2)) - noise
     if explainable <= 0:
         return []
-    linear = _linear(residuals)
+    # Linear dynamics that all records have in common, then a constant of each record; shape (samples, columns).
+    times = relaxation_times(residuals)
+    record = np.repeat(np.arange(len(residuals)), [len(item.values) for item in residuals])
+    constants = record[:, None] == np.arange(len(residuals))
+    linear = np.hstack([np.vstack([linear_columns(item, times) for item in residuals]), constants])
 
     def left(columns: np.ndarray = linear, groups: np.ndarray | None = None) -> float:
         return max(_mean_square_left(values, columns, groups) - noise, 0.0) / explainable
@@ -300,19 +300,15 @@ def rank_causes(residuals: Sequence[Residual]) -> list[Cause]:
         if share > 0
     ]
     # A constant comes last if anything else is worth naming, linear dynamics after a cause that takes most of what they leave.
-    known = any(item.share > _WORTH for item in causes if item.name != "constant offset")
-    others = [item for item in causes if item.name not in _OUTSIDE_REST]
-    beaten = any(item.share > _WORTH and item.share_of_rest > _MOST for item in others)
-    last = {"constant offset": known, "linear dynamics": beaten}
+    last = {
+        "constant offset": any(item.share > _MAJOR_SHARE for item in causes if item.name != "constant offset")
+    }
+    last["linear dynamics"] = any(
+        item.share > _MAJOR_SHARE and item.share_of_rest > _MAJOR_SHARE_OF_REST
+        for item in causes
+        if item.name not in _OUTSIDE_REST
+    )
     return sorted(causes, key=lambda item: (last.get(item.name, False), -item.share))
-
-
-def _linear(residuals: Sequence[Residual]) -> np.ndarray:
-    """A constant of each record, and linear dynamics that all have in common; shape (samples, columns)."""
-    times = relaxation_times(residuals)
-    common = np.vstack([linear_columns(item, times) for item in residuals])
-    record = np.repeat(np.arange(len(residuals)), [len(item.values) for item in residuals])
-    return np.hstack([common, record[:, None] == np.arange(len(residuals))])
 
 
 def _groups(residuals: Sequence[Residual]) -> dict[str, np.ndarray]:
@@ -320,30 +316,30 @@ def _groups(residuals: Sequence[Residual]) -> dict[str, np.ndarray]:
     position = np.concatenate([item.position for item in residuals])
     velocity = np.concatenate([item.velocity for item in residuals])
     along, across = map_edges(position, velocity)
-    windows = [
-        binned(np.arange(len(item.values)), [*time_edges(item), len(item.values)]) for item in residuals
-    ]
-    # Path since the last reversal, signed by its direction; 0 before the first.
-    paths = np.concatenate([_path_since_reversal(item.position) for item in residuals])
-    edges = np.unique(np.quantile(np.abs(paths[paths != 0]), _SHARES)) if np.any(paths) else np.zeros(2)
+    windows, paths = [], []
+    for number, item in enumerate(residuals):
+        samples = np.arange(len(item.values))
+        window = binned(samples, [*time_edges(item), len(samples)])
+        windows.append(number * len(position) + window)
+        # Path since the last reversal, signed by its direction; 0 before the first.
+        turns, _ = reversals(item.position)
+        path = np.zeros(len(samples))
+        if turns.size:
+            last = np.searchsorted(turns, samples, side="right") - 1
+            path = np.where(last >= 0, item.position - item.position[turns[last]], 0.0)
+        paths.append(path)
+    path = np.concatenate(paths)
+    edges = np.unique(np.quantile(np.abs(path[path != 0]), _PATH_SHARES)) if np.any(path) else np.zeros(2)
     return {
         "depth": binned(position, spread_edges(position, DEPTHS)),
         "position and velocity": binned(velocity, across) * len(along) + binned(position, along),
-        "reversals": np.sign(paths) * (1 + binned(np.abs(paths), edges)),
-        "time": np.concatenate([number * len(position) + window for number, window in enumerate(windows)]),
+        "reversals": np.sign(path) * (1 + binned(np.abs(path), edges)),
+        "time": np.concatenate(windows),
     }
 
 
-def _path_since_reversal(position: np.ndarray) -> np.ndarray:
-    turns, _ = reversals(position)
-    if not turns.size:
-        return np.zeros(len(position))
-    last = np.searchsorted(turns, np.arange(len(position)), side="right") - 1
-    return np.where(last >= 0, position - position[turns[last]], 0.0)
-
-
 def _mean_square_left(values: np.ndarray, linear: np.ndarray, groups: np.ndarray | None = None) -> float:
-    """Mean square that a least-squares fit of columns, and of a level in each group, leaves, for its degrees of freedom."""
+    """Return the mean square left by a least-squares fit of columns and of a level in each group, for its degrees of freedom."""
     products, sums = linear.T @ linear, linear.T @ values
     if groups is not None:
         number = np.unique(groups, return_inverse=True)[1]
@@ -352,14 +348,14 @@ def _mean_square_left(values: np.ndarray, linear: np.ndarray, groups: np.ndarray
         sums = np.concatenate([sums, np.bincount(number, values)])
     size = np.sqrt(np.maximum(np.diag(products), 1e-300))
     eigenvalues, vectors = np.linalg.eigh(products / np.outer(size, size))
-    kept = eigenvalues > _SMALLEST * eigenvalues[-1]
-    found = (vectors[:, kept].T @ (sums / size)) ** 2 / eigenvalues[kept]
-    return float(values @ values - found.sum()) / (len(values) - int(kept.sum()))
+    used = eigenvalues > _MIN_EIGENVALUE * eigenvalues[-1]
+    explained = (vectors[:, used].T @ (sums / size)) ** 2 / eigenvalues[used]
+    return float(values @ values - explained.sum()) / (len(values) - int(used.sum()))
 
 
 def causes_sentence(causes: Sequence[Cause], where: str, error: str) -> str:
     """Name the cause that is distinguished best, with its share of the `error`, and the shares of the next ones."""
-    notable = [item for item in causes if item.share >= _LEAST]
+    notable = [item for item in causes if item.share >= _MIN_SHARE]
     if not notable:
         return f"{where}: no cause that was tried accounts for the error."
     first, *others = notable
@@ -368,7 +364,7 @@ def causes_sentence(causes: Sequence[Cause], where: str, error: str) -> str:
     sentence = (
         f"{where}: {first.name} first ({percent(first.share)} of the {error}{of_rest}): {_CAUSES[first.name]}"
     )
-    if first.name == "linear dynamics" and 1 - first.share > _WORTH:
+    if first.name == "linear dynamics" and 1 - first.share > _MAJOR_SHARE:
         sentence += f", though {percent(1 - first.share)} of it is not linear in the motion"
     if not others:
         return f"{sentence}."

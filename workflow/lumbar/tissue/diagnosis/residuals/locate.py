@@ -264,7 +264,7 @@ def all_reports_sentence(reports: Sequence[Any]) -> str:
     axes = len(reports[0].record.axes)
     records = f"All {len(reports)} records" if len(reports) > 1 else "This record"
     records += f" of {axes} axes, axis by axis" if axes else ""
-    return causes_sentence(locations[0].causes, records, locations[0].residual.base_words)
+    return causes_sentence(locations[0].causes, records, locations[0].residual.error_name)
 
 
 def of_axes(reports: Sequence[Any]) -> list[ResidualReport]:

@@ -1,8 +1,7 @@
-"""The residual of a free-run simulation, and what noise alone would make of any average of it.
+"""The residual of a free-run simulation, and the significance of its averages.
 
-Every view asks the same question: is a weighted sum of the residual (a bin's mean, a correlation) larger than
-noise would make it? Noise of spectrum S gives Σ wₙeₙ the variance ∫ S |W|² df, whatever its colour; that and nothing
-else decides what is significant.
+Every view tests whether a weighted sum of the residual (a bin's mean, a correlation) is larger than noise would make it. Noise of
+spectrum S gives Σ wₙeₙ the variance ∫ S |W|² df, whatever its colour; only that decides the significance.
 """
 
 from collections.abc import Callable
@@ -27,19 +26,19 @@ class Average:
     """Means of the residual over groups of samples."""
 
     mean: np.ndarray
+    """Shape (groups,)."""
     deviation: np.ndarray
-    """`mean`, `deviation`: shape (groups,): mean, and the standard deviation that noise alone would give it."""
+    """Shape (groups,): standard deviation of the mean under noise only."""
     count: np.ndarray
     """Shape (groups,)."""
     share: float
-    """Share of the explainable variance that these means account for, beyond chance: see `Residual.share_beyond_chance`.
-    """
+    """Share of the explainable variance that these means account for, beyond chance; see `share_beyond_chance`."""
     p_value: float
-    """Probability of such means from noise alone."""
+    """Probability of such means under noise only."""
 
     @property
     def significant_share(self) -> float:
-        """`share` where the means are significant, else 0."""
+        """`share` if the means are significant, else 0."""
         return self.share if self.p_value < SIGNIFICANT else 0.0
 
 
@@ -48,12 +47,13 @@ class Residual:
     """Measured less simulated output, from the first sample that counts."""
 
     values: np.ndarray
-    """Shape (samples,): Output's unit."""
+    """Shape (samples,), in the output's unit."""
     time: np.ndarray
-    """Shape (samples,): seconds."""
+    """Shape (samples,), in seconds."""
     position: np.ndarray
+    """Shape (samples,), in the input's unit."""
     velocity: np.ndarray
-    """`position`, `velocity`: shape (samples,): of the input, in its unit and per second."""
+    """Shape (samples,), in the input's unit per second."""
     sampling_time: float
     unit: str
     position_unit: str
@@ -61,7 +61,7 @@ class Residual:
     """Quantity of the input, e.g. ``"position"`` or ``"angle"``."""
     floor: NoiseFloor | None
     folding: Folding | None
-    """Whole periods, as indices into `values`; None where the record does not repeat."""
+    """Whole periods, as indices into `values`; None if the record does not repeat."""
 
     @cached_property
     def variance(self) -> float:
@@ -70,24 +70,24 @@ class Residual:
 
     @cached_property
     def explainable(self) -> float:
-        """Mean squared residual less the noise's variance; all of it where the noise is unknown."""
+        """Mean squared residual less the noise's variance; all of it if the noise is unknown."""
         noise = self.floor.rms**2 if self.floor is not None else 0.0
         return max(self.variance - noise, 0.0)
 
     @property
-    def base_words(self) -> str:
+    def error_name(self) -> str:
         """Name of the error that shares refer to."""
         return "explainable error" if self.floor is not None else "error"
 
     def share(self, variance: float) -> float:
-        """Share of the explainable variance, between 0 and 1."""
+        """Return a variance as a share of the explainable one, between 0 and 1."""
         if self.explainable <= 0:
             return 0.0
         return float(np.clip(variance / self.explainable, 0.0, 1.0))
 
     @cached_property
     def whitening(self) -> np.ndarray:
-        """FIR filter that makes the noise white; ``[1]`` where it is white or unknown, or known at another rate only."""
+        """FIR filter that makes the noise white; ``[1]`` if it is white or unknown, or known at another rate only."""
         if self.floor is None or abs(self.floor.sampling_time / self.sampling_time - 1) > 1e-3:
             return np.ones(1)
         return self.floor.whitening
@@ -96,8 +96,8 @@ class Residual:
     def _noise_model(self) -> tuple[np.ndarray, float]:
         """Whitening filter and variance of the noise.
 
-        Without a noise floor those of the residual itself: tests are then cautious, because what a model could explain
-        counts as noise too.
+        Without a noise floor they are those of the residual itself: tests are then cautious, because the error that a model
+        could explain counts as noise too.
         """
         if self.floor is not None:
             return self.whitening, self.floor.rms**2
@@ -106,13 +106,13 @@ class Residual:
         return prediction * np.sqrt(gain), self.variance
 
     def noise_power(self, frequency: np.ndarray) -> np.ndarray:
-        """Noise spectrum as variance per sample (white noise: its variance everywhere), frequency in Hz."""
+        """Return the noise spectrum as variance per sample (white noise: its variance everywhere) at frequencies in Hz."""
         whitening, variance = self._noise_model
         gain = np.polyval(whitening[::-1], np.exp(-2j * np.pi * frequency * self.sampling_time))
         return variance / np.abs(gain) ** 2
 
     def covariance(self, weights: np.ndarray) -> np.ndarray:
-        """Covariance of the sums Σₙ weights[i, n] eₙ under noise alone; shape (sums, sums)."""
+        """Return the covariance of the sums Σₙ weights[i, n] eₙ under noise only; shape (sums, sums)."""
         if self.floor is not None and len(self.whitening) == 1:
             return self.floor.rms**2 * (weights @ weights.T)
         parts = self.noise_parts(weights)
@@ -131,29 +131,32 @@ class Residual:
         inside = groups >= 0
         number = np.bincount(groups[inside], minlength=count)
         filled = np.flatnonzero(number)
-        found = np.bincount(groups[inside], self.values[inside], count)[filled] / number[filled]
+
+        def sums(values: np.ndarray) -> np.ndarray:
+            return np.bincount(groups[inside], values[inside], count)[filled]
+
+        means = sums(self.values) / number[filled]
         if self.floor is not None and len(self.whitening) == 1:
             covariance = np.diag(self.floor.rms**2 / number[filled])  # white: disjoint groups are unrelated
         else:
             covariance = self.covariance((groups == filled[:, None]) / number[filled, None])
         variance = np.diag(covariance)
         mean, deviation = np.full(count, np.nan), np.full(count, np.nan)
-        mean[filled], deviation[filled] = found, np.sqrt(variance)
+        mean[filled], deviation[filled] = means, np.sqrt(variance)
 
         def explained(values: np.ndarray) -> float:
-            sums = np.bincount(groups[inside], values[inside], count)[filled]
-            return float(np.sum(sums**2 / number[filled])) / values.size
+            return float(np.sum(sums(values) ** 2 / number[filled])) / values.size
 
         noise = float(number[filled] @ variance) / len(self.values)
         share = self.share_beyond_chance(explained, noise)
-        return Average(mean, deviation, number, share, chi_square_p(found, covariance))
+        return Average(mean, deviation, number, share, chi_square_p(means, covariance))
 
     @property
     def span(self) -> int:
-        """Samples of a period, or of the record where it does not repeat."""
+        """Samples of a period, or of the record if it does not repeat."""
         return len(self.values) if self.folding is None else self.folding.samples
 
-    def share_beyond_chance(self, explained, noise: float) -> float:
+    def share_beyond_chance(self, explained: Callable[[np.ndarray], float], noise: float) -> float:
         """Return `share_beyond_chance` of the residual."""
         return share_beyond_chance(self.values, self.explainable, self.span, explained, noise)
 
@@ -161,11 +164,11 @@ class Residual:
 def share_beyond_chance(
     values: np.ndarray, explainable: float, span: int, explained: Callable[[np.ndarray], float], noise: float
 ) -> float:
-    """Share of the explainable variance that a relation accounts for beyond chance.
+    """Return the share of the explainable variance that a relation accounts for beyond chance.
 
-    An error that is smooth in time resembles any smooth signal to some extent, and its mean resembles all. What
-    the relation explains of the same error shifted in time, round the end, is that chance: (S − S₀)/(1 − S₀), with
-    S₀ the mean over shifts, as in Cohen's κ.
+    An error that is smooth in time resembles any smooth signal to some extent, and its mean resembles all. Chance is the share
+    that the relation explains of the same error shifted in time, round the end: (S − S₀)/(1 − S₀), with S₀ the mean over shifts,
+    as in Cohen's κ.
 
     `values` has the samples along its last axis, `span` of which are a period or the record. `explained` gives the mean
     square that the relation explains of a signal of their shape; `noise` is that of noise.
@@ -173,16 +176,16 @@ def share_beyond_chance(
     if explainable <= 0:
         return 0.0
     shifts = np.unique(np.linspace(0.1, 0.9, _SHIFTS) * span).astype(int)
-    found = (explained(values) - noise) / explainable
+    share = (explained(values) - noise) / explainable
     chance = (np.mean([explained(np.roll(values, shift, axis=-1)) for shift in shifts]) - noise) / explainable
     chance = min(max(float(chance), 0.0), 1.0)
-    return float(np.clip((found - chance) / (1 - chance), 0.0, 1.0)) if chance < 0.999 else 0.0
+    return float(np.clip((share - chance) / (1 - chance), 0.0, 1.0)) if chance < 0.999 else 0.0
 
 
 def chi_square_p(
     sums: np.ndarray, covariance: np.ndarray, smallest: float = 1e-6, noise_freedom: float = np.inf
 ) -> float:
-    """Probability that noise of this covariance gives sums as large; directions without variance are left out.
+    """Return the probability that noise of this covariance gives sums as large; directions without variance do not count.
 
     `noise_freedom`: degrees of freedom that the noise's size is known with (F test).
     """
@@ -191,15 +194,15 @@ def chi_square_p(
     values, vectors = np.linalg.eigh(covariance)
     if values[-1] <= 0:
         return 1.0
-    kept = values > smallest * values[-1]
-    statistic = np.sum((sums @ vectors[:, kept]) ** 2 / values[kept])
+    used = values > smallest * values[-1]
+    statistic = np.sum((sums @ vectors[:, used]) ** 2 / values[used])
     if np.isfinite(noise_freedom):
-        return float(scipy.special.fdtrc(kept.sum(), noise_freedom, statistic / kept.sum()))
-    return float(scipy.special.chdtrc(kept.sum(), statistic))
+        return float(scipy.special.fdtrc(used.sum(), noise_freedom, statistic / used.sum()))
+    return float(scipy.special.chdtrc(used.sum(), statistic))
 
 
 def steady_velocity(position: np.ndarray, sampling_time: float) -> np.ndarray:
-    """Velocity by central differences, over more samples where noise in the position asks for it.
+    """Return the velocity by central differences, over more samples if the position is noisy.
 
     The span grows until the noise (from third differences, which smooth motion hardly has) gives less than 1 % of
     the velocity's variance.
@@ -225,7 +228,7 @@ class View:
     """Share of the explainable error's variance that this view accounts for, without noise; None if it has none. Views overlap:
     shares of several do not add up."""
     p_value: float
-    """Probability that noise alone shows as much."""
+    """Probability of such a view under noise only."""
     sentence: str
     """The view in plain English, with numbers."""
     table: dict[str, np.ndarray]
@@ -235,17 +238,17 @@ class View:
 
 
 def percent(share: float) -> str:
-    """Share in percent for a sentence."""
+    """Format a share in percent."""
     if 0 < share < 0.001:
         return "less than 0.1 %"
     return f"{100 * share:.2g} %" if share < 0.095 else f"{100 * share:.0f} %"
 
 
-def probability(p_value: float) -> str:
-    """Probability for a sentence, e.g. ``"p = 0.03"``."""
-    return "p < 0.0001" if p_value < 1e-4 else f"p = {p_value:.2g}"
-
-
-def only(share: float) -> str:
-    """Share for a sentence, marked if it is small."""
+def format_share(share: float) -> str:
+    """Format a share in percent, marked if it is small."""
     return f"only {percent(share)}" if share < 0.1 else percent(share)
+
+
+def probability(p_value: float) -> str:
+    """Format a probability, e.g. ``"p = 0.03"``."""
+    return "p < 0.0001" if p_value < 1e-4 else f"p = {p_value:.2g}"

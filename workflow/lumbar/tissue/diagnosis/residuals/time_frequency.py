@@ -1,4 +1,4 @@
-"""When and how fast a model fails: by period or window of time, and by line or band of frequency."""
+"""Location of a model's error in time and frequency: by period or window, and by line or band."""
 
 from itertools import pairwise
 
@@ -9,7 +9,7 @@ from lumbar.tissue.diagnosis.noise.nonrepeating import excess, remove_structure
 from lumbar.tissue.diagnosis.residuals.residual import SIGNIFICANT, Residual, View, percent, probability
 
 _WINDOWS = 10
-_LEAST_CYCLE = 0.5
+_MIN_CYCLE_SHARE = 0.5
 """Share of a window below which the rest of the record is part of the window before."""
 EXCITED, EVEN, ODD, ABOVE, BELOW, BETWEEN = (
     "excited lines",
@@ -19,15 +19,15 @@ EXCITED, EVEN, ODD, ABOVE, BELOW, BETWEEN = (
     "below the excited band",
     "excited band",
 )
-_WEAKEST_LINE = 1e-2
-"""Lines of the input weaker than this share of its strongest one are not excited (amplitudes)."""
-_FEWEST_LINES = 4
+_MIN_LINE_SHARE = 1e-2
+"""Smallest amplitude of an excited line, as a share of the strongest one."""
+_MIN_BAND_LINES = 4
 _BAND_POWER = 0.998
 """Share of the input's power in the band of a record without lines."""
 
 
 def time_view(residual: Residual) -> View:
-    """RMS and mean of the residual by period or window, with tests for a trend of each.
+    """Return RMS and mean of the residual by period or window, with tests for a trend of each.
 
     Columns ``start``, ``stop`` (s), ``rms``, ``mean`` and ``deviation`` of the mean under noise.
     """
@@ -40,10 +40,8 @@ def time_view(residual: Residual) -> View:
     # Slope of a straight line through the residual (unit/s), and its p-value under noise alone.
     centred = residual.time - residual.time.mean()
     weights = (centred / np.sum(centred**2))[None]
-    slope, slope_deviation = (
-        float(weights[0] @ residual.values),
-        float(np.sqrt(residual.covariance(weights)[0, 0])),
-    )
+    slope = float(weights[0] @ residual.values)
+    slope_deviation = float(np.sqrt(residual.covariance(weights)[0, 0]))
     slope_p = float(2 * scipy.special.ndtr(-abs(slope) / slope_deviation)) if slope_deviation > 0 else 1.0
     rms_p = mann_kendall_p(rms)
     table = {
@@ -59,11 +57,11 @@ def time_view(residual: Residual) -> View:
     spread = f"RMS from {rms.min():.3g} to {rms.max():.3g} {unit} over {count} {word}{'s' * (count != 1)}"
     spread = f"{spread}, {trend} ({probability(rms_p)})"
     if residual.folding is None:
-        level = "the mean error of the windows is no larger than chance"
+        level = "the mean error of the windows is within chance"
         if average.p_value < SIGNIFICANT:
             level = (
                 "the mean error changes between windows by more than noise would: "
-                f"{percent(average.share)} of the {residual.base_words}"
+                f"{percent(average.share)} of the {residual.error_name}"
             )
             level += ", as for any smooth error" if average.share == 0 else ""
         unknown = "The input does not repeat, so time cannot be separated from the input at that time."
@@ -78,25 +76,25 @@ def time_view(residual: Residual) -> View:
     if slope_p < SIGNIFICANT:
         level = f", its level changes by {change:+.3g} {unit} over the record"
     sentence = (
-        f"Along time: {percent(share)} of the {residual.base_words} does not repeat with the input{level}; {spread}. This part "
+        f"Along time: {percent(share)} of the {residual.error_name} does not repeat with the input{level}; {spread}. This part "
         "depends on time or history: a drift, a changing stiffness, or a disturbance at another frequency."
     )
     return View("time", share, p_value, sentence, table, numbers)
 
 
 def time_edges(residual: Residual) -> np.ndarray:
-    """First samples of the windows: whole periods counted from the end, or equal windows."""
+    """Return the first samples of the windows: whole periods counted from the end, or equal windows."""
     size = len(residual.values)
     if residual.folding is None:
         return np.linspace(0, size, min(_WINDOWS, size // 8) + 1).astype(int)[:-1]
     starts = residual.folding.rows[:, 0]
-    if starts[0] > _LEAST_CYCLE * residual.folding.samples:
+    if starts[0] > _MIN_CYCLE_SHARE * residual.folding.samples:
         return np.insert(starts, 0, 0)
     return np.insert(starts[1:], 0, 0)
 
 
 def mann_kendall_p(values: np.ndarray) -> float:
-    """Two-sided p-value of a monotonic trend (Mann, Econometrica 13, 1945), normal approximation."""
+    """Return the two-sided p-value of a monotonic trend (Mann, Econometrica 13, 1945), normal approximation."""
     size = len(values)
     if size < 4:
         return 1.0
@@ -106,9 +104,9 @@ def mann_kendall_p(values: np.ndarray) -> float:
 
 
 def _not_repeating(residual: Residual) -> tuple[float, float]:
-    """Share of the residual's variance that differs between periods beyond noise, and its p-value.
+    """Return the share of the residual's variance that differs between periods beyond noise, and its p-value.
 
-    The periods after the transient tell whether there is any; where there is, what comes before them counts too.
+    The periods after the transient show whether there is any; if there is, the samples before them count too.
     """
     folding, noise = residual.folding, residual.floor.rms**2
     folded = folding.fold(residual.values)
@@ -128,16 +126,15 @@ def _not_repeating(residual: Residual) -> tuple[float, float]:
 def excited_lines(mean_period: np.ndarray) -> np.ndarray:
     """Return the multiples of 1/period that the input excites."""
     amplitude = np.abs(np.fft.rfft(mean_period - mean_period.mean()))
-    return np.flatnonzero(amplitude > _WEAKEST_LINE * amplitude.max())
+    return np.flatnonzero(amplitude > _MIN_LINE_SHARE * amplitude.max())
 
 
 def line_classes(excited: np.ndarray, count: int) -> np.ndarray:
-    """Class of the lines 0, 1, …, count − 1.
+    """Return the class of the lines 0, 1, …, count − 1.
 
-    Where all excited lines are odd, an even line can only hold what an even nonlinearity (or an offset) puts there,
-    and an odd line that was left out only what an odd one does (Pintelon and Schoukens, System Identification: A
-    Frequency Domain Approach, 2012, section 4.3). On other grids the lines above and below the band show
-    nonlinearity without telling its kind.
+    If all excited lines are odd, only an even nonlinearity (or an offset) affects an even line, and only an odd one an odd line
+    that was left out (Pintelon and Schoukens, System Identification: A Frequency Domain Approach, 2012, section 4.3). On other
+    grids the lines above and below the band show nonlinearity but not its kind.
     """
     lines = np.arange(count)
     if np.all(excited % 2 == 1):
@@ -150,9 +147,9 @@ def line_classes(excited: np.ndarray, count: int) -> np.ndarray:
 
 
 def frequency_view(residual: Residual) -> View:
-    """Spectra of residual and noise.
+    """Return the spectra of residual and noise.
 
-    Columns ``frequency`` (Hz), ``rms`` and ``noise_rms`` (of the residual and of noise alone, in the line or band)
+    Columns ``frequency`` (Hz), ``rms`` and ``noise_rms`` (of the residual and under noise only, in the line or band)
     and ``kind``, its class; of bands also ``width`` (Hz).
     """
     return _bands(residual) if residual.folding is None else _lines(residual)
@@ -172,37 +169,28 @@ def _lines(residual: Residual) -> View:
     noise = sides * residual.noise_power(frequency) / (samples * periods)
     classes = line_classes(excited, len(frequency))
     table = {"frequency": frequency, "rms": np.sqrt(power), "noise_rms": np.sqrt(noise), "kind": classes}
-    shares, p_values = _by_class(residual, classes, power, noise, sides)
+    shares, p_values = {}, {}
+    for kind in dict.fromkeys(classes):
+        mine = classes == kind
+        statistic = float(np.sum((sides * power / noise)[mine])) if np.all(noise[mine] > 0) else np.inf
+        # With an infinite statistic the probability is 0.
+        p_values[kind] = float(scipy.special.chdtrc(sides[mine].sum(), statistic))
+        is_significant = p_values[kind] < SIGNIFICANT
+        shares[kind] = residual.share(float(np.sum((power - noise)[mine]))) if is_significant else 0.0
     numbers = {"excited_lines": len(excited), "lines_are_odd": bool(np.all(excited % 2 == 1))}
     numbers |= {f"share {kind}": share for kind, share in shares.items()}
-    beyond = {kind: share for kind, share in shares.items() if kind not in (EXCITED, BELOW)}
-    nonlinear_p = min((p_values[kind] for kind in beyond), default=1.0)
-    share = sum(shares.values())
+    nonlinear = [p_values[kind] for kind in shares if kind not in (EXCITED, BELOW)]
+    numbers["nonlinear_p"] = min(nonlinear, default=1.0)
+    share = residual.share(sum(shares.values()) * residual.explainable)
     p_value = min(1.0, len(p_values) * min(p_values.values()))  # Bonferroni
-    if p_value >= SIGNIFICANT:
-        sentence = "Over frequency: no line exceeds the noise."
-    else:
+    sentence = "Over frequency: no line exceeds the noise."
+    if p_value < SIGNIFICANT:
         lower, upper = _quartiles(power - noise, frequency)
         lines = _line_sentence(residual, shares, p_values, excited, classes, power - noise)
         sentence = (
             f"Over frequency: half of the repeating error is between {lower:.2g} and {upper:.2g} Hz. {lines}"
         )
-    numbers["nonlinear_p"] = nonlinear_p
-    return View("frequency", residual.share(share * residual.explainable), p_value, sentence, table, numbers)
-
-
-def _by_class(residual: Residual, classes, power, noise, sides) -> tuple[dict[str, float], dict[str, float]]:
-    shares, p_values = {}, {}
-    for kind in dict.fromkeys(classes):
-        mine = classes == kind
-        shares[kind] = residual.share(float(np.sum((power - noise)[mine])))
-        statistic = float(np.sum((sides * power / noise)[mine])) if np.all(noise[mine] > 0) else np.inf
-        p_values[kind] = (
-            float(scipy.special.chdtrc(sides[mine].sum(), statistic)) if np.isfinite(statistic) else 0.0
-        )
-        if p_values[kind] >= SIGNIFICANT:
-            shares[kind] = 0.0
-    return shares, p_values
+    return View("frequency", share, p_value, sentence, table, numbers)
 
 
 def _quartiles(power: np.ndarray, frequency: np.ndarray) -> tuple[float, float]:
@@ -213,7 +201,7 @@ def _quartiles(power: np.ndarray, frequency: np.ndarray) -> tuple[float, float]:
 
 def _line_sentence(residual: Residual, shares, p_values, excited, classes, excess) -> str:
     on_excited = (
-        f"{percent(shares[EXCITED])} of the {residual.base_words} is on the {len(excited)} excited lines"
+        f"{percent(shares[EXCITED])} of the {residual.error_name} is on the {len(excited)} excited lines"
     )
     if not np.all(excited % 2 == 1):
         offset, above = shares.get(BELOW, 0.0), shares.get(ABOVE, 0.0)
@@ -223,8 +211,8 @@ def _line_sentence(residual: Residual, shares, p_values, excited, classes, exces
             chance = probability(p_values[ABOVE])
             higher = f"{percent(above)} is above them ({chance}), where only a nonlinear force can put it"
         return (
-            f"{on_excited}{steady}; {higher}; the grid excites even and odd lines alike, so it cannot separate them: an odd grid "
-            "with detection lines would."
+            f"{on_excited}{steady}; {higher}; the grid excites even and odd lines equally, so it cannot separate them: an odd "
+            "grid with detection lines would."
         )
     even, odd = shares.get(EVEN, 0.0), shares.get(ODD, 0.0)
     even_force = (
@@ -249,7 +237,7 @@ def _line_sentence(residual: Residual, shares, p_values, excited, classes, exces
 
 
 def _bands(residual: Residual) -> View:
-    """Bands of a record without lines."""
+    """Return the view of a record without lines, by band."""
     size = len(residual.values)
     frequency = np.fft.rfftfreq(size, residual.sampling_time)
     window = np.hanning(size + 2)[1:-1]
@@ -257,8 +245,14 @@ def _bands(residual: Residual) -> View:
     power = 2 * np.abs(np.fft.rfft(residual.values * window)) ** 2 / size**2
     noise = 2 * residual.noise_power(frequency) / size
     excitation = np.abs(np.fft.rfft((residual.position - residual.position.mean()) * window)) ** 2
-    edge = int(np.searchsorted(np.cumsum(excitation) / excitation.sum(), _BAND_POWER))
-    pairs = _band_bounds(len(frequency), edge + 1)
+    edge = int(np.searchsorted(np.cumsum(excitation), _BAND_POWER * excitation.sum()))
+    # Bands of lines above 0, a seventh of their frequency wide but not below a limit, one of them ending at the edge.
+    bounds = [1]
+    for stop in (min(edge + 1, len(frequency)), len(frequency)):
+        while bounds[-1] < stop:
+            width = max(_MIN_BAND_LINES, bounds[-1] // 7)
+            bounds.append(stop if stop - bounds[-1] < 2 * width else bounds[-1] + width)
+    pairs = list(pairwise(bounds))
     table = {
         "frequency": np.array([frequency[low:high].mean() for low, high in pairs]),
         "rms": np.array([np.sqrt(power[low:high].sum()) for low, high in pairs]),
@@ -268,6 +262,9 @@ def _bands(residual: Residual) -> View:
     }
     inside = table["kind"] == BETWEEN
     numbers = {"band_Hz": float(frequency[edge])}
+    if np.ptp(residual.position) == 0:
+        sentence = f"Over frequency: the {residual.moved} does not move in this part."
+        return View("frequency", 0.0, 1.0, sentence, table, numbers)
     if residual.floor is None:
         total = table["rms"] ** 2 / np.sum(table["rms"] ** 2)
         within, above = percent(float(total[inside].sum())), percent(float(total[~inside].sum()))
@@ -277,7 +274,7 @@ def _bands(residual: Residual) -> View:
         )
         return View("frequency", 0.0, 1.0, sentence, table, numbers)
     p_values = [_band_p(power[low:high].sum(), noise[low:high].sum(), high - low) for low, high in pairs]
-    p_value = min(1.0, len(p_values) * min(p_values))  # Bonferroni: the smallest of so many bands
+    p_value = min(1.0, len(p_values) * min(p_values))  # Bonferroni
     if p_value >= SIGNIFICANT:
         sentence = "Over frequency: no band exceeds the noise."
         return View("frequency", 0.0, p_value, sentence, table, numbers)
@@ -291,21 +288,11 @@ def _bands(residual: Residual) -> View:
             f"{percent(above)} above it ({probability(above_p)}), where only a nonlinear force can put it"
         )
     sentence = (
-        f"Over frequency: half of the {residual.base_words} is between {lower:.2g} and {upper:.2g} Hz; {percent(within)} is in "
+        f"Over frequency: half of the {residual.error_name} is between {lower:.2g} and {upper:.2g} Hz; {percent(within)} is in "
         f"the input's band up to {frequency[edge]:.2g} Hz, {higher}."
     )
     numbers |= {f"share {BETWEEN}": within, f"share {ABOVE}": above}
     return View("frequency", residual.share(float(excess.sum())), p_value, sentence, table, numbers)
-
-
-def _band_bounds(lines: int, edge: int) -> list[tuple[int, int]]:
-    """Return bands of lines above 0, a seventh of their frequency wide but not below a limit, one of them ending at `edge`."""
-    bounds = [1]
-    for stop in (min(edge, lines), lines):
-        while bounds[-1] < stop:
-            width = max(_FEWEST_LINES, bounds[-1] // 7)
-            bounds.append(stop if stop - bounds[-1] < 2 * width else bounds[-1] + width)
-    return list(pairwise(bounds))
 
 
 def _band_p(power: float, noise: float, lines: int) -> float:

@@ -24,17 +24,17 @@ TISSUE_BASES = ("KB", "KV", "Maxwell", "LE")
 """Bases of a fastened tool."""
 CONTACT_BASES = ("KB-contact", "KV-contact", "LE-contact")
 """Bases of a tool that is not fastened to the tissue."""
-_SURFACES = 40
+_SURFACE_TRIALS = 40
 """Depths at which the surface is searched."""
-_SEARCHED = 0.06
+_SEARCHED_SHARE = 0.06
 """Share of the range about the first surface in which the best one is searched."""
-_SPRINGS = 0.9
+_MAX_SPRING_RATIO = 0.9
 """Largest ratio of the squared error of a spring that is met to that of a fastened one for which contact is tried."""
-_WITH_EFFECT = 3
+_SURFACE_EFFECTS = 3
 """Effects, those with the best screening, with which the surface is searched again."""
-_LEAST_SHARE = 0.03
-"""Share of the samples that must lie above the surface."""
-_FLAT = 0.1
+_MIN_FREE_SHARE = 0.03
+"""Share of the samples that must be above the surface."""
+_MAX_FREE_SPREAD = 0.1
 """Largest ratio of the spread of the force above the surface to that of the whole record if nothing is touched there."""
 
 
@@ -79,11 +79,22 @@ def find_base(
 ) -> tuple[Experiment, Candidate]:
     """Fit the base that is named, or the one that the data require.
 
-    By the likelihood of all records and the number of parameters. A base with contact must be better than a fastened one with
-    any single effect, e.g. one that loses the tissue too, or one that clips the force.
+    That base has the best likelihood of all records for its number of parameters. A base with contact must be better than a
+    fastened one with any single effect, e.g. one that loses the tissue too, or one that clips the force.
 
-    `name` is a key of `lumbar.tissue.models.bases.BASES`, a user-defined base, or `CHOSEN_BY_DATA`. The experiment's
-    positions are counted from the tissue's surface if the base has contact.
+    Parameters
+    ----------
+    experiment : Experiment
+    name : str or Base
+        Key of `lumbar.tissue.models.bases.BASES`, a user-defined base, or `CHOSEN_BY_DATA`.
+    catalogue : dict of str to Effect
+        Effects that compete with contact.
+
+    Returns
+    -------
+    experiment : Experiment
+        Positions are counted from the tissue's surface if the base has contact.
+    base : Candidate
     """
     # Surfaces are positions as recorded, also if a base is chosen again.
     experiment = experiment.shift_origin(experiment.rest[0])
@@ -94,7 +105,15 @@ def find_base(
             return _fit_surface_with_effects(*fit_at_surface(experiment, (name,)), catalogue)
         return experiment, fit_base(BASES[name], experiment)
     fastened = min((fit_base(BASES[base], experiment) for base in TISSUE_BASES), key=lambda item: item.score)
-    if not _spring_shows_contact(experiment):
+    surface = first_surface(experiment)
+    if surface is None:
+        return experiment, fastened
+    # A spring that is met at a surface must fit better than a fastened one, by more than a clipped response would.
+    spring, met = (
+        fit_base(BASES["LE"], experiment),
+        fit_base(BASES["LE-contact"], experiment.shift_origin(surface)),
+    )
+    if met.fit.squared_error >= _MAX_SPRING_RATIO * spring.fit.squared_error:
         return experiment, fastened
     rivals = [fastened, *extend(fastened, catalogue, experiment)]
     if any(is_adequate(item, experiment) for item in rivals):
@@ -106,18 +125,6 @@ def find_base(
     return experiment, fastened
 
 
-def _spring_shows_contact(experiment: Experiment) -> bool:
-    """Return whether a spring that is met at a surface fits better than a fastened one, by more than a clipped response would."""
-    surface = first_surface(experiment)
-    if surface is None:
-        return False
-    fastened, touched = (
-        fit_base(BASES["LE"], experiment),
-        fit_base(BASES["LE-contact"], experiment.shift_origin(surface)),
-    )
-    return touched.fit.squared_error < _SPRINGS * fastened.fit.squared_error
-
-
 def better_base(model: Candidate, experiment: Experiment) -> str | None:
     """Return the name of the base that explains all records significantly better with the same effects, or None.
 
@@ -125,12 +132,12 @@ def better_base(model: Candidate, experiment: Experiment) -> str | None:
     further effect: a branch can absorb a little of any model's error, and its spring then changes the other parameters (a mass
     m with a dashpot b is m + bτ with a branch).
     """
-    mine = model.fit.structure.base
-    bases = [BASES[name] for name in (CONTACT_BASES if mine.contact else TISSUE_BASES) if name != mine.name]
-    bare = fit_base(mine, experiment)
+    current = model.fit.structure.base
+    names = CONTACT_BASES if current.contact else TISSUE_BASES
+    bare = fit_base(current, experiment)
     better = [
         item
-        for item in (exchange_base(model, base, experiment) for base in bases)
+        for item in (exchange_base(model, BASES[name], experiment) for name in names if name != current.name)
         if item.score < model.score - TIED
         and (item.parameters < model.parameters or is_worthwhile(bare, model, item, experiment))
     ]
@@ -142,23 +149,21 @@ def first_surface(experiment: Experiment) -> float | None:
     """Return the surface below which a spring explains the training record best, or None if the force is not flat above it."""
     training = experiment.training
     position, force = (training.trim(item) for item in (training.motion.position, training.force))
-    reach = np.ptp(position)
-    if reach == 0:
+    span = np.ptp(position)
+    if span == 0:
         return None
-    trials = position.min() + reach * np.linspace(0.02, 0.8, _SURFACES)
-    ones = np.ones(len(position))
-
-    def left(surface: float) -> float:
-        columns = np.column_stack([ones, np.maximum(position - surface, 0.0)])
+    trials = position.min() + span * np.linspace(0.02, 0.8, _SURFACE_TRIALS)
+    errors = []
+    for surface in trials:
+        columns = np.column_stack([np.ones(len(position)), np.maximum(position - surface, 0.0)])
         solution, *_ = np.linalg.lstsq(columns, force, rcond=None)
-        return float(np.sum((columns @ solution - force) ** 2)) if solution[1] > 0 else np.inf
-
-    errors = [left(surface) for surface in trials]
+        squared_error = float(np.sum((columns @ solution - force) ** 2))
+        errors.append(squared_error if solution[1] > 0 else np.inf)
     if not np.isfinite(min(errors)):
         return None
     surface = float(trials[int(np.argmin(errors))])
-    above = position < surface - 0.02 * reach
-    if np.mean(above) < _LEAST_SHARE or np.std(force[above]) > _FLAT * np.std(force):
+    above = position < surface - 0.02 * span
+    if np.mean(above) < _MIN_FREE_SHARE or np.std(force[above]) > _MAX_FREE_SPREAD * np.std(force):
         return None
     return surface
 
@@ -170,17 +175,17 @@ def fit_at_surface(experiment: Experiment, names: tuple[str, ...]) -> tuple[Expe
         start = float(experiment.training.motion.position.min())
     first = experiment.shift_origin(start)
     best = min((fit_base(BASES[name], first) for name in names), key=lambda item: item.fit.squared_error)
-    experiment, best = fit_surface(experiment, best, start)
-    found = [fit_base(BASES[name], experiment) for name in names if name != best.fit.structure.base.name]
-    return experiment, min([best, *found], key=lambda item: item.score)
+    experiment, best = _fit_surface(experiment, best, start)
+    others = [fit_base(BASES[name], experiment) for name in names if name != best.fit.structure.base.name]
+    return experiment, min([best, *others], key=lambda item: item.score)
 
 
 def _fit_surface_with_effects(
     experiment: Experiment, base: Candidate, catalogue: dict[str, Effect]
 ) -> tuple[Experiment, Candidate]:
     """Fit the surface together with the best single effect: a missing effect moves it."""
-    singles = best_by_effect(extend(base, catalogue, experiment, most=_WITH_EFFECT, all_forms=False))
-    refined = [fit_surface(experiment, item, experiment.surface) for item in singles[:_WITH_EFFECT]]
+    singles = best_by_effect(extend(base, catalogue, experiment, most=_SURFACE_EFFECTS, all_forms=False))
+    refined = [_fit_surface(experiment, item, experiment.surface) for item in singles[:_SURFACE_EFFECTS]]
     refined = [pair for pair in refined if pair[1].score < base.score - TIED]
     if not refined:
         return experiment, base
@@ -188,22 +193,19 @@ def _fit_surface_with_effects(
     return moved, refit(base.fit.structure, base.fit.nonlinear, moved)
 
 
-def fit_surface(experiment: Experiment, model: Candidate, start: float) -> tuple[Experiment, Candidate]:
-    """Refit a model with contact together with the position of the surface.
-
-    Brent's bounded method on the error at each surface, for which the model's parameters are fitted again.
-    """
-    reach = _SEARCHED * float(np.ptp(experiment.training.motion.position))
+def _fit_surface(experiment: Experiment, model: Candidate, start: float) -> tuple[Experiment, Candidate]:
+    """Refit a model with contact together with the surface: Brent's bounded method, the model refitted at each position."""
+    half_width = _SEARCHED_SHARE * float(np.ptp(experiment.training.motion.position))
 
     def squared_error(surface: float) -> float:
         training = experiment.shift_origin(surface).training
         return fit(model.fit.structure, training, model.fit.nonlinear).squared_error
 
-    found = scipy.optimize.minimize_scalar(
+    optimum = scipy.optimize.minimize_scalar(
         squared_error,
-        bounds=(start - reach, start + reach),
+        bounds=(start - half_width, start + half_width),
         method="bounded",
-        options={"xatol": 1e-3 * reach},
+        options={"xatol": 1e-3 * half_width},
     )
-    moved = experiment.shift_origin(float(found.x))
+    moved = experiment.shift_origin(float(optimum.x))
     return moved, refit(model.fit.structure, model.fit.nonlinear, moved)

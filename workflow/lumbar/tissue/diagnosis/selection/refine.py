@@ -1,4 +1,4 @@
-"""Adding effects that the user names: base and effects refitted jointly, never worse than the base; the error ladder in words."""
+"""Adding effects that the user names: base and effects refitted jointly, and the error ladder in sentences."""
 
 from collections.abc import Sequence
 from dataclasses import asdict, replace
@@ -28,13 +28,13 @@ from lumbar.tissue.identification.metrics import FreeRunErrors
 from lumbar.tissue.models.bases import BASES
 from lumbar.tissue.models.fitted_model import FittedModel, models_document
 from lumbar.tissue.models.form import Effect
-from lumbar.tissue.models.model_data import OUTPUT_ERROR, FittedParameter, MotionRange, Port, Scores
+from lumbar.tissue.models.model_data import OUTPUT_ERROR, MotionRange, Port, Scores
 from lumbar.tissue.models.motion import SpatialMotion
 from lumbar.tissue.signals.spectrum import motion_range
 
 
 def model_name(fit: Fit) -> str:
-    """Base and effects, e.g. ``"KB+coulomb_friction"``."""
+    """Return the names of base and effects, e.g. ``"KB+coulomb_friction"``."""
     return "+".join([fit.structure.base.name, *fit.structure.effects])
 
 
@@ -49,13 +49,32 @@ def fitted_model(candidate: Candidate, experiment: Experiment) -> FittedModel:
     structure, base = fit.structure, fit.structure.base.name
     if spatial is not None:
         # Axes that were found are those of the model; how far they may be turned from there are further numbers.
-        turned = spatial.freeze(fit.nonlinear[: len(spatial.nonlinear)])
-        structure, base = replace(structure, base=turned.structural), spatial.base.name
-        parameters = [_from_there(item, spatial) for item in parameters]
+        fixed = spatial.freeze(fit.nonlinear[: len(spatial.nonlinear)])
+        structure, base = replace(structure, base=fixed.structural), spatial.base.name
+        signed = {item.name for item in spatial.nonlinear if item.signed}
+        turning = {item.name for item in spatial.turning}
+        parameters = [
+            item
+            if item.effect or item.name not in signed
+            else replace(
+                item,
+                value=0.0,
+                low=item.low - item.value,
+                high=item.high - item.value,
+                derived=item.name in turning,
+            )
+            for item in parameters
+        ]
     try:
-        derived, refused = derived_estimates(fit, training, *units), ""
+        derived, failure = derived_estimates(fit, training, *units), ""
     except NumericalError as error:
-        derived, refused = [], str(error)
+        derived, failure = [], str(error)
+    # MRU (Eq. 3.16) from the intervals; a parameter at its bound 0, to rounding, has no relative uncertainty.
+    uncertainties = [
+        100 * (item.high - item.low) / (2 * 1.96 * abs(item.value))
+        for item in parameters
+        if item.value and abs(item.value) > 1e-8 * max(abs(item.low), abs(item.high))
+    ]
     scores = Scores(
         **asdict(_free_run(fit, training)),
         tests=tuple(test.name for test in experiment.tests),
@@ -65,7 +84,7 @@ def fitted_model(candidate: Candidate, experiment: Experiment) -> FittedModel:
         test_rms=candidate.test_rms,
         free_parameters=len(parameters),
         rank=len(parameters),
-        mru_percent=_largest_relative_uncertainty([item for item in parameters if item.value]),
+        mru_percent=max(uncertainties, default=None),
     )
     return FittedModel(
         name=model_name(fit).replace(" ", "_"),  # a file may have the name
@@ -77,7 +96,7 @@ def fitted_model(candidate: Candidate, experiment: Experiment) -> FittedModel:
         estimator=OUTPUT_ERROR,
         trained_on=training.name,
         parameters=(*parameters, *derived),
-        no_parameters_because=refused,
+        no_parameters_because=failure,
         scores=scores,
         remark="base and effects fitted together by free-run simulation error",
         valid_for=None if experiment.points else _valid_for(experiment),
@@ -88,56 +107,37 @@ def fitted_model(candidate: Candidate, experiment: Experiment) -> FittedModel:
     )
 
 
-def _from_there(item: FittedParameter, spatial) -> FittedParameter:
-    """A parameter; one that turns or moves the base counted from where it was found."""
-    if item.effect or item.name not in {own.name for own in spatial.nonlinear if own.signed}:
-        return item
-    assert item.low is not None and item.high is not None
-    ends = {"value": 0.0, "low": item.low - item.value, "high": item.high - item.value}
-    return replace(item, **ends, derived=item.name in {own.name for own in spatial.turning})
-
-
 def _valid_for(experiment: Experiment) -> MotionRange:
-    """Motion of the training records; of several axes along any of them."""
+    """Return the ranges of the motion of the training records; of several axes along any of them."""
     motion = experiment.training.motion
     if not isinstance(motion, SpatialMotion):
         return motion_range(motion.position + experiment.surface, motion.sampling_time)
     along = [
         motion_range(part.position, part.sampling_time) for part in motion.parts if np.ptp(part.position) > 0
     ]
-    least, most = ([pick(getattr(item, name) for item in along) for name in _ENDS] for pick in (min, max))
-    return MotionRange(least[0], most[1], most[2], least[3], most[4])
-
-
-_ENDS = ("lowest", "highest", "speed", "lowest_Hz", "highest_Hz")
+    return MotionRange(
+        min(item.lowest for item in along),
+        max(item.highest for item in along),
+        max(item.speed for item in along),
+        min(item.lowest_Hz for item in along),
+        max(item.highest_Hz for item in along),
+    )
 
 
 def refined_document(path: list[Candidate], experiment: Experiment, source_label: str) -> dict:
     """Return the content of ``refined.json``: every model of the path whose base has a name by which it can be read back."""
-    floor = None if experiment.floor is None else experiment.floor.rms
-    bases = [item.fit.structure.base for item in path]
-    named = [
-        item
-        for item, base in zip(path, bases, strict=True)
-        if base.is_user_defined or base.spatial or base.name in BASES
-    ]
-    return models_document([fitted_model(item, experiment) for item in named], source_label, floor)
+    models = []
+    for item in path:
+        base = item.fit.structure.base
+        if base.is_user_defined or base.spatial or base.name in BASES:
+            models.append(fitted_model(item, experiment))
+    return models_document(models, source_label, None if experiment.floor is None else experiment.floor.rms)
 
 
 def _free_run(fit: Fit, data: FitData) -> FreeRunErrors:
-    """Errors, both signals about their means as for the identified models."""
+    """Return the errors, both signals about their means as for the identified models."""
     measured, simulated = data.trim(data.force), data.trim(fit.simulate(data.motion))
     return FreeRunErrors.of(measured - np.mean(measured), simulated - np.mean(simulated))
-
-
-def _largest_relative_uncertainty(parameters: list[FittedParameter]) -> float | None:
-    """MRU (Eq. 3.16) from the intervals; a parameter at its bound 0, to rounding, has no relative uncertainty."""
-    relative = [
-        100 * (item.high - item.low) / (2 * 1.96 * abs(item.value))
-        for item in parameters
-        if abs(item.value) > 1e-8 * max(abs(item.low), abs(item.high))
-    ]
-    return max(relative, default=None)
 
 
 def refine(
@@ -168,9 +168,11 @@ def refine(
         if name not in usable:
             missing = {role: None for form, roles in left_out if form.effect == name for role in roles}
             raise InputError(f"{name} needs channels that the records do not have: {', '.join(missing)}")
-    surfaced, path = _added_in_turn(experiment, usable, settings.base)
+    surfaced, base = find_base(experiment, settings.base, usable)
+    path = add_in_turn(surfaced, base, usable)
     if experiment.error_dwarfs_noise(path[-1].train_rms):
-        surfaced, path = _added_in_turn(experiment.drop_whitening(), usable, settings.base)
+        surfaced, base = find_base(experiment.drop_whitening(), settings.base, usable)
+        path = add_in_turn(surfaced, base, usable)
     return surfaced, path
 
 
@@ -180,21 +182,13 @@ def refined_fit(records: list[Record], effects: list[str], settings: DiagnosisSe
     return fitted_model(path[-1], experiment)
 
 
-def _added_in_turn(
-    experiment: Experiment, chosen: dict[str, Effect], base: str
-) -> tuple[Experiment, list[Candidate]]:
-    """Records from the tissue's surface on, and path of fitted models: base, base and first effect, …."""
-    experiment, first = find_base(experiment, base, chosen)
-    return experiment, added_in_turn(experiment, first, chosen)
-
-
-def added_in_turn(experiment: Experiment, first: Candidate, chosen: dict[str, Effect]) -> list[Candidate]:
-    """Base, base and first effect, …: each in the form that fits best.
+def add_in_turn(experiment: Experiment, first: Candidate, chosen: dict[str, Effect]) -> list[Candidate]:
+    """Add effects one after the other, each in the form that fits best; return base, base and first effect, ….
 
     Raises
     ------
     InputError, NumericalError
-        As `refine`.
+        See `refine`.
     """
     path = [first]
     for name in chosen:
@@ -212,9 +206,9 @@ def added_in_turn(experiment: Experiment, first: Candidate, chosen: dict[str, Ef
     if len(chosen) > 1:
         # Forms were chosen one by one; with all effects in place another form of one may fit better.
         best = exchange(path[-1], chosen, experiment)
-        own = {form.effect: form for form in best.fit.structure.forms}
-        if own.keys() == chosen.keys():  # in the order given, as the rungs before are
-            path[-1] = replace(best, fit=select_forms(best.fit, [own[name] for name in chosen]))
+        by_effect = {form.effect: form for form in best.fit.structure.forms}
+        if by_effect.keys() == chosen.keys():  # in the order given, as the models before are
+            path[-1] = replace(best, fit=select_forms(best.fit, [by_effect[name] for name in chosen]))
     if chosen and not path[-1].fit.converged:
         raise NumericalError(
             f"{first.fit.structure.base.name} with {', '.join(chosen)}: the fit on {experiment.training.name} did not converge; "
@@ -224,7 +218,7 @@ def added_in_turn(experiment: Experiment, first: Candidate, chosen: dict[str, Ef
 
 
 def not_converged(model: Candidate, experiment: Experiment) -> Finding:
-    """Say that a base's parameters are no result; what it leaves can be looked at all the same."""
+    """Report that the parameters of a base are not a result; the error that it leaves can still be evaluated."""
     training, unit = experiment.training.name, experiment.output_unit
     sentence = (
         f"The fit of {model_name(model.fit)} to {training} did not converge: its parameters are where the optimiser stopped and "
@@ -236,54 +230,36 @@ def not_converged(model: Candidate, experiment: Experiment) -> Finding:
 def ladder_sentences(path: Sequence[Candidate], experiment: Experiment) -> list[str]:
     """Return base, base and first effect, … with their errors, then the noise floor and the verdict.
 
-    Parameters
-    ----------
-    path : sequence of Candidate
-        Base, base and first effect, ….
+    The verdict reports whether the last model leaves only noise, and which effects gain no more than their parameters cost:
+    the likelihood of all records against half the logarithm of their size for every parameter (Schwarz, Ann. Statist. 6 (1978)
+    461-464).
     """
-    unit = experiment.output_unit
+    unit, floor, model = experiment.output_unit, experiment.floor, path[-1]
     training = distinguishing_digits([item.train_rms for item in path], 4)
     unseen = distinguishing_digits([item.test_rms for item in path], 4)
-    names = [path[0].fit.structure.base.name, *(f"+ {name}" for name in path[-1].effects)]
+    names = [path[0].fit.structure.base.name, *(f"+ {name}" for name in model.effects)]
     changes = [""]
     for before, after in pairwise(path):
         change = 100 * (after.test_rms / before.test_rms - 1)
         changes.append(f" ({change:+.2g} %)" if abs(change) < 10 else f" ({change:+.0f} %)")
-    rungs = [
-        f"{name}: {own} {unit} in training, {other} unseen{change}"
-        for name, own, other, change in zip(names, training, unseen, changes, strict=True)
+    lines = [
+        f"{name}: {trained} {unit} in training, {other} unseen{change}"
+        for name, trained, other, change in zip(names, training, unseen, changes, strict=True)
     ]
-    return [
-        *rungs,
-        noise_sentence(experiment),
-        ladder_verdict(path, experiment),
-    ]
-
-
-def ladder_verdict(path: Sequence[Candidate], experiment: Experiment) -> str:
-    """Say whether what the last model leaves is noise, and which effects gain no more than their parameters cost.
-
-    The cost is that of the search: the likelihood of all records against half the logarithm of their size for every
-    parameter (Schwarz, Ann. Statist. 6 (1978) 461-464).
-    """
-    idle = [after.effects[-1] for before, after in pairwise(path) if after.score >= before.score]
-    words = [_left(path, experiment)]
-    if idle:
-        words.append(
-            f"These records do not speak for {effects_text(idle)}: no more is gained than parameters cost."
-        )
-    if len(idle) < len(path) - 1:
-        words.append("Whether other effects do as well, diagnose says.")
-    return " ".join(words)
-
-
-def _left(path: Sequence[Candidate], experiment: Experiment) -> str:
-    """Whether what the last model leaves is noise, as far as the noise is known."""
-    floor, model = experiment.floor, path[-1]
     still = "still " if model.effects else ""
     if floor is None:
-        return f"Verdict: whether something is {still}missing cannot be said."
-    left = f"what is left is {times_floor(max(model.train_rms, model.test_rms), floor)} times the noise floor at most"
-    if is_adequate(model, experiment):
-        return f"Verdict: {left}, noise as far as can be told."
-    return f"Verdict: something is {still}missing: {left}; locate says where it is."
+        verdict = f"Verdict: it is unknown whether something is {still}missing."
+    else:
+        times = times_floor(max(model.train_rms, model.test_rms), floor)
+        left = f"the remaining error is at most {times} times the noise floor"
+        verdict = f"Verdict: something is {still}missing: {left}; locate shows where it is."
+        if is_adequate(model, experiment):
+            verdict = f"Verdict: {left}, only noise as far as these records show."
+    idle = [after.effects[-1] for before, after in pairwise(path) if after.score >= before.score]
+    if idle:
+        verdict += (
+            f" These records do not support {effects_text(idle)}: no more is gained than parameters cost."
+        )
+    if len(idle) < len(path) - 1:
+        verdict += " Use diagnose to see whether other effects do as well."
+    return [*lines, noise_sentence(experiment), verdict]

@@ -14,11 +14,11 @@ from lumbar.tissue.models.form import Effect
 CONDITIONAL = (
     "Intervals hold if base and effects are the right ones: what another base would give is not in them."
 )
-_MOST = 7
-"""Largest number of digits: errors that differ by less count as equal."""
-_NOTABLE = 0.1
+_MAX_DIGITS = 7
+"""Errors that differ by less count as equal."""
+_MIN_REPORTED_ERROR = 0.1
 """Smallest reported error of a right model in addition to the noise, in noise floors."""
-_APART = 1.5
+_LISTED_ERROR_RATIO = 1.5
 """Ratio of the errors of unseen records above which they are listed one by one."""
 
 
@@ -32,18 +32,17 @@ def distinguishing_digits(values: Sequence[float], fewest: int) -> list[str]:
     >>> distinguishing_digits([8700.0, 1796.0], 3)
     ['8700', '1800']
     """
-    wanted = sum(f"{a:.{_MOST}g}" != f"{b:.{_MOST}g}" for a, b in pairwise(values))
-    for digits in range(fewest, _MOST + 1):
-        words = [_written(value, digits) for value in values]
-        if sum(a != b for a, b in pairwise(words)) == wanted:
+
+    def written(value: float, digits: int) -> str:
+        rounded = float(f"{value:.{digits}g}")  # thousands without an exponent
+        return f"{rounded:.0f}" if 10.0**digits <= abs(rounded) < 1e6 else f"{value:.{digits}g}"
+
+    wanted = sum(f"{a:.{_MAX_DIGITS}g}" != f"{b:.{_MAX_DIGITS}g}" for a, b in pairwise(values))
+    for digits in range(fewest, _MAX_DIGITS + 1):
+        texts = [written(value, digits) for value in values]
+        if sum(a != b for a, b in pairwise(texts)) == wanted:
             break
-    return words
-
-
-def _written(value: float, digits: int) -> str:
-    """Format a number with these digits; thousands without an exponent."""
-    rounded = float(f"{value:.{digits}g}")
-    return f"{rounded:.0f}" if 10.0**digits <= abs(rounded) < 1e6 else f"{value:.{digits}g}"
+    return texts
 
 
 def readable(name: str) -> str:
@@ -61,32 +60,31 @@ def headline(result: DiagnosisResult) -> str:
     """Return the result in one sentence."""
     unit, base = result.experiment.output_unit, result.base.fit.structure.base.name
     before, after = result.base.test_rms, result.model.test_rms
-    named = effects_text(result.selected)
-    share, fall = _percent(1 - after / before), error_falls(result)
+    named, fall = effects_text(result.selected), error_falls(result)
     if result.orientation is not None:
         return f"These records are not what the {base} model takes. {result.orientation.sentence}"
     if result.status == Status.ADEQUATE:
-        return f"Nothing is missing: what the {base} model leaves ({before:.3g} {unit}) is noise as far as can be told."
+        return f"Nothing is missing: the {base} model leaves only noise ({before:.3g} {unit}), as far as these records show."
     if result.status == Status.NAMED:
         added = "it" if len(result.selected) == 1 else "them"
         return f"The {base} model is missing {named}: with {added} {fall}."
     if result.status == Status.TIED:
         others = ", ".join(effects_text(item.effects) for item in result.tied_with)
         return (
-            f"Something is missing; {named} explains it ({fall}), but {others} cannot be told apart from it."
+            f"Something is missing; {named} explains it ({fall}), but cannot be distinguished from {others}."
         )
     missing = f"Something is missing from the {base} model and no effect of the catalogue explains it"
     if not result.selected:
         return f"{missing}."
     s = "s" * (len(result.selected) == 1)
-    removed = f"remove{s} {share} of the error on unseen records."
+    removed = f"remove{s} {_percent(1 - after / before)} of the error on unseen records."
     if result.explainable_share_removed < EXPLAINS:
         return f"{missing}; it looks a little like {named}, which {removed}"
     return f"{missing}; {named}, which come{s} nearest, {removed}"
 
 
 def explain(result: DiagnosisResult) -> list[str]:
-    """Return one line per step: its name, what it did or found, and which step decided the status."""
+    """Return one line per step: its name, its action or finding, and whether it decided the status."""
     decided = result.decided_by
     return [
         f"{item.step}: {item.reason}" + (f" [decided: {item.status}]" if item is decided else "")
@@ -108,37 +106,38 @@ def _percent(share: float) -> str:
 
 
 def noise_sentence(experiment: Experiment) -> str:
-    """Say how large the noise is and what that is taken from, or that it is unknown."""
-    floor = experiment.floor
+    """Report the size and source of the noise, or that it is unknown."""
+    floor, unit = experiment.floor, experiment.output_unit
     if experiment.points:
-        return "How much of the error is noise is unknown: the same positions measured again would say."
+        return "The part of noise in the error is unknown: measure the same positions again."
     if floor is None:
         return (
-            "No record repeats, so the noise floor is unknown and completeness cannot be judged. Where an excitation ramps up or "
-            "down, read the part that repeats alone: --trim of 'lumbar import', or trim_s in a study."
+            "No record repeats, so the noise floor is unknown and completeness cannot be judged. If an excitation ramps up or "
+            "down, read only the part that repeats: --trim of 'lumbar import', or trim_s in a study."
         )
-    unit = experiment.output_unit
     sentence = f"Noise floor: {floor.rms:.3g} {unit} ({floor.low:.3g} to {floor.high:.3g})"
     sentence += f" from {floor.periods} periods of {floor.period:g} s"
     if floor.exact:
-        sentence += "; they are alike to the last digit, and so much the digits leave open"
+        sentence += (
+            "; the periods are identical to the last digit, so the floor reflects the number of digits only"
+        )
     if floor.halves:
-        sentence += ", all there are: what differs between their second halves passes for noise"
-    if experiment.extra_floor_rms <= _NOTABLE * floor.rms:
+        sentence += ", all there are: the difference between their second halves counts as noise"
+    if experiment.extra_floor_rms <= _MIN_REPORTED_ERROR * floor.rms:
         return f"{sentence}."
     return (
-        f"{sentence}. Beside it a right model would leave {experiment.extra_floor_rms:.3g} {unit}: the force of the "
+        f"{sentence}. In addition a right model would leave {experiment.extra_floor_rms:.3g} {unit}: the force of the "
         f"{experiment.input_quantity}'s noise within the band, or a drift that may be a wandering zero. It counts as noise."
     )
 
 
 def details(result: DiagnosisResult, catalogue: dict[str, Effect]) -> list[str]:
-    """Return what a reader asks next: noise, share explained, runner-up, what would settle a tie."""
-    unit, floor = result.experiment.output_unit, result.experiment.floor
+    """Return the details after the headline: noise, share explained, runner-up, experiments that settle a tie."""
+    unit, floor, model = result.experiment.output_unit, result.experiment.floor, result.model
     lines = [item.sentence for item in result.findings if item is not result.orientation]
     if any("interval" in line for line in lines):
         lines.append(CONDITIONAL)
-    if not result.model.fit.converged:
+    if not model.fit.converged:
         base = result.base.fit.structure.base.name
         named = f"{base} with {effects_text(result.selected)}" if result.selected else base
         lines.append(
@@ -146,22 +145,21 @@ def details(result: DiagnosisResult, catalogue: dict[str, Effect]) -> list[str]:
         )
     if result.linear is not None:
         lines.append(
-            f"As {result.linear.fit.structure.base.name} these dynamics stand in refined.json, with their equation and the "
+            f"As {result.linear.fit.structure.base.name} these dynamics are in refined.json, with their equation and the "
             "intervals of its parameters, to be compared and exported as any other model."
         )
     lines.append(noise_sentence(result.experiment))
     if floor is not None:
         lines += [
-            f"Beside noise the periods differ by {words} (RMS {rms:.3g} {unit})."
-            for words, rms in floor.structured
+            f"In addition to noise the periods differ by {text} (RMS {rms:.3g} {unit})."
+            for text, rms in floor.structured
         ]
     if result.selected:
-        lines.append(_removed_and_left(result))
-        lines.append(what_is_left(result))
-    unseen = result.model.unseen_rms
-    if max(unseen.values()) > _APART * min(unseen.values()):
-        told = ", ".join(f"{name} {rms:.3g}" for name, rms in unseen.items())
-        lines.append(f"Error on unseen records, one by one: {told} {unit}.")
+        lines += [_removed_share(result), remaining_error(result)]
+    unseen = model.unseen_rms
+    if max(unseen.values()) > _LISTED_ERROR_RATIO * min(unseen.values()):
+        listed = ", ".join(f"{name} {rms:.3g}" for name, rms in unseen.items())
+        lines.append(f"Error on unseen records, one by one: {listed} {unit}.")
     if result.status in (Status.NAMED, Status.TIED):
         lines += [
             f"{readable(name).capitalize()}: {catalogue[name].mechanism} {catalogue[name].sensors}".rstrip()
@@ -169,17 +167,15 @@ def details(result: DiagnosisResult, catalogue: dict[str, Effect]) -> list[str]:
         ]
     second = runner_up(result)
     if second is not None:
-        lines.append(_second_sentence(result, second))
-    for item in result.tied_with:
-        new = [name for name in item.effects if name not in result.selected]
-        lines += [f"To settle {readable(name)}: {catalogue[name].experiment}." for name in new]
-    if result.tied_with:
-        lines += [f"To settle {readable(name)}: {catalogue[name].experiment}." for name in result.selected]
+        lines.append(_runner_up_sentence(result, second))
+    tied = [name for item in result.tied_with for name in item.effects if name not in result.selected]
+    tied += result.selected if result.tied_with else ()
+    lines += [f"To settle {readable(name)}: {catalogue[name].experiment}." for name in tied]
     return lines + not_tried(result)
 
 
 def not_tried(result: DiagnosisResult) -> list[str]:
-    """Say which candidates the records left out, and what would have to be recorded for them."""
+    """Report the candidates that the records left out, and the channels that they need."""
     columns: dict[str, dict[str, None]] = {}
     for form, missing in result.not_tried:
         columns.setdefault(form.effect, {}).update({CHANNELS.get(role, role): None for role in missing})
@@ -189,27 +185,25 @@ def not_tried(result: DiagnosisResult) -> list[str]:
     ]
 
 
-def _second_sentence(result: DiagnosisResult, second: Ranked) -> str:
+def _runner_up_sentence(result: DiagnosisResult, second: Ranked) -> str:
     """Report the best set of effects that was not selected, and the reason if the base is adequate."""
     rms, base = second.candidate.test_rms, result.base
     error = f"{effects_text(second.candidate.effects)}, error on unseen records {rms:.3g} {result.experiment.output_unit}"
     if rms > base.test_rms:
-        error += f", worse than {base.fit.structure.base.name} alone ({base.test_rms:.3g})"
+        error += f", worse than {base.fit.structure.base.name} by itself ({base.test_rms:.3g})"
     if result.status != Status.ADEQUATE:
         return f"Runner-up: {error}."
     if second.p_value <= LEVEL:
         against = contradictions(second.candidate.fit, result.experiment)
-        why = against[0] if against else "on unseen records it is not surely better"
-        return (
-            f"Best candidate: {error}; it gains more in training than chance would and is not named: {why}."
-        )
+        why = against[0] if against else "on unseen records it is not significantly better"
+        return f"Best candidate: {error}; its training improvement exceeds chance, but it was not selected: {why}."
     return (
-        f"Best candidate: {error}; where nothing is missing the best of all gains as much in {100 * second.p_value:.2g} % of the "
+        f"Best candidate: {error}; if nothing is missing, the best of all gains as much in {100 * second.p_value:.2g} % of the "
         f"cases ({100 * LEVEL:g} % would be needed)."
     )
 
 
-def _removed_and_left(result: DiagnosisResult) -> str:
+def _removed_share(result: DiagnosisResult) -> str:
     """Report the remaining error in noise floors, then the removed share; 99 % of a large error may leave many noise floors."""
     share = f"{100 * result.explainable_share_removed:.1f} % of the variance"
     floor, model = result.experiment.floor, result.model
@@ -229,15 +223,14 @@ def times_floor(rms: float, floor: NoiseFloor) -> str:
     return f"{times:.2f}" if times < 10 else f"{times:.0f}" if times < 1000 else "more than a thousand"
 
 
-def what_is_left(result: DiagnosisResult) -> str:
-    """Say whether anything is missing from the model with the selected effects."""
-    unit, floor, model = result.experiment.output_unit, result.experiment.floor, result.model
+def remaining_error(result: DiagnosisResult) -> str:
+    """Report whether anything is missing from the model with the selected effects."""
     if result.further is not None:
-        effect = readable(result.further.effects[-1])
-        rms = result.further.test_rms
-        return f"Diagnosed again, {effect} is missing too: with it the error on unseen records falls to {rms:.3g} {unit}."
-    if floor is not None and is_adequate(model, result.experiment):
-        return "What is left is noise as far as can be told."
+        effect, rms = readable(result.further.effects[-1]), result.further.test_rms
+        falls = f"with it the error on unseen records falls to {rms:.3g} {result.experiment.output_unit}"
+        return f"Diagnosed again, {effect} is missing too: {falls}."
+    if result.experiment.floor is not None and is_adequate(result.model, result.experiment):
+        return "Only noise is left, as far as these records show."
     left = "something unexplained is left and " if result.refined_status == Status.UNEXPLAINED else ""
     if not result.is_searched_further:
         return f"{left}no further effect was looked for.".capitalize()
@@ -245,6 +238,6 @@ def what_is_left(result: DiagnosisResult) -> str:
 
 
 def runner_up(result: DiagnosisResult) -> Ranked | None:
-    """Best of the ranked sets of effects that is not the selected one."""
+    """Return the best of the ranked sets of effects that is not the selected one."""
     chosen = set(result.selected)
     return next((item for item in result.ranking if set(item.candidate.effects) != chosen), None)

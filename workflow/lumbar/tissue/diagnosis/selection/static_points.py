@@ -1,4 +1,4 @@
-"""Points of a static test, a table of position and force without a clock: which law of position only a spring is missing."""
+"""Points of a static test, a table of position and force without a clock: the law of position that a spring is missing."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -32,15 +32,15 @@ from lumbar.tissue.effects.catalogue import filter_forms
 from lumbar.tissue.models.bases import BASES, CHOSEN_BY_DATA, Base
 from lumbar.tissue.models.motion import Motion
 
-FEWEST = 12
-"""Fewest points of a table: a third of them is used as test if there is no other table."""
-_EVERY = 3
+MIN_POINTS = 12
+"""Fewest points of a table: a third of them is the test if only one table exists."""
+_TEST_STRIDE = 3
 """One in this number of points, in the order of their positions, is used as test."""
 _SPRINGS = ("LE", "LE-contact")
 
 
 def prepare_points(state: DiagnosisState) -> DiagnosisState:
-    """Prepare points in the order of their positions; one in three is unseen if there is no other table.
+    """Prepare points in the order of their positions; one in three is unseen if only one table exists.
 
     Rates, delays, relaxation, hysteresis and drift cannot be seen in points without a clock, nor faults of a clock: none of them
     is searched, and nothing is filtered.
@@ -54,12 +54,9 @@ def prepare_points(state: DiagnosisState) -> DiagnosisState:
     catalogue = filter_forms(
         state.settings.candidates, lambda form: form.is_static, experiment.training.scale
     )
-    is_held_back = experiment.tests[0].name == experiment.training.records[0].name
-    unseen = (
-        f"One point in {_EVERY} was held back as unseen"
-        if is_held_back
-        else "Other tables are the unseen points"
-    )
+    unseen = "Other tables are the unseen points"
+    if experiment.tests[0].name == experiment.training.records[0].name:
+        unseen = f"One point in {_TEST_STRIDE} was held back as unseen"
     count = sum(len(record) for record in experiment.records)
     sentence = (
         f"These {count} points have no clock and are treated as a static test: only laws of {experiment.input_quantity} were "
@@ -127,10 +124,10 @@ POINT_STEPS = (prepare_points, choose_spring, select_law, find_ties, check_curve
 
 
 class StaticSelection(Selection):
-    """A search whose false alarms are counted by the F test: simulated ones are of long records and of all effects."""
+    """A search with false alarms by the F test: those of simulated experiments are of long records and of all effects."""
 
     def p_value(self, before: Candidate, after: Candidate) -> float:
-        """Probability that the best of all forms gains as much where nothing is missing, at most (Bonferroni)."""
+        """Return the largest probability that the best of all forms gains as much if nothing is missing (Bonferroni)."""
         more = after.parameters - before.parameters
         left = self.experiment.training.size - after.parameters - 1
         gained = max(before.fit.squared_error / max(after.fit.squared_error, 1e-300) - 1, 0.0)
@@ -151,24 +148,24 @@ def experiment_of_points(records: Sequence[Record], settings: DiagnosisSettings)
             f"{settings.base} or forward out"
         )
     for record in records:
-        if len(record) < FEWEST:
+        if len(record) < MIN_POINTS:
             raise InputError(
-                f"{record.source or record.name}: {len(record)} points of a static test; at least {FEWEST} are needed"
+                f"{record.source or record.name}: {len(record)} points of a static test; at least {MIN_POINTS} are needed"
             )
     chosen, others = choose_training(list(records), settings.train)
     check_unseen(chosen, others)
-    fitted, tests = [_points(record) for record in chosen], [_points(record) for record in others]
+    fitted, tests = [_sort_points(record) for record in chosen], [_sort_points(record) for record in others]
     if not tests:
-        tests = [_points(record, lambda number: number % _EVERY == 1) for record in chosen]
-        fitted = [_points(record, lambda number: number % _EVERY != 1) for record in chosen]
+        tests = [_sort_points(record, lambda number: number % _TEST_STRIDE == 1) for record in chosen]
+        fitted = [_sort_points(record, lambda number: number % _TEST_STRIDE != 1) for record in chosen]
     return assemble_experiment(chosen[0], fitted, tests, None, records=tuple(records)).shift_to_rest()
 
 
-def _points(record: Record, wanted: Callable[[np.ndarray], np.ndarray] | None = None) -> FitData:
-    """Points in the order of their positions; only those with a number that is wanted, if that is given."""
+def _sort_points(record: Record, is_used: Callable[[np.ndarray], np.ndarray] | None = None) -> FitData:
+    """Return the points in the order of their positions; only some of their numbers if a condition is given."""
     order = np.argsort(record["input"], kind="stable")
-    if wanted is not None:
-        order = order[wanted(np.arange(len(order)))]
+    if is_used is not None:
+        order = order[is_used(np.arange(len(order)))]
     number = np.arange(float(len(order)))
     return FitData(record.name, Motion(number, record["input"][order], 1.0), record["output"][order])
 

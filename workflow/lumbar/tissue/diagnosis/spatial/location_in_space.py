@@ -142,7 +142,7 @@ def travel_view(residual: SpatialResidual) -> View:
     p_value = residual.p_value(mean, covariance)
     speeds = np.array([residual.speed[one].mean() for one in member])
     is_reported = p_value < SIGNIFICANT and share >= _MIN_SHARE
-    unit, error = residual.unit, residual.parts[0].base_words
+    unit, error = residual.unit, residual.parts[0].error_name
     if is_reported:
         speed_unit = f"{residual.parts[0].position_unit}/s"
         trend = (
@@ -232,7 +232,7 @@ def direction_view(residual: SpatialResidual) -> View:
         length = float(np.linalg.norm(vector))
         angle = float(np.degrees(np.arccos(np.clip(vector @ travel / length, -1, 1))))
         text = (
-            f"{percent(share)} of the {residual.parts[0].base_words} depends on it ({probability(p_value)}); the mean error is "
+            f"{percent(share)} of the {residual.parts[0].error_name} depends on it ({probability(p_value)}); the mean error is "
             f"largest, {length:.3g} {residual.unit}, for motion along {vector_text(travel)}, at {angle:.0f}° from it"
         )
     elif p_value >= SIGNIFICANT:

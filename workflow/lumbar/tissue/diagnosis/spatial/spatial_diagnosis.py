@@ -15,7 +15,7 @@ from lumbar.tissue.diagnosis.selection.forward_selection import (
     extend,
     find_ties,
 )
-from lumbar.tissue.diagnosis.selection.refine import added_in_turn
+from lumbar.tissue.diagnosis.selection.refine import add_in_turn
 from lumbar.tissue.diagnosis.selection.result import DiagnosisState, Status
 from lumbar.tissue.diagnosis.selection.thresholds import TIED
 from lumbar.tissue.diagnosis.spatial.spatial_base import KINDS, choose_base, choose_likelier, refit_axes
@@ -152,13 +152,13 @@ def refine(
     usable = {name: known[name] for name in effects}
     base = choose_base(experiment, axes, kinds)
     for _ in range(_ROUNDS):
-        path = added_in_turn(experiment, refit_axes(base, experiment, free=False), usable)
+        path = add_in_turn(experiment, refit_axes(base, experiment, free=False), usable)
         better = _better_base(path[-1], experiment, axes, kinds)
         if better is None:
             break
         base = better
     else:
-        path = added_in_turn(experiment, base, usable)
+        path = add_in_turn(experiment, base, usable)
     return experiment, [refit_axes(item, experiment, free=True) for item in path]
 
 
