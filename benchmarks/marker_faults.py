@@ -21,7 +21,7 @@ import numpy as np
 
 from acceptance_page import show_section
 from lumbar.lifting.quality.body import landmarks, side_pairs
-from lumbar.lifting.quality.displacement import ALONE
+from lumbar.lifting.quality.displacement import MAJORITY
 from lumbar.lifting.quality.findings import ERROR, LEFT_OUT, PROPOSED, MarkerFinding
 from lumbar.lifting.quality.gate import examine
 from lumbar.records.markers import read_markers
@@ -173,7 +173,12 @@ def verdict(case: Case) -> str:
     if case.frames is not None:
         first, stop = case.frames.start - 5, case.frames.stop + 5
         right = right and all(first <= item.frames.start < item.frames.stop <= stop for item in found)
-    if not right and len(found) == 1 and found[0].markers == case.expected[1] and ALONE in found[0].evidence:
+    if (
+        not right
+        and len(found) == 1
+        and found[0].markers == case.expected[1]
+        and MAJORITY in found[0].evidence
+    ):
         return "said"
     return "named" if right else "other"
 

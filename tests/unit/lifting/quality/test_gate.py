@@ -7,7 +7,8 @@ import pytest
 from quality_corruptions import CORRUPTIONS, Trunk, changed, corrupted, exchanged
 
 from lumbar.lifting.quality.body import side_pairs
-from lumbar.lifting.quality.displacement import off_its_part
+from lumbar.lifting.quality.displacement import find_rigid_violations
+from lumbar.lifting.quality.findings import Legend
 from lumbar.lifting.quality.gate import examine
 from lumbar.records.markers import read_markers
 from lumbar.settings.layout import MarkerLayout
@@ -224,15 +225,15 @@ def two_feet():
 
 
 def test_two_feet_on_the_ground_are_not_one_body(two_feet):
-    assert off_its_part(two_feet, RATE) == []
+    assert find_rigid_violations(two_feet, Legend(TIME, RATE)) == []
 
 
 def test_a_marker_off_a_box_that_is_carried_is_found(two_feet):
     names = ("BOX_1", "BOX_2", "BOX_3", "BOX_4")
     box = part(names, np.array([0, 0.5, 0.3]), [0, 0.2, 0.7] * ramp(10.0, 13.0))
     box["BOX_3"][1150:1162] += [0.05, 0, 0]
-    [off] = off_its_part(two_feet | box, RATE)
-    assert (off.label, off.frames) == ("BOX_3", slice(1150, 1162))
+    [off] = find_rigid_violations(two_feet | box, Legend(TIME, RATE))
+    assert (off.markers, off.frames) == (("BOX_3",), slice(1150, 1162))
     assert "BOX_1" in off.evidence
 
 

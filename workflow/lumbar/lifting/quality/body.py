@@ -48,7 +48,7 @@ def landmarks(labels: Iterable[str], meant: dict[str, str] | None = None) -> dic
     >>> landmarks(["r.ASIS_study", "L_calc_study", "LeftAnkle"])
     {'R_ASIS': 'r.ASIS_study', 'L_ANKLE': 'LeftAnkle', 'L_HEEL': 'L_calc_study'}
     """
-    bare = {_bare(label): label for label in labels}
+    bare = {re.sub(r"_STUDY$|[^A-Z0-9]", "", label.rpartition(":")[2].upper()): label for label in labels}
     # Joints of a skeleton are named after the segment that begins there.
     joints: dict[str, list[str]] = _LABELS["joints"]
     skeleton = all(any(f"LEFT{name}" in bare for name in joints[joint]) for joint in ("HIP", "KNEE"))
@@ -62,22 +62,17 @@ def landmarks(labels: Iterable[str], meant: dict[str, str] | None = None) -> dic
     if skeleton:
         for landmark, names in _LABELS["joints_of_the_midline"].items():
             candidates[landmark] = [*names, *candidates.get(landmark, ())]
-    found = {}
+    named = {}
     for landmark, names in candidates.items():
         label = next((bare[name] for name in names if name in bare), None)
         if label is not None:
-            found[landmark] = label
+            named[landmark] = label
     for name, label in bare.items():
         match = _VERTEBRA.match(name)
         if match and 1 <= int(match[2]) <= {"T": 12, "L": 5}[match[1]]:
-            found.setdefault(f"{match[1]}{int(match[2])}", label)
+            named.setdefault(f"{match[1]}{int(match[2])}", label)
     meant = meant or {}
-    own = set(meant.values())
-    return {**{name: label for name, label in found.items() if label not in own}, **meant}
-
-
-def _bare(label: str) -> str:
-    return re.sub(r"_STUDY$|[^A-Z0-9]", "", label.rpartition(":")[2].upper())
+    return {name: label for name, label in named.items() if label not in meant.values()} | meant
 
 
 def side_pairs(labels: Iterable[str], named: dict[str, str] | None = None) -> list[tuple[str, str]]:
@@ -101,7 +96,7 @@ def side_pairs(labels: Iterable[str], named: dict[str, str] | None = None) -> li
             others.append(label[:-1] + {"l": "r", "L": "R"}[label[-1]])
         pairs += [(label, other) for other in others if other in present]
     meant_right = {label for label, landmark in (named or {}).items() if landmark.startswith("R_")}
-    return [(right, left) if left in meant_right else (left, right) for left, right in pairs]
+    return [pair[::-1] if pair[0] in meant_right else pair for pair in pairs]
 
 
 def level(landmark: str) -> float | None:
@@ -126,43 +121,33 @@ def _part(landmark: str) -> str:
     return landmark[2:] if landmark[:2] in ("L_", "R_") else landmark
 
 
-@dataclass(frozen=True)
-class _Trunk:
-    """Trunk from the middle of the pelvis to that of the shoulders."""
-
-    axis: np.ndarray
-    """Shape (n_frames, 3): unit vector upward."""
-    length_m: float
-    """Median length."""
-
-
 def _centre(points, named, parts: Collection[str]) -> np.ndarray | None:
     """Return the mean of the visible markers of some landmarks, shape (n_frames, 3), NaN if none is visible."""
     chosen = [points[label] for label, landmark in named.items() if _part(landmark) in parts]
     if not chosen:
         return None
     stacked = np.stack(chosen)
-    seen = np.isfinite(stacked)
+    known = np.isfinite(stacked)
     with np.errstate(invalid="ignore"):
-        return np.where(seen, stacked, 0).sum(axis=0) / np.where(seen.any(axis=0), seen.sum(axis=0), np.nan)
+        return np.where(known, stacked, 0).sum(axis=0) / np.where(
+            known.any(axis=0), known.sum(axis=0), np.nan
+        )
 
 
-def _trunk(points: dict[str, np.ndarray], named: dict[str, str]) -> _Trunk | None:
-    """Return the trunk, with the hips for a pelvis without markers; None if the labels name no marker of one end."""
-    pelvis = _centre(points, named, _PELVIS)
+def _trunk(points: dict[str, np.ndarray], named: dict[str, str]) -> tuple[np.ndarray, float] | None:
+    """Return unit vectors, shape (n_frames, 3), from the pelvis up to the shoulders, and their median distance in metres.
+
+    The hips replace a pelvis without markers; None if the labels name no marker of one end.
+    """
+    pelvis, top = _centre(points, named, _PELVIS), _centre(points, named, _TOP)
     if pelvis is None:
         pelvis = _centre(points, named, ("HIP",))
-    top = _centre(points, named, _TOP)
     if pelvis is None or top is None:
         return None
     axis = top - pelvis
     length = np.linalg.norm(axis, axis=1, keepdims=True)
     with np.errstate(invalid="ignore", divide="ignore"):
-        return _Trunk(axis / length, float(np.nanmedian(length)) if np.isfinite(length).any() else np.nan)
-
-
-def _distance(one: np.ndarray, other: np.ndarray) -> np.ndarray:
-    return np.linalg.norm(one - other, axis=1)
+        return axis / length, float(np.nanmedian(length)) if np.isfinite(length).any() else np.nan
 
 
 def asymmetry(points: dict[str, np.ndarray], named: dict[str, str], label: str) -> float:
@@ -171,18 +156,19 @@ def asymmetry(points: dict[str, np.ndarray], named: dict[str, str], label: str) 
     Root mean square of the medians; NaN off the trunk, or if no other pair of markers is comparable.
     """
     at = {landmark: points[other] for other, landmark in named.items() if level(landmark) is not None}
-    own = named.get(label, "")
     image = {name: {"L_": "R_", "R_": "L_"}.get(name[:2], name[:2]) + name[2:] for name in at}
-    differences = [
-        float(np.nanmedian(difference))
-        for name, mirrored in image.items()
-        if own in at and image[own] in at and mirrored in at and name not in (own, image[own])
-        if abs(level(name) - level(own)) < _AT.near_levels
-        and (name, own) != (mirrored, image[own])
-        and np.isfinite(
-            difference := _distance(at[own], at[name]) - _distance(at[image[own]], at[mirrored])
-        ).any()
-    ]
+    this = named.get(label, "")
+    that = image.get(this)
+    differences = []
+    for name, mirrored in image.items() if that in at else ():
+        is_near = abs(level(name) - level(this)) < _AT.near_levels
+        if is_near and mirrored in at and name not in (this, that) and (name, this) != (mirrored, that):
+            distances = [
+                np.linalg.norm(at[one] - at[other], axis=1) for one, other in ((this, name), (that, mirrored))
+            ]
+            difference = distances[0] - distances[1]
+            if np.isfinite(difference).any():
+                differences.append(float(np.nanmedian(difference)))
     return float(np.sqrt(np.mean(np.square(differences)))) if differences else np.nan
 
 
@@ -192,7 +178,7 @@ class SideExchange:
 
     labels: tuple[str, str]
     evidence: str
-    """What was seen."""
+    """Share of frames, for the reader."""
 
 
 def side_exchanges(points: dict[str, np.ndarray], named: dict[str, str]) -> tuple[list[SideExchange], str]:
@@ -208,7 +194,7 @@ def side_exchanges(points: dict[str, np.ndarray], named: dict[str, str]) -> tupl
         if len(sides) > 1 and len(depths) > 1:
             # Left and right contradict front and back, which agree with each other.
             given = np.nansum(list(depths.values()), axis=0) / len(depths)
-            against = [np.nanmedian((own * given).sum(axis=1)) < 0 for own in sides.values()]
+            against = [np.nanmedian((across * given).sum(axis=1)) < 0 for across in sides.values()]
             if np.mean(against) > 0.7 and np.nanmedian(np.linalg.norm(given, axis=1)) > _AT.agreeing:
                 return [], (
                     f"{len(sides)} pairs of left and right markers are inverted for a body that faces as "
@@ -217,36 +203,44 @@ def side_exchanges(points: dict[str, np.ndarray], named: dict[str, str]) -> tupl
         reversed_pairs = _contradicted(sides, depths)
         if not reversed_pairs:
             break
-        left = {
-            pair: len(_contradicted(*rightward(_exchanged(points, pair), named))) for pair in reversed_pairs
+        # Exchanged first is the pair after whose exchange fewest pairs are contradicted.
+        remaining = {
+            pair: len(_contradicted(*rightward(exchange_labels(points, pair), named)))
+            for pair in reversed_pairs
         }
-        pair = min(left, key=lambda one: (left[one], -reversed_pairs[one]))
+        pair = min(remaining, key=lambda one: (remaining[one], -reversed_pairs[one]))
         kind = "left and right" if pair in sides else "front and back"
-        share = reversed_pairs[pair]
-        evidence = f"{kind} are inverted for the rest of the body in {share:.0%} of the frames"
+        evidence = f"{kind} are inverted for the rest of the body in {reversed_pairs[pair]:.0%} of the frames"
         pairs.append(SideExchange(pair, evidence))
-        points = _exchanged(points, pair)
+        points = exchange_labels(points, pair)
     return pairs, ""
 
 
-def _exchanged(points: dict[str, np.ndarray], pair: tuple[str, str]) -> dict[str, np.ndarray]:
-    return {**points, pair[0]: points[pair[1]], pair[1]: points[pair[0]]}
+def exchange_labels(
+    points: dict[str, np.ndarray], pair: tuple[str, str], frames: Iterable[slice] = (slice(None),)
+) -> dict[str, np.ndarray]:
+    """Return the points with two labels exchanged in some frames, by default in all."""
+    one, other = points[pair[0]].copy(), points[pair[1]].copy()
+    for part in frames:
+        one[part], other[part] = points[pair[1]][part], points[pair[0]][part]
+    return {**points, pair[0]: one, pair[1]: other}
 
 
 def _contradicted(sides: dict, depths: dict) -> dict[tuple[str, str], float]:
     """Return the pairs that most of the others contradict, with the share of frames; none of fewer than three."""
-    rightward = {**sides, **depths}
-    if len(rightward) < 3:
+    directions = {**sides, **depths}
+    if len(directions) < 3:
         return {}
-    total = np.nansum(list(rightward.values()), axis=0)
-    found = {}
-    for pair, own in rightward.items():
-        others = total - np.nan_to_num(own)
-        backwards = (own * others).sum(axis=1)
-        seen = np.isfinite(backwards) & (np.linalg.norm(others, axis=1) > _AT.agreeing * (len(rightward) - 1))
-        if seen.any() and (backwards[seen] < 0).mean() > _AT.reversed_share:
-            found[pair] = float((backwards[seen] < 0).mean())
-    return found
+    total = np.nansum(list(directions.values()), axis=0)
+    shares = {}
+    for pair, direction in directions.items():
+        others = total - np.nan_to_num(direction)
+        backwards = (direction * others).sum(axis=1)
+        agreeing = np.linalg.norm(others, axis=1) > _AT.agreeing * (len(directions) - 1)
+        known = np.isfinite(backwards) & agreeing
+        if known.any() and (backwards[known] < 0).mean() > _AT.reversed_share:
+            shares[pair] = float((backwards[known] < 0).mean())
+    return shares
 
 
 def rightward(points: dict[str, np.ndarray], named: dict[str, str]) -> tuple[dict, dict]:
@@ -257,7 +251,17 @@ def rightward(points: dict[str, np.ndarray], named: dict[str, str]) -> tuple[dic
 
     def up(*labels: str) -> np.ndarray:
         on_trunk = all(label in named and level(named[label]) is not None for label in labels)
-        return trunk.axis if trunk is not None and on_trunk else vertical
+        return trunk[0] if trunk is not None and on_trunk else vertical
+
+    def keep_clear(vectors: dict) -> dict:
+        """Return those as unit vectors that are long enough to show a direction."""
+        lengths = {pair: np.linalg.norm(vector, axis=1, keepdims=True) for pair, vector in vectors.items()}
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return {
+                pair: vectors[pair] / length
+                for pair, length in lengths.items()
+                if np.isfinite(length).any() and np.nanmedian(length) > _AT.clear_depth_m
+            }
 
     sides, depths = {}, {}
     for pair in side_pairs(points, named):
@@ -265,53 +269,37 @@ def rightward(points: dict[str, np.ndarray], named: dict[str, str]) -> tuple[dic
         along = up(*pair)
         sides[pair] = across - (across * along).sum(axis=1, keepdims=True) * along
     # Front and back at the same level of the trunk, toe and heel.
-    found = {landmark: label for label, landmark in named.items()}
-    fronts = [landmark for landmark in found if _part(landmark) in _FRONT]
-    front_and_back = [(front, back) for front in fronts for back in found if _behind(front, back)]
-    front_and_back += [
-        (f"{side}_TOE", f"{side}_HEEL") for side in "LR" if {f"{side}_TOE", f"{side}_HEEL"} <= found.keys()
+    labels = {landmark: label for label, landmark in named.items()}
+    fronts = [landmark for landmark in labels if _part(landmark) in _FRONT]
+    pairs = [(front, back) for front in fronts for back in labels if _is_front_and_back(front, back)]
+    pairs += [
+        (f"{side}_TOE", f"{side}_HEEL") for side in "LR" if {f"{side}_TOE", f"{side}_HEEL"} <= labels.keys()
     ]
-    for pair in ((found[front], found[back]) for front, back in front_and_back):
+    for pair in ((labels[front], labels[back]) for front, back in pairs):
         depths[pair] = np.cross(points[pair[0]] - points[pair[1]], up(*pair))
-    return (
-        {pair: _unit(vectors) for pair, vectors in sides.items() if _clear(vectors)},
-        {pair: _unit(vectors) for pair, vectors in depths.items() if _clear(vectors)},
-    )
+    return keep_clear(sides), keep_clear(depths)
 
 
-def _clear(vectors: np.ndarray) -> bool:
-    length = np.linalg.norm(vectors, axis=1)
-    return bool(np.isfinite(length).any() and np.nanmedian(length) > _AT.clear_depth_m)
-
-
-def _behind(front: str, back: str) -> bool:
+def _is_front_and_back(front: str, back: str) -> bool:
     if _part(back) not in ("PSIS", "SACRUM") and not (back in ("C7", "SACRUM") or back[1:].isdigit()):
         return False
-    sides = {front[:2], back[:2]}
-    return abs(level(front) - level(back)) < 0.2 and sides != {"L_", "R_"}
-
-
-def _unit(vectors: np.ndarray) -> np.ndarray:
-    with np.errstate(invalid="ignore", divide="ignore"):
-        return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
+    return abs(level(front) - level(back)) < 0.2 and {front[:2], back[:2]} != {"L_", "R_"}
 
 
 def estimate_stature(points: dict[str, np.ndarray], named: dict[str, str]) -> tuple[float, int]:
     """Return the stature in metres by the median over the known lengths of the body, NaN without one, and their number."""
-    found = {landmark: label for label, landmark in named.items()}
+    labels = {landmark: label for label, landmark in named.items()}
     statures = []
     for ends, share in _LABELS["lengths"].items():
         for side in ("L_", "R_"):
-            names = [end if end in found else side + end for end in ends.split()]
-            if all(name in found for name in names):
-                between = points[found[names[0]]] - points[found[names[1]]]
+            names = [end if end in labels else side + end for end in ends.split()]
+            if all(name in labels for name in names):
                 with np.errstate(over="ignore", invalid="ignore"):
-                    length = np.linalg.norm(between, axis=1)
+                    length = np.linalg.norm(points[labels[names[0]]] - points[labels[names[1]]], axis=1)
                 length = length[np.isfinite(length)]
-                statures.append((float(np.median(length)) if length.size else np.nan) / share)
+                statures += [float(np.median(length)) / share] if length.size else []
     trunk = _trunk(points, named)
-    if trunk is not None:
-        statures.append(trunk.length_m / TRUNK_SHARE)
+    statures += [] if trunk is None else [trunk[1] / TRUNK_SHARE]
     statures = [value for value in statures if np.isfinite(value)]
     return (float(np.median(statures)), len(statures)) if statures else (np.nan, 0)
 
@@ -325,14 +313,13 @@ def find_body_axes(points: dict[str, np.ndarray], named: dict[str, str]) -> tupl
     trunk = _trunk(points, named)
     if trunk is None:
         return None
-    up = np.nanmedian(trunk.axis, axis=0)
+    up = np.nanmedian(trunk[0], axis=0)
     sides, depths = rightward(points, named)
     votes = [*sides.values(), *depths.values()]
     if not votes or not np.isfinite(up).all():
         return None
     right = np.nanmedian(np.nansum(votes, axis=0), axis=0)
-    vertical = _signed(up)
-    forward = _signed(np.cross(up, right))
+    vertical, forward = _signed_axis(up), _signed_axis(np.cross(up, right))
     return None if vertical[1] == forward[1] else (vertical, forward)
 
 
@@ -349,11 +336,11 @@ def read_upright(path: str | os.PathLike, layout: MarkerLayout) -> MarkerRecordi
     """
     measured: dict[str, np.ndarray] = {}
 
-    def kept(points: dict[str, np.ndarray], *_):
+    def store(points: dict[str, np.ndarray], *_):
         measured.update(points)
         return points, {}
 
-    recording = read_markers(path, layout, screen=kept)
+    recording = read_markers(path, layout, screen=store)
     unknown = check_unaliased_axes(measured, recording, layout)
     if not unknown:
         return recording
@@ -376,6 +363,6 @@ def check_unaliased_axes(
     return uncheckable_axes({**body, **recording.positions})
 
 
-def _signed(vector: np.ndarray) -> Axis:
+def _signed_axis(vector: np.ndarray) -> Axis:
     largest = int(np.abs(vector).argmax())
     return _AXES[largest][int(vector[largest] > 0)]

@@ -16,12 +16,12 @@ import numpy as np
 
 from lumbar.base.yaml_file import shipped_names
 from lumbar.lifting.quality.body import asymmetry
-from lumbar.lifting.quality.findings import Legend
+from lumbar.lifting.quality.findings import LEFT_OUT, Legend, MarkerFinding
 from lumbar.lifting.quality.implausible_motion import LONGEST_GAP_S, Leap
 from lumbar.records.sampling import runs
 
 _AT = shipped_names(Path(__file__).with_name("thresholds.yaml"), "displacement")
-ALONE = "decided only by most frames"
+MAJORITY = "decided only by most frames"
 """Evidence for a leap if no symmetry shows the correct side, and the shorter part is not short."""
 
 
@@ -33,7 +33,7 @@ class Displacement:
     leap: Leap
     """Leap to the wrong place or back."""
     evidence: str
-    """What shows it."""
+    """Sizes and distances, for the reader."""
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class _Mate:
 
 @dataclass(frozen=True)
 class _Sides:
-    """Which side of a leap is correct."""
+    """The correct side of a leap."""
 
     likeness: np.ndarray
     """Shape (n_frames,): x, NaN if unknown."""
@@ -71,17 +71,17 @@ def displacements(
     displaced. A gap of more than half a second ends what can be compared. Points in metres, shape (n_frames, 3), and leaps
     are those of all markers, by label.
     """
-    seen, rate = np.isfinite(points[label][:, 0]), legend.rate
+    visible, rate = np.isfinite(points[label][:, 0]), legend.rate
 
     @cache
     def distance(other: str) -> np.ndarray:
         return np.linalg.norm(points[label] - points[other], axis=1)
 
     # Sections between gaps that are too long to compare across.
-    long = [gap for gap in runs(~seen) if gap.stop - gap.start > LONGEST_GAP_S * rate]
-    edges = [0, *(edge for gap in long for edge in (gap.start, gap.stop)), len(seen)]
+    long = [gap for gap in runs(~visible) if gap.stop - gap.start > LONGEST_GAP_S * rate]
+    edges = [0, *(edge for gap in long for edge in (gap.start, gap.stop)), len(visible)]
     near = max(_AT.back_frames, round(_AT.beside_s * rate))
-    found: list[Displacement] = []
+    displaced: list[Displacement] = []
     undecided: list[Leap] = []
     for section in (slice(*pair) for pair in zip(edges[::2], edges[1::2], strict=True)):
         inside = [leap for leap in leaps[label] if section.start < leap.first < section.stop]
@@ -90,8 +90,8 @@ def displacements(
             # Markers that leap at about the same frame do not show which one is wrong.
             leaping = {
                 other
-                for other, found_there in leaps.items()
-                if any(abs(one.first - leap.first) <= _AT.same_frame for one in found_there)
+                for other, others_leaps in leaps.items()
+                if any(abs(one.first - leap.first) <= _AT.same_frame for one in others_leaps)
             }
             steady = [other for other in points if other != label and other not in leaping]
             # The side that is clearly nearer to a body's symmetry, if one is.
@@ -106,17 +106,21 @@ def displacements(
                 unknown.append(leap)
             else:
                 frames = _wrong_frames(leap, sides, section, inside, rate)
-                found.append(Displacement(frames, leap, sides.evidence))
+                displaced.append(Displacement(frames, leap, sides.evidence))
         if unknown:
-            found += _away_and_back(section, inside, seen)
-            undecided += [
-                leap
-                for leap in unknown
-                if not any(
-                    leap.first == one.frames.start or leap.last + 1 == one.frames.stop for one in found
-                )
-            ]
-    return _united(found, len(seen)), undecided
+            displaced += _pair_leaps(section, inside, visible)
+            starts, stops = ({getattr(one.frames, end) for one in displaced} for end in ("start", "stop"))
+            undecided += [leap for leap in unknown if leap.first not in starts and leap.last + 1 not in stops]
+    # Without overlap, each with the evidence of its first leap.
+    mask = np.zeros(len(visible), dtype=bool)
+    for one in displaced:
+        mask[one.frames] = True
+    united = []
+    for run in runs(mask):
+        parts = (one for one in displaced if run.start <= one.frames.start < run.stop)
+        first = min(parts, key=lambda one: one.leap.first)
+        united.append(Displacement(run, first.leap, first.evidence))
+    return united, undecided
 
 
 def _sides(
@@ -132,15 +136,14 @@ def _sides(
         # Median distance of three frames on each side.
         about = slice(max(0, leap.last - 2), leap.last + 1), slice(leap.first, leap.first + 3)
         ends = [end[np.isfinite(end)] for end in map(distance(other).__getitem__, about)]
-        if all(end.size for end in ends):
-            before, after = (float(np.sort(end)[[(end.size - 1) // 2, end.size // 2]].mean()) for end in ends)
-            if abs(after - before) <= _AT.clear * _AT.least_unrest_m:
-                continue
+        if not all(end.size for end in ends):
+            continue
+        before, after = (float(np.sort(end)[[(end.size - 1) // 2, end.size // 2]].mean()) for end in ends)
+        change = after - before
+        if abs(change) > _AT.clear * _AT.least_unrest_m:
             unrest = max(_AT.least_unrest_m, _spread(distance(other), leap))
-            if abs(after - before) > _AT.clear * unrest:
-                mates.append(
-                    _Mate(unrest / abs(after - before), other, distance(other), before, after - before)
-                )
+            if abs(change) > _AT.clear * unrest:
+                mates.append(_Mate(unrest / abs(change), other, distance(other), before, change))
     mates = sorted(mates, key=lambda mate: mate.noise)[: _AT.mates]
     if len(mates) < _AT.least_mates:
         return None
@@ -153,24 +156,24 @@ def _sides(
     likeness = np.where(total >= 0.5 * weights.sum(), mean, np.nan)
     # Most frames must be like one side or the other.
     known = np.isfinite(likeness).sum()
-    alike = [int((np.abs(likeness - side) < _AT.near).sum()) for side in (0, 1)]
-    if sum(alike) < _AT.telling * known:
+    counts = [int((np.abs(likeness - side) < _AT.near).sum()) for side in (0, 1)]
+    if sum(counts) < _AT.telling * known:
         return None
-    correct = int(alike[1] > alike[0]) if better is None else better
+    correct = int(counts[1] > counts[0]) if better is None else better
     # A marker that moves more on the side called correct than on the other is not decided.
-    beside = (
+    parts = (
         likeness[max(0, leap.last + 1 - near) : leap.last + 1],
         likeness[leap.first : leap.first + near] - 1,
     )
-    strayed = [float(np.max(np.abs(part[np.isfinite(part)]), initial=0.0)) for part in beside]
-    if strayed[correct] > max(_AT.strayed, 2 * strayed[1 - correct]):
+    motion = [float(np.max(np.abs(part[np.isfinite(part)]), initial=0.0)) for part in parts]
+    if motion[correct] > max(_AT.strayed, 2 * motion[1 - correct]):
         return None
     mate = mates[0]
-    usual = float(np.nanmedian(mate.distance[np.abs(likeness - correct) < _AT.near]))
-    there = mate.before if correct else mate.before + mate.change
-    evidence = f"there {there * 1e3:.0f} mm from {mate.label}, usually {usual * 1e3:.0f} mm"
-    if better is None and min(alike) > _AT.doubtful * sum(alike):
-        evidence += f" ({ALONE}: the other part may be the wrong one)"
+    typical = float(np.nanmedian(mate.distance[np.abs(likeness - correct) < _AT.near]))
+    wrong = mate.before if correct else mate.before + mate.change
+    evidence = f"there {wrong * 1e3:.0f} mm from {mate.label}, usually {typical * 1e3:.0f} mm"
+    if better is None and min(counts) > _AT.doubtful * sum(counts):
+        evidence += f" ({MAJORITY}: the other part may be the wrong one)"
     return _Sides(likeness, correct, evidence)
 
 
@@ -197,36 +200,35 @@ def _wrong_frames(leap: Leap, sides: _Sides, section: slice, leaps: list[Leap], 
         count = len(frames)
     else:
         # A drift begins below what posture changes: the normal distance is taken from the frames next to it.
-        count = _until_usual(off, _AT.near)
-        grown = _until_as_beside(likeness, count, rate)
+        count = _frames_until(off, _AT.near)
+        grown = _extend_until_steady(likeness, count, rate)
         while abs(likeness[grown - 1] - likeness[count - 1]) > _AT.drifting:
-            count, grown = grown, _until_as_beside(likeness, grown, rate)
+            count, grown = grown, _extend_until_steady(likeness, grown, rate)
         count = grown
     wrong = frames[:count]
     return slice(int(wrong.min()), int(wrong.max()) + 1)
 
 
-def _until_as_beside(likeness: np.ndarray, count: int, rate: float) -> int:
+def _extend_until_steady(likeness: np.ndarray, count: int, rate: float) -> int:
     """Return the number of frames, at least `count`, until x is as in the following 0.3 s."""
-    beside = likeness[count : count + max(2 * _AT.back_frames, round(_AT.beside_s * rate))]
-    beside = beside[np.isfinite(beside)]
-    if len(beside) < 2 * _AT.back_frames:
+    following = likeness[count : count + max(2 * _AT.back_frames, round(_AT.beside_s * rate))]
+    following = following[np.isfinite(following)]
+    if len(following) < 2 * _AT.back_frames:
         return count
-    limit = max(_AT.as_beside, _AT.noises * float(np.median(np.abs(np.diff(beside)))))
-    return max(count, _until_usual(np.abs(likeness - np.median(beside[len(beside) // 2 :])), limit))
+    limit = max(_AT.as_beside, _AT.noises * float(np.median(np.abs(np.diff(following)))))
+    return max(count, _frames_until(np.abs(likeness - np.median(following[len(following) // 2 :])), limit))
 
 
-def _until_usual(off: np.ndarray, limit: float) -> int:
+def _frames_until(off: np.ndarray, limit: float) -> int:
     """Return the number of frames, at least one, before the first five known ones in a row that deviate less than a limit."""
     known = np.flatnonzero(np.isfinite(off))
-    usual = off[known] < limit
-    for run in runs(usual):
-        if run.stop - run.start >= min(_AT.back_frames, len(usual)):
-            return max(1, int(known[run.start]))
-    return len(off)
+    needed = min(_AT.back_frames, len(known))
+    within = (run.start for run in runs(off[known] < limit) if run.stop - run.start >= needed)
+    first = next(within, None)
+    return len(off) if first is None else max(1, int(known[first]))
 
 
-def _away_and_back(section: slice, leaps: list[Leap], seen: np.ndarray) -> list[Displacement]:
+def _pair_leaps(section: slice, leaps: list[Leap], visible: np.ndarray) -> list[Displacement]:
     """Return the intervals between a leap away and one back, by the sums of their steps; those with most frames are correct."""
     starts = [section.start, *(leap.first for leap in leaps)]
     stops = [*(leap.last + 1 for leap in leaps), section.stop]
@@ -234,25 +236,12 @@ def _away_and_back(section: slice, leaps: list[Leap], seen: np.ndarray) -> list[
     offsets = np.cumsum([np.zeros(3), *(leap.step for leap in leaps)], axis=0)
     tolerance = 0.4 * min(leap.size for leap in leaps)
     near = np.linalg.norm(offsets[:, None] - offsets[None], axis=2) < tolerance
-    right = near[int(np.argmax(near @ [seen[part].sum() for part in frames]))]
+    right = near[int(np.argmax(near @ [visible[part].sum() for part in frames]))]
     return [
         Displacement(frames[index], leaps[index - 1], "and back: at another place than before and after")
         for index in range(1, len(frames) - 1)
         if not right[index] and right[:index].any() and right[index:].any()
     ]
-
-
-def _united(found: list[Displacement], n_frames: int) -> list[Displacement]:
-    """Return the intervals without overlap, each with the evidence of its first leap."""
-    mask = np.zeros(n_frames, dtype=bool)
-    for one in found:
-        mask[one.frames] = True
-    united = []
-    for run in runs(mask):
-        inside = [one for one in found if run.start <= one.frames.start < run.stop]
-        first = min(inside, key=lambda one: one.leap.first)
-        united.append(Displacement(run, first.leap, first.evidence))
-    return united
 
 
 def _rigid_parts(points: dict[str, np.ndarray], rate: float) -> dict[str, list[tuple[str, float]]]:
@@ -292,8 +281,8 @@ def percentiles(values: np.ndarray, shares: tuple[float, ...]) -> np.ndarray:
     ordered = np.sort(values, axis=1)
     count = np.isfinite(ordered).sum(axis=1)
     at = np.round(np.outer(shares, np.maximum(count - 1, 0))).astype(int)
-    found = np.take_along_axis(ordered, at.T, axis=1).T
-    return np.where(count >= min(10, values.shape[1]), found, np.nan)
+    chosen = np.take_along_axis(ordered, at.T, axis=1).T
+    return np.where(count >= min(10, values.shape[1]), chosen, np.nan)
 
 
 def steadiest_mate(sample: dict[str, np.ndarray], label: str) -> str | None:
@@ -308,40 +297,30 @@ def steadiest_mate(sample: dict[str, np.ndarray], label: str) -> str | None:
     return labels[int(np.argmin(np.where(usable, spread, np.inf)))]
 
 
-def length(points: dict[str, np.ndarray], one: str, other: str, frames: slice | np.ndarray) -> float:
+def median_distance(points: dict[str, np.ndarray], one: str, other: str, frames: slice | np.ndarray) -> float:
     """Return the median distance of two markers over some frames, metres; NaN if they are never seen together."""
     distance = np.linalg.norm(points[one][frames] - points[other][frames], axis=1)
     return float(np.nanmedian(distance)) if np.isfinite(distance).any() else np.nan
 
 
-@dataclass(frozen=True)
-class OffPart:
-    """Interval in which a marker is off the rigid part that it belongs to."""
-
-    label: str
-    frames: slice
-    evidence: str
-    """What was seen."""
-
-
-def off_its_part(points: dict[str, np.ndarray], rate: float) -> list[OffPart]:
+def find_rigid_violations(points: dict[str, np.ndarray], legend: Legend) -> list[MarkerFinding]:
     """Find the intervals in which a marker is off the rigid part that it belongs to.
 
     A marker is part of a rigid one if it has three mates at distances that stay within 8 mm in nine of ten frames in which either
-    moves. It is off if most of these differ from their medians by more than 30 mm and by six times their usual spread.
+    moves. It is off if most of these differ from their medians by more than 30 mm and by six times their typical spread.
     """
-    found = []
-    known: dict[frozenset[str], np.ndarray] = {}
-    for label, rigid in _rigid_parts(points, rate).items():
+    findings = []
+    changes: dict[frozenset[str], np.ndarray] = {}
+    for label, rigid in _rigid_parts(points, legend.rate).items():
         if len(rigid) < _AT.least_of_part:
             continue
-        for other, _ in rigid:
-            if frozenset((label, other)) not in known:
+        pairs = [frozenset((label, other)) for other, _ in rigid]
+        for pair, (other, _) in zip(pairs, rigid, strict=True):
+            if pair not in changes:
                 distance = np.linalg.norm(points[label] - points[other], axis=1)
                 # The median of the seen frames: np.nanmedian takes twice as long.
-                change = distance - np.median(distance[np.isfinite(distance)])
-                known[frozenset((label, other))] = change.astype(np.float32)
-        change = np.abs([known[frozenset((label, other))] for other, _ in rigid])
+                changes[pair] = (distance - np.median(distance[np.isfinite(distance)])).astype(np.float32)
+        change = np.abs([changes[pair] for pair in pairs])
         limits = np.array([max(_AT.deviation_m, _AT.spreads * spread) for _, spread in rigid])
         with np.errstate(invalid="ignore"):
             far = (change > limits[:, None]).sum(axis=0)
@@ -351,5 +330,6 @@ def off_its_part(points: dict[str, np.ndarray], rate: float) -> list[OffPart]:
             if frames.stop - frames.start >= _AT.shortest:
                 most = np.nanmax(change[:, frames]) * 1e3
                 evidence = f"up to {most:.0f} mm off its distances from {mates}, constant elsewhere"
-                found.append(OffPart(label, frames, evidence))
-    return found
+                cause = "another marker under this label, or one that came off"
+                findings.append(legend.finding("off its part", LEFT_OUT, evidence, cause, (label,), frames))
+    return findings

@@ -1,4 +1,4 @@
-"""Findings of the quality checks: which markers, when, what was seen, the likely cause, and what is done about it."""
+"""Findings of the quality checks: markers, frames, evidence, likely cause and remedy."""
 
 from dataclasses import dataclass, field
 
@@ -12,18 +12,13 @@ _RELABEL_OR_REPLACE = f"{_RELABEL}, or name another marker in markers.aliases"
 REMEDIES = {
     "beyond laboratory": "export the file again, or name another marker in markers.aliases",
     "frozen": "delete the frozen frames in the capture software, which can fill longer gaps",
-    "held": "",
-    "missing frames": "",
     "jump": _RELABEL_OR_REPLACE,
-    "restless": "",
     "spike": _RELABEL,
     "exchanged": "label both again in the capture software",
-    "mirrored": "",
     "off its part": _RELABEL_OR_REPLACE,
-    "static": "",
-    "unit": "",
-    "stature": "",
-    "jitter": "",
+    **dict.fromkeys(
+        ("held", "missing frames", "restless", "mirrored", "static", "unit", "stature", "jitter"), ""
+    ),
 }
 """By kind of finding: how the frames that it leaves out can be used again; empty if it leaves out none."""
 
@@ -47,7 +42,7 @@ class MarkerFinding:
     length_s: float
     """Frames divided by the rate."""
     evidence: str
-    """What was seen, in numbers."""
+    """Measured numbers, for the reader."""
     cause: str = ""
     """The likely cause, or what to do."""
     concerns: tuple[str, ...] = ()
@@ -55,12 +50,12 @@ class MarkerFinding:
 
     @property
     def remedy(self) -> str:
-        """What to do so that its frames can be used."""
+        """Return how its frames can be used again."""
         return REMEDIES[self.kind]
 
     @property
     def frames(self) -> slice:
-        """The frames as a slice."""
+        """Return the frames as a slice."""
         return slice(self.first_frame, self.first_frame + self.n_frames)
 
     def __str__(self) -> str:
@@ -90,7 +85,7 @@ class Legend:
         markers: tuple[str, ...] = (),
         frames: slice | None = None,
     ) -> MarkerFinding:
-        """Return a finding about some frames, or about all if `frames` is None; other arguments as in `MarkerFinding`."""
+        """Return a finding about some frames, by default about all; other arguments as in `MarkerFinding`."""
         first, stop = (int(frames.start), int(frames.stop)) if frames else (0, len(self.time))
         length_s = (stop - first) / self.rate
         return MarkerFinding(

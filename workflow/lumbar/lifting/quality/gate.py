@@ -5,11 +5,18 @@ from pathlib import Path
 import numpy as np
 
 from lumbar.base.yaml_file import shipped_names
-from lumbar.lifting.quality.body import estimate_stature, landmarks, rightward, side_exchanges, side_pairs
+from lumbar.lifting.quality.body import (
+    estimate_stature,
+    exchange_labels,
+    landmarks,
+    rightward,
+    side_exchanges,
+    side_pairs,
+)
 from lumbar.lifting.quality.displacement import (
     displacements,
-    length,
-    off_its_part,
+    find_rigid_violations,
+    median_distance,
     steadiest_mate,
 )
 from lumbar.lifting.quality.findings import ERROR, LEFT_OUT, NOTED, PROPOSED, Legend, MarkerFinding
@@ -17,11 +24,11 @@ from lumbar.lifting.quality.implausible_motion import (
     LABORATORY_M,
     Exchange,
     Leap,
-    beyond_laboratory,
+    find_frozen_intervals,
     find_leaps,
-    frozen_stretches,
-    held_samples,
-    lands_on,
+    find_positions_outside,
+    find_repeated_samples,
+    marker_at_landing,
     missing_frames,
     step_sizes,
     take_exchanges,
@@ -30,7 +37,7 @@ from lumbar.lifting.quality.implausible_motion import (
 _AT = shipped_names(Path(__file__).with_name("thresholds.yaml"), "gate")
 
 _STATURES_M = (0.6, 2.6)
-_CLOUD_M = (0.15, 6.0)
+_EXTENTS_M = (0.15, 6.0)
 """Plausible extent of all markers in one frame if no label is known."""
 _FACTORS = (1000.0, 100.0, 10.0, 25.4, 2.54)
 
@@ -52,6 +59,10 @@ def examine(
     ----------
     points : dict of str to ndarray, shape (n_frames, 3)
         Measured markers by the file's labels; metres, z up; NaN if not seen.
+    time : ndarray, shape (n_frames,)
+        Seconds.
+    rate : float
+        Frames per second.
     height_m : float, optional
         Stature of the subject; without it any from 0.6 to 2.6 m is accepted.
     meant : dict of str to str, optional
@@ -63,34 +74,18 @@ def examine(
     wrong_unit = _unit(points, legend, height_m)
     if wrong_unit:
         return wrong_unit
-    findings, stepping = held_samples(points, legend)
-    for check in (beyond_laboratory, frozen_stretches):
-        found = check(points, legend)
-        findings += found
-        points = mask_findings(points, found)
-    found, points = _leaps(points, legend)
-    findings += found
-    findings += [
-        legend.finding(
-            "off its part",
-            LEFT_OUT,
-            off.evidence,
-            "another marker under this label, or one that came off",
-            (off.label,),
-            off.frames,
-        )
-        for off in off_its_part(points, legend.rate)
-    ]
+    findings, stepping = find_repeated_samples(points, legend)
+    for check in (find_positions_outside, find_frozen_intervals):
+        new = check(points, legend)
+        findings += new
+        points = mask_findings(points, new)
+    new, points = _leaps(points, legend)
+    findings += [*new, *find_rigid_violations(points, legend)]
     stature, count = estimate_stature(_sampled(points), legend.named)
     if height_m and count >= 2 and not 1 / _AT.other_stature < stature / height_m < _AT.other_stature:
-        findings.append(
-            legend.finding(
-                "stature",
-                NOTED,
-                f"{count} lengths of the body are those of a person {stature:.2f} m tall; height_m is {height_m:g}",
-                "another person's recording, or a wrong height_m",
-            )
-        )
+        evidence = f"{count} lengths of the body are those of a person {stature:.2f} m tall; height_m is {height_m:g}"
+        cause = "another person's recording, or a wrong height_m"
+        findings.append(legend.finding("stature", NOTED, evidence, cause))
     findings += _jitter({label: points[label] for label in points if label not in stepping}, legend)
     order = (ERROR, PROPOSED, LEFT_OUT, NOTED)
     return sorted(findings, key=lambda finding: (order.index(finding.outcome), finding.first_frame))
@@ -106,18 +101,17 @@ def unchecked_properties(
     sampled = _sampled(points)
     _, lengths = estimate_stature(sampled, named)
     sides, depths = rightward(sampled, named)
-    found = {}
+    reasons = {}
     if lengths < 2:
-        reason = f"the labels name {'one length' if lengths else 'no length'} of a body"
-        found["stature"] = reason
-        found["unit"] = (
-            f"{reason}; only the extent of all markers of a frame is known, {_cloud(sampled):.2g} m"
+        reasons["stature"] = f"the labels name {'one length' if lengths else 'no length'} of a body"
+        reasons["unit"] = (
+            f"{reasons['stature']}; only the extent of all markers of a frame is known, {_extent(sampled):.2g} m"
         )
     elif not height_m:
-        found["stature"] = "height_m is not given"
+        reasons["stature"] = "height_m is not given"
     if len(sides) + len(depths) < 3:
-        found["left and right"] = "the labels name fewer than three pairs of sides"
-    return found
+        reasons["left and right"] = "the labels name fewer than three pairs of sides"
+    return reasons
 
 
 def mask_findings(points: dict[str, np.ndarray], findings: list[MarkerFinding]) -> dict[str, np.ndarray]:
@@ -134,8 +128,8 @@ def mask_findings(points: dict[str, np.ndarray], findings: list[MarkerFinding]) 
 
 def usable_markers(points: dict[str, np.ndarray], findings: list[MarkerFinding]) -> dict[str, np.ndarray]:
     """Return the markers that are not left out of all frames, without the frames left out; labels are not exchanged."""
-    kept = mask_findings(points, [finding for finding in findings if finding.outcome == LEFT_OUT])
-    return {label: positions for label, positions in kept.items() if np.isfinite(positions).any()}
+    usable = mask_findings(points, [finding for finding in findings if finding.outcome == LEFT_OUT])
+    return {label: positions for label, positions in usable.items() if np.isfinite(positions).any()}
 
 
 def _sampled(points: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
@@ -160,30 +154,28 @@ def _unit(points: dict[str, np.ndarray], legend: Legend, height_m: float | None)
             f"; height_m is {height_m:g}" if height_m else ""
         )
     else:
-        low, high = _CLOUD_M
-        size, expected = _cloud(sampled), _AT.person_m
+        low, high = _EXTENTS_M
+        size, expected = _extent(sampled), _AT.person_m
         evidence = f"the markers of one frame fill {size:.3g} m"
     if not np.isfinite(size) or low <= size <= high:
         return []
-    return [legend.finding("unit", ERROR, evidence, _which_unit(size / expected))]
+    factor = size / expected
+    candidates = (times for candidate in _FACTORS for times in (candidate, 1 / candidate))
+    if not 0 < factor < np.inf:
+        remedy = "set markers.scale or markers.unit"
+    elif times := next((times for times in candidates if abs(np.log(factor / times)) < np.log(1.35)), None):
+        remedy = f"the unit is wrong by a factor of {times:.4g}: set markers.scale to {1 / times:.4g}, or markers.unit"
+    else:
+        remedy = f"{factor:.2g} times a person's size: set markers.scale, or the subject's height_m"
+    return [legend.finding("unit", ERROR, evidence, remedy)]
 
 
-def _cloud(points: dict[str, np.ndarray]) -> float:
+def _extent(points: dict[str, np.ndarray]) -> float:
     """Return the median extent of all markers of one frame, metres; NaN for fewer than three markers."""
     stacked = np.stack(list(points.values()), axis=1)
-    seen = [frame[np.isfinite(frame).all(axis=1)] for frame in stacked]
-    extents = [float(np.ptp(frame, axis=0).max()) for frame in seen if len(frame) > 2]
+    visible = [frame[np.isfinite(frame).all(axis=1)] for frame in stacked]
+    extents = [float(np.ptp(frame, axis=0).max()) for frame in visible if len(frame) > 2]
     return float(np.median(extents)) if extents else np.nan
-
-
-def _which_unit(factor: float) -> str:
-    if not 0 < factor < np.inf:
-        return "set markers.scale or markers.unit"
-    for candidate in _FACTORS:
-        for times in (candidate, 1 / candidate):
-            if abs(np.log(factor / times)) < np.log(1.35):
-                return f"the unit is wrong by a factor of {times:.4g}: set markers.scale to {1 / times:.4g}, or markers.unit"
-    return f"{factor:.2g} times a person's size: set markers.scale, or the subject's height_m"
 
 
 def _leaps(
@@ -201,8 +193,8 @@ def _leaps(
     n_frames = len(legend.time)
     straight = points
     for exchange in exchanges:
-        shorter, _ = exchange.stretches(n_frames)
-        straight = _exchanged(straight, (exchange.first, exchange.second), shorter)
+        shorter, _ = exchange.intervals(n_frames)
+        straight = exchange_labels(straight, (exchange.first, exchange.second), shorter)
     findings = missing + _displaced(straight, remaining, spikes, legend)
     straight = mask_findings(straight, findings)
     sided, mirrored = side_exchanges(_sampled(straight), legend.named)
@@ -218,10 +210,10 @@ def _leaps(
         if exchange in still_wrong or (exchange.pair in sides and exchange.frames in simultaneous)
     ]
     for pair in {*reversed_pairs, *(one.pair for one in flipped)}:
-        straight = _exchanged(straight, tuple(pair), [slice(0, n_frames)])
+        straight = exchange_labels(straight, tuple(pair))
     changing = frozenset().union(*(one.pair for one in exchanges))
     for exchange in exchanges:
-        shorter, longer = exchange.stretches(n_frames)
+        shorter, longer = exchange.intervals(n_frames)
         if exchange in flipped:
             sided = [pair for pair in sided if frozenset(pair.labels) != exchange.pair]
         wrong = longer if exchange in flipped else shorter
@@ -239,34 +231,26 @@ def _leaps(
     return findings, straight
 
 
-def _exchanged(points, pair: tuple[str, str], stretches: list[slice]) -> dict[str, np.ndarray]:
-    one, other = points[pair[0]].copy(), points[pair[1]].copy()
-    for stretch in stretches:
-        one[stretch], other[stretch] = points[pair[1]][stretch], points[pair[0]][stretch]
-    return {**points, pair[0]: one, pair[1]: other}
-
-
 def _exchange_findings(
-    points, straight, exchange: Exchange, stretches: list[slice], changing: frozenset[str], legend: Legend
+    points, straight, exchange: Exchange, intervals: list[slice], changing: frozenset[str], legend: Legend
 ) -> list[MarkerFinding]:
     """Return a finding per interval, with the distances to a third marker, which changes no place, with both labellings."""
     pair = (exchange.first, exchange.second)
     others = {one: points for one, points in _sampled(straight).items() if one not in changing - {pair[0]}}
     mate = steadiest_mate(others, exchange.first)
+    cause = (
+        "their labels are exchanged in these frames, which are gaps of both until both are labelled again in the capture "
+        "software"
+    )
     findings = []
-    for stretch in stretches:
+    for frames in intervals:
         evidence = f"each leaps {exchange.distance * 1e3:.0f} mm to the place of the other"
         if mate:
-            usual = length(straight, exchange.first, mate, slice(None)) * 1e3
-            there = length(points, exchange.first, mate, stretch) * 1e3
-            swapped = length(points, exchange.second, mate, stretch) * 1e3
-            evidence += f"; {exchange.first} is {usual:.0f} mm from {mate}, here {there:.0f} mm"
+            typical = median_distance(straight, exchange.first, mate, slice(None)) * 1e3
+            here, swapped = (median_distance(points, label, mate, frames) * 1e3 for label in pair)
+            evidence += f"; {exchange.first} is {typical:.0f} mm from {mate}, here {here:.0f} mm"
             evidence += f", with labels exchanged {swapped:.0f} mm"
-        cause = (
-            "their labels are exchanged in these frames, which are gaps of both until both are labelled again in the capture "
-            "software"
-        )
-        findings.append(legend.finding("exchanged", PROPOSED, evidence, cause, pair, stretch))
+        findings.append(legend.finding("exchanged", PROPOSED, evidence, cause, pair, frames))
     return findings
 
 
@@ -285,14 +269,14 @@ def _displaced(
             continue
         displaced, undecided = displacements(points, label, leaps, legend)
         for one in displaced:
-            other = lands_on(one.leap, label, points)
+            other = marker_at_landing(one.leap, label, points)
             cause = "another reflection under this label, or a marker that came off"
             if other:
                 cause = f"it is at the place of {other}: two labels were exchanged"
-            evidence = f"{_leap_text(one.leap, legend)}, {one.evidence}"
+            evidence = f"{_format_leap(one.leap, legend)}, {one.evidence}"
             findings.append(legend.finding("jump", LEFT_OUT, evidence, cause, (label,), one.frames))
         for leap in undecided:
-            evidence = f"{_leap_text(leap, legend)}; its distances to other markers do not show if it is wrong before or after"
+            evidence = f"{_format_leap(leap, legend)}; its distances to other markers do not show if it is wrong before or after"
             cause = "check it in the capture software: nothing is left out"
             frames = slice(leap.last, leap.first + 1)
             findings.append(legend.finding("jump", NOTED, evidence, cause, (label,), frames))
@@ -305,7 +289,7 @@ def _displaced(
     return findings
 
 
-def _leap_text(leap: Leap, legend: Legend) -> str:
+def _format_leap(leap: Leap, legend: Legend) -> str:
     return f"leaps {leap.size * 1e3:.0f} mm at {legend.time[leap.first]:.2f} s"
 
 
@@ -314,9 +298,9 @@ def _jitter(points: dict[str, np.ndarray], legend: Legend) -> list[MarkerFinding
     noise_mm = {}
     for label, positions in points.items():
         size = step_sizes(positions)
-        usual = float(np.nanmedian(size)) if np.isfinite(size).any() else 0.0
-        if usual > max(_AT.jitter_m, _AT.jerk_m_s3 / legend.rate**3):
-            noise_mm[label] = _AT.rms_of_steps * usual * 1e3
+        typical = float(np.nanmedian(size)) if np.isfinite(size).any() else 0.0
+        if typical > max(_AT.jitter_m, _AT.jerk_m_s3 / legend.rate**3):
+            noise_mm[label] = _AT.rms_of_steps * typical * 1e3
     measure = "mm (root mean square distance from a smooth path)"
     if len(noise_mm) > _AT.fewest_together and 2 * len(noise_mm) > len(points):
         least, largest = min(noise_mm.values()), max(noise_mm.values())

@@ -1,7 +1,7 @@
 """Motion of markers that no body makes: leaps, exchanged labels, coordinates outside any laboratory or constant to the last bit.
 
 Between frames k and k + 1 the line through frames k - 1 and k and that through k + 1 and k + 2 are continued to the middle; their
-distance there is half the third difference. Constant velocity and acceleration leave it zero, so that a fast movement is no leap.
+distance there is half the third difference. It is zero at constant velocity or acceleration: a fast movement causes no leap.
 Two markers that exchange their labels leap each to the place of the other; if frames are missing without a gap, most markers leap
 together.
 
@@ -10,7 +10,7 @@ together.
 
 from collections import Counter
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import combinations, pairwise
 from pathlib import Path
 
 import numpy as np
@@ -58,10 +58,10 @@ class Leap:
 def find_leaps(positions: np.ndarray, rate: float) -> tuple[list[Leap], list[slice]]:
     """Return the leaps of one marker, shape (n_frames, 3) in metres, and its spikes, which return within a few frames."""
     size = step_sizes(positions)
-    threshold = np.maximum(max(SMALLEST_M, _LIMITS.jerk_m_s3 / rate**3), ABOVE_UNREST * unrest(size))
+    threshold = np.maximum(max(SMALLEST_M, _LIMITS.jerk_m_s3 / rate**3), ABOVE_UNREST * typical_step(size))
     # No leap is shorter than the longer step next to it: a racket at 50 Hz changes its step almost as much.
-    way = np.linalg.norm(np.diff(positions, axis=0, prepend=positions[:1], append=positions[-1:]), axis=1)
-    threshold = np.maximum(threshold, np.fmax(way[:-2], way[2:]))
+    step = np.linalg.norm(np.diff(positions, axis=0, prepend=positions[:1], append=positions[-1:]), axis=1)
+    threshold = np.maximum(threshold, np.fmax(step[:-2], step[2:]))
     with np.errstate(invalid="ignore"):
         large = size > threshold
     # Responses to one leap are up to two steps apart.
@@ -70,7 +70,7 @@ def find_leaps(positions: np.ndarray, rate: float) -> tuple[list[Leap], list[sli
     leaps, spikes = [], []
     for cluster in runs(large):
         last, first = cluster.start, cluster.stop
-        before, after = _continued(positions, last, first)
+        before, after = _extrapolate(positions, last, first)
         if np.linalg.norm(after - before) > threshold[cluster].min():
             at = cluster.start + int(np.nanargmax(size[cluster]))
             leaps.append(Leap(at, at + 1, before, after))
@@ -82,15 +82,17 @@ def find_leaps(positions: np.ndarray, rate: float) -> tuple[list[Leap], list[sli
             far = last + np.flatnonzero(off >= 0.5 * np.nanmax(off))
             spikes.append(slice(int(far[0]), int(far[-1]) + 1))
     # A gap between seen frames hides a leap if both continuations differ by more than a body moves meanwhile.
-    seen = np.isfinite(positions[:, 0])
-    for gap in runs(~seen):
+    visible = np.isfinite(positions[:, 0])
+    for gap in runs(~visible):
         seconds = (gap.stop - gap.start) / rate
-        sides = seen[max(0, gap.start - _LIMITS.line) : gap.start], seen[gap.stop : gap.stop + _LIMITS.line]
-        if seconds > LONGEST_GAP_S or min(side.sum() for side in sides) < _LIMITS.line:
-            continue
-        before, after = _continued(positions, gap.start - 1, gap.stop)
-        if np.linalg.norm(after - before) > _LIMITS.gap_m + _LIMITS.gap_m_s2 * seconds**2:
-            leaps.append(Leap(gap.start - 1, gap.stop, before, after))
+        sides = (
+            visible[max(0, gap.start - _LIMITS.line) : gap.start],
+            visible[gap.stop : gap.stop + _LIMITS.line],
+        )
+        if seconds <= LONGEST_GAP_S and min(side.sum() for side in sides) >= _LIMITS.line:
+            before, after = _extrapolate(positions, gap.start - 1, gap.stop)
+            if np.linalg.norm(after - before) > _LIMITS.gap_m + _LIMITS.gap_m_s2 * seconds**2:
+                leaps.append(Leap(gap.start - 1, gap.stop, before, after))
     return sorted(leaps, key=lambda leap: leap.first), spikes
 
 
@@ -103,32 +105,31 @@ def step_sizes(positions: np.ndarray) -> np.ndarray:
     return size
 
 
-def unrest(size: np.ndarray) -> np.ndarray:
+def typical_step(size: np.ndarray) -> np.ndarray:
     """Return the 80th percentile of the steps of a marker in each block of frames, shape of `size`."""
     blocks = -(-len(size) // _LIMITS.block)
     padded = np.full(blocks * _LIMITS.block, np.nan)
     padded[: len(size)] = size
     ordered = np.sort(padded.reshape(blocks, _LIMITS.block), axis=1)
     at = np.maximum(np.isfinite(ordered).sum(axis=1) - 1, 0) * 4 // 5
-    found = np.nan_to_num(np.take_along_axis(ordered, at[:, None], axis=1))
-    return np.repeat(found, _LIMITS.block)[: len(size)]
+    chosen = np.nan_to_num(np.take_along_axis(ordered, at[:, None], axis=1))
+    return np.repeat(chosen, _LIMITS.block)[: len(size)]
 
 
-def _continued(positions: np.ndarray, last: int, first: int) -> tuple[np.ndarray, np.ndarray]:
+def _extrapolate(positions: np.ndarray, last: int, first: int) -> tuple[np.ndarray, np.ndarray]:
     """Continue the lines through the frames up to `last` and from `first` to the middle between these two frames."""
     before = np.arange(max(0, last - _LIMITS.line + 1), last + 1)
     after = np.arange(first, min(len(positions), first + _LIMITS.line))
-    return _line(positions, before, (last + first) / 2), _line(positions, after, (last + first) / 2)
-
-
-def _line(positions: np.ndarray, frames: np.ndarray, at: float) -> np.ndarray:
-    """Evaluate the straight line through some frames at another time, in frames."""
-    known = frames[np.isfinite(positions[frames, 0])]
-    if len(known) < 2:
-        return positions[known[-1]] if len(known) else np.full(3, np.nan)
-    centred = known - known.mean()
-    slope = centred @ positions[known] / (centred @ centred)
-    return positions[known].mean(axis=0) + slope * (at - known.mean())
+    ends = []
+    for frames in (before, after):
+        known = frames[np.isfinite(positions[frames, 0])]
+        if len(known) < 2:
+            ends.append(positions[known[-1]] if len(known) else np.full(3, np.nan))
+            continue
+        centred = known - known.mean()
+        slope = centred @ positions[known] / (centred @ centred)
+        ends.append(positions[known].mean(axis=0) + slope * ((last + first) / 2 - known.mean()))
+    return ends[0], ends[1]
 
 
 @dataclass(frozen=True)
@@ -149,12 +150,13 @@ class Exchange:
         """Both labels."""
         return frozenset((self.first, self.second))
 
-    def stretches(self, n_frames: int) -> tuple[list[slice], list[slice]]:
+    def intervals(self, n_frames: int) -> tuple[list[slice], list[slice]]:
         """Return the intervals after odd changes and the others, together the recording: those of fewer frames first."""
         parts = [slice(*edges) for edges in pairwise([0, *self.frames, n_frames])]
-        one, other = parts[1::2], parts[::2]
-        frames = [sum(part.stop - part.start for part in each) for each in (one, other)]
-        return (one, other) if frames[0] <= frames[1] else (other, one)
+        shorter, longer = sorted(
+            (parts[1::2], parts[::2]), key=lambda each: sum(p.stop - p.start for p in each)
+        )
+        return shorter, longer
 
 
 def take_exchanges(leaps: dict[str, list[Leap]]) -> tuple[list[Exchange], dict[str, list[Leap]]]:
@@ -162,46 +164,47 @@ def take_exchanges(leaps: dict[str, list[Leap]]) -> tuple[list[Exchange], dict[s
 
     If several markers leap simultaneously, such as those of both legs, each leap belongs to the exchange that it fits best.
     """
-    flat = [(label, leap) for label, found in leaps.items() for leap in found]
+    flat = [(label, leap) for label, own_leaps in leaps.items() for leap in own_leaps]
     candidates = []
-    for index, (label, leap) in enumerate(flat):
-        for other_label, other in flat[index + 1 :]:
-            if other_label == label or leap.last >= other.first or other.last >= leap.first:
-                continue
-            # Each must land near the place of the other.
-            tolerance = max(
-                _LIMITS.least_m, _LIMITS.share * float(np.linalg.norm(leap.before - other.before))
-            )
-            missed = np.linalg.norm([leap.after - other.before, other.after - leap.before], axis=1)
-            if (missed < tolerance).all():
-                candidates.append((float(missed.sum()), (label, leap), (other_label, other)))
+    for (label, leap), (other_label, other) in combinations(flat, 2):
+        if other_label == label or leap.last >= other.first or other.last >= leap.first:
+            continue
+        # Each must land near the place of the other.
+        distance = float(np.linalg.norm(leap.before - other.before))
+        error = np.linalg.norm([leap.after - other.before, other.after - leap.before], axis=1)
+        if (error < max(_LIMITS.least_m, _LIMITS.share * distance)).all():
+            ends = {(label, leap.first), (other_label, other.first)}
+            candidates.append((float(error.sum()), ends, (label, other_label), distance))
     changes: dict[tuple[str, str], list[tuple[int, float]]] = {}
     taken: set[tuple[str, int]] = set()
-    for _, (label, leap), (other_label, other) in sorted(candidates, key=lambda found: found[0]):
-        ends = {(label, leap.first), (other_label, other.first)}
-        if taken & ends:
-            continue
-        taken |= ends
-        distance = float(np.linalg.norm(leap.before - other.before))
-        changes.setdefault((label, other_label), []).append((min(leap.first, other.first), distance))
+    for _, ends, pair, distance in sorted(candidates, key=lambda candidate: candidate[0]):
+        if not taken & ends:
+            taken |= ends
+            changes.setdefault(pair, []).append((min(frame for _, frame in ends), distance))
     exchanges = [
-        Exchange(*pair, tuple(sorted(frame for frame, _ in found)), found[0][1])
-        for pair, found in changes.items()
+        Exchange(*pair, tuple(sorted(frame for frame, _ in changed)), changed[0][1])
+        for pair, changed in changes.items()
     ]
     remaining = {
-        label: [leap for leap in found if (label, leap.first) not in taken] for label, found in leaps.items()
+        label: [leap for leap in own_leaps if (label, leap.first) not in taken]
+        for label, own_leaps in leaps.items()
     }
     return exchanges, remaining
 
 
-def lands_on(leap: Leap, label: str, points: dict[str, np.ndarray]) -> str | None:
+def marker_at_landing(leap: Leap, label: str, points: dict[str, np.ndarray]) -> str | None:
     """Return the label of the marker that was seen, just before, at the end of a leap; None if there was none."""
-    best, nearest = None, max(_LIMITS.least_m, _LIMITS.share * leap.size)
-    for other, positions in points.items():
-        distance = np.linalg.norm(positions[leap.last] - leap.after)
-        if other != label and distance < nearest:
-            best, nearest = other, distance
-    return best
+    others = {
+        other: np.linalg.norm(places[leap.last] - leap.after)
+        for other, places in points.items()
+        if other != label
+    }
+    near = {
+        other: distance
+        for other, distance in others.items()
+        if distance < max(_LIMITS.least_m, _LIMITS.share * leap.size)
+    }
+    return min(near, key=near.__getitem__, default=None)
 
 
 def missing_frames(
@@ -211,7 +214,7 @@ def missing_frames(
 
     The findings are errors: the missing movement is unknown. `leaps` are those without exchanges of two markers.
     """
-    counted = Counter(leap.first for found in leaps.values() for leap in found)
+    counted = Counter(leap.first for own_leaps in leaps.values() for leap in own_leaps)
     findings: list[MarkerFinding] = []
     taken: list[int] = []
     steps: list[tuple[np.ndarray, np.ndarray]] = []
@@ -219,12 +222,14 @@ def missing_frames(
         if count < _LIMITS.least_leaps or any(abs(frame - other) <= _LIMITS.same_frame for other in taken):
             continue
         # Not needed for a recording in which no markers leap together, as in most.
-        steps = steps or [(size, unrest(size)) for size in map(step_sizes, points.values())]
+        steps = steps or [(size, typical_step(size)) for size in map(step_sizes, points.values())]
         # Markers that do not continue smoothly into the frame, among those seen near it.
         around = [
-            (size[frame - 1], usual[frame - 1]) for size, usual in steps if np.isfinite(size[frame - 1])
+            (size[frame - 1], typical[frame - 1]) for size, typical in steps if np.isfinite(size[frame - 1])
         ]
-        leaping = sum(bool(size > max(_LIMITS.least_step_m, ABOVE_UNREST * usual)) for size, usual in around)
+        leaping = sum(
+            bool(size > max(_LIMITS.least_step_m, ABOVE_UNREST * typical)) for size, typical in around
+        )
         if leaping >= max(_LIMITS.least_leaps, _LIMITS.together * len(around)):
             taken.append(frame)
             others = "; the others hardly move" if leaping < len(around) else ""
@@ -240,36 +245,27 @@ def missing_frames(
                 )
             )
     remaining = {
-        label: [
-            leap for leap in found if all(abs(leap.first - frame) > _LIMITS.same_frame for frame in taken)
-        ]
-        for label, found in leaps.items()
+        label: [leap for leap in own_leaps if all(abs(leap.first - at) > _LIMITS.same_frame for at in taken)]
+        for label, own_leaps in leaps.items()
     }
     return findings, remaining
 
 
-def beyond_laboratory(points: dict[str, np.ndarray], legend: Legend) -> list[MarkerFinding]:
+def find_positions_outside(points: dict[str, np.ndarray], legend: Legend) -> list[MarkerFinding]:
     """Find frames in which a marker is farther from the origin than any laboratory is long."""
     findings = []
     for label, positions in points.items():
         with np.errstate(invalid="ignore"):
             largest = np.abs(positions).max(axis=1)
-            far = largest > LABORATORY_M
-        findings += [
-            legend.finding(
-                "beyond laboratory",
-                LEFT_OUT,
-                f"coordinates up to {largest[stretch].max():.3g} m",
-                "the file holds numbers that are not positions",
-                (label,),
-                stretch,
-            )
-            for stretch in runs(far)
-        ]
+            outside = largest > LABORATORY_M
+        for part in runs(outside):
+            evidence = f"coordinates up to {largest[part].max():.3g} m"
+            cause = "the file holds numbers that are not positions"
+            findings.append(legend.finding("beyond laboratory", LEFT_OUT, evidence, cause, (label,), part))
     return findings
 
 
-def frozen_stretches(points: dict[str, np.ndarray], legend: Legend) -> list[MarkerFinding]:
+def find_frozen_intervals(points: dict[str, np.ndarray], legend: Legend) -> list[MarkerFinding]:
     """Find intervals in which a marker keeps its coordinates to the last bit while others move.
 
     A file with coarse numbers repeats some of them by chance: the share of unchanged steps outside of a run estimates how often,
@@ -290,25 +286,21 @@ def frozen_stretches(points: dict[str, np.ndarray], legend: Legend) -> list[Mark
             resolution = [np.min(change[change > _LIMITS.rounded_m], initial=np.inf) for change in third]
             edges = np.abs(np.diff(points[label][max(0, run.start - 1) : run.stop + 2], axis=0))
             # The nearest markers among those seen at the start.
-            there = np.stack([positions[run.start] for positions in points.values()])
-            distance = np.linalg.norm(there - there[index], axis=1)
-            order = [
-                other for other in np.argsort(distance) if other != index and np.isfinite(distance[other])
-            ]
+            places = np.stack([positions[run.start] for positions in points.values()])
+            distance = np.linalg.norm(places - places[index], axis=1)
+            order = [one for one in np.argsort(distance) if one != index and np.isfinite(distance[one])]
             near = order[: _LIMITS.neighbours]
             still = near and np.median(steady[near, run].mean(axis=1)) > _LIMITS.others_still
             coarse = edges.any() and (edges <= _LIMITS.resolved * np.array(resolution)).all()
             if near and not still and not coarse:
-                findings.append(
-                    legend.finding(
-                        "frozen",
-                        LEFT_OUT,
-                        f"the same coordinates to the last digit in {length + 1} frames while nearby markers move",
-                        "a gap filled with the last position seen, or a stuck channel",
-                        (label,),
-                        slice(run.start, run.stop + 1),
-                    )
+                evidence = (
+                    f"the same coordinates to the last digit in {length + 1} frames while nearby markers move"
                 )
+                cause, frames = (
+                    "a gap filled with the last position seen, or a stuck channel",
+                    slice(run.start, run.stop + 1),
+                )
+                findings.append(legend.finding("frozen", LEFT_OUT, evidence, cause, (label,), frames))
     return findings
 
 
@@ -317,32 +309,33 @@ def _unchanged(positions: np.ndarray) -> np.ndarray:
     return (np.diff(positions, axis=0) == 0).all(axis=1)
 
 
-def held_samples(points: dict[str, np.ndarray], legend: Legend) -> tuple[list[MarkerFinding], set[str]]:
+def find_repeated_samples(
+    points: dict[str, np.ndarray], legend: Legend
+) -> tuple[list[MarkerFinding], set[str]]:
     """Find markers that move only in every second (third, …) frame and keep their coordinates in between; with their labels."""
-    held_in: dict[int, list[str]] = {}
+    labels_by_hold: dict[int, list[str]] = {}
     for label, positions in points.items():
-        every = _moves_every(positions)
-        if every:
-            held_in.setdefault(every, []).append(label)
-    findings = [
-        legend.finding(
-            "held",
-            NOTED,
+        if every := _hold_interval(positions):
+            labels_by_hold.setdefault(every, []).append(label)
+    findings = []
+    for every, labels in labels_by_hold.items():
+        evidence = (
             f"{len(labels)} of {len(points)} markers move in only one of {every} frames and keep their coordinates to the last "
-            "digit in between",
-            f"recorded at {legend.rate / every:g} Hz and written at {legend.rate:g} Hz by repeating samples: export it again "
-            "at the rate of the cameras, because its speeds are steps",
-            tuple(labels) if 2 * len(labels) < len(points) else (),
+            "digit in between"
         )
-        for every, labels in held_in.items()
-    ]
-    return findings, {label for labels in held_in.values() for label in labels}
+        cause = (
+            f"recorded at {legend.rate / every:g} Hz and written at {legend.rate:g} Hz by repeating samples: export it again "
+            "at the rate of the cameras, because its speeds are steps"
+        )
+        markers = tuple(labels) if 2 * len(labels) < len(points) else ()
+        findings.append(legend.finding("held", NOTED, evidence, cause, markers))
+    return findings, {label for labels in labels_by_hold.values() for label in labels}
 
 
-def _moves_every(positions: np.ndarray) -> int:
-    """Return for how many frames a marker keeps each of its positions; 0 if there is no such number of at least 2."""
-    seen = np.isfinite(positions[:, 0])
-    known = seen[1:] & seen[:-1]
+def _hold_interval(positions: np.ndarray) -> int:
+    """Return for how many frames, at least 2, a marker keeps each of its positions; 0 if it does not."""
+    visible = np.isfinite(positions[:, 0])
+    known = visible[1:] & visible[:-1]
     moves = ~_unchanged(positions) & known
     if moves.sum() < _LIMITS.fewest_moves or moves.sum() > 0.6 * known.sum():
         return 0

@@ -1,4 +1,4 @@
-"""Reading a marker file through the checks: what cannot be a body becomes a gap, and a quality sheet of the recording reports it.
+"""Reading a marker file through the checks: frames that cannot be a body become gaps, and a quality sheet reports them.
 
 A label that is the only one to fill a standard name is defined by it; in a rule such as ``L_WRIST: {mean: [RWRA, RWRB]}`` its
 side is. So labels that the user has exchanged in the layout's aliases are not reported as exchanged again.
@@ -9,6 +9,7 @@ from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, replace
+from itertools import takewhile
 from pathlib import Path
 
 import numpy as np
@@ -28,7 +29,7 @@ _MAX_GAPS = 5
 
 
 @dataclass(frozen=True)
-class OpenStretch:
+class OpenGap:
     """The longest interval in which a marker is not seen, and its share of missing frames."""
 
     marker: str
@@ -36,9 +37,9 @@ class OpenStretch:
     missing_share: float
     """Share of frames without the marker."""
     longest_s: float
-    """Length of the longest interval, seconds."""
+    """Length of the interval, seconds."""
     from_s: float
-    """Start of it, seconds."""
+    """Start of the interval, seconds."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +53,7 @@ class QualitySheet:
     n_frames: int
     markers: tuple[str, ...]
     """Measured markers, by the file's labels."""
-    gaps: tuple[OpenStretch, ...]
+    gaps: tuple[OpenGap, ...]
     """Gaps of the file itself, worst first."""
     findings: tuple[MarkerFinding, ...]
     estimated: dict[str, str]
@@ -71,7 +72,7 @@ class QualitySheet:
 
     @property
     def missing_share(self) -> float:
-        """Share of all samples of all markers that were not seen."""
+        """Return the share of all samples of all markers that were not seen."""
         return sum(gap.missing_share for gap in self.gaps) / max(1, len(self.markers))
 
     def as_dict(self) -> dict:
@@ -100,12 +101,11 @@ class QualitySheet:
         more = f", and {len(self.gaps) - _MAX_GAPS} more" if len(self.gaps) > _MAX_GAPS else ""
         share = f"{self.missing_share:.2%} of all samples; longest of each: {', '.join(worst)}{more}"
         lines.append(f"gaps: {share if self.gaps else 'none'}")
-        lines += [f"{finding.outcome}: {finding}" for finding in self.findings] or [
-            "findings: none" + (" in what could be checked" if self.unchecked else "")
-        ]
+        none = "findings: none" + (" in what could be checked" if self.unchecked else "")
+        lines += [f"{finding.outcome}: {finding}" for finding in self.findings] or [none]
         if self.unchecked:
-            reasons = "; ".join(f"{what} ({reason})" for what, reason in self.unchecked.items())
-            lines.append(f"not checked: {reasons}")
+            properties = "; ".join(f"{name} ({reason})" for name, reason in self.unchecked.items())
+            lines.append(f"not checked: {properties}")
         return lines
 
 
@@ -118,9 +118,9 @@ class Screening:
     aliases: Mapping[str, Alias | None] = field(default_factory=dict)
     """Aliases of the layout, which define the laboratory's labels."""
     refuse: bool = True
-    """Whether findings that are errors raise; otherwise they are only kept."""
+    """True if findings that are errors raise; otherwise they are only listed."""
     findings: list[MarkerFinding] = field(default_factory=list)
-    """Findings in the last file."""
+    """Findings in the file read last."""
     points: dict[str, np.ndarray] = field(default_factory=dict)
     """Shape (n_frames, 3): its measured markers by label, before anything was left out."""
     unchecked: dict[str, str] = field(default_factory=dict)
@@ -194,41 +194,33 @@ def sheet_of(recording: MarkerRecording, screening: Screening, layout: MarkerLay
         For axes that are not those of the body.
     """
     check_unaliased_axes(usable_markers(screening.points, screening.findings), recording, layout)
-    kept = mask_findings(screening.points, screening.findings)
-    labels = [label for label, points in kept.items() if np.isfinite(points).any()]
-    findings = [
-        replace(finding, concerns=_filled_by(finding.markers, labels, screening.aliases))
-        if finding.outcome in (LEFT_OUT, PROPOSED)
-        else finding
-        for finding in screening.findings
-    ]
-    return quality_sheet(recording, screening.points, findings, screening.unchecked)
-
-
-def _filled_by(
-    markers: Collection[str], labels: Collection[str], aliases: Mapping[str, Alias | None]
-) -> tuple[str, ...]:
-    """Return the standard names that are missing in frames without `markers`."""
     from lumbar.records.marker_aliases import resolve_aliases
 
-    # Two frames: all labels are seen in the first, all but the markers in the second.
-    points = {label: np.zeros((2, 3)) for label in labels}
-    for label in markers:
-        points[label] = np.array([[0.0] * 3, [np.nan] * 3])
-    resolved = resolve_aliases(aliases, points, {}, {}, "", ())
-    return tuple(name for name, positions in resolved.positions.items() if np.isnan(positions[1]).any())
+    masked = mask_findings(screening.points, screening.findings)
+    labels = [label for label, points in masked.items() if np.isfinite(points).any()]
+    findings = []
+    for finding in screening.findings:
+        names: tuple[str, ...] = ()
+        if finding.outcome in (LEFT_OUT, PROPOSED):
+            # Two frames: all labels are seen in the first, all but the finding's markers in the second.
+            frames = {label: np.zeros((2, 3)) for label in labels}
+            frames |= {label: np.array([[0.0] * 3, [np.nan] * 3]) for label in finding.markers}
+            resolved = resolve_aliases(screening.aliases, frames, {}, {}, "", ()).positions
+            names = tuple(name for name, points in resolved.items() if np.isnan(points[1]).any())
+        findings.append(replace(finding, concerns=names))
+    return quality_sheet(recording, screening.points, findings, screening.unchecked)
 
 
 def meant_labels(aliases: Mapping[str, Alias | None], labels: Collection[str]) -> dict[str, str]:
     """Return, by standard name, the label of the file that fills an alias without others."""
     meant = {}
     for name, alias in aliases.items():
-        for choice in alias if isinstance(alias, tuple) else (alias,):
-            if not isinstance(choice, str):
-                break  # a rule names several markers
-            if choice in labels:
-                meant[name] = choice
-                break
+        choices = alias if isinstance(alias, tuple) else (alias,)
+        # A rule names several markers: labels after it do not count.
+        named = takewhile(lambda choice: isinstance(choice, str), choices)
+        label = next((choice for choice in named if choice in labels), None)
+        if isinstance(label, str):
+            meant[name] = label
     return meant
 
 
@@ -237,7 +229,7 @@ def meant_in_rules(
 ) -> dict[str, str]:
     """Return, by landmark, the labels in rules of the other side; `meant` is the result of `meant_labels`."""
     usual = {label: landmark for landmark, label in landmarks(labels).items()}
-    found: dict[str, str] = {}
+    corrected: dict[str, str] = {}
     for name, alias in aliases.items():
         for rule in alias if isinstance(alias, tuple) else (alias,):
             # Labels that the rule names directly.
@@ -249,13 +241,11 @@ def meant_in_rules(
                 if isinstance(part, str) and usual.get(part, "")[:2] in ("L_", "R_")
             }
             if sided and {name[:2], *(landmark[:2] for landmark in sided.values())} == {"L_", "R_"}:
-                mirrored = {part: name[:2] + landmark[2:] for part, landmark in sided.items()}
-                found |= {
-                    landmark: part
-                    for part, landmark in mirrored.items()
-                    if landmark != usual[part] and part not in meant.values()
-                }
-    return found
+                for part, landmark in sided.items():
+                    mirrored = name[:2] + landmark[2:]
+                    if mirrored != landmark and part not in meant.values():
+                        corrected[mirrored] = part
+    return corrected
 
 
 def quality_sheet(
@@ -276,7 +266,7 @@ def quality_sheet(
             longest = max(runs(missing), key=lambda gap: gap.stop - gap.start)
             length = (longest.stop - longest.start) / recording.rate
             start = float(recording.time[longest.start])
-            gaps.append(OpenStretch(label, float(missing.mean()), length, start))
+            gaps.append(OpenGap(label, float(missing.mean()), length, start))
     return QualitySheet(
         file=recording.source,
         rate_Hz=recording.rate,
@@ -298,25 +288,26 @@ def quality_sheet(
 
 def quality_table(sheets: Sequence[dict], source_label: str) -> Table:
     """Return one row per recording: sheets as `QualitySheet.as_dict` gives them, with the name of the lift under ``lift``."""
-    return table_from_schema("lifting/quality", "quality", [_row(sheet) for sheet in sheets], source_label)
-
-
-def _row(sheet: dict) -> dict:
-    findings = [
-        f"{finding['kind']} ({finding['outcome']}): {', '.join(finding['markers']) or 'all markers'} "
-        f"from {finding['start_s']:.2f} s for {finding['length_s']:.2f} s"
-        for finding in sheet["findings"]
-    ]
-    return {
-        "lift": sheet["lift"],
-        "file": Path(sheet["file"]).name,
-        "markers": len(sheet["markers"]),
-        "rate_Hz": float(sheet["rate_Hz"]),
-        "duration_s": sheet["duration_s"],
-        "missing_percent": 100 * sheet["missing_share"],
-        "longest_gap_s": max((gap["longest_s"] for gap in sheet["gaps"]), default=0.0),
-        "estimated": ", ".join(sheet["estimated"]) or "none",
-        "left_out": sum(finding["outcome"] in ("left out", "proposed") for finding in sheet["findings"]),
-        "findings": "; ".join(findings) or "none",
-        "not_checked": ", ".join(sheet["unchecked"]) or "none",
-    }
+    rows = []
+    for sheet in sheets:
+        findings = [
+            f"{finding['kind']} ({finding['outcome']}): {', '.join(finding['markers']) or 'all markers'} "
+            f"from {finding['start_s']:.2f} s for {finding['length_s']:.2f} s"
+            for finding in sheet["findings"]
+        ]
+        rows.append(
+            {
+                "lift": sheet["lift"],
+                "file": Path(sheet["file"]).name,
+                "markers": len(sheet["markers"]),
+                "rate_Hz": float(sheet["rate_Hz"]),
+                "duration_s": sheet["duration_s"],
+                "missing_percent": 100 * sheet["missing_share"],
+                "longest_gap_s": max((gap["longest_s"] for gap in sheet["gaps"]), default=0.0),
+                "estimated": ", ".join(sheet["estimated"]) or "none",
+                "left_out": sum(finding["outcome"] in (LEFT_OUT, PROPOSED) for finding in sheet["findings"]),
+                "findings": "; ".join(findings) or "none",
+                "not_checked": ", ".join(sheet["unchecked"]) or "none",
+            }
+        )
+    return table_from_schema("lifting/quality", "quality", rows, source_label)
