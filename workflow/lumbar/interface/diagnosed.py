@@ -21,9 +21,9 @@ from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.residuals.compare import comparison_table
 from lumbar.tissue.diagnosis.residuals.locate import (
     ResidualReport,
+    axis_reports,
     compare_and_locate,
     location_table,
-    of_axes,
 )
 from lumbar.tissue.diagnosis.selection.refine import fitted_model, refined_document
 from lumbar.tissue.diagnosis.selection.result import DiagnosisResult, Status
@@ -98,7 +98,7 @@ class Diagnosis:
     @property
     def base_on_records(self) -> list[ResidualReport]:
         """`reports` along every axis."""
-        return of_axes(self.reports)
+        return axis_reports(self.reports)
 
     @property
     def headline(self) -> str:

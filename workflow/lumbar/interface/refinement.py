@@ -23,11 +23,11 @@ from lumbar.tissue.diagnosis.residuals.compare import comparison_table
 from lumbar.tissue.diagnosis.residuals.locate import (
     ResidualReport,
     all_reports_sentence,
+    axis_reports,
     compare_and_locate,
+    expand_axes,
     location_table,
-    of_axes,
     residual_reports,
-    with_axes,
 )
 from lumbar.tissue.diagnosis.selection.candidate import Candidate
 from lumbar.tissue.diagnosis.selection.refine import (
@@ -288,7 +288,7 @@ def _on_records(records, model, train, settings, source_label: str, shows: str) 
     else:
         experiment = prepare(records, train, settling_s=settings.tissue.settling_s).shift_to_rest()
         simulate = simulate_in_session(records, model.simulate) if session else model.simulate
-        reports = residual_reports(records, simulate, experiment, settings.seed)
+        reports = residual_reports([(item, simulate(item), experiment) for item in records], settings.seed)
     return OnRecords(model, reports, source_label, shows, findings)
 
 
@@ -308,7 +308,7 @@ class OnRecords(Result):
     @cached_property
     def simulated(self) -> list[ResidualReport]:
         """Reports along every axis; with several axes the record's name ends with the axis."""
-        return of_axes(self.reports)
+        return axis_reports(self.reports)
 
     def __len__(self) -> int:
         return len(self.simulated)
@@ -318,7 +318,7 @@ class OnRecords(Result):
 
     def __getitem__(self, name: str) -> Any:
         """Return the report of the record of this name, or of one of its axes, e.g. ``"multisine (x)"``."""
-        reports = {item.record.name: item for item in with_axes(self.reports)}
+        reports = {item.record.name: item for item in expand_axes(self.reports)}
         if name not in reports:
             raise InputError(f"no record {name!r}; there are {', '.join(reports)}")
         return reports[name]

@@ -12,7 +12,7 @@ from lumbar.base.files import write_csv, write_json, write_text
 from lumbar.interface.diagnosed import Diagnosis
 from lumbar.tables.table import Table
 from lumbar.tissue.diagnosis.evidence.evidence import Evidence, ladder_frame, signal_angles
-from lumbar.tissue.diagnosis.residuals.locate import of_axes
+from lumbar.tissue.diagnosis.residuals.locate import axis_reports
 from lumbar.tissue.diagnosis.selection.refine import refined_document
 from lumbar.tissue.diagnosis.selection.sentences import details
 from lumbar.tissue.diagnosis.selection.thresholds import null_distribution, number_of_forms
@@ -66,7 +66,7 @@ class SpatialDiagnosis(Diagnosis):
         """Remaining errors along every axis, and candidates that add similar forces."""
         experiment, null = self.result.experiment, null_distribution()
         usable = usable_in_space(self.settings.searched, self.records[0].axes, experiment)
-        remaining = of_axes(spatial_reports(self.model, experiment, self.study.seed))
+        remaining = axis_reports(spatial_reports(self.model, experiment, self.study.seed))
         threshold = null.threshold(number_of_forms(usable))
         return Evidence(remaining, signal_angles(self.result), None, [], threshold, null, [])
 

@@ -18,7 +18,7 @@ from lumbar.publishing.figures.location_figures import (
 from lumbar.publishing.figures.style import save
 from lumbar.publishing.pages.html import LOCATION_CAPTION, SPACE_CAPTION
 from lumbar.tissue.diagnosis.law.proposal import Proposal
-from lumbar.tissue.diagnosis.residuals.locate import ResidualReport, of_axes
+from lumbar.tissue.diagnosis.residuals.locate import ResidualReport, axis_reports
 from lumbar.tissue.diagnosis.selection.result import DiagnosisResult
 from lumbar.tissue.diagnosis.selection.sentences import runner_up
 from lumbar.tissue.diagnosis.spatial.spatial_reports import SpatialReport
@@ -39,7 +39,7 @@ def draw_pictures(
     `reports` are those of the base model; `catalogue` is that of one axis, along which signatures are drawn. The SVG files are
     returned by caption.
     """
-    simulated, base = of_axes(reports), diagnosis.base.fit.structure.base
+    simulated, base = axis_reports(reports), diagnosis.base.fit.structure.base
     # The record of whose output the model explains the smallest share.
     shown = min(simulated, key=lambda item: item.comparison.vaf.value)
     whole = next(report for report in reports if shown in report.axes)

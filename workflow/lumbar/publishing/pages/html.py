@@ -9,7 +9,12 @@ from typing import TYPE_CHECKING
 from markupsafe import Markup
 
 from lumbar.base.templates import template
-from lumbar.tissue.diagnosis.residuals.locate import ResidualReport, all_reports_sentence, of_axes, with_axes
+from lumbar.tissue.diagnosis.residuals.locate import (
+    ResidualReport,
+    all_reports_sentence,
+    axis_reports,
+    expand_axes,
+)
 from lumbar.tissue.models.printing import equation_mathml
 
 if TYPE_CHECKING:
@@ -74,7 +79,7 @@ Reports = Sequence["ResidualReport | SpatialReport"]
 def comparison_page(reports: Reports, model: str, source_label: str, pictures: dict[str, Path]) -> str:
     """Return the page of a comparison; `pictures` are SVG files by record."""
     what = "Free-run simulation against every record. Error intervals: what another excitation of the same kind would give."
-    blocks = [paragraph(what), *comparison_blocks(of_axes(reports))]
+    blocks = [paragraph(what), *comparison_blocks(axis_reports(reports))]
     caption = "measured and simulated, residual, and what is left of every record."
     if reports[0].record.axes:
         caption = "measured and simulated along every axis, over a part of the record, and the residual."
@@ -101,7 +106,7 @@ def comparison_blocks(simulated: list[ResidualReport]) -> list[str]:
 def location_page(reports: Reports, model: str, source_label: str, pictures: dict[str, Path]) -> str:
     """Return the page that says and shows where a model fails; parameters as for `comparison_page`."""
     blocks = [paragraph(all_reports_sentence(reports), "headline")]
-    for item in with_axes(reports):
+    for item in expand_axes(reports):
         name, (headline, *sentences) = item.record.name, item.sentences
         blocks += [
             heading(name),

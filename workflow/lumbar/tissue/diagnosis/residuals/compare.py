@@ -12,11 +12,11 @@ from lumbar.tissue.identification.metrics import fit_ratio, mean_residual, varia
 
 RESAMPLES = 300
 CONFIDENCE = 0.95
-_FEWEST_BLOCKS = 8
-_BLOCK = 3
-"""Blocks are this many times as long as energies are correlated."""
-_REST = 1e-12
-"""Share of a mean square that a variance is by rounding alone."""
+_MIN_BLOCKS = 8
+_BLOCK_LENGTH = 3
+"""Length of a block, in samples over which energies are correlated."""
+_MAX_ROUNDING_SHARE = 1e-12
+"""Share of a mean square up to which a variance is rounding."""
 
 
 @dataclass(frozen=True)
@@ -36,18 +36,20 @@ class Comparison:
     unit: str
     """Unit of the output."""
     samples: int
-    """Samples that count: from `start` on."""
+    """Samples that count, after `start`."""
     start: float
     """Seconds at the record's beginning that are left out."""
     rms: EstimateWithInterval
+    """√(mean squared residual) of the free run."""
     vaf: EstimateWithInterval
+    """In percent; see `lumbar.tissue.identification.metrics`."""
     fit: EstimateWithInterval
+    """In percent; see `lumbar.tissue.identification.metrics`."""
     mean_residual: EstimateWithInterval
-    """`rms`, `vaf`, `fit`, `mean_residual`: of the free run, by the definitions of `lumbar.tissue.identification.metrics`;
-    rms is √(mean squared residual)."""
+    """Mean absolute residual."""
     output_variance: float
     floor: NoiseFloor | None
-    """Noise of this record or, where it does not repeat, of one recorded with the same set-up."""
+    """Noise of this record or, if it does not repeat, of one recorded with the same set-up."""
     floor_from: str
     """Name of the record that the floor comes from; empty without one."""
 
@@ -103,13 +105,14 @@ def compare_record(
 ) -> Comparison:
     """Compare a free-run simulation with a record.
 
-    The intervals say what another excitation of the same kind would give. They come from resampling blocks of time
-    (Künsch, Annals of Statistics 17, 1989), each longer than the energy of error and output is correlated. Where the record
-    repeats, blocks are parts of the period and all periods of a part go together: an error that repeats with the period is not
-    new evidence.
+    The intervals are those of other excitations of the same kind. They come from resampling blocks of time
+    (Künsch, Annals of Statistics 17, 1989), each longer than the energy of error and output is correlated. If the record
+    repeats, blocks are parts of the period and all periods of a part are drawn together: an error that repeats with the period
+    is not new evidence.
 
     Parameters
     ----------
+    record : Record
     simulated : numpy.ndarray, shape (samples,)
         Free run over the whole record.
     floor : NoiseFloor, optional
@@ -119,7 +122,11 @@ def compare_record(
     start : float
         Seconds left out at the beginning, where the initial state is not known.
     seed : int
-        Of the resampling.
+        Seed of the resampling.
+
+    Returns
+    -------
+    Comparison
 
     Raises
     ------
@@ -146,7 +153,7 @@ def compare_record(
 
 
 def settling_samples(record: Record, simulated: np.ndarray, start: float) -> int:
-    """Samples that are left out at the start; raise where simulation and record do not go together."""
+    """Return the number of samples left out at the start; raise `InputError` if simulation and record do not match."""
     name = record.source or record.name
     if np.shape(simulated) != record.time.shape:
         raise InputError(f"{name}: simulation of shape {np.shape(simulated)} for {len(record)} samples")
@@ -157,10 +164,10 @@ def settling_samples(record: Record, simulated: np.ndarray, start: float) -> int
             "model is unstable or was not fitted"
         )
     first = round(start / record.sampling_time)
-    if len(record) - first < 2 * _FEWEST_BLOCKS:
+    if len(record) - first < 2 * _MIN_BLOCKS:
         raise InputError(
             f"{name}: {record.duration:g} s leave {max(len(record) - first, 0)} samples after the first {start:g} s; "
-            f"at least {2 * _FEWEST_BLOCKS} are needed"
+            f"at least {2 * _MIN_BLOCKS} are needed"
         )
     return first
 
@@ -168,13 +175,7 @@ def settling_samples(record: Record, simulated: np.ndarray, start: float) -> int
 def _estimates(
     measured: np.ndarray, modelled: np.ndarray, period: int | None, seed: int
 ) -> list[EstimateWithInterval]:
-    """Return RMS, VAF, FIT and mean residual with bootstrap intervals.
-
-    Raises
-    ------
-    NumericalError
-        If an output does not move.
-    """
+    """Return RMS, VAF, FIT and mean residual with bootstrap intervals; raise `NumericalError` if an output does not move."""
     values = [
         float(np.sqrt(np.mean((measured - modelled) ** 2))),
         variance_accounted_for(measured, modelled),
@@ -191,7 +192,7 @@ def _estimates(
     # The same figures from means over samples.
     mean, square, absolute, level, energy = (sums[:, 1:] / sums[:, :1]).T
     variance = energy - level**2
-    if np.any(variance <= _REST * energy):
+    if np.any(variance <= _MAX_ROUNDING_SHARE * energy):
         raise NumericalError("the output does not move in most of the record: its intervals are not known")
     unexplained, rms = (square - mean**2) / variance, np.sqrt(square)
     resampled = np.stack([rms, 100 * (1 - unexplained), 100 * (1 - rms / np.sqrt(variance)), absolute])
@@ -201,15 +202,25 @@ def _estimates(
 
 
 def block_groups(signals: list[np.ndarray], period: int | None) -> list[np.ndarray]:
-    """Indices of the samples that are resampled together.
+    """Return the indices of the samples that are resampled together.
 
     Blocks of equal length, three times as long as the energy of any of the signals is correlated but at least eight to a record
     or period.
     """
     size = len(signals[0])
     span = period if period and period < size else size
-    correlated = max(_correlated_samples(signal[:span]) for signal in signals)
-    length = max(min(_BLOCK * correlated, span // _FEWEST_BLOCKS), 1)
+    length = 1
+    for signal in signals:
+        # Samples over which the signal's square stays correlated: 1 + 2 Σρ up to the first ρ below 0.05.
+        energy = signal[:span] ** 2 - np.mean(signal[:span] ** 2)
+        covariance = autocovariance(energy, energy.size // 4)
+        correlated = 1
+        if covariance[0] > 0:
+            correlation = covariance / covariance[0]
+            ends = np.flatnonzero(correlation < 0.05)
+            stop = ends[0] if ends.size else correlation.size
+            correlated = int(np.ceil(1 + 2 * correlation[1:stop].sum()))
+        length = max(min(_BLOCK_LENGTH * correlated, span // _MIN_BLOCKS), length)
     blocks = span // length
     position = np.arange(size) % span
     block = np.minimum(position * blocks // span, blocks - 1)
@@ -217,39 +228,28 @@ def block_groups(signals: list[np.ndarray], period: int | None) -> list[np.ndarr
     return np.split(order, np.flatnonzero(np.diff(block[order])) + 1)
 
 
-def _correlated_samples(signal: np.ndarray) -> int:
-    """Samples over which a signal's square stays correlated: 1 + 2 Σρ up to the first ρ below 0.05."""
-    energy = signal**2 - np.mean(signal**2)
-    covariance = autocovariance(energy, energy.size // 4)
-    if covariance[0] <= 0:
-        return 1
-    correlation = covariance / covariance[0]
-    ends = np.flatnonzero(correlation < 0.05)
-    stop = ends[0] if ends.size else correlation.size
-    return int(np.ceil(1 + 2 * correlation[1:stop].sum()))
-
-
 def comparison_table(comparisons: list[Comparison], source_label: str) -> Table:
-    """Table of all records, as ``compare.csv`` publishes it."""
-    words = {"start": comparisons[0].start, "percent": 100 * CONFIDENCE, "resamples": RESAMPLES}
-    return table_from_schema(
-        "tissue/diagnosis/residuals", "compare", list(map(_row, comparisons)), source_label, words
-    )
-
-
-def _row(item: Comparison) -> dict:
-    row = {"record": item.record, "samples": item.samples, "unit": item.unit}
-    for name in ("rms", "vaf", "fit", "mean_residual"):
-        estimate = getattr(item, name)
-        suffix = "_percent" if name in ("vaf", "fit") else ""
-        row |= {f"{name}{suffix}": estimate.value, f"{name}_low": estimate.low, f"{name}_high": estimate.high}
-    floor = item.floor
-    return row | {
-        "noise_floor_rms": floor.rms if floor else None,
-        "noise_floor_low": floor.low if floor else None,
-        "noise_floor_high": floor.high if floor else None,
-        "noise_floor_from": item.floor_from or None,
-        "explainable_rms": item.explainable_rms,
-        "explainable_percent": item.explainable_percent,
-        "explainable_vaf_percent": item.explainable_vaf,
-    }
+    """Return the table of all records, the content of ``compare.csv``."""
+    rows = []
+    for item in comparisons:
+        row = {"record": item.record, "samples": item.samples, "unit": item.unit}
+        for name in ("rms", "vaf", "fit", "mean_residual"):
+            estimate = getattr(item, name)
+            suffix = "_percent" if name in ("vaf", "fit") else ""
+            row[f"{name}{suffix}"] = estimate.value
+            row |= {f"{name}_low": estimate.low, f"{name}_high": estimate.high}
+        floor = item.floor
+        rows.append(
+            row
+            | {
+                "noise_floor_rms": floor.rms if floor else None,
+                "noise_floor_low": floor.low if floor else None,
+                "noise_floor_high": floor.high if floor else None,
+                "noise_floor_from": item.floor_from or None,
+                "explainable_rms": item.explainable_rms,
+                "explainable_percent": item.explainable_percent,
+                "explainable_vaf_percent": item.explainable_vaf,
+            }
+        )
+    fields = {"start": comparisons[0].start, "percent": 100 * CONFIDENCE, "resamples": RESAMPLES}
+    return table_from_schema("tissue/diagnosis/residuals", "compare", rows, source_label, fields)

@@ -1,4 +1,4 @@
-"""Where a model fails: five views of its error on every record, with the comparison of its free run."""
+"""Location of a model's error: five views on every record, with the comparison of its free run."""
 
 from __future__ import annotations
 
@@ -44,10 +44,23 @@ def locate(
     floor_from: str = "",
     start: float = 0.0,
 ) -> Location:
-    """See where a free-run simulation fails.
+    """Locate the error of a free-run simulation.
 
-    `simulated` is a free run over the whole record, shape (samples,), of which the first `start` seconds do not count. `floor`
-    is the noise of this record, or of another one with the same set-up, named by `floor_from`.
+    Parameters
+    ----------
+    record : Record
+    simulated : numpy.ndarray, shape (samples,)
+        Free run over the whole record.
+    floor : NoiseFloor, optional
+        Noise of this record, or of another one with the same set-up.
+    floor_from : str
+        Name of the record that `floor` comes from; default this one.
+    start : float
+        Seconds at the beginning that do not count.
+
+    Returns
+    -------
+    Location
 
     Raises
     ------
@@ -55,12 +68,7 @@ def locate(
         If the simulation does not fit the record, is not finite, or nothing is left after the settling time.
     """
     residual = _residual(record, simulated, floor, floor_from, start)
-    return _location(record, residual, rank_causes([residual]))
-
-
-def _location(record: Record, residual: Residual, causes: Sequence[Cause]) -> Location:
-    found = [view(residual) for view in VIEWS]
-    return Location(record.name, residual, {view.name: view for view in found}, tuple(causes))
+    return Location.of_residual(record.name, residual, rank_causes([residual]))
 
 
 def residual_of(record: Record, simulated: np.ndarray, experiment: Experiment) -> Residual:
@@ -86,6 +94,7 @@ def _residual(
         whole = fold_periods(record, floor.period)
         rows = whole.rows[whole.rows[:, 0] >= first] - first
         folding = replace(whole, rows=rows) if len(rows) >= 2 else None
+    moved = record.channels["input"]
     return Residual(
         values=(record["output"] - simulated)[first:],
         time=record.time[first:] - record.time[0],
@@ -93,8 +102,8 @@ def _residual(
         velocity=steady_velocity(record["input"], record.sampling_time)[first:],
         sampling_time=record.sampling_time,
         unit=record.channels["output"].unit,
-        position_unit=record.channels["input"].unit,
-        moved=record.channels["input"].quantity,
+        position_unit=moved.unit,
+        moved=moved.quantity,
         floor=floor,
         folding=folding,
     )
@@ -111,6 +120,12 @@ class Location:
     causes: tuple[Cause, ...]
     """Causes of the error of all records together, by how well they are distinguished."""
 
+    @classmethod
+    def of_residual(cls, record: str, residual: Residual, causes: Sequence[Cause]) -> Location:
+        """Return all views of a record's residual; the causes are those of all records."""
+        views = [view(residual) for view in VIEWS]
+        return cls(record, residual, {view.name: view for view in views}, tuple(causes))
+
     @property
     def shares(self) -> dict[str, float]:
         """Share of the explainable error by cause, in the order of `causes`, then the largest first.
@@ -118,7 +133,7 @@ class Location:
         The spectrum has no part in it: all of a repeating error is in it.
         """
         motion, linear = self.views["position and velocity"], self.views["candidate causes"]
-        found = {
+        shares = {
             "time": self.views["time"].share,
             "position and velocity": motion.share,
             "depth": motion.numbers["depth_share"],
@@ -126,14 +141,14 @@ class Location:
             "linear dynamics": linear.numbers["linear_share"],
         }
         order = {cause.name: place for place, cause in enumerate(self.causes)}
-        return dict(sorted(found.items(), key=lambda item: (order.get(item[0], len(order)), -item[1])))
+        return dict(sorted(shares.items(), key=lambda item: (order.get(item[0], len(order)), -item[1])))
 
     @property
     def p_values(self) -> dict[str, float]:
-        """Probability that noise alone shows as much, by view, and by cause within two of the views."""
+        """Probability under noise only, by view, and by cause within two of the views."""
         motion, linear = self.views["position and velocity"], self.views["candidate causes"]
-        found = {view.name: view.p_value for view in self.views.values()}
-        return found | {"depth": motion.numbers["depth_p"], "linear dynamics": linear.numbers["linear_p"]}
+        by_view = {view.name: view.p_value for view in self.views.values()}
+        return by_view | {"depth": motion.numbers["depth_p"], "linear dynamics": linear.numbers["linear_p"]}
 
     @property
     def is_noise(self) -> bool:
@@ -171,11 +186,11 @@ class Location:
         if self.is_all_but_noise:
             return f"{error}, hardly more than the noise floor of {floor.rms:.3g} {unit}; significant views describe the rest."
         listed = [f"{name} ({percent(share)})" for name, share in self.shares.items() if share >= 0.005]
-        seen = f"it is seen along {', '.join(listed[:3])}" if listed else "no view accounts for it"
+        along = f"it is seen along {', '.join(listed[:3])}" if listed else "no view accounts for it"
         if floor is None:
-            return f"{error}; {seen}{constant}; the views overlap."
+            return f"{error}; {along}{constant}; the views overlap."
         return (
-            f"{self.record}: {np.sqrt(residual.explainable):.3g} {unit} of the error's {rms:.3g} {unit} are not noise; {seen}"
+            f"{self.record}: {np.sqrt(residual.explainable):.3g} {unit} of the error's {rms:.3g} {unit} are not noise; {along}"
             f"{constant}; the views overlap."
         )
 
@@ -186,16 +201,32 @@ class Location:
 
 
 def compare_and_locate(experiment: Experiment, fit: Fit, seed: int) -> list[ResidualReport]:
-    """Simulate a fit on every record of an experiment, compare it, and see where it fails; `seed` is that of the intervals."""
-    seen = [for_base(record, fit.structure.base) for record in experiment.records]
-    simulate = simulation(seen, fit, experiment.surface, experiment.session)
-    return residual_reports(seen, simulate, experiment, seed)
+    """Simulate a fit on every record of an experiment, compare it and locate its error; `seed` is that of the intervals."""
+    records = [for_base(record, fit.structure.base) for record in experiment.records]
+    simulate = simulation(records, fit, experiment.surface, experiment.session)
+    return residual_reports([(record, simulate(record), experiment) for record in records], seed)
 
 
 def simulation(
     records: Sequence[Record], fit: Fit, surface: float = 0.0, session: bool = False
 ) -> Callable[[Record], np.ndarray]:
-    """A fit's free run as a function of the record; `records` as the fit's base asks for them, else as above."""
+    """Return the free run of a fit as a function of the record.
+
+    Parameters
+    ----------
+    records : sequence of Record
+        With the channels that the fit's base requires.
+    fit : Fit
+    surface : float
+        Position of the tissue's surface, in the input's unit.
+    session : bool
+        True if each record begins in the state in which the one before it ended.
+
+    Returns
+    -------
+    callable
+        From a record to its free run, shape (samples,).
+    """
 
     def simulate(record: Record) -> np.ndarray:
         return fit.simulate(Motion.of(record, offset=surface))
@@ -204,26 +235,29 @@ def simulation(
 
 
 def residual_reports(
-    records: Sequence[Record], simulate: Callable[[Record], np.ndarray], experiment: Experiment, seed: int
+    simulated: Sequence[tuple[Record, np.ndarray, Experiment]], seed: int
 ) -> list[ResidualReport]:
-    """Simulate any model on records, compare it, and see where it fails.
+    """Compare free runs of any model with their records, and locate its error.
 
-    `simulate` goes from a record to the model's free run, shape (samples,). Noise and settling time are those of the
-    `experiment`; `seed` is that of the intervals.
+    Parameters
+    ----------
+    simulated : sequence of tuple
+        Record, free run with shape (samples,), and the experiment that gives noise and settling time.
+    seed : int
+        Seed of the intervals.
+
+    Returns
+    -------
+    list of ResidualReport
     """
-    return reports_of([(record, simulate(record), experiment) for record in records], seed)
-
-
-def reports_of(simulated: Sequence[tuple[Record, np.ndarray, Experiment]], seed: int) -> list[ResidualReport]:
-    """Compare and locate free runs that were made, each with the experiment that its record belongs to; else as above."""
     residuals = [residual_of(*one) for one in simulated]
-    causes, found = rank_causes(residuals), []
+    causes, reports = rank_causes(residuals), []
     for number, (record, values, experiment) in enumerate(track(simulated, "records compared and located")):
         start, floor = settling_time(record, experiment.settling_s), experiment.floor
         comparison = compare_record(record, values, floor, experiment.floor_from, start, seed + number)
-        location = _location(record, residuals[number], causes)
-        found.append(ResidualReport(record, values, comparison, location))
-    return found
+        location = Location.of_residual(record.name, residuals[number], causes)
+        reports.append(ResidualReport(record, values, comparison, location))
+    return reports
 
 
 @dataclass(frozen=True, eq=False)
@@ -255,8 +289,8 @@ class ResidualReport:
 
 
 def all_reports_sentence(reports: Sequence[Any]) -> str:
-    """Name the cause of the error of all records together, as far as it is distinguished; of several axes, axis by axis."""
-    locations = [item.location for item in of_axes(reports)]
+    """Name the cause of the error of all records together; of several axes, axis by axis."""
+    locations = [item.location for item in axis_reports(reports)]
     if all(item.is_noise or item.is_all_but_noise for item in locations):
         if any(item.residual.floor is None for item in locations):
             return "All records: no view distinguishes the error from noise of the same spectrum."
@@ -267,18 +301,18 @@ def all_reports_sentence(reports: Sequence[Any]) -> str:
     return causes_sentence(locations[0].causes, records, locations[0].residual.error_name)
 
 
-def of_axes(reports: Sequence[Any]) -> list[ResidualReport]:
+def axis_reports(reports: Sequence[Any]) -> list[ResidualReport]:
     """Return the reports along every axis of records."""
     return [item for report in reports for item in report.axes]
 
 
-def with_axes(reports: Sequence[Any]) -> list[Any]:
-    """Reports of records, and of those of several axes one for every axis too."""
-    return list(dict.fromkeys([*reports, *of_axes(reports)]))
+def expand_axes(reports: Sequence[Any]) -> list[Any]:
+    """Return the reports of records, and for records of several axes those of every axis too."""
+    return list(dict.fromkeys([*reports, *axis_reports(reports)]))
 
 
 def location_table(reports: Sequence[Any], source_label: str) -> Table:
-    """Share, p-value and sentence of every view of every record, as ``location.csv`` publishes it."""
+    """Return share, p-value and sentence of every view of every record, the content of ``location.csv``."""
     rows = [
         {
             "record": item.record.name,
@@ -288,7 +322,7 @@ def location_table(reports: Sequence[Any], source_label: str) -> Table:
             "finding": view.sentence,
         }
         for report in reports
-        for item in with_axes([report])
+        for item in expand_axes([report])
         for view in item.views.values()
     ]
     return table_from_schema("tissue/diagnosis/residuals", "location", rows, source_label)

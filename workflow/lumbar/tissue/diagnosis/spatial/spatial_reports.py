@@ -8,7 +8,7 @@ from lumbar.base.errors import InputError
 from lumbar.records.record import Record
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.noise.periods import fold_periods
-from lumbar.tissue.diagnosis.residuals.locate import ResidualReport, reports_of, residual_of
+from lumbar.tissue.diagnosis.residuals.locate import ResidualReport, residual_of, residual_reports
 from lumbar.tissue.diagnosis.residuals.residual import SIGNIFICANT, View
 from lumbar.tissue.diagnosis.spatial.location_in_space import (
     SpatialResidual,
@@ -131,7 +131,7 @@ def spatial_reports(model: FittedModel, experiment: Experiment, seed: int) -> li
         for run in own
         if min(np.ptp(run[0]["input"]), np.ptp(run[0]["output"])) > 0
     ]
-    compared = {item.record.name: item for item in reports_of(moving, seed)}
+    compared = {item.record.name: item for item in residual_reports(moving, seed)}
     reports = []
     for record, force, own in runs.values():
         parts = tuple(residual_of(*run) for run in own)
