@@ -135,7 +135,7 @@ class PeopleCompared(Result):
 
 
 def _sentence(item: GroupComparison) -> str:
-    found = item.found
+    found = item.difference
     start = f"{item.name}, {item.box} kg, {item.measure}, {item.plane}: {found.difference:.3g} {item.unit}".rstrip()
     if found.low is None:
         return f"{start}, {found.remark}"

@@ -90,8 +90,8 @@ def test_near_upright_viability_is_the_capture_margin_times_m_omega():
     offset, velocity = np.array([0.01, -0.012]), np.array([0.02, 0.01])
     limits = np.array([0.05, 0.04]), np.array([0.03, 0.05])
     height = np.full(2, LENGTH)
-    capture = capture_margin(offset, velocity, height, *limits, G)
-    viable = viability_margin(offset / LENGTH, velocity / LENGTH, height, MASS, *limits, G)
+    capture = capture_margin(offset, velocity, height, limits, G)
+    viable = viability_margin(offset / LENGTH, velocity / LENGTH, height, MASS, limits, G)
     assert viable == pytest.approx(MASS * OMEGA * capture, rel=2e-3)
 
 

@@ -28,7 +28,7 @@ def inclination(line: np.ndarray, towards: np.ndarray) -> np.ndarray:
     return np.degrees(np.arctan2(np.einsum("nj,nj->n", line, towards), line[:, 2]))
 
 
-def beyond_upright(bend: np.ndarray, trunk: np.ndarray, forward: np.ndarray) -> np.ndarray:
+def subtract_upright(bend: np.ndarray, trunk: np.ndarray, forward: np.ndarray) -> np.ndarray:
     """Return the angle beyond that of standing upright, as Plamondon et al. (2010) measure flexion of the lumbar region.
 
     Zero is the mean over the straightest `UPRIGHT_SHARE` per cent of the recording. `bend`, shape (n,), is the angle; `trunk`,
@@ -40,18 +40,15 @@ def beyond_upright(bend: np.ndarray, trunk: np.ndarray, forward: np.ndarray) -> 
         If the subject never stands upright.
     """
     lean = np.abs(inclination(trunk, forward))
-    seen = np.isfinite(bend) & np.isfinite(lean)
-    if not seen.any():
+    known = np.isfinite(bend) & np.isfinite(lean)
+    if not known.any():
         raise InputError("the segments on both sides of the joint are never seen together")
-    straightest = np.percentile(lean[seen], UPRIGHT_SHARE)
+    straightest = np.percentile(lean[known], UPRIGHT_SHARE)
     if straightest > UPRIGHT_DEG:
         raise InputError(
             f"the trunk never stands upright (it leans {straightest:.0f}° at least): the angle of standing is not known"
         )
-    return bend - bend[seen & (lean <= straightest)].mean()
-
-
-UP = np.array([0.0, 0.0, 1.0])
+    return bend - bend[known & (lean <= straightest)].mean()
 
 
 @dataclass(frozen=True)
@@ -71,13 +68,13 @@ class Link:
 def net_moment(joint: np.ndarray, links: Iterable[Link], rate: float, gravity: float) -> np.ndarray:
     """Return the moment at a joint on all links above it, shape (n, 3) in N·m.
 
-    The joint, shape (n, 3) in metres, may move; `links` are all that it carries, z up; accelerations are central differences of
+    The joint, shape (n, 3) in metres, may move; `links` are all that it carries, z up. Accelerations are central differences of
     filtered positions.
     """
     total = np.zeros_like(joint)
     for link in links:
         mass = np.reshape(link.mass_kg, (-1, 1))
-        force = mass * (derivative(link.centre, rate, 2) + gravity * UP)
+        force = mass * (derivative(link.centre, rate, 2) + np.array([0.0, 0.0, gravity]))
         total = total + np.where(mass > 0, np.cross(link.centre - joint, force), 0.0)
         if link.axis is not None and link.gyration_m:
             # A slender body has no moment of inertia along its axis u, so that H = m·k²·(u × u̇) and dH/dt = m·k²·(u × ü).

@@ -1,18 +1,17 @@
-"""Balance over the feet: base of support, extrapolated centre of mass, and whether a person can come to rest without a step.
+"""Balance over the feet: base of support, extrapolated centre of mass, and coming to rest without a step.
 
-*Base of support*: the convex hull of what stands on the ground. A hull is kept as its corners and which of them are on the
-ground; all is computed from its support function h(n) = max over corners of n·corner, so that one foot, two feet, or a foot
-on its toes need no cases: the signed distance of a point p to the edge of a convex set is the smallest h(n) − n·p over all
-unit directions n, positive inside.
+*Base of support*: the convex hull of the grounded parts of the feet. A hull is stored as its corners and which of them are on
+the ground. Its support function h(n) = max over corners of n·corner treats one foot, two feet and a foot on its toes alike: the
+signed distance of a point p to the edge of a convex set is the smallest h(n) − n·p over all unit directions n, positive inside.
 
 *Extrapolated centre of mass* (Hof, Gazendam and Sinke, The condition for dynamic stability, J. Biomech. 38 (2005) 1-8): a
 person as an inverted pendulum of length l keeps balance without a step as long as x + v/ω0 with ω0 = √(g/l) stays above the
 base of support.
 
 *Capturability*, with feet of finite size and ankles of finite strength. Two models, both exact. The linear inverted pendulum
-comes to rest without a step if and only if its instantaneous capture point x + v·√(z/g) lies within the places where its
+can stop without a step if and only if its instantaneous capture point x + v·√(z/g) lies within the places where its
 centre of pressure can be (Koolen et al., Int. J. Robotics Research 31 (2012) 1094-1113, the model with a finite foot). The
-nonlinear pendulum with a limited torque, m l² θ̈ = m g l sin θ − τ, |τ| within the limits, comes to rest if and only if full
+nonlinear pendulum with a limited torque, m l² θ̈ = m g l sin θ − τ, |τ| within the limits, can stop if and only if full
 braking stops it before the angle θ* at which gravity wins, sin θ* = τ/(m g l): energy gives the largest speed at every angle
 in closed form.
 """
@@ -46,7 +45,7 @@ class BaseOfSupport:
     @property
     def centre(self) -> np.ndarray:
         """Mean of the grounded corners, shape (n, 2); NaN if none is on the ground."""
-        return middle_of_standing(self.corners, self.grounded)
+        return mean_of_grounded(self.corners, self.grounded)
 
     def functional(self, share: float = FUNCTIONAL_SHARE) -> Self:
         """Return the part that people use: every edge moved to `share` of its distance from the centre.
@@ -68,9 +67,19 @@ class BaseOfSupport:
 
         Metres, positive inside, and unit vectors; NaN if nothing is on the ground or the point, shape (n, 2), is unknown.
         """
-        directions = self._candidates(point)
-        corners = np.einsum("nkj,nmj->nkm", self.corners, directions)
-        furthest = np.where(self.grounded[..., None], corners, -np.inf).max(axis=1)
+        # Directions that include the nearest edge or corner: normals of all pairs, corner to point. Pairs that are not edges only
+        # give larger distances than the smallest.
+        corners = range(self.corners.shape[1])
+        pairs = [self.corners[:, j] - self.corners[:, i] for i, j in combinations(corners, 2)]
+        normals = [
+            np.stack([sign * pair[:, 1], -sign * pair[:, 0]], axis=1) for pair in pairs for sign in (1, -1)
+        ]
+        vectors = np.stack([*normals, *(point - self.corners[:, i] for i in corners)], axis=1)
+        length = np.linalg.norm(vectors, axis=2, keepdims=True)
+        directions = vectors / np.where(length > 1e-12, length, np.nan)
+        # The direction of the smallest distance.
+        along = np.einsum("nkj,nmj->nkm", self.corners, directions)
+        furthest = np.where(self.grounded[..., None], along, -np.inf).max(axis=1)
         distance = furthest - np.einsum("nmj,nj->nm", directions, point)
         distance = np.where(np.isfinite(distance), distance, np.inf)
         best = distance.argmin(axis=1)
@@ -78,22 +87,6 @@ class BaseOfSupport:
         margin, direction = distance[row, best], directions[row, best]
         known = np.isfinite(margin)
         return np.where(known, margin, np.nan), np.where(known[:, None], direction, np.nan)
-
-    def _candidates(self, point: np.ndarray) -> np.ndarray:
-        """Return directions that include the nearest edge or corner, shape (n, m, 2): normals of all pairs, corner to point.
-
-        Pairs that are not edges only give larger distances than the smallest.
-        """
-        pairs = [
-            self.corners[:, j] - self.corners[:, i] for i, j in combinations(range(self.corners.shape[1]), 2)
-        ]
-        normals = [
-            np.stack([sign * pair[:, 1], -sign * pair[:, 0]], axis=1) for pair in pairs for sign in (1, -1)
-        ]
-        away = [point - self.corners[:, i] for i in range(self.corners.shape[1])]
-        vectors = np.stack([*normals, *away], axis=1)
-        length = np.linalg.norm(vectors, axis=2, keepdims=True)
-        return vectors / np.where(length > 1e-12, length, np.nan)
 
 
 def corners_around(points: np.ndarray) -> np.ndarray:
@@ -106,12 +99,10 @@ def corners_around(points: np.ndarray) -> np.ndarray:
     return points
 
 
-def hull_around(*bases: BaseOfSupport) -> BaseOfSupport:
+def join_bases(*bases: BaseOfSupport) -> BaseOfSupport:
     """Return the hull around several bases, such as both feet."""
-    return BaseOfSupport(
-        np.concatenate([base.corners for base in bases], axis=1),
-        np.concatenate([base.grounded for base in bases], axis=1),
-    )
+    parts = zip(*((base.corners, base.grounded) for base in bases), strict=True)
+    return BaseOfSupport(*(np.concatenate(part, axis=1) for part in parts))
 
 
 def footprint(
@@ -181,8 +172,7 @@ def capture_margin(
     offset: np.ndarray,
     velocity: np.ndarray,
     height: np.ndarray,
-    ahead: np.ndarray,
-    behind: np.ndarray,
+    limits: tuple[np.ndarray, np.ndarray],
     gravity: float,
 ) -> np.ndarray:
     """Return the distance in metres of the capture point to the nearer limit of the centre of pressure; positive: capturable.
@@ -193,17 +183,17 @@ def capture_margin(
         Of the centre of mass from the pivot along one horizontal axis, m and m/s.
     height : ndarray, shape (n,)
         Of the centre of mass above the pivot, metres.
-    ahead, behind : ndarray, shape (n,)
+    limits : tuple of ndarray, shape (n,)
         How far the centre of pressure can go from the pivot along the axis and against it, metres.
     gravity : float
         m/s².
     """
     point = offset + velocity / pendulum_rate(height, gravity)
-    return np.minimum(ahead - point, behind + point)
+    return np.minimum(limits[0] - point, limits[1] + point)
 
 
 def braking_speed(angle: np.ndarray, length: np.ndarray, reach: np.ndarray, gravity: float) -> np.ndarray:
-    """Largest angular velocity in rad/s towards positive angles at which full braking still stops the pendulum.
+    """Return the largest angular velocity in rad/s towards positive angles at which full braking still stops the pendulum.
 
     The stable manifold of the saddle θ* = asin(r/l) of θ̈ = (g/l)·(sin θ − r/l): with the potential
     V(θ) = cos θ + (r/l)·θ, θ̇ = sign(θ* − θ)·√(2(g/l)(V(θ*) − V(θ))). Beyond θ* it is negative: the pendulum must swing back.
@@ -221,8 +211,7 @@ def viability_margin(
     angular_velocity: np.ndarray,
     length: np.ndarray,
     mass: np.ndarray | float,
-    ahead: np.ndarray,
-    behind: np.ndarray,
+    limits: tuple[np.ndarray, np.ndarray],
     gravity: float,
 ) -> np.ndarray:
     """Return the impulse across the pendulum in N·s that its torque can just stop; positive: no step is needed.
@@ -230,8 +219,8 @@ def viability_margin(
     m·l·(θ̇_braking − θ̇); for small angles m·ω0 times the `capture_margin`. Parameters as for `capture_margin` and
     `braking_speed`; `mass` in kilograms.
     """
-    forward = braking_speed(angle, length, ahead, gravity) - angular_velocity
-    backward = braking_speed(-angle, length, behind, gravity) + angular_velocity
+    forward = braking_speed(angle, length, limits[0], gravity) - angular_velocity
+    backward = braking_speed(-angle, length, limits[1], gravity) + angular_velocity
     return mass * length * np.minimum(forward, backward)
 
 
@@ -284,25 +273,23 @@ def pressure_limits(
     standing : ndarray of bool, shape (n, 2)
         Which of them stand.
     right : ndarray, shape (n, 2)
-        Unit vector to the person's right; forward is to its left by a quarter turn.
+        Unit vector to the subject's right; forward is to its left by a quarter turn.
     weight : ndarray, shape (n,), or float
         m·g of body and load, newtons.
+    torques : AnkleTorques
+        Limits of one ankle.
     """
     forward = np.stack([-right[:, 1], right[:, 0]], axis=1)
-    pivot = middle_of_standing(ankles, standing)
+    pivot = mean_of_grounded(ankles, standing)
     feet = standing.sum(axis=1)
     across = np.einsum("nfj,nj->nf", ankles - pivot[:, None, :], right)
-    outer = np.where(standing, across, -np.inf).max(axis=1), np.where(standing, -across, -np.inf).max(axis=1)
-    outer = tuple(np.where(feet > 0, values, np.nan) for values in outer)
     # To the right of a standing right foot is outward, of a lone left foot inward.
-    sides = standing[:, 1], standing[:, 0]
-    lateral = [
-        np.minimum(
-            base.reach(pivot, sign * right),
-            ankle + np.where(outward, torques.inversion, torques.eversion) / weight,
-        )
-        for sign, ankle, outward in zip((1, -1), outer, sides, strict=True)
-    ]
+    sides = ((1, standing[:, 1]), (-1, standing[:, 0]))
+    lateral = []
+    for sign, outward in sides:
+        outer = np.where(feet > 0, np.where(standing, sign * across, -np.inf).max(axis=1), np.nan)
+        torque = np.where(outward, torques.inversion, torques.eversion)
+        lateral.append(np.minimum(base.reach(pivot, sign * right), outer + torque / weight))
     sagittal = [
         np.minimum(base.reach(pivot, sign * forward), feet * torque / weight)
         for sign, torque in ((1, torques.plantar_flexion), (-1, torques.dorsiflexion))
@@ -310,7 +297,7 @@ def pressure_limits(
     return {"lateral_bending": tuple(lateral), "flexion_extension": tuple(sagittal)}
 
 
-def middle_of_standing(ankles: np.ndarray, standing: np.ndarray) -> np.ndarray:
+def mean_of_grounded(ankles: np.ndarray, standing: np.ndarray) -> np.ndarray:
     """Return the middle of the ankles (or corners), shape (n, k, d), that stand, shape (n, k): the pivot; NaN if none does."""
     weight = standing[..., None].astype(float)
     with np.errstate(invalid="ignore"):

@@ -80,12 +80,12 @@ class GroupComparison:
     sides: tuple[str, str]
     paired: bool
     trials: tuple[int, int]
-    found: Difference
+    difference: Difference
 
     @property
     def verdict(self) -> str:
         """Safer side, or that the interval contains 0."""
-        low, high = self.found.low, self.found.high
+        low, high = self.difference.low, self.difference.high
         if low is None:
             return "cannot be told"
         if low <= 0 <= high:
@@ -106,8 +106,8 @@ def compare_people(table: pd.DataFrame, groups: tuple[str, str]) -> Iterator[Gro
         for name, box, sides, paired, selected in _pairs(rows, groups):
             first, second = (side.dropna(subset="value") for side in selected)
             means = (side.groupby("person")["value"].mean() for side in (first, second))
-            found = compare_means(*means, paired, sides)
-            if all(found.persons):
+            difference = compare_means(*means, paired, sides)
+            if all(difference.persons):
                 yield GroupComparison(
                     name=name,
                     box=box,
@@ -118,7 +118,7 @@ def compare_people(table: pd.DataFrame, groups: tuple[str, str]) -> Iterator[Gro
                     sides=sides,
                     paired=paired,
                     trials=(len(first), len(second)),
-                    found=found,
+                    difference=difference,
                 )
 
 
@@ -130,9 +130,9 @@ def _pairs(rows: pd.DataFrame, groups: tuple[str, str]) -> Iterator[tuple]:
     }
     for mass in sorted(set(masses.get(groups[0], [])) & set(masses.get(groups[1], []))):
         yield "_vs_".join(groups), f"{mass:g}", groups, False, [cells[group, mass] for group in groups]
-    for group, found in masses.items():
-        if len(found) > 1:
-            boxes = found[0], found[-1]
+    for group, lifted in masses.items():
+        if len(lifted) > 1:
+            boxes = lifted[0], lifted[-1]
             box, sides = "{:g} vs {:g}".format(*boxes), tuple(f"{mass:g} kg" for mass in boxes)
             yield f"decrease_in_mass_{group}", box, sides, True, [cells[group, mass] for mass in boxes]
 
@@ -144,19 +144,29 @@ def comparison_table(comparisons: Sequence[GroupComparison], source_label: str) 
     rows: list[dict] = []
     families: dict[tuple[str, str], list[dict]] = {}
     for item in comparisons:
-        found, persons, trials = item.found, item.found.persons, item.trials
-        keys = {"comparison": item.name, "box_mass_kg": item.box, "measure": item.measure}
-        keys |= {"plane": item.plane, "unit": item.unit or "not said"}
-        means = {"first": found.first, "second": found.second, "difference": found.difference}
-        interval = {"low": found.low, "high": found.high, "df": found.freedom, "p": found.p_value}
-        rest = {"percent": found.percent, "safer": item.verdict, "remark": found.remark or "none"}
-        counts = {"persons": "{} + {}".format(*persons), "trials": "{} + {}".format(*trials)}
-        rows.append({**keys, **means, **interval, **rest, **counts})
-        families.setdefault((item.name, item.box), []).extend(rows[-1:] if found.p_value is not None else [])
+        difference = item.difference
+        keys = {
+            "comparison": item.name,
+            "box_mass_kg": item.box,
+            "measure": item.measure,
+            "plane": item.plane,
+        }
+        means = {name: getattr(difference, name) for name in ("first", "second", "difference", "low", "high")}
+        test = {"df": difference.freedom, "p": difference.p_value, "percent": difference.percent}
+        texts = {
+            "unit": item.unit or "not said",
+            "safer": item.verdict,
+            "remark": difference.remark or "none",
+        }
+        counts = {"persons": "{} + {}".format(*difference.persons), "trials": "{} + {}".format(*item.trials)}
+        rows.append(keys | means | test | texts | counts)
+        families.setdefault((item.name, item.box), []).extend(
+            rows[-1:] if difference.p_value is not None else []
+        )
     for tested in filter(None, families.values()):
         adjusted = multipletests([row["p"] for row in tested], method="holm")[1]
         for row, value in zip(tested, adjusted, strict=True):
             row["p_holm"] = value
     sizes = " or ".join(map(str, sorted(set(map(len, families.values())))))
-    words = {"fewest": MIN_PERSONS, "sizes": sizes or "no"}
-    return table_from_schema("lifting/measures", "measure_comparison", rows, source_label, words)
+    fields = {"fewest": MIN_PERSONS, "sizes": sizes or "no"}
+    return table_from_schema("lifting/measures", "measure_comparison", rows, source_label, fields)

@@ -11,9 +11,9 @@ import pandas as pd
 from lumbar.base.errors import InputError
 from lumbar.lifting.measures.back_load import (
     Link,
-    beyond_upright,
     inclination,
     net_moment,
+    subtract_upright,
     trunk_extension_strength,
 )
 from lumbar.lifting.measures.balance import (
@@ -25,8 +25,8 @@ from lumbar.lifting.measures.balance import (
     extrapolated_centre,
     footprint,
     ground_contact,
-    hull_around,
-    middle_of_standing,
+    join_bases,
+    mean_of_grounded,
     pendulum_rate,
     pressure_limits,
     smallest_impulse,
@@ -57,7 +57,7 @@ class Course:
     missing: dict[str, str] = field(default_factory=dict)
     """Columns that the recording does not allow, with the reason."""
     unseen: dict[str, tuple[str, ...]] = field(default_factory=dict)
-    """By column: the points that it needs, for the reason at an instant without them."""
+    """By column: the required points, for the reason at an instant without them."""
     notes: tuple[str, ...] = ()
     """Assumptions for missing markers."""
 
@@ -88,13 +88,6 @@ class Lifter:
     def points(self) -> dict[str, np.ndarray]:
         """Points by name, each of shape (n, 3)."""
         return points_of(self.body)
-
-    def need(self, names: Iterable[str]) -> None:
-        """Raise InputError naming those points that the recording lacks, each with its reason."""
-        lacking = [name for name in names if name not in self.points]
-        reasons = [self.facts["missing_points"].get(name, f"no {name}") for name in lacking]
-        if lacking:
-            raise InputError("; ".join(dict.fromkeys(reasons)))
 
     @cached_property
     def load(self) -> np.ndarray:
@@ -129,22 +122,39 @@ def course_of_lift(lifter: Lifter) -> Course:
     parts: list[tuple[Callable[[Lifter], dict[str, np.ndarray]], Iterable[str], Iterable[str]]] = [
         (_balance, (WHOLE_BODY, "L_ANKLE", "R_ANKLE", *feet, *lifter.load_points), BALANCE_COLUMNS),
         (_inclination, ("L5S1", "C7T1"), ("trunk_inclination_deg",)),
-        (_lumbar_flexion, ("L5S1", "C7T1", "T12L1", MID_HIP), ("lumbar_flexion_deg",)),
+        (
+            partial(_bend, column="lumbar_flexion_deg", lines=LUMBAR_LINES),
+            ("L5S1", "C7T1", "T12L1", MID_HIP),
+            ("lumbar_flexion_deg",),
+        ),
         (_moment, (*trunk, HEAD, *arms, *lifter.load_points), MOMENT_COLUMNS),
     ]
-    for joint, side in product(JOINT_ANGLES, SIDES):
-        points = [end.format(side) for line in JOINT_ANGLES[joint] for end in line]
-        points += ["C7T1"] if joint == "hip_flexion" else []
-        part = partial(_joint_angle, joint=joint, side=side)
-        parts.append((part, dict.fromkeys(points), (_column(joint, side),)))
+    for (joint, lines), side in product(JOINT_ANGLES.items(), SIDES):
+        lines = tuple((start.format(side), end.format(side)) for start, end in lines)
+        points = [end for line in lines for end in line] + (["C7T1"] if joint == "hip_flexion" else [])
+        angle, column = _bend if joint == "hip_flexion" else _angle_between, f"{side.lower()}_{joint}_deg"
+        parts.append((partial(angle, column=column, lines=lines), dict.fromkeys(points), (column,)))
     for part, points, names in parts:
         unseen.update(dict.fromkeys(names, tuple(points)))
+        lacking = [name for name in points if name not in lifter.points]
+        reasons = dict.fromkeys(lifter.facts["missing_points"].get(name, f"no {name}") for name in lacking)
         try:
-            lifter.need(points)
+            if lacking:
+                raise InputError("; ".join(reasons))
             columns.update(part(lifter))
         except InputError as error:
             missing.update(dict.fromkeys(names, str(error)))
-    _add_larger_angles(columns, missing, unseen)
+    # The larger angle of both sides of every joint, or that of the known side.
+    for joint in JOINT_ANGLES:
+        sides = [f"{side.lower()}_{joint}_deg" for side in SIDES]
+        known = [column for column in sides if column in columns]
+        if known:
+            columns[f"{joint}_deg"] = np.maximum.reduce([columns[column] for column in known])
+            unseen[f"{joint}_deg"] = tuple(
+                dict.fromkeys(point for column in known for point in unseen[column])
+            )
+        else:
+            missing[f"{joint}_deg"] = "; ".join(dict.fromkeys(missing[column] for column in sides))
     notes = [
         f"{name} has no marker: it is put {FOOT_LENGTH:g} of the stature from the other end of the foot, in the direction that "
         "the subject faces"
@@ -153,20 +163,6 @@ def course_of_lift(lifter: Lifter) -> Course:
         if BALANCE_COLUMNS[0] not in missing and name not in lifter.points
     ]
     return Course(pd.DataFrame(columns), missing, unseen, tuple(notes))
-
-
-def _add_larger_angles(
-    columns: dict[str, np.ndarray], missing: dict[str, str], unseen: dict[str, tuple[str, ...]]
-) -> None:
-    """Add the larger angle of both sides of every joint, or that of the known side."""
-    for joint in JOINT_ANGLES:
-        name, sides = f"{joint}_deg", [_column(joint, side) for side in SIDES]
-        known = [column for column in sides if column in columns]
-        if known:
-            columns[name] = np.maximum.reduce([columns[column] for column in known])
-            unseen[name] = tuple(dict.fromkeys(point for column in known for point in unseen[column]))
-        else:
-            missing[name] = "; ".join(dict.fromkeys(missing[column] for column in sides))
 
 
 BALANCE_COLUMNS = (
@@ -199,10 +195,10 @@ def base_of_support(lifter: Lifter) -> tuple[BaseOfSupport, np.ndarray]:
             for marker in (heel, toe)
         ]
         feet.append(footprint(heel, toe, *on_ground, FOOT_LENGTH * stature, FOOT_BREADTH * stature))
-    return hull_around(*feet), np.stack([foot.grounded.any(axis=1) for foot in feet], axis=1)
+    return join_bases(*feet), np.stack([foot.grounded.any(axis=1) for foot in feet], axis=1)
 
 
-def base_in(course: pd.DataFrame) -> BaseOfSupport:
+def base_from_course(course: pd.DataFrame) -> BaseOfSupport:
     """Return the base at the instants of some rows of a course, with the corners on the ground."""
     columns = [[f"base_{corner}_{axis}_m" for axis in "xy"] for corner in range(1, CORNERS + 1)]
     corners = np.stack([course[pair].to_numpy(float) for pair in columns], axis=1)
@@ -223,15 +219,16 @@ def _balance(lifter: Lifter) -> dict[str, np.ndarray]:
     mass = body_mass + lifter.load
     centre, velocity = centre / mass[:, None], velocity / mass[:, None]
     # Extrapolated centre of mass against the functional base, as a whole and by direction.
-    relative = centre - middle_of_standing(ankles, standing)
+    relative = centre - mean_of_grounded(ankles, standing)
     omega = pendulum_rate(np.linalg.norm(relative, axis=1), lifter.gravity)
     point = extrapolated_centre(centre[:, :2], velocity[:, :2], omega)
     margin, direction = functional.margin(point)
     right, forward = (axis[:, :2] for axis in lifter.axes)
-    reaches = {
-        name: functional.reach(point, axis)
-        for name, axis in zip(DIRECTIONS, (forward, right, -forward, -right), strict=True)
-    }
+    axes = dict(zip(DIRECTIONS, (forward, right, -forward, -right), strict=True))
+    reaches = {name: functional.reach(point, axis) for name, axis in axes.items()}
+    # The nearest of the subject's four directions; empty if unknown.
+    along = np.stack([np.einsum("nj,nj->n", direction, axis) for axis in axes.values()])
+    nearest = np.array(DIRECTIONS)[np.nan_to_num(along).argmax(axis=0)]
     columns = {
         "com_x_m": centre[:, 0],
         "com_y_m": centre[:, 1],
@@ -240,7 +237,7 @@ def _balance(lifter: Lifter) -> dict[str, np.ndarray]:
         "xcom_y_m": point[:, 1],
         **{f"margin_{name}_m": values for name, values in reaches.items()},
         "margin_of_stability_m": margin,
-        "margin_direction": _nearest_direction(direction, right, forward),
+        "margin_direction": np.where(np.isfinite(along[0]), nearest, ""),
         "smallest_impulse_N_s": smallest_impulse(mass, omega, margin),
     }
     # Capture point and pendulum against the limits of the centre of pressure, by plane.
@@ -254,32 +251,19 @@ def _balance(lifter: Lifter) -> dict[str, np.ndarray]:
         smaller = np.minimum(reaches[pair[0]], reaches[pair[1]])
         columns[f"margin_of_stability_{plane}_m"] = smaller
         columns[f"smallest_impulse_{plane}_N_s"] = smallest_impulse(mass, omega, smaller)
-        columns.update(_capturable(relative, velocity, axis, mass, limits[plane], lifter.gravity, plane))
+        # Motion in the plane, about the middle of the standing ankles.
+        offset, height = np.einsum("nj,nj->n", relative[:, :2], axis), relative[:, 2]
+        speed, rise = np.einsum("nj,nj->n", velocity[:, :2], axis), velocity[:, 2]
+        length, angle = np.hypot(offset, height), np.arctan2(offset, height)
+        rate = (speed * height - offset * rise) / length**2
+        capture = capture_margin(offset, speed, height, limits[plane], lifter.gravity)
+        columns[f"capture_margin_{plane}_m"] = capture
+        viability = viability_margin(angle, rate, length, mass, limits[plane], lifter.gravity)
+        columns[f"viability_margin_{plane}_N_s"] = viability
     drawn = np.where(base.grounded[..., None], base.corners, np.nan)
     for corner in range(CORNERS):
         columns[f"base_{corner + 1}_x_m"], columns[f"base_{corner + 1}_y_m"] = drawn[:, corner].T
     return columns
-
-
-def _capturable(relative, velocity, axis, mass, limits, gravity, plane) -> dict[str, np.ndarray]:
-    """Return the margins of capture and viability in one plane, about the middle of the standing ankles."""
-    offset, height = np.einsum("nj,nj->n", relative[:, :2], axis), relative[:, 2]
-    speed, rise = np.einsum("nj,nj->n", velocity[:, :2], axis), velocity[:, 2]
-    length = np.hypot(offset, height)
-    turning = (speed * height - offset * rise) / length**2
-    return {
-        f"capture_margin_{plane}_m": capture_margin(offset, speed, height, *limits, gravity),
-        f"viability_margin_{plane}_N_s": viability_margin(
-            np.arctan2(offset, height), turning, length, mass, *limits, gravity
-        ),
-    }
-
-
-def _nearest_direction(direction: np.ndarray, right: np.ndarray, forward: np.ndarray) -> np.ndarray:
-    """Return the nearest of the subject's four directions, shape (n,); empty if unknown."""
-    along = np.einsum("nj,nj->n", direction, forward), np.einsum("nj,nj->n", direction, right)
-    parts = np.nan_to_num(np.stack([along[0], along[1], -along[0], -along[1]]))
-    return np.where(np.isfinite(along[0]), np.array(DIRECTIONS)[parts.argmax(axis=0)], "")
 
 
 def _inclination(lifter: Lifter) -> dict[str, np.ndarray]:
@@ -287,13 +271,7 @@ def _inclination(lifter: Lifter) -> dict[str, np.ndarray]:
     return {"trunk_inclination_deg": inclination(trunk, lifter.axes[1])}
 
 
-def _lumbar_flexion(lifter: Lifter) -> dict[str, np.ndarray]:
-    points = lifter.points
-    thorax, pelvis = points["C7T1"] - points["T12L1"], points["L5S1"] - points[MID_HIP]
-    bend = inclination(thorax, lifter.axes[1]) - inclination(pelvis, lifter.axes[1])
-    return {"lumbar_flexion_deg": beyond_upright(bend, points["C7T1"] - points["L5S1"], lifter.axes[1])}
-
-
+LUMBAR_LINES = (("T12L1", "C7T1"), (MID_HIP, "L5S1"))
 JOINT_ANGLES = {
     "hip_flexion": ((MID_HIP, "L5S1"), ("{}_KNEE", "{}_HIP")),
     "knee_flexion": (("{}_KNEE", "{}_HIP"), ("{}_ANKLE", "{}_KNEE")),
@@ -305,19 +283,18 @@ That of the hip is in the sagittal plane, beyond that of standing upright; the o
 """
 
 
-def _joint_angle(lifter: Lifter, joint: str, side: str) -> dict[str, np.ndarray]:
+def _bend(lifter: Lifter, column: str, lines: tuple[tuple[str, str], ...]) -> dict[str, np.ndarray]:
+    """Return the angle between two lines in the sagittal plane, beyond that of standing upright."""
     points, forward = lifter.points, lifter.axes[1]
-    one, other = (points[end.format(side)] - points[start.format(side)] for start, end in JOINT_ANGLES[joint])
-    if joint == "hip_flexion":
-        bend = inclination(one, forward) - inclination(other, forward)
-        return {_column(joint, side): beyond_upright(bend, points["C7T1"] - points["L5S1"], forward)}
-    # The angle between both lines, 0 to 180 degrees.
+    one, other = (inclination(points[end] - points[start], forward) for start, end in lines)
+    return {column: subtract_upright(one - other, points["C7T1"] - points["L5S1"], forward)}
+
+
+def _angle_between(lifter: Lifter, column: str, lines: tuple[tuple[str, str], ...]) -> dict[str, np.ndarray]:
+    """Return the angle between two lines, 0 to 180 degrees."""
+    one, other = (lifter.points[end] - lifter.points[start] for start, end in lines)
     across, along = np.linalg.norm(np.cross(one, other), axis=1), np.sum(one * other, axis=1)
-    return {_column(joint, side): np.degrees(np.arctan2(across, along))}
-
-
-def _column(joint: str, side: str) -> str:
-    return f"{side.lower()}_{joint}_deg"
+    return {column: np.degrees(np.arctan2(across, along))}
 
 
 def links_above_l5s1(lifter: Lifter) -> list[Link]:

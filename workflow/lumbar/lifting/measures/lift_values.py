@@ -59,7 +59,7 @@ class Measure:
     phase: str = DEPOSIT
     """One of `WINDOWS`."""
     headline: bool = False
-    """Whether a summary names it."""
+    """True if a summary names it."""
 
 
 def headline_sentence(name: str, value: float, size: str) -> str:
@@ -82,24 +82,20 @@ def headline_sentence(name: str, value: float, size: str) -> str:
     return negative if value < 0 else positive
 
 
-def measure_in_words(name: str) -> str:
+def print_measure(name: str) -> str:
     """Return the printed form of a measure or of a plane's part of its name: ``l5s1_moment`` as ``L5/S1 moment``."""
-    words = name.replace("flexion_extension", "flexion/extension").replace("_", " ").replace("l5s1", "L5/S1")
-    return words[:1].upper() + words[1:]
+    text = name.replace("flexion_extension", "flexion/extension").replace("_", " ").replace("l5s1", "L5/S1")
+    return text[:1].upper() + text[1:]
 
 
-def _measures() -> dict[str, Measure]:
-    catalogue = shipped_yaml(Path(__file__).with_name("measures.yaml"))
-    sources: dict[str, str] = {"ankles": ANKLE_SOURCE, "strength": TRUNK_SOURCE}
-    for name, text in catalogue["sources"].items():
-        sources[name] = text.format(**sources)
-    return {
-        name: Measure(name, **fields | {"source": fields["source"].format(**sources)})
-        for name, fields in catalogue["measures"].items()
-    }
-
-
-MEASURES = _measures()
+_CATALOGUE = shipped_yaml(Path(__file__).with_name("measures.yaml"))
+_SOURCES: dict[str, str] = {"ankles": ANKLE_SOURCE, "strength": TRUNK_SOURCE}
+for _name, _text in _CATALOGUE["sources"].items():
+    _SOURCES[_name] = _text.format(**_SOURCES)
+MEASURES = {
+    name: Measure(name, **fields | {"source": fields["source"].format(**_SOURCES)})
+    for name, fields in _CATALOGUE["measures"].items()
+}
 """All measures by name, in the order of the tables."""
 
 
@@ -115,7 +111,7 @@ def values_of_lift(course: Course, facts: Mapping) -> pd.DataFrame:
     """Reduce the course of a lift to its measures: columns ``measure, plane, value, unit, safer, source, reason``.
 
     `facts` are those of `lumbar.lifting.measures.course.Lifter`, with ``start_s, stop_s`` of the deposit and ``no_deposit``, the
-    reason if there is none.
+    reason if it is missing.
     """
     rows = []
     for measure in MEASURES.values():
@@ -148,13 +144,13 @@ def _value(course: Course, facts: Mapping, measure: Measure, column: str) -> tup
         from scipy.integrate import trapezoid
 
         return float(trapezoid(values, time)), ""
-    reduce = {
-        SMALLEST: np.min,
-        LARGEST: np.max,
-        FARTHEST: lambda part: np.abs(part).max(),
-        AT_RELEASE: lambda part: part[-1],
+    reduced = {
+        SMALLEST: values.min(),
+        LARGEST: values.max(),
+        FARTHEST: np.abs(values).max(),
+        AT_RELEASE: values[-1],
     }
-    return float(reduce[measure.how](values)), ""
+    return float(reduced[measure.how]), ""
 
 
 def long_table(lifts: Iterable[tuple[pd.DataFrame, Mapping]], labels: Mapping[str, str]) -> pd.DataFrame:
@@ -167,14 +163,10 @@ def long_table(lifts: Iterable[tuple[pd.DataFrame, Mapping]], labels: Mapping[st
     for values, facts in lifts:
         key = facts["subject"], facts["box_mass_kg"]
         trials[key] += 1
-        named = {
-            "lift": facts["lift"],
-            "person": facts["subject"],
-            "group": labels.get(facts["subject"], ""),
-            "box_mass_kg": float(facts["box_mass_kg"]),
-            "trial": trials[key],
-        }
-        frames.append(values.assign(**named)[list(COLUMNS)])
+        person, group = facts["subject"], labels.get(facts["subject"], "")
+        box, trial = float(facts["box_mass_kg"]), trials[key]
+        lift = values.assign(lift=facts["lift"], person=person, group=group, box_mass_kg=box, trial=trial)
+        frames.append(lift[list(COLUMNS)])
     return pd.concat(frames, ignore_index=True) if frames else pd.DataFrame(columns=list(COLUMNS))
 
 
@@ -192,7 +184,7 @@ def measures_page(values: pd.DataFrame, source_label: str) -> Table:
         for measure in MEASURES.values()
         for plane in measure.columns
     ]
-    words = {"lifts": cells.groupby("column")["lift"].nunique()}
+    fields = {"lifts": cells.groupby("column")["lift"].nunique()}
     notes = [SENSITIVITY] if source_label == SYNTHETIC_TWIN else []
     notes += [
         f"{value_in_words(measure.name)} ({measure.symbol}), {WINDOWS[measure.phase]}: {measure.meaning}. "
@@ -205,7 +197,7 @@ def measures_page(values: pd.DataFrame, source_label: str) -> Table:
         for reason, rows in absent.groupby("reason", sort=False)
     ]
     return table_from_schema(
-        "lifting/measures", "measures", pd.DataFrame(rows), source_label, words, notes=notes
+        "lifting/measures", "measures", pd.DataFrame(rows), source_label, fields, notes=notes
     )
 
 

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from lumbar.base.templates import typeset_minus_signs
 from lumbar.lifting.measures.balance import corners_around
-from lumbar.lifting.measures.course import CORNERS, base_in
+from lumbar.lifting.measures.course import CORNERS, base_from_course
 from lumbar.lifting.quality.body import landmarks
 from lumbar.lifting.quality.implausible_motion import LABORATORY_M
 from lumbar.lifting.quality.screening import QualitySheet
@@ -133,7 +133,7 @@ def support_figure(lifts: list[dict], functional_share: float) -> Figure:
 def _draw_support(axis, deposit: pd.DataFrame, functional_share: float, look: dict) -> None:
     """One person above their feet at the instant of the smallest margin; the origin is the middle of the base."""
     at = deposit["margin_of_stability_m"].idxmin()
-    base = base_in(deposit.loc[[at]])
+    base = base_from_course(deposit.loc[[at]])
     origin, corners = base.centre[0], base.corners[0]
 
     def place(points):

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.figure import Figure
 
-from lumbar.lifting.measures.lift_values import measure_in_words
+from lumbar.lifting.measures.lift_values import print_measure
 from lumbar.publishing.figures.style import DOUBLE_COLUMN, house_style, new_figure
 
 if TYPE_CHECKING:
@@ -28,7 +28,7 @@ def comparison_figure(comparisons: Sequence[GroupComparison], groups: tuple[str,
     """
     between = [item for item in comparisons if not item.paired]
     boxes = list(dict.fromkeys(item.box for item in between))
-    known = [item for item in between if not item.found.remark]
+    known = [item for item in between if not item.difference.remark]
     rows, hidden = _sorted_rows(known)
     figure, axes = new_figure(DOUBLE_COLUMN, 1.5 + 0.19 * max(len(rows), 4))
     height = {row: -number for number, row in enumerate(rows)}
@@ -75,7 +75,7 @@ def _sorted_rows(known: Sequence[GroupComparison]) -> tuple[list[tuple[str, str]
 
 def _effect(item: GroupComparison) -> np.ndarray:
     """Return the difference and its interval in standard deviations, positive if the first group is safer."""
-    found, sign = item.found, -1 if item.safer == "lower" else 1
+    found, sign = item.difference, -1 if item.safer == "lower" else 1
     return sign * np.array([found.difference, found.low, found.high]) / found.person_sd
 
 
@@ -92,15 +92,15 @@ def _draw(axes, item: GroupComparison, height: float, marker: str) -> None:
 
 def _label(row: tuple[str, str]) -> str:
     measure, plane = row
-    return measure_in_words(measure if plane in ("all", "") else f"{measure}, {plane}")
+    return print_measure(measure if plane in ("all", "") else f"{measure}, {plane}")
 
 
 def _title(between: Sequence[GroupComparison], known: Sequence[GroupComparison], hidden: int) -> str:
     if not known:
-        reason = between[0].found.remark if between else "the groups have no box in common"
+        reason = between[0].difference.remark if between else "the groups have no box in common"
         return f"Nothing can be compared: {reason}"
     persons = " and ".join(
-        f"{count} {name}" for count, name in zip(known[0].found.persons, known[0].sides, strict=True)
+        f"{count} {name}" for count, name in zip(known[0].difference.persons, known[0].sides, strict=True)
     )
     more = f"; {hidden} measures with smaller differences are in the table alone" if hidden else ""
     first, second = known[0].sides

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from lumbar.lifting.measures.balance import corners_around
-from lumbar.lifting.measures.course import CORNERS, base_in
+from lumbar.lifting.measures.course import CORNERS, base_from_course
 from lumbar.lifting.movement.centre_of_mass import COMS
 from lumbar.lifting.movement.joint_centres import MID_HIP
 from lumbar.lifting.movement.lift_tables import HEAD, LOAD, WHOLE_BODY, com_of, points_of
@@ -120,7 +120,7 @@ def balance_columns(course: pd.DataFrame, share: float, frames: slice) -> dict[s
     if BALANCE[-2] not in course:
         return {}
     drawn = course.iloc[frames]
-    base = base_in(drawn)
+    base = base_from_course(drawn)
     outlines = {"base": base, "used": base.functional(share)}
     columns = {name: drawn[name].to_numpy(float) for name in BALANCE}
     columns["direction"] = drawn["margin_direction"].to_numpy(str)

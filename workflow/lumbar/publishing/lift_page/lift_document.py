@@ -17,7 +17,7 @@ from lumbar.lifting.measures.lift_values import (
     MEASURES,
     WINDOWS,
     headline_sentence,
-    measure_in_words,
+    print_measure,
     values_of_lift,
 )
 from lumbar.lifting.movement.lift_tables import points_of
@@ -200,7 +200,7 @@ class LiftPage:
         values = values_of_lift(self.course, self.lift.facts).drop_duplicates("measure")
         return [
             {
-                "name": measure_in_words(row.measure),
+                "name": print_measure(row.measure),
                 "value": "" if row.reason else _in_print(row.value, row.unit),
                 "reason": row.reason,
                 "below": row.safer == "higher" and row.value < 0,
