@@ -3,13 +3,13 @@
 from functools import cache
 from typing import Any, TypeVar
 
+import lumbar
 from lumbar.base.errors import Problems
 from lumbar.base.yaml_file import read_yaml
 from lumbar.settings.lifting import SubjectSettings
 from lumbar.settings.section import Section
 from lumbar.settings.study_settings import StudySettings
 from lumbar.settings.validation import Origins, overlay, validate
-from lumbar.study.subject_file import read_subject
 from running import PROJECT
 
 Kind = TypeVar("Kind", bound=Section)
@@ -36,10 +36,7 @@ def study_settings(*files: str) -> StudySettings:
 @cache
 def subject_settings(name: str) -> SubjectSettings:
     """Return a person of config/subjects."""
-    problems = Problems("subject")
-    subject, _ = read_subject(PROJECT / "config" / "subjects" / f"{name}.yaml", name, problems)
-    problems.raise_if_any()
-    return subject
+    return lumbar.load_subject(PROJECT / "config" / "subjects" / f"{name}.yaml")
 
 
 def changed(settings: Kind, **changes: Any) -> Kind:

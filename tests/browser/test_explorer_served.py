@@ -24,7 +24,7 @@ def serving(folder: Path, *arguments: str):
         try:
             printed = iter(
                 server.stdout.readline,
-                "Whoever has an address may do all that the page does; Ctrl-C ends it.\n",
+                "Anyone with an address may use its page; Ctrl-C ends it.\n",
             )
             addresses = [line.split()[0] for line in printed]
             yield {urlsplit(address).path: address for address in addresses}

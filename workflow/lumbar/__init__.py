@@ -48,7 +48,7 @@ _EXPORTS = {
     "MarkerLayout": "lumbar.settings.layout",
     "StudySettings": "lumbar.settings.study_settings",
     "load_settings": "lumbar.study.load_study",
-    "load_subject": "lumbar.study.subject_file",
+    "load_subject": "lumbar.study.load_study",
 }
 """Module of each public name. A module is imported when one of its names is first used, so ``import lumbar`` is fast.
 The stub ``__init__.pyi`` lists the same names for type checkers."""

@@ -32,6 +32,6 @@ from lumbar.settings.layout import ColumnLayout as ColumnLayout
 from lumbar.settings.layout import MarkerLayout as MarkerLayout
 from lumbar.settings.study_settings import StudySettings as StudySettings
 from lumbar.study.load_study import load_settings as load_settings
-from lumbar.study.subject_file import load_subject as load_subject
+from lumbar.study.load_study import load_subject as load_subject
 
 __version__: str

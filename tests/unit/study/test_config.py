@@ -155,7 +155,7 @@ def test_record_sets_of_a_pendulum_need_gravity(config, folder):
     config["stability"] = {"pendulum": {"gravity_m_s2": 1.62}}
     load_study(config, folder)
     config["stability"] = {"pendulum": {"gravity_m_s2": 0}}
-    words = "stability.pendulum.gravity_m_s2: 0; record sets whose base is pendulum need gravity"
+    words = "stability.pendulum.gravity_m_s2: 0; record sets with the base pendulum need gravity"
     assert words in refusal(load_study, config, folder)
     config["improvement"]["record_sets"] = [{"name": "tissue"}]
     load_study(config, folder)
@@ -187,7 +187,7 @@ def stranger(tmp_path, monkeypatch, project):
 
 
 def test_python_of_a_stranger_s_study_is_not_run(stranger):
-    refused = r"study.yaml, line 2: improvement.effect_files.0: .*own.py is Python, which would be run, and .* or say --trust"
+    refused = r"study.yaml, line 2: improvement.effect_files.0: .*own.py is Python, which would be run, and .* or give --trust"
     for load in (load_settings, lambda file: load_study_file(Path(), file)):
         with pytest.raises(InputError, match=refused):
             load(stranger / "study.yaml")
@@ -317,7 +317,7 @@ def test_what_the_twin_cannot_lift_is_refused_with_file_and_line(config, folder)
         "improvement.record_sets.2.records.0.name: 'paced'; twin.lifting.hip_moment.trials: fast,",
         f"{file} 10: subject.trials.0.markers: 'lifting/expert_23kg.c3d'; the twin records it as lifting/third_23kg.c3d",
         f"{file} 12: subject.static: 'standing.c3d'; the twin records none",
-        f"{file} 8: subject.experience: 'nurse'; the twin moves third_23kg, third_15kg as people of a label do",
+        f"{file} 8: subject.experience: 'nurse'; the twin has no movement of this label for third_23kg, third_15kg",
     ):
         assert words in message
 

@@ -17,7 +17,7 @@ from lumbar.records.markers import read_markers
 from lumbar.settings.lifting import REFINING
 from lumbar.settings.twin import GroupMovement, SyntheticLift, SyntheticPerson
 from lumbar.settings.validation import Origins, overlay, validate
-from lumbar.study.load_study import load_study, name_lifts
+from lumbar.study.load_study import load_study
 from lumbar.twin.cohort import (
     FARTHEST_SD,
     cohort_subjects,
@@ -169,7 +169,7 @@ def test_who_is_added_changes_nobody(cohort):
 
 def test_lifts_are_named_as_a_study_names_them(cohort):
     subjects = cohort_subjects(with_persons(cohort, 1), SEED)
-    named = {name: lift.trial.markers for name, lift in name_lifts(subjects).items()}
+    named = {name: trial.markers for person in subjects.values() for name, trial in person.lifts.items()}
     expected = [lift_name(person, *lift) for person in subjects for lift in lifts_of(cohort)]
     assert list(named) == expected
     assert named["expert_0001_15kg_2"] == "lifting/expert_0001/expert_0001_15kg_2.c3d"

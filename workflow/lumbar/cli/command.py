@@ -14,6 +14,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO, cast
 
+from lumbar import __version__
 from lumbar.base.environment import use_one_thread
 from lumbar.base.errors import did_you_mean, printable, user_message
 from lumbar.base.files import check_place
@@ -26,14 +27,6 @@ COMMANDS_FILE = Path(__file__).with_name("commands.yaml")
 """Group, function (``module:function``), help and options of each command."""
 INTERRUPTED = 130
 """Exit status after Ctrl-C."""
-
-
-class _Version(argparse.Action):
-    def __call__(self, parser, namespace, values, option_string=None):
-        from lumbar import __version__
-
-        print(f"lumbar {__version__}")
-        parser.exit()
 
 
 class _Parser(argparse.ArgumentParser):
@@ -56,32 +49,39 @@ class _Parser(argparse.ArgumentParser):
 
 
 def build_parser() -> argparse.ArgumentParser:
-    """Return the parser of all commands."""
+    """Return the parser of all commands with their options."""
+    described = shipped_yaml(COMMANDS_FILE)
+    shared = described.pop("shared")
+    groups: dict[str, list[str]] = {}
+    for name, command in described.items():
+        groups.setdefault(command["group"], []).append(f"  {name:<11}{command['help']}")
+    listed = "\n\n".join("\n".join([f"{group}:", *lines]) for group, lines in groups.items())
     parser = _Parser(
         prog="lumbar",
         usage="lumbar COMMAND ...",
-        description=f"Soft-tissue force-feedback models and lifting stability, on files and folders.\n\n{_list_commands()}",
+        description=f"Soft-tissue force-feedback models and lifting stability, on files and folders.\n\n{listed}",
         epilog="'lumbar COMMAND --help' explains a command and gives examples.",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("--version", action=_Version, nargs=0, help="print the version and exit")
-    _add_commands(parser.add_subparsers(metavar="COMMAND", required=True, help=argparse.SUPPRESS))
+    version = f"lumbar {__version__}"
+    parser.add_argument("--version", action="version", version=version, help="print the version and exit")
+    commands = parser.add_subparsers(metavar="COMMAND", required=True, help=argparse.SUPPRESS)
+    for name, command in described.items():
+        about = command["help"]
+        one = commands.add_parser(
+            name,
+            description=textwrap.fill(command.get("description", f"{about[0].upper()}{about[1:]}."), 79),
+            epilog="\n  ".join(["example:", *command["examples"]]),
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+        )
+        _add_options(one, command["options"], shared)
+        one.set_defaults(run=partial(_run, command["run"]), parser=one)
     return parser
 
 
 def command_names() -> list[str]:
     """Return the names of all commands."""
     return [name for name in shipped_yaml(COMMANDS_FILE) if name != "shared"]
-
-
-def _list_commands() -> str:
-    """Return the commands by group, one line each."""
-    groups: dict[str, list[str]] = {}
-    described = shipped_yaml(COMMANDS_FILE)
-    for name in command_names():
-        group, text = described[name]["group"], described[name]["help"]
-        groups.setdefault(group, []).append(f"  {name:<11}{text}")
-    return "\n\n".join("\n".join([f"{group}:", *lines]) for group, lines in groups.items())
 
 
 class _Terminal:
@@ -155,10 +155,6 @@ def _named_span(text: str) -> tuple[str, tuple[float, float]]:
     return name, _span(span)
 
 
-def _names(text: str) -> list[str]:
-    return [name.strip() for name in text.split(",")]
-
-
 def _port(text: str) -> int:
     if not (text.isdecimal() and 0 <= int(text) <= 65535):
         raise argparse.ArgumentTypeError(f"{text!r}: a number from 0 to 65535 is needed; 0 takes a free one")
@@ -169,28 +165,12 @@ TYPES = {
     "path": Path,
     "float": float,
     "int": int,
-    "names": _names,
+    "names": lambda text: [name.strip() for name in text.split(",")],
     "port": _port,
     "span": _span,
     "named_span": _named_span,
 }
 """Types of options by their names in ``commands.yaml``."""
-
-
-def _add_commands(commands: Any) -> None:
-    """Add the parser of every command with its options."""
-    described = shipped_yaml(COMMANDS_FILE)
-    shared = described.pop("shared")
-    for name, command in described.items():
-        about = command["help"]
-        parser = commands.add_parser(
-            name,
-            description=textwrap.fill(command.get("description", f"{about[0].upper()}{about[1:]}."), 79),
-            epilog="\n  ".join(["example:", *command["examples"]]),
-            formatter_class=argparse.RawDescriptionHelpFormatter,
-        )
-        _add_options(parser, command["options"], shared)
-        parser.set_defaults(run=partial(_run, command["run"]), parser=parser)
 
 
 def _run(function: str, options: argparse.Namespace) -> None:

@@ -43,9 +43,9 @@ def run_explore(options) -> None:
     addresses |= {OWN: "your own files, dropped on the page"}
     for address, words in sorted(addresses.items(), key=lambda item: item[0] != index.first):
         print(f"{visitors.address(address)}  {words}", flush=True)
-    print("Whoever has an address may do all that the page does; Ctrl-C ends it.", flush=True)
+    print("Anyone with an address may use its page; Ctrl-C ends it.", flush=True)
     signal.signal(signal.SIGTERM, signal.default_int_handler)
-    opened = nullcontext() if options.no_browser else _in_browser(visitors.address(index.first))
+    opened = nullcontext() if options.no_browser else _open_in_browser(visitors.address(index.first))
     try:
         with opened:
             server.io_loop.start()
@@ -54,7 +54,7 @@ def run_explore(options) -> None:
 
 
 @contextmanager
-def _in_browser(address: str) -> Iterator[None]:
+def _open_in_browser(address: str) -> Iterator[None]:
     """Open an address with a token by a file that leads there: other accounts see a program's arguments.
 
     The file is in the home folder, since some browsers may read nothing else.
@@ -106,8 +106,8 @@ def _study_sets(options) -> tuple[Study, list[ExploredSet]]:
     """Return the study and its record sets, diagnosed as in the workflow."""
     if not DEFAULT_FILES[0].is_file():
         raise InputError(
-            f"{options.target}: no folder of records, and here is no project whose study it could be "
-            f"({DEFAULT_FILES[0]}): go to the project's folder, name a folder of records, or none and give files on the page"
+            f"{options.target} is neither a folder of records nor a study of a project ({DEFAULT_FILES[0]} is missing). Go to "
+            "the project's folder, name a folder of records, or name none and give files on the page."
         )
     study = load_study_file(Path(), options.target, trust=options.trust)
     sets = []

@@ -1,12 +1,14 @@
-"""Commands on recordings: ``lumbar import``, ``check`` and ``inspect``."""
+"""Commands on recordings and lifts: ``lumbar import``, ``check``, ``inspect``, ``new-study``, ``lift`` and ``basin``."""
 
 from __future__ import annotations
 
 import json
+import shlex
 from pathlib import Path
 
 import lumbar
-from lumbar.base.errors import InputError, Problems
+from lumbar.base.errors import InputError, NumericalError, Problems
+from lumbar.base.files import read_json
 from lumbar.cli.command import read_settings
 from lumbar.interface.reading import is_column_file, is_marker_file
 from lumbar.settings.study_settings import StudySettings
@@ -34,53 +36,54 @@ def run_import(options) -> None:
 
 def run_check(options) -> None:
     """Check the files and print one line for each."""
-    settings = read_settings(options)
-    plan = [_reading(file, options.chapter, settings) for file in _files(options.paths)]
     from lumbar.lifting.quality.body import read_upright
     from lumbar.records.checking import check_recordings
 
+    settings, files = read_settings(options), []
+    for path in options.paths:
+        inside = (
+            [item for item in sorted(path.iterdir()) if is_column_file(item) or is_marker_file(item)]
+            if path.is_dir()
+            else [path]
+        )
+        if not inside:
+            raise InputError(f"{path}: no recordings in this folder")
+        files += inside
+    plan = [_reading(file, options.chapter, settings) for file in files]
     for chapter, recordings in check_recordings(plan, read_upright).items():
         for description in recordings:
-            print(f"{chapter}: {_line(description)}")
-
-
-def _files(paths: list[Path]) -> list[Path]:
-    kinds = (is_column_file, is_marker_file)
-    files = []
-    for given in paths:
-        if given.is_dir():
-            found = [item for item in sorted(given.iterdir()) if any(kind(item) for kind in kinds)]
-            if not found:
-                raise InputError(f"{given}: no recordings in this folder")
-            files += found
-        else:
-            files.append(given)
-    return files
+            print(f"{chapter}: {_describe(description)}")
 
 
 def _reading(file: Path, chapter: str, settings: StudySettings) -> dict:
     """Return an entry of the plan of `lumbar.records.checking.check_recordings`."""
+    section = getattr(settings, chapter)
     if is_marker_file(file):
-        layout = settings.lifting.markers.model_dump(mode="json")
-        return {"chapter": "lifting", "reader": "markers", "path": str(file), "layout": layout}
-    own = getattr(settings, chapter)
-    layout = (own.moment_layout if chapter == "lifting" else own.layout).model_dump(mode="json")
-    if chapter == "survey":
-        return {"chapter": chapter, "reader": "ratings", "path": str(file), "layout": layout}
-    return {"chapter": chapter, "set": chapter, "reader": "columns", "path": str(file), "layout": layout}
+        chapter, reader, layout = "lifting", "markers", settings.lifting.markers
+    elif chapter == "lifting":
+        reader, layout = "columns", section.moment_layout
+    else:
+        reader, layout = "ratings" if chapter == "survey" else "columns", section.layout
+    entry = {
+        "chapter": chapter,
+        "reader": reader,
+        "path": str(file),
+        "layout": layout.model_dump(mode="json"),
+    }
+    return entry | ({"set": chapter} if reader == "columns" else {})
 
 
-def _line(description: dict) -> str:
+def _describe(description: dict) -> str:
     if description["reader"] == "ratings":
         models = ", ".join(description["models"])
         return f"{description['file']}: {description['participants']} participants rated {models}"
     clock = "{file}: {samples} samples, {rate_Hz:g} Hz, {duration_s:g} s".format(**description)
     if description["reader"] == "markers":
         return "; ".join([f"{clock}; markers {', '.join(description['markers'])}", *description["notes"]])
-    channels = description["channels"].items()
-    return f"{clock}; " + ", ".join(
-        f"{role}: {item['quantity']} in {item['unit']}" for role, item in channels
+    channels = (
+        f"{role}: {item['quantity']} in {item['unit']}" for role, item in description["channels"].items()
     )
+    return f"{clock}; {', '.join(channels)}"
 
 
 def run_inspect(options) -> None:
@@ -92,16 +95,78 @@ def run_inspect(options) -> None:
     if options.picture:
         check_picture(options.picture)
     settings = read_settings(options).lifting if options.config else None
-    problems, found = Problems("files"), []
+    problems, results = Problems("files"), []
     for file in options.files:
         try:
-            found.append(lumbar.inspect(file, settings=settings, height_m=options.height))
+            results.append(lumbar.inspect(file, settings=settings, height_m=options.height))
         except InputError as error:
             problems.add("", str(error))
     if options.json:
-        print(json.dumps([one.as_dict() for one in found], indent=2))
+        print(json.dumps([one.as_dict() for one in results], indent=2))
     else:
-        print("\n\n".join(map(str, found)))
-    if options.picture and found:
-        found[0].save_picture(options.picture)
+        print("\n\n".join(map(str, results)))
+    if options.picture and results:
+        results[0].save_picture(options.picture)
     problems.raise_if_any()
+
+
+def run_new_study(options) -> None:
+    """Inspect the recordings, write the files, print what to fill in."""
+    from lumbar.interface.new_study import new_study
+
+    study = new_study(options.folder, options.name)
+    study.save(options.project)
+    print(study)
+
+
+def run_lift(options) -> None:
+    """Analyse a lift, write its pendulums, print its events, its measures and the checks of its centres of mass."""
+    study = read_settings(options)
+    result = lumbar.lift(
+        options.markers,
+        options.subject,
+        options.box_mass,
+        trial=options.trial,
+        settings=study.lifting,
+        static=options.static,
+        source_label=options.data or options.markers.name,
+    )
+    result.save(options.output)
+    measures = lumbar.measure_movement(result, settings=study.stability)
+    measures.save(options.output)
+    print(result if result.analysed.states else result.seen)  # reasons for missing pendulums are printed last
+    print(measures)
+    lines = [*result.checks, f"pendulum.csv and pendulum.json are in {options.output}"]
+    if not result.analysed.states:
+        lines[-1] = f"no pendulum: pendulum.csv in {options.output} has no rows"
+        lines += result.without_pendulum
+        lines.append(
+            "set events that the markers do not show in the trial: events: {deposit_start_s: …, release_s: …}"
+        )
+    print("\n".join(lines))
+    if options.page:
+        lumbar.lift_page(result, settings=study.stability).save(options.page)
+        print(f"{options.page} shows the lift.")
+    else:
+        print(f"Its page: {_explore_command(options.output, options)}")
+
+
+def _explore_command(folder: Path, options) -> str:
+    """Return the command that shows a folder's lifts with the same settings."""
+    given = [part for path in options.config for part in ("--config", str(path))]
+    return shlex.join(["lumbar", "explore", str(folder), *given])
+
+
+def run_basin(options) -> None:
+    """Compute and check the basins, write areas and funnels, and end with an error if a basin is missing."""
+    from lumbar.lifting.stability.model.pendulum_trajectories import announcement
+
+    settings = read_settings(options)
+    facts = read_json(options.facts) if options.facts else None
+    result = lumbar.basins(options.states, facts=facts, settings=settings.stability, seed=settings.seed)
+    result.save(options.output)
+    if not result.areas.empty:
+        print(f"{result}\n{len(result.areas)} basins are in {options.output / 'boa.csv'}")
+        print(f"To push the pendulums: {_explore_command(options.states.parent, options)}")
+    if message := announcement(options.output / "failures.csv"):
+        raise NumericalError(message)

@@ -1,4 +1,4 @@
-"""Commands on tissue tests, surgeons' motion and ratings: from ``lumbar bandwidth`` to ``lumbar propose``; ``survey``."""
+"""Commands on tissue tests, models, surgeons' motion and ratings: ``lumbar bandwidth`` to ``export``, and ``survey``."""
 
 from __future__ import annotations
 
@@ -127,6 +127,42 @@ def run_propose(options) -> None:
     if options.picture and law.proposal.is_needed:
         law.draw(options.picture)
     print(law)
+
+
+def run_export(options) -> None:
+    """Compile and pack the models."""
+    settings = read_settings(options)
+    files = lumbar.export_fmu(
+        options.models,
+        options.output,
+        options.model,
+        trained_on=options.trained_on,
+        rate_Hz=options.rate,
+        targets=options.target,
+        effect_files=settings.improvement.effect_files,
+        settings=settings.runtime,
+    )
+    for file in files:
+        print(file)
+
+
+def run_render(options) -> None:
+    """Print what each model does; write table and figures where a folder is given."""
+    settings = read_settings(options)
+    rendering = lumbar.render(
+        options.models,
+        options.model,
+        trained_on=options.trained_on,
+        mass_kg=options.mass,
+        damping_N_s_m=options.damping,
+        hand_stiffness_N_m=options.hand,
+        rate_Hz=options.rate,
+        effect_files=settings.improvement.effect_files,
+        settings=settings.runtime,
+    )
+    print(rendering)
+    if options.output:
+        rendering.save(options.output)
 
 
 def run_survey(options) -> None:

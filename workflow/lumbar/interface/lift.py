@@ -78,7 +78,7 @@ def lift(
     release: 7.070 s (box)
     """
     if not isinstance(subject, SubjectSettings):
-        from lumbar.study.subject_file import load_subject
+        from lumbar.study.load_study import load_subject
 
         subject = load_subject(Path(subject))
     found, trial = trial_of(subject, Path(markers), box_mass_kg, trial)

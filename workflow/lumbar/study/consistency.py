@@ -11,7 +11,6 @@ from lumbar.base.errors import LumbarError, did_you_mean
 from lumbar.settings.improvement import ImprovementSettings
 from lumbar.settings.stability import GROUPS
 from lumbar.settings.study_settings import StudySettings
-from lumbar.settings.survey import SurveySettings
 from lumbar.settings.tissue import TissueSettings
 from lumbar.study.study import (
     HIP_MOMENTS,
@@ -38,15 +37,6 @@ def _check_names(key: str, names: list[str], add: Add) -> None:
             add(key, f"{name!r} is repeated", "names must differ")
 
 
-def _check_survey(survey: SurveySettings, add: Add) -> None:
-    models = [model.name for model in survey.layout.models]
-    if survey.baseline not in models:
-        add("survey.baseline", f"{survey.baseline!r} is not rated", f"models: {', '.join(models)}")
-    points, labels = survey.layout.scale_points, len(survey.scale_labels)
-    if labels != points:
-        add("survey.scale_labels", f"{labels} names", f"survey.layout.scale_points is {points}")
-
-
 def _check_tissue(tissue: TissueSettings, add: Add) -> None:
     names = [record.name for record in tissue.records]
     _check_names("tissue.records", names, add)
@@ -61,13 +51,14 @@ def _check_tissue(tissue: TissueSettings, add: Add) -> None:
 
 def _check_record_sets(settings: StudySettings, root: Path, add: Add) -> None:
     """Check that a set with the base of another system has records, and that sets name existing records and effects."""
-    _check_names("improvement.record_sets", [entry.name for entry in settings.improvement.record_sets], add)
-    for number, entry in enumerate(settings.improvement.record_sets):
+    sets = settings.improvement.record_sets
+    _check_names("improvement.record_sets", [entry.name for entry in sets], add)
+    for number, entry in enumerate(sets):
         place, used = f"improvement.record_sets.{number}", record_set(settings, entry.name)
         layout, _ = record_layout(settings, used.base)
         if layout is not settings.tissue.layout and entry.records is None:
-            found = f"{entry.name} has the base {entry.base} and no records"
-            add(place, found, "those of the tissue chapter are of another system: name records")
+            problem = f"{entry.name} has the base {entry.base} and no records"
+            add(place, problem, "those of the tissue chapter are of another system: name records")
         if entry.layout is not None and entry.records is None:
             add(f"{place}.layout", "a layout without records", "it is for records of the set: name them")
         if entry.rate_Hz is not None and entry.layout is None:
@@ -79,15 +70,11 @@ def _check_record_sets(settings: StudySettings, root: Path, add: Add) -> None:
         if entry.effects:
             key = f"{place}.effects"
             _check_effects(entry.effects, key, settings.improvement.effect_files, used.base, root, add)
-
-
-def _check_gravity(settings: StudySettings, add: Add) -> None:
-    """Check that a pendulum has gravity, by which its effects distinguish masses from distances."""
-    sets = settings.improvement.record_sets
-    weightless = settings.stability.pendulum.gravity_m_s2 == 0
-    if weightless and any(record_set(settings, entry.name).base == "pendulum" for entry in sets):
-        words = "record sets whose base is pendulum need gravity: leave them out of improvement.record_sets, or set this key"
-        add("stability.pendulum.gravity_m_s2", "0", words)
+    # The effects on a pendulum distinguish masses from distances by its gravity.
+    is_weightless = settings.stability.pendulum.gravity_m_s2 == 0
+    if is_weightless and any(record_set(settings, entry.name).base == "pendulum" for entry in sets):
+        allowed = "record sets with the base pendulum need gravity: leave them out of improvement.record_sets, or set this key"
+        add("stability.pendulum.gravity_m_s2", "0", allowed)
 
 
 def _check_groups(study: Study, add: Add) -> None:
@@ -101,22 +88,13 @@ def _check_groups(study: Study, add: Add) -> None:
     groups = study.settings.stability.compare.groups
     unknown = [group for group in groups if group not in labels]
     if unknown and (len(labels) > 1 or groups != GROUPS or study.has("population")):
+        problem = f"no subject has the label {' or '.join(map(repr, unknown))}"
         allowed = f"labels of the subjects (experience in config/subjects): {', '.join(labels)}"
-        add(
-            "stability.compare.groups", f"no subject has the label {' or '.join(map(repr, unknown))}", allowed
-        )
+        add("stability.compare.groups", problem, allowed)
 
 
 def check_effects(improvement: ImprovementSettings, root: Path, add: Add) -> None:
-    """Check that the effects of a study are known, and that its files of effects and bases are valid.
-
-    Parameters
-    ----------
-    root : Path
-        Folder to which the study's files of effects are relative.
-    add : callable
-        Adds a problem: key, value and what is allowed.
-    """
+    """Check that the effects of a study are known, and that its files of effects and bases below `root` are valid."""
     files = {f"effect_files.{number}": file for number, file in enumerate(improvement.effect_files)}
     for place, file in {**improvement.base_files, **files}.items():
         if set("{}") & set(file):
@@ -129,8 +107,8 @@ def check_effects(improvement: ImprovementSettings, root: Path, add: Add) -> Non
         except (LumbarError, OSError) as error:
             add(f"improvement.{place}", str(error), "")
     if improvement.effects or files:
-        place = "improvement.effects"
-        _check_effects(improvement.effects, place, improvement.effect_files, improvement.base, root, add)
+        place, base = "improvement.effects", improvement.base
+        _check_effects(improvement.effects, place, improvement.effect_files, base, root, add)
 
 
 _NO_BRACES = "no braces, which Snakemake takes for wildcards: rename it"
@@ -153,41 +131,37 @@ def _check_effects(
 
 
 def _check_twin_lifts(study: Study, sources: Mapping[str, Origins]) -> None:
-    """Check that the twin can make all that people declare of their lifts."""
+    """Check that the twin can make all recordings and movements that the subjects declare."""
     twin = study.settings.twin.lifting
     for person, lifts in study.lifts_by_person.items():
+        subject, add = study.subjects[person], sources[person].add
         for number, (name, lift) in enumerate(lifts.items()):
-            made = {
-                "markers": TWIN_MARKERS.format(lift=name),
-                "hip_moment": TWIN_HIP_MOMENT.format(lift=name),
-            }
-            for key, recorded in made.items():
-                found, place = getattr(lift.trial, key), ("subject", "trials", number, key)
-                if found not in (None, recorded):
-                    sources[person].add(place, repr(found), f"the twin records it as {recorded}")
-        if study.subjects[person].static:
-            sources[person].add(
-                "subject.static", repr(study.subjects[person].static), "the twin records none"
+            for key, file in (("markers", TWIN_MARKERS), ("hip_moment", TWIN_HIP_MOMENT)):
+                declared, recorded = getattr(lift.trial, key), file.format(lift=name)
+                if declared not in (None, recorded):
+                    place = ("subject", "trials", number, key)
+                    add(place, repr(declared), f"the twin records it as {recorded}")
+        if subject.static:
+            add("subject.static", repr(subject.static), "the twin records none")
+        drawn = [name for name in lifts if name not in twin.lifts]
+        if drawn and subject.experience not in twin.groups:
+            allowed = (
+                f"the twin has no movement of this label for {', '.join(drawn)}, only of {', '.join(twin.groups) or 'none'}: add "
+                f"{subject.experience} to twin.lifting.groups in config/twin.yaml, or these lifts to twin.lifting.lifts"
             )
-        group, drawn = study.subjects[person].experience, [name for name in lifts if name not in twin.lifts]
-        if drawn and group not in twin.groups:
-            words = (
-                f"the twin moves {', '.join(drawn)} as people of a label do; it knows {', '.join(twin.groups) or 'none'}: "
-                f"add {group} to twin.lifting.groups in config/twin.yaml, or these lifts to twin.lifting.lifts"
-            )
-            sources[person].add("subject.experience", repr(group), words)
+            add("subject.experience", repr(subject.experience), allowed)
 
 
 def _check_twin_movements(settings: StudySettings, add: Add) -> None:
     """Check that lifts and trials of the twin name people and lifts that it has, and records of hip moments its trials."""
-    twin, way = settings.twin.lifting, ("twin", "lifting")
+    twin, path = settings.twin.lifting, ("twin", "lifting")
     trials = twin.hip_moment.trials
     for name, lift in twin.lifts.items():
         if lift.person not in twin.people:
-            add((*way, "lifts", name, "person"), repr(lift.person), f"people: {', '.join(twin.people)}")
+            add((*path, "lifts", name, "person"), repr(lift.person), f"people: {', '.join(twin.people)}")
     for name, trial in trials.items():
         if trial.lift not in twin.lifts:
-            place = (*way, "hip_moment", "trials", name, "lift")
+            place = (*path, "hip_moment", "trials", name, "lift")
             add(place, repr(trial.lift), f"lifts: {', '.join(twin.lifts)}")
     for number, entry in enumerate(settings.improvement.record_sets):
         for item, record in enumerate(entry.records or ()):
@@ -197,10 +171,10 @@ def _check_twin_movements(settings: StudySettings, add: Add) -> None:
 
 
 def check_consistency(study: Study, root: Path, origins: Origins, sources: Mapping[str, Origins]) -> None:
-    """Check names, references between keys and that every given recording is there and inside the root.
+    """Check names, references between keys and that every given recording exists inside the project's folder `root`.
 
-    Whether an object store has a recording is asked by Snakemake.
-    `root` is the project's folder; `origins` know files and lines of the keys, `sources` those of every person's file.
+    Snakemake checks recordings in an object store. `origins` are files and lines of the keys, `sources` those of every subject's
+    file.
     """
     settings, add = study.settings, origins.add
     if study.has("surgeon"):
@@ -213,11 +187,16 @@ def check_consistency(study: Study, root: Path, origins: Origins, sources: Mappi
         check_effects(settings.improvement, root, add)
     if study.has("improvement"):
         _check_record_sets(settings, root, add)
-        _check_gravity(settings, add)
     if study.has("survey"):
-        _check_survey(settings.survey, add)
+        survey = settings.survey
+        models = [model.name for model in survey.layout.models]
+        if survey.baseline not in models:
+            add("survey.baseline", f"{survey.baseline!r} is not rated", f"models: {', '.join(models)}")
+        points, labels = survey.layout.scale_points, len(survey.scale_labels)
+        if labels != points:
+            add("survey.scale_labels", f"{labels} names", f"survey.layout.scale_points is {points}")
     if (study.has("lifting") or study.has("population")) and not study.lifts:
-        add("lifting.subjects", "none", "the chapter needs a file of config/subjects at least")
+        add("lifting.subjects", "none", "the chapter needs at least one file of config/subjects")
     for name, subject in study.subjects.items():
         if not subject.trials:
             add("lifting.subjects", f"{name} has no trials", "list its recordings in config/subjects")
@@ -226,11 +205,8 @@ def check_consistency(study: Study, root: Path, origins: Origins, sources: Mappi
     if study.has("stability"):
         checks = settings.stability.checks
         if "cvxpy" in checks and "thesis_method" not in checks:
-            add(
-                "stability.checks",
-                "cvxpy without thesis_method",
-                "it checks the programmes of that method: choose both",
-            )
+            allowed = "it checks the programmes of that method: choose both"
+            add("stability.checks", "cvxpy without thesis_method", allowed)
     if study.synthetic:
         _check_twin_movements(settings, add)
         if not study.cohort:
@@ -239,19 +215,19 @@ def check_consistency(study: Study, root: Path, origins: Origins, sources: Mappi
 
 
 def _check_recordings(study: Study, add: Add) -> None:
-    for chapter, files in recordings_of(study).items():
-        for name in files:
-            path = Path(name)
-            place = f"{study.data_root or 'twin'}/{name}"
-            if set("{}") & set(place):
-                add(chapter, f"file {place!r}", _NO_BRACES)
-            elif path.is_absolute() or ".." in path.parts:
-                add(chapter, f"file {name!r}", "recordings are named relative to data_root, without '..'")
-            elif isinstance(study.data_root, Path):
-                found = (study.data_root / path).resolve()
-                if not found.is_relative_to(study.data_root):
-                    add(chapter, f"{name} leads out of data_root", "copy the file there")
-                elif not found.is_file():
-                    source = study.settings.data_source
-                    words = f"it comes with {source.name} (licence: {source.licence}): {source.obtain}"
-                    add(chapter, f"{name} is not in {study.data_root}", words)
+    root = study.data_root
+    for chapter, name in (
+        (chapter, name) for chapter, files in recordings_of(study).items() for name in files
+    ):
+        place = f"{root or 'twin'}/{name}"
+        if set("{}") & set(place):
+            add(chapter, f"file {place!r}", _NO_BRACES)
+        elif Path(name).is_absolute() or ".." in Path(name).parts:
+            add(chapter, f"file {name!r}", "recordings are named relative to data_root, without '..'")
+        elif isinstance(root, Path):
+            path, source = (root / name).resolve(), study.settings.data_source
+            if not path.is_relative_to(root):
+                add(chapter, f"{name} leads out of data_root", "copy the file there")
+            elif not path.is_file():
+                allowed = f"it comes with {source.name} (licence: {source.licence}): {source.obtain}"
+                add(chapter, f"{name} is not in {root}", allowed)

@@ -16,7 +16,7 @@ TWIN = "twin"
 TWIN_MARKERS, TWIN_HIP_MOMENT = "lifting/{lift}.c3d", "lifting/{lift}_hip_moment.csv"
 """Files of a lift of the twin, below its recordings."""
 HIP_MOMENTS = "hip_moment/"
-"""Folder in which the twin records trials of the hip moment."""
+"""Folder of the twin's trials of the hip moment."""
 
 
 @dataclass(frozen=True)
@@ -79,10 +79,10 @@ class Study:
     @property
     def lifts_by_person(self) -> dict[str, dict[str, RecordedLift]]:
         """Lifts of every person by name."""
-        found: dict[str, dict[str, RecordedLift]] = {person: {} for person in self.subjects}
-        for name, lift in self.lifts.items():
-            found[lift.subject][name] = lift
-        return found
+        return {
+            person: {name: lift for name, lift in self.lifts.items() if lift.subject == person}
+            for person in self.subjects
+        }
 
     def has(self, chapter: str) -> bool:
         """Return whether the study includes a chapter."""
@@ -90,39 +90,32 @@ class Study:
 
 
 def recordings_of(study: Study) -> dict[str, list[str]]:
-    """File names of the recordings each chapter reads, as the configuration gives them."""
-    settings = study.settings
+    """Return the file names of the recordings of each chapter, as given in the configuration."""
+    settings, lifts = study.settings, study.lifts.values()
+    recordings = [(lift.trial.markers, lift.trial.hip_moment, lift.static) for lift in lifts]
+    sets = settings.improvement.record_sets
     files = {
         "surgeon": [record.file for record in settings.surgeon.records],
         "tissue": [record.file for record in settings.tissue.records],
-        "improvement": [
-            record.file for entry in settings.improvement.record_sets for record in entry.records or ()
-        ],
+        "improvement": [record.file for entry in sets for record in entry.records or ()],
         "survey": [settings.survey.file],
-        "lifting": [
-            file
-            for lift in study.lifts.values()
-            for file in (lift.trial.markers, lift.trial.hip_moment, lift.static)
-            if file is not None
-        ],
+        "lifting": [file for trial in recordings for file in trial if file is not None],
     }
-    lifted = not LIFTED.isdisjoint(study.settings.chapters)
-    return {
-        chapter: names
-        for chapter, names in files.items()
-        if names and (lifted if chapter == "lifting" else study.has(chapter))
-    }
+    read = {*settings.chapters, *(["lifting"] if LIFTED & set(settings.chapters) else [])}
+    return {chapter: names for chapter, names in files.items() if names and chapter in read}
 
 
 def record_set(settings: StudySettings, name: str) -> RecordSetSettings:
     """Return a record set of the improvement chapter with its base, records and effects, else those of the study.
 
-    Its ``effects`` are None if the study names none: the diagnosis then selects them.
+    Its ``effects`` is None if the study names no effects: the diagnosis then selects them.
     """
     chapter = settings.improvement
     entry = next(item for item in chapter.record_sets if item.name == name)
+    # A set that is read and fitted as the tissue chapter's model has the effects of the study.
+    has_same_base = entry.base in (None, chapter.base) and entry.session in (None, chapter.session)
     effects = entry.effects
-    if effects is None and is_tissue_chapter(settings, entry):
+    if effects is None and entry.records is None and entry.train is None and has_same_base:
         effects = chapter.effects or None
     base, records = entry.base or chapter.base, entry.records or settings.tissue.records
     return entry.model_copy(update={"base": base, "records": records, "effects": effects})
@@ -133,20 +126,9 @@ def settings_of_set(settings: StudySettings, name: str) -> StudySettings:
     chapter, entry = settings.improvement, record_set(settings, name)
     session = chapter.session if entry.session is None else entry.session
     layout, rate = set_layout(settings, name)
-    own = {"base": entry.base, "train": entry.train or chapter.train, "session": session}
-    return settings.model_copy(
-        update={
-            "improvement": chapter.model_copy(update=own),
-            "tissue": settings.tissue.model_copy(update={"layout": layout, "rate_Hz": rate}),
-        }
-    )
-
-
-def is_tissue_chapter(settings: StudySettings, entry: RecordSetSettings) -> bool:
-    """Return whether a record set is read and fitted as the tissue chapter's model with ``improvement.effects``."""
-    chapter = settings.improvement
-    same_base = entry.base in (None, chapter.base) and entry.session in (None, chapter.session)
-    return entry.records is None and entry.train is None and same_base
+    fit = {"base": entry.base, "train": entry.train or chapter.train, "session": session}
+    tissue = settings.tissue.model_copy(update={"layout": layout, "rate_Hz": rate})
+    return settings.model_copy(update={"improvement": chapter.model_copy(update=fit), "tissue": tissue})
 
 
 def set_layout(settings: StudySettings, name: str) -> tuple[ColumnLayout, float | None]:
@@ -158,14 +140,14 @@ def set_layout(settings: StudySettings, name: str) -> tuple[ColumnLayout, float 
 def reading_plan(study: Study, chapters: Iterable[str]) -> list[dict]:
     """Return how every recording of these chapters is read, for `lumbar.records.checking.check_recordings`.
 
-    The plan contains only what reading needs, so that another mass of a subject or another setting of an analysis causes no
-    new reading.
+    The plan contains only the settings of reading, so that another mass of a subject or another setting of an analysis causes
+    no new reading.
 
     Returns
     -------
     list of dict
         ``chapter``, ``set``, ``reader``, ``path`` and ``layout`` of each file, and ``name``, ``period_s``, ``trim_s`` and
-        ``rate_Hz`` of column files where the configuration gives them; plain data, as parameters of a job are.
+        ``rate_Hz`` of column files if they are configured; plain data, as parameters of a job.
     """
     settings, plan = study.settings, []
     for chapter in chapters:
@@ -179,16 +161,15 @@ def reading_plan(study: Study, chapters: Iterable[str]) -> list[dict]:
                     for record in entry.records or ()
                 ]
         elif chapter == "survey":
-            path, layout = (
-                study.recording(settings.survey.file),
+            layout, path = (
                 settings.survey.layout.model_dump(mode="json"),
+                study.recording(settings.survey.file),
             )
             plan.append({"chapter": chapter, "reader": "ratings", "path": path, "layout": layout})
         else:
-            own = getattr(settings, chapter)
-            plan += [
-                _column_reading(study, chapter, record, own.layout, own.rate_Hz) for record in own.records
-            ]
+            part = getattr(settings, chapter)
+            readings = (part.layout, part.rate_Hz)
+            plan += [_column_reading(study, chapter, record, *readings) for record in part.records]
     return plan
 
 
