@@ -11,7 +11,7 @@ from forged_files import read_forged, row, workbook, write_forged
 
 import lumbar
 from lumbar.base.errors import InputError
-from lumbar.base.files import LARGEST_FILE
+from lumbar.base.files import MAX_FILE_BYTES
 from lumbar.interface.result import read_table
 from lumbar.records.child_process import SECONDS
 from lumbar.records.markers import read_markers
@@ -70,7 +70,7 @@ def test_what_is_no_file_of_data_is_not_opened(tmp_path, name):
 def test_every_kind_of_file_has_one_limit_of_size(tmp_path, name):
     path = tmp_path / name
     with path.open("wb") as file:
-        file.truncate(LARGEST_FILE + 1)  # of holes, which take no room
+        file.truncate(MAX_FILE_BYTES + 1)  # of holes, which take no room
     with pytest.raises(InputError, match=rf"{re.escape(name)}: 200 MB; files of at most 2?\d+ MB are read"):
         _READERS[name](path)
 

@@ -1,1 +1,1 @@
-"""What every room stands on: errors, files, YAML, progress, templates, the environment."""
+"""Base of all packages: errors, files, YAML, progress, templates, the environment."""

@@ -1,4 +1,4 @@
-"""What results are computed with: one thread, and which versions of Python and of packages the numbers depend on."""
+"""Environment of a computation: one thread, and the versions of Python and of packages."""
 
 import os
 import platform
@@ -13,10 +13,10 @@ THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMEXP
 
 
 def use_one_thread() -> None:
-    """Keep linear algebra to one thread, in this process (before numpy is imported) and in those it starts.
+    """Limit linear algebra to one thread, in this process (before numpy is imported) and in its children.
 
-    The order of summation, and so the last bits, would otherwise hang on the number of cores; and threads that wait
-    for each other over matrices of a few columns double the time.
+    Otherwise the order of summation, and with it the last bits, depends on the number of cores. With matrices of a few
+    columns, threads that wait for each other double the time.
     """
     for variable in THREADS:
         os.environ[variable] = "1"

@@ -1,4 +1,4 @@
-"""Errors that say where, what was found, what is allowed and what to do."""
+"""Errors with a message for the user: the place, the problem, what is allowed and what to do."""
 
 from __future__ import annotations
 
@@ -12,22 +12,22 @@ from pathlib import Path
 
 
 class LumbarError(Exception):
-    """An error whose message is written for the user: it is shown without a traceback."""
+    """An error with a message for the user, shown without a traceback."""
 
 
 class InputError(LumbarError):
-    """Configuration or data that cannot be used as they are."""
+    """Configuration or data that cannot be used."""
 
 
 class NumericalError(LumbarError):
-    """A computation that did not reach a result that may be published.
+    """A computation without a valid result.
 
     Parameters
     ----------
     message : str
-        What went wrong, in words for the user.
+        Message for the user.
     label : str, optional
-        Which of several things computed together failed; empty where this is not known.
+        Name of the one of several computations that failed; empty if unknown.
     """
 
     def __init__(self, message: str, label: str = ""):
@@ -36,13 +36,13 @@ class NumericalError(LumbarError):
 
 
 def user_message(error: BaseException) -> str | None:
-    """Return what went wrong in words for the user; None for a programming error, whose traceback is needed.
+    """Return the message of an error for the user; None for a programming error, which needs its traceback.
 
     Parameters
     ----------
     error : BaseException
-        A `LumbarError`; an `OSError`, told with its path and, where no space is left, with the space that is free; or
-        arithmetic that left the range of numbers, told with the place in the library.
+        A `LumbarError`; an `OSError`, reported with its path and, on a full disk, the free space; or an arithmetic error,
+        reported with its place in the library.
 
     Examples
     --------
@@ -54,23 +54,38 @@ def user_message(error: BaseException) -> str | None:
     if isinstance(error, LumbarError):
         return printable(str(error))
     if isinstance(error, OSError) and error.errno is not None:
-        return _system_error(error)
+        path = Path(str(error.filename)) if error.filename is not None else None
+        text = f"{printable(str(path))}: {error.strerror}" if path else f"{error.strerror} (on {Path.cwd()})"
+        if error.errno == errno.ENOTDIR:
+            return f"{text}; a folder is needed there: name another place"
+        if error.errno not in (errno.ENOSPC, errno.EDQUOT):
+            return text
+        folder = next(item for item in (path or Path.cwd()).absolute().parents if item.is_dir())
+        free = shutil.disk_usage(folder).free / 1e6
+        return f"{text}; {free:.1f} MB are free in {folder}: make room, then run it again"
     is_out_of_range = isinstance(error, ArithmeticError) or type(error).__name__ == "LinAlgError"
-    if isinstance(error, ValueError):  # SciPy's solvers refuse what is not finite
-        is_out_of_range |= any(words in str(error) for words in ("infs or NaNs", "not finite"))
-    if is_out_of_range:
-        last = traceback.extract_tb(error.__traceback__)
-        place = next((item for item in reversed(last) if "lumbar" in Path(item.filename).parts), None)
-        where = f" in {Path(place.filename).name}, line {place.lineno}" if place else ""
-        return (
-            f"numbers left the range that can be computed with{where} ({error}): look for values that are far too "
-            "large or too small in the records and settings"
-        )
-    return None
+    if isinstance(error, ValueError):  # SciPy's solvers reject numbers that are not finite
+        is_out_of_range |= any(text in str(error) for text in ("infs or NaNs", "not finite"))
+    if not is_out_of_range:
+        return None
+    last = traceback.extract_tb(error.__traceback__)
+    place = next((item for item in reversed(last) if "lumbar" in Path(item.filename).parts), None)
+    where = f" in {Path(place.filename).name}, line {place.lineno}" if place else ""
+    return (
+        f"numbers left the range that can be computed with{where} ({error}): look for values that are far too "
+        "large or too small in the records and settings"
+    )
 
 
 def did_you_mean(word: object, known: Iterable[str]) -> str:
-    """Return a question after the known name that is most like a word; empty where none is.
+    """Return a question with the most similar known name; empty if none is similar.
+
+    Parameters
+    ----------
+    word : object
+        Unknown name.
+    known : iterable of str
+        Allowed names.
 
     Examples
     --------
@@ -80,49 +95,34 @@ def did_you_mean(word: object, known: Iterable[str]) -> str:
     ''
     """
     names = list(known)
-    # A part of a long name is less like the whole than like the word that is meant.
-    alike = {part.casefold(): name for name in names for part in name.split("_")}
-    alike |= {name.casefold(): name for name in names}
-    close = get_close_matches(str(word).casefold(), alike, 1, 0.65)
-    return f"; did you mean {alike[close[0]]!r}?" if close else ""
+    # A word may be similar to one part of a long name only.
+    spellings = {part.casefold(): name for name in names for part in name.split("_")}
+    spellings |= {name.casefold(): name for name in names}
+    close = get_close_matches(str(word).casefold(), spellings, 1, 0.65)
+    return f"; did you mean {spellings[close[0]]!r}?" if close else ""
 
 
-_COMMANDS = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
-"""Signs that command a terminal, turn the direction of what is read, or are no text."""
+_CONTROL_CHARACTERS = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
+"""Characters that control a terminal, change the direction of text, or are no text."""
 
 
 def printable(text: str) -> str:
-    """Return a text with ``?`` for what only a file from elsewhere would hold, to do more than to be read.
+    """Return a text with ``?`` instead of control characters, which an untrusted file may contain.
 
     Examples
     --------
     >>> printable("no column '\x1b[2Jforce'")
     "no column '?[2Jforce'"
     """
-    return _COMMANDS.sub("?", text)
-
-
-_NO_SPACE = (errno.ENOSPC, errno.EDQUOT)
-
-
-def _system_error(error: OSError) -> str:
-    path = Path(str(error.filename)) if error.filename is not None else None
-    text = f"{printable(str(path))}: {error.strerror}" if path else f"{error.strerror} (on {Path.cwd()})"
-    if error.errno == errno.ENOTDIR:
-        return f"{text}; a folder is needed there: name another place"
-    if error.errno not in _NO_SPACE:
-        return text
-    folder = next(item for item in (path or Path.cwd()).absolute().parents if item.is_dir())
-    free = shutil.disk_usage(folder).free / 1e6
-    return f"{text}; {free:.1f} MB are free in {folder}: make room, then run it again"
+    return _CONTROL_CHARACTERS.sub("?", text)
 
 
 MAX_PROBLEMS = 20
-"""Problems of one file that a message lists."""
+"""Number of problems of one file that a message lists."""
 
 
 class Problems:
-    """Collect every problem of one input, so that a user can fix them together.
+    """Collection of all problems of one input, so that a user can fix them together.
 
     Examples
     --------
@@ -137,9 +137,9 @@ class Problems:
     Parameters
     ----------
     subject : str
-        File or setting that the problems are in.
+        File or setting with the problems.
     most : int, optional
-        Number of problems at which they are raised: a file of another kind has one in every line.
+        Number of problems at which they are raised: a file of another kind has a problem in every line.
     """
 
     def __init__(self, subject: str, most: int | None = None):
@@ -147,19 +147,19 @@ class Problems:
         self.most = most
         self.entries: list[str] = []
 
-    def add(self, place: str, found: str, allowed: str = "") -> None:
+    def add(self, place: str, problem: str, allowed: str = "") -> None:
         """Add one problem.
 
         Parameters
         ----------
         place : str
             File line, column or configuration key.
-        found : str
-            Value that is wrong.
+        problem : str
+            The wrong value.
         allowed : str, optional
-            Values that are allowed, or what to do about it.
+            Allowed values, or the remedy.
         """
-        text = f"{place}: {found}" if place else found
+        text = f"{place}: {problem}" if place else problem
         self.entries.append(f"{text}; {allowed}" if allowed else text)
         if len(self.entries) == self.most:
             self.entries.append(f"reading stopped after {self.most} problems")

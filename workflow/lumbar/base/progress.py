@@ -1,4 +1,4 @@
-"""Progress of long work: one line at a time on standard error, and to whoever watches it, who may end it."""
+"""Progress of long work: lines on standard error, and calls of a watcher, which may stop the work."""
 
 import sys
 import time
@@ -14,7 +14,7 @@ _watcher: ContextVar[Callable[[str], None] | None] = ContextVar("watcher", defau
 
 @contextmanager
 def watch_progress(watcher: Callable[[str], None]) -> Iterator[None]:
-    """Tell `watcher` of the work in the block, often: in words where they are known, else with ""; what it raises ends it."""
+    """Call `watcher` often during the block, with a text or ""; an exception that it raises ends the work."""
     token = _watcher.set(watcher)
     try:
         yield
@@ -22,15 +22,15 @@ def watch_progress(watcher: Callable[[str], None]) -> Iterator[None]:
         _watcher.reset(token)
 
 
-def notify_progress(words: str = "") -> None:
-    """Tell whoever watches that the work goes on."""
+def notify_progress(text: str = "") -> None:
+    """Call the watcher of `watch_progress`, if there is one."""
     watcher = _watcher.get()
     if watcher is not None:
-        watcher(words)
+        watcher(text)
 
 
 def track(items: Collection[Item], label: str) -> Iterator[Item]:
-    """Yield `items`, saying on standard error how many are done and how long the rest may take, at most every two seconds."""
+    """Yield `items` and print the number done and the expected time left, at most every two seconds."""
     total = len(items)
     last = began = time.monotonic()
     for done, item in enumerate(items):

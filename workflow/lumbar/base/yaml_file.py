@@ -4,7 +4,7 @@ import json
 import re
 import sys
 from collections.abc import Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -12,12 +12,16 @@ from typing import Any
 from lumbar.base.errors import InputError, Problems
 from lumbar.base.files import require_file
 
-LARGEST_SIZE, MOST_ENTRIES, DEEPEST = 1_000_000, 100_000, 40
-"""Bytes, entries with every alias written out, and levels of nesting of a configuration file."""
-_MOST_DIGITS = 100
-"""Digits of a number; any more cannot be computed with."""
-_PLAIN = ("tag:yaml.org,2002:map", "tag:yaml.org,2002:seq")
-_NUMBERS = ("tag:yaml.org,2002:int", "tag:yaml.org,2002:float")
+MAX_BYTES = 1_000_000
+"""Bytes of a configuration file."""
+MAX_ENTRIES = 100_000
+"""Entries of a file, with every alias written out."""
+MAX_DEPTH = 40
+"""Levels of nesting."""
+_MAX_DIGITS = 100
+"""Digits of a number; numbers with more cannot be computed with."""
+_PLAIN_TAGS = ("tag:yaml.org,2002:map", "tag:yaml.org,2002:seq")
+_NUMBER_TAGS = ("tag:yaml.org,2002:int", "tag:yaml.org,2002:float")
 
 
 @dataclass(frozen=True)
@@ -30,21 +34,21 @@ class YamlFile:
     lines: dict[tuple, int] = field(default_factory=dict)
     """Line of every key and every entry of a list, by its path: ``("tissue", "records", 0, "file")``."""
 
-    def line(self, way: tuple) -> int | None:
+    def line(self, path: tuple) -> int | None:
         """Return the line of a key, or of the nearest one above it in the file."""
         return next(
-            (self.lines[way[:end]] for end in range(len(way), 0, -1) if way[:end] in self.lines), None
+            (self.lines[path[:end]] for end in range(len(path), 0, -1) if path[:end] in self.lines), None
         )
 
-    def place(self, way: tuple) -> str:
+    def place(self, path: tuple) -> str:
         """Return file, line and key for a message, e.g. ``study.yaml, line 3: tissue.records.0.file``."""
-        line = self.line(way)
-        return f"{self.path}, line {line}: {dotted_path(way)}" if line else f"{self.path}: {dotted_path(way)}"
+        line = self.line(path)
+        return f"{self.path}{f', line {line}' if line else ''}: {dotted_path(path)}"
 
 
-def dotted_path(way: tuple) -> str:
+def dotted_path(path: tuple) -> str:
     """Return the path of a key as text, e.g. ``tissue.records.0.file``."""
-    return ".".join(map(str, way))
+    return ".".join(map(str, path))
 
 
 def parse_key_path(key: str) -> tuple:
@@ -52,109 +56,99 @@ def parse_key_path(key: str) -> tuple:
     return tuple(int(part) if part.isdecimal() else part for part in key.split("."))
 
 
-_BARE = re.compile(r"[A-Za-z][\w.-]*( [\w.-]+)*")
-
-
 def quote_yaml(text: str) -> str:
-    """Return a YAML scalar that reads as this text, with quotes only if it needs them."""
+    """Return a YAML scalar that is read as this text, with quotes only if it needs them."""
     import yaml
 
-    bare = _BARE.fullmatch(text) and yaml.safe_load(text) == text
-    return text if bare else json.dumps(text, ensure_ascii=False)
+    is_bare = re.fullmatch(r"[A-Za-z][\w.-]*( [\w.-]+)*", text) and yaml.safe_load(text) == text
+    return text if is_bare else json.dumps(text, ensure_ascii=False)
 
 
-class _TooMuch(Exception):
-    """The file is nested too deep, or its aliases stand for too much."""
+class _TooLargeError(Exception):
+    """The file is nested too deep, or its aliases have too many entries."""
 
 
 class _YamlReader:
     """Builds content and lines from the nodes of one file."""
 
-    def __init__(self, loader, path: str, problems: Problems, anchors: bool):
+    def __init__(self, loader, name: str, problems: Problems, anchors: bool):
         self.loader, self.problems, self.anchors = loader, problems, anchors
-        self.file = YamlFile(path)
-        self.seen: set[int] = set()
+        self.file = YamlFile(name)
+        self.visited: set[int] = set()
         self.entries = 0
 
-    def read(self, node, way: tuple = ()) -> Any:
+    def read(self, node, path: tuple = ()) -> Any:
         from yaml import MappingNode, ScalarNode
         from yaml.constructor import ConstructorError
 
+        def add_problem(problem: str, allowed: str = "") -> None:
+            self.problems.add(self.file.place(path), problem, allowed)
+
         self.entries += 1
-        if self.entries > MOST_ENTRIES or len(way) > DEEPEST:
-            raise _TooMuch
-        if id(node) in self.seen and not self.anchors:
-            self._problem(way, "an alias", "anchors are not read here; write it out")
-            return None
-        self.seen.add(id(node))
+        if self.entries > MAX_ENTRIES or len(path) > MAX_DEPTH:
+            raise _TooLargeError
+        if id(node) in self.visited and not self.anchors:
+            return add_problem("an alias", "anchors are not read here; write it out")
+        self.visited.add(id(node))
         if isinstance(node, ScalarNode):
-            # Before they are computed with: sixty minutes of sixty minutes of … take the square of their number.
-            if node.tag in _NUMBERS and len(node.value) > _MOST_DIGITS:
-                found = f"a number of {len(node.value)} digits"
-                self._problem(way, found, f"numbers have at most {_MOST_DIGITS} digits")
-                return None
+            # Checked before the conversion: its time grows with the square of the number of digits.
+            if node.tag in _NUMBER_TAGS and len(node.value) > _MAX_DIGITS:
+                return add_problem(
+                    f"a number of {len(node.value)} digits", f"numbers have at most {_MAX_DIGITS} digits"
+                )
             try:
                 return self.loader.construct_object(node)
             except ConstructorError as error:
-                self._problem(way, str(error.problem))
+                return add_problem(str(error.problem))
             except (LookupError, AttributeError):  # the constructor of a tag that the text does not fit
-                self._problem(way, f"{node.value[:40]!r} under the tag {node.tag!r}", "leave the tag out")
-            return None
-        if node.tag not in _PLAIN:
-            self._problem(way, f"tag {node.tag!r}", "tags are not read here")
-            return None
+                return add_problem(f"{node.value[:40]!r} under the tag {node.tag!r}", "leave the tag out")
+        if node.tag not in _PLAIN_TAGS:
+            return add_problem(f"tag {node.tag!r}", "tags are not read here")
         if isinstance(node, MappingNode):
-            return self._mapping(node, way)
-        return [self._entry(item, (*way, number)) for number, item in enumerate(node.value)]
+            return self.read_mapping(node, path)
+        content = []
+        for number, item in enumerate(node.value):
+            self.file.lines[*path, number] = item.start_mark.line + 1
+            content.append(self.read(item, (*path, number)))
+        return content
 
-    def _problem(self, way: tuple, found: str, allowed: str = "") -> None:
-        self.problems.add(self.file.place(way), found, allowed)
-
-    def _entry(self, node, way: tuple) -> Any:
-        self.file.lines[way] = node.start_mark.line + 1
-        return self.read(node, way)
-
-    def _mapping(self, node, way: tuple) -> dict:
+    def read_mapping(self, node, path: tuple) -> dict:
         first: dict[Any, int] = {}
         for name, _ in node.value:
             key, line = getattr(name, "value", None), name.start_mark.line + 1
-            if isinstance(key, str) and key in first:
-                words = f"duplicate key {dotted_path((*way, key))!r}"
-                self.problems.add(
-                    f"{self.file.path}, lines {first[key]} and {line}", words, "keep one of them"
-                )
-            elif isinstance(key, str):
-                first[key] = line
+            if isinstance(key, str) and first.setdefault(key, line) != line:
+                place = f"{self.file.path}, lines {first[key]} and {line}"
+                self.problems.add(place, f"duplicate key {dotted_path((*path, key))!r}", "keep one of them")
         self.loader.flatten_mapping(node)  # merge keys
         content = {}
         for name, value in node.value:
-            key = str(self.read(name, way))
-            self.file.lines[(*way, key)] = name.start_mark.line + 1
-            content[key] = self.read(value, (*way, key))
+            key = str(self.read(name, path))
+            self.file.lines[*path, key] = name.start_mark.line + 1
+            content[key] = self.read(value, (*path, key))
         return content
 
 
 def _bounded_loader(text: str):
-    """Return PyYAML's loader, which stops at a file with too many nodes or merged entries."""
+    """Return PyYAML's loader, limited in the number of nodes and merged entries."""
     import yaml
 
-    class Bounded(yaml.SafeLoader):
+    class BoundedLoader(yaml.SafeLoader):
         nodes = merged = 0
 
         def compose_node(self, parent, index):
             self.nodes += 1
-            if self.nodes > MOST_ENTRIES:
-                raise _TooMuch
+            if self.nodes > MAX_ENTRIES:
+                raise _TooLargeError
             return super().compose_node(parent, index)
 
         def flatten_mapping(self, node):
             super().flatten_mapping(node)
-            # A mapping is flattened each time that it is to be merged, before that: thirty aliases of thirty aliases of ….
+            # A mapping is flattened whenever it is merged, so thirty aliases of thirty aliases of … grow without limit.
             self.merged += len(node.value)
-            if self.merged > MOST_ENTRIES:
-                raise _TooMuch
+            if self.merged > MAX_ENTRIES:
+                raise _TooLargeError
 
-    return Bounded(text)
+    return BoundedLoader(text)
 
 
 def read_yaml(path: Path, problems: Problems, name: str | None = None, anchors: bool = True) -> YamlFile:
@@ -162,6 +156,8 @@ def read_yaml(path: Path, problems: Problems, name: str | None = None, anchors: 
 
     Parameters
     ----------
+    path : Path
+        The file.
     problems : Problems
         Collects the faults: no file, no UTF-8, no YAML, a tag, a duplicate key, no mapping, too much nesting.
     name : str, optional
@@ -175,64 +171,66 @@ def read_yaml(path: Path, problems: Problems, name: str | None = None, anchors: 
     try:
         require_file(path)
         raw = path.read_bytes()
+        if len(raw) > MAX_BYTES:
+            raise InputError(f"{len(raw)} bytes; at most {MAX_BYTES} are read")
         text = raw.decode("utf-8-sig")
-    except InputError as error:
-        problems.add(name, str(error).removeprefix(f"{path}: "))
-        return YamlFile(name)
-    except OSError as error:
-        problems.add(name, str(error.strerror))
-        return YamlFile(name)
-    except UnicodeDecodeError as error:
-        line = raw.count(b"\n", 0, error.start) + 1
-        found = f"byte 0x{raw[error.start]:02x} is not UTF-8"
-        problems.add(f"{name}, line {line}", found, "save the file in the encoding UTF-8")
-        return YamlFile(name)
-    if len(raw) > LARGEST_SIZE:
-        problems.add(name, f"{len(raw)} bytes", f"at most {LARGEST_SIZE} are read")
-        return YamlFile(name)
-    try:
         loader = _bounded_loader(text)
         reader = _YamlReader(loader, name, problems, anchors)
         node = loader.get_single_node()
         content = reader.read(node) if node is not None else {}
+    except InputError as error:
+        problems.add(name, str(error).removeprefix(f"{path}: "))
+    except OSError as error:
+        problems.add(name, str(error.strerror))
+    except UnicodeDecodeError as error:
+        line = raw.count(b"\n", 0, error.start) + 1
+        problem = f"byte 0x{raw[error.start]:02x} is not UTF-8"
+        problems.add(f"{name}, line {line}", problem, "save the file in the encoding UTF-8")
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
-        said = " ".join(filter(None, (error.context, error.problem)))
-        problems.add(f"{name}, line {mark.line + 1}" if mark else name, f"not valid YAML: {said}")
+        fault = " ".join(filter(None, (error.context, error.problem)))
+        problems.add(f"{name}, line {mark.line + 1}" if mark else name, f"not valid YAML: {fault}")
     except yaml.reader.ReaderError as error:
         line = text.count("\n", 0, error.position) + 1
-        problems.add(f"{name}, line {line}", f"character #x{error.character:02x}", "files of text have none")
+        problems.add(f"{name}, line {line}", f"character #x{error.character:02x}", "text files have none")
     except (yaml.YAMLError, ValueError) as error:
         problems.add(name, f"not valid YAML: {error}")
-    except (_TooMuch, RecursionError):
-        allowed = f"at most {DEEPEST} levels and {MOST_ENTRIES} entries, aliases written out"
+    except (_TooLargeError, RecursionError):
+        allowed = f"at most {MAX_DEPTH} levels and {MAX_ENTRIES} entries, aliases written out"
         problems.add(name, "nested too deep, or aliases of aliases", allowed)
     else:
         if isinstance(content, dict):
-            return replace(reader.file, content=content)
+            return YamlFile(name, content, reader.file.lines)
         problems.add(name, "no mapping", "'key: value' lines are needed")
     return YamlFile(name)
 
 
 def shipped_yaml(path: Path) -> dict[str, Any]:
-    """Return the content of a file of the library, by libyaml if available, in a tenth of the time; tests check it."""
+    """Return the content of a YAML file of the library, unchecked; libyaml, if available, takes a tenth of the time."""
     import yaml
 
     return yaml.load(path.read_bytes(), getattr(yaml, "CSafeLoader", yaml.SafeLoader))
 
 
 def shipped_names(path: Path, section: str) -> SimpleNamespace:
-    """Return the entries of a section of such a file as attributes."""
+    """Return the entries of a section of such a file, see `shipped_yaml`, as attributes."""
     return SimpleNamespace(**shipped_yaml(path)[section])
 
 
 def check_readable(root: Path, names: Iterable[str]) -> None:
-    """Check that files are YAML, before Snakemake reads them: its error names neither the file nor the line.
+    """Check that files are YAML before Snakemake reads them: its error names neither the file nor the line.
+
+    Parameters
+    ----------
+    root : Path
+        Folder of the files.
+    names : iterable of str
+        Paths of the files below it, for messages.
 
     Raises
     ------
     InputError
-        With the faults of all files, if one of them cannot be read.
+        If a file cannot be read, with the faults of all files.
     """
     problems = Problems("configuration")
     read = [read_yaml(root / name, problems, name) for name in names]

@@ -21,13 +21,13 @@ from typing import Any
 import numpy as np
 
 from lumbar.base.errors import InputError, LumbarError
-from lumbar.base.files import LARGEST_FILE, require_file
+from lumbar.base.files import MAX_FILE_BYTES, require_file
 
 MEMORY, SECONDS = 1_000_000_000, 20
 """Bytes that the child may take, its program and the file's content among them, and seconds of a processor."""
 PATIENCE_S = 10 * SECONDS
 """After which a child that does nothing is ended."""
-LARGEST_ANSWER, MOST_ARRAYS = 3 * LARGEST_FILE, 20_000
+LARGEST_ANSWER, MOST_ARRAYS = 3 * MAX_FILE_BYTES, 20_000
 _ARRAY = "\0"
 """Key that stands for an array: no name in a file holds it."""
 _START = "import json, sys; sys.path, asked = json.loads(sys.argv[1]); from {} import answer; answer(*asked)"

@@ -13,11 +13,11 @@ from tempfile import NamedTemporaryFile
 from typing import Any
 
 from lumbar.base.errors import InputError
-from lumbar.base.files import LARGEST_FILE
+from lumbar.base.files import MAX_FILE_BYTES
 
 _PIECE = 1_000_000
 PACKED = ".gz"
-MOST_NUMBERS = LARGEST_FILE // 8
+MOST_NUMBERS = MAX_FILE_BYTES // 8
 """Numbers, or cells, of one file."""
 
 
@@ -37,7 +37,7 @@ def unpack(stored: bytes, path: Path, into: Any) -> None:
     Raises
     ------
     InputError
-        The file is broken or cut short, or unpacks to more than `LARGEST_FILE`.
+        The file is broken or cut short, or unpacks to more than `MAX_FILE_BYTES`.
     """
     try:
         with gzip.open(io.BytesIO(stored)) as file:
@@ -51,7 +51,7 @@ def unpack(stored: bytes, path: Path, into: Any) -> None:
 
 
 def check_zip(content: bytes, source: str) -> None:
-    """Raise where a zip archive, as a workbook is one, says that it unpacks to more than `LARGEST_FILE`, or is broken."""
+    """Raise where a zip archive, as a workbook is one, says that it unpacks to more than `MAX_FILE_BYTES`, or is broken."""
     try:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
             size = sum(item.file_size for item in archive.infolist())
@@ -61,16 +61,16 @@ def check_zip(content: bytes, source: str) -> None:
 
 
 def check_size(size: float, stored: int, source: str) -> None:
-    """Raise where what a file of `stored` bytes holds takes more than `LARGEST_FILE`."""
-    if size > LARGEST_FILE:
+    """Raise where what a file of `stored` bytes holds takes more than `MAX_FILE_BYTES`."""
+    if size > MAX_FILE_BYTES:
         raise InputError(
-            f"{source}: unpacks to more than {LARGEST_FILE / 1e6:.0f} MB, from {stored / 1e6:.2g} MB; that is the most that is "
+            f"{source}: unpacks to more than {MAX_FILE_BYTES / 1e6:.0f} MB, from {stored / 1e6:.2g} MB; that is the most that is "
             "read of a file: save the recording by itself"
         )
 
 
 def read_readable(path: Path, read: Callable[..., Any], *options: Any) -> Any:
-    """Return what a function reads of a path: a packed file is unpacked, up to `LARGEST_FILE`, for as long.
+    """Return what a function reads of a path: a packed file is unpacked, up to `MAX_FILE_BYTES`, for as long.
 
     Messages about the unpacked file name the packed one.
     """
@@ -119,7 +119,7 @@ def load_matlab(content: bytes, source: str, broken: str, **options) -> dict[str
 def _check_packed_variables(content: bytes, source: str) -> None:
     """Unpack the variables of a MATLAB file of version 5 to 7.2 as far as the limit allows: a struct hides its size."""
     order = {b"IM": "<", b"MI": ">"}.get(content[126:128])
-    place, left = _MATLAB_HEADER, LARGEST_FILE
+    place, left = _MATLAB_HEADER, MAX_FILE_BYTES
     while order and place + 8 <= len(content):
         kind, size = struct.unpack(f"{order}2I", content[place : place + 8])
         if kind == _COMPRESSED:
@@ -128,5 +128,5 @@ def _check_packed_variables(content: bytes, source: str) -> None:
                 left -= len(zlib.decompressobj().decompress(packed, left + 1))
             except zlib.error as error:
                 raise InputError(f"{source}: the packed file is broken ({error})") from error
-            check_size(LARGEST_FILE - left, len(content), source)
+            check_size(MAX_FILE_BYTES - left, len(content), source)
         place += 8 + size

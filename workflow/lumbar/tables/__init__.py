@@ -1,1 +1,1 @@
-"""Tables as they are published: layout, words, CSV, LaTeX and HTML."""
+"""Published tables: layout, text, CSV, LaTeX and HTML."""
