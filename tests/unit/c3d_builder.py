@@ -124,3 +124,10 @@ def _frames(points, residuals, analog, scale, processor):
     if scale > 0:
         return np.round(rows).astype(">i2" if processor == MIPS else "<i2").tobytes()
     return _reals(rows.ravel(), processor)
+
+
+def read_c3d(path):
+    """Markers of a C3D file as the file states them, read in this process."""
+    from lumbar.records.c3d_file import c3d_content, c3d_markers
+
+    return c3d_markers(c3d_content(path), str(path))

@@ -7,12 +7,12 @@ import c3d
 import ezc3d
 import numpy as np
 import pytest
-from c3d_builder import DEC, INTEL, MIPS, build_c3d
+from c3d_builder import DEC, INTEL, MIPS, build_c3d, read_c3d
 from lifting_cases import missing_share
 
 from lumbar.base.errors import InputError
 from lumbar.records import markers
-from lumbar.records.c3d_file import read_c3d, read_coordinates
+from lumbar.records.c3d_file import read_coordinates
 from lumbar.records.c3d_structure import check_structure
 from lumbar.records.markers import read_markers
 from lumbar.settings.layout import MarkerLayout

@@ -6,12 +6,12 @@ import c3d
 import ezc3d
 import numpy as np
 import pytest
+from c3d_builder import read_c3d
 from lifting_cases import missing_share
 from scipy import stats
 
 from lumbar.base.errors import InputError, Problems
 from lumbar.lifting.movement.cleaning import fill_gaps
-from lumbar.records.c3d_file import read_c3d
 from lumbar.records.c3d_writer import write_c3d
 from lumbar.records.markers import read_markers
 from lumbar.settings.lifting import REFINING
