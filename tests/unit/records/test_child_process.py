@@ -73,7 +73,7 @@ def test_a_processors_time_ends_at_its_limit_in_words(path, monkeypatch):
 
 def test_one_that_waits_is_given_up_and_ended(path, monkeypatch):
     before = set(psutil.Process().children())
-    monkeypatch.setattr(child_process, "PATIENCE_S", 2)
+    monkeypatch.setattr(child_process, "TIMEOUT_S", 2)
     with pytest.raises(InputError, match=r"trial\.bin: its 5e-06 MB take longer than"):
         read_in_child(readers.sleeping, path)
     assert set(psutil.Process().children()) <= before
@@ -83,7 +83,7 @@ def test_one_that_waits_is_given_up_and_ended(path, monkeypatch):
     "reader, said",
     [
         (readers.crashing, r"its reader ended \(SIGABRT\); copy or export it again"),
-        (readers.leaving, "its reader answers what no file of its kind holds"),
+        (readers.leaving, "its reader returned an invalid answer"),
         (readers.mistaken, r"its reader stopped at KeyError \('x'; child_readers.py, line \d+\)"),
         (readers.of_objects, r"its reader stopped at TypeError \(no numbers: ndarray"),
     ],
@@ -100,16 +100,14 @@ def test_a_reader_that_fails_is_told_with_the_file(path, reader, said):
     ],
 )  # fmt: skip
 def test_an_answer_that_lies_is_refused(path, forged, monkeypatch):
-    monkeypatch.setattr(child_process, "LARGEST_ANSWER", 1_000_000)
-    with pytest.raises(
-        InputError, match=r"trial\.bin: broken: its reader answers what no file of its kind holds"
-    ):
+    monkeypatch.setattr(child_process, "MAX_ANSWER_BYTES", 1_000_000)
+    with pytest.raises(InputError, match=r"trial\.bin: broken: its reader returned an invalid answer"):
         read_in_child(forged, path)
 
 
 @limited
 def test_an_answer_without_end_is_cut(path, monkeypatch):
-    monkeypatch.setattr(child_process, "LARGEST_ANSWER", 3_000_000)
+    monkeypatch.setattr(child_process, "MAX_ANSWER_BYTES", 3_000_000)
     with pytest.raises(InputError, match=r"trial\.bin: broken: its reader ended"):
         read_in_child(readers.without_end, path)
 

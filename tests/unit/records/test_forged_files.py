@@ -77,9 +77,9 @@ def test_every_kind_of_file_has_one_limit_of_size(tmp_path, name):
 
 WORDS = {
     **dict.fromkeys(
-        ("external.h5", "virtual.h5", "pipe.h5", "external.mat"), "position_mm stands in another file"
+        ("external.h5", "virtual.h5", "pipe.h5", "external.mat"), "position_mm is stored in another file"
     ),
-    "linked.h5": "x stands in another file",
+    "linked.h5": "x is stored in another file",
     **dict.fromkeys(("many_sets.h5", "shape.mat", "bomb.csv.gz"), "unpacks to more than 200 MB, from 0."),
     "cells.mat": "more than 20000 variables",
     "far.xlsx": "more than 25000000 cells",

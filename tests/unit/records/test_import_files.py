@@ -91,7 +91,7 @@ def test_vectors_of_one_length_are_chosen_by_naming_them(tmp_path):
     check(lumbar.import_recordings(tmp_path / "a.mat", position="uVal", force="yVal", **units))
     [short] = lumbar.import_recordings(tmp_path / "a.mat", position="uEst", force="yest", **units)
     assert short.record["output"] == pytest.approx(FORCE[:200])
-    with pytest.raises(InputError, match=r"'uEst' has 200 and 'yVal' 600 values"):
+    with pytest.raises(InputError, match=r"'uEst' has 200 and 'yVal' has 600 values"):
         lumbar.import_recordings(tmp_path / "a.mat", position="uEst", force="yVal", **units)
     with pytest.raises(InputError, match=r"--force 'yTest': no such column.*; there are .*uEst"):
         lumbar.import_recordings(tmp_path / "a.mat", position="uEst", force="yTest", **units)
@@ -209,7 +209,7 @@ def test_an_encoding_that_is_none_or_does_not_fit(run, tmp_path):
     path = tmp_path / "trial.txt"
     path.write_bytes(CHINESE.encode("gbk"))
     err = run.refused("import", path, "--encoding", "klingon", "--dry-run")
-    assert "--encoding 'klingon': no encoding of text that Python knows, such as gbk" in err
+    assert "--encoding 'klingon': no encoding of text in Python, such as gbk" in err
     with pytest.raises(InputError, match="no encoding of text"):
         lumbar.import_recordings(path, encoding="base64")
     with pytest.raises(InputError, match=r"line 1 cannot be read by --encoding utf-8 \("):
@@ -292,5 +292,5 @@ def test_trials_that_are_none(tmp_path):
         lumbar.import_recordings(path, cut_by="trial")
     with pytest.raises(InputError, match=r"--cut-by 'cycle': no such column; there are .*column 4 'trial'"):
         lumbar.import_recordings(path, cut_by="cycle")
-    with pytest.raises(InputError, match=r"--cut-by: column 1 'time' .* has 600 stretches of one value"):
+    with pytest.raises(InputError, match=r"--cut-by: column 1 'time' .* has 600 intervals of one value"):
         lumbar.import_recordings(path, cut_by="time")

@@ -6,8 +6,8 @@ from foreign_files import FORCE, POSITION, RATE, TIME, rows
 
 import lumbar
 from lumbar.base.errors import InputError
-from lumbar.records.importing.raw_table import find_unit, name_and_unit, parse_unit
-from lumbar.records.importing.roles import named_so
+from lumbar.records.importing.raw_table import find_unit, parse_unit, split_name_and_unit
+from lumbar.records.importing.roles import name_match_score
 from refusing import refusal
 
 HEAD = "time_s,position_mm,force_N\n"
@@ -60,7 +60,7 @@ def test_a_spelling_that_several_units_could_have_is_none(spelling):
     ],
 )
 def test_a_header_is_parted(cell, parted):
-    assert name_and_unit(cell) == parted
+    assert split_name_and_unit(cell) == parted
 
 
 @pytest.mark.parametrize(
@@ -76,7 +76,7 @@ def test_a_header_is_parted(cell, parted):
     ],
 )
 def test_names_say_roles(name, role, plainness):
-    assert named_so(name, role) == plainness
+    assert name_match_score(name, role) == plainness
 
 
 def test_a_calibration_is_a_number_before_a_unit():
@@ -98,12 +98,12 @@ def test_two_forces_are_refused_with_both(tmp_path):
     assert "column 2 'z' [mm]: 1.26221, 1.4775, 1.67825, …, from -4.7325 to 4.73246" in told
     chosen = imported(tmp_path, text, force="force 2")
     assert chosen.record["output"] == pytest.approx(2 * FORCE, abs=2e-5)
-    assert "as told by --force" in chosen.grounds["force"]
+    assert "as given by --force" in chosen.grounds["force"]
     # The header's own text, and a unit that is not the file's.
     text = text.replace("force 2 (N)", "force2_kN")
     chosen = imported(tmp_path, text, force="force2_kN", force_unit="N")
     assert chosen.record["output"] == pytest.approx(2 * FORCE, abs=2e-5)
-    assert chosen.grounds["force"].endswith("unit N, as told by --force-unit, where the file says kN")
+    assert chosen.grounds["force"].endswith("unit N, as given by --force-unit, while the file states kN")
 
 
 @pytest.mark.parametrize("head", ["time_s,position_mm,force_N,force_N\n", "t (s),z (mm),F (N),F (kN)\n"])
@@ -111,7 +111,7 @@ def test_a_name_that_stands_twice_is_refused(tmp_path, head):
     text = head + rows(",", columns=(TIME, POSITION, FORCE, FORCE / 1e3), digits=8)
     assert "choose by --force" in refusal(imported, tmp_path, text)
     name = "force" if "force" in head else "F"
-    assert "which stands in columns 3 and 4; choose by --force NUMBER" in refusal(
+    assert "the name of columns 3 and 4; choose by --force NUMBER" in refusal(
         imported, tmp_path, text, force=name
     )
     assert imported(tmp_path, text, force=3).record["output"] == pytest.approx(FORCE, abs=1e-5)
@@ -154,14 +154,14 @@ def stamped(moved: dict[int, int]) -> str:
             "Samples: 600", "Sample: 7", "Sample diameter 10 mm", "Sample rate: 60 per min", "Frequency: 2 Hz")),
         (TWO_RATES, {}, "the file states 200 Hz (line 1), 250 Hz (line 2); choose by --rate HZ"),
         (WHOLE, {"rate": 100}, "--rate is given, but column 1 'time' [s] is time"),
-        (HEAD + rows(",", ","), {}, "commas part both columns and decimals"),
+        (HEAD + rows(",", ","), {}, "commas are delimiters and decimal signs"),
         (TWO_TABLES, {}, "2 tables of numbers (1: lines 2 to 601, 2: lines 605 to 1204); choose one"),
         (TWO_TABLES, {"table": 3}, "no table '3'; there are 1: lines 2 to 601"),
         (changed({101: "0.495,over,1.2", 201: "0.995,1.2"}), {}, "line 101: column 2 'position' is 'over'; a number"),
         (changed({101: "0.495,over,1.2", 201: "0.995,1.2"}), {}, "line 201: 2 cells; 3 are needed"),
         (THOUSANDS, {}, "column 2 is no number ('1,262.21')"),
-        ("position_mm,force_N\n" + rows(","), {}, "no names: above the table stands 'position_mm,force_N'"),
-        (WHOLE, {"position": 2, "force": "2"}, "is taken already"),
+        ("position_mm,force_N\n" + rows(","), {}, "no names: the line above the table is 'position_mm,force_N'"),
+        (WHOLE, {"position": 2, "force": "2"}, "already has a role"),
         (WHOLE, {"position": "none"}, "--position 'none': no such column"),
         (WHOLE, {"force": "load"}, "--force 'load': no such column; there are column 1 'time' [s]"),
         (WHOLE, {"force_unit": "mm"}, "is a unit of length, not of force"),
@@ -230,7 +230,7 @@ def test_a_force_of_the_other_sign_is_told_and_turned(tmp_path):
     assert "--flip-force changes it" in imported(tmp_path, text).notes[0]
     flipped = imported(tmp_path, text, flip_force=True)
     assert flipped.record["output"] == pytest.approx(FORCE, abs=2e-5)
-    assert flipped.notes == ("the sign of the force is changed, as told by --flip-force",)
+    assert flipped.notes == ("the sign of the force is changed, as given by --flip-force",)
     assert "leave --flip-force out" in imported(tmp_path, HEAD + rows(","), flip_force=True).notes[1]
 
 
@@ -361,7 +361,7 @@ def test_a_velocity_is_integrated_and_it_is_said(tmp_path, head, told):
     assert one.record["input"] == pytest.approx(MOTION, abs=step**2 / 12 * np.ptp(RADIAN * VELOCITY) + 1e-6)
     assert list(one.frame()) == ["time_s", "position_mm", "force_N"]
     [note] = [note for note in one.notes if "integral" in note]
-    for words in ("0 at the first sample", "is not known", "an offset of the velocity would be a drift"):
+    for words in ("0 at the first sample", "is unknown", "would drift the position"):
         assert words in note
 
 
@@ -381,7 +381,7 @@ def test_two_velocities_and_a_velocity_without_unit_are_asked_about(tmp_path):
     with pytest.raises(InputError, match=r"without a unit; give --position-unit, e.g. mm/s"):
         given(tmp_path, "time_s,velocity,force_N")
     note = given(tmp_path, "time_s,velocity,force_N", position="velocity", position_unit="mm").notes[0]
-    assert "is named a velocity, and is taken for a position as told" in note
+    assert "has the name of a velocity, and is used as a position, as given" in note
 
 
 def test_parts_of_a_recording_share_their_zero(tmp_path):

@@ -13,11 +13,12 @@ from lumbar.base.errors import InputError, Problems
 from lumbar.base.files import read_json, require_file
 from lumbar.interface.reading import COLUMN_ENDINGS, is_column_file
 from lumbar.records.importing.raw_table import COLUMNS_FOLLOW, RawTable, ReadOptions
-from lumbar.records.importing.recording import ImportedRecording, to_records
+from lumbar.records.importing.recording import ImportedRecording, record_name, to_records
 from lumbar.records.importing.roles import Choices
-from lumbar.records.importing.source_file import file_name, read_content
-from lumbar.records.importing.study_file import PROVENANCE, needs_study, write_folder
+from lumbar.records.importing.source_file import read_content
+from lumbar.records.importing.study_file import PROVENANCE, is_study_needed, write_folder
 from lumbar.records.record import RecordSet, require_same_units
+from lumbar.records.unpacking import stem_of
 from lumbar.tissue.diagnosis.linear.direction import inverted_sign_reason
 
 if TYPE_CHECKING:
@@ -37,7 +38,7 @@ class ForeignFile:
     sha256: str
 
     @classmethod
-    def of_content(cls, name: str, content: bytes, asked: ReadOptions) -> ForeignFile:
+    def of_content(cls, name: str, content: bytes, options: ReadOptions) -> ForeignFile:
         """Read a file from memory.
 
         Raises
@@ -45,13 +46,13 @@ class ForeignFile:
         InputError
             If it has no table.
         """
-        return cls(file_name(Path(name)), *read_content(content, Path(name), asked))
+        return cls(record_name(stem_of(Path(name))), *read_content(content, Path(name), options))
 
     @classmethod
-    def of_path(cls, path: Path, asked: ReadOptions) -> ForeignFile:
+    def of_path(cls, path: Path, options: ReadOptions) -> ForeignFile:
         """Read a file; raise as `of_content` does."""
         require_file(path)
-        return cls.of_content(str(path), path.read_bytes(), asked)
+        return cls.of_content(str(path), path.read_bytes(), options)
 
 
 def import_recordings(
@@ -152,8 +153,8 @@ def import_recordings(
     told: dict = {}
     for item, path in zip(sources, places, strict=True):
         try:
-            found = item if isinstance(item, ForeignFile) else ForeignFile.of_path(item, choices.asked)
-            called_so = found.name if name is None else file_name(Path(f"{name}.csv"))
+            found = item if isinstance(item, ForeignFile) else ForeignFile.of_path(item, choices.read_options)
+            called_so = found.name if name is None else record_name(stem_of(Path(f"{name}.csv")))
             for recording in to_records(found.table, choices, called_so, found.sha256):
                 recordings.append(_with_sign(recording, flip_force))
         except InputError as error:
@@ -252,7 +253,7 @@ class ImportedRecordings(Sequence[ImportedRecording]):
     def next_command(self, study: Path) -> str:
         """Command that diagnoses the records of the folder that was saved."""
         command, content = ["lumbar", "diagnose", str(study.parent)], read_json(study.parent / PROVENANCE)
-        if needs_study(content):
+        if is_study_needed(content):
             command += ["--config", str(study)]
         elif content["forward"]:
             command.append("--forward")

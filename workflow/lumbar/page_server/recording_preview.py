@@ -67,8 +67,8 @@ def in_labels(text: str) -> str:
 
     Examples
     --------
-    >>> in_labels("column 2, as told by --force")
-    'column 2, as told by “Force”'
+    >>> in_labels("column 2, as given by --force")
+    'column 2, as given by “Force”'
     """
     return _OPTION.sub(lambda found: f"“{FIELDS[found[1].replace('-', '_')]}”", text)
 
@@ -84,7 +84,7 @@ def _problems(message: str) -> list[str]:
     return listed or parts
 
 
-_HEADING = re.compile(r"(: \d+ problems?|: not everything can be told from the file)$")
+_HEADING = re.compile(r"(: \d+ problems?|: some columns or units are unclear)$")
 """End of a heading before a list of problems."""
 
 
@@ -126,7 +126,7 @@ def preview(imported: ImportedRecordings) -> dict[str, Any]:
         },
         "found": {
             role: (", ".join(column for column, _ in found), found[0][1])
-            for role, found in _by_field(recording.found).items()
+            for role, found in _by_field(recording.sources).items()
         },
         "notes": list(map(in_labels, recording.notes)),
         "remark": OF_SEVERAL_AXES if record.axes else "",

@@ -1,8 +1,7 @@
-"""Reading every recording of a study before anything is computed from it."""
+"""Reading of every recording of a study before anything is computed."""
 
 import hashlib
 from collections.abc import Callable
-from functools import partial
 from pathlib import Path
 
 from lumbar.base.errors import InputError, Problems
@@ -16,14 +15,16 @@ MarkerReader = Callable[[str, MarkerLayout], MarkerRecording]
 
 
 def check_recordings(plan: list[dict], read: MarkerReader = read_markers) -> dict[str, list[dict]]:
-    """Read every recording and describe it, by chapter: name, sha256, size and what the reader found in it.
+    """Read every recording and describe it, by chapter: name, sha256, size and the reader's results.
 
     Parameters
     ----------
     plan : list of dict
-        One entry per file: ``chapter``, ``set`` (files whose quantities and units must agree, or null),
-        ``reader`` (``columns``, ``markers`` or ``ratings``), ``path``, ``layout``, and for columns ``name``,
-        ``period_s``, ``rate_Hz`` and ``trim_s`` where they apply.
+        One entry per file: ``chapter``, ``set`` (files that need the same quantities and units, or null),
+        ``reader`` (``columns``, ``markers`` or ``ratings``), ``path``, ``layout``, and for columns optionally ``name``,
+        ``period_s``, ``rate_Hz`` and ``trim_s``.
+    read : callable
+        Reader of marker files.
 
     Raises
     ------
@@ -33,24 +34,22 @@ def check_recordings(plan: list[dict], read: MarkerReader = read_markers) -> dic
     problems = Problems("recordings")
     chapters: dict[str, list[dict]] = {}
     sets: dict[str, list] = {}
+    readers = {
+        "columns": _read_columns,
+        "markers": lambda item: _read_markers(item, read),
+        "ratings": _read_ratings,
+    }
     for item in track(plan, "recordings checked"):
         described = chapters.setdefault(item["chapter"], [])
         try:
-            reader = partial(_markers, read=read) if item["reader"] == "markers" else _READERS[item["reader"]]
-            record, description = reader(item)
+            record, description = readers[item["reader"]](item)
         except InputError as error:
             problems.add("", str(error).replace("\n", "\n    "))
             continue
-        with Path(item["path"]).open("rb") as stream:
+        path = Path(item["path"])
+        with path.open("rb") as stream:
             digest = hashlib.file_digest(stream, "sha256").hexdigest()
-        described.append(
-            {
-                "file": Path(item["path"]).name,
-                "sha256": digest,
-                "reader": item["reader"],
-                **description,
-            }
-        )
+        described.append({"file": path.name, "sha256": digest, "reader": item["reader"], **description})
         if item.get("set"):
             sets.setdefault(item["set"], []).append(record)
     for records in sets.values():
@@ -62,7 +61,7 @@ def check_recordings(plan: list[dict], read: MarkerReader = read_markers) -> dic
     return chapters
 
 
-def _columns(item: dict) -> tuple[object, dict]:
+def _read_columns(item: dict) -> tuple[object, dict]:
     from lumbar.records.columns import read_record
 
     record = read_record(
@@ -87,7 +86,7 @@ def _columns(item: dict) -> tuple[object, dict]:
     }
 
 
-def _markers(item: dict, read: MarkerReader) -> tuple[object, dict]:
+def _read_markers(item: dict, read: MarkerReader) -> tuple[object, dict]:
     recording = read(item["path"], MarkerLayout.model_validate(item["layout"]))
     return recording, {
         "name": recording.name,
@@ -102,7 +101,7 @@ def _markers(item: dict, read: MarkerReader) -> tuple[object, dict]:
     }
 
 
-def _ratings(item: dict) -> tuple[object, dict]:
+def _read_ratings(item: dict) -> tuple[object, dict]:
     from lumbar.records.ratings import read_ratings
 
     ratings = read_ratings(item["path"], RatingsLayout.model_validate(item["layout"]))
@@ -112,6 +111,3 @@ def _ratings(item: dict) -> tuple[object, dict]:
         "scale_points": ratings.scale_points,
         "sources": list(ratings.sources),
     }
-
-
-_READERS: dict[str, Callable[[dict], tuple[object, dict]]] = {"columns": _columns, "ratings": _ratings}

@@ -218,13 +218,11 @@ def _vectors_of_mat(path: str) -> dict[str, np.ndarray | None]:
     """Return the vectors of real numbers in a MATLAB file by name; None for each other variable."""
     from lumbar.records.unpacking import load_matlab
 
-    content = load_matlab(
-        Path(path).read_bytes(), path, "not a MATLAB file of version 4 to 7.2", squeeze_me=True
-    )
-    found = {name: np.asarray(value) for name, value in content.items() if not name.startswith("__")}
+    content = load_matlab(Path(path).read_bytes(), path, squeeze_me=True)
+    arrays = {name: np.asarray(value) for name, value in content.items() if not name.startswith("__")}
     return {
-        name: value if value.ndim == 1 and value.dtype.kind in "fiu" else None
-        for name, value in found.items()
+        name: values if values.ndim == 1 and values.dtype.kind in "fiu" else None
+        for name, values in arrays.items()
     }
 
 

@@ -1,4 +1,4 @@
-"""The frame of a force sensor that is mounted turned against the axes of the position, declared by a rotation vector."""
+"""Frame of a force sensor that is mounted at an angle to the axes of the position, declared as a rotation vector."""
 
 from collections.abc import Sequence
 
@@ -14,15 +14,16 @@ def rotate_forces(record: Record, rotation_vector_deg: Sequence[float] | None) -
 
     Parameters
     ----------
+    record : Record
+        Forces in the sensor's axes.
     rotation_vector_deg : sequence of three float, or None
-        Rotation R that takes a force in the sensor's axes to the position's, ``f_position = R f_sensor``, as a rotation vector:
-        along the axis of rotation, as long as the angle in degrees, right-handed. R's columns are the sensor's axes in those of
-        the position. None: they are the same.
+        Rotation R from the sensor's axes to the position's, ``f_position = R f_sensor``: along the axis of rotation, its length
+        the angle in degrees, right-handed. R's columns are the sensor's axes in those of the position. None: no rotation.
 
     Raises
     ------
     InputError
-        If a record of one axis is to be turned, or one of two axes out of their plane.
+        If the record has one axis, or two axes and the rotation leaves their plane.
     """
     if rotation_vector_deg is None or not any(rotation_vector_deg):
         return record
@@ -31,17 +32,16 @@ def rotate_forces(record: Record, rotation_vector_deg: Sequence[float] | None) -
     from scipy.spatial.transform import Rotation
 
     chosen = [AXES.index(axis) for axis in record.axes]
-    out_of_plane = [AXES[at] for at in chosen if len(chosen) < len(AXES) and rotation_vector_deg[at]]
-    if out_of_plane:
+    out_of_plane = [AXES[index] for index in chosen if rotation_vector_deg[index]]
+    if out_of_plane and len(chosen) < len(AXES):
         normal = next(axis for axis in AXES if axis not in record.axes)
         raise InputError(
             f"{record.name}: tissue.force_frame turns about {' and '.join(out_of_plane)}, but the record has the axes "
             f"{' and '.join(record.axes)}; only its component along {normal} may differ from 0"
         )
-    roles = record.roles(
-        "input" if record.channels[record.roles("input")[0]].quantity == "force" else "output"
-    )
-    forces = np.stack([record[role] for role in roles])
+    is_input = record.channels[record.roles("input")[0]].quantity == "force"
+    side = "input" if is_input else "output"
+    roles, forces = record.roles(side), record.stacked(side)
     rotation = Rotation.from_rotvec(rotation_vector_deg, degrees=True).as_matrix()
-    turned = rotation[np.ix_(chosen, chosen)] @ forces
-    return record.with_values(**dict(zip(roles, turned, strict=True)))
+    rotated = rotation[np.ix_(chosen, chosen)] @ forces
+    return record.with_values(**dict(zip(roles, rotated, strict=True)))

@@ -171,7 +171,7 @@ class Record:
         return replace(self, channels={**self.channels, **changed})
 
 
-FEWEST_SAMPLES = 8
+MIN_SAMPLES = 8
 """Fewest samples of a record that can be analysed."""
 
 
@@ -194,8 +194,8 @@ def check_record(
         even, a constant channel.
     """
     problems = Problems(record.source or record.name)
-    if len(record.time) < FEWEST_SAMPLES:
-        problems.add("", f"{len(record.time)} samples", f"at least {FEWEST_SAMPLES} are needed")
+    if len(record.time) < MIN_SAMPLES:
+        problems.add("", f"{len(record.time)} samples", f"at least {MIN_SAMPLES} are needed")
         problems.raise_if_any()
     series = {role: channel.values for role, channel in record.channels.items()}
     with np.errstate(invalid="ignore"):  # values that are not finite are refused by themselves

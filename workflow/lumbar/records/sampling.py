@@ -11,7 +11,7 @@ from fractions import Fraction
 import numpy as np
 
 from lumbar.base.errors import InputError, Problems
-from lumbar.records.record import FEWEST_SAMPLES, LARGEST, Record, place_of
+from lumbar.records.record import LARGEST, MIN_SAMPLES, Record, place_of
 
 
 def samples_between(time: np.ndarray, trim: tuple[float, float], source: str) -> np.ndarray:
@@ -20,13 +20,13 @@ def samples_between(time: np.ndarray, trim: tuple[float, float], source: str) ->
     Raises
     ------
     InputError
-        If fewer than `FEWEST_SAMPLES` lie between them.
+        If fewer than `MIN_SAMPLES` lie between them.
     """
     keep = np.flatnonzero((time >= trim[0] - 1e-9) & (time < trim[1] - 1e-9))
-    if len(keep) < FEWEST_SAMPLES:
+    if len(keep) < MIN_SAMPLES:
         raise InputError(
             f"{source}: {len(keep)} samples from {trim[0]:g} to {trim[1]:g} s; the clock runs from {np.nanmin(time):g} to "
-            f"{np.nanmax(time):g} s, and at least {FEWEST_SAMPLES} samples are needed"
+            f"{np.nanmax(time):g} s, and at least {MIN_SAMPLES} samples are needed"
         )
     return keep
 
@@ -53,7 +53,7 @@ def fill_missing_rows(
     """
     channels = {role: channel.values for role, channel in record.channels.items()}
     is_finite = all(np.all(np.abs(values) <= LARGEST) for values in (record.time, *channels.values()))
-    if len(record.time) < FEWEST_SAMPLES or not is_finite:
+    if len(record.time) < MIN_SAMPLES or not is_finite:
         return record, lines
     steps = np.diff(record.time)
     step = float(np.median(steps))

@@ -1,11 +1,10 @@
-"""Packed files unpacked up to a limit: a small file may stand for gigabytes."""
+"""Packed files, unpacked up to a limit: a small file may unpack to gigabytes."""
 
 import gzip
 import io
 import math
 import os
 import struct
-import zipfile
 import zlib
 from collections.abc import Callable
 from pathlib import Path
@@ -16,23 +15,22 @@ from lumbar.base.errors import InputError
 from lumbar.base.files import MAX_FILE_BYTES
 
 _PIECE = 1_000_000
-PACKED = ".gz"
-MOST_NUMBERS = MAX_FILE_BYTES // 8
-"""Numbers, or cells, of one file."""
+_GZIP_ENDING = ".gz"
 
 
 def ending_of(path: Path) -> str:
-    """Ending of a file in small letters without that of packing: ``".trc"`` of ``squat.TRC.gz``."""
-    return path.with_suffix("").suffix.lower() if path.suffix.lower() == PACKED else path.suffix.lower()
+    """Return a file's ending in lower case without that of packing: ``".trc"`` of ``squat.TRC.gz``."""
+    is_packed = path.suffix.lower() == _GZIP_ENDING
+    return (path.with_suffix("") if is_packed else path).suffix.lower()
 
 
 def stem_of(path: Path) -> str:
-    """Name of a file without its endings: ``squat`` of ``squat.trc.gz``."""
-    return path.with_suffix("").stem if path.suffix.lower() == PACKED else path.stem
+    """Return a file's name without its endings: ``squat`` of ``squat.trc.gz``."""
+    return (path.with_suffix("") if path.suffix.lower() == _GZIP_ENDING else path).stem
 
 
-def unpack(stored: bytes, path: Path, into: Any) -> None:
-    """Write what a gzipped file holds into a file that is open.
+def unpack(packed: bytes, path: Path, output: Any) -> None:
+    """Unpack the content of a gzipped file into an open file.
 
     Raises
     ------
@@ -40,93 +38,93 @@ def unpack(stored: bytes, path: Path, into: Any) -> None:
         The file is broken or cut short, or unpacks to more than `MAX_FILE_BYTES`.
     """
     try:
-        with gzip.open(io.BytesIO(stored)) as file:
+        with gzip.open(io.BytesIO(packed)) as file:
             while piece := file.read(_PIECE):
-                check_size(into.tell() + len(piece), len(stored), str(path))
-                into.write(piece)
+                check_size(output.tell() + len(piece), len(packed), str(path))
+                output.write(piece)
     except EOFError as error:
         raise InputError(f"{path}: the packed file is cut short; copy it again") from error
     except (OSError, zlib.error) as error:
         raise InputError(f"{path}: the packed file is broken ({error})") from error
 
 
-def check_zip(content: bytes, source: str) -> None:
-    """Raise where a zip archive, as a workbook is one, says that it unpacks to more than `MAX_FILE_BYTES`, or is broken."""
-    try:
-        with zipfile.ZipFile(io.BytesIO(content)) as archive:
-            size = sum(item.file_size for item in archive.infolist())
-    except Exception as error:  # a broken archive leads to errors of many kinds
-        raise InputError(f"{source}: the packed file is broken ({error})") from error
-    check_size(size, len(content), source)
-
-
-def check_size(size: float, stored: int, source: str) -> None:
-    """Raise where what a file of `stored` bytes holds takes more than `MAX_FILE_BYTES`."""
+def check_size(size: float, packed_size: int, source: str) -> None:
+    """Raise if the content of a file of `packed_size` bytes takes more than `MAX_FILE_BYTES`."""
     if size > MAX_FILE_BYTES:
         raise InputError(
-            f"{source}: unpacks to more than {MAX_FILE_BYTES / 1e6:.0f} MB, from {stored / 1e6:.2g} MB; that is the most that is "
-            "read of a file: save the recording by itself"
+            f"{source}: unpacks to more than {MAX_FILE_BYTES / 1e6:.0f} MB, from {packed_size / 1e6:.2g} MB; save the recording "
+            "by itself"
         )
 
 
 def read_readable(path: Path, read: Callable[..., Any], *options: Any) -> Any:
-    """Return what a function reads of a path: a packed file is unpacked, up to `MAX_FILE_BYTES`, for as long.
+    """Return the result of ``read(path, *options)``; a gzipped file is unpacked for it.
 
-    Messages about the unpacked file name the packed one.
-    """
-    if path.suffix.lower() != PACKED:
-        return read(path, *options)
-    # Gone with this process: in memory, where the system has such files.
-    in_memory = hasattr(os, "memfd_create")
-    with os.fdopen(os.memfd_create("unpacked"), "wb") if in_memory else NamedTemporaryFile() as file:
-        plain = Path(f"/proc/self/fd/{file.fileno()}" if in_memory else file.name)
-        unpack(path.read_bytes(), path, file)
-        file.flush()
-        try:
-            return read(plain, *options)
-        except InputError as error:
-            raise type(error)(str(error).replace(str(plain), str(path))) from error
-
-
-_MATLAB_HEADER, _COMPRESSED = 128, 15
-"""Bytes before the first variable, and the type of a packed one (MATLAB's description of MAT-files, level 5)."""
-
-
-def load_matlab(content: bytes, source: str, broken: str, **options) -> dict[str, Any]:
-    """Return the variables of a MATLAB file by name; `options` as for `scipy.io.loadmat`.
+    Errors about the unpacked file name the packed one.
 
     Raises
     ------
     InputError
-        Where the file is none of version 4 to 7.2 or too large, or SciPy cannot read it: `broken` says so.
+        As `unpack` and `read`.
+    """
+    if path.suffix.lower() != _GZIP_ENDING:
+        return read(path, *options)
+    # In memory if the system supports it; the file is removed when it is closed.
+    in_memory = hasattr(os, "memfd_create")
+    with os.fdopen(os.memfd_create("unpacked"), "wb") if in_memory else NamedTemporaryFile() as file:
+        unpacked = Path(f"/proc/self/fd/{file.fileno()}" if in_memory else file.name)
+        unpack(path.read_bytes(), path, file)
+        file.flush()
+        try:
+            return read(unpacked, *options)
+        except InputError as error:
+            raise type(error)(str(error).replace(str(unpacked), str(path))) from error
+
+
+_HEADER_BYTES, _COMPRESSED = 128, 15
+"""Bytes before the first variable, and the type of a packed one (MATLAB's description of MAT-files, level 5)."""
+
+
+def load_matlab(content: bytes, source: str, **options) -> dict[str, Any]:
+    """Return the variables of a MATLAB file by name.
+
+    Parameters
+    ----------
+    content : bytes
+        The file's content.
+    source : str
+        The file, for messages.
+    **options
+        As for `scipy.io.loadmat`.
+
+    Raises
+    ------
+    InputError
+        The file is not of version 4 to 7.2, too large or broken.
     """
     from scipy.io import loadmat, whosmat
 
     try:
         stated = whosmat(io.BytesIO(content))
-    except Exception as error:  # a broken file leads SciPy's reader to errors of many kinds
+    except Exception as error:  # a broken file causes errors of many kinds
         raise InputError(
             f"{source}: not a MATLAB file of version 4 to 7.2 (save it with -v7; {error})"
         ) from error
     check_size(8 * sum(math.prod(shape) for _, shape, _ in stated), len(content), source)
-    _check_packed_variables(content, source)
-    try:
-        return loadmat(io.BytesIO(content), **options)
-    except Exception as error:  # a broken file leads SciPy's reader to errors of many kinds
-        raise InputError(f"{source}: {broken} ({error})") from error
-
-
-def _check_packed_variables(content: bytes, source: str) -> None:
-    """Unpack the variables of a MATLAB file of version 5 to 7.2 as far as the limit allows: a struct hides its size."""
+    # Packed variables of version 5 to 7.2 are unpacked up to the limit, because the size of a struct is not stated.
     order = {b"IM": "<", b"MI": ">"}.get(content[126:128])
-    place, left = _MATLAB_HEADER, MAX_FILE_BYTES
+    place, left = _HEADER_BYTES, MAX_FILE_BYTES
     while order and place + 8 <= len(content):
         kind, size = struct.unpack(f"{order}2I", content[place : place + 8])
+        place += 8
         if kind == _COMPRESSED:
-            packed = content[place + 8 : place + 8 + size]
             try:
-                left -= len(zlib.decompressobj().decompress(packed, left + 1))
+                left -= len(zlib.decompressobj().decompress(content[place : place + size], left + 1))
             except zlib.error as error:
                 raise InputError(f"{source}: the packed file is broken ({error})") from error
             check_size(MAX_FILE_BYTES - left, len(content), source)
-        place += 8 + size
+        place += size
+    try:
+        return loadmat(io.BytesIO(content), **options)
+    except Exception as error:  # a broken file causes errors of many kinds
+        raise InputError(f"{source}: not a MATLAB file that can be read ({error})") from error

@@ -1,6 +1,4 @@
-"""An even clock for a record: from the time column, behind rounded time stamps, from a stated rate, or by resampling; and the
-motion from a column of velocity, its integral over the clock.
-"""
+"""Even clock of a record, from time stamps, rounded ones, a stated rate or by resampling; and the integral of a velocity."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -10,125 +8,130 @@ import numpy as np
 
 from lumbar.base.errors import InputError, Problems
 from lumbar.records.importing.raw_table import StatedRate
-from lumbar.records.record import CLOCK_TOLERANCE, FEWEST_SAMPLES, Record, place_of
+from lumbar.records.record import CLOCK_TOLERANCE, MIN_SAMPLES, Record, place_of
 
-LONGEST_STEP = 3.0
-"""Longest step of an uneven clock, in median steps, that is interpolated over."""
-_FEWEST_ODD = 10
-"""Odd steps of a coarse clock, evenly spread, that show that its stamps are rounded and no samples dropped."""
-_FINE = 0.01
-"""Last digit of the stamps, in median steps, below which their rounding is nothing."""
-_MOST_NAMED = 5
-_AGREE = 0.01
-"""Relative difference from which a stated rate contradicts the clock."""
+MAX_STEP = 3.0
+"""Longest step of an uneven clock, in median steps, that is interpolated."""
+_MIN_ODD_STEPS = 10
+"""Number of odd steps of a coarse clock that shows rounded stamps instead of dropped samples."""
+_NEGLIGIBLE_DIGIT = 0.01
+"""Last digit of the stamps, in median steps, below which their rounding is negligible."""
+_MAX_LISTED = 5
+_RATE_TOLERANCE = 0.01
+"""Relative difference at which a stated rate contradicts the clock."""
 
 
 def stated_time(
-    samples: int, told: float | None, stated: Sequence[StatedRate], source: str
+    samples: int, rate: float | None, stated: Sequence[StatedRate], source: str
 ) -> tuple[np.ndarray, str]:
-    """Return the time of a table without a column of time, from the rate, and where the rate comes from.
+    """Return the time of a table without a column of time, in seconds, and the origin of its rate.
 
     Raises
     ------
     InputError
-        If no rate is told or stated, or the file states several.
+        If no rate is given or stated, or the file states several.
     """
-    if told is not None:
-        return np.arange(samples) / told, f"no column; {told:g} Hz as told by --rate"
-    values = [rate.value for rate in stated]
+    if rate is not None:
+        return np.arange(samples) / rate, f"no column; {rate:g} Hz as given by --rate"
+    values = [item.value for item in stated]
     if not values:
         raise InputError(
             f"{source}: no column of time and no rate is stated; give --time COLUMN or --rate HZ (points of a static test "
-            "have neither, and no clock is made up for them: lumbar diagnose takes a plain table position_mm,force_N as it is)"
+            "have neither: lumbar diagnose reads their plain table position_mm,force_N)"
         )
     if max(values) > (1 + 1e-6) * min(values):
-        found = ", ".join(f"{rate.value:g} Hz ({rate.place})" for rate in stated)
-        raise InputError(f"{source}: no column of time, and the file states {found}; choose by --rate HZ")
+        listed = ", ".join(f"{item.value:g} Hz ({item.place})" for item in stated)
+        raise InputError(f"{source}: no column of time, and the file states {listed}; choose by --rate HZ")
     return np.arange(samples) / values[0], f"no column; {values[0]:g} Hz as {stated[0].place} says"
 
 
 def contradictions(record: Record, stated: Sequence[StatedRate]) -> list[str]:
-    """Sentences on stated rates that the clock does not have."""
+    """Return notes on stated rates that differ from the clock's."""
     rate = 1 / record.sampling_time
     return [
         f"the file states {item.value:g} Hz ({item.place}), but its clock has {rate:g} Hz"
         for item in stated
-        if abs(item.value / rate - 1) > _AGREE
+        if abs(item.value / rate - 1) > _RATE_TOLERANCE
     ]
 
 
 def check_forward(time: np.ndarray, lines: Sequence[int] | None, source: str) -> None:
-    """Refuse time stamps that are missing, stand twice or go backward, with their lines."""
+    """Raise if time stamps are missing, repeated or backward, with their lines."""
     problems = Problems(source)
     steps = np.diff(time)
-    for found, at, do in (
-        ("without a number", np.flatnonzero(~np.isfinite(time)), "mend or cut these rows"),
+    repeated = "drop the duplicate rows; replace stamps too coarse for an even clock by --time none --rate HZ"
+    for fault, samples, remedy in (
+        ("without a number", np.flatnonzero(~np.isfinite(time)), "fix or remove these rows"),
+        ("repeated", np.flatnonzero(steps == 0) + 1, repeated),
         (
-            "repeated",
-            np.flatnonzero(steps == 0) + 1,
-            "drop the rows that stand twice; stamps too coarse for an even clock are replaced by --time none --rate HZ",
+            "backward",
+            np.flatnonzero(steps < 0) + 1,
+            "split the recording there, or select a part with --trim",
         ),
-        ("backward", np.flatnonzero(steps < 0) + 1, "part the recording there, or choose a part with --trim"),
     ):
-        if at.size:
-            places = ", ".join(place_of(int(sample), lines) for sample in at[:_MOST_NAMED])
-            more = f" and {at.size - _MOST_NAMED} more" if at.size > _MOST_NAMED else ""
-            problems.add(f"{places}{more}", f"{at.size} time stamps {found}", do)
+        if samples.size:
+            places = ", ".join(place_of(int(sample), lines) for sample in samples[:_MAX_LISTED])
+            more = f" and {samples.size - _MAX_LISTED} more" if samples.size > _MAX_LISTED else ""
+            problems.add(f"{places}{more}", f"{samples.size} time stamps {fault}", remedy)
     problems.raise_if_any()
 
 
-def unrounded(time: np.ndarray) -> tuple[np.ndarray, str]:
-    """Return the even clock that time stamps of few digits are rounded from, and that in words; else the stamps themselves.
+def recover_even_clock(time: np.ndarray) -> tuple[np.ndarray, str]:
+    """Return the even clock of rounded time stamps, in seconds, and a note; other stamps unchanged.
 
-    They are where their last digit is all by which they leave it. With digits as coarse as the clock, a few long or short
-    steps would also be samples that were dropped or stand twice: then they are taken for that.
+    Stamps are rounded if they differ from an even clock by at most their last digit. If this digit is as coarse as the clock, a
+    few odd steps are dropped or repeated samples instead.
     """
-    if len(time) < FEWEST_SAMPLES:
+    if len(time) < MIN_SAMPLES:
         return time, ""
     number, steps = np.arange(len(time)), np.diff(time)
-    usual = float(np.median(steps))
-    last = time[
-        -max(FEWEST_SAMPLES, len(time) // 10) :
-    ]  # of six digits, say, the last stamps have the coarsest
+    step = float(np.median(steps))
+    last = time[-max(MIN_SAMPLES, len(time) // 10) :]  # of six digits, the last stamps are the coarsest
     digit = next(
         (10.0**-k for k in range(10) if np.allclose(last * 10**k, np.rint(last * 10**k), 0, 1e-3)), 0
     )
-    odd = np.sum(np.abs(steps - usual) > 0.5 * digit)
-    dropped = digit > 0.5 * usual and not _FEWEST_ODD <= odd < len(steps) / 3
-    if digit <= _FINE * usual or not odd or dropped:
+    odd = np.sum(np.abs(steps - step) > 0.5 * digit)
+    is_dropped = digit > 0.5 * step and not _MIN_ODD_STEPS <= odd < len(steps) / 3
+    if digit <= _NEGLIGIBLE_DIGIT * step or not odd or is_dropped:
         return time, ""
 
-    def leaves(rate: float) -> float:
-        return float(np.ptp(time - number / rate))
-
-    found = 1 / float(np.polyfit(number, time - time[0], 1)[0])
-    widest = 1.2 * digit  # the slope of the line is fitted
-    if not leaves(found) <= widest:
+    # The simplest rate within the last digit; 1.2 as the slope of the line is fitted.
+    fitted = 1 / float(np.polyfit(number, time - time[0], 1)[0])
+    rates = [fitted, *(float(f"{fitted:.{digits}g}") for digits in range(1, 16))]
+    fits = [np.ptp(time - number / rate) <= 1.2 * digit for rate in rates]
+    if not fits[0]:
         return time, ""
-    simpler = (float(f"{found:.{digits}g}") for digits in range(1, 16))
-    rate = next((rate for rate in simpler if leaves(rate) <= widest), found)
+    rate = next((rate for rate, is_fit in zip(rates[1:], fits[1:], strict=True) if is_fit), fitted)
     return time[0] + number / rate, (
-        f"the time stamps are rounded to {1e3 * digit:g} ms: the even clock of {rate:.9g} Hz behind them is taken"
+        f"the time stamps are rounded to {1e3 * digit:g} ms: their even clock of {rate:.9g} Hz is used"
     )
 
 
-def even_clock(record: Record, lines: Sequence[int] | None) -> tuple[Record, list[str]]:
-    """Return the record on an even clock, and what was done to it in sentences.
+def even_clock(record: Record, lines: Sequence[int] | None) -> tuple[Record, str]:
+    """Return the record on an even clock, and a note.
 
-    A clock within `CLOCK_TOLERANCE` of an even one stays as it is. Otherwise a cubic spline through the samples is read at the
-    median rate, and kept between the two samples around: it would overshoot where a sensor is clipped or a tool strikes.
+    A clock within `CLOCK_TOLERANCE` of an even one stays. Otherwise a cubic spline is evaluated at the median rate, limited to
+    the two neighbouring samples: it would overshoot at a clipped sensor or an impact.
 
     Raises
     ------
     InputError
-        If a step is longer than `LONGEST_STEP` median steps: what happened in between is not known.
+        If a step is longer than `MAX_STEP` median steps: the motion in between is unknown.
     """
     steps = np.diff(record.time)
     step = float(np.median(steps))
     even = record.time[0] + record.sampling_time * np.arange(len(record))
     if np.all(np.abs(record.time - even) <= CLOCK_TOLERANCE * step):
-        return record, []
-    _check_gaps(record, steps, step, lines)
+        return record, ""
+    gaps = np.flatnonzero(steps > MAX_STEP * step)
+    problems = Problems(record.source)
+    for gap in gaps[:_MAX_LISTED]:
+        problem = f"{steps[gap]:.4g} s without samples, {steps[gap] / step:.4g} median steps"
+        problems.add(place_of(int(gap) + 1, lines), problem)
+    if gaps.size:
+        hint = trim_hint(record.time, [0, *(gaps + 1), len(record)], step)
+        problems.add("", f"{gaps.size} gaps are longer than {MAX_STEP:g} median steps", hint)
+    problems.raise_if_any()
     # A rate that differs from three digits by the rounding of its time stamps only is rounded.
     rate = 1 / step
     rounded = float(f"{rate:.3g}")
@@ -144,66 +147,57 @@ def even_clock(record: Record, lines: Sequence[int] | None) -> tuple[Record, lis
         spline = CubicSpline(record.time, channel.values)(time)
         channels[role] = replace(channel, values=np.clip(spline, np.minimum(*around), np.maximum(*around)))
     dropped = int(np.sum(np.maximum(np.round(steps / step) - 1, 0)))
-    return replace(record, time=time, channels=channels), [
+    return replace(record, time=time, channels=channels), (
         f"the clock is uneven (steps of {1e3 * steps.min():.4g} to {1e3 * steps.max():.4g} ms, {dropped} samples dropped): "
         f"resampled to its median rate, {rate:g} Hz, by a cubic spline that stays between neighbouring samples"
-    ]
-
-
-def _check_gaps(record: Record, steps: np.ndarray, step: float, lines: Sequence[int] | None) -> None:
-    gaps = np.flatnonzero(steps > LONGEST_STEP * step)
-    if not gaps.size:
-        return
-    problems = Problems(record.source)
-    for gap in gaps[:_MOST_NAMED]:
-        problems.add(
-            place_of(int(gap) + 1, lines),
-            f"{steps[gap]:.4g} s without samples, {steps[gap] / step:.4g} median steps",
-        )
-    edges = [0, *(gaps + 1), len(record)]
-    problems.add(
-        "",
-        f"{gaps.size} gaps are longer than {LONGEST_STEP:g} median steps",
-        longest(record.time, edges, step),
     )
-    problems.raise_if_any()
 
 
-def longest(time: np.ndarray, edges: Sequence[int], step: float) -> str:
-    """Advice to take the longest part between these samples, as an option that can be typed."""
+def trim_hint(time: np.ndarray, edges: Sequence[int], step: float) -> str:
+    """Return advice to read the longest part between these samples, with the option."""
     first, stop = max(pairwise(edges), key=lambda part: part[1] - part[0])
     return f"the longest part without one is --trim {time[first]:.9g}:{time[stop - 1] + step / 2:.9g}"
 
 
-def position_of(
-    time: np.ndarray, velocity: np.ndarray, keep: np.ndarray, unit: str, lines: Sequence[int] | None = None
+def integrate_velocity(
+    time: np.ndarray,
+    velocity: np.ndarray,
+    samples: np.ndarray,
+    unit: str,
+    lines: Sequence[int] | None = None,
 ) -> tuple[np.ndarray, str]:
-    """Integrate a velocity by trapezoids, from 0 at the first sample before which nothing is missing.
-
-    Shape (kept,), in the velocity's unit times seconds; and what was done, without the column's name.
+    """Integrate a velocity by trapezoids, from 0 at the first sample after the last gap before `samples`.
 
     Parameters
     ----------
-    time, velocity : numpy.ndarray
-        Shape (samples,), of the whole file: parts of it share their zero.
-    keep : numpy.ndarray
-        Numbers of the samples that are wanted, without a gap among them.
+    time, velocity : ndarray, shape (n,)
+        All samples of the file, as its parts share their zero.
+    samples : ndarray
+        Numbers of the required samples, without a gap among them.
     unit : str
-        Of the position.
+        Unit of the position.
     lines : sequence of int, optional
         Line of each sample of the file.
+
+    Returns
+    -------
+    ndarray, shape (len(samples),)
+        Position in the velocity's unit times seconds.
+    str
+        Note without the column's name.
     """
     from scipy.integrate import cumulative_trapezoid
 
     steps = np.diff(time)
-    usual = np.median(steps[keep[0] : keep[-1]])
-    broken = ~((steps >= 0) & (steps <= LONGEST_STEP * usual) & np.isfinite(velocity[1:] + velocity[:-1]))
-    start = int(max(np.flatnonzero(broken[: keep[0]]) + 1, default=0))
-    stretch = slice(start, keep[-1] + 1)
-    position = cumulative_trapezoid(velocity[stretch], unrounded(time[stretch])[0], initial=0)
-    offset = 0.01 * float(np.sqrt(np.mean(velocity[stretch] ** 2)) * (time[keep[-1]] - time[keep[0]]))
+    first, last = samples[0], samples[-1]
+    longest = MAX_STEP * np.median(steps[first:last])
+    is_gap = ~((steps >= 0) & (steps <= longest) & np.isfinite(velocity[1:] + velocity[:-1]))
+    start = int(max(np.flatnonzero(is_gap[:first]) + 1, default=0))
+    part = slice(start, last + 1)
+    position = cumulative_trapezoid(velocity[part], recover_even_clock(time[part])[0], initial=0)
+    drift = 0.01 * float(np.sqrt(np.mean(velocity[part] ** 2)) * (time[last] - time[first]))
     zero = place_of(start, lines) if start else "the first sample"
-    return position[keep - start], (
-        f"over time (trapezoids between samples), 0 at {zero}: where the tool stood there is not known, and an offset of the "
-        f"velocity would be a drift of the position, by {offset:.3g} {unit} to the end for 1 % of its root mean square"
+    return position[samples - start], (
+        f"over time (trapezoids), 0 at {zero} as the true position is unknown; a velocity offset of 1 % RMS would drift the "
+        f"position by {drift:.3g} {unit} to the end"
     )

@@ -1,7 +1,7 @@
-"""How a text table is written: delimiter, decimal mark, and the lines that hold its rows.
+"""Dialect of a text table: delimiter, decimal mark, and the lines with its rows.
 
-The dialect is the one by which most lines are rows of numbers. General sniffers of CSV dialects only search the delimiter;
-decimal commas and the headers of testing machines require that the decimal mark and the first row are searched with it.
+It is chosen so that most lines are rows of numbers. General sniffers of CSV dialects search only the delimiter; decimal commas
+and the headers of testing machines require a joint search of delimiter, decimal mark and first row.
 """
 
 import math
@@ -13,7 +13,7 @@ from itertools import pairwise
 
 from lumbar.records.number_table import Dialect
 
-FEWEST_ROWS = 8
+MIN_ROWS = 8
 _MAX_DIALECT_LINES = 3000
 """Lines from which the dialect is chosen."""
 _NUMBER = {
@@ -33,36 +33,43 @@ DELIMITERS = {"\t": "tab", ";": "semicolon", ",": "comma", "|": "bar", None: "bl
 
 @dataclass(frozen=True)
 class TableDialect(Dialect):
-    """How a table is written, its width, and its columns of text (from 0)."""
+    """Dialect with the table's width, and its columns of text (from 0)."""
 
     width: int = 0
     text_columns: frozenset[int] = frozenset()
 
     def split(self, line: str) -> list[str]:
-        """Return the cells of one line, without the empty one that a delimiter at the end of a row makes."""
+        """Return the cells of one line, without the empty cell after a delimiter at its end."""
         cells = super().split(line)
         return cells[:-1] if len(cells) == self.width + 1 and not cells[-1] else cells
 
     def number(self, cell: str) -> float:
-        """Return the number in a cell, a time of day in seconds, or NaN if the cell says that there is none."""
+        """Return the number in a cell, the seconds since midnight of a time of day, or NaN if the cell is marked as missing.
+
+        A date before the time is ignored, as days and months cannot be distinguished.
+        """
         if cell.casefold() in MISSING:
             return math.nan
         if CLOCK.match(cell):
-            return _seconds_of_day(cell)
+            time = re.split(r"[T ]+", cell.replace(",", ".").rstrip("Z"))[-1]
+            hours, minutes, seconds = [*time.split(":"), "0"][:3]
+            whole, _, fraction = seconds.partition(".")
+            whole_seconds = 3600 * int(hours) + 60 * int(minutes) + int(whole)
+            return (whole_seconds * 10**9 + int(f"{fraction:0<9}"[:9])) / 1e9
         if self.decimal == "," and "." in cell:
             raise ValueError(f"{cell!r} has a decimal point")
         return super().number(cell)
 
     @cached_property
-    def _only_numbers(self) -> re.Pattern:
+    def _number_row(self) -> re.Pattern:
         """Pattern of most rows."""
         number = _NUMBER[self.decimal].pattern
-        between = r"\s+" if self.delimiter is None else rf"\s*{re.escape(self.delimiter)}\s*"
-        return re.compile(rf"\s*{number}(?:{between}{number}){{{self.width - 1}}}\s*")
+        gap = r"\s+" if self.delimiter is None else rf"\s*{re.escape(self.delimiter)}\s*"
+        return re.compile(rf"\s*{number}(?:{gap}{number}){{{self.width - 1}}}\s*")
 
     def is_row(self, line: str) -> bool:
-        """Whether a line is a row: every cell that should hold a number holds one, or says that there is none."""
-        if self._only_numbers.fullmatch(line):
+        """Return whether a line is a row: every cell of a number column is a number or marked as missing."""
+        if self._number_row.fullmatch(line):
             return True
         cells = self.split(line)
         if len(cells) != self.width:
@@ -74,22 +81,13 @@ class TableDialect(Dialect):
             for is_number, cell in zip(are_numbers, numbers, strict=True)
         )
 
-    def is_torn_row(self, line: str) -> bool:
-        """Whether a line is a row with a cell that is no number, or with too few or too many cells."""
+    def is_faulty_row(self, line: str) -> bool:
+        """Return whether a line is a faulty row: a cell is not a number, or there are too few or too many cells."""
         return not self.is_row(line) and sum(_is_number(cell, self.decimal) for cell in self.split(line)) >= 2
 
     def __str__(self) -> str:
         mark = "comma" if self.decimal == "," else "point"
-        return f"columns parted by {DELIMITERS[self.delimiter]}, decimal {mark}"
-
-
-def _seconds_of_day(cell: str) -> float:
-    """Return the seconds since midnight; a date is left out, as days and months cannot be distinguished."""
-    time = re.split(r"[T ]+", cell.replace(",", ".").rstrip("Z"))[-1]
-    hours, minutes, seconds = [*time.split(":"), "0"][:3]
-    whole, _, fraction = seconds.partition(".")
-    nanoseconds = (3600 * int(hours) + 60 * int(minutes) + int(whole)) * 10**9 + int(f"{fraction:0<9}"[:9])
-    return nanoseconds / 1e9
+        return f"columns separated by {DELIMITERS[self.delimiter]}, decimal {mark}"
 
 
 def _is_number(cell: str, decimal: str) -> bool:
@@ -97,7 +95,7 @@ def _is_number(cell: str, decimal: str) -> bool:
 
 
 def find_dialect(lines: list[str]) -> TableDialect | None:
-    """Return the dialect by which most cells are numbers; None if no lines are a table."""
+    """Return the dialect in which most cells are numbers; None if no lines are a table."""
     sample = [line for line in lines[:_MAX_DIALECT_LINES] if line.strip()]
     best, most = None, 0
     for delimiter in DELIMITERS:
@@ -114,9 +112,9 @@ def find_dialect(lines: list[str]) -> TableDialect | None:
 def _score_dialect(
     split: list[list[str]], delimiter: str | None, decimal: str
 ) -> tuple[TableDialect | None, int]:
-    """Return the dialect of lines that are split so, and its number of numeric cells less that of text cells."""
+    """Return the dialect of split lines, and its number of numeric cells minus that of text cells."""
     rows = [cells for cells in split if sum(_is_number(cell, decimal) for cell in cells) >= 2]
-    if len(rows) < FEWEST_ROWS:
+    if len(rows) < MIN_ROWS:
         return None, 0
     width = Counter(map(len, rows)).most_common(1)[0][0]
     rows = [cells for cells in rows if len(cells) == width]
@@ -134,15 +132,15 @@ def _score_dialect(
 
 
 def find_blocks(lines: list[str], dialect: TableDialect) -> list[tuple[int, int]]:
-    """Return first and last line (from 0) of every run of rows with at most blank lines between them."""
+    """Return first and last line (from 0) of every run of rows, which only blank lines and faulty rows interrupt."""
     rows = [number for number, line in enumerate(lines) if line.strip() and dialect.is_row(line)]
     if not rows:
         return []
     starts, stops = [rows[0]], []
     for before, after in pairwise(rows):
         between = [line for line in lines[before + 1 : after] if line.strip()]
-        # A torn row belongs to the table around it and is reported; other lines end the table.
-        if between and not all(dialect.is_torn_row(line) for line in between):
+        # A faulty row belongs to the table around it and is reported; other lines end the table.
+        if between and not all(dialect.is_faulty_row(line) for line in between):
             stops.append(before)
             starts.append(after)
     return list(zip(starts, [*stops, rows[-1]], strict=True))

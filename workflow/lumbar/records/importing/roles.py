@@ -1,4 +1,4 @@
-"""Which column is time, which position, which force: as a person says, by names in several languages, units and order."""
+"""Columns of time, position and force: by the user's options, by names in several languages, by units and by order."""
 
 import re
 import unicodedata
@@ -23,29 +23,33 @@ from lumbar.records.importing.raw_table import (
 
 ROLES = ("time", "position", "force")
 NONE = "none"
-"""What a person gives for the time of a table that has none."""
+"""Option of a table without a column of time."""
 QUANTITIES = {"time": ("time",), "position": ("length", "angle"), "force": ("force", "torque")}
-_TAKEN = {**QUANTITIES, "position": (*QUANTITIES["position"], *SPEEDS.values())}
-"""What a role is made of: a velocity is integrated."""
-SAID: dict[str, str] = shipped_yaml(Path(__file__).with_suffix(".yaml"))
-_VELOCITIES, _UNMEASURED = SAID["velocity"].split(), frozenset(SAID["unmeasured"].split())
+_ALLOWED = {**QUANTITIES, "position": (*QUANTITIES["position"], *SPEEDS.values())}
+"""Quantities of a column by its role; a velocity is integrated."""
+ROLE_WORDS: dict[str, str] = shipped_yaml(Path(__file__).with_suffix(".yaml"))
+_VELOCITIES, _UNMEASURED = ROLE_WORDS["velocity"].split(), frozenset(ROLE_WORDS["unmeasured"].split())
 _WEAK = {"time": "t", "position": "x y z", "force": "f fx fy fz"}
-"""Names of one letter, which others use for other things."""
-_OTHERS = frozenset([*_VELOCITIES, *_UNMEASURED, *SAID["others"].split()])
-"""Words of what is measured or commanded beside the three; a column named so is taken on request only."""
+"""Names of one letter, which are used for other quantities too."""
+_OTHERS = frozenset([*_VELOCITIES, *_UNMEASURED, *ROLE_WORDS["others"].split()])
+"""Words for other quantities and commands; columns with such names are only used if the user names them."""
+_MIN_SECONDS_HZ = 20.0
+"""Rate at or above which a clock without a unit is in seconds: in milliseconds it would be at least 20 kHz."""
+_PLAUSIBLE_HZ = (1.0, 1e5)
+"""Rates that are accepted with the file's own unit of time: headers have stated ms for seconds."""
+
+Requests = dict[str, tuple[str | None, str | None]]
+"""The user's column and unit for each role; None if not given."""
 
 
-Wishes = dict[str, tuple[str | None, str | None]]
-
-
-def parted(wish: str | None) -> list[str]:
-    """Columns of several axes that a person gives by one option, parted by commas; none of a single column."""
-    return [part.strip() for part in wish.split(",")] if wish and "," in wish else []
+def split_columns(option: str | None) -> list[str]:
+    """Return the columns of several axes in an option, separated by commas; none of a single column."""
+    return [part.strip() for part in option.split(",")] if option and "," in option else []
 
 
 @dataclass(frozen=True)
 class Choices:
-    """What a person says instead of what would be guessed, as of `lumbar.import_recordings`; None leaves it to the guess."""
+    """The user's options for an import, see `lumbar.import_recordings`; None means that they are detected."""
 
     time: str | None = None
     position: str | None = None
@@ -71,62 +75,60 @@ class Choices:
             raise InputError(f"--trim {self.trim[0]:g}:{self.trim[1]:g}: the start must lie before the stop")
 
     @property
-    def asked(self) -> ReadOptions:
-        """What is said of how a file is read."""
-        columns = [column for column, _ in self.wishes().values() if column not in (None, NONE)]
+    def read_options(self) -> ReadOptions:
+        """Options for reading the file."""
+        columns = [column for column, _ in self.requests.values() if column not in (None, NONE)]
         return ReadOptions(
-            self.table, self.encoding, tuple(part for item in columns for part in (item, *parted(item)))
+            self.table,
+            self.encoding,
+            tuple(part for item in columns for part in (item, *split_columns(item))),
         )
 
-    def wishes(self) -> Wishes:
-        """Column and unit that were said of each role."""
+    @property
+    def requests(self) -> Requests:
+        """Column and unit of each role."""
         return {role: (getattr(self, role), getattr(self, f"{role}_unit")) for role in ROLES}
 
 
 @dataclass(frozen=True)
 class Role:
-    """A column found for a role."""
+    """The column of a role."""
 
     column: RawColumn
     unit: Unit
-    why: str
-    """Why this column, and why in this unit."""
+    reason: str
+    """Why this column, and why this unit."""
 
     @property
     def is_velocity(self) -> bool:
-        """Whether the column holds the velocity of what is wanted."""
+        """Whether the column is the velocity of the role's quantity."""
         return self.unit.quantity in SPEEDS.values()
 
 
-def plain(text: str) -> str:
-    """Small letters without accents."""
+def normalize(text: str) -> str:
+    """Return a text in lower case without accents."""
     text = text.casefold().replace("ü", "ue").replace("ä", "ae").replace("ö", "oe")
     return "".join(sign for sign in unicodedata.normalize("NFKD", text) if not unicodedata.combining(sign))
 
 
-def _bare(text: str) -> str:
-    """Letters and digits, as of a name with its unit in the header."""
-    return re.sub(r"[\W_]+", "", plain(text))
+def split_words(name: str) -> list[str]:
+    """Return the words of a name, normalized and without digits."""
+    spaced = re.sub(r"(?<=[a-zà-ÿ])(?=[A-Z])", " ", name)
+    return [word for word in re.split(r"[\W\d_]+", normalize(spaced)) if word]
 
 
-def tokens(name: str) -> list[str]:
-    """Words of a name, without digits."""
-    parted = re.sub(r"(?<=[a-zà-ÿ])(?=[A-Z])", " ", name)
-    return [token for token in re.split(r"[\W\d_]+", plain(parted)) if token]
-
-
-def named_so(name: str, role: str) -> int:
-    """How plainly a name says the role: 3 a word for it, 2 a word within a word, 1 a letter, 0 not at all, -1 another.
+def name_match_score(name: str, role: str) -> int:
+    """Return how clearly a name states a role: 3 a word for it, 2 a word in a word, 1 a letter, 0 not, -1 another quantity.
 
     Examples
     --------
-    >>> named_so("Prüfkraft", "force"), named_so("actforce1", "force"), named_so("F", "force"), named_so("vel", "force")
-    (3, 2, 1, -1)
+    >>> [name_match_score(name, "force") for name in ("Prüfkraft", "actforce1", "F", "vel")]
+    [3, 2, 1, -1]
     """
-    parts, words = tokens(name), set(SAID[role].split())
+    parts, words = split_words(name), set(ROLE_WORDS[role].split())
     if _OTHERS & set(parts):
         return -1
-    if words & {*parts, plain(name)}:
+    if words & {*parts, normalize(name)}:
         return 3
     if any(word in part for part in parts for word in words if len(word) >= 4):
         return 2
@@ -135,237 +137,241 @@ def named_so(name: str, role: str) -> int:
 
 def find_roles(
     table: RawTable,
-    wishes: Wishes,
+    requests: Requests,
     wanted: Sequence[str] = ROLES,
-    beside: Collection[int] = (),
+    excluded: Collection[int] = (),
     rate: float | None = None,
 ) -> dict[str, Role]:
     """Find the columns of time (unless there is none), position and force with their units.
 
-    A column has a role by its name, else by its unit. Columns without name and unit take the roles that are then left in
-    the order time, position, force, if there is one for each; without one for the time if the rate is known.
+    A column has a role by its name, else by its unit. Columns without name and unit take the remaining roles in the order
+    time, position, force, if there is one for each; without one for the time if the rate is known.
 
     Parameters
     ----------
-    wishes : dict of str to tuple
-        By role, the column (name or number) and the unit that the user gave, None if nothing; `NONE` as the column of
-        time says that there is none.
+    table : RawTable
+        The columns.
+    requests : dict of str to tuple
+        The user's column (name or number) and unit for each role, None if not given; `NONE` as the column of time means
+        that there is none.
     wanted : sequence of str
-        Roles that are found.
-    beside : collection of int
-        Numbers of the columns that have no role.
+        Roles to find.
+    excluded : collection of int
+        Numbers of the columns without a role.
     rate : float, optional
-        Sampling rate that the user gave, Hz.
+        The user's sampling rate, Hz.
 
     Raises
     ------
     InputError
-        With all that is missing, the candidates, and the option that gives each.
+        With all that is missing, the candidates, and the option that chooses each.
     """
-    found: dict[str, tuple[RawColumn, str]] = {}
+    chosen: dict[str, tuple[RawColumn, str]] = {}
     problems: dict[str, str] = {}
     missing: list[str] = []
-    taken: set[int] = set(beside)
+    used = set(excluded)
     for role in wanted:
-        wish, _ = wishes.get(role, (None, None))
-        if role == "time" and wish == NONE:
+        request, _ = requests[role]
+        if role == "time" and request == NONE:
             continue
         try:
-            given = (
-                wished(table.columns, wish, role)
-                if wish
-                else _by_name(_free(table, wishes, taken, role), role)
-            )
-            if given is None:
+            if request:
+                choice = select_column(table.columns, request, role)
+            else:
+                choice = _find_by_name(_free_columns(table, requests, used, role), role)
+            if choice is None:
                 missing.append(role)
                 continue
-            column = given[0]
-            if column.number in taken:
-                raise InputError(f"--{role}: {column.label} is taken already")
-            taken.add(column.number)
-            check_twice(column, wish, table, role)
-            found[role] = given
+            column = choice[0]
+            if column.number in used:
+                raise InputError(f"--{role}: {column.label} already has a role")
+            used.add(column.number)
+            require_unique_name(column, request, table, role)
+            chosen[role] = choice
         except InputError as error:
             problems[role] = str(error)
-    without_time = ""  # why the rate of a table without a column of time is not known
+    rate_problem = ""  # of a table without a column of time
     try:
         stated_time(0, rate, table.rates, table.source)
     except InputError as error:
-        without_time = str(error).removeprefix(f"{table.source}: ")
-    found |= _by_order(table, wishes, taken, missing, not without_time)
+        rate_problem = str(error).removeprefix(f"{table.source}: ")
+    # Columns without names take the remaining roles in order.
+    nameless = [
+        column for column in _free_columns(table, requests, used) if not column.name and not column.unit
+    ]
+    remaining = missing
+    if len(nameless) != len(remaining) and not rate_problem:
+        remaining = [role for role in missing if role != "time"]
+    if remaining != ["time"] and len(nameless) == len(remaining):
+        reason = f"by its order: columns without names are {', '.join(remaining)}"
+        chosen |= {role: (column, reason) for role, column in zip(remaining, nameless, strict=True)}
     for role in missing:
-        if role in found:
-            continue
-        if role == "time":
-            problems |= {role: without_time} if without_time else {}
-        else:
-            labels = ", ".join(column.label for column in _free(table, wishes, taken, role))
+        if role == "time" and role not in chosen and rate_problem:
+            problems[role] = rate_problem
+        elif role != "time" and role not in chosen:
+            labels = ", ".join(column.label for column in _free_columns(table, requests, used, role))
             problems[role] = (
                 f"no column says that it is {role}; choose by --{role} NAME or NUMBER among {labels}, and give --{role}-unit "
                 "if the file does not say it"
             )
     roles: dict[str, Role] = {}
-    for role in (role for role in wanted if role in found):
+    for role in (role for role in wanted if role in chosen):
+        column, reason = chosen[role]
         try:
-            roles[role] = in_unit(found[role][0], role, wishes.get(role, (None, None))[1], found[role][1])
+            roles[role] = assign_unit(column, role, requests[role][1], reason)
         except InputError as error:
             problems[role] = str(error)
     if problems:
-        raise cannot_tell(table, [problems[role] for role in wanted if role in problems])
+        raise ambiguity_error(table, [problems[role] for role in wanted if role in problems])
     return roles
 
 
-def _free(table: RawTable, wishes: Wishes, taken: Collection[int], role: str) -> list[RawColumn]:
-    """Columns that have no role yet and that the user gave no other one."""
-    others = {other for name, (other, _) in wishes.items() if name != role and other}
+def _free_columns(
+    table: RawTable, requests: Requests, used: Collection[int], role: str = ""
+) -> list[RawColumn]:
+    """Return the columns that have no role yet and that the user did not name for another one."""
+    others = {request for name, (request, _) in requests.items() if name != role and request}
     return [
         column
         for column in table.columns
-        if column.number not in taken and not others & {column.name, str(column.number)}
+        if column.number not in used and not others & {column.name, str(column.number)}
     ]
 
 
-def _by_order(
-    table: RawTable, wishes: Wishes, taken: Collection[int], missing: Sequence[str], rate_is_known: bool
-) -> dict[str, tuple[RawColumn, str]]:
-    """Columns without name and unit by the roles that no name and no unit gave, in their order."""
-    nameless = [column for column in _free(table, wishes, taken, "") if not column.name and not column.unit]
-    open_roles = list(missing)
-    if len(nameless) != len(open_roles) and rate_is_known:
-        open_roles = [role for role in missing if role != "time"]
-    if open_roles == ["time"] or len(nameless) != len(open_roles):
-        return {}
-    why = f"by its order: columns without names are {', '.join(open_roles)}"
-    return {role: (column, why) for role, column in zip(open_roles, nameless, strict=True)}
+def ambiguity_error(table: RawTable, problems: Iterable[str]) -> InputError:
+    """Return the error of unclear columns and units, with all columns of the table."""
+    listed = "\n".join(f"  - {problem}" for problem in problems)
+    return InputError(f"{table.source}: some columns or units are unclear\n{listed}{table.describe()}")
 
 
-def cannot_tell(table: RawTable, problems: Iterable[str]) -> InputError:
-    """Error of what a table leaves open, with its columns."""
-    told = "\n".join(f"  - {problem}" for problem in problems)
-    return InputError(f"{table.source}: not everything can be told from the file\n{told}{table.described()}")
-
-
-def wished(columns: Sequence[RawColumn], wish: str, option: str) -> tuple[RawColumn, str]:
-    """Return the column that a person named, by its name, its name in other letters or its number, and these words.
+def select_column(columns: Sequence[RawColumn], request: str, option: str) -> tuple[RawColumn, str]:
+    """Return the column that the user named, by its name, its normalized name or its number, and this as a reason.
 
     Raises
     ------
     InputError
         If there is none.
     """
-    for found in (
-        [column for column in columns if column.name == wish],
-        [column for column in columns if column.name and plain(column.name) == plain(wish)],
-        [column for column in columns if column.unit and _bare(column.name + column.unit) == _bare(wish)],
-        [column for column in columns if str(column.number) == wish],
+
+    def letters(text: str) -> str:
+        return re.sub(r"[\W_]+", "", normalize(text))
+
+    for matches in (
+        [column for column in columns if column.name == request],
+        [column for column in columns if column.name and normalize(column.name) == normalize(request)],
+        [
+            column
+            for column in columns
+            if column.unit and letters(column.name + column.unit) == letters(request)
+        ],
+        [column for column in columns if str(column.number) == request],
     ):
-        if found:
-            return found[0], f"as told by --{option}"
+        if matches:
+            return matches[0], f"as given by --{option}"
     labels = ", ".join(column.label for column in columns)
-    raise InputError(f"--{option} {wish!r}: no such column; there are {labels}")
+    raise InputError(f"--{option} {request!r}: no such column; there are {labels}")
 
 
-def check_twice(column: RawColumn, wish: str | None, table: RawTable, role: str) -> None:
-    """Refuse a name that stands twice in the header, unless the column was told by its number."""
-    twice = [other.number for other in table.columns if other.name == column.name]
-    if column.name and len(twice) > 1 and wish != str(column.number):
-        numbers = " and ".join(map(str, twice))
+def require_unique_name(column: RawColumn, request: str | None, table: RawTable, role: str) -> None:
+    """Raise if the header contains a column's name several times, unless the user gave the column's number."""
+    numbers = [str(other.number) for other in table.columns if other.name == column.name]
+    if column.name and len(numbers) > 1 and request != str(column.number):
         raise InputError(
-            f"{role} is {column.name!r}, which stands in columns {numbers}; choose by --{role} NUMBER"
+            f"{role} is {column.name!r}, the name of columns {' and '.join(numbers)}; choose by --{role} NUMBER"
         )
 
 
-def ranked(free: Iterable[RawColumn], role: str) -> dict[tuple[int, bool], list[RawColumn]]:
-    """Columns that may have a role, by how plainly a name says it (`named_so`) and whether the unit fits."""
+def rank_columns(columns: Iterable[RawColumn], role: str) -> dict[tuple[int, bool], list[RawColumn]]:
+    """Return the candidates for a role by the score of their names (`name_match_score`) and whether the unit fits."""
     ranks: dict[tuple[int, bool], list[RawColumn]] = {}
-    for column in free:
-        unit, named = find_unit(column.unit), named_so(column.own_name, role)
+    for column in columns:
+        unit, score = find_unit(column.unit), name_match_score(column.name_in_group, role)
         fits = unit is not None and unit.quantity in QUANTITIES[role]
         contradicts = unit is not None and not fits and unit.quantity != "reading"
-        if named >= 0 and not contradicts and (named or fits):
-            ranks.setdefault((named, fits), []).append(column)
+        if score >= 0 and not contradicts and (score or fits):
+            ranks.setdefault((score, fits), []).append(column)
     return ranks
 
 
-def _by_name(free: list[RawColumn], role: str) -> tuple[RawColumn, str] | None:
-    """Find a column by its name, else by its unit, else as the only velocity; None if no column says the role."""
-    if ranks := ranked(free, role):
-        (named, _), best = max(ranks.items())
+def _find_by_name(columns: list[RawColumn], role: str) -> tuple[RawColumn, str] | None:
+    """Find a column by its name, else by its unit, else as the only velocity; None without candidates."""
+    if ranks := rank_columns(columns, role):
+        (score, _), best = max(ranks.items())
         if len(best) > 1:
             labels = " or ".join(column.label for column in best)
             raise InputError(f"{role} may be {labels}; choose by --{role} NAME or NUMBER")
-        return best[0], "by its name" if named else "by its unit"
+        return best[0], "by its name" if score else "by its unit"
     speeds = []
-    for column in free if role == "position" else ():
+    for column in columns if role == "position" else ():
         unit = find_unit(column.unit)
         if unit is None or unit.quantity == "reading":
-            is_speed = not column.unit and named_velocity(column.own_name)
+            is_speed = not column.unit and is_velocity_name(column.name_in_group)
         else:
-            is_speed = unit.quantity in SPEEDS.values() and not set(tokens(column.own_name)) & _UNMEASURED
+            is_commanded = set(split_words(column.name_in_group)) & _UNMEASURED
+            is_speed = unit.quantity in SPEEDS.values() and not is_commanded
         speeds += [column] if is_speed else []
     if len(speeds) > 1:
         labels = " or ".join(column.label for column in speeds)
         raise InputError(f"position may be {labels}, integrated; choose by --position NAME or NUMBER")
-    return (speeds[0], "the only velocity where no column is position") if speeds else None
+    return (speeds[0], "the only velocity, as no column is position") if speeds else None
 
 
-def named_velocity(name: str) -> bool:
-    """Whether a name says that a velocity was measured, and no command or error of one."""
-    parts = set(tokens(name))
-    return bool(parts & {plain(word) for word in _VELOCITIES}) and not parts & _UNMEASURED
+def is_velocity_name(name: str) -> bool:
+    """Return whether a name is that of a measured velocity, and not of a command or an error."""
+    parts = set(split_words(name))
+    return bool(parts & {normalize(word) for word in _VELOCITIES}) and not parts & _UNMEASURED
 
 
-_SLOWEST_HZ = 20.0
-"""A clock without a unit that is this fast or faster in seconds is in seconds: in milliseconds it would be 20 kHz."""
+def assign_unit(column: RawColumn, role: str, option: str | None, reason: str) -> Role:
+    """Return a column as a role, in the unit that the user gave or that the file states.
 
-_PLAUSIBLE_HZ = (1.0, 1e5)
-"""Rates that a file's own unit of time may lead to without being asked about: headers have said ms for seconds."""
-
-
-def in_unit(column: RawColumn, role: str, told: str | None, why: str) -> Role:
-    """Return a column as a role in the unit that was told, or that the file says.
+    Parameters
+    ----------
+    column : RawColumn
+        The column.
+    role : str
+        One of `ROLES`.
+    option : str or None
+        The user's unit.
+    reason : str
+        Why the column has the role.
 
     Raises
     ------
     InputError
-        If there is none, or it is of something else.
+        If the unit is unknown, or that of another quantity.
     """
-    if told:
-        given = parse_unit(told, f"--{role}-unit")
-        if given.quantity not in (*_TAKEN[role], *(["reading"] if role != "time" else [])):
-            raise InputError(f"--{role}-unit {told!r} is a unit of {given.quantity}, not of {role}")
-        stated = find_unit(column.unit)
-        other = stated is not None and (stated.quantity, stated.factor) != (given.quantity, given.factor)
-        against = f", where the file says {column.unit}" if other else ""
-        return Role(column, given, f"{why}; unit {given.name}, as told by --{role}-unit{against}")
     unit = find_unit(column.unit)
+    if option:
+        given = parse_unit(option, f"--{role}-unit")
+        if given.quantity not in (*_ALLOWED[role], *(["reading"] if role != "time" else [])):
+            raise InputError(f"--{role}-unit {option!r} is a unit of {given.quantity}, not of {role}")
+        differs = unit is not None and (unit.quantity, unit.factor) != (given.quantity, given.factor)
+        stated = f", while the file states {column.unit}" if differs else ""
+        return Role(column, given, f"{reason}; unit {given.name}, as given by --{role}-unit{stated}")
     step = float(np.nanmedian(np.diff(column.values)))
-    if unit is not None and unit.quantity in _TAKEN[role]:
-        if (
-            role == "time"
-            and step > 0
-            and not _PLAUSIBLE_HZ[0] <= 1 / (step * unit.factor) <= _PLAUSIBLE_HZ[1]
-        ):
+    if unit is not None and unit.quantity in _ALLOWED[role]:
+        rate = 1 / (step * unit.factor) if role == "time" and step > 0 else None
+        if rate is not None and not _PLAUSIBLE_HZ[0] <= rate <= _PLAUSIBLE_HZ[1]:
             raise InputError(
-                f"time is {column.label}, whose steps of {step:g} {unit.name} are {1 / (step * unit.factor):g} Hz, which no "
-                "testing machine records at; give --time-unit"
+                f"time is {column.label}, whose steps of {step:g} {unit.name} are {rate:g} Hz, which no testing machine "
+                "records at; give --time-unit"
             )
-        return Role(column, unit, f"{why}; unit {unit.name}, as the file says")
-    if role == "time" and not column.unit and 0 < step <= 1 / _SLOWEST_HZ:
+        return Role(column, unit, f"{reason}; unit {unit.name}, as the file states")
+    if role == "time" and not column.unit and 0 < step <= 1 / _MIN_SECONDS_HZ:
         unit = parse_unit("s", "--time-unit")
-        return Role(column, unit, f"{why}; unit s, as its steps of {step:g} are too small for ms")
+        return Role(column, unit, f"{reason}; unit s, as its steps of {step:g} are too small for ms")
     example, calibration = {
         "time": ("ms", "0.5 ms"),
         "position": ("mm", "0.01 mm"),
         "force": ("N", "35.15 N"),
     }[role]
-    if role == "position" and named_velocity(column.own_name):
+    if role == "position" and is_velocity_name(column.name_in_group):
         example, calibration = "mm/s", "0.01 mm/s"
     if unit is not None and unit.quantity == "reading":
-        found = f"{column.label} is what the sensor gave, in {unit.name}"
-        words = f"say what one of its numbers is, as in --{role}-unit '{calibration}', or --{role}-unit {unit.name}"
-    else:
-        unit_words = f"in {column.unit}, which is no unit of {role}" if column.unit else "without a unit"
-        found = f"{role} is {column.label}, {why}, {unit_words}"
-        words = f"give --{role}-unit, e.g. {example}"
-    raise InputError(f"{found}; {words}")
+        raise InputError(
+            f"{column.label} is a sensor's reading in {unit.name}; give the size of one unit, as in --{role}-unit "
+            f"'{calibration}', or --{role}-unit {unit.name}"
+        )
+    problem = f"in {column.unit}, which is not a unit of {role}" if column.unit else "without a unit"
+    raise InputError(f"{role} is {column.label}, {reason}, {problem}; give --{role}-unit, e.g. {example}")
