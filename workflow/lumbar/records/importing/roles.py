@@ -357,7 +357,7 @@ def assign_unit(column: RawColumn, role: str, option: str | None, reason: str) -
                 f"time is {column.label}, whose steps of {step:g} {unit.name} are {rate:g} Hz, which no testing machine "
                 "records at; give --time-unit"
             )
-        return Role(column, unit, f"{reason}; unit {unit.name}, as the file states")
+        return Role(column, unit, f"{reason}; unit {unit.name}, as the file says")
     if role == "time" and not column.unit and 0 < step <= 1 / _MIN_SECONDS_HZ:
         unit = parse_unit("s", "--time-unit")
         return Role(column, unit, f"{reason}; unit s, as its steps of {step:g} are too small for ms")
