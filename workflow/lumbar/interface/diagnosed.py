@@ -362,10 +362,10 @@ def thesis_models(result: DiagnosisResult, settings: TissueSettings) -> ThesisMo
     names = [item.name for item in getattr(experiment.training, "parts", (experiment.training,))]
     training = max((record for record in experiment.records if record.name in names), key=len)
     tests = [record for record in experiment.records if record is not training]
-    from lumbar.tissue.identification.identify_tissue import without_intervals
+    from lumbar.tissue.identification.identify_tissue import identify_quickly
 
     try:
-        found = without_intervals(training, tests, settings)
+        found = identify_quickly(training, tests, settings)
     except InputError as error:
         return ThesisModels(remark=f"The thesis's models could not be identified on these records: {error}")
     unstable = [f"{model.name} ({model.estimator})" for model in found if not model.stable]

@@ -15,7 +15,7 @@ from lumbar.base.errors import InputError, NumericalError
 from lumbar.records.record import Channel, Record
 from lumbar.settings.tissue import TissueSettings
 from lumbar.tissue.identification.arx_search import IdentificationData, ReducedRegression, search, select
-from lumbar.tissue.identification.identify_tissue import distinct, given_model, identify
+from lumbar.tissue.identification.identify_tissue import distinct, identify, inverted_model
 from lumbar.tissue.identification.metrics import block_bootstrap
 from lumbar.tissue.identification.model_tables import physical_parameters_table, table_3_1
 from lumbar.tissue.identification.output_error import (
@@ -61,7 +61,7 @@ def identified(records):
     for training in records:
         tests = [record for record in records if record is not training]
         models, _ = identify(training, tests, SETTINGS, seed=1)
-        results.append([*models, given_model(training, tests, 0.5, 5.0, 40.0)])
+        results.append([*models, inverted_model(training, tests, 0.5, 5.0, 40.0)])
     return results
 
 

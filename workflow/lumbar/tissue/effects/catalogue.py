@@ -1,25 +1,23 @@
-"""All effects by name and system; effects and bases that a user adds in files, or that a file of models carries."""
+"""All effects by name and system; user-defined effects and bases in files of their own or in a file of models."""
 
 import math
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from lumbar.base.errors import InputError, Problems, did_you_mean
 from lumbar.base.yaml_file import YamlFile, parse_key_path, read_yaml, shipped_yaml
 from lumbar.settings.improvement import is_data, system_of
-from lumbar.tissue.effects.hooks import HOOKS
 from lumbar.tissue.effects.notation import (
     NAME,
     NAME_RULE,
     BaseEntry,
     EffectOfForms,
     EffectOfOneForm,
-    forms_of,
+    HookedEffect,
     read_entry,
-    shipped_effect,
 )
 from lumbar.tissue.models.bases import BASES, Base
 from lumbar.tissue.models.form import Effect, Form
@@ -31,9 +29,9 @@ CHANNELS = {
     "pivot_acceleration_x": "pivot_acceleration_x_m_s2",
     "pivot_acceleration_z": "pivot_acceleration_z_m_s2",
 }
-"""Column of each further channel that effects on a pendulum need. box_held: share of the box that the hands carry,
-0 to 1; length: from the pivot to the centre of mass; pivot acceleration: x horizontal, positive where a growing angle moves
-the mass to, z upward."""
+"""Column of each additional channel that effects on a pendulum need. box_held: share of the box that the hands carry,
+0 to 1; length: from the pivot to the centre of mass; pivot acceleration: x horizontal, positive in the direction in which
+a growing angle moves the mass, z upward."""
 
 
 class Catalogue(Mapping[str, Effect]):
@@ -44,12 +42,14 @@ class Catalogue(Mapping[str, Effect]):
         self._effects: dict[str, Effect | None] = dict.fromkeys(names.split())
 
     def __getitem__(self, name: str) -> Effect:
-        found = self._effects[name]
-        if found is None:
+        effect = self._effects[name]
+        if effect is None:
             file = YamlFile(f"{name}.yaml", shipped_yaml(self._folder / f"{name}.yaml"))
-            found = shipped_effect(file, HOOKS)
-            self._effects[name] = found
-        return found
+            # Equations of shipped files are checked by the tests.
+            entry = read_entry(file, HookedEffect, Problems(f"effect {file.path}"))
+            effect = entry.effect([form.form(form.name) for form in entry.forms], file)
+            self._effects[name] = effect
+        return effect
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._effects)
@@ -72,10 +72,10 @@ PENDULUM = Catalogue(
 """The catalogue of the pendulum of Eq. 4.1.
 
 The input is the angle from the vertical, the output the moment that the person exerts at the pivot. Effects on mass, length and
-pivot have forms that take what was measured beside the angle (`CHANNELS`) and forms that need the angle alone."""
+pivot have forms that use additional measured channels (`CHANNELS`) and forms that need the angle only."""
 
 MOTION_SENSOR = Catalogue("motion_sensor", "absolute_value saturation")
-"""Effects of the motion's sensor, where the force is the input: ``F`` of their equations is what the sensor should give."""
+"""Effects of the motion's sensor, if the force is the input: ``F`` of their equations is the true motion."""
 
 CATALOGUES: dict[str, Mapping[str, Effect]] = {"tissue": TISSUE, "pendulum": PENDULUM}
 """Catalogue of every system that a base is a model of."""
@@ -84,42 +84,60 @@ CATALOGUES: dict[str, Mapping[str, Effect]] = {"tissue": TISSUE, "pendulum": PEN
 def usable_effects(
     catalogue: Mapping[str, Effect], available: Collection[str], scale: Callable[[str], float]
 ) -> tuple[dict[str, Effect], list[tuple[Form, tuple[str, ...]]]]:
-    """Part of a catalogue that records with these channels allow, and what they do not.
+    """Return the effects that records with these channels allow, and the forms that they do not allow.
 
-    `available` are the roles of the channels of every record, `scale` the sizes of their quantities by kind, which constants
-    of forms follow. Returns effects with the forms that can be tried, and the forms that cannot, each with the channels that
-    are missing.
+    Parameters
+    ----------
+    catalogue : mapping of str to Effect
+    available : collection of str
+        Roles of the channels of every record.
+    scale : callable
+        Sizes of their quantities by kind, which set the constants of forms.
+
+    Returns
+    -------
+    effects : dict of str to Effect
+        Effects with the forms that can be tried.
+    missing : list of tuple
+        Forms that cannot be tried, each with the missing channels.
     """
-
-    def missing(form: Form) -> tuple[str, ...]:
-        return tuple(role for role in form.channels if role not in available)
-
-    every = [form for effect in catalogue.values() for form in effect.forms]
-    usable = filter_forms(catalogue, lambda form: not missing(form), scale)
-    return usable, [(form, missing(form)) for form in every if missing(form)]
+    missing = []
+    for effect in catalogue.values():
+        for form in effect.forms:
+            if absent := tuple(role for role in form.channels if role not in available):
+                missing.append((form, absent))
+    usable = filter_forms(catalogue, lambda form: set(form.channels) <= set(available), scale)
+    return usable, missing
 
 
 def filter_forms(
-    catalogue: Mapping[str, Effect], holds: Callable[[Form], bool], scale: Callable[[str], float]
+    catalogue: Mapping[str, Effect], is_usable: Callable[[Form], bool], scale: Callable[[str], float]
 ) -> dict[str, Effect]:
-    """Effects with those of their forms of which something holds, their constants as large as quantities are by `scale`."""
-    found = {}
+    """Return effects with those of their forms that are usable; `scale` gives the size of the constants by quantity."""
+    effects = {}
     for name, effect in catalogue.items():
         forms = []
-        for form in filter(holds, effect.forms):
+        for form in filter(is_usable, effect.forms):
             sizes = {item.symbol: item.value * scale(item.scale) for item in form.constants if item.scale}
             forms.append(form.with_constants(sizes))
         if forms:
-            found[name] = replace(effect, forms=tuple(forms))
-    return found
+            effects[name] = replace(effect, forms=tuple(forms))
+    return effects
 
 
 def catalogue_with(
     files: Collection[str | Path], base: str = "KB", gravity_m_s2: float | None = None
 ) -> dict[str, Effect]:
-    """Return the catalogue of a base with the effects of a user's files, which come last.
+    """Return the catalogue of a base, with user-defined effects last.
 
-    Gravity acts on a pendulum, in the effects that move masses, and on no tissue; its default is that of the files.
+    Parameters
+    ----------
+    files : collection of path
+        Files of the effects.
+    base : str
+        Name of the base.
+    gravity_m_s2 : float, optional
+        Gravity on a pendulum, by default that of the catalogue; tissues have none.
 
     Raises
     ------
@@ -141,11 +159,12 @@ def catalogue_with(
 
 
 def catalogues_with(files: Collection[str | Path], content: object = None) -> dict[str, dict[str, Effect]]:
-    """Return the catalogue of every system with the effects of a user's files and those that a file of models carries."""
-    bases = {base.system: base.name for base in BASES.values()}
-    catalogues = {system: catalogue_with(files, base) for system, base in bases.items()}
-    found = {system: {**carried_effects(content, known), **known} for system, known in catalogues.items()}
-    return {**found, OWN_BASES: carried_bases(content)}
+    """Return the catalogue of every system with the effects of a user's files and those in the content of a file of models."""
+    catalogues = {base.system: catalogue_with(files, base.name) for base in BASES.values()}
+    effects = {
+        system: {**read_model_effects(content, known), **known} for system, known in catalogues.items()
+    }
+    return {**effects, OWN_BASES: read_model_bases(content)}
 
 
 def choose(names: list[str], catalogue: Mapping[str, Effect]) -> list[Effect]:
@@ -169,7 +188,7 @@ def read_base(file: str | Path) -> Base:
     problems = Problems(f"base {path.name}")
     content = read_yaml(path, problems, anchors=False)
     problems.raise_if_any()
-    return _checked_base(content, problems)
+    return _read_base(content, problems)
 
 
 def load_effects(path: Path, taken: Collection[str] = ()) -> dict[str, Effect]:
@@ -178,10 +197,10 @@ def load_effects(path: Path, taken: Collection[str] = ()) -> dict[str, Effect]:
     Parameters
     ----------
     path : pathlib.Path
-        One effect in YAML, or Python, which is run: every module-level `Effect` counts. `lumbar.study.load_study` lets none
-        pass that a stranger's study names.
+        One effect in YAML, or Python, which is run: every module-level `Effect` counts. `lumbar.study.load_study` rejects
+        Python in untrusted studies.
     taken : collection of str
-        Names that an effect in YAML may not have. One in Python may replace another.
+        Names that an effect in YAML may not have; an effect in Python may replace another.
 
     Raises
     ------
@@ -190,67 +209,66 @@ def load_effects(path: Path, taken: Collection[str] = ()) -> dict[str, Effect]:
         once.
     """
     if not is_data(str(path)):
-        return _from_python(path)
+        return _import_effects(path)
     problems = Problems(f"effect {path.name}")
     file = read_yaml(path, problems, anchors=False)
     problems.raise_if_any()
-    effect = _checked_effect(file, problems, taken)
+    effect = _read_effect(file, problems, taken)
     return {effect.name: effect}
 
 
-def carried_bases(content: Any) -> dict[str, Base]:
+def read_model_bases(content: object) -> dict[str, Base]:
     """Return the user-defined bases in a file of models, as read from JSON; each is checked like its file."""
-    return _carried(content, "bases", lambda name, file, problems: _checked_base(file, problems))
+    return _read_definitions(content, "bases", _read_base)
 
 
-def carried_effects(content: Any, known: Mapping[str, Effect]) -> dict[str, Effect]:
+def read_model_effects(content: object, known: Mapping[str, Effect]) -> dict[str, Effect]:
     """Return the user-defined effects in a file of models; each is checked like its file.
 
     Parameters
     ----------
     content : object
-        Of the file, as read from JSON.
+        Content of the file, as read from JSON.
     known : mapping
-        Effects by name: one of a user's file may be there too if it is the same.
+        Effects by name; one of a user's file may be among them if it is the same.
 
     Raises
     ------
     InputError
-        An effect that is not sound, has the name of another, or is not the one of the user's file: all problems at once.
+        For an effect that is invalid, has the name of another, or differs from that of the user's file: all problems at once.
     """
 
-    def checked(name: str, file: YamlFile, problems: Problems) -> Effect:
-        effect = _checked_effect(file, problems)
-        if name in known and known[name].forms != effect.forms:
-            allowed = "leave the effect's file out, or fit the model anew with it"
-            problems.add(f"effects.{name}", "not the effect that has this name already", allowed)
+    def read(file: YamlFile, problems: Problems) -> Effect:
+        effect = _read_effect(file, problems)
+        if effect.name in known and known[effect.name].forms != effect.forms:
+            allowed = "leave the effect's file out, or fit the model again with it"
+            problems.add(file.path, "not the effect that has this name already", allowed)
         return effect
 
-    return _carried(content, "effects", checked)
+    return _read_definitions(content, "effects", read)
 
 
-_Part = TypeVar("_Part")
+_Definition = TypeVar("_Definition")
 
 
-def _carried(
-    content: Any, kind: str, checked: Callable[[str, YamlFile, Problems], _Part]
-) -> dict[str, _Part]:
-    """Return the bases or effects that a file of models contains as data, by name."""
-    given = content.get(kind, {}) if isinstance(content, dict) else {}
-    problems = Problems("models.json")
-    if not isinstance(given, dict):
-        problems.add(kind, repr(given), "a name each: what its file says")
-        given = {}
-    found = {}
-    for name, entry in given.items():
+def _read_definitions(
+    content: object, kind: str, read: Callable[[YamlFile, Problems], _Definition]
+) -> dict[str, _Definition]:
+    """Return the bases or effects (`kind`) that a file of models contains as data, by name."""
+    entries = content.get(kind, {}) if isinstance(content, dict) else {}
+    problems, definitions = Problems("models.json"), {}
+    if not isinstance(entries, dict):
+        problems.add(kind, repr(entries), "a mapping of names to the content of their files")
+        entries = {}
+    for name, entry in entries.items():
         place = f"{kind}.{name}"
         if not isinstance(entry, dict) or entry.get("name") != name:
-            problems.add(place, repr(entry), f"what its file holds is needed, name: {name} …")
+            problems.add(place, repr(entry), f"the content of its file is needed, name: {name} …")
             continue
         with suppress(InputError):  # reported together with those of the others
-            found[name] = checked(name, YamlFile(place, entry), problems)
+            definitions[name] = read(YamlFile(place, entry), problems)
     problems.raise_if_any()
-    return found
+    return definitions
 
 
 def check_name(name: str, taken: Collection[str] = ()) -> None:
@@ -261,7 +279,7 @@ def check_name(name: str, taken: Collection[str] = ()) -> None:
         raise InputError(f"effect {name!r} is taken by an effect of the catalogue; choose another name")
 
 
-def _from_python(path: Path) -> dict[str, Effect]:
+def _import_effects(path: Path) -> dict[str, Effect]:
     import importlib.util
 
     specification = importlib.util.spec_from_file_location(f"lumbar_user_effects_{path.stem}", path)
@@ -272,22 +290,25 @@ def _from_python(path: Path) -> dict[str, Effect]:
         specification.loader.exec_module(module)
     except Exception as error:
         raise InputError(f"{path}: cannot be imported ({type(error).__name__}: {error})") from error
-    found = {item.name: item for item in vars(module).values() if isinstance(item, Effect)}
-    if not found:
+    effects = {item.name: item for item in vars(module).values() if isinstance(item, Effect)}
+    if not effects:
         raise InputError(f"{path}: defines no Effect; assign one to a module-level name")
     problems = Problems(str(path))
-    for form in (form for effect in found.values() for form in effect.forms):
-        for where, said in form.problems():
-            problems.add(f"{form.key}, {where}", said)
+    for form in (form for effect in effects.values() for form in effect.forms):
+        for place, problem in form.problems():
+            problems.add(f"{form.key}, {place}", problem)
     problems.raise_if_any()
-    return found
+    return effects
 
 
-def _checked_effect(file: YamlFile, problems: Problems, taken: Collection[str] = ()) -> Effect:
+def _read_effect(file: YamlFile, problems: Problems, taken: Collection[str] = ()) -> Effect:
     """Return a user-defined effect; its equations are evaluated on a standard motion."""
-    kind = EffectOfForms if "forms" in file.content else EffectOfOneForm
-    entry = read_entry(file, kind, problems, taken)
-    forms = dict(forms_of(entry))
+    if "forms" in file.content:
+        entry = read_entry(file, EffectOfForms, problems, taken)
+        forms = {f"forms.{index}.": item.form(item.name) for index, item in enumerate(entry.forms)}
+    else:
+        entry = read_entry(file, EffectOfOneForm, problems, taken)
+        forms = {"": entry.form()}
     for place, form in forms.items():
         _check_equation(form, place, file, problems)
     problems.raise_if_any()
@@ -295,29 +316,25 @@ def _checked_effect(file: YamlFile, problems: Problems, taken: Collection[str] =
 
 
 def _check_equation(form: Form, place: str, file: YamlFile, problems: Problems) -> None:
-    """Add what keeps an equation from being used, first its symbols, then its values on a standard motion."""
+    """Report wrong symbols of an equation, or else wrong values on a standard motion."""
     from lumbar.tissue.effects.signature import numerical_problems
 
-    found = form.problems()
-    for key, problem in found:
+    wrong = form.problems()
+    for key, problem in wrong:
         problems.add(file.place(parse_key_path(place + ("parameters" if key == "symbol" else key))), problem)
-    for problem, allowed in () if found else numerical_problems(form):
+    for problem, allowed in () if wrong else numerical_problems(form):
         problems.add(file.place(parse_key_path(f"{place}equation")), problem, allowed)
 
 
-def _checked_base(file: YamlFile, problems: Problems) -> Base:
-    """Return a user-defined base: the equation of a response, without the keys of how an effect is added."""
+def _read_base(file: YamlFile, problems: Problems) -> Base:
+    """Return a user-defined base."""
     entry = read_entry(file, BaseEntry, problems, BASES)
     form = entry.form(entry.name, effect="base")
     _check_equation(form, "", file, problems)
     problems.raise_if_any()
     if form.channels:
-        signals = ", ".join(form.channels)
-        problems.add(
-            file.place(("equation",)),
-            f"it knows {signals}",
-            "a base knows the input, its rates, path and time",
-        )
+        allowed = "a base knows the input, its rates, path and time"
+        problems.add(file.place(("equation",)), f"it knows {', '.join(form.channels)}", allowed)
     if not form.linear:
         problems.add(file.place(("parameters",)), "none is linear", "the response needs a factor, y = c*q")
     problems.raise_if_any()

@@ -1,11 +1,11 @@
-"""The notation of effects and bases: one in a YAML file, as equations, those of the catalogue and a user's alike.
+"""Keys of the YAML files of effects and bases, for those of the catalogue and of users.
 
-``docs/tissue/own_effect.md`` describes a file. Files of the catalogue may also name `lumbar.tissue.effects.hooks`, which are
-code; a user's cannot.
+``docs/tissue/own_effect.md`` describes a file. Files of the catalogue may also name code in `lumbar.tissue.effects.hooks`; those
+of users cannot.
 """
 
 import re
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self, TypeVar
 
@@ -15,6 +15,7 @@ from lumbar.base.errors import InputError, Problems
 from lumbar.base.yaml_file import YamlFile
 from lumbar.settings.section import Section
 from lumbar.settings.validation import Origins, check_types
+from lumbar.tissue.effects.hooks import HOOKS
 from lumbar.tissue.models.expression import parse
 from lumbar.tissue.models.form import Effect, Form, Place
 from lumbar.tissue.models.parameter import Constant, LinearParameter, NonlinearParameter, Scale
@@ -23,12 +24,11 @@ NAME = re.compile(r"[a-z][a-z0-9_]*")
 NAME_RULE = "letters a to z, digits and _, a letter first"
 _SIGNS = {"positive": 1, "negative": -1, "any": 0}
 _NONLINEAR_KEYS = {"start", "scale", "points", "reach", "lines", "follows_record", "decisive"}
-_MISSING = "is missing; a text is needed"
 
 
 def _check_text(text: str) -> str:
     if not text:
-        raise ValueError(_MISSING)
+        raise ValueError("is missing; a text is needed")
     return text
 
 
@@ -64,14 +64,15 @@ class StateEntry(Section):
     """A state of an equation."""
 
     rate: Expression
-    """Its rate of change per second."""
+    """Rate of change per second."""
     start: Annotated[Text, AfterValidator(lambda text: _check_expression(text) if text else text)] = ""
-    """Its value when a record begins; default 0."""
+    """Value when a record begins; default 0."""
 
 
-def _entry_of_state(said: Any) -> Any:
-    """Return a state that is given by its rate only as a mapping."""
-    return {"rate": said} if isinstance(said, str) else said
+# A state may be given by its rate only.
+StateOrRate = Annotated[
+    StateEntry, BeforeValidator(lambda value: {"rate": value} if isinstance(value, str) else value)
+]
 
 
 class ParameterEntry(Section):
@@ -96,9 +97,9 @@ class ParameterEntry(Section):
     lines: float | None = Field(None, gt=0)
     """Number of frequency lines (1/duration) within which the fit stays."""
     follows_record: bool = False
-    """Whether the range grows with the sampling interval and the duration of the record."""
+    """True if the range grows with the sampling interval and the duration of the record."""
     decisive: bool = False
-    """Whether a value at the end of its range means that the mechanism is absent."""
+    """True if a value at the end of its range means that the mechanism is absent."""
 
     @model_validator(mode="after")
     def _check_kind(self) -> Self:
@@ -115,24 +116,15 @@ class ParameterEntry(Section):
         named = {"name": self.name, "unit": self.unit, "symbol": symbol, "latex": self.latex}
         if self.start is None or self.scale is None:
             return LinearParameter(**named, sign=_SIGNS[self.sign])
-        return NonlinearParameter(
-            **named,
-            scale=self.scale,
-            low=self.start[0],
-            high=self.start[1],
-            points=self.points,
-            reach=self.reach,
-            lines=self.lines,
-            follows_record=self.follows_record,
-            decisive=self.decisive,
-        )
+        more = self.model_dump(include={"points", "reach", "lines", "follows_record", "decisive"})
+        return NonlinearParameter(**named, scale=self.scale, low=self.start[0], high=self.start[1], **more)
 
 
 class ConstantEntry(Section):
     """A number that an equation calls by a symbol."""
 
     value: float
-    """Its value: a finite number."""
+    """Finite number."""
     unit: Unit
     """Unit in terms of {x} (input) and {y} (output)."""
     latex: Text = ""
@@ -146,7 +138,7 @@ class EquationEntry(Section):
 
     equation: Expression
     """Force in terms of parameters and signals; place: output has the force F besides."""
-    state: dict[str, Annotated[StateEntry, BeforeValidator(_entry_of_state)]] = Field({})
+    state: dict[str, StateOrRate] = Field({})
     """States by symbol, each with its rate or with rate and start."""
     parameters: dict[str, ParameterEntry] = Field({})
     """Parameters by symbol, each with name and unit."""
@@ -164,16 +156,12 @@ class EquationEntry(Section):
         parameters = [item.parameter(symbol) for symbol, item in self.parameters.items()]
         return Form(
             name=name,
-            equation=self.equation,
             state=tuple((symbol, item.rate) for symbol, item in self.state.items()),
             start=tuple((symbol, item.start) for symbol, item in self.state.items() if item.start),
             linear=tuple(item for item in parameters if isinstance(item, LinearParameter)),
             nonlinear=tuple(item for item in parameters if isinstance(item, NonlinearParameter)),
-            constants=tuple(
-                Constant(symbol, item.value, item.unit, item.latex, item.scale)
-                for symbol, item in self.constants.items()
-            ),
-            **{"place": Place.PARALLEL, **more},
+            constants=tuple(Constant(symbol, **item.model_dump()) for symbol, item in self.constants.items()),
+            **{"equation": self.equation, "place": Place.PARALLEL, **more},
         )
 
 
@@ -183,15 +171,15 @@ class FormEntry(EquationEntry):
     place: Literal["parallel", "output"] = "parallel"
     """parallel: a force that is added to the tissue's; output: the measured force as a function of F."""
     general: bool = False
-    """Whether it contains other forms of the effect as special cases."""
+    """True if it contains other forms of the effect as special cases."""
     one_axis: bool = False
-    """Whether it has no equivalent in space."""
+    """True if it has no equivalent in space."""
     essential: tuple[str, ...] = ()
     """Names of linear parameters without which the mechanism is absent."""
 
     def form(self, name: str = "equation", **more: Any) -> Form:
         """Return the form of an effect."""
-        flags = {"general": self.general, "one_axis": self.one_axis, "essential": self.essential}
+        flags = self.model_dump(include={"general", "one_axis", "essential"})
         return super().form(name, place=Place(self.place), **flags, **more)
 
 
@@ -203,7 +191,7 @@ class NamedForm(FormEntry):
 
 
 class HookedForm(NamedForm):
-    """A form of the catalogue, which may be code."""
+    """A form of the catalogue, which may name code in `HOOKS`."""
 
     equation: Text = ""
     place: Literal["parallel", "output", "input"] = "parallel"
@@ -213,8 +201,18 @@ class HookedForm(NamedForm):
     starts: str | None = None
     contradiction: str | None = None
 
+    def form(self, name: str = "equation", **more: Any) -> Form:
+        """Return the form with the code that it names."""
+        names = {key: getattr(self, key) for key in HOOKS}
+        code = {key: HOOKS[key][hook] for key, hook in names.items() if hook is not None}
+        if "solution" in code:
+            code["solution"], code["c_solution"] = code["solution"]
+        if "by_hand" in code:
+            code["hand_written"], code["equation"] = code.pop("by_hand"), self.latex
+        return super().form(name, **code, **more)
 
-class Described(Section):
+
+class Description(Section):
     """Name and texts of an effect or a base."""
 
     name: Name
@@ -225,7 +223,7 @@ class Described(Section):
     """Reference; default the name of the file."""
 
 
-class EffectTexts(Described):
+class EffectDescription(Description):
     """An effect without its forms."""
 
     experiment: Text = ""
@@ -233,23 +231,23 @@ class EffectTexts(Described):
     sensors: Text = ""
     """Part of the measuring chain that looks the same in the records."""
     accumulates: bool = False
-    """Whether it grows with time or path."""
+    """True if it grows with time or path."""
     unrepeated: bool = False
-    """Whether it has its own clock."""
+    """True if it has its own clock."""
     linear: bool = False
-    """Whether a linear time-invariant model remains one with it."""
+    """True if a linear time-invariant model stays linear with it."""
     rate_independent: bool = False
-    """Whether its force is the same at any speed."""
+    """True if its force is the same at any speed."""
     rival: bool = False
-    """Whether it is only compared with similar effects that were selected."""
+    """True if it is only compared with similar effects that were selected."""
 
     def effect(self, forms: Collection[Form], file: YamlFile) -> Effect:
         """Return the effect with its forms."""
-        said = {name: getattr(self, name) for name in EffectTexts.model_fields}
-        return Effect(**{**said, "source": self.source or Path(file.path).name}, forms=tuple(forms))
+        texts = self.model_dump(include=set(EffectDescription.model_fields))
+        return Effect(**{**texts, "source": self.source or Path(file.path).name}, forms=tuple(forms))
 
 
-class EffectOfOneForm(FormEntry, EffectTexts):
+class EffectOfOneForm(FormEntry, EffectDescription):
     """A file with one equation."""
 
     @field_validator("essential")
@@ -259,7 +257,7 @@ class EffectOfOneForm(FormEntry, EffectTexts):
         return names
 
 
-class EffectOfForms(EffectTexts):
+class EffectOfForms(EffectDescription):
     """A file with several forms."""
 
     forms: tuple[NamedForm, ...] = Field(min_length=1)
@@ -275,19 +273,19 @@ class EffectOfForms(EffectTexts):
         return forms
 
 
-class HookedEffect(EffectTexts):
+class HookedEffect(EffectDescription):
     """A file of the catalogue."""
 
     forms: tuple[HookedForm, ...] = Field(min_length=1)
 
 
-class BaseEntry(EquationEntry, Described):
+class BaseEntry(EquationEntry, Description):
     """A file of a user-defined base."""
 
 
 def _check_distinct(names: list[str], kind: str) -> None:
     if repeated := sorted({name for name in names if names.count(name) > 1}):
-        raise ValueError(f"{', '.join(repeated)} is there twice; each {kind} needs a name of its own")
+        raise ValueError(f"{', '.join(repeated)} is a duplicate; each {kind} needs its own name")
 
 
 def _check_linear(names: Iterable[str], parameters: Iterable[Mapping[str, ParameterEntry]]) -> None:
@@ -301,12 +299,21 @@ Kind = TypeVar("Kind", bound=Section)
 
 
 def read_entry(file: YamlFile, kind: type[Kind], problems: Problems, taken: Collection[str] = ()) -> Kind:
-    """Return the content of a user's file, or raise all that is wrong with it.
+    """Return the content of a file as an entry of a kind.
+
+    Parameters
+    ----------
+    file : YamlFile
+    kind : type
+        Class of the entry.
+    problems : Problems
+    taken : collection of str
+        Names that it may not have.
 
     Raises
     ------
     InputError
-        With key and line of every problem; `taken` are names that it may not have.
+        With key and line of every problem.
     """
     origins = Origins(problems, [file])
     entry = check_types(file.content, kind, origins)
@@ -315,30 +322,3 @@ def read_entry(file: YamlFile, kind: type[Kind], problems: Problems, taken: Coll
     problems.raise_if_any()
     assert entry is not None  # else there were problems
     return entry
-
-
-def forms_of(entry: EffectOfOneForm | EffectOfForms) -> Iterator[tuple[str, Form]]:
-    """Yield each form of a user's effect with the key that it is below."""
-    if isinstance(entry, EffectOfOneForm):
-        yield "", entry.form()
-    else:
-        for index, item in enumerate(entry.forms):
-            yield f"forms.{index}.", item.form(item.name)
-
-
-def shipped_effect(file: YamlFile, hooks: Mapping[str, Mapping[str, Any]]) -> Effect:
-    """Return an effect of the catalogue; a user's file is also searched for unusable equations, here the tests do that."""
-    entry = read_entry(file, HookedEffect, Problems(f"effect {file.path}"))
-    return entry.effect([_hooked_form(item, hooks) for item in entry.forms], file)
-
-
-def _hooked_form(entry: HookedForm, hooks: Mapping[str, Mapping[str, Any]]) -> Form:
-    """Return a form of the catalogue with the code that its hooks name."""
-    said = {key: getattr(entry, key) for key in hooks}
-    found = {key: hooks[key][name] for key, name in said.items() if name is not None}
-    if "solution" in found:
-        found["solution"], found["c_solution"] = found["solution"]
-    if "by_hand" in found:
-        found["hand_written"] = found.pop("by_hand")
-        entry = entry.model_copy(update={"equation": entry.latex})
-    return entry.form(entry.name, **found)

@@ -25,20 +25,18 @@ from lumbar.tissue.identification.metrics import (
 )
 from lumbar.tissue.models.transfer_function import ArxStructure, TransferFunction, full_regressors
 
-INPUT, OUTPUT = "input", "output"
-
 
 @dataclass(frozen=True)
 class IdentificationData:
-    """Demeaned input and output of one record."""
+    """Demeaned input and output of one record, shape (samples,)."""
 
     name: str
     inputs: np.ndarray
     outputs: np.ndarray
-    """`inputs`, `outputs`: shape (samples,): less their means."""
     input_offset: float
+    """Mean that was subtracted from the input."""
     output_offset: float
-    """`input_offset`, `output_offset`: the means."""
+    """Mean that was subtracted from the output."""
     sampling_time: float
     """Seconds."""
     skip: int
@@ -46,47 +44,41 @@ class IdentificationData:
 
     @classmethod
     def from_record(cls, record: Record, settling_s: float | None = None) -> Self:
-        """Demean a record with the channels ``input`` and ``output``, of which the first seconds do not count (`settling_time`).
+        """Demean a record with the channels ``input`` and ``output``; errors do not count its first seconds (`settling_time`).
 
         Raises
         ------
         InputError
             If nothing is left, or nothing moves, after the settling time.
         """
-        settling = settling_time(record, settling_s)
+        settling, name = settling_time(record, settling_s), record.source or record.name
         skip = round(settling / record.sampling_time)
         if len(record) - skip < 2:
             raise InputError(
-                f"{record.source or record.name}: {record.duration:g} s long, but the first {settling:.3g} s "
-                "(tissue.settling_s) do not count; record for longer or shorten it"
+                f"{name}: {record.duration:g} s long, but the first {settling:.3g} s (tissue.settling_s) do not count; record "
+                "for longer or shorten it"
             )
-        inputs, outputs = record[INPUT], record[OUTPUT]
-        for role, values in ((INPUT, inputs), (OUTPUT, outputs)):
-            if np.ptp(values[skip:]) == 0:
+        for role in ("input", "output"):
+            if np.ptp(record[role][skip:]) == 0:
                 raise InputError(
-                    f"{record.source or record.name}: the {role} does not move after the first "
-                    f"{settling:.3g} s (tissue.settling_s), which do not count; shorten it or cut the record"
+                    f"{name}: the {role} does not move after the first {settling:.3g} s (tissue.settling_s), which do not "
+                    "count; shorten it or cut the record"
                 )
-        return cls(
-            record.name,
-            inputs - inputs.mean(),
-            outputs - outputs.mean(),
-            float(inputs.mean()),
-            float(outputs.mean()),
-            record.sampling_time,
-            skip,
-        )
+        inputs, outputs = record["input"], record["output"]
+        offsets = float(inputs.mean()), float(outputs.mean())
+        demeaned = inputs - inputs.mean(), outputs - outputs.mean()
+        return cls(record.name, *demeaned, *offsets, record.sampling_time, skip)
 
 
 def free_run(model: TransferFunction, data: IdentificationData) -> FreeRunErrors | None:
-    """Errors after the settling time (Eqs 3.10–3.12); None for an unstable model, which has no free run."""
+    """Return the errors after the settling time (Eqs 3.10–3.12); None for an unstable model, which has no free run."""
     if not model.stable:
         return None
-    return FreeRunErrors.of(data.outputs[data.skip :], model.simulate(data.inputs)[data.skip :])
+    return FreeRunErrors.from_output(data.outputs[data.skip :], model.simulate(data.inputs)[data.skip :])
 
 
 def one_step_nmse(model: TransferFunction, data: IdentificationData) -> float:
-    """NMSE, Eq. 3.13: ‖b − A x‖²/‖b‖² of the one-step-ahead prediction A x."""
+    """Return the NMSE of Eq. 3.13: ‖b − A x‖²/‖b‖² of the one-step-ahead prediction A x."""
     measured = data.outputs[model.largest_lag :]
     predicted = model.predict_one_step(data.inputs, data.outputs)
     return float(np.sum((measured - predicted) ** 2) / np.sum(measured**2))
@@ -100,7 +92,7 @@ class ReducedRegression:
     inputs, outputs : numpy.ndarray, shape (samples,)
         Demeaned signals.
     lag : int
-        Largest lag of any structure that will be asked for.
+        Largest lag of any structure.
     """
 
     def __init__(self, inputs: np.ndarray, outputs: np.ndarray, lag: int):
@@ -112,7 +104,7 @@ class ReducedRegression:
         self._regressors, self._target = triangular[:, :-1], triangular[:, -1]
 
     def path(self, structure: ArxStructure) -> "RidgePath":
-        """Everything that the ridge solutions of one structure need."""
+        """Return the decomposition for the ridge solutions of one structure."""
         regressors = self._regressors @ structure.combination(self.lag)
         return RidgePath.factorise(regressors, self._target, self.rows)
 
@@ -122,11 +114,11 @@ class RidgePath:
     """Singular value decomposition of a standardised regression: ridge solutions for any α."""
 
     column_scale: np.ndarray
-    """Shape (parameters,): root mean square of every column, by which it was divided."""
+    """Root mean square of every column, by which it was divided, shape (parameters,)."""
     target_scale: float
     """Root mean square of the target."""
     singular_values: np.ndarray
-    """Shape (parameters,): of the standardised A, descending."""
+    """Singular values of the standardised A in descending order, shape (parameters,)."""
     rows: int
     """Equations, N − largest lag."""
     _right: np.ndarray
@@ -147,19 +139,12 @@ class RidgePath:
             Rows of A itself.
         """
         column_scale = np.linalg.norm(regressors, axis=0) / np.sqrt(rows)
+        column_scale = np.where(column_scale > 0, column_scale, 1.0)
         target_scale = float(np.linalg.norm(target) / np.sqrt(rows))
-        safe_scale = np.where(column_scale > 0, column_scale, 1.0)
-        left, singular_values, right = np.linalg.svd(regressors / safe_scale, full_matrices=False)
-        standardised_target = target / target_scale
-        return cls(
-            safe_scale,
-            target_scale,
-            singular_values,
-            rows,
-            right,
-            left.T @ standardised_target,
-            float(standardised_target @ standardised_target),
-        )
+        left, singular_values, right = np.linalg.svd(regressors / column_scale, full_matrices=False)
+        target = target / target_scale
+        projected, norm_squared = left.T @ target, float(target @ target)
+        return cls(column_scale, target_scale, singular_values, rows, right, projected, norm_squared)
 
     @cached_property
     def rank(self) -> int:
@@ -168,30 +153,30 @@ class RidgePath:
 
     @cached_property
     def condition_number(self) -> float | None:
-        """cond(A) of Eq. 3.14 with standardised columns; None where A is rank deficient."""
+        """cond(A) of Eq. 3.14 with standardised columns; None if A is rank deficient."""
         return condition_number(self.singular_values, self.rows)
 
     def standardised_solution(self, alpha: float) -> np.ndarray:
-        """Solution of Eq. 3.8 in standardised coefficients; of least norm where A is rank deficient."""
-        kept = self.singular_values[: self.rank]
-        filtered = kept / (kept**2 + alpha**2) * self._projected_target[: self.rank]
+        """Return the solution of Eq. 3.8 in standardised coefficients; that of least norm if A is rank deficient."""
+        values = self.singular_values[: self.rank]
+        filtered = values / (values**2 + alpha**2) * self._projected_target[: self.rank]
         return self._right[: self.rank].T @ filtered
 
     def solution(self, alpha: float) -> np.ndarray:
-        """Minimiser of Eq. 3.7 with ridge coefficient α ≥ 0, the solution of Eq. 3.8, in the units of the signals."""
+        """Return the minimiser of Eq. 3.7 with ridge coefficient α ≥ 0, the solution of Eq. 3.8, in the units of the signals."""
         return self.standardised_solution(alpha) * self.target_scale / self.column_scale
 
     def residual_sum_of_squares(self, alpha: float) -> float:
-        """‖b − A x‖² with b standardised (its squared norm is N)."""
+        """Return ‖b − A x‖² with b standardised (its squared norm is N)."""
         rotated = self._right @ self.standardised_solution(alpha)
         inside = self._projected_target - self.singular_values * rotated
         outside = self._target_norm_squared - self._projected_target @ self._projected_target
         return float(inside @ inside + max(outside, 0.0))
 
     def standard_deviations(self, alpha: float) -> np.ndarray | None:
-        """σ_i of Eq. 3.15 in standardised coefficients; None where AᵀA has no inverse.
+        """Return σ_i of Eq. 3.15 in standardised coefficients; None if AᵀA has no inverse.
 
-        Biased where the regressors carry noise, as measured past outputs do: see `lumbar.tissue.identification.metrics`.
+        It is biased if the regressors have noise, as measured past outputs do: see `lumbar.tissue.identification.metrics`.
         """
         freedom = self.rows - self.singular_values.size
         if self.rank < self.singular_values.size or freedom <= 0:
@@ -201,7 +186,7 @@ class RidgePath:
 
 
 NEGLIGIBLE_POINTS = 0.1
-"""Points of %VAF within which a lower order is as good: neither a hand nor a second record distinguishes them."""
+"""Points of %VAF within which a lower order is as good: neither a user's hand nor a second record distinguishes them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -214,12 +199,12 @@ class ArxCandidate:
     path: RidgePath
     transfer_function: TransferFunction
     data: IdentificationData
-    """Record that it is fitted to."""
+    """Training record."""
     tests: Sequence[IdentificationData]
 
     @cached_property
     def training(self) -> FreeRunErrors | None:
-        """Errors on the record that it is fitted to; None for an unstable model."""
+        """Errors on the training record; None for an unstable model."""
         return free_run(self.transfer_function, self.data)
 
     @cached_property
@@ -231,7 +216,7 @@ class ArxCandidate:
 
     @property
     def stable(self) -> bool:
-        """Whether it has a free run."""
+        """True if it has a free run."""
         return self.transfer_function.stable
 
     @property
@@ -257,7 +242,7 @@ def search(
     training: IdentificationData,
     tests: list[IdentificationData],
 ) -> list[ArxCandidate]:
-    """Fit every structure with every α by ridge ARX; each candidate is simulated when its free run is first needed."""
+    """Fit every structure with every α by ridge ARX; a candidate is simulated when its free run is first needed."""
     candidates = []
     for structure in structures:
         path = regression.path(structure)
@@ -268,30 +253,27 @@ def search(
 
 
 def eligible(candidates: list[ArxCandidate], condition_max: float | None) -> list[ArxCandidate]:
-    """Return the stable candidates with reasonable conditioning; without any, those of the best conditioned structure."""
-    within = [item for item in candidates if condition_max is None or item.condition <= condition_max]
-    found = [item for item in within if item.stable]
-    if found:
-        return found
+    """Return the stable candidates with reasonable conditioning; if there are none, those of the best conditioned structure."""
     stable = [item for item in candidates if item.stable]
+    within = [item for item in stable if condition_max is None or item.condition <= condition_max]
     best = min((item.condition for item in stable), default=None)
-    return [item for item in stable if item.condition == best]
+    return within or [item for item in stable if item.condition == best]
 
 
 def select(
     candidates: list[ArxCandidate], selection: str, condition_max: float | None
 ) -> tuple[ArxCandidate, str]:
-    """Pick the candidate of the highest %VAF with reasonable conditioning; say what is particular about it, or nothing.
+    """Return the candidate of the highest %VAF with reasonable conditioning, and a remark on it or an empty text.
 
     Parameters
     ----------
     candidates : list of ArxCandidate
-        Of one model.
+        Candidates of one model.
     selection : str
-        ``"training"``: %VAF of the free run on the training record (the thesis's way);
+        ``"training"``: %VAF of the free run on the training record, as in the thesis;
         ``"test"``: mean %VAF of the free runs on the other records.
     condition_max : float or None
-        Largest condition number; None where the structure is given and nothing is chosen by it.
+        Largest condition number; None if the structure is given.
 
     Raises
     ------
@@ -305,45 +287,31 @@ def select(
         return candidates[0], "unstable for every alpha"
     chosen = max(choice, key=lambda candidate: candidate.score(selection))
     if condition_max is not None and chosen.condition > condition_max:
-        return (
-            chosen,
-            f"every structure exceeds condition_max {condition_max:g}: the best conditioned one is shown",
-        )
+        remark = f"every structure exceeds condition_max {condition_max:g}: the best conditioned one is shown"
+        return chosen, remark
     remarks = []
     if chosen.alpha == max(candidate.alpha for candidate in candidates):
         remarks.append("largest alpha of the grid")
-    return chosen, "; ".join([*remarks, *_order_remarks(chosen, choice, selection)])
-
-
-def _order_remarks(chosen: ArxCandidate, choice: list[ArxCandidate], selection: str) -> list[str]:
-    """Return remarks on an order at the edge of its grid, and on a lower order that is as good."""
-    orders = {candidate.structure.order for candidate in choice}
+    order, orders = chosen.structure.order, {candidate.structure.order for candidate in choice}
+    if order == max(orders) > min(orders):
+        remarks.append("highest order of the grid")
     least = chosen.score(selection) - NEGLIGIBLE_POINTS
     near = min(item.structure.order for item in choice if item.score(selection) >= least)
-    remarks = []
-    if chosen.structure.order == max(orders) > min(orders):
-        remarks.append("highest order of the grid")
-    if near < chosen.structure.order:
+    if near < order:
         remarks.append(f"order {near} comes within {NEGLIGIBLE_POINTS:g} points of %VAF")
-    return remarks
+    return chosen, "; ".join(remarks)
 
 
 def grid_rows(
-    candidates: list[ArxCandidate],
-    chosen: ArxCandidate,
-    trained_on: str,
-    selection: str,
-    condition_max: float | None,
+    candidates: list[ArxCandidate], chosen: ArxCandidate, selection: str, condition_max: float | None
 ) -> list[dict]:
-    """Rows of ``tissue/search.csv`` of one model; None where a number does not exist.
+    """Return the rows of one model in ``tissue/search.csv``; None for a number that does not exist.
 
-    Free runs are those of the `eligible` candidates; on the other records, unless chosen by them, those of the best α of
-    each structure.
+    Only the `eligible` candidates have free runs; on the other records, unless these decide the selection, only those of the
+    best α of each structure.
     """
     choice = eligible(candidates, condition_max)
-    best: dict[ArxStructure, ArxCandidate] = {}
-    for item in sorted(choice, key=lambda candidate: candidate.score(selection)):
-        best[item.structure] = item
+    best = {item.structure: item for item in sorted(choice, key=lambda item: item.score(selection))}
     simulated = set(choice)
     tested = simulated if selection == "test" else set(best.values())
     rows = []
@@ -352,7 +320,7 @@ def grid_rows(
         errors = asdict(run) if run else dict.fromkeys(("vaf_percent", "fit_percent", "mean_residual"))
         rows.append(
             {
-                "trained_on": trained_on,
+                "trained_on": item.data.name,
                 "model": item.model,
                 "order": item.structure.order,
                 "input_lag_first": item.structure.input_lags[0],

@@ -1,5 +1,6 @@
-"""Identification of every model on one record, by ridge ARX as in the thesis and by output error."""
+"""Identification of every model on one record by ridge ARX, as in the thesis, and by output error."""
 
+from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 
 import numpy as np
@@ -8,8 +9,6 @@ from lumbar.base.errors import InputError, NumericalError
 from lumbar.records.record import Record, require_same_units
 from lumbar.settings.tissue import TissueSettings
 from lumbar.tissue.identification.arx_search import (
-    INPUT,
-    OUTPUT,
     ArxCandidate,
     IdentificationData,
     ReducedRegression,
@@ -41,42 +40,85 @@ from lumbar.tissue.signals.spectrum import motion_range
 def identify(
     training: Record, tests: list[Record], settings: TissueSettings, seed: int
 ) -> tuple[list[FittedModel], list[dict]]:
-    """Identify LE, MW, Maxwell, KB and HO on one record by both estimators, in the order of Table 3.1.
-
-    The second list has one row per point of the search (``tissue/search.csv``).
+    """Identify LE, MW, Maxwell, KB and HO on one record by both estimators.
 
     Parameters
     ----------
+    training : Record
     tests : list of Record
         Records with another excitation; in the order of `Scores.tests`.
+    settings : TissueSettings
+    seed : int
+        Seed of the bootstrap.
+
+    Returns
+    -------
+    models : list of FittedModel
+        In the order of Table 3.1.
+    grid : list of dict
+        One row per point of the search (``tissue/search.csv``).
+
+    Raises
+    ------
+    InputError
+        For records with different units or sampling times, or a training record that is too short.
     """
-    fits, searched = _fit_all(training, tests, settings, seed)
-    grid = []
-    for candidates, chosen in searched:
-        cap = settings.search.condition_max if chosen.model == HO.name else None
-        grid += grid_rows(candidates, chosen, training.name, settings.search.selection, cap)
+    require_same_units([training, *tests])
+    for test in tests:
+        if abs(test.sampling_time / training.sampling_time - 1) > 1e-4:
+            raise InputError(
+                f"{test.name} is sampled at {1 / test.sampling_time:g} Hz, {training.name} at "
+                f"{1 / training.sampling_time:g} Hz: a discrete model has one rate; set tissue.rate_Hz"
+            )
+    data = IdentificationData.from_record(training, settings.settling_s)
+    others = [IdentificationData.from_record(test, settings.settling_s) for test in tests]
+    rule, lag, ridge = settings.search.selection, settings.search.order_max, settings.ridge
+    if rule == "test" and not others:
+        raise InputError(
+            "tissue.search.selection is 'test', but the study has a single record: use 'training'"
+        )
+    if len(training) - lag <= 2 * (2 * lag + 1):
+        raise InputError(
+            f"{training.source or training.name}: {len(training)} samples are too few for order {lag}"
+        )
+    # The largest regression of the search contains all others; α is 0 or in geometric progression.
+    regression = ReducedRegression(data.inputs, data.outputs, lag)
+    alphas = np.concatenate([[0.0], np.geomspace(ridge.alpha_min, ridge.alpha_max, ridge.alpha_points)])
+    estimators = _Estimators(training, data, others, settings, seed)
+    fits, grid = [], []
+    nested: TransferFunction | None = None
+    for model in (*FIXED_STRUCTURE, HO):
+        structures = [model.structure] if model.structure else higher_order_structures(lag)
+        condition_max = None if model.structure else settings.search.condition_max
+        candidates = search(model.name, structures, alphas, regression, data, others)
+        chosen, remark = select(candidates, rule, condition_max)
+        grid += grid_rows(candidates, chosen, rule, condition_max)
+        fits += [estimators.arx(model, chosen, remark), estimators.output_error(model, chosen, nested)]
+        if model is KB:
+            nested = fits[-1].structure
     return fits, grid
 
 
-def without_intervals(training: Record, tests: list[Record], settings: TissueSettings) -> list[FittedModel]:
+def identify_quickly(training: Record, tests: list[Record], settings: TissueSettings) -> list[FittedModel]:
     """Identify all models without bootstrap, in a small part of the time of `identify`; the given model is the last one.
 
-    Parameters and errors are those of `identify`; physical parameters, which need intervals, are left out.
+    Physical parameters, which need intervals, are left out.
     """
     bootstrap = settings.bootstrap.model_copy(update={"resamples": 0})
-    quick = settings.model_copy(update={"bootstrap": bootstrap})
+    models, _ = identify(training, tests, settings.model_copy(update={"bootstrap": bootstrap}), seed=0)
     given = settings.inverted_linear
-    found, _ = _fit_all(training, tests, quick, seed=0)
-    return [*found, given_model(training, tests, settings.settling_s, given.force_max, given.travel)]
+    return [*models, inverted_model(training, tests, settings.settling_s, given.force_max, given.travel)]
 
 
-def given_model(
+def inverted_model(
     training: Record, tests: list[Record], settling_s: float | None, force_max: float, travel: float
 ) -> FittedModel:
     """Return the inverted linear model with its errors on the records.
 
     Parameters
     ----------
+    training : Record
+    tests : list of Record
     settling_s : float or None
         Seconds at the start that do not count; None follows the records.
     force_max, travel : float
@@ -85,18 +127,16 @@ def given_model(
     structure = inverted_linear(force_max, travel)
     data = IdentificationData.from_record(training, settling_s)
     others = [IdentificationData.from_record(test, settling_s) for test in tests]
-    position, force = ports_of(training, 0.0, 0.0)
     return FittedModel(
         IL.name,
         structure,
         data.sampling_time,
-        input=position,
-        output=force,
+        *ports_of(training, 0.0, 0.0),
         base=IL.name,
         estimator=GIVEN,
         trained_on=training.name,
         no_parameters_because=f"{IL.name}: {IL.no_parameters_because}",
-        scores=replace(scores_of(structure, data, others), free_parameters=0, rank=0),
+        scores=scores_of(structure, data, others, free_parameters=0, rank=0),
         remark="not identified",
     )
 
@@ -113,8 +153,8 @@ def distinct(models: list[FittedModel]) -> list[FittedModel]:
 
 
 def ports_of(record: Record, *offsets: float) -> tuple[Port, Port]:
-    """Input and output of a record with what they are at rest."""
-    channels = (record.channels[INPUT], record.channels[OUTPUT])
+    """Return the input and the output of a record with their values at rest."""
+    channels = (record.channels["input"], record.channels["output"])
     return tuple(
         Port(channel.quantity, channel.unit, offset)
         for channel, offset in zip(channels, offsets, strict=True)
@@ -122,9 +162,9 @@ def ports_of(record: Record, *offsets: float) -> tuple[Port, Port]:
 
 
 def scores_of(
-    structure: TransferFunction, data: IdentificationData, tests: list[IdentificationData]
+    structure: TransferFunction, data: IdentificationData, tests: list[IdentificationData], **more
 ) -> Scores:
-    """Errors of a free run and of the prediction one step ahead, on training and test records."""
+    """Return the errors of the free run and of the prediction one step ahead; `more` are further fields."""
     trained, tested = free_run(structure, data), [free_run(structure, test) for test in tests]
     return Scores(
         **(asdict(trained) if trained else {}),
@@ -132,56 +172,23 @@ def scores_of(
         tests=tuple(test.name for test in tests),
         vaf_tests_percent=tuple(run and run.vaf_percent for run in tested),
         nmse_tests=tuple(one_step_nmse(structure, test) for test in tests),
+        **more,
     )
 
 
-def _same_sampling_time(records: list[Record]) -> None:
-    first = records[0]
-    for record in records[1:]:
-        if abs(record.sampling_time / first.sampling_time - 1) > 1e-4:
-            raise InputError(
-                f"{record.name} is sampled at {1 / record.sampling_time:g} Hz, {first.name} at "
-                f"{1 / first.sampling_time:g} Hz: a discrete model has one rate; set tissue.rate_Hz"
-            )
+@dataclass(frozen=True)
+class _Regression:
+    """Linear regression with coefficients as its solution, at a minimum of the output error or with a ridge."""
 
-
-def _fit_all(
-    training: Record, tests: list[Record], settings: TissueSettings, seed: int
-) -> tuple[list[FittedModel], list[tuple[list[ArxCandidate], ArxCandidate]]]:
-    """Fits in the order of Table 3.1; for every model the grid it was selected from, and the selected candidate."""
-    require_same_units([training, *tests])
-    _same_sampling_time([training, *tests])
-    data = IdentificationData.from_record(training, settings.settling_s)
-    others = [IdentificationData.from_record(test, settings.settling_s) for test in tests]
-    rule, lag = settings.search.selection, settings.search.order_max
-    if rule == "test" and not others:
-        raise InputError(
-            "tissue.search.selection is 'test', but the study has a single record: use 'training'"
-        )
-    if len(training) - lag <= 2 * (2 * lag + 1):
-        raise InputError(
-            f"{training.source or training.name}: {len(training)} samples are too few for order {lag}"
-        )
-    # The largest regression of the search holds all others; α is 0 or in geometric progression.
-    regression = ReducedRegression(data.inputs, data.outputs, lag)
-    ridge = settings.ridge
-    alphas = np.concatenate([[0.0], np.geomspace(ridge.alpha_min, ridge.alpha_max, ridge.alpha_points)])
-    estimates = _Estimates(training, data, others, settings, seed)
-    fits, searched = [], []
-    nested: TransferFunction | None = None
-    for model in (*FIXED_STRUCTURE, HO):
-        structures = [model.structure] if model.structure else higher_order_structures(lag)
-        candidates = search(model.name, structures, alphas, regression, data, others)
-        chosen, remark = select(candidates, rule, None if model.structure else settings.search.condition_max)
-        searched.append((candidates, chosen))
-        fits += [estimates.arx(model, chosen, remark), estimates.output_error(model, chosen, nested)]
-        if model is KB:
-            nested = fits[-1].structure
-    return fits, searched
+    path: RidgePath
+    regressors: np.ndarray
+    target: np.ndarray
+    alpha: float | None = None
+    """Ridge coefficient of ARX; None for the output error."""
 
 
 @dataclass(frozen=True)
-class _Estimates:
+class _Estimators:
     """Both estimators on one training record."""
 
     record: Record
@@ -195,7 +202,7 @@ class _Estimates:
         structure, lag = chosen.structure, chosen.structure.largest_lag
         regressors = full_regressors(self.data.inputs, self.data.outputs, lag) @ structure.combination(lag)
         regression = _Regression(chosen.path, regressors, self.data.outputs[lag:], chosen.alpha)
-        return self.fitted(model, structure, chosen.path.solution(chosen.alpha), regression, remark)
+        return self._fitted_model(model, structure, chosen.path.solution(chosen.alpha), regression, remark)
 
     def output_error(
         self, model: TissueModel, chosen: ArxCandidate, nested: TransferFunction | None
@@ -205,67 +212,59 @@ class _Estimates:
         starts = [chosen.transfer_function, *relaxation_starts(structure, inputs, outputs)]
         if nested is not None and set(KB.structure.input_lags) <= set(structure.input_lags):
             starts.append(nested)
-        found = fit_output_error(structure, inputs, outputs, starts, self.data.skip)
+        fit = fit_output_error(structure, inputs, outputs, starts, self.data.skip)
         # Linearised about the minimum, the fit is a regression of the residuals on the sensitivities.
-        path = RidgePath.factorise(found.sensitivities, found.residuals, len(found.residuals))
-        regression = _Regression(path, found.sensitivities, found.residuals)
-        remark = "" if found.converged else "not converged: the record hardly determines the coefficients"
-        return self.fitted(model, structure, found.coefficients, regression, remark)
+        path = RidgePath.factorise(fit.sensitivities, fit.residuals, len(fit.residuals))
+        regression = _Regression(path, fit.sensitivities, fit.residuals)
+        remark = "" if fit.converged else "not converged: the record hardly determines the coefficients"
+        return self._fitted_model(model, structure, fit.coefficients, regression, remark)
 
-    def resampled(
-        self, model: TissueModel, coefficients: np.ndarray, regression: "_Regression"
-    ) -> np.ndarray | None:
-        """Resample the coefficients; None if the regression does not determine them, or no resamples are wanted."""
-        path, settings = regression.path, self.settings.bootstrap
-        if path.rank < regression.regressors.shape[1] or not settings.resamples:
-            return None
-        estimators = (ARX, OUTPUT_ERROR)
-        stream = [sorted(MODELS).index(model.name), estimators.index(regression.estimator)]
-        rng = np.random.default_rng([self.seed, *stream, *self.data.name.encode()])
-        block_rows = max(1, round(settings.block_s / self.data.sampling_time))
-        regressors, alpha = regression.regressors / path.column_scale, regression.alpha or 0.0
-        draws = block_bootstrap(regressors, regression.target, block_rows, settings.resamples, rng, alpha)
-        draws = draws / path.column_scale
-        return draws if regression.alpha is not None else coefficients + draws
-
-    def fitted(
+    def _fitted_model(
         self,
         model: TissueModel,
         structure: ArxStructure,
         coefficients: np.ndarray,
-        regression: "_Regression",
+        regression: _Regression,
         remark: str,
     ) -> FittedModel:
         """Return one fitted model with its errors, uncertainties and parameters."""
-        path = regression.path
-        draws = self.resampled(model, coefficients, regression)
-        deviations = path.standard_deviations(regression.alpha or 0.0)
+        path, alpha, settings = regression.path, regression.alpha, self.settings.bootstrap
+        estimator = OUTPUT_ERROR if alpha is None else ARX
+        deviations = path.standard_deviations(alpha or 0.0)
         if deviations is not None:
             deviations = deviations * path.target_scale / path.column_scale
-        spread = None
-        if draws is not None:
+        draws = spread = None
+        if path.rank == regression.regressors.shape[1] and settings.resamples:
+            stream = [sorted(MODELS).index(model.name), (ARX, OUTPUT_ERROR).index(estimator)]
+            rng = np.random.default_rng([self.seed, *stream, *self.data.name.encode()])
+            rows = max(1, round(settings.block_s / self.data.sampling_time))
+            scaled = regression.regressors / path.column_scale
+            draws = block_bootstrap(scaled, regression.target, rows, settings.resamples, rng, alpha or 0.0)
+            draws = draws / path.column_scale
+            if alpha is None:
+                draws = coefficients + draws
             # Half the width of the central 68.27 %: σ of a normal distribution, robust to outliers.
             low, high = np.quantile(draws, [0.158655, 0.841345], axis=0)
             spread = (high - low) / 2.0
         fitted = structure.transfer_function(coefficients)
         if structure.order == 1 and fitted.poles[0] < 0:
             remark = "; ".join(filter(None, [remark, f"negative pole {fitted.poles[0]:.3f}: no relaxation"]))
-        parameters, refused = self.parameters(model, structure, fitted, draws)
-        position, force = ports_of(self.record, self.data.input_offset, self.data.output_offset)
+        parameters, missing = self._parameters(model, structure, fitted, draws)
         return FittedModel(
             model.name,
             fitted,
             self.data.sampling_time,
-            input=position,
-            output=force,
+            *ports_of(self.record, self.data.input_offset, self.data.output_offset),
             base=model.name,
-            estimator=regression.estimator,
+            estimator=estimator,
             trained_on=self.data.name,
-            alpha=regression.alpha,
+            alpha=alpha,
             parameters=parameters,
-            no_parameters_because=refused,
-            scores=replace(
-                scores_of(fitted, self.data, self.tests),
+            no_parameters_because=missing,
+            scores=scores_of(
+                fitted,
+                self.data,
+                self.tests,
                 free_parameters=structure.parameter_count,
                 rank=path.rank,
                 condition_number=path.condition_number,
@@ -276,58 +275,29 @@ class _Estimates:
             valid_for=motion_range(self.record["input"], self.data.sampling_time),
         )
 
-    def parameters(
+    def _parameters(
         self, model: TissueModel, structure: ArxStructure, fitted: TransferFunction, draws: np.ndarray | None
     ) -> tuple[tuple[FittedParameter, ...], str]:
-        """Parameters of the base and elements with bootstrap intervals, or the reason for their absence."""
-        sampling_time = self.data.sampling_time
+        """Return parameters of the base and elements with bootstrap intervals, or the reason for their absence."""
+        step, tail = self.data.sampling_time, (1.0 - self.settings.bootstrap.confidence) / 2.0
         try:
-            values = model.physical_parameters(fitted, sampling_time)
+            values = model.physical_parameters(fitted, step)
         except NumericalError as error:
             return (), str(error)
-        resampled, lost = [], 0
-        for draw in draws if draws is not None else []:
-            try:
-                resampled.append(model.physical_parameters(structure.transfer_function(draw), sampling_time))
-            except NumericalError:
-                lost += 1
-        tail = (1.0 - self.settings.bootstrap.confidence) / 2.0
-        if draws is None or lost > tail * len(draws):
-            reason = (
-                "rank deficient"
-                if draws is None
-                else f"{lost} of {len(draws)} resamples have no such parameters"
-            )
+        if draws is None:
+            return (), f"{model.name}: not determined by this record (rank deficient)"
+        resampled = []
+        for draw in draws:
+            with suppress(NumericalError):
+                resampled.append(model.physical_parameters(structure.transfer_function(draw), step))
+        if (lost := len(draws) - len(resampled)) > tail * len(draws):
+            reason = f"{lost} of {len(draws)} resamples have no such parameters"
             return (), f"{model.name}: not determined by this record ({reason})"
-        units = self.record.channels[INPUT].unit, self.record.channels[OUTPUT].unit
-        found = []
+        units = self.record.channels["input"].unit, self.record.channels["output"].unit
+        parameters = []
         for item in (*model.base.linear, *model.base.nonlinear, *model.elements):
             low, high = np.quantile([sample[item.name] for sample in resampled], [tail, 1.0 - tail])
-            found.append(
-                FittedParameter(
-                    item.name,
-                    item.latex_symbol,
-                    unit_of(item.unit, *units),
-                    values[item.name],
-                    float(low),
-                    float(high),
-                    derived=item in model.elements,
-                )
-            )
-        return tuple(found), ""
-
-
-@dataclass(frozen=True)
-class _Regression:
-    """Linear regression that coefficients are a solution of, at a minimum of the output error or with a ridge."""
-
-    path: RidgePath
-    regressors: np.ndarray
-    target: np.ndarray
-    alpha: float | None = None
-    """Ridge coefficient of ARX; None for the output error."""
-
-    @property
-    def estimator(self) -> str:
-        """Estimator of the coefficients."""
-        return OUTPUT_ERROR if self.alpha is None else ARX
+            unit, interval = unit_of(item.unit, *units), (values[item.name], float(low), float(high))
+            derived = item in model.elements
+            parameters.append(FittedParameter(item.name, item.latex_symbol, unit, *interval, derived=derived))
+        return tuple(parameters), ""

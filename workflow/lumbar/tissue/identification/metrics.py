@@ -1,10 +1,9 @@
-"""Error and uncertainty measures of the thesis, Eqs 3.10–3.16, each defined once, and coefficients resampled by blocks.
+"""Error and uncertainty measures of the thesis, Eqs 3.10–3.16, and coefficients resampled by blocks.
 
-Eq. 3.15 takes the residuals to be white and the regressors to be exact. Resampling whole blocks of time keeps
-the correlation of the residuals and of the regressors inside each block, so the spread needs neither
-assumption (Künsch, Annals of Statistics 17, 1989). A bias that every block shares, such as that of ARX with
-noisy outputs, remains: the interval says how far another record of the same kind would move the estimate, not
-where the truth lies.
+Eq. 3.15 assumes white residuals and exact regressors. Resampling whole blocks of time keeps the correlation of the residuals
+and of the regressors inside each block, so the spread needs neither assumption (Künsch, Annals of Statistics 17, 1989). A bias
+that every block has, such as that of ARX with noisy outputs, remains: the interval shows how far another record of the same
+kind would move the estimate, not the distance from the truth.
 """
 
 from dataclasses import dataclass
@@ -17,10 +16,10 @@ from lumbar.records.record import Record
 
 
 def settling_time(record: Record, setting_s: float | None = None) -> float:
-    """Seconds at the start of a record that are left out of every error of a free run.
+    """Return the seconds at the start of a record that are left out of every error of a free run.
 
-    The setting ``tissue.settling_s``, if given; else 50 samples, a two-hundredth of a record that is longer than 10,000, never
-    more than a twentieth of it. Sample counts and shares, not times: a verdict does not depend on the unit of the clock.
+    The setting ``tissue.settling_s``, if given; else 50 samples, or 1/200 of a record longer than 10,000 samples, but at most
+    1/20 of it. Because these are numbers of samples, results do not depend on the unit of the clock.
     """
     if setting_s is not None:
         return setting_s
@@ -29,12 +28,12 @@ def settling_time(record: Record, setting_s: float | None = None) -> float:
 
 
 def mean_residual(measured: np.ndarray, modelled: np.ndarray) -> float:
-    """Mean of the absolute residuals, Eq. 3.10, in the output's unit."""
+    """Return the mean of the absolute residuals, Eq. 3.10, in the output's unit."""
     return float(np.mean(np.abs(measured - modelled)))
 
 
 def variance_accounted_for(measured: np.ndarray, modelled: np.ndarray) -> float:
-    """%VAF, Eq. 3.12: 100 (1 − var(ŷ − y)/var(y)).
+    """Return %VAF, Eq. 3.12: 100 (1 − var(ŷ − y)/var(y)).
 
     Raises
     ------
@@ -45,7 +44,7 @@ def variance_accounted_for(measured: np.ndarray, modelled: np.ndarray) -> float:
 
 
 def fit_ratio(measured: np.ndarray, modelled: np.ndarray) -> float:
-    """FIT, Eq. 3.11, in percent: 100 (1 − rms(ŷ − y)/σ_y).
+    """Return FIT, Eq. 3.11, in percent: 100 (1 − rms(ŷ − y)/σ_y).
 
     For errors of zero mean FIT = 100 (1 − √(1 − VAF/100)), as in every row of the thesis's Table 3.1.
 
@@ -67,13 +66,10 @@ class FreeRunErrors:
     mean_residual: float
 
     @classmethod
-    def of(cls, measured: np.ndarray, modelled: np.ndarray) -> Self:
-        """Errors of what a model makes of the motion."""
-        return cls(
-            variance_accounted_for(measured, modelled),
-            fit_ratio(measured, modelled),
-            mean_residual(measured, modelled),
-        )
+    def from_output(cls, measured: np.ndarray, modelled: np.ndarray) -> Self:
+        """Return the errors of a simulated output."""
+        metrics = variance_accounted_for, fit_ratio, mean_residual
+        return cls(*(metric(measured, modelled) for metric in metrics))
 
 
 def _variance(measured: np.ndarray) -> float:
@@ -94,23 +90,23 @@ def numerical_rank(singular_values: np.ndarray, rows: int) -> int:
 
 
 def condition_number(singular_values: np.ndarray, rows: int) -> float | None:
-    """σ_max/σ_min, Eq. 3.14; None where the matrix is rank deficient."""
+    """Return σ_max/σ_min, Eq. 3.14; None if the matrix is rank deficient."""
     if numerical_rank(singular_values, rows) < singular_values.size:
         return None
     return float(singular_values.max() / singular_values.min())
 
 
 def largest_relative_uncertainty(coefficients: np.ndarray, deviations: np.ndarray | None) -> float | None:
-    """MRU, the largest RU of Eq. 3.16, 100 σ_i/|x_i|, over the coefficients that are not zero; None without any σ."""
+    """Return MRU, the largest RU of Eq. 3.16, 100 σ_i/|x_i|, over the coefficients that are not zero; None without any σ."""
     nonzero = coefficients != 0
     if deviations is None or not nonzero.any():
         return None
     return float((100.0 * deviations[nonzero] / np.abs(coefficients[nonzero])).max())
 
 
-MOST_BLOCKS = 400
+_MAX_BLOCKS = 400
 """Very long records get longer blocks, so that the work does not grow with them."""
-FEWEST_BLOCKS = 8
+_MIN_BLOCKS = 8
 """Fewer blocks give no useful spread."""
 
 
@@ -122,7 +118,7 @@ def block_bootstrap(
     rng: np.random.Generator,
     alpha: float = 0.0,
 ) -> np.ndarray:
-    """Solutions of (AᵀA + α²) x = Aᵀb over resampled blocks of rows, shape (resamples, parameters).
+    """Return solutions of (AᵀA + α²) x = Aᵀb over resampled blocks of rows, shape (resamples, parameters).
 
     Parameters
     ----------
@@ -132,29 +128,28 @@ def block_bootstrap(
         b.
     block_rows : int
         Rows per block, longer than the residuals' correlation.
+    resamples : int
+    rng : numpy.random.Generator
     alpha : float
         Ridge coefficient.
 
     Raises
     ------
     InputError
-        If the record is shorter than `FEWEST_BLOCKS` blocks.
+        If the record is shorter than `_MIN_BLOCKS` blocks.
     """
     rows, parameters = regressors.shape
-    block_rows = max(block_rows, -(-rows // MOST_BLOCKS))
+    block_rows = max(block_rows, -(-rows // _MAX_BLOCKS))
     blocks = rows // block_rows
-    if blocks < FEWEST_BLOCKS:
+    if blocks < _MIN_BLOCKS:
         raise InputError(
-            f"bootstrap: {rows} rows make {blocks} blocks of {block_rows}; at least {FEWEST_BLOCKS} "
+            f"bootstrap: {rows} rows make {blocks} blocks of {block_rows}; at least {_MIN_BLOCKS} "
             "are needed: shorten tissue.bootstrap.block_s or record for longer"
         )
     # Normal equations of every block; those of a resample are sums of them.
     joined = np.column_stack([regressors, target])
-    grams = np.empty((blocks, parameters + 1, parameters + 1))
-    for block in range(blocks):
-        stop = rows if block == blocks - 1 else (block + 1) * block_rows
-        part = joined[block * block_rows : stop]
-        grams[block] = part.T @ part
+    parts = np.split(joined, block_rows * np.arange(1, blocks))  # the last one has the remaining rows too
+    grams = np.stack([part.T @ part for part in parts])
     counts = rng.multinomial(blocks, np.full(blocks, 1.0 / blocks), size=resamples)
     resampled = (counts @ grams.reshape(blocks, -1)).reshape(resamples, parameters + 1, parameters + 1)
     normal = resampled[:, :parameters, :parameters] + alpha**2 * np.eye(parameters)

@@ -1,9 +1,8 @@
 """Output-error identification: coefficients that minimise the error of the free run.
 
-ARX minimises the one-step-ahead error and is biased towards fast poles where the output is noisy, because the
-noise is among its regressors. The output-error fit minimises what the model is used for, the free run from
-the input alone; it is consistent for any noise that is independent of the input (Ljung, System
-Identification, 2nd ed., section 8.4).
+ARX minimises the one-step-ahead error and is biased towards fast poles if the output is noisy, because the noise is among its
+regressors. The output-error fit minimises the error of the free run from the input only; it is consistent for any noise that
+is independent of the input (Ljung, System Identification, 2nd ed., section 8.4).
 """
 
 from dataclasses import dataclass
@@ -15,9 +14,9 @@ from lumbar.base.errors import NumericalError
 from lumbar.tissue.models.transfer_function import ArxStructure, TransferFunction
 
 _UNSTABLE_PENALTY = 1e3  # multiple of the output's rms: makes the optimiser take a shorter step
-_LARGEST_START_POLE = 0.995
+_MAX_START_POLE = 0.995
 _START_POLES = (-0.95, -0.5, 0.0, 0.3, 0.6, 0.8, 0.9, 0.97, 0.99, 0.999)
-_STARTS_FOLLOWED = 3
+_MAX_STARTS = 3
 
 
 @dataclass(frozen=True)
@@ -25,11 +24,10 @@ class OutputErrorFit:
     """A minimum of the simulation error."""
 
     coefficients: np.ndarray
-    """Shape (parameters,)."""
     residuals: np.ndarray
-    """Shape (samples − skip,): measured minus simulated output."""
+    """Measured minus simulated output, shape (samples − skip,)."""
     sensitivities: np.ndarray
-    """Shape (samples − skip, parameters): derivative of the simulated output with respect to every coefficient."""
+    """Derivatives of the simulated output by the coefficients, shape (samples − skip, parameters)."""
     converged: bool
     """False if the optimiser stopped on a nearly flat slope: the data hardly determine the coefficients."""
 
@@ -45,11 +43,11 @@ def fit_output_error(
 
     Parameters
     ----------
+    structure : ArxStructure
     inputs, outputs : numpy.ndarray, shape (samples,)
         Demeaned signals.
     starts : list of TransferFunction
-        Where to start, e.g. the ARX solution; those of least error are followed, and the lowest minimum
-        found is returned.
+        Starts, e.g. the ARX solution; those with the smallest errors are used, and the lowest minimum is returned.
     skip : int
         Samples at the beginning that do not count (start of the record).
 
@@ -70,12 +68,12 @@ def fit_output_error(
     initials = [structure.coefficients(stabilise(start)) for start in starts]
     initials.sort(key=lambda coefficients: float(np.sum(residuals(coefficients) ** 2)))
     best = None
-    for initial in initials[:_STARTS_FOLLOWED]:
-        found = scipy.optimize.least_squares(
+    for initial in initials[:_MAX_STARTS]:
+        result = scipy.optimize.least_squares(
             residuals, initial, jac=jacobian, method="lm", x_scale="jac", xtol=1e-10, ftol=1e-12, max_nfev=300
         )
-        if structure.transfer_function(found.x).stable and (best is None or found.cost < best.cost):
-            best = found
+        if structure.transfer_function(result.x).stable and (best is None or result.cost < best.cost):
+            best = result
     if best is None:
         raise NumericalError("no start of the output-error fit leads to a stable model")
     return OutputErrorFit(best.x, -residuals(best.x), jacobian(best.x), best.status > 0)
@@ -101,19 +99,10 @@ def simulation_sensitivities(
 def relaxation_starts(
     structure: ArxStructure, inputs: np.ndarray, outputs: np.ndarray, poles: tuple[float, ...] = _START_POLES
 ) -> list[TransferFunction]:
-    """Return starting values that span all relaxation times: the best numerator for each of some poles.
+    """Return the best numerator for each of some poles in (−1, 1), which span all relaxation times; only for order 1.
 
-    The simulation error of a single-pole model can have several minima over its pole (Eq. 3.3 has), but for a
-    given pole the numerator follows from linear least squares.
-
-    Parameters
-    ----------
-    structure : ArxStructure
-        Of order 1; other orders have no such starts.
-    inputs, outputs : numpy.ndarray, shape (samples,)
-        Demeaned signals.
-    poles : tuple of float
-        Inside (−1, 1).
+    The simulation error of a single-pole model can have several minima over its pole (Eq. 3.3 has), but for a given pole the
+    numerator follows from linear least squares.
     """
     if structure.order != 1:
         return []
@@ -128,7 +117,7 @@ def relaxation_starts(
 
 
 def _delayed(signal: np.ndarray, samples: int) -> np.ndarray:
-    """Signal `samples` ago, its first value held before the record."""
+    """Delay a signal by samples; before the record it has its first value."""
     return np.concatenate([np.full(samples, signal[0]), signal[: len(signal) - samples]])
 
 
@@ -139,8 +128,6 @@ def stabilise(model: TransferFunction) -> TransferFunction:
     poles = model.poles
     outside = np.abs(poles) >= 1.0
     poles[outside] = 1.0 / np.conj(poles[outside])
-    magnitude = np.abs(poles)
-    poles = np.where(
-        magnitude > _LARGEST_START_POLE, poles * _LARGEST_START_POLE / np.maximum(magnitude, 1e-300), poles
-    )
+    size = np.abs(poles)
+    poles = np.where(size > _MAX_START_POLE, poles * _MAX_START_POLE / np.maximum(size, 1e-300), poles)
     return TransferFunction(model.numerator, tuple(np.real(np.poly(poles))))

@@ -7,7 +7,7 @@ import numpy as np
 import scipy
 
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData
-from lumbar.tissue.effects.catalogue import carried_bases
+from lumbar.tissue.effects.catalogue import read_model_bases
 from lumbar.tissue.models.bases import Base
 from lumbar.tissue.models.motion import JoinedMotions, Motion
 from lumbar.tissue.models.operators import relaxation
@@ -246,7 +246,7 @@ def linear_base(poles: Poles, held: bool) -> Base | None:
         "state": states,
         "parameters": parameters,
     }
-    return carried_bases({"bases": {_NAME: definition}})[_NAME]
+    return read_model_bases({"bases": {_NAME: definition}})[_NAME]
 
 
 def _linear(name: str, unit: str) -> dict:

@@ -137,7 +137,7 @@ def refined_document(path: list[Candidate], experiment: Experiment, source_label
 def _free_run(fit: Fit, data: FitData) -> FreeRunErrors:
     """Return the errors, both signals about their means as for the identified models."""
     measured, simulated = data.trim(data.force), data.trim(fit.simulate(data.motion))
-    return FreeRunErrors.of(measured - np.mean(measured), simulated - np.mean(simulated))
+    return FreeRunErrors.from_output(measured - np.mean(measured), simulated - np.mean(simulated))
 
 
 def refine(
