@@ -24,14 +24,14 @@ class UntestableError(LumbarError):
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a run shows about a claim."""
+    """Result of a run for a claim."""
 
     value: str | float | None
     """This run's counterpart of the thesis's value."""
     agrees: bool | None
-    """Whether the criterion is met; None if it cannot be decided although there is a value."""
+    """True if the criterion is met; None if a value exists but cannot be judged."""
     remark: str = ""
-    """Further information, or why `agrees` is None."""
+    """Further information, or the reason for an `agrees` of None."""
 
 
 @dataclass(frozen=True)

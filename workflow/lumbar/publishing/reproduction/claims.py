@@ -1,7 +1,7 @@
 """All claims of the thesis: every number of Tables 3.1, 3.2 and 4.1 and the sentences, and the rows of ``claims.csv``."""
 
 import math
-from functools import partial
+from dataclasses import dataclass
 
 import pandas as pd
 
@@ -62,126 +62,104 @@ def all_claims(thesis_tables: dict[str, pd.DataFrame], groups: tuple[str, str] =
     return [
         *identification_sentences(),
         _mru_claim(thesis_tables["table_3_1"]),
-        *_table_3_1_cells(thesis_tables["table_3_1"]),
+        *(cell.claim() for cell in _table_3_1_cells(thesis_tables["table_3_1"])),
         *survey_sentences(),
-        *_table_3_2_cells(thesis_tables["table_3_2"]),
+        *(cell.claim() for cell in _table_3_2_cells(thesis_tables["table_3_2"])),
         *basin_sentences(groups),
-        *_table_4_1_cells(thesis_tables["table_4_1"], groups),
+        *(cell.claim() for cell in _table_4_1_cells(thesis_tables["table_4_1"], groups)),
     ]
 
 
-def _table_3_1_cells(thesis: pd.DataFrame) -> list[Claim]:
-    claims = []
-    for cells in thesis.to_dict("records"):
-        record, model = cells["trained_on"], cells["model"]
-        row = {"trained_on": record, "model": model, "estimator": "arx"}
+@dataclass(frozen=True)
+class _Cell:
+    """A cell of a published table and its counterpart in this run."""
+
+    name: str
+    """``<table>.<row>.<column>``; the name of the claim."""
+    statement: str
+    row: dict[str, str]
+    """Values of the columns that select this run's row."""
+    thesis: float | str
+    comparison: Comparison
+    absent: str
+    """Remark if this run has no such cell."""
+    on_twin: str = ""
+    column: str = ""
+    """Column of this run; default that of the name."""
+
+    def judge(self, results: Results) -> Outcome:
+        """Compare this run's value with the published one."""
+        table, *_, last = self.name.split(".")
+        frame, column = results[table], self.column or last
+        for key, value in self.row.items():
+            frame = frame[frame[key] == value]
+        if frame.empty or column not in frame or pd.isna(frame.iloc[0][column]):
+            raise UntestableError(self.absent)
+        value = float(frame.iloc[0][column])
+        agrees = self.comparison.agrees(self.thesis, value)
+        return Outcome(value, agrees, self.absent if agrees is None else "")
+
+    def claim(self) -> Claim:
+        """Return the claim that this run's cell agrees with the published one."""
+        table, criterion = self.name.split(".")[0], self.comparison.criterion
+        location = f"Table {table.removeprefix('table_').replace('_', '.')}"
+        claimed = (self.name, location, self.statement, self.thesis, criterion)
+        return Claim(*claimed, (table,), self.judge, self.on_twin)
+
+
+def _table_3_1_cells(thesis: pd.DataFrame) -> list[_Cell]:
+    cells = []
+    for row in thesis.to_dict("records"):
+        record, model = row["trained_on"], row["model"]
+        selected = {"trained_on": record, "model": model, "estimator": "arx"}
         for column, (meaning, comparison) in TABLE_3_1.items():
-            claims.append(
-                _cell(
-                    f"table_3_1.{record}.{model}.{column}",
-                    f"{model} trained on {record}: {meaning}",
-                    row,
-                    float(cells[column]),
-                    comparison,
-                    _SCALED if column == "alpha" else f"no {column} for {model} trained on {record}",
-                    BUILT_IN if column in _BUILT_IN else "",
-                )
-            )
-    return claims
+            name = f"table_3_1.{record}.{model}.{column}"
+            statement = f"{model} trained on {record}: {meaning}"
+            absent = _SCALED if column == "alpha" else f"no {column} for {model} trained on {record}"
+            on_twin = BUILT_IN if column in _BUILT_IN else ""
+            cells.append(_Cell(name, statement, selected, float(row[column]), comparison, absent, on_twin))
+    return cells
 
 
-def _table_3_2_cells(thesis: pd.DataFrame) -> list[Claim]:
+def _table_3_2_cells(thesis: pd.DataFrame) -> list[_Cell]:
     """Return every number of Table 3.2; the survey was reconstructed from this table."""
-    claims = []
+    cells = []
     for row in thesis.to_dict("records"):
         model = row["model"]
-        add = partial(_cell, row={"model": model}, on_twin=BUILT_IN)
         for column in ("median", "mode", "mode_count", "best_percent"):
+            name = f"table_3_2.{model}.{column}"
             statement = f"{model}: {column.replace('_', ' ')} of the ratings"
-            absent = f"{model} was not rated"
-            claims.append(
-                add(
-                    f"table_3_2.{model}.{column}",
-                    statement,
-                    thesis=float(row[column]),
-                    comparison=_DIGITS,
-                    absent=absent,
-                )
-            )
+            compared = float(row[column]), _DIGITS, f"{model} was not rated"
+            cells.append(_Cell(name, statement, {"model": model}, *compared, BUILT_IN))
         for other in ("MW", "KB", "HO"):
             printed = str(row[f"p_vs_{other}"])
             if printed == "nan":
                 continue
-            is_limit = printed.startswith("<")
-            claims.append(
-                add(
-                    f"table_3_2.{model}.p_vs_{other}",
-                    f"Mann–Whitney p of {model} against {other}",
-                    thesis=printed if is_limit else float(printed),
-                    comparison=Comparison("below", float(printed[1:]), "as printed")
-                    if is_limit
-                    else Comparison("difference", 0.05, "within 0.05"),
-                    absent=f"{model} and {other} were not both rated",
-                )
-            )
-    return claims
+            name = f"table_3_2.{model}.p_vs_{other}"
+            statement = f"Mann–Whitney p of {model} against {other}"
+            thesis_value, comparison = printed, Comparison("below", float(printed.lstrip("<")), "as printed")
+            if not printed.startswith("<"):
+                thesis_value, comparison = float(printed), Comparison("difference", 0.05, "within 0.05")
+            compared = thesis_value, comparison, f"{model} and {other} were not both rated"
+            cells.append(_Cell(name, statement, {"model": model}, *compared, BUILT_IN))
+    return cells
 
 
-def _table_4_1_cells(thesis: pd.DataFrame, groups: tuple[str, str]) -> list[Claim]:
-    names, claims = comparison_names(groups), []
+def _table_4_1_cells(thesis: pd.DataFrame, groups: tuple[str, str]) -> list[_Cell]:
+    names, cells = comparison_names(groups), []
     for row in thesis.to_dict("records"):
         comparison, com = names[row["comparison"]], row["com"]
         for plane in ("lateral_bending", "flexion_extension"):
-            place = f"{comparison}, {com}, {plane}".replace("_", " ")
-            claims.append(
-                _cell(
-                    f"table_4_1.{row['comparison']}.{com}.{plane}",
-                    f"{place}: difference in percent",
-                    {"comparison": comparison, "com": com},
-                    float(row[f"{plane}_percent"]),
-                    _SIGN,
-                    "this study lacks one of the two lifts compared",
-                    CANNOT_BE_TESTED,
-                    column=f"{plane}_percent",
-                )
-            )
-    return claims
-
-
-def _cell(
-    name: str,
-    statement: str,
-    row: dict[str, str],
-    thesis: float | str,
-    comparison: Comparison,
-    absent: str,
-    on_twin: str = "",
-    column: str = "",
-) -> Claim:
-    """Return the claim that one cell of a published table is this run's too.
-
-    The name is ``<table>.<row>.<column>``; `row` selects this run's row, `column` its column if another
-    than the name's; `absent` is the remark if this run has no such cell.
-    """
-    table, *_, last = name.split(".")
-    column = column or last
-
-    def judge(results: Results) -> Outcome:
-        frame = results[table]
-        for key, value in row.items():
-            frame = frame[frame[key] == value]
-        if frame.empty or column not in frame or pd.isna(frame.iloc[0][column]):
-            raise UntestableError(absent)
-        found = float(frame.iloc[0][column])
-        agrees = comparison.agrees(thesis, found)
-        return Outcome(found, agrees, absent if agrees is None else "")
-
-    location = f"Table {table.removeprefix('table_').replace('_', '.')}"
-    return Claim(name, location, statement, thesis, comparison.criterion, (table,), judge, on_twin)
+            name = f"table_4_1.{row['comparison']}.{com}.{plane}"
+            statement = f"{comparison}, {com}, {plane}".replace("_", " ") + ": difference in percent"
+            selected, column = {"comparison": comparison, "com": com}, f"{plane}_percent"
+            compared = float(row[column]), _SIGN, "this study lacks one of the two lifts compared"
+            cells.append(_Cell(name, statement, selected, *compared, CANNOT_BE_TESTED, column))
+    return cells
 
 
 def _mru_claim(thesis: pd.DataFrame) -> Claim:
-    """Return the claim about the printed MRU; the print alone decides it."""
+    """Return the claim about the printed MRU, which the printed table decides."""
     below = impossible_mru(thesis)
     values = "; ".join(f"{row} {value:g} %, at least {least:.2g} %" for row, (value, least) in below.items())
     return Claim(
@@ -226,9 +204,21 @@ def impossible_mru(printed: pd.DataFrame) -> dict[str, tuple[float, float]]:
 
 
 def examine_claims(claims: list[Claim], results: Results, synthetic: bool, source_label: str) -> pd.DataFrame:
-    """Examine all claims on the results of one run; `synthetic` if these are the twin's.
+    """Examine all claims on the results of one run.
 
-    Columns ``claim, location, statement, thesis_value, this_run, verdict, criterion, remark, evidence, data``.
+    Parameters
+    ----------
+    claims : list of Claim
+    results : dict
+        Results of the run by name.
+    synthetic : bool
+        True if these are the twin's.
+    source_label : str
+
+    Returns
+    -------
+    pandas.DataFrame
+        Columns ``claim, location, statement, thesis_value, this_run, verdict, criterion, remark, evidence, data``.
     """
     rows = []
     for claim in claims:
@@ -269,19 +259,18 @@ def summary_table(claims: pd.DataFrame, source_label: str) -> Table:
     columns = columns_of("publishing/reproduction", "claims")
     frame = claims[columns].astype(object)
     for column in ("thesis_value", "this_run"):
-        frame[column] = frame[column].map(_format_value)
+        frame[column] = [
+            "–" if pd.isna(value) else f"{value:.4g}" if isinstance(value, float) else str(value)
+            for value in frame[column]
+        ]
     counts = claims.verdict.value_counts()
-    fields = {
-        "count": len(claims),
-        "verdicts": "; ".join(f"{name}: {count}" for name, count in counts.items()),
-    }
-    sentences = (~claims.claim.str.startswith("table_")).to_numpy().nonzero()[0]
+    verdicts = "; ".join(f"{name}: {count}" for name, count in counts.items())
+    is_sentence = ~claims.claim.str.startswith("table_")
     return table_from_schema(
-        "publishing/reproduction", "claims", frame, source_label, fields, first_rows=tuple(sentences)
+        "publishing/reproduction",
+        "claims",
+        frame,
+        source_label,
+        {"count": len(claims), "verdicts": verdicts},
+        first_rows=tuple(is_sentence.to_numpy().nonzero()[0]),
     )
-
-
-def _format_value(value: float | str | None) -> str:
-    if value is None or value != value:
-        return "–"
-    return f"{value:.4g}" if isinstance(value, float) else str(value)

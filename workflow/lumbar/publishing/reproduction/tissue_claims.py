@@ -67,6 +67,13 @@ def _near(
     return Outcome(value, abs(value - thesis) <= tolerance)
 
 
+def _participants(group: str, thesis: float, results: Results) -> Outcome:
+    """Compare the share of a group of participants in percent with the thesis's."""
+    participants = results["survey"]["participants"]
+    row = participants["groups"].get(group) or participants["experience"].get(group)
+    return _near(thesis, 0.051, lambda _: None if row is None else round(row["percent"], 1), results)
+
+
 @_judges("highest_vaf")
 def _highest_of_all(results: Results) -> Outcome:
     arx = _arx(results)
@@ -88,10 +95,10 @@ def _slightly_better(results: Results) -> Outcome:
 @_judges("ho_structure")
 def _fourth_order(results: Results) -> Outcome:
     arx = _arx(results)
-    found = arx[(arx.model == "HO") & (arx.trained_on == "multisine")]
-    if found.empty or "biproper" not in found:
+    higher = arx[(arx.model == "HO") & (arx.trained_on == "multisine")]
+    if higher.empty or "biproper" not in higher:
         raise UntestableError("no stable HO model trained on a multisine")
-    row = found.iloc[0]
+    row = higher.iloc[0]
     text = f"order {row.order:.0f}, {'biproper' if row.biproper else 'strictly proper'}"
     return Outcome(text, text == "order 4, biproper", "" if pd.isna(row.remark) else row.remark)
 
@@ -180,12 +187,6 @@ def identification_sentences() -> list[Claim]:
     return sentences("identification", _JUDGES | judges)
 
 
-def _share(group: str, results: Results) -> float | None:
-    participants = results["survey"]["participants"]
-    found = participants["groups"].get(group) or participants["experience"].get(group)
-    return None if found is None else round(found["percent"], 1)
-
-
 @_judges("kruskal_wallis")
 def _kruskal(results: Results) -> Outcome:
     test = results["survey"]["kruskal_wallis"]
@@ -267,10 +268,7 @@ def survey_sentences() -> list[Claim]:
     shares |= {"<5": 11.1, ">20": 35.6}
     judges = {
         "participants": partial(_near, 45, 0, lambda results: results["survey"]["participants"]["number"]),
-        **{
-            f"participants.{group}": partial(_near, printed, 0.051, partial(_share, group))
-            for group, printed in shares.items()
-        },
+        **{f"participants.{group}": partial(_participants, group, share) for group, share in shares.items()},
         "pairs_differ": partial(_all_but_kb_ho, "p_value", "mann_whitney"),
         "pairs_differ_holm": partial(_all_but_kb_ho, "p_holm", "mann_whitney"),
         "best_ho": partial(_best, "highest", "HO"),

@@ -1,4 +1,4 @@
-"""Tables 2.1 and 3.1 of the thesis, definitions and errors of the models, and the table of their physical parameters."""
+"""Tables 2.1 (definitions) and 3.1 (errors) of the models of the thesis, and the table of their physical parameters."""
 
 import re
 from collections.abc import Sequence
@@ -26,9 +26,9 @@ from lumbar.tissue.models.tissue_models import (
 
 
 def table_2_1(source_label: str, pictures: Sequence[str] = ()) -> Table:
-    """Table 2.1: the viscoelastic models, from their definitions.
+    """Return Table 2.1: the viscoelastic models, from their definitions.
 
-    `pictures` are those of the mechanical analogues, in the order of `TABLE_2_1`: texts of SVG files, shown in HTML.
+    `pictures` are SVG texts of the mechanical analogues in the order of `TABLE_2_1`, shown in HTML.
     """
     frame = pd.DataFrame(
         {
@@ -43,31 +43,30 @@ def table_2_1(source_label: str, pictures: Sequence[str] = ()) -> Table:
         }
         for model in TABLE_2_1
     )
-    words = {
-        "MW": MW.name,
-        "MW_transfer": MW.transfer,
-        "MW_because": MW.no_parameters_because,
-        "references": "; ".join(REFERENCES),
-    }
+    fields = {"MW": MW.name, "MW_transfer": MW.transfer, "MW_because": MW.no_parameters_because}
+    fields["references"] = "; ".join(REFERENCES)
     shown = {"mechanical_analogue": tuple(pictures)} if pictures else {}
-    return table_from_schema("tissue/identification", "table_2_1", frame, source_label, words, pictures=shown)
+    return table_from_schema(
+        "tissue/identification", "table_2_1", frame, source_label, fields, pictures=shown
+    )
 
 
 def physical_parameters_table(models: list[FittedModel], confidence: float, source_label: str) -> Table:
-    """Parameters of all models that have any by the thesis, and the reason where they are refused."""
+    """Return the physical parameters of all models, or the reason why a model has none."""
+    columns = ["trained_on", "model", "estimator", "parameter", "effect", "derived"]
+    columns += ["value", "low", "high", "unit", "refused"]
     rows = []
     for model in models:
         if model.base not in BASES:
             continue
         head = {"trained_on": model.trained_on, "model": model.name, "estimator": model.estimator}
         for item in model.parameters:
-            found = {key: getattr(item, key) for key in ("value", "low", "high", "unit")}
-            of = {"effect": item.effect or None, "derived": item.derived}
-            rows.append({**head, "parameter": item.name, **of, **found, "refused": None})
+            row = {key: getattr(item, key) for key in ("derived", "value", "low", "high", "unit")}
+            rows.append(
+                {**head, "parameter": item.name, "effect": item.effect or None, **row, "refused": None}
+            )
         if model.no_parameters_because:
             rows.append({**head, "refused": model.no_parameters_because})
-    columns = ["trained_on", "model", "estimator", "parameter", "effect", "derived"]
-    columns += ["value", "low", "high", "unit", "refused"]
     frame = pd.DataFrame(rows, columns=columns)
     unbiased = frame["derived"].eq(True) & (frame["estimator"] == OUTPUT_ERROR)
     return table_from_schema(
@@ -80,38 +79,31 @@ def physical_parameters_table(models: list[FittedModel], confidence: float, sour
     )
 
 
-_ROWS = (MW.name, MAXWELL.name, KB.name, HO.name, LE.name)
-"""Order of the rows within each training record and estimator: the thesis's, with Maxwell and LE more."""
-
-
 def table_3_1(models: list[FittedModel], settings: TissueSettings, source_label: str) -> Table:
-    """Table 3.1: error metrics of all models; the thesis's rows are MW, KB, HO with estimator ``arx``.
+    """Return Table 3.1: error metrics of all models; the thesis's rows are MW, KB, HO with estimator ``arx``.
 
-    Models of the first training record come first, and so on; all have the same number of unseen records.
+    Models are sorted by training record, estimator and the order of the thesis; models with effects come last. All have the
+    same number of unseen records.
     """
     unit = models[0].output.unit
     trained_on = list(dict.fromkeys(model.trained_on for model in models))
-    estimators = (ARX, OUTPUT_ERROR, GIVEN)
-    # Models with effects added come after those of the thesis.
-    place = {name: index for index, name in enumerate((*_ROWS, IL.name))}
-    ordered = sorted(
-        models,
-        key=lambda model: (
-            trained_on.index(model.trained_on),
-            estimators.index(model.estimator),
-            place.get(model.name, len(place)),
-        ),
-    )
-    frame = pd.DataFrame(_row(model, unit) for model in ordered)
-    printed = (frame["estimator"] == ARX) & frame["model"].isin((MW.name, KB.name, HO.name))
-    words = {
+    names = [item.name for item in (MW, MAXWELL, KB, HO, LE, IL)]
+
+    def place(model: FittedModel) -> tuple[int, int, int]:
+        number = names.index(model.name) if model.name in names else len(names)
+        estimator = (ARX, OUTPUT_ERROR, GIVEN).index(model.estimator)
+        return trained_on.index(model.trained_on), estimator, number
+
+    frame = pd.DataFrame(_row(model, unit) for model in sorted(models, key=place))
+    is_printed = (frame["estimator"] == ARX) & frame["model"].isin((MW.name, KB.name, HO.name))
+    fields = {
         "unit": unit,
         "free": "free run from the input alone, on demeaned signals, from where the start has settled (tissue.settling_s)",
         "resamples": settings.bootstrap.resamples,
         "block_s": settings.bootstrap.block_s,
-        "picked": {"training": "the training record", "test": "the other records (mean)"}[
-            settings.search.selection
-        ],
+        "picked": "the training record"
+        if settings.search.selection == "training"
+        else "the other records (mean)",
         "ridge": settings.ridge,
         "search": settings.search,
         "negligible": NEGLIGIBLE_POINTS,
@@ -121,15 +113,16 @@ def table_3_1(models: list[FittedModel], settings: TissueSettings, source_label:
         "table_3_1",
         frame,
         source_label,
-        words,
+        fields,
         decimals={"mean_residual_N": 2} if unit == "N" else {},
-        first_rows=tuple(printed.to_numpy().nonzero()[0]),  # the thesis's rows
+        first_rows=tuple(is_printed.to_numpy().nonzero()[0]),
     )
 
 
 def _row(model: FittedModel, unit: str) -> dict:
     scores = model.scores
     unit_in_column = re.sub(r"[^A-Za-z0-9]+", "_", unit).strip("_")  # "N·m" as "N_m"
+    vaf_tests = enumerate(scores.vaf_tests_percent, start=1)
     return {
         "trained_on": model.trained_on,
         "model": model.name,
@@ -148,10 +141,7 @@ def _row(model: FittedModel, unit: str) -> dict:
         "parameters": scores.free_parameters,
         "rank": scores.rank,
         "mru_bootstrap_percent": scores.mru_bootstrap_percent,
-        **{
-            f"vaf_test_{number}_percent": value
-            for number, value in enumerate(scores.vaf_tests_percent, start=1)
-        },
+        **{f"vaf_test_{number}_percent": value for number, value in vaf_tests},
         "test_records": "; ".join(scores.tests) or None,
         "remark": model.remark or None,
     }
