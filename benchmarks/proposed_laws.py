@@ -17,7 +17,7 @@ import sys
 import numpy as np
 from scipy.signal import lfilter
 
-from lumbar.interface.diagnosis import diagnose
+from lumbar.interface.diagnose import diagnose
 from lumbar.records.record import Channel, Record
 from lumbar.tissue.diagnosis.fitting.joint_fit import fit_base
 from lumbar.tissue.diagnosis.law import proposal as law_proposal

@@ -26,7 +26,7 @@ def main(records: Path = RECORDS, picture: Path = ROOT / "docs" / "images" / "fr
     )
     for step, (above, below) in zip(path, axes.T, strict=True):
         color = (palette.WITH_EFFECTS if step.effects else palette.MODELS["KB"])["color"]
-        simulated = diagnosis.with_effects(step.effects).model.simulate(record)
+        simulated = diagnosis.refine(step.effects).model.simulate(record)
         measured = record["output"]
         above.plot(record.time[shown], measured[shown], color=palette.MEASURED, label="measured")
         above.plot(record.time[shown], simulated[shown], color=color, linestyle=(0, (4, 1.2)), label="model")

@@ -17,7 +17,7 @@ PAGE = "gallery.md"
 IN_PYTHON = {
     "surgeon_psd": "lumbar.bandwidth(trials).figure()",
     "excitation_signals": "lumbar.design_signals(2.5).figure()",
-    "figure_3_5": "lumbar.identify(records).comparison_figure(record)",
+    "figure_3_5": "lumbar.identify(records).free_run_figure(record)",
     "error_ladders": 'lumbar.refine(records, ["coulomb_friction"]).save("out")',
     "comparison_figures": 'lumbar.compare(records, model).figure("noise")',
     "location_figures": 'lumbar.locate(records, model).figure("noise")',

@@ -3,11 +3,13 @@
 from lumbar.base.errors import InputError as InputError
 from lumbar.base.errors import LumbarError as LumbarError
 from lumbar.base.errors import NumericalError as NumericalError
+from lumbar.interface.comparison import compare as compare
+from lumbar.interface.comparison import locate as locate
 from lumbar.interface.device import export_fmu as export_fmu
 from lumbar.interface.device import load_models as load_models
 from lumbar.interface.device import render as render
-from lumbar.interface.diagnosis import diagnose as diagnose
-from lumbar.interface.diagnosis import propose as propose
+from lumbar.interface.diagnose import diagnose as diagnose
+from lumbar.interface.diagnose import propose as propose
 from lumbar.interface.identification import identify as identify
 from lumbar.interface.importing import import_recordings as import_recordings
 from lumbar.interface.inspecting import inspect as inspect
@@ -18,8 +20,6 @@ from lumbar.interface.movement import measure_movement as measure_movement
 from lumbar.interface.participants import analyse_survey as analyse_survey
 from lumbar.interface.people import compare_groups as compare_groups
 from lumbar.interface.reading import read as read
-from lumbar.interface.refinement import compare as compare
-from lumbar.interface.refinement import locate as locate
 from lumbar.interface.refinement import refine as refine
 from lumbar.interface.study_report import report as report
 from lumbar.interface.surgeons import bandwidth as bandwidth

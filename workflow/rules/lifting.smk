@@ -37,7 +37,7 @@ rule lift:
     resources:
         **job_size(peak_mb=155, seconds=4),
     params:
-        code=library_code("lift.py"),
+        code=library_code("analyse_lift.py"),
         lift="{lift}",
         subject=lambda wildcards: plain(study.subjects[study.lifts[wildcards.lift].subject], LIFTER),
         trial=lambda wildcards: plain(study.lifts[wildcards.lift].trial),
@@ -46,7 +46,7 @@ rule lift:
     message:
         "{wildcards.lift}: events, centres of mass, pendulum states"
     script:
-        "../scripts/lift.py"
+        "../scripts/analyse_lift.py"
 
 
 if study.has("lifting"):

@@ -14,7 +14,7 @@ def main(input, output, settings: SignalsSettings, seed: int, source_label: str)
 
     result = design_signals(input.bandwidth, settings=settings, seed=seed, source_label=source_label)
     result.save(Path(output.properties).parent)
-    result.properties.write(stem(output.signal_properties))
+    result.table.write(stem(output.signal_properties))
     save(result.figure(), stem(output.excitation_signals), source_label)
 
 

@@ -25,7 +25,7 @@ def main(input, output, settings: StudySettings, source_label: str):
     )
     trained = sorted((records[name] for name in tissue.training), key=lambda item: (item.duration, item.name))
     save(excitation_figure(trained, tissue.segment_s), stem(output.figure_3_4), source_label)
-    save(result.comparison_figure(records[tissue.training[0]]), stem(output.figure_3_5), source_label)
+    save(result.free_run_figure(records[tissue.training[0]]), stem(output.figure_3_5), source_label)
 
 
 run(main, snakemake)

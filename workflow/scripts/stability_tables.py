@@ -67,9 +67,9 @@ def _draw(
 
     from lumbar.lifting.stability.model.pendulum_trajectories import trajectories_of_lift
     from lumbar.publishing.figures.stability_figures import (
-        comparison_figure,
         figure_4_3,
         figure_4_4,
+        method_comparison_figure,
         shown_lift,
     )
     from lumbar.publishing.figures.style import person_and_box, save
@@ -81,7 +81,7 @@ def _draw(
     save(figure_4_4(funnels, settings), stem(output.figure_4_4), source_label, who=person)
     trajectories, _ = trajectories_of_lift(states, facts[chosen], pendulum.mass, pendulum.time)
     who = f"{person}, {pendulum.sign}, {pendulum.time} time"
-    comparison = comparison_figure(trajectories, funnels, settings, who)
+    comparison = method_comparison_figure(trajectories, funnels, settings, who)
     save(comparison, stem(output.basin_comparison), source_label, who=person)
 
 

@@ -90,7 +90,7 @@ def test_a_diagnosis_names_prints_and_goes_on(diagnosis, records):
     assert refined.model.scores.test_rms == pytest.approx(diagnosis.model.scores.test_rms)
     assert diagnosis.add("coulomb_friction").effects == ("coulomb_friction",)
     assert refined.remove("coulomb_friction").effects == ()
-    assert [row["model"] for row in refined.rows()] == ["KB", "KB+coulomb_friction"]
+    assert [row["model"] for row in refined.table] == ["KB", "KB+coulomb_friction"]
 
 
 def test_a_base_that_did_not_converge_is_looked_at_and_called_so(records, monkeypatch):

@@ -57,7 +57,7 @@ def test_the_workflow_writes_the_model_that_the_page_shows(explored, tmp_path):
     shown = {item.key: item for item in explored.page.models}
     for key in ("base", "coulomb_friction", "inertia"):
         effects = [] if key == "base" else [key]
-        fitted = explored.diagnosis.with_effects(effects).path[-1]
+        fitted = explored.diagnosis.refine(effects).path[-1]
         assert (fitted.train_rms, fitted.test_rms) == (shown[key].train_rms, shown[key].test_rms)
     fitted = explored.refitted(["inertia", "coulomb_friction"]).path[-1]  # maybe in the order of another tab
     explored.diagnosis.save(tmp_path, pictures=False, effects=fitted.effects)

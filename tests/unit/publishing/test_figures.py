@@ -12,7 +12,7 @@ from periodic_records import STEP, noise, noisy_record, record, relaxing_force
 
 from lumbar.lifting.movement import lift_analysis as lifting
 from lumbar.lifting.movement import lift_tables
-from lumbar.publishing.figures.comparison_figures import comparison_figure, default_segment
+from lumbar.publishing.figures.comparison_figures import default_segment, record_comparison_figure
 from lumbar.publishing.figures.lifting_figures import events_figure, pendulum_figure, segments_figure
 from lumbar.publishing.figures.location_figures import location_figure
 from lumbar.publishing.figures.style import house_style, new_figure, save
@@ -225,7 +225,7 @@ def test_comparison_shows_segment_residual_floor_and_shares(tests):
     (periodic, simulated), (other, response) = tests
     floor = noise_floor(periodic)
     found = [compare_record(periodic, simulated, floor), compare_record(other, response, floor, "multisine")]
-    figure = comparison_figure(periodic, simulated, found)
+    figure = record_comparison_figure(periodic, simulated, found)
     low, high = default_segment(periodic, simulated, found[0].start)
     response_axis, residual_axis, shares = figure.axes
     measured, model = (line.get_ydata() for line in response_axis.lines)

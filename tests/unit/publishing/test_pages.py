@@ -13,10 +13,10 @@ from periodic_records import STEP, multisine, noise, record, relaxing_force
 
 import lumbar
 from lumbar.base.errors import InputError
-from lumbar.publishing.explorer.one_file import embedded_pictures, one_file, plain_figure
-from lumbar.publishing.explorer.shown import WITH_EFFECTS, candidates_of, model_key
+from lumbar.publishing.explorer.one_file import embed_pictures, one_file, plain_figure
+from lumbar.publishing.explorer.page_data import EFFECTS_GROUP, fitted_candidates, model_key
 from lumbar.publishing.pages.diagnosis_page import diagnosis_page
-from lumbar.publishing.pages.diagnosis_pictures import draw_pictures, pictured_effects
+from lumbar.publishing.pages.diagnosis_pictures import draw_pictures
 from lumbar.publishing.pages.html import document, figure, listing, paragraph, table
 from lumbar.settings.improvement import ImprovementSettings
 from lumbar.settings.study_settings import StudySettings
@@ -95,7 +95,7 @@ def test_pictures_of_a_diagnosis(hardening, tmp_path):
     }
     page = diagnosis_page(diagnosis, evidence, TISSUE, "x", pictures)
     assert page.count("<figure>") == 4
-    assert pictured_effects(diagnosis, TISSUE)[0].name == "hardening_stiffness"
+    assert b"Hardening stiffness" in (tmp_path / "signatures.svg").read_bytes()
 
 
 def test_an_effect_at_the_detectable_size_gains_the_threshold():
@@ -187,7 +187,7 @@ def test_building_blocks_escape_what_they_are_given():
 def test_numbering_what_bokeh_names_leaves_coded_numbers_alone():
     """A page of the default study could not be opened: among three million letters one run of them was taken for a name."""
     coded = "AAA+p12345/A 01234567-0123-0123-0123-0123456789ab b"
-    pictures = embedded_pictures(lambda document: document.add_root(plain_figure("a", "", "", 0)))
+    pictures = embed_pictures(lambda document: document.add_root(plain_figure("a", "", "", 0)))
     variables = {"title": "", "data": "", "content": {"coded": coded}}
     text = one_file(pictures, "publishing/explorer/shell.html.jinja", variables)
     assert coded in text and not re.search(r'"p\d{4,}"', text)
@@ -221,8 +221,8 @@ def content(html: str) -> dict:
 
 
 def test_every_model_of_the_search_is_drawn_as_its_fit_simulates_it(diagnosis, page):
-    candidates = {model_key(item.effects): item for item in candidates_of(diagnosis.result)}
-    fitted = [model for model in page.models if model.group == WITH_EFFECTS]
+    candidates = {model_key(item.effects): item for item in fitted_candidates(diagnosis.result)}
+    fitted = [model for model in page.models if model.group == EFFECTS_GROUP]
     assert {"base", "coulomb_friction"} < {model.key for model in fitted} == set(candidates)
     for model in fitted[:3]:
         for item in diagnosis.result.experiment.records:
@@ -292,7 +292,7 @@ def test_script_knows_models_errors_and_sentences(diagnosis, html):
     base = told["models"]["base"]
     assert told["selected"] == ["coulomb_friction"]
     assert told["models"]["coulomb_friction"]["test_rms"] == diagnosis.result.model.test_rms
-    location = diagnosis.base_on_records[1].location
+    location = diagnosis.reports[1].location
     found = base["located"]["other"]
     assert {found["headline"], *found["views"].values()} == set(location.sentences)
     assert told["noise_rms"] == diagnosis.result.experiment.floor.rms

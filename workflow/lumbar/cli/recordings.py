@@ -88,12 +88,12 @@ def _describe(description: dict) -> str:
 
 def run_inspect(options) -> None:
     """Inspect the files, print the reports, draw one if asked; errors of unreadable files come last."""
-    from lumbar.interface.inspecting import check_picture
+    from lumbar.interface.inspecting import check_picture_format
 
     if options.picture and len(options.files) > 1:
         raise InputError(f"--picture draws one file; {len(options.files)} are given")
     if options.picture:
-        check_picture(options.picture)
+        check_picture_format(options.picture)
     settings = read_settings(options).lifting if options.config else None
     problems, results = Problems("files"), []
     for file in options.files:
@@ -134,12 +134,13 @@ def run_lift(options) -> None:
     result.save(options.output)
     measures = lumbar.measure_movement(result, settings=study.stability)
     measures.save(options.output)
-    print(result if result.analysed.states else result.seen)  # reasons for missing pendulums are printed last
+    # Reasons for missing pendulums are printed last.
+    print(result if result.analysed.states else result.recording_summary)
     print(measures)
     lines = [*result.checks, f"pendulum.csv and pendulum.json are in {options.output}"]
     if not result.analysed.states:
         lines[-1] = f"no pendulum: pendulum.csv in {options.output} has no rows"
-        lines += result.without_pendulum
+        lines += result.missing_pendulums
         lines.append(
             "set events that the markers do not show in the trial: events: {deposit_start_s: …, release_s: …}"
         )

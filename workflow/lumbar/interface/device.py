@@ -1,4 +1,4 @@
-"""``lumbar.load_models``, ``export_fmu`` and ``render``: models of files, on their way to a haptic device."""
+"""``lumbar.load_models``, ``export_fmu`` and ``render``: models of files on a haptic device."""
 
 from __future__ import annotations
 
@@ -30,8 +30,10 @@ def load_models(path: str | os.PathLike, effect_files: Iterable[str | os.PathLik
 
     Parameters
     ----------
+    path : path
+        A file that `Identification.save` or `Refinement.save` wrote.
     effect_files : iterable of path, optional
-        Files with user-defined effects of the models that the file does not contain: those in Python.
+        Files with user-defined effects that the file does not contain: those in Python.
 
     Raises
     ------
@@ -112,14 +114,13 @@ def export_fmu(
     from lumbar.tissue.fmu.fmu_check import validate_new_files
 
     settings = settings or RuntimeSettings()
-    settings = settings.model_copy(
-        update={"rate_Hz": rate_Hz or settings.rate_Hz, "targets": tuple(targets or settings.targets)}
-    )
+    targets = tuple(targets or settings.targets)
+    settings = settings.model_copy(update={"rate_Hz": rate_Hz or settings.rate_Hz, "targets": targets})
     selected, read_from = _select_models(model, settings, names, trained_on, effect_files)
     cache = cache_folder(settings.compiler_cache)
-    resolve_targets(settings.targets)  # reports a wrong target before the models are judged
+    resolve_targets(targets)  # reports a wrong target before the models are judged
     exported = with_device(export_models(selected, settings), settings, selected)
-    written = export_fmus(exported, Path(folder), source_label or read_from, settings.targets, cache)
+    written = export_fmus(exported, Path(folder), source_label or read_from, targets, cache)
     validate_new_files(written)
     return written
 
@@ -168,10 +169,10 @@ def render(
     ----------
     model : FittedModel, iterable of FittedModel or path
         Result of `identify`, `refine` or `diagnose`; or a file ``models.json`` or ``refined.json``.
-    names, trained_on, effect_files, data
+    names, trained_on, effect_files, source_label
         See `export_fmu`.
     mass_kg, damping_N_s_m, hand_stiffness_N_m, rate_Hz : float, optional
-        Of the device, the hand and the servo loop; default the settings' ``device``.
+        Values of the device, the hand and the servo loop; default the settings' ``device``.
     settings : RuntimeSettings, optional
         Rate of the models, moving average, limit, device.
 
@@ -184,36 +185,31 @@ def render(
     --------
     >>> import lumbar
     >>> from lumbar.twin.examples import example_records
-    >>> found = lumbar.render(lumbar.identify(example_records(), "multisine")["KB"])
-    >>> found[0].analysis.stable, found[0].run.oscillates
+    >>> rendering = lumbar.render(lumbar.identify(example_records(), "multisine")["KB"])
+    >>> rendering[0].analysis.stable, rendering[0].run.oscillates
     (False, True)
     """
     settings = settings or RuntimeSettings()
-    given = {
-        "mass_kg": mass_kg,
-        "damping_N_s_m": damping_N_s_m,
-        "hand_stiffness_N_m": hand_stiffness_N_m,
-        "rate_Hz": rate_Hz,
-    }
-    for key, value in given.items():
-        held = key != "hand_stiffness_N_m"  # a stylus without a hand has stiffness 0
-        if value is not None and not (0 < value < float("inf") or (value == 0 and not held)):
-            raise InputError(
-                f"{key}: {value}, a finite number {'above 0' if held else 'of 0 or more'} is needed"
-            )
+    given = {"mass_kg": mass_kg, "damping_N_s_m": damping_N_s_m, "rate_Hz": rate_Hz}
+    given["hand_stiffness_N_m"] = hand_stiffness_N_m
     values = {key: value for key, value in given.items() if value is not None}
+    for key, value in values.items():
+        may_be_zero = key == "hand_stiffness_N_m"  # a stylus without a hand
+        if not (0 < value < float("inf") or (value == 0 and may_be_zero)):
+            allowed = "of 0 or more" if may_be_zero else "above 0"
+            raise InputError(f"{key}: {value}, a finite number {allowed} is needed")
     settings = settings.model_copy(update={"device": settings.device.model_copy(update=values)})
     fitted, read_from = _select_models(model, settings, names, trained_on, effect_files)
-    found = rendering_of(fitted, settings, source_label or read_from)
-    if not len(found):
-        raise InputError("\n".join(found.refused))
-    return found
+    rendering = judge_rendering(fitted, settings, source_label or read_from)
+    if not len(rendering):
+        raise InputError("\n".join(rendering.refused))
+    return rendering
 
 
-def rendering_of(models: Sequence[FittedModel], settings: RuntimeSettings, source_label: str) -> Rendering:
-    """Judge models on the device of the settings; the reason why a model cannot be judged is kept, not raised."""
-    verdicts, refused = judge_models(models, settings)
-    return Rendering(tuple(verdicts), tuple(refused), settings, source_label)
+def judge_rendering(models: Sequence[FittedModel], settings: RuntimeSettings, source_label: str) -> Rendering:
+    """Judge models on the device of the settings; keep the reasons why models cannot be judged."""
+    verdicts, reasons = judge_models(models, settings)
+    return Rendering(tuple(verdicts), tuple(reasons), settings, source_label)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -267,19 +263,15 @@ class Rendering(Result):
         """Draw an oscillating loop next to a calm one of the same model, the best fitting with both; else the first two loops."""
         from lumbar.publishing.figures.runtime_figures import loop_figure
 
-        pairs = [
-            (before, after)
-            for before in self
-            for after in self
-            if before.analysis.name == after.analysis.name
-            and before.run.oscillates
-            and not after.run.oscillates
-        ]
-
         def fit(pair: Sequence[LoopVerdict]) -> float:
             fitted = pair[0].fitted
             return (fitted and fitted.scores.vaf_percent) or 0.0
 
+        oscillating = [item for item in self if item.run.oscillates]
+        calm = [item for item in self if not item.run.oscillates]
+        pairs = [
+            (one, other) for one in oscillating for other in calm if one.analysis.name == other.analysis.name
+        ]
         return loop_figure(max(pairs, key=fit, default=self.judgements[:2]))
 
     def files(self) -> Iterator[tuple[str, Any]]:
@@ -297,6 +289,6 @@ class Rendering(Result):
         lines = [device_text(self.settings.device)]
         for item in self:
             rates = {"stable": item.lowest_stable_rate, "passive": item.lowest_passive_rate}
-            known = [f"{word} from {rate:.4g} Hz on" for word, rate in rates.items() if rate is not None]
+            known = [f"{name} from {rate:.4g} Hz on" for name, rate in rates.items() if rate is not None]
             lines.append("; ".join([item.finding, *known]))
         return "\n".join([*lines, *self.refused])

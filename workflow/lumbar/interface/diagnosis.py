@@ -1,101 +1,281 @@
-"""``lumbar.diagnose``: which effect a model is missing."""
+"""Result of ``lumbar.diagnose``: which effect a model is missing, with evidence and page."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 from lumbar.base.errors import InputError
-from lumbar.interface.diagnosed import FORWARD, Diagnosis, ProposedLaw
-from lumbar.interface.result import label_of, settings_or_default
-from lumbar.records.record import Record, require_one_axis, use_load_as_input
+from lumbar.base.files import write_json, write_text
+from lumbar.interface.proposed_law import ProposedLaw, require_motion_input
+from lumbar.interface.refinement import Refinement, fit_effects
+from lumbar.publishing.explorer.page_data import fitted_candidates, model_key
+from lumbar.records.record import Record, require_one_axis
 from lumbar.settings.study_settings import StudySettings
+from lumbar.tissue.diagnosis.evidence.discrimination import separation_sentence
+from lumbar.tissue.diagnosis.evidence.evidence import Evidence, gather_evidence, write_diagnosis
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
-from lumbar.tissue.diagnosis.fitting.fit_data import limit_samples
-from lumbar.tissue.diagnosis.selection.diagnose import diagnose as search
+from lumbar.tissue.diagnosis.residuals import locate
+from lumbar.tissue.diagnosis.residuals.compare import comparison_table
+from lumbar.tissue.diagnosis.selection.refine import fitted_model, refined_document
+from lumbar.tissue.diagnosis.selection.result import DiagnosisResult, Status
+from lumbar.tissue.diagnosis.selection.sentences import details, explain, headline
+from lumbar.tissue.models.fitted_model import FittedModel
+from lumbar.tissue.models.form import Effect
+
+if TYPE_CHECKING:
+    from lumbar.publishing.explorer.explorer_page import ExplorerPage
+    from lumbar.tissue.diagnosis.spatial.spatial_reports import SpatialReport
+
+_STATIC = "points of a static test, without a clock"
 
 
-def diagnose(
-    records: Sequence[Record],
-    *,
-    base: str | None = None,
-    train: str | Sequence[str] | None = None,
-    settings: StudySettings | None = None,
-    source_label: str = "",
-) -> Diagnosis:
-    """Find the physical effect that a base model is missing, or that nothing is missing.
+@dataclass(frozen=True, eq=False, repr=False)
+class Diagnosis:
+    """Missing effects of a base model on a set of records, with the evidence."""
 
-    Parameters
-    ----------
-    records : sequence of Record
-        One per excitation, with channels ``input`` and ``output``; the period of an excitation is the record's own
-        (``Record.period``), else found from the input.
-    base : str, optional
-        Base model: LE, Maxwell, KV, KB, pendulum or a user-defined one, BASE.yaml; default the settings'.
-    train : str or sequence of str, optional
-        Record to fit on, or several that are fitted together; default the settings', or the longest.
-    settings : StudySettings, optional
-        As `lumbar.load_settings` returns them; used are ``improvement`` (user-defined effects, how many to add, whether the
-        records were cut from one session or have the force as input), ``signals.machine`` (limits of the machine for a
-        separating excitation), ``tissue`` (the thesis's models), ``stability.pendulum.gravity_m_s2`` and ``seed``.
-    source_label : str
-        Source of the data, for pages and figures; default the folder or file they were read from.
+    records: list[Record]
+    settings: DiagnosisSettings
+    """Settings of the diagnosis."""
+    result: DiagnosisResult
+    """Selected effects, selection path, ranking, ties."""
+    study: StudySettings
+    """All settings, including those of the machine, the thesis's models and the intervals."""
+    source_label: str
 
-    Raises
-    ------
-    InputError
-        For an unknown base and for records that cannot be used.
+    @property
+    def selected(self) -> tuple[str, ...]:
+        """Names of the missing effects, in the order in which they were added."""
+        return self.result.selected
 
-    Examples
-    --------
-    >>> import lumbar
-    >>> from lumbar.settings.improvement import ImprovementSettings
-    >>> from lumbar.settings.study_settings import StudySettings
-    >>> from lumbar.twin.examples import example_records
-    >>> one_effect = StudySettings(improvement=ImprovementSettings(most_effects=1))
-    >>> diagnosis = lumbar.diagnose(example_records(), settings=one_effect)
-    >>> diagnosis.selected
-    ('coulomb_friction',)
-    >>> print(str(diagnosis).splitlines()[0])
-    The KB model is missing coulomb friction: with it the error on unseen records falls by 96 %, from 0.225 to 0.0099 N.
-    """
-    settings = settings_or_default(settings)
-    chosen = DiagnosisSettings.from_study(settings, base, train)
-    source_label = label_of(source_label, records)
-    driven = [use_load_as_input(record) for record in records] if chosen.load_drives else list(records)
-    if any(record.points for record in driven):
-        return Diagnosis(driven, chosen, search(driven, chosen), settings, source_label)
-    used, changed = limit_samples(driven, chosen.session)
-    result = search(used, chosen, changed)
-    if any(record.axes for record in driven):
-        from lumbar.interface.spatial_diagnosis import SpatialDiagnosis
+    @property
+    def status(self) -> Status:
+        """Verdict: adequate, named, tied or unexplained."""
+        return self.result.status
 
-        return SpatialDiagnosis(used, chosen, result, settings, source_label)
-    return Diagnosis(used, chosen, result, settings, source_label)
+    @property
+    def candidates(self) -> dict[str, Effect]:
+        """The catalogue that was searched."""
+        return self.settings.candidates
+
+    @cached_property
+    def models(self) -> list[FittedModel]:
+        """Base, base and first effect, …."""
+        return [fitted_model(item, self.result.experiment) for item in self.result.path]
+
+    @property
+    def model(self) -> FittedModel:
+        """The base with all selected effects."""
+        return self.models[-1]
+
+    @cached_property
+    def evidence(self) -> Evidence:
+        """Ties, the experiment that settles them, detectable effects, remaining errors."""
+        return gather_evidence(self.result, self.settings, self.study.seed, self.study.signals.machine)
+
+    @cached_property
+    def reports(self) -> Sequence[locate.ResidualReport | SpatialReport]:
+        """Comparison of the base model with every record, and where it fails."""
+        return locate.compare_and_locate(self.result.experiment, self.result.base.fit, self.study.seed)
+
+    @property
+    def headline(self) -> str:
+        """The result in one sentence."""
+        return headline(self.result)
+
+    @property
+    def sentences(self) -> list[str]:
+        """The result, then what a reader asks next."""
+        lines = [self.headline, *details(self.result, self.candidates)]
+        if self.evidence.separation is not None:
+            lines.append(separation_sentence(self.evidence.separation, self.result))
+        return lines
+
+    def explain(self) -> list[str]:
+        """Return one line per step of the diagnosis: its result, and which step decided the status."""
+        return explain(self.result)
+
+    def add(self, *effects: str) -> Refinement:
+        """Refit the base with the selected effects and these; effects that are selected already are not added twice."""
+        return self._refit(list(dict.fromkeys([*self.selected, *effects])))
+
+    def refine(self, effects: Iterable[str]) -> Refinement:
+        """Return the base with exactly these effects, as the page of the diagnosis shows it.
+
+        Models that the search fitted are taken from it, for any order of the effects; others are fitted now.
+        """
+        effects = list(effects)
+        known = {model_key(item.effects): item for item in fitted_candidates(self.result)}
+        if model_key(effects) not in known:
+            return self._refit(effects)
+        steps = [model_key(effects[:number]) for number in range(len(effects) + 1)]
+        path = [known[step] for step in steps if step in known]
+        seed = self.study.seed
+        return Refinement(self.records, self.settings, self.result.experiment, path, seed, self.source_label)
+
+    def _refit(self, effects: list[str]) -> Refinement:
+        return fit_effects(self.records, effects, self.settings, self.study.seed, self.source_label)
+
+    def propose(self) -> ProposedLaw:
+        """Look for a short formula for what the catalogue leaves.
+
+        Raises
+        ------
+        InputError
+            For a pendulum: the library of terms is that of tissue. For records with the force as input, or of several axes.
+        """
+        if self.settings.system != "tissue":
+            raise InputError(
+                f"base {self.settings.base}: laws are proposed for tissue; a person's moment is no passive force"
+            )
+        from lumbar.tissue.diagnosis.law.proposal import propose
+
+        require_one_axis(self.records, "propose")
+        require_motion_input(self.settings.forward)
+        result = self.result
+        if result.experiment.points:
+            raise InputError(
+                f"{_STATIC}: laws are proposed for motions; lumbar diagnose fits the catalogue's static laws"
+            )
+        proposal = result.proposal or propose(result.experiment, result.base, result.model)
+        return ProposedLaw(proposal, self.candidates, self.source_label)
+
+    def to_html(self, pictures: Mapping[str, Path] | None = None) -> str:
+        """Return the diagnosis as a page without script, for notebooks and mail."""
+        from lumbar.publishing.pages.diagnosis_page import diagnosis_page
+
+        return diagnosis_page(
+            self.result, self.evidence, self.candidates, self.source_label, dict(pictures or {})
+        )
+
+    @cached_property
+    def thesis_models(self) -> ThesisModels:
+        """The thesis's models, ridge ARX and output error, of the longest training record; none of a pendulum or of forces."""
+        experiment = self.result.experiment
+        if self.settings.forward or self.settings.system != "tissue":
+            return ThesisModels()
+        names = [item.name for item in getattr(experiment.training, "parts", (experiment.training,))]
+        training = max((record for record in experiment.records if record.name in names), key=len)
+        tests = [record for record in experiment.records if record is not training]
+        from lumbar.tissue.identification.identify_tissue import identify_quickly
+
+        try:
+            models = identify_quickly(training, tests, self.study.tissue)
+        except InputError as error:
+            return ThesisModels(
+                remark=f"The thesis's models could not be identified on these records: {error}"
+            )
+        unstable = [f"{model.name} ({model.estimator})" for model in models if not model.stable]
+        remark = f"Unstable, and without a free run: {', '.join(unstable)}." if unstable else ""
+        return ThesisModels([model for model in models if model.stable], remark)
+
+    @property
+    def no_page_reason(self) -> str:
+        """Reason why there is no interactive page; empty if there is one."""
+        return f"{_STATIC}: there is no motion to look around in" if self.result.experiment.points else ""
+
+    def page(self, pictures: Mapping[str, Path] | None = None, thesis: bool = True) -> ExplorerPage:
+        """Return the interactive page: every fitted model with every record.
+
+        Parameters
+        ----------
+        pictures : mapping of str to path, optional
+            SVG files by caption, shown with the evidence.
+        thesis : bool
+            Whether to add the thesis's models; identifying them takes a few seconds.
+
+        Raises
+        ------
+        InputError
+            For points of a static test and for records of several axes.
+        """
+        if self.no_page_reason:
+            raise InputError(f"{self.no_page_reason}; save and to_html show what was found")
+        from lumbar.publishing.explorer.explorer_page import ExplorerPage
+        from lumbar.publishing.pages.diagnosis_page import evidence_sections
+
+        others = self.thesis_models if thesis else ThesisModels(remark=_NOT_IDENTIFIED)
+        linear = self.result.linear
+        return ExplorerPage(
+            self.result,
+            self.evidence,
+            self.candidates,
+            locate.axis_reports(self.reports),
+            self.source_label,
+            evidence_sections(self.result, self.evidence, self.candidates, dict(pictures or {})),
+            [*([] if linear is None else [fitted_model(linear, self.result.experiment)]), *others.models],
+            others.remark,
+        )
+
+    def save(
+        self, folder: str | os.PathLike, pictures: bool = True, effects: Iterable[str] | None = None
+    ) -> None:
+        """Write ``diagnosis.json``, ``ladder.csv``, ``refined.json``, ``diagnosis.html`` and a proposed law's file.
+
+        Parameters
+        ----------
+        folder : path
+        pictures : bool
+            Draw comparison, location, ladder and signatures too, write the tables ``compare`` and ``location``, and show the
+            thesis's models on the page; takes a few seconds more.
+        effects : iterable of str, optional
+            Effects of the model in ``refined.json``; default the selected ones.
+        """
+        folder = Path(folder)
+        self._write_result(folder)
+        refined = self.result if effects is None else self.refine(effects)
+        linear = [] if self.result.linear is None else [self.result.linear]
+        document = refined_document([*linear, *refined.path], refined.experiment, self.source_label)
+        write_json(folder / "refined.json", document)
+        # A law that an earlier diagnosis wrote is removed.
+        path = folder / "proposed_law.yaml"
+        if self.result.proposal is not None and self.propose().found:
+            self.propose().save(path, path.stem)
+        else:
+            path.unlink(missing_ok=True)
+        drawn = self._save_pictures(folder) if pictures and not self.result.experiment.points else {}
+        page = self.to_html(drawn) if self.no_page_reason else self.page(drawn, thesis=pictures).to_html()
+        write_text(folder / "diagnosis.html", page)
+
+    def _write_result(self, folder: Path) -> None:
+        write_diagnosis(self.result, lambda: self.evidence, folder, self.source_label)
+
+    def complete_html(self) -> str:
+        """Return the page without script with all its pictures."""
+        return self.to_html()
+
+    def _save_pictures(self, folder: Path) -> dict[str, Path]:
+        from lumbar.publishing.pages.diagnosis_pictures import draw_pictures
+
+        comparisons = [item.comparison for item in locate.axis_reports(self.reports)]
+        comparison_table(comparisons, self.source_label).write(folder / "compare")
+        locate.location_table(self.reports, self.source_label).write(folder / "location")
+        return draw_pictures(self.result, self.reports, self.settings.candidates, folder, self.source_label)
+
+    def __str__(self) -> str:
+        return "\n  ".join(self.sentences)
+
+    def __repr__(self) -> str:
+        base = self.result.base.fit.structure.base.name
+        return f"<Diagnosis of {base} on {len(self.records)} records: {self.result.status}>"
+
+    def _repr_html_(self) -> str:
+        return self.to_html()
 
 
-def propose(
-    records: Sequence[Record],
-    *,
-    base: str | None = None,
-    train: str | Sequence[str] | None = None,
-    settings: StudySettings | None = None,
-    source_label: str = "",
-) -> ProposedLaw:
-    """Diagnose, and look for a short formula for what the catalogue leaves; parameters as of `lumbar.diagnose`.
+@dataclass(frozen=True)
+class ThesisModels:
+    """Models of the thesis that can be simulated."""
 
-    Raises
-    ------
-    InputError
-        For records with the force as input.
+    models: list[FittedModel] = field(default_factory=list)
+    remark: str = ""
+    """Missing models and the reasons; empty if none is missing."""
 
-    Examples
-    --------
-    >>> import lumbar
-    >>> law = lumbar.propose(lumbar.read("recordings/tissue"))  # doctest: +SKIP
-    >>> law.save("proposed_law.yaml")                           # doctest: +SKIP
-    """
-    if settings_or_default(settings).improvement.forward:
-        raise InputError(FORWARD)
-    source_label = label_of(source_label, records)
-    require_one_axis(records, "propose")
-    return diagnose(records, base=base, train=train, settings=settings, source_label=source_label).propose()
+
+_NOT_IDENTIFIED = (
+    'The thesis\'s models are not shown: "lumbar diagnose --pictures" and "lumbar explore" identify them.'
+)

@@ -61,10 +61,10 @@ def identify(
     --------
     >>> import lumbar
     >>> from lumbar.twin.examples import example_records
-    >>> found = lumbar.identify(example_records(), "multisine")
-    >>> found["KB"]
+    >>> identification = lumbar.identify(example_records(), "multisine")
+    >>> identification["KB"]
     <FittedModel KB, arx on multisine, VAF 94.52 %>
-    >>> stiffness = found["KB"]["spring_stiffness"]
+    >>> stiffness = identification["KB"]["spring_stiffness"]
     >>> f"{stiffness.value:.2f} {stiffness.unit}"
     '0.62 N/mm'
     """
@@ -76,17 +76,17 @@ def identify(
     train = train or tissue.training or max(records, key=len).name
     chosen = [records[name] for name in ([train] if isinstance(train, str) else train)]
     models, grid = [], []
+    inverted = tissue.inverted_linear
     for training in chosen:
         tests = [record for record in records if record is not training]
-        found, rows = identify_one(training, tests, tissue, settings.seed)
-        given = tissue.inverted_linear
-        found.append(inverted_model(training, tests, tissue.settling_s, given.force_max, given.travel))
+        identified, rows = identify_one(training, tests, tissue, settings.seed)
+        models += identified
+        models.append(inverted_model(training, tests, tissue.settling_s, inverted.force_max, inverted.travel))
         if improvement.effects:
             # Table 3.1 has the refined model and the thesis's, so its base does not depend on the data.
             base = "KB" if improvement.base == CHOSEN_BY_DATA else improvement.base
-            how = DiagnosisSettings.from_study(settings, base, train=training.name)
-            found.append(refined_fit([training, *tests], list(improvement.effects), how))
-        models += found
+            chosen_settings = DiagnosisSettings.from_study(settings, base, train=training.name)
+            models.append(refined_fit([training, *tests], list(improvement.effects), chosen_settings))
         grid += rows
     return Identification(models, pd.DataFrame(grid).assign(data=source_label), tissue, source_label)
 
@@ -114,15 +114,14 @@ class Identification(Result):
         InputError
             If the model does not exist.
         """
-        named = [model for model in self.models if model.name == name]
-        if not named:
+        models = [model for model in self.models if model.name == name]
+        if not models:
             known = ", ".join(dict.fromkeys(model.name for model in self.models))
             raise InputError(f"no model {name!r}; there are {known}")
-        trained = [model for model in named if trained_on in (None, model.trained_on)]
-        exact = [model for model in trained if model.estimator == estimator]
-        if not trained:
+        models = [model for model in models if trained_on in (None, model.trained_on)]
+        if not models:
             raise InputError(f"{name} was not identified on {trained_on!r}")
-        return (exact or trained)[0]
+        return next((model for model in models if model.estimator == estimator), models[0])
 
     def __iter__(self) -> Iterator[FittedModel]:
         return iter(self.models)
@@ -145,19 +144,18 @@ class Identification(Result):
         """Physical parameters with intervals."""
         return physical_parameters_table(self.models, self.settings.bootstrap.confidence, self.source_label)
 
-    def comparison_figure(self, record: Record) -> Figure:
+    def free_run_figure(self, record: Record) -> Figure:
         """Return Figure 3.5: a record with the free runs of the thesis's models and of those with effects."""
-        from lumbar.publishing.figures.tissue_figures import comparison_figure
+        from lumbar.publishing.figures.tissue_figures import free_run_figure
 
         first = self.models[0].trained_on
-        shown = {
+        models = [model for model in self.models if model.trained_on == first and model.stable]
+        drawn = {
             model.name: model.simulate(record)
-            for model in self.models
-            if model.trained_on == first
-            and model.stable
-            and (not model.discrete or (model.estimator == ARX and model.name in ("MW", "KB", "HO")))
+            for model in models
+            if not model.discrete or (model.estimator == ARX and model.name in ("MW", "KB", "HO"))
         }
-        return comparison_figure(record, shown, self.settings.segment_s)
+        return free_run_figure(record, drawn, self.settings.segment_s)
 
     def passive(
         self, records: Sequence[Record], train: str | None = None, *, settings: RuntimeSettings | None = None
@@ -176,16 +174,14 @@ class Identification(Result):
         Returns
         -------
         PassiveFits
-            ``table(data)`` has the errors; ``save(folder, data)`` writes ``passive_models.json`` and the table.
+            ``table(source_label)`` has the errors; ``save(folder, source_label)`` writes ``passive_models.json`` and the table.
         """
         from lumbar.tissue.haptics.passive_models import fit_passive_models
 
         name = train or str(self.models[0].trained_on)
-        training = RecordSet(records)[name]
         tests = [record for record in records if record.name != name]
-        return fit_passive_models(
-            self.models, training, tests, settings or RuntimeSettings(), self.settings.settling_s
-        )
+        settings, settling_s = settings or RuntimeSettings(), self.settings.settling_s
+        return fit_passive_models(self.models, RecordSet(records)[name], tests, settings, settling_s)
 
     def files(self) -> Iterator[tuple[str, Any]]:
         """``models.json``, ``search.csv``, tables ``table_3_1`` and ``physical_parameters``."""
@@ -198,8 +194,9 @@ class Identification(Result):
         return f"<Identification: {len(self)} models>"
 
     def __str__(self) -> str:
-        return "\n".join(
-            f"{model.name} ({model.estimator}, {model.trained_on}): "
-            + ("unstable" if model.scores.vaf_percent is None else f"{model.scores.vaf_percent:.1f} %VAF")
-            for model in self.models
-        )
+        lines = []
+        for model in self.models:
+            vaf = model.scores.vaf_percent
+            score = "unstable" if vaf is None else f"{vaf:.1f} %VAF"
+            lines.append(f"{model.name} ({model.estimator}, {model.trained_on}): {score}")
+        return "\n".join(lines)

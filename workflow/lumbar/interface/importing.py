@@ -24,8 +24,7 @@ from lumbar.tissue.diagnosis.linear.direction import inverted_sign_reason
 if TYPE_CHECKING:
     import pandas as pd
 
-_SHOWN = 4
-"""Rows of a preview."""
+_PREVIEW_ROWS = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +73,7 @@ def import_recordings(
     accept_clipped: bool = False,
     name: str | None = None,
 ) -> ImportedRecordings:
-    """Read recordings of force and position in the form in which a machine wrote them.
+    """Read recordings of force and position in any machine's form.
 
     Columns, units, sampling rate, delimiter, decimal mark, encoding and the lines of the table are detected; ambiguous ones are
     rejected with their candidates. Arguments apply to all files.
@@ -128,9 +127,9 @@ def import_recordings(
     >>> imported.records["trial_1"]
     <Record trial_1: 1000 samples at 100 Hz, 10 s; position (mm), force (N)>
     """
-    called = {"time": time, "position": position, "force": force, "cut_by": cut_by, "table": table}
+    columns = {"time": time, "position": position, "force": force, "cut_by": cut_by, "table": table}
     choices = Choices(
-        **{name: None if item is None else str(item) for name, item in called.items()},
+        **{name: None if item is None else str(item) for name, item in columns.items()},
         time_unit=time_unit,
         position_unit=position_unit,
         force_unit=force_unit,
@@ -143,29 +142,31 @@ def import_recordings(
     )
     given = [files] if isinstance(files, str | os.PathLike) else files
     sources = [source for item in given for source in _sources(item)]
-    places = [Path(item.table.source) if isinstance(item, ForeignFile) else item for item in sources]
     problems = Problems("import")
-    for option, given_one in (("--cut parts", choices.cut), ("--name names", name)):
-        if given_one and len(sources) > 1:
+    for option, is_given in (("--cut parts", bool(choices.cut)), ("--name names", bool(name))):
+        if is_given and len(sources) > 1:
             problems.add("", f"{option} one file, and {len(sources)} are given", "import them one by one")
     problems.raise_if_any()
     recordings: list[ImportedRecording] = []
-    told: dict = {}
-    for item, path in zip(sources, places, strict=True):
+    first_with: dict[str, Path] = {}  # first file with each problem
+    for item in sources:
+        path = Path(item.table.source) if isinstance(item, ForeignFile) else item
         try:
-            found = item if isinstance(item, ForeignFile) else ForeignFile.of_path(item, choices.read_options)
-            called_so = found.name if name is None else record_name(stem_of(Path(f"{name}.csv")))
-            for recording in to_records(found.table, choices, called_so, found.sha256):
-                recordings.append(_with_sign(recording, flip_force))
+            file = item if isinstance(item, ForeignFile) else ForeignFile.of_path(item, choices.read_options)
+            called = file.name if name is None else record_name(stem_of(Path(f"{name}.csv")))
+            for recording in to_records(file.table, choices, called, file.sha256):
+                recordings.append(_note_inverted_sign(recording, flip_force))
         except InputError as error:
-            what = str(error).replace(str(path), "").split(COLUMNS_FOLLOW)[0]
-            alike = told.setdefault(what, path)
-            words = str(error) if alike is path else f"{path}: as {alike}"
-            problems.add("", words.replace("\n", "\n    "))
+            message = str(error).replace(str(path), "").split(COLUMNS_FOLLOW)[0]
+            first = first_with.setdefault(message, path)
+            text = str(error) if first is path else f"{path}: as {first}"
+            problems.add("", text.replace("\n", "\n    "))
     names = [recording.record.name for recording in recordings]
-    for name in sorted({name for name in names if names.count(name) > 1}):
-        shared = ", ".join(one.record.source for one in recordings if one.record.name == name)
-        problems.add("", f"{shared} would all be the record {name!r}", "rename all but one of them")
+    for shared_name in sorted({name for name in names if names.count(name) > 1}):
+        shared = [one.record.source for one in recordings if one.record.name == shared_name]
+        problems.add(
+            "", f"{', '.join(shared)} would all be the record {shared_name!r}", "rename all but one of them"
+        )
     problems.raise_if_any()
     return ImportedRecordings(tuple(recordings))
 
@@ -180,21 +181,21 @@ def _sources(given: str | os.PathLike | ForeignFile) -> list[Path | ForeignFile]
     path = Path(given)
     if not path.is_dir():
         return [path]
-    found: list[Path | ForeignFile] = [
-        file for file in sorted(path.iterdir()) if is_column_file(file, _ENDINGS)
+    files: list[Path | ForeignFile] = [
+        item for item in sorted(path.iterdir()) if is_column_file(item, _ENDINGS)
     ]
-    if not found:
+    if not files:
         raise InputError(f"{given}: no recordings ({', '.join(_ENDINGS)}, also with .gz)")
-    return found
+    return files
 
 
-def _with_sign(recording: ImportedRecording, flipped: bool) -> ImportedRecording:
+def _note_inverted_sign(recording: ImportedRecording, is_flipped: bool) -> ImportedRecording:
     """Add a note to a recording if its force is significantly against the motion."""
     reason = "" if recording.record.axes else inverted_sign_reason(recording.record)
     if not reason:
         return recording
     force = recording.record.channels["output"].quantity
-    remedy = "leave --flip-force out" if flipped else "--flip-force changes it"
+    remedy = "leave --flip-force out" if is_flipped else "--flip-force changes it"
     note = f"the sign of the {force} seems to be inverted: {reason}; {remedy}"
     return replace(recording, notes=(*recording.notes, note))
 
@@ -207,7 +208,7 @@ class ImportedRecordings(Sequence[ImportedRecording]):
 
     @property
     def records(self) -> RecordSet:
-        """The records, for `lumbar.diagnose` and the others.
+        """The records, for `lumbar.diagnose` and other functions.
 
         Raises
         ------
@@ -243,15 +244,18 @@ class ImportedRecordings(Sequence[ImportedRecording]):
             Name and licence of the data, for tables and figures.
         forward : bool
             Whether the load drove the tests and the motion was measured: the load is then the input of the study.
+
+        Returns
+        -------
+        pathlib.Path
+            The study's file.
         """
         folder = Path(folder)
-        there = sorted(folder.iterdir()) if folder.is_dir() else []
-        return write_folder(
-            self.recordings, folder, list(filter(is_column_file, there)), source_label, licence, forward
-        )
+        earlier = list(filter(is_column_file, sorted(folder.iterdir()))) if folder.is_dir() else []
+        return write_folder(self.recordings, folder, earlier, source_label, licence, forward)
 
     def next_command(self, study: Path) -> str:
-        """Command that diagnoses the records of the folder that was saved."""
+        """Return the command that diagnoses the records of a saved folder."""
         command, content = ["lumbar", "diagnose", str(study.parent)], read_json(study.parent / PROVENANCE)
         if is_study_needed(content):
             command += ["--config", str(study)]
@@ -266,24 +270,25 @@ class ImportedRecordings(Sequence[ImportedRecording]):
         return self.recordings[which]
 
     def __repr__(self) -> str:
-        return "\n".join(map(_report, self.recordings))
+        lines: list[str] = []
+        for recording in self.recordings:
+            record, names = recording.record, recording.names
+            lines += [f"{record.source} -> {record.name}.csv", f"  {recording.form}"]
+            lines += [f"  {role}: {reason}" for role, reason in recording.grounds.items()]
+            frame = recording.frame().head(_PREVIEW_ROWS)
+            preview = frame.to_string(index=False, float_format=lambda value: f"{value:.6g}")
+            lines += [f"    {line}" for line in preview.splitlines()]
+            ranges = (
+                f"{names[role]} {record[role].min():.5g} to {record[role].max():.5g}"
+                for role in record.channels
+            )
+            lines.append(
+                f"  {len(record)} of {recording.samples_read} samples at {1 / record.sampling_time:.6g} Hz, "
+                f"{record.time[0]:.6g} to {record.time[-1]:.6g} s, none missing; {', '.join(ranges)}; "
+                f"largest speed {recording.speed:.4g} {recording.unit}/s"
+            )
+            lines += [f"  note: {note}" for note in recording.notes]
+        return "\n".join(lines)
 
     def _repr_html_(self) -> str:
         return self.table.to_html(index=False)
-
-
-def _report(recording: ImportedRecording) -> str:
-    record, names = recording.record, recording.names
-    lines = [f"{record.source} -> {record.name}.csv", f"  {recording.form}"]
-    lines += [f"  {role}: {words}" for role, words in recording.grounds.items()]
-    preview = recording.frame().head(_SHOWN).to_string(index=False, float_format=lambda value: f"{value:.6g}")
-    lines += [f"    {line}" for line in preview.splitlines()]
-    ranges = ", ".join(
-        f"{names[role]} {record[role].min():.5g} to {record[role].max():.5g}" for role in record.channels
-    )
-    lines += [
-        f"  {len(record)} of {recording.samples_read} samples at {1 / record.sampling_time:.6g} Hz, "
-        f"{record.time[0]:.6g} to {record.time[-1]:.6g} s, none missing; {ranges}; "
-        f"largest speed {recording.speed:.4g} {recording.unit}/s"
-    ]
-    return "\n".join([*lines, *(f"  note: {note}" for note in recording.notes)])

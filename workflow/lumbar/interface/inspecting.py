@@ -27,7 +27,6 @@ from lumbar.lifting.quality.screening import (
 from lumbar.records.marker_axes import check_axes, rotation_to_standard
 from lumbar.records.markers import MarkerRecording, read_markers
 from lumbar.records.unpacking import ending_of
-from lumbar.settings.layout import Axis, MarkerLayout
 from lumbar.settings.lifting import REFINING, LiftingSettings, SubjectSettings, TrialSettings
 
 _STAND_IN = SubjectSettings(
@@ -46,14 +45,12 @@ def inspect(
 ) -> "Inspected":
     """Report on a marker file without computing results from it.
 
-    The axes are those of the settings; without settings those of the body in the file.
-
     Parameters
     ----------
     path : path
         C3D, TRC, CSV or BVH file with markers, also packed (``.gz``).
     settings : LiftingSettings, optional
-        Rules for reading markers and filling gaps.
+        Rules for reading markers and filling gaps, and the axes; without settings the axes are those of the body in the file.
     height_m : float, optional
         Stature of the subject, with which lengths of the body are compared.
 
@@ -66,11 +63,11 @@ def inspect(
     --------
     >>> import lumbar
     >>> from lumbar.twin.examples import example_lift
-    >>> somebody = example_lift("lift.c3d")
-    >>> found = lumbar.inspect("lift.c3d", height_m=somebody.height_m)
-    >>> found.sheet.findings
+    >>> subject = example_lift("lift.c3d")
+    >>> report = lumbar.inspect("lift.c3d", height_m=subject.height_m)
+    >>> report.sheet.findings
     ()
-    >>> print(found.axes)
+    >>> print(report.axes)
     up +z, forward +y
     """
     path = Path(path)
@@ -78,25 +75,28 @@ def inspect(
         raise InputError(f"{path}: a folder; give the files in it, e.g. {path}/*.c3d")
     chosen = settings or LiftingSettings()
     layout = chosen.markers
-    seen = _read(path, chosen, height_m)
-    # The axes of the body, from the markers that are not left out.
-    usable = usable_markers(seen.screening.points, seen.screening.findings)
-    found = _body_axes(usable, meant_labels(layout.aliases, usable), layout)
-    up, forward = found or (layout.up, layout.forward)
-    axes, rotated = f"up {up}, forward {forward}", None
-    if found is None:
+    file = _read(path, chosen, height_m)
+    # The axes of the body, from the markers that are not left out, after the inverse of the settings' rotation.
+    usable = usable_markers(file.screening.points, file.screening.findings)
+    named = {label: name for name, label in landmarks(usable, meant_labels(layout.aliases, usable)).items()}
+    step = max(1, max(map(len, usable.values()), default=0) // _MAX_FRAMES)
+    rotation = rotation_to_standard(layout.up, layout.forward)
+    body_axes = find_body_axes({label: usable[label][::step] @ rotation for label in named}, named)
+    up, forward = body_axes or (layout.up, layout.forward)
+    axes = f"up {up}, forward {forward}"
+    if body_axes is None:
         axes += " by the settings; the labels do not show the body's"
-    elif found != (layout.up, layout.forward):
-        markers = layout.model_copy(update={"up": up, "forward": forward})
-        rotated = chosen.model_copy(update={"markers": markers})
+    is_rotated = (up, forward) != (layout.up, layout.forward)
+    markers = layout.model_copy(update={"up": up, "forward": forward})
+    rotated = chosen.model_copy(update={"markers": markers})
     # Without settings the file is read again in these axes; otherwise the pipeline keeps those of the settings.
-    if rotated is not None and settings is None:
-        chosen, seen = rotated, _read(path, rotated, height_m)
-    pipeline = _run_pipeline(path, seen, chosen)
-    if rotated is not None and settings is not None:
+    if is_rotated and settings is None:
+        chosen, file = rotated, _read(path, rotated, height_m)
+    pipeline = _run_pipeline(path, file, chosen)
+    if is_rotated and settings is not None:
         axes += f" by the body, but up {layout.up} and forward {layout.forward} in the settings"
-        seen = _read(path, rotated, height_m)
-    recording, screening = seen.recording, seen.screening
+        file = _read(path, rotated, height_m)
+    recording, screening = file.recording, file.screening
     return Inspected(
         sheet=quality_sheet(recording, screening.points, screening.findings, screening.unchecked),
         axes=axes,
@@ -109,28 +109,28 @@ def inspect(
 
 
 @dataclass(frozen=True)
-class _ReadFile:
-    """A marker file that is read a single time, for the sheet and for the pipeline."""
+class _MarkerFile:
+    """A marker file that is read a single time, for the report and for the pipeline."""
 
     recording: MarkerRecording
     screening: Screening
     bodies: BodyFilling
 
 
-def _read(path: Path, settings: LiftingSettings, height_m: float | None) -> _ReadFile:
+def _read(path: Path, settings: LiftingSettings, height_m: float | None) -> _MarkerFile:
     screening, bodies = Screening(height_m, settings.markers.aliases, refuse=False), BodyFilling(settings)
     layout = settings.markers.model_copy(update={"required": (), "check_axes": False})
     try:
         recording = read_markers(path, layout, screen=screening, repair=bodies)
     except InputError as error:
-        _refuse_record(path, error)
+        _reject_record(path, error)
         raise
     if set(screening.points) == {"position"}:  # the columns position_x_mm, … of a record
-        _refuse_record(path)
-    return _ReadFile(recording, screening, bodies)
+        _reject_record(path)
+    return _MarkerFile(recording, screening, bodies)
 
 
-def _refuse_record(path: Path, cause: InputError | None = None) -> None:
+def _reject_record(path: Path, cause: InputError | None = None) -> None:
     """Raise `InputError` if the file is a record of force and position."""
     if ending_of(path) not in (".csv", ".txt", ".mat"):
         return
@@ -143,19 +143,9 @@ def _refuse_record(path: Path, cause: InputError | None = None) -> None:
     ) from cause
 
 
-def _body_axes(
-    points: dict[str, np.ndarray], meant: dict[str, str], layout: MarkerLayout
-) -> tuple[Axis, Axis] | None:
-    """Return the axes of the file by the body in it, after the inverse of the settings' rotation."""
-    named = {label: landmark for landmark, label in landmarks(points, meant).items()}
-    rotation = rotation_to_standard(layout.up, layout.forward)
-    every = max(1, max(map(len, points.values()), default=0) // _MAX_FRAMES)
-    return find_body_axes({label: points[label][::every] @ rotation for label in named}, named)
-
-
-def _run_pipeline(path: Path, seen: _ReadFile, settings: LiftingSettings) -> tuple[bool, str]:
+def _run_pipeline(path: Path, file: _MarkerFile, settings: LiftingSettings) -> tuple[bool, str]:
     """Return whether a lift is analysed with these settings, and its events or the reason why not."""
-    recording, screening, bodies = seen.recording, seen.screening, seen.bodies
+    recording, screening, bodies = file.recording, file.screening, file.bodies
     layout, trial = settings.markers, TrialSettings(box_mass_kg=0.0, markers=path.name)
     subject = _STAND_IN.model_copy(update={"height_m": screening.height_m or _STAND_IN.height_m})
     try:
@@ -173,7 +163,7 @@ def _run_pipeline(path: Path, seen: _ReadFile, settings: LiftingSettings) -> tup
         return False, str(error)
 
 
-def check_picture(path: Path) -> None:
+def check_picture_format(path: Path) -> None:
     """Raise `InputError` for a picture in a format that is not written."""
     if path.suffix not in (".svg", ".pdf"):
         raise InputError(f"{path}: pictures are written as .svg or .pdf")
@@ -200,27 +190,28 @@ class Inspected:
 
     def as_dict(self) -> dict:
         """Return all but the trajectories as data for JSON."""
-        runs, words = self.pipeline
+        is_analysed, outcome = self.pipeline
         return {
             "schema": "lumbar.inspected/1",
             **self.sheet.as_dict(),
             "prefixes": list(self.prefixes),
             "axes": self.axes,
             "filled": dict(self.meant),
-            "analysed": runs,
-            "pipeline": words,
+            "analysed": is_analysed,
+            "pipeline": outcome,
         }
 
     def lines(self) -> list[str]:
         """Return all but the trajectories as text."""
-        sheet, (runs, words) = self.sheet, self.pipeline
+        sheet, (is_analysed, outcome) = self.sheet, self.pipeline
         filled = [name if name == label else f"{name} = {label}" for name, label in self.meant.items()]
-        # Landmarks with usual labels that the file has and no alias of the settings uses.
+        # Landmarks with common labels that the file has and no alias of the settings uses.
         free = landmarks([label for label in sheet.unused if label not in THIGH])
         recognised = {name: label for name, label in free.items() if name in sheet.absent}
         suggested = ", ".join(f"{name} = {label}" for name, label in recognised.items())
-        if suggested and NEW_STUDY not in words:
+        if suggested and NEW_STUDY not in outcome:
             suggested += f"; {NEW_STUDY} writes the aliases"
+        absent = [name for name in sheet.absent if name not in (*recognised, *REFINING)]
         unused = ", ".join(sheet.unused)
         lists = {
             "subjects' prefixes removed": ", ".join(self.prefixes),
@@ -228,14 +219,12 @@ class Inspected:
             "standard markers": ", ".join(filled) or "none",
             "recognised, but no alias names it": suggested,
             "estimated": "; ".join(f"{name} ({rule})" for name, rule in sheet.estimated.items()),
-            "without (name their labels in markers.aliases)": ", ".join(
-                name for name in sheet.absent if name not in (*recognised, *REFINING)
-            ),
-            "unused": "" if unused in words else unused,
-            "as a lift": "analysed" if runs else "rejected",
+            "without (name their labels in markers.aliases)": ", ".join(absent),
+            "unused": "" if unused in outcome else unused,
+            "as a lift": "analysed" if is_analysed else "rejected",
         }
         lines = [*sheet.lines(), *(f"{subject}: {text}" for subject, text in lists.items() if text)]
-        return [*lines, *(f"  {line}" for line in words.splitlines())]
+        return [*lines, *(f"  {line}" for line in outcome.splitlines())]
 
     def save_picture(self, path: str | os.PathLike) -> None:
         """Draw heights, gaps and findings into a file ``.svg`` or ``.pdf``."""
@@ -243,7 +232,7 @@ class Inspected:
         from lumbar.publishing.figures.style import save
 
         path = Path(path)
-        check_picture(path)
+        check_picture_format(path)
         figure = quality_figure(self.sheet, self.points, self.time, self.meant)
         with TemporaryDirectory() as folder, replacing(path) as temporary:
             save(figure, Path(folder, "picture"), Path(self.sheet.file).name)

@@ -11,16 +11,9 @@ from typing import TYPE_CHECKING, Any
 
 from lumbar.base.errors import InputError
 from lumbar.interface.result import Result, data_label
+from lumbar.lifting.movement import events as event_rules
 from lumbar.lifting.movement import lift_analysis as lifting
 from lumbar.lifting.movement import lift_tables
-from lumbar.lifting.movement.events import (
-    ABSENT,
-    DECLARED,
-    IN_FILE,
-    compare_with_file,
-    locate_load,
-    several_lifts,
-)
 from lumbar.lifting.movement.rigid_filling import BodyFilling
 from lumbar.lifting.quality.screening import QualitySheet, Screening, naming, read_screened
 from lumbar.records.markers import read_markers
@@ -56,10 +49,12 @@ def lift(
         without trials needs none.
     name : str, optional
         Name of the lift; default that of the trial, as in a study.
+    settings : LiftingSettings, optional
+        Markers, events, pivot and segments.
     static : path, optional
         Marker file of a static trial; default the subject's, searched below the folder of the trial's file.
     source_label : str
-        Label of the data's source; default the folder or file they were read from.
+        Name of the source of the data; default the folder or file they were read from.
 
     Raises
     ------
@@ -81,12 +76,12 @@ def lift(
         from lumbar.study.load_study import load_subject
 
         subject = load_subject(Path(subject))
-    found, trial = trial_of(subject, Path(markers), box_mass_kg, trial)
-    name, settings = name or found, (settings or LiftingSettings()).of_trial(trial)
+    lift_name, trial = _find_trial(subject, Path(markers), box_mass_kg, trial)
+    name, settings = name or lift_name, (settings or LiftingSettings()).of_trial(trial)
     static = static or _static_file(subject, trial, Path(markers))
     standing = None
     if static is not None:
-        # A static trial is read by its own labels; alone it need not have all markers of a lift.
+        # A static trial is read by its own labels; it need not have all markers of a lift.
         bare = settings.markers.model_copy(update={"aliases": {}, "required": None, "check_axes": False})
         screening = Screening(subject.height_m, settings.markers.aliases)
         with naming(static):
@@ -95,12 +90,7 @@ def lift(
     recording, sheet = read_screened(markers, settings.markers, name, subject.height_m, bodies)
     sheet = replace(sheet, findings=(*sheet.findings, *bodies.findings))
     analysed = lifting.analyse_lift(recording, subject, trial, settings, bodies.gaps, sheet.findings)
-    source_label = data_label(source_label, [recording.source])
-    return Lift(analysed, subject, trial, settings, source_label, sheet)
-
-
-_SOURCES = {DECLARED: "set by hand", IN_FILE: "marked in the file", ABSENT: ABSENT}
-"""Sources of events that are not detected from the box, the hands or the toes."""
+    return Lift(analysed, subject, trial, settings, data_label(source_label, [recording.source]), sheet)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -127,24 +117,24 @@ class Lift(Result):
         return lift_tables.states_frame(self.analysed.states)
 
     @cached_property
-    def facts(self) -> dict:
-        """Masses, lengths, pivots, rules and assumptions of the pendulums, and further facts for measures."""
-        return {
-            **lift_tables.summary(self.analysed, self.subject, self.trial, self.settings),
-            "thesis_pendulum": self._in_thesis and self._in_thesis.facts,
-            "height_m": self.subject.height_m,
-            "no_deposit": lifting.no_deposit(self.analysed.events),
-            "missing_points": self._body[1],
-        }
-
-    @cached_property
-    def _in_thesis(self) -> lifting.ThesisPendulums | None:
+    def _thesis_pendulums(self) -> lifting.ThesisPendulums | None:
         return lifting.thesis_pendulums(self.analysed, self.subject, self.trial, self.settings)
 
     @cached_property
     def thesis_states(self) -> pd.DataFrame:
         """Pendulum states by the thesis's pivot, segment ends and start of the deposit; no rows if the study's are these."""
-        return lift_tables.states_frame(self._in_thesis.states if self._in_thesis else {})
+        return lift_tables.states_frame(self._thesis_pendulums.states if self._thesis_pendulums else {})
+
+    @cached_property
+    def facts(self) -> dict:
+        """Masses, lengths, pivots, rules and assumptions of the pendulums, and further facts for measures."""
+        return {
+            **lift_tables.summary(self.analysed, self.subject, self.trial, self.settings),
+            "thesis_pendulum": self._thesis_pendulums and self._thesis_pendulums.facts,
+            "height_m": self.subject.height_m,
+            "no_deposit": lifting.no_deposit(self.analysed.events),
+            "missing_points": self._body[1],
+        }
 
     @cached_property
     def _body(self) -> tuple[pd.DataFrame, dict[str, str]]:
@@ -157,12 +147,12 @@ class Lift(Result):
 
     @property
     def checks(self) -> list[str]:
-        """Return lines on segment ends on the skin."""
+        """Lines on segment ends on the skin."""
         points, ends = self.analysed.points, self.analysed.table.ends
         return points.list_skin_rules(ends) if self.settings.segment_ends == "inner" else []
 
     @property
-    def without_pendulum(self) -> list[str]:
+    def missing_pendulums(self) -> list[str]:
         """Indented lines on centres of mass without a pendulum, with the remedy for missing markers."""
         reasons = [*self._missing(), lifting.recognised_unaliased(self.analysed.recording)]
         return [f"  {line}" for reason in reasons for line in reason.splitlines()]
@@ -175,21 +165,23 @@ class Lift(Result):
         return [f"no pendulum of {', '.join(names)}: {reason}" for reason, names in coms.items()]
 
     @property
-    def file_events(self) -> list[str]:
+    def _file_events(self) -> list[str]:
         """Lines on the events in the file itself, compared with those detected."""
-        return compare_with_file(self.analysed.recording, self.analysed.events, self.settings.events.labels)
+        labels = self.settings.events.labels
+        return event_rules.compare_with_file(self.analysed.recording, self.analysed.events, labels)
+
+    @property
+    def events(self) -> dict[str, dict[str, Any]]:
+        """Events by name, in the order in which they happen."""
+        return {name: event.as_dict() for name, event in self.analysed.events.items()}
 
     @property
     def table(self) -> list[dict]:
-        """The events, see `event_rows`."""
-        return self.event_rows()
-
-    def event_rows(self) -> list[dict]:
-        """Return the events, in the order in which they happen."""
-        return [event.as_dict() for event in self.analysed.events.values()]
+        """The events, in the order in which they happen."""
+        return list(self.events.values())
 
     def files(self) -> Iterator[tuple[str, Any]]:
-        """``pendulum``, ``thesis_pendulum``, ``com``, ``body``, ``events``, ``gaps``, ``quality``, for figures."""
+        """``pendulum``, ``thesis_pendulum``, ``com``, ``body``, ``events``, ``gaps``, ``quality``, and data of figures."""
         label = {"data": self.source_label}
         tables = {
             "pendulum": self.states,
@@ -202,59 +194,59 @@ class Lift(Result):
         }
         for name, frame in tables.items():
             yield f"{name}.csv", frame.assign(**label)
-        events = {name: event.as_dict() for name, event in self.analysed.events.items()}
         rules = self.settings.events.model_dump(mode="json")
-        in_file = {"file": self.file_events} if self.file_events else {}
-        yield "events.json", {"lift": self.name, "events": events, **in_file, "rules": rules, **label}
+        in_file = {"file": self._file_events} if self._file_events else {}
+        yield "events.json", {"lift": self.name, "events": self.events, **in_file, "rules": rules, **label}
         file = Path(self.quality.file).name  # independent of the folder of the recordings
         yield "quality.json", {"lift": self.name, **self.quality.as_dict(), "file": file, **label}
         yield "pendulum.json", {**self.facts, **label}
 
     def __str__(self) -> str:
-        return "\n".join([self.seen, *self._missing()])
+        return "\n".join([self.recording_summary, *self._missing()])
 
     @property
-    def seen(self) -> str:
+    def recording_summary(self) -> str:
         """Events of the recording with their sources and bounds, and findings."""
-        recording, events, lines = self.analysed.recording, self.analysed.events, []
-        _, carried = locate_load(recording)
-        sources = {
-            name: _SOURCES.get(event.method, "toes" if name == "toe_off" else carried)
-            for name, event in events.items()
-        }
+        recording, events = self.analysed.recording, self.analysed.events
+        _, carried = event_rules.locate_load(recording)
+        lines, is_by_hands = [], False
         for name, event in events.items():
             if event.time_s is None:
                 lines.append(f"{name}: none ({event.how})")
                 continue
+            source = _SOURCES.get(event.method, "toes" if name == "toe_off" else carried)
             known = event.earliest_s is not None and event.latest_s is not None
             between = f"; {event.earliest_s:.2f} to {event.latest_s:.2f}" if known else ""
-            lines.append(f"{name}: {event.time_s:.3f} s ({sources[name]}{between})")
-        if "hands" in sources.values():
+            lines.append(f"{name}: {event.time_s:.3f} s ({source}{between})")
+            is_by_hands |= source == "hands"
+        if is_by_hands:
             lines.append(
                 "the hands replace the box, which has no markers; it is not known whether they hold anything"
             )
-        doubt = several_lifts(recording, events, self.settings.events)
+        warning = event_rules.several_lifts(recording, events, self.settings.events)
         findings = [f"{finding.outcome}: {finding}" for finding in self.quality.findings]
-        return "\n".join([*lines, *filter(None, [doubt]), *self.file_events, *findings])
+        return "\n".join([*lines, *filter(None, [warning]), *self._file_events, *findings])
 
     def __repr__(self) -> str:
         return f"<Lift {self.name}>"
 
 
-def trial_of(
+_SOURCES = {event_rules.DECLARED: "set by hand", event_rules.IN_FILE: "marked in the file"}
+"""Sources of events that are not detected from the box, the hands or the toes."""
+
+
+def _find_trial(
     subject: SubjectSettings,
     markers: Path,
     box_mass_kg: float | None,
     trial: TrialSettings | str | None = None,
 ) -> tuple[str, TrialSettings]:
-    """Return the trial recorded in a file, with the name of its lift.
-
-    `trial` is the trial itself, or the name of its lift; `box_mass_kg` selects among several lifts of the same file.
+    """Return the trial recorded in a file, with the name of its lift; `box_mass_kg` selects among several.
 
     Raises
     ------
     InputError
-        With the subject's trials, if none or several of them fit: events declared for another file are another lift's.
+        With the subject's trials, if none or several of them match.
     """
     if box_mass_kg is not None and not 0 <= box_mass_kg <= 100:
         raise InputError(f"mass of the box is {box_mass_kg:g} kg; allowed: 0 to 100")
@@ -271,31 +263,28 @@ def trial_of(
         return f"{subject.name}_{chosen.box_mass_kg:g}kg", chosen
     lifts = subject.lifts
     if trial is not None:
-        fitting = {name: item for name, item in lifts.items() if name == trial}
+        matches = {name: item for name, item in lifts.items() if name == trial}
         problem = f"no trial of {subject.name} is named {trial!r}"
     else:
         # The trials with the longest common end of the path, at least the name of the file.
-        common = {name: _common_parts(item, markers) for name, item in lifts.items()}
+        path, common = markers.resolve().parts, {}
+        for name, item in lifts.items():
+            parts = Path(item.markers).parts
+            common[name] = len(parts) if path[-len(parts) :] == parts else int(parts[-1] == path[-1])
         longest = max(common.values())
-        fitting = {name: lifts[name] for name, length in common.items() if length == longest > 0}
+        matches = {name: lifts[name] for name, length in common.items() if length == longest > 0}
         problem = f"{markers}: no trial of {subject.name} names this file"
-    if box_mass_kg is not None and fitting:
-        problem = f"{markers}: {', '.join(fitting)} had no box of {box_mass_kg:g} kg"
-        fitting = {name: item for name, item in fitting.items() if item.box_mass_kg == box_mass_kg}
-    if len(fitting) == 1:
-        return next(iter(fitting.items()))
-    if fitting:
-        problem = f"{markers}: several trials of {subject.name} name this file ({', '.join(fitting)}); name one of them"
+    if box_mass_kg is not None and matches:
+        problem = f"{markers}: {', '.join(matches)} had no box of {box_mass_kg:g} kg"
+        matches = {name: item for name, item in matches.items() if item.box_mass_kg == box_mass_kg}
+    if len(matches) == 1:
+        return next(iter(matches.items()))
+    if matches:
+        problem = f"{markers}: several trials of {subject.name} name this file ({', '.join(matches)}); name one of them"
     lines = [f"  - {name}: {item.markers}, box of {item.box_mass_kg:g} kg" for name, item in lifts.items()]
     if trial is None:
         lines.append("'lumbar new-study FOLDER' writes settings and a subject's file for your own recordings")
     raise InputError("\n".join([f"{problem}; its trials are", *lines]))
-
-
-def _common_parts(trial: TrialSettings, markers: Path) -> int:
-    """Return how many parts of its path the trial's file shares with another: all, only the name, or none."""
-    path, parts = markers.resolve().parts, Path(trial.markers).parts
-    return len(parts) if path[-len(parts) :] == parts else int(parts[-1] == path[-1])
 
 
 def _static_file(subject: SubjectSettings, trial: TrialSettings, markers: Path) -> Path | None:
@@ -305,10 +294,8 @@ def _static_file(subject: SubjectSettings, trial: TrialSettings, markers: Path) 
     path, parts = markers.resolve(), Path(trial.markers).parts
     root = path.parents[len(parts) - 1] if path.parts[-len(parts) :] == parts else path.parent
     places = [root / subject.static, path.parent / Path(subject.static).name]
-    found = next((place for place in places if place.is_file()), None)
-    if found is None:
-        expected = " or ".join(map(str, dict.fromkeys(places)))
-        raise InputError(
-            f"subject.static of {subject.name} is {subject.static}, and there is no file {expected}"
-        )
-    return found
+    for place in places:
+        if place.is_file():
+            return place
+    expected = " or ".join(map(str, dict.fromkeys(places)))
+    raise InputError(f"subject.static of {subject.name} is {subject.static}, and there is no file {expected}")

@@ -1,4 +1,4 @@
-"""``lumbar.lift_page``: one lift as a page to look around in, with a push that can be dragged."""
+"""``lumbar.lift_page``: an interactive page of one lift, with a push that can be dragged."""
 
 from __future__ import annotations
 
@@ -27,16 +27,16 @@ def lift_page(
 ) -> LiftPage:
     """Make the page of one lift: body, balance, pendulum states, and pushes against the funnel.
 
-    The page holds all it needs; what becomes of a push it integrates itself, with the equations of `basins`.
+    The page contains all its data; it integrates a push itself, with the equations of `basins`.
 
     Parameters
     ----------
     lift : Lift or path
-        Of `lift`, or the folder that it was saved to.
+        Result of `lift`, or the folder that it was saved to.
     settings : StabilitySettings, optional
         Pendulum, regulator, goal and limits of the torque; no checks are run.
     source_label : str
-        Label of the data's source; default that of the lift.
+        Name of the source of the data; default that of the lift.
 
     Returns
     -------
@@ -57,25 +57,22 @@ def lift_page(
     """
     from lumbar.publishing.lift_page.lift_document import LiftPage
 
-    recorded = _analysed(lift, source_label) if isinstance(lift, Lift) else _saved(Path(lift), source_label)
-    return LiftPage(recorded, settings or StabilitySettings())
+    if isinstance(lift, Lift):
+        label, pivot = source_label or lift.source_label, lift.analysed.pivot
+        tables = LiftTables(lift.body, pivot, lift.states, lift.facts, lift.events, label)
+    else:
+        tables = _read_tables(Path(lift), source_label)
+    return LiftPage(tables, settings or StabilitySettings())
 
 
 def saved_lifts(folder: str | os.PathLike) -> list[Path]:
-    """Folders of lifts: this one, those in it, or those of a study whose results it holds."""
+    """Return folders of lifts: this one, those in it, or those of a study with its results in it."""
     folder = Path(folder)
     inner = [path for parent in (folder, folder / "lifting") for path in sorted(parent.glob("*/"))]
     return [path for path in (folder, *inner) if all((path / name).is_file() for name in FILES)]
 
 
-def _analysed(lift: Lift, source_label: str) -> LiftTables:
-    events = {name: event.as_dict() for name, event in lift.analysed.events.items()}
-    return LiftTables(
-        lift.body, lift.analysed.pivot, lift.states, lift.facts, events, source_label or lift.source_label
-    )
-
-
-def _saved(folder: Path, source_label: str) -> LiftTables:
+def _read_tables(folder: Path, source_label: str) -> LiftTables:
     absent = [name for name in FILES if not (folder / name).is_file()]
     if absent:
         raise InputError(f"{folder}: no {', '.join(absent)}; a folder that 'lumbar lift' writes is needed")
@@ -86,6 +83,5 @@ def _saved(folder: Path, source_label: str) -> LiftTables:
         raise InputError(f"{folder}: not the tables that 'lumbar lift' writes ({error})") from error
     facts, events = (read_json(folder / name) for name in FILES[3:])
     pivot = pivots if len(pivots) == len(body) and np.isfinite(pivots).any() else None
-    return LiftTables(
-        body, pivot, states, facts, events["events"], source_label or facts.get("data", UNKNOWN_SOURCE)
-    )
+    source_label = source_label or facts.get("data", UNKNOWN_SOURCE)
+    return LiftTables(body, pivot, states, facts, events["events"], source_label)

@@ -34,13 +34,13 @@ def measure_movement(
     Parameters
     ----------
     lift : Lift or path
-        Of `lift`, or a file ``body.csv``.
+        Result of `lift`, or a file ``body.csv``.
     facts : mapping, optional
         Masses, stature and missing points for a file; default ``pendulum.json`` next to it.
     settings : StabilitySettings, optional
         ``measures``, and gravity of ``pendulum``.
     source_label : str
-        Label of the data's source; default that of the lift.
+        Name of the source of the data; default that of the lift.
 
     Raises
     ------
@@ -61,19 +61,15 @@ def measure_movement(
     settings = settings or StabilitySettings()
     if isinstance(lift, Lift):
         return Measures(lift.body, lift.facts, settings, source_label or lift.source_label)
-    body, facts = _read_body(Path(lift), facts)
-    return Measures(body, facts, settings, source_label or facts.get("data", UNKNOWN_SOURCE))
-
-
-def _read_body(path: Path, facts: Mapping | None) -> tuple[pd.DataFrame, Mapping]:
-    facts = facts or read_json(path.with_name("pendulum.json"))
-    body = read_table(path, "a body's trajectories")
-    lacking = [name for name in ("time_s", "phase", "load_held", "RIGHT_x") if name not in body]
-    if lacking or "missing_points" not in facts:
+    facts = facts or read_json(Path(lift).with_name("pendulum.json"))
+    body = read_table(lift, "a body's trajectories")
+    missing = [name for name in ("time_s", "phase", "load_held", "RIGHT_x") if name not in body]
+    if missing or "missing_points" not in facts:
+        columns = f"no columns {', '.join(missing)}; " if missing else ""
         raise InputError(
-            f"{path}: no columns {', '.join(lacking)}; a body.csv with its pendulum.json, as lumbar lift writes them, is needed"
+            f"{lift}: {columns}body.csv and pendulum.json as 'lumbar lift' writes them are needed"
         )
-    return body, facts
+    return Measures(body, facts, settings, source_label or facts.get("data", UNKNOWN_SOURCE))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -123,13 +119,10 @@ class Measures(Result):
             phase = WINDOWS[MEASURES[row.measure].phase]
             lines.append(f"{row.measure}: {row.value:.3g} {row.unit} ({row.safer} is safer; {phase})")
         lines += [f"{', '.join(measures)}: none ({reason})" for reason, measures in absent.items()]
-        unfilled = sorted(
-            {name for name in ALIASES for reason in absent if name in re.findall(r"\w+", reason)}
-        )
+        words = {word for reason in absent for word in re.findall(r"\w+", reason)}
+        unfilled = ", ".join(sorted(words & set(ALIASES)))
         if unfilled:
-            lines.append(
-                f"if the file has {', '.join(unfilled)}, name their labels in lifting.markers.aliases"
-            )
+            lines.append(f"if the file has {unfilled}, name their labels in lifting.markers.aliases")
         return "\n".join([*lines, *self.course.notes])
 
     def __repr__(self) -> str:
@@ -141,8 +134,6 @@ COLUMNS = (
     *("measure", "plane", "value", "unit", "safer", "source", "reason"),
 )
 SIGNS = ("inverted", "hanging")
-ABSENT = (float("nan"),) * len(SIGNS)
-NO_BASIN = "no basin with one of the signs"
 BASIN_SOURCE = "lumbar.lifting.stability: exact funnel of Eq. 4.1 with the regulator of the configuration"
 
 
@@ -169,73 +160,57 @@ def measure_person(
     static : path, optional
         Marker file of a static trial.
     source_label : str
-        Label of the data's source.
+        Name of the source of the data.
     """
-    found: dict[str, Lift] = {}
+    lifts: dict[str, Lift] = {}
     frames: dict[str, pd.DataFrame] = {}
+    common: dict[str, Any] = {"settings": lifting, "static": static, "source_label": source_label}
     for name, path in markers.items():
         try:
-            one = lift(
-                path,
-                subject,
-                trial=trials[name],
-                name=name,
-                settings=lifting,
-                static=static,
-                source_label=source_label,
-            )
-            frames[name] = measure_movement(one, settings=stability).values
-            found[name] = one
+            analysed = lift(path, subject, trial=trials[name], name=name, **common)
+            frames[name] = measure_movement(analysed, settings=stability).values
+            lifts[name] = analysed
         except LumbarError as error:
             frames[name] = _unmeasured(str(error))
-    areas = _basin_areas(found, stability)
-    counted: Counter = Counter()
+    areas = _basin_areas(lifts, stability)
+    counts: Counter = Counter()
     tables = []
     for name, values in frames.items():
         mass = trials[name].box_mass_kg
-        counted[mass] += 1
+        counts[mass] += 1
         table = pd.concat([values, areas[areas["lift"] == name]], ignore_index=True)
-        tables.append(table.assign(lift=name, person=subject.name, box_mass_kg=mass, trial=counted[mass]))
+        tables.append(table.assign(lift=name, person=subject.name, box_mass_kg=mass, trial=counts[mass]))
     return pd.concat(tables, ignore_index=True)[list(COLUMNS)]
 
 
 def _basin_areas(lifts: Mapping[str, Lift], settings: StabilitySettings) -> pd.DataFrame:
     """Return average cross-sections of the basins (exact method) of some lifts, with both signs of gravity."""
     from lumbar.lifting.stability.funnel.exact_funnel import exact_funnels
+    from lumbar.lifting.stability.model import pendulum_trajectories as pendulums
     from lumbar.lifting.stability.model.eqs_4_1_to_4_4_closed_loop import close_loops
-    from lumbar.lifting.stability.model.pendulum_trajectories import (
-        Trajectory,
-        compute_together,
-        trajectories_of_lift,
-    )
 
-    sound: list[tuple[str, Trajectory]] = []
-    rows: list[tuple] = []
-    for name, found in lifts.items():
-        trajectories, failures = trajectories_of_lift(found.states, found.facts, settings.pendulum.mass)
-        sound += [(name, item) for item in trajectories]
-        rows += [(name, item, ABSENT, item.reason) for item in failures]
-    computed: dict[Trajectory, np.ndarray] = {}
+    items: list[tuple[str, Any]] = []
+    for name, analysed in lifts.items():
+        mass = settings.pendulum.mass
+        trajectories, failures = pendulums.trajectories_of_lift(analysed.states, analysed.facts, mass)
+        items += [(name, item) for item in (*failures, *trajectories)]
     fewer = settings.model_copy(update={"knots": settings.fewer_knots})
 
-    def areas_of_signs(items: list[Trajectory]) -> np.ndarray:
-        loops = close_loops(items * len(SIGNS), [sign for sign in SIGNS for _ in items], fewer)
-        return exact_funnels(loops, settings.goal_level).mean_area.reshape(len(SIGNS), len(items)).T
+    def areas_by_sign(some: list[pendulums.Trajectory]) -> np.ndarray:
+        loops = close_loops(some * len(SIGNS), [sign for sign in SIGNS for _ in some], fewer)
+        return exact_funnels(loops, settings.goal_level).mean_area.reshape(len(SIGNS), len(some)).T
 
-    every = [item for _, item in sound]
-    for items, of_signs in compute_together(areas_of_signs, every, "exact, both signs", []):
-        computed |= zip(items, of_signs, strict=True)
-    for name, item in sound:
-        areas = computed.get(item)
-        rows.append((name, item, ABSENT, NO_BASIN) if areas is None else (name, item, areas, ""))
-    frame = pd.DataFrame(
-        [
-            (name, f"basin_area_{item.com}_{sign}", item.plane, area, reason)
-            for name, item, areas, reason in rows
-            for sign, area in zip(SIGNS, areas, strict=True)
-        ],
-        columns=["lift", "measure", "plane", "value", "reason"],
-    )
+    every = [item for _, item in items if isinstance(item, pendulums.Trajectory)]
+    computed: dict[Any, np.ndarray] = {}
+    for some, areas in pendulums.compute_together(areas_by_sign, every, "exact, both signs", []):
+        computed |= zip(some, areas, strict=True)
+    rows = []
+    for name, item in items:
+        areas = computed.get(item, np.full(len(SIGNS), np.nan))
+        reason = "" if item in computed else getattr(item, "reason", "no basin with one of the signs")
+        for sign, area in zip(SIGNS, areas, strict=True):
+            rows.append((name, f"basin_area_{item.com}_{sign}", item.plane, area, reason))
+    frame = pd.DataFrame(rows, columns=["lift", "measure", "plane", "value", "reason"])
     return frame.assign(unit="rad²/s", safer="higher", source=BASIN_SOURCE)
 
 

@@ -26,16 +26,18 @@ def analyse_survey(
     seed: int = SEED,
     source_label: str = "",
 ) -> Survey:
-    """Analyse ratings as the thesis did (Table 3.2), and within participants.
+    """Analyse ratings by the thesis's method (Table 3.2), and within participants.
 
     Parameters
     ----------
     ratings : Ratings or path
-        Answers, or the participants' sheet.
+        Answers, or the file with them.
+    settings : SurveySettings, optional
+        Scale, statement, baseline and layout.
     seed : int
-        Of the bootstrap.
+        Seed of the bootstrap.
     source_label : str
-        Label of the data's source; default the folder or file they were read from.
+        Name of the source of the data; default the file they were read from.
 
     Raises
     ------
@@ -86,13 +88,10 @@ class Survey(Result):
         """Return the pictures by file name."""
         from lumbar.publishing.figures.survey_figures import best_picks_figure, likert_figure
 
-        counts, labels = self.ratings.counts(), self.settings.scale_labels
-        return {
-            "survey_likert": likert_figure(self.ratings.models, counts, labels, self.settings.statement),
-            "survey_best_picks_figure": best_picks_figure(
-                self.analysis.results["best_picks"], self.settings.confidence
-            ),
-        }
+        counts, settings = self.ratings.counts(), self.settings
+        picks = best_picks_figure(self.analysis.results["best_picks"], settings.confidence)
+        likert = likert_figure(self.ratings.models, counts, settings.scale_labels, settings.statement)
+        return {"survey_likert": likert, "survey_best_picks_figure": picks}
 
     def files(self) -> Iterator[tuple[str, Any]]:
         """The tables, ``survey.json`` and the figures."""
@@ -105,11 +104,10 @@ class Survey(Result):
 
     def __str__(self) -> str:
         results = self.analysis.results
-        lines = [
-            f"{len(self.ratings)} participants rated {', '.join(self.ratings.models)} ({results['data']})"
-        ]
+        models = ", ".join(self.ratings.models)
+        lines = [f"{len(self.ratings)} participants rated {models} ({self.source_label})"]
         for name in ("kruskal_wallis", "friedman"):
-            freedom = f"{results[name]['dof']} degrees of freedom"
-            statistic, p_value = results[name]["statistic"], results[name]["p_value"]
-            lines.append(f"{name}: {statistic:.2f}, {freedom}, p = {p_value:#.2g}")
+            test = results[name]
+            freedom = f"{test['dof']} degrees of freedom"
+            lines.append(f"{name}: {test['statistic']:.2f}, {freedom}, p = {test['p_value']:#.2g}")
         return "\n".join(lines)

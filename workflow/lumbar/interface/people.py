@@ -34,9 +34,9 @@ def compare_groups(
         Long: one row per lift, measure and plane, columns ``person, group, box_mass_kg, measure, plane, value``, and if
         they are known ``unit`` and ``safer`` (``higher`` or ``lower``). Several CSV files are joined.
     groups : tuple of str, optional
-        The first is compared with the second; default expert and novice or, where the table has other labels, these.
+        The first is compared with the second; default expert and novice or, if the table has two other labels, these.
     source_label : str
-        Label of the data's source.
+        Name of the source of the data.
 
     Raises
     ------
@@ -56,49 +56,35 @@ def compare_groups(
     >>> print(lumbar.compare_groups(table))
     expert_vs_novice, 15 kg, margin, all: 10.5 mm (5.86 to 15.1), p = 0.0017, 4 + 4 persons: expert is safer
     """
-    frame, sources = _read(table)
-    _check_long_table(frame)
-    chosen = groups or _groups_of(frame)
-    unknown = [group for group in chosen if group not in set(frame["group"])]
-    if unknown:
-        there = ", ".join(sorted(map(str, frame["group"].unique())))
-        raise InputError(f"groups: nobody is labelled {' or '.join(map(repr, unknown))}; there are: {there}")
-    found = tuple(compare_people(frame, chosen))
-    return PeopleCompared(found, chosen, data_label(source_label, sources))
-
-
-NEEDED = ("person", "group", "box_mass_kg", "measure", "plane", "value")
-"""Columns of a long table, one row per lift, measure and plane."""
-
-
-def _check_long_table(table: pd.DataFrame) -> None:
-    lacking = [name for name in NEEDED if name not in table]
-    if lacking:
+    sources: list[str] = []
+    if not isinstance(table, pd.DataFrame):
+        paths = [table] if isinstance(table, str | os.PathLike) else list(table)
+        sources = [os.fspath(path) for path in paths]
+        table = pd.concat([read_table(path, "measures") for path in paths], ignore_index=True)
+    missing = [name for name in _COLUMNS if name not in table]
+    if missing:
         raise InputError(
-            f"no columns {', '.join(lacking)}; a comparison needs {', '.join(NEEDED)}, one row per lift and measure"
+            f"no columns {', '.join(missing)}; a comparison needs {', '.join(_COLUMNS)}, one row per lift and measure"
         )
-    groups = table.groupby("person")["group"].nunique()
-    if (groups > 1).any():
-        raise InputError(f"{groups.idxmax()}: a person of {groups.max()} groups; each belongs to one")
-
-
-def _read(table) -> tuple[pd.DataFrame, list[str]]:
-    if isinstance(table, pd.DataFrame):
-        return table, []
-    paths = [table] if isinstance(table, str | os.PathLike) else list(table)
-    frames = [read_table(path, "measures") for path in paths]
-    return pd.concat(frames, ignore_index=True), [os.fspath(path) for path in paths]
-
-
-def _groups_of(frame: pd.DataFrame) -> tuple[str, str]:
-    labels = sorted(map(str, frame["group"].unique()))
-    if set(GROUPS) <= set(labels):
-        return GROUPS
-    if len(labels) != 2:
+    counts = table.groupby("person")["group"].nunique()
+    if (counts > 1).any():
+        raise InputError(f"{counts.idxmax()}: a person of {counts.max()} groups; each belongs to one")
+    labels = sorted(map(str, table["group"].unique()))
+    if groups is None and not set(GROUPS) <= set(labels) and len(labels) != 2:
         raise InputError(
             f"groups: which two of {', '.join(labels)}? Name them, e.g. groups=('expert', 'novice')"
         )
-    return labels[0], labels[1]
+    first, second = groups or (GROUPS if set(GROUPS) <= set(labels) else labels)
+    unknown = [group for group in (first, second) if group not in set(table["group"])]
+    if unknown:
+        names = " or ".join(map(repr, unknown))
+        raise InputError(f"groups: nobody is labelled {names}; there are: {', '.join(labels)}")
+    comparisons = tuple(compare_people(table, (first, second)))
+    return PeopleCompared(comparisons, (first, second), data_label(source_label, sources))
+
+
+_COLUMNS = ("person", "group", "box_mass_kg", "measure", "plane", "value")
+"""Columns of a long table, one row per lift, measure and plane."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -116,9 +102,9 @@ class PeopleCompared(Result):
 
     def figure(self) -> Figure:
         """Return all measures at one glance: who is safer, and how certain that is."""
-        from lumbar.publishing.figures.people_figures import comparison_figure
+        from lumbar.publishing.figures.people_figures import group_comparison_figure
 
-        return comparison_figure(self.comparisons, self.groups)
+        return group_comparison_figure(self.comparisons, self.groups)
 
     def files(self) -> Iterator[tuple[str, Any]]:
         """``measure_comparison`` as a table and as a figure."""
@@ -126,19 +112,19 @@ class PeopleCompared(Result):
         yield "measure_comparison", self.figure()
 
     def __str__(self) -> str:
-        return "\n".join(map(_sentence, self.comparisons))
+        lines = []
+        for item in self.comparisons:
+            result = item.difference
+            start = f"{item.name}, {item.box} kg, {item.measure}, {item.plane}: {result.difference:.3g} {item.unit}"
+            if result.low is None:
+                lines.append(f"{start.rstrip()}, {result.remark}")
+                continue
+            interval = f"({result.low:.3g} to {result.high:.3g}), p = {result.p_value:.2g}"
+            persons = " + ".join(map(str, result.persons))
+            verdict = f"{item.verdict} is safer" if item.verdict in item.sides else item.verdict
+            lines.append(f"{start.rstrip()} {interval}, {persons} persons: {verdict}")
+        return "\n".join(lines)
 
     def __repr__(self) -> str:
-        return (
-            f"<PeopleCompared: {len(self.comparisons)} comparisons of {self.groups[0]} and {self.groups[1]}>"
-        )
-
-
-def _sentence(item: GroupComparison) -> str:
-    found = item.difference
-    start = f"{item.name}, {item.box} kg, {item.measure}, {item.plane}: {found.difference:.3g} {item.unit}".rstrip()
-    if found.low is None:
-        return f"{start}, {found.remark}"
-    persons = " + ".join(map(str, found.persons))
-    verdict = f"{item.verdict} is safer" if item.verdict in item.sides else item.verdict
-    return f"{start} ({found.low:.3g} to {found.high:.3g}), p = {found.p_value:.2g}, {persons} persons: {verdict}"
+        first, second = self.groups
+        return f"<PeopleCompared: {len(self.comparisons)} comparisons of {first} and {second}>"

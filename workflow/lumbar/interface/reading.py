@@ -1,4 +1,4 @@
-"""``lumbar.read``: recordings of any kind, validated."""
+"""``lumbar.read``: validated recordings of any kind."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ if TYPE_CHECKING:
 Kind = Literal["tissue", "pendulum", "surgeon", "markers", "survey"]
 COLUMN_ENDINGS = (".csv", ".txt", ".mat")
 MARKER_ENDINGS = (".c3d", ".trc", ".bvh")
-_ABOUT = re.compile(
+_TEXTS = re.compile(
     r"(readme|read[_-]me|licen[cs]e|copying|copyright|notice|citation|changelog|lizenz|liesmich|lisez[_-]?moi|licencia|leeme)"
     r"([^a-z].*)?\.txt"
 )
-"""Names of text files that go with data, in small letters: readme.txt, license-data.txt."""
+"""Names of text files about data, in lower case: readme.txt, license-data.txt."""
 
 
 Source = str | os.PathLike | Iterable[str | os.PathLike]
@@ -69,7 +69,7 @@ def read(
     periods: Mapping[str, float] | None = None,
     trims: Mapping[str, tuple[float, float]] | None = None,
 ) -> RecordSet | MarkerRecording | Ratings:
-    """Read recordings, whatever their format.
+    """Read recordings of any format.
 
     Parameters
     ----------
@@ -110,31 +110,31 @@ def read(
     <Record zigzag: 1000 samples at 100 Hz, 10 s; position (mm), force (N)>
     """
     files = [Path(source)] if isinstance(source, str | os.PathLike) else [Path(item) for item in source]
-    if len(files) == 1 and kind is None and ending_of(files[0]) in MARKER_ENDINGS:
-        kind = "markers"
-    if kind == "markers":
+    if kind is None:
+        is_markers = len(files) == 1 and ending_of(files[0]) in MARKER_ENDINGS
+        kind = "markers" if is_markers else "tissue"
+    layout = layout or _default_layout(kind)
+    if kind in ("markers", "survey"):
         from lumbar.records.markers import read_markers
-
-        return read_markers(_one(files, kind), layout or _default_layout(kind))
-    if kind == "survey":
         from lumbar.records.ratings import read_ratings
 
-        return read_ratings(_one(files, kind), layout or _default_layout(kind))
+        if len(files) != 1:
+            raise InputError(f"{len(files)} files of {kind} given; read them one by one")
+        return read_markers(files[0], layout) if kind == "markers" else read_ratings(files[0], layout)
     from lumbar.records.columns import read_record
 
-    layout, periods = layout or _default_layout(kind or "tissue"), periods or {}
     files = [
         file
         for item in files
         for file in ([item] if item.suffix and not item.is_dir() else column_files(item))
     ]
-    called = [stem_of(file) for file in files] if names is None else list(names)
+    names = [stem_of(file) for file in files] if names is None else list(names)
     records = [
         read_record(file, layout, name, None, rate, (trims or {}).get(name))
-        for file, name in zip(files, called, strict=True)
+        for file, name in zip(files, names, strict=True)
     ]
     require_same_units(records)
-    return RecordSet(records).with_periods(periods)
+    return RecordSet(records).with_periods(periods or {})
 
 
 def read_listed(
@@ -145,18 +145,19 @@ def read_listed(
 ) -> RecordSet:
     """Read the records of a study, each with its name, period and part.
 
-    `files` has the path of each of them. For layout and rate see `read`.
+    Parameters
+    ----------
+    files : sequence of path
+        One per record.
+    listed : sequence of RecordSettings
+        Names, periods and parts, in the same order.
+    layout, rate
+        See `read`.
     """
     names = [entry.name for entry in listed]
     periods = {entry.name: entry.period_s for entry in listed if entry.period_s is not None}
     trims = {entry.name: entry.trim_s for entry in listed if entry.trim_s is not None}
     return read(files, "tissue", layout=layout, rate=rate, names=names, periods=periods, trims=trims)
-
-
-def _one(files: list[Path], kind: str) -> Path:
-    if len(files) != 1:
-        raise InputError(f"{len(files)} files of {kind} given; read them one by one")
-    return files[0]
 
 
 def _default_layout(kind: str):
@@ -176,7 +177,7 @@ def _default_layout(kind: str):
 
 
 def column_files(folder: Path) -> list[Path]:
-    """Column files of a folder, by name.
+    """Return the column files of a folder, by name.
 
     Raises
     ------
@@ -187,19 +188,16 @@ def column_files(folder: Path) -> list[Path]:
         raise InputError(f"{folder}: no such folder")
     files = [path for path in sorted(folder.iterdir()) if is_column_file(path)]
     if not files:
-        marked = (
-            "; 'lumbar inspect' and 'lumbar lift' read its files of markers"
-            if any(map(is_marker_file, folder.iterdir()))
-            else ""
-        )
-        raise InputError(f"{folder}: no recordings ({', '.join(COLUMN_ENDINGS)}, also with .gz){marked}")
+        has_markers = any(map(is_marker_file, folder.iterdir()))
+        remedy = "; 'lumbar inspect' and 'lumbar lift' read its files of markers" if has_markers else ""
+        raise InputError(f"{folder}: no recordings ({', '.join(COLUMN_ENDINGS)}, also with .gz){remedy}")
     return files
 
 
 def is_column_file(path: Path, endings: tuple[str, ...] = COLUMN_ENDINGS) -> bool:
     """Return whether the name is that of a column file, and not of a text about the data such as ``LICENSE.txt``."""
     name = path.name.lower().removesuffix(".gz")
-    return path.is_file() and name.endswith(endings) and not _ABOUT.fullmatch(name)
+    return path.is_file() and name.endswith(endings) and not _TEXTS.fullmatch(name)
 
 
 def is_marker_file(path: Path) -> bool:

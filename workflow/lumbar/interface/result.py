@@ -1,4 +1,4 @@
-"""Results of API functions, how they are saved and shown, and the arguments that all of the functions take."""
+"""Results of API functions, and the arguments that all of the functions take."""
 
 from __future__ import annotations
 
@@ -51,10 +51,10 @@ def label_of(given: str, records: Iterable[Record]) -> str:
 
     if isinstance(records, Record):
         raise InputError(f"records is the record {records.name!r} alone: give a list, e.g. [record]")
-    found: list = [records] if isinstance(records, str | Path) else list(records)
-    if not all(isinstance(item, Record) for item in found):
+    items: list = [records] if isinstance(records, str | Path) else list(records)
+    if not all(isinstance(item, Record) for item in items):
         raise InputError(f"records is {records!r:.80}: give records, e.g. lumbar.read('recordings')")
-    return data_label(given, (record.source for record in found))
+    return data_label(given, (record.source for record in items))
 
 
 def settings_or_default(given: StudySettings | None) -> StudySettings:
@@ -90,9 +90,9 @@ def read_table(path: str | os.PathLike, what: str) -> pd.DataFrame:
         frame = pd.read_csv(path)
     except (pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: not a table of {what} ({error})") from error
-    if not isinstance(frame.index, pd.RangeIndex):  # what pandas makes of cells that no column is named for
+    if not isinstance(frame.index, pd.RangeIndex):  # made by pandas of cells without a column
         raise InputError(
-            f"{path}: rows have more cells than the header names; numbers need a decimal point, no comma"
+            f"{path}: rows have more cells than the header; numbers need a decimal point, no comma"
         )
     return frame
 

@@ -68,34 +68,26 @@ def report(results: str | os.PathLike, project: str | os.PathLike = ".") -> Stud
     config = read_yaml(results / "run_config.yaml", problems).content
     problems.raise_if_any()
     study = load_study(config, project.resolve())
-    claims = results / "claims.csv"
-    found = pd.read_csv(claims) if claims.is_file() and study.has("claims") else None
+    settings, claims_file = study.settings, results / "claims.csv"
+    claims = pd.read_csv(claims_file) if claims_file.is_file() and study.has("claims") else None
     people = {
         name: person_and_box({"subject": lift.subject, "box_mass_kg": lift.trial.box_mass_kg})
         for name, lift in study.lifts.items()
     }
-    asked = {row.id for row in study.artefacts}
-    sheet = read_artefacts(project / "config" / "artefacts.tsv")
-    made = chapters(
+    made = {row.id for row in study.artefacts}
+    choices = {
+        "lift": people,
+        "record_set": {entry.name: value_in_words(entry.name) for entry in settings.improvement.record_sets},
+        "model": {name: name for name in settings.runtime.models},
+    }
+    report_chapters = chapters(
         results,
         project / "workflow" / "report",
-        [row for row in sheet if row.id in asked],
-        {
-            "lift": people,
-            "record_set": {
-                entry.name: value_in_words(entry.name) for entry in study.settings.improvement.record_sets
-            },
-            "model": {name: name for name in study.settings.runtime.models},
-        },
-        found,
+        [row for row in read_artefacts(project / "config" / "artefacts.tsv") if row.id in made],
+        choices,
+        claims,
     )
     environment = read_json(results / "run_environment.json")
-    facts = StudyFacts(
-        study.name,
-        study.settings.title,
-        environment["data"],
-        tuple(dict.fromkeys(people.values())),
-        study.settings.seed,
-        environment["versions"],
-    )
-    return StudyReport(study.name, report_page(facts, results, made, found))
+    subjects, versions = tuple(dict.fromkeys(people.values())), environment["versions"]
+    facts = StudyFacts(study.name, settings.title, environment["data"], subjects, settings.seed, versions)
+    return StudyReport(study.name, report_page(facts, results, report_chapters, claims))

@@ -15,21 +15,8 @@ from lumbar.records.record import Record
 from lumbar.settings.section import SEED
 from lumbar.settings.signals import SignalsSettings, SurgeonSettings
 from lumbar.tables.table import Table
-from lumbar.tissue.signals.excitation import (
-    Excitation,
-    assumptions,
-    design_excitation,
-    excited_band,
-    machine_file,
-    multisine_description,
-    signal_properties,
-)
-from lumbar.tissue.signals.surgeon_motion import (
-    MotionSpectra,
-    motion_bandwidths,
-    motion_spectra,
-    spectra_table,
-)
+from lumbar.tissue.signals import excitation as design
+from lumbar.tissue.signals import surgeon_motion
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -43,16 +30,18 @@ def bandwidth(
     seed: int = SEED,
     source_label: str = "",
 ) -> Bandwidth:
-    """Find the bandwidth of surgeons' tool motion by Welch's method.
+    """Estimate the bandwidth of surgeons' tool motion by Welch's method.
 
     Parameters
     ----------
     trials : sequence of Record
         With the channel ``position``.
     surgeons : sequence of str, optional
-        Who moved the tool, by trial; default the part of the trial's name before ``_trial``.
+        Surgeon of each trial; default the part of the trial's name before ``_trial``.
+    settings : SurgeonSettings, optional
+        Welch's method, and the rules for a bandwidth.
     seed : int
-        Of the intervals.
+        Seed of the intervals.
     source_label : str
         Name of the source of the data; default the folder or file they were read from.
 
@@ -60,28 +49,29 @@ def bandwidth(
     --------
     >>> import lumbar
     >>> import numpy as np
-    >>> from lumbar.records.record import Channel, Record
     >>> time = np.arange(0, 40, 0.01)
-    >>> wobble = np.sin(2 * np.pi * 0.7 * time) + 0.3 * np.sin(2 * np.pi * 2.1 * time)
-    >>> trials = [Record("anna_trial_1", time, {"position": Channel(wobble, "position", "mm")})]
-    >>> found = lumbar.bandwidth(trials)
-    >>> found
+    >>> motion = np.sin(2 * np.pi * 0.7 * time) + 0.3 * np.sin(2 * np.pi * 2.1 * time)
+    >>> channels = {"position": lumbar.Channel(motion, "position", "mm")}
+    >>> bandwidth = lumbar.bandwidth([lumbar.Record("anna_trial_1", time, channels)])
+    >>> bandwidth
     <Bandwidth of 1 surgeon>
-    >>> f"{found.values['position']['power_share']['value_Hz']:.1f} Hz"
+    >>> f"{bandwidth.values['position']['power_share']['value_Hz']:.1f} Hz"
     '2.1 Hz'
     """
     source_label = label_of(source_label, trials)
     settings, trials = settings or SurgeonSettings(), list(trials)
     surgeons = list(surgeons or (trial.name.split("_trial")[0] for trial in trials))
-    spectra = motion_spectra(trials, surgeons, settings.welch)
-    return Bandwidth(spectra, motion_bandwidths(spectra, settings.bandwidth, seed), settings, source_label)
+    spectra = surgeon_motion.motion_spectra(trials, surgeons, settings.welch)
+    return Bandwidth(
+        spectra, surgeon_motion.motion_bandwidths(spectra, settings.bandwidth, seed), settings, source_label
+    )
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Bandwidth(Result):
     """Bandwidth of surgeons' motion."""
 
-    spectra: MotionSpectra
+    spectra: surgeon_motion.MotionSpectra
     """Spectra of every trial."""
     values: dict
     """By quantity (position, velocity) and rule: ``value_Hz``, ``low_Hz``, ``high_Hz``."""
@@ -90,22 +80,18 @@ class Bandwidth(Result):
 
     @property
     def table(self) -> list[dict]:
-        """The bandwidths, see `rows`."""
-        return self.rows()
+        """The bandwidths: one dict per quantity and rule."""
+        return [
+            {"quantity": quantity, "rule": rule, **value}
+            for quantity in self.spectra.psd
+            for rule, value in self.values[quantity].items()
+        ]
 
     def figure(self) -> Figure:
         """Return the spectra with the bandwidths read off them."""
         from lumbar.publishing.figures.signal_figures import psd_figure
 
-        pooled = {quantity: self.spectra.pooled(quantity) for quantity in self.spectra.psd}
-        return psd_figure(
-            self.spectra.frequency,
-            self.spectra.psd,
-            pooled,
-            self.spectra.surgeons,
-            self.values,
-            self.settings.reference_Hz,
-        )
+        return psd_figure(self.spectra, self.values, self.settings.reference_Hz)
 
     def files(self) -> Iterator[tuple[str, Any]]:
         """``bandwidth.json`` and ``psd.csv``."""
@@ -113,30 +99,24 @@ class Bandwidth(Result):
             "bandwidth.json",
             {**self.values, "welch": self.settings.welch.model_dump(mode="json"), "data": self.source_label},
         )
-        yield "psd.csv", spectra_table(self.spectra).assign(data=self.source_label)
-
-    def rows(self) -> list[dict]:
-        """One dict per quantity and rule."""
-        return [
-            {"quantity": quantity, "rule": rule, **value}
-            for quantity in self.spectra.psd
-            for rule, value in self.values[quantity].items()
-        ]
+        yield "psd.csv", surgeon_motion.spectra_table(self.spectra).assign(data=self.source_label)
 
     def __repr__(self) -> str:
         count = len(set(self.spectra.surgeons))
         return f"<Bandwidth of {count} surgeon{'s' * (count != 1)}>"
 
     def __str__(self) -> str:
-        return "\n".join(f"{row['quantity']}, {row['rule']}: {_text(row)}" for row in self.rows())
-
-
-def _text(row: dict) -> str:
-    if row["value_Hz"] is None:
-        return "none within the analysis band"
-    ends = [row["low_Hz"], row["high_Hz"]]
-    interval = "no interval" if None in ends else f"interval {ends[0]:.3g} to {ends[1]:.3g} Hz"
-    return f"{row['value_Hz']:.3g} Hz ({interval})"
+        lines = []
+        for row in self.table:
+            text = "none within the analysis band"
+            if row["value_Hz"] is not None:
+                low, high = row["low_Hz"], row["high_Hz"]
+                interval = (
+                    f"interval {low:.3g} to {high:.3g} Hz" if None not in (low, high) else "no interval"
+                )
+                text = f"{row['value_Hz']:.3g} Hz ({interval})"
+            lines.append(f"{row['quantity']}, {row['rule']}: {text}")
+        return "\n".join(lines)
 
 
 def design_signals(
@@ -152,8 +132,12 @@ def design_signals(
     ----------
     band : float, Bandwidth or path
         Upper end of the band to excite in hertz; or the surgeons' bandwidth, or its file, from which it follows.
+    settings : SignalsSettings, optional
+        Rate, length and limits of the machine.
+    seed : int
+        Seed of the noise.
     source_label : str
-        Name of the source of the band; default that of the bandwidth, or that it was given.
+        Name of the source of the band; default that of the bandwidth.
 
     Raises
     ------
@@ -166,7 +150,7 @@ def design_signals(
     >>> signals = lumbar.design_signals(2.5)
     >>> print(signals)
     multisine, noise, chirp: excited up to 2.5 Hz
-    >>> signals.properties.frame["signal"].tolist()
+    >>> signals.table.frame["signal"].tolist()
     ['multisine', 'noise', 'chirp']
     """
     settings, values = settings or SignalsSettings(), {}
@@ -174,54 +158,46 @@ def design_signals(
         values = {**band.values, "data": band.source_label}
     elif isinstance(band, str | os.PathLike):
         if not Path(band).is_file():
-            raise InputError(
-                f"{band}: no such file of 'lumbar bandwidth'; hertz are given as a number (--band)"
-            )
+            raise InputError(f"{band}: no such file of 'lumbar bandwidth'; give hertz as a number (--band)")
         values = read_json(Path(band))
     elif not 0 < band < settings.rate_Hz / 2:
         raise InputError(f"the band is {band:g} Hz; allowed: above 0 and below {settings.rate_Hz / 2:g} Hz")
     source_label = source_label or values.get("data", "" if values else "band given by hand")
-    highest = band if isinstance(band, int | float) else excited_band(values, settings)
-    return Signals(
-        design_excitation(highest, settings, seed), highest, settings, source_label, values or None
-    )
+    highest = band if isinstance(band, int | float) else design.excited_band(values, settings)
+    excitation = design.design_excitation(highest, settings, seed)
+    return Signals(excitation, highest, settings, source_label, values or None)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Signals(Result):
     """Excitation signals for a testing machine."""
 
-    excitation: Excitation
+    excitation: design.Excitation
     band_Hz: float
-    """Upper end of what is excited."""
+    """Upper end of the excited band."""
     settings: SignalsSettings
     source_label: str
     bandwidths: dict | None = None
-    """The surgeons', from which the band follows."""
+    """Bandwidths of the surgeons, from which the band follows."""
 
     @property
     def table(self) -> Table:
-        """The signals' `properties`."""
-        return self.properties
-
-    @property
-    def properties(self) -> Table:
         """Properties of the signals and their demands on the machine."""
-        return signal_properties(self.excitation, self.settings, self.source_label, self.bandwidths)
+        return design.signal_properties(self.excitation, self.settings, self.source_label, self.bandwidths)
 
     def figure(self) -> Figure:
         """Return the signals in time and in frequency."""
         from lumbar.publishing.figures.signal_figures import excitation_figure
 
-        return excitation_figure(self.excitation.signals, self.band_Hz, assumptions(self.settings))
+        return excitation_figure(self.excitation.signals, self.band_Hz, design.assumptions(self.settings))
 
     def files(self) -> Iterator[tuple[str, Any]]:
         """Every signal as ``<name>.csv``, ``multisine.json`` and ``properties.csv``."""
         for signal in self.excitation.signals:
-            yield f"{signal.name}.csv", machine_file(signal)
-        described = multisine_description(self.excitation, self.settings)
-        yield "multisine.json", {**described, "data": self.source_label}
-        yield "properties.csv", self.properties.frame.assign(data=self.source_label)
+            yield f"{signal.name}.csv", design.machine_file(signal)
+        description = design.multisine_description(self.excitation, self.settings)
+        yield "multisine.json", {**description, "data": self.source_label}
+        yield "properties.csv", self.table.frame.assign(data=self.source_label)
 
     def __repr__(self) -> str:
         return f"<Signals up to {self.band_Hz:g} Hz>"

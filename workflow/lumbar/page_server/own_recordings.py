@@ -34,7 +34,7 @@ from lumbar.records.sampling import resample
 from lumbar.settings.section import NAME
 
 if TYPE_CHECKING:
-    from lumbar.interface.diagnosed import Diagnosis
+    from lumbar.interface.diagnosis import Diagnosis
 
 _TEXTS = ("time", "position", "force", "time_unit", "position_unit", "force_unit", "table", "encoding")
 _SWITCHES = ("flip_force", "accept_clipped")

@@ -12,7 +12,7 @@ from lumbar.base.files import refuse_links
 from lumbar.page_server.background import DRAWING, WRITING, page_message
 from lumbar.page_server.served_sets import ExploredSet
 from lumbar.publishing.explorer.explorer_page import excitation_of, model_facts
-from lumbar.publishing.explorer.shown import ShownModel
+from lumbar.publishing.explorer.page_data import ModelData
 from lumbar.tissue.diagnosis.evidence.discrimination import separating_excitation
 from lumbar.tissue.diagnosis.evidence.evidence import machine_limits
 
@@ -31,7 +31,7 @@ class TabRequests:
     explored: ExploredSet
     _one_at_a_time: threading.Lock = field(default_factory=threading.Lock)
 
-    def answer(self, text: str) -> tuple[dict[str, Any], list[ShownModel]]:
+    def answer(self, text: str) -> tuple[dict[str, Any], list[ModelData]]:
         """Answer a request.
 
         Parameters
@@ -43,7 +43,7 @@ class TabRequests:
         -------
         dict
             Answer for the page; ``error`` if the request failed.
-        list of ShownModel
+        list of ModelData
             New models for the pictures.
         """
         number = None
@@ -74,7 +74,7 @@ class TabRequests:
             raise InputError(wanted)
         return effects
 
-    def _do(self, action: str, effects: list[str]) -> tuple[dict, list[ShownModel]]:
+    def _do(self, action: str, effects: list[str]) -> tuple[dict, list[ModelData]]:
         explored = self.explored
         if action == "fit":
             # Every step of the path, and where its end fails.

@@ -18,11 +18,11 @@ from lumbar.base.progress import notify_progress
 from lumbar.base.yaml_file import read_yaml
 from lumbar.interface.lift_page import lift_page
 from lumbar.page_server.background import DRAWING, Job
-from lumbar.publishing.explorer.shown import ShownModel, model_key
+from lumbar.publishing.explorer.page_data import ModelData, model_key
 from lumbar.settings.stability import StabilitySettings
 
 if TYPE_CHECKING:
-    from lumbar.interface.diagnosed import Diagnosis
+    from lumbar.interface.diagnosis import Diagnosis
     from lumbar.interface.refinement import Refinement
     from lumbar.publishing.explorer.explorer_page import ExplorerPage
 
@@ -88,7 +88,7 @@ class ExploredSet:
     html: str = ""
     """Page of a diagnosis without an interactive page, as soon as it is made."""
     _refits: dict[str, Refinement] = field(default_factory=dict)
-    _fitted: dict[str, ShownModel] = field(default_factory=dict)
+    _fitted: dict[str, ModelData] = field(default_factory=dict)
     _one_at_a_time: threading.Lock = field(default_factory=threading.Lock)
     _preparing: threading.Lock = field(default_factory=threading.Lock)
 
@@ -131,8 +131,8 @@ class ExploredSet:
             _ = self.diagnosis
             notify_progress("drawing the page")
             with DRAWING:
-                if self.diagnosis.without_page:
-                    self.html = self.diagnosis.written()
+                if self.diagnosis.no_page_reason:
+                    self.html = self.diagnosis.complete_html()
                     return
                 _ = self.page.records, self.page.models, self.variables
 
@@ -147,16 +147,16 @@ class ExploredSet:
         with self._one_at_a_time:
             key = model_key(effects)
             if key not in self._refits:
-                self._refits[key] = self.diagnosis.with_effects(effects)
+                self._refits[key] = self.diagnosis.refine(effects)
             return self._refits[key]
 
-    def fitted(self, effects: Sequence[str]) -> ShownModel:
+    def fitted(self, effects: Sequence[str]) -> ModelData:
         """Return the base with these effects as the page draws it, from the diagnosis or from `refitted`."""
         key = model_key(effects)
         if not self._fitted:
             self._fitted.update({model.key: model for model in self.page.models})
         if key not in self._fitted:
-            self._fitted[key] = self.page.shown(self.refitted(effects).path[-1])
+            self._fitted[key] = self.page.simulate(self.refitted(effects).path[-1])
         return self._fitted[key]
 
 

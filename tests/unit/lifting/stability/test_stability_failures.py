@@ -20,7 +20,7 @@ from lumbar.lifting.stability.model.pendulum_trajectories import (
     pendulum_label,
 )
 from lumbar.lifting.stability.table_4_1 import tables_4_1
-from lumbar.publishing.figures.stability_figures import comparison_figure, figure_4_3, figure_4_4
+from lumbar.publishing.figures.stability_figures import figure_4_3, figure_4_4, method_comparison_figure
 from study_settings import changed
 
 FAST = changed(
@@ -142,6 +142,6 @@ def test_a_lift_without_any_basin_is_still_compared_by_name(published):
     for figure in (
         figure_4_3(funnels, FAST),
         figure_4_4(funnels, FAST),
-        comparison_figure([], funnels, FAST),
+        method_comparison_figure([], funnels, FAST),
     ):
         assert "no basin" in str([text.get_text() for axis in figure.axes for text in axis.texts])

@@ -13,7 +13,8 @@ from scipy.signal import lfilter
 import lumbar
 from column_files import write_records
 from lumbar.base.errors import InputError
-from lumbar.interface.diagnosed import Diagnosis, ProposedLaw
+from lumbar.interface.diagnosis import Diagnosis
+from lumbar.interface.proposed_law import ProposedLaw
 from lumbar.records.record import Record
 from lumbar.settings.improvement import ImprovementSettings
 from lumbar.settings.study_settings import StudySettings

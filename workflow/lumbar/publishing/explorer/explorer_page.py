@@ -10,16 +10,16 @@ from bokeh.models import CustomJS
 from markupsafe import Markup
 
 from lumbar.publishing.explorer.explorer_pictures import ANSWER, ASIDE, FIRST, SECOND, page_models
-from lumbar.publishing.explorer.one_file import embedded_pictures, one_file
-from lumbar.publishing.explorer.shown import (
+from lumbar.publishing.explorer.one_file import add_roots, embed_pictures, one_file
+from lumbar.publishing.explorer.page_data import (
     RECORD_COLUMNS,
-    ShownModel,
-    ShownRecord,
-    candidates_of,
+    ModelData,
+    RecordData,
+    fitted_candidates,
+    gather_records,
     model_key,
-    shown_candidate,
-    shown_fitted,
-    shown_records,
+    simulate_candidate,
+    simulate_thesis_model,
 )
 from lumbar.publishing.pages.diagnosis_page import role_of
 from lumbar.publishing.pages.html import equation, table
@@ -92,44 +92,41 @@ class ExplorerPage:
     @cached_property
     def step(self) -> int:
         """Step between drawn samples: of long records every second, third, … one is drawn."""
-        columns = len(candidates_of(self.result)) + len(self.others) + RECORD_COLUMNS
+        columns = len(fitted_candidates(self.result)) + len(self.others) + RECORD_COLUMNS
         samples = sum(len(record) for record in self.result.experiment.records)
         return max(1, -(-samples * columns // self.max_values))
 
     @cached_property
-    def models(self) -> list[ShownModel]:
+    def models(self) -> list[ModelData]:
         """All fitted models, the base first, then the thesis's."""
-        fitted = [self.shown(candidate) for candidate in candidates_of(self.result)]
-        others = [shown_fitted(model, self.result, self.records, self.step) for model in self.others]
-        return [*fitted, *others]
+        drawn = self.result.experiment, self.records, self.step
+        fitted = [self.simulate(candidate) for candidate in fitted_candidates(self.result)]
+        return [*fitted, *(simulate_thesis_model(model, *drawn) for model in self.others)]
 
-    def shown(self, candidate: Candidate) -> ShownModel:
+    def simulate(self, candidate: Candidate) -> ModelData:
         """Return one model of the diagnosis, or one fitted later, as it is drawn."""
-        return shown_candidate(candidate, self.result, self.records, self.step)
+        return simulate_candidate(candidate, self.result.experiment, self.records, self.step)
 
     @cached_property
-    def records(self) -> list[ShownRecord]:
+    def records(self) -> list[RecordData]:
         """All records as they are drawn."""
-        return shown_records(self.result, self.step)
+        return gather_records(self.result, self.step)
 
     def fill(self, document: Document) -> None:
         """Add pictures and data to a Bokeh document."""
-        pictures, held = page_models(self.result.experiment, self.records, self.models)
-        answer = next(source for source in held if source.name == ANSWER)
+        pictures, sources = page_models(self.result.experiment, self.records, self.models)
+        answer = next(source for source in sources if source.name == ANSWER)
         answer.js_on_change("data", CustomJS(code="window.lumbar.answered(cb_obj.data.content[0])"))
-        pictures[0].tags = held  # so that the document has them
-        with document.models.freeze():  # or every root would have all models looked through again
-            for picture in pictures:
-                document.add_root(picture)
+        pictures[0].tags = sources  # so that the document has them
+        add_roots(document, pictures)
 
     def variables(self, served: bool = False) -> dict[str, Any]:
         """Return the template's variables; `served` if a server answers the page's requests."""
-        verdict, experiment = self.result, self.result.experiment
-        floor = experiment.floor
+        verdict, floor = self.result, self.result.experiment.floor
         markers = {marker for record in self.records for marker in record.marker}
         lines = ", ".join(meaning for marker, meaning in LINES.items() if marker in markers)
         meanings = {"spectrum": f"; the first model's lines: {lines}"} if lines else {}
-        groups: dict[str, list[ShownModel]] = {}
+        groups: dict[str, list[ModelData]] = {}
         for model in self.models:
             groups.setdefault(model.group, []).append(model)
         return {
@@ -140,8 +137,8 @@ class ExplorerPage:
             "left": remaining_error(verdict) if verdict.selected else "",
             "findings": [item.sentence for item in verdict.findings],
             "sure": how_sure(verdict, self.evidence),
-            "floor": "" if floor is None else f"{floor.rms:.3g} {experiment.output_unit}",
-            "records": sorted(self.records, key=lambda record: not record.trained),
+            "floor": "" if floor is None else f"{floor.rms:.3g} {verdict.experiment.output_unit}",
+            "records": sorted(self.records, key=lambda record: not record.is_training),
             "groups": groups,
             "others_remark": self.others_remark,
             "chosen": model_key(verdict.selected),
@@ -176,7 +173,7 @@ class ExplorerPage:
             "base": model_name(verdict.base.fit),
             "selected": list(verdict.selected),
             "served": served,
-            "trained": [record.name for record in self.records if record.trained],
+            "trained": [record.name for record in self.records if record.is_training],
             "pictures": [name for name, *_ in PICTURES],
             "excitations": {model_key(item.effects): excitation_of(separation, verdict) for item in tied},
             "models": {model.key: model_facts(model, located.get(model.key, [])) for model in self.models},
@@ -184,10 +181,10 @@ class ExplorerPage:
 
     def to_html(self) -> str:
         """Return the page as one self-contained file: the same bytes for the same diagnosis."""
-        return one_file(embedded_pictures(self.fill), PAGE, self.variables())
+        return one_file(embed_pictures(self.fill), PAGE, self.variables())
 
 
-def model_facts(model: ShownModel, located: Sequence[ResidualReport]) -> dict[str, Any]:
+def model_facts(model: ModelData, located: Sequence[ResidualReport]) -> dict[str, Any]:
     """Return what the page's script reads about a model."""
     return {
         "label": model.label,
@@ -225,10 +222,10 @@ def how_sure(diagnosis: DiagnosisResult, evidence: Evidence) -> list[str]:
             probability(best.p_value),
         )
         lines = [
-            f"Where nothing is missing, the best of all candidates gains as much as {effects} here by chance: {chance}."
+            f"Probability of a gain as large as that of {effects} by chance: {chance}."
             if diagnosis.selected
-            else f"The best of all candidates, {effects}, gains what chance gains where nothing is missing ({chance}; "
-            f"{LEVEL:g} would be needed) or does not lower the error on unseen records."
+            else f"The best candidate, {effects}, gains no more than chance would ({chance}; {LEVEL:g} is needed) "
+            "or does not lower the error on unseen records."
         ]
     if diagnosis.status == Status.TIED:
         others = ", ".join(effects_text(item.effects) for item in diagnosis.tied_with)
@@ -242,9 +239,7 @@ def how_sure(diagnosis: DiagnosisResult, evidence: Evidence) -> list[str]:
     if evidence.separation is not None:
         lines.append(separation_sentence(evidence.separation, diagnosis))
     if diagnosis.experiment.floor is None:
-        lines.append(
-            "No record repeats: how much of the error is noise is unknown, and so is whether all is found."
-        )
+        lines.append("No record repeats: it is unknown how much of the error is noise, or is unexplained.")
     return lines
 
 

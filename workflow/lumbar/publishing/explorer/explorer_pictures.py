@@ -20,7 +20,7 @@ from bokeh.palettes import Blues256
 from bokeh.plotting import figure
 
 from lumbar.publishing.explorer.one_file import empty_source, plain_figure
-from lumbar.publishing.explorer.shown import ShownModel, ShownRecord
+from lumbar.publishing.explorer.page_data import ModelData, RecordData
 from lumbar.publishing.figures.palette import MEASURED, SERIES
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 
@@ -38,59 +38,48 @@ _COLUMNS = (
     *("time", "position", "velocity", "since", "measured", "first", "second", "aside"),
     *("first_error", "second_error", "aside_error", "first_turned", "second_turned"),
 )
-_WAYS = ("first_advancing", "first_retracting", "second_advancing", "second_retracting")
+_MEANS = ("first_advancing", "first_retracting", "second_advancing", "second_retracting")
 _HEIGHT = 230
 
 
 def page_models(
-    experiment: Experiment, records: Sequence[ShownRecord], models: Sequence[ShownModel]
+    experiment: Experiment, records: Sequence[RecordData], models: Sequence[ModelData]
 ) -> tuple[list[Model], list[Model]]:
-    """Return the pictures in the page's order and the data sources, from which the page's script fills them.
-
-    Units and quantities are the experiment's.
-    """
-    shown = empty_source(SHOWN, _COLUMNS)
+    """Return the pictures in the page's order and the data sources, from which the page's script fills them."""
     brushed = empty_source(BRUSHED, _COLUMNS)
-    held = [
-        ColumnDataSource(
-            {**record.columns, **{model.key: model.values[record.name] for model in models}},
-            name=f"record:{record.name}",
-        )
-        for record in records
-    ]
-    held += [
-        ColumnDataSource(
-            {
-                "frequency": record.frequency,
-                "noise": np.full(len(record.frequency), np.nan) if record.noise is None else record.noise,
-                "marker": record.marker,
-            }
-            | {model.key: model.density[record.name] for model in models},
-            name=f"spectrum:{record.name}",
-        )
-        for record in records
-    ]
-    held += [brushed, empty_source(REQUEST, ("content",)), empty_source(ANSWER, ("content",))]
-    return _pictures(experiment, shown, brushed), held
+    sources = []
+    for record in records:
+        values = {model.key: model.values[record.name] for model in models}
+        sources.append(ColumnDataSource({**record.columns, **values}, name=f"record:{record.name}"))
+    for record in records:
+        lines = {
+            "frequency": record.frequency,
+            "noise": np.full(len(record.frequency), np.nan) if record.noise is None else record.noise,
+            "marker": record.marker,
+            **{model.key: model.density[record.name] for model in models},
+        }
+        sources.append(ColumnDataSource(lines, name=f"spectrum:{record.name}"))
+    sources += [brushed, empty_source(REQUEST, ("content",)), empty_source(ANSWER, ("content",))]
+    return _pictures(experiment, brushed), sources
 
 
-def _pictures(experiment: Experiment, shown: ColumnDataSource, brushed: ColumnDataSource) -> list[figure]:
+def _pictures(experiment: Experiment, brushed: ColumnDataSource) -> list[figure]:
+    shown = empty_source(SHOWN, _COLUMNS)
     output = f"{experiment.output_quantity.capitalize()} ({experiment.output_unit})"
     position = f"{experiment.input_quantity.capitalize()} ({experiment.input_unit})"
     velocity = f"Velocity ({experiment.input_unit}/s)"
     error = f"Error ({experiment.output_unit})"
-    course = _figure("course", "Time (s)", output, x_range=Range1d(0, 1))  # the page's script sets it
+    over_time = _figure("course", "Time (s)", output, x_range=Range1d(0, 1))  # set by the page's script
     for end in ("start", "end"):
-        course.x_range.js_on_change(end, CustomJS(code="window.lumbar.moved()"))
-    residual = _figure("residual", "Time (s)", error, x_range=course.x_range)
+        over_time.x_range.js_on_change(end, CustomJS(code="window.lumbar.moved()"))
+    residual = _figure("residual", "Time (s)", error, x_range=over_time.x_range)
     loop = _figure("loop", position, output)
     plane = _figure("plane", position, velocity, x_range=loop.x_range)
     depth = _figure("depth", position, error, x_range=loop.x_range)
-    turns = _figure(
-        "turns", "Time after the nearest reversal (s)", f"Error along the motion ({experiment.output_unit})"
-    )
+    along = f"Error along the motion ({experiment.output_unit})"
+    turns = _figure("turns", "Time after the nearest reversal (s)", along)
     lines = {
-        course: ("time", ("aside", "measured", "first", "second")),
+        over_time: ("time", ("aside", "measured", "first", "second")),
         residual: ("time", ("aside_error", "first_error", "second_error")),
         loop: ("position", ("aside", "measured", "first", "second")),
     }
@@ -102,10 +91,10 @@ def _pictures(experiment: Experiment, shown: ColumnDataSource, brushed: ColumnDa
             picture.line(across, up, source=shown, **_line(up))
         _add_hover(picture, across, ups, shown)
     _draw_cells(plane, error)
-    _draw_means(depth, empty_source(DEPTH, ("position", *_WAYS)), "position", _WAYS)
+    _draw_means(depth, empty_source(DEPTH, ("position", *_MEANS)), "position", _MEANS)
     _draw_means(turns, empty_source(TURNS, ("since", "first", "second")), "since", ("first", "second"))
     for picture, across, up in (
-        (course, "time", "measured"),
+        (over_time, "time", "measured"),
         (residual, "time", "first_error"),
         (loop, "position", "measured"),
         (plane, "position", "velocity"),
@@ -113,12 +102,12 @@ def _pictures(experiment: Experiment, shown: ColumnDataSource, brushed: ColumnDa
         (turns, "since", "first_turned"),
     ):
         picture.scatter(across, up, source=brushed, size=4, color=MARKED, alpha=0.6)
-        _when_drawn(picture, f"window.lumbar.brush('{across}', '{up}', cb_obj)")
-    return [course, residual, loop, plane, depth, turns, _spectrum(experiment)]
+        _call_on_selection(picture, f"window.lumbar.brush('{across}', '{up}', cb_obj)")
+    return [over_time, residual, loop, plane, depth, turns, _spectrum(experiment)]
 
 
-def _when_drawn(picture: figure, script: str) -> None:
-    """Call the page's script if a box is drawn in a picture."""
+def _call_on_selection(picture: figure, script: str) -> None:
+    """Call the page's script after the user draws a box in a picture."""
     picture.js_on_event("selectiongeometry", CustomJS(code=script))
 
 
@@ -138,11 +127,14 @@ def _add_hover(picture: figure, across: str, ups: Sequence[str], source: ColumnD
     carrier = "measured" if "measured" in ups else ups[-1]
     unseen = picture.line(across, carrier, source=source, color=SECOND, alpha=0)
     digits = CustomJSHover(code="return Number.isFinite(value) ? value.toPrecision(4) : '–'")
-    words = {name: name.replace("_", " ").replace("aside", "set aside") for name in (across, *ups)}
-    tooltips = [(word, f"@{name}{{custom}}") for name, word in words.items()]
-    hover: dict = {"tooltips": tooltips, "formatters": {f"@{name}": digits for name in words}}
-    hover["mode"] = "mouse" if picture.name == "loop" else "vline"  # a loop passes a depth more than once
-    picture.add_tools(HoverTool(renderers=[unseen], **hover))
+    names = (across, *ups)
+    tooltips = [
+        (name.replace("_", " ").replace("aside", "set aside"), f"@{name}{{custom}}") for name in names
+    ]
+    formatters = {f"@{name}": digits for name in names}
+    mode = "mouse" if picture.name == "loop" else "vline"  # a loop passes a depth more than once
+    hover = HoverTool(renderers=[unseen], tooltips=tooltips, formatters=formatters, mode=mode)
+    picture.add_tools(hover)
 
 
 def _figure(name: str, across: str, up: str, **more) -> figure:
@@ -156,7 +148,7 @@ def _draw_means(picture: figure, source: ColumnDataSource, across: str, columns:
         look = _line(column)
         picture.line(across, column, source=source, **look)
         mark = "inverted_triangle" if column.endswith("retracting") else "triangle"
-        if column in _WAYS:
+        if column in _MEANS:
             how = {"marker": mark, "size": 6, "color": look["color"], "name": look["name"]}
             picture.scatter(across, column, source=source, **how)
     _add_hover(picture, across, columns, source)
@@ -189,5 +181,5 @@ def _spectrum(experiment: Experiment) -> figure:
     _add_hover(picture, "frequency", curves, spectrum)
     marked = empty_source(BRUSHED_LINES, ("frequency", "density"))
     picture.line("frequency", "density", source=marked, color=MARKED, line_width=3, alpha=0.7)
-    _when_drawn(picture, "window.lumbar.brushBand(cb_obj)")
+    _call_on_selection(picture, "window.lumbar.brushBand(cb_obj)")
     return picture

@@ -1,8 +1,8 @@
-"""A page with Bokeh's pictures as one self-contained file, with the same bytes at every run."""
+"""Pages with Bokeh's pictures as self-contained files, with the same bytes at every run."""
 
 import re
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 from bokeh.core.serialization import Serializer
@@ -30,8 +30,8 @@ def empty_source(name: str, columns: Iterable[str]) -> ColumnDataSource:
 
 def plain_figure(name: str, across: str, up: str, left: int, **more) -> figure:
     """Return a picture as wide as its container, without frame and background, with `left` pixels for axis labels."""
-    labels = {"x_axis_label": across, "y_axis_label": up}
-    picture = figure(name=name, sizing_mode="stretch_width", **labels, **more)
+    more |= {"sizing_mode": "stretch_width", "x_axis_label": across, "y_axis_label": up}
+    picture = figure(name=name, **more)
     picture.toolbar.logo = None
     picture.min_border_left, picture.outline_line_color = left, None
     picture.background_fill_alpha = picture.border_fill_alpha = 0.0
@@ -39,7 +39,7 @@ def plain_figure(name: str, across: str, up: str, left: int, **more) -> figure:
 
 
 @dataclass(frozen=True, eq=False)
-class Drawn:
+class EmbeddedPictures:
     """Bokeh's pictures in a page."""
 
     documents: dict[str, Any]
@@ -51,32 +51,36 @@ class Drawn:
     style: str
     """Bokeh's style sheets."""
 
-    def holding(self, sources: list[ColumnDataSource]) -> "Drawn":
+    def add_sources(self, sources: list[ColumnDataSource]) -> "EmbeddedPictures":
         """Return the pictures with further data in their document, which a page's script finds by name."""
         ((name, document),) = self.documents.items()
         first, *others = document["roots"]
-        held = {"tags": Serializer(deferred=False).encode(sources)}
-        first = {**first, "attributes": {**first["attributes"], **held}}
-        return replace(self, documents={name: {**document, "roots": [first, *others]}})
+        tags = Serializer(deferred=False).encode(sources)
+        first = {**first, "attributes": {**first["attributes"], "tags": tags}}
+        documents = {name: {**document, "roots": [first, *others]}}
+        return EmbeddedPictures(documents, self.items, self.code, self.style)
 
 
-def embedded_pictures(fill: Callable[[Document], None]) -> Drawn:
+def add_roots(document: Document, pictures: Iterable[figure]) -> None:
+    """Add pictures to a document."""
+    with document.models.freeze():  # otherwise every root would have all models searched again
+        for picture in pictures:
+            document.add_root(picture)
+
+
+def embed_pictures(fill: Callable[[Document], None]) -> EmbeddedPictures:
     """Return the pictures that `fill` puts, with their data, into a Bokeh document."""
     document = Document()
     fill(document)
     documents, items = standalone_docs_json_and_render_items(document)
-    return Drawn(documents, items, *bundle_for_objs_and_resources([document], INLINE))
+    return EmbeddedPictures(documents, items, *bundle_for_objs_and_resources([document], INLINE))
 
 
-def one_file(pictures: Drawn, page: str, variables: dict[str, Any]) -> str:
+def one_file(pictures: EmbeddedPictures, page: str, variables: dict[str, Any]) -> str:
     """Return the page as HTML: a template that extends ``publishing/explorer/shell.html.jinja``, with its variables."""
+    scripts_and_style, title = (_CODE, pictures.style), variables["title"]
     text = html_page_for_render_items(
-        (_CODE, pictures.style),
-        pictures.documents,
-        pictures.items,
-        variables["title"],
-        template(page),
-        variables,
+        scripts_and_style, pictures.documents, pictures.items, title, template(page), variables
     )
     # Bokeh's names are random or depend on how many there were before: number them in their order.
     for pattern, prefix in ((_UNIQUE, "part-"), (_NUMBERED, "model-")):

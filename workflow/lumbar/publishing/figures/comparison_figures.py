@@ -1,6 +1,7 @@
 """Simulations with their measurements, shares of the records that they explain, error ladders, effects' signatures."""
 
-from collections.abc import Callable
+from collections.abc import Sequence
+from itertools import pairwise
 from string import ascii_lowercase
 
 import numpy as np
@@ -16,11 +17,13 @@ from lumbar.publishing.figures.style import (
     mark_noise_floor,
     new_figure,
     note,
-    say_instead,
+    show_placeholder,
 )
 from lumbar.records.record import Record
 from lumbar.tables.layout import unit_in_print
+from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.residuals.compare import Comparison
+from lumbar.tissue.diagnosis.selection.candidate import Candidate
 from lumbar.tissue.diagnosis.selection.sentences import distinguishing_digits
 from lumbar.tissue.effects.signature import AXES, RATES, pictured_form, signatures
 from lumbar.tissue.models.form import Effect
@@ -44,7 +47,7 @@ def default_segment(record: Record, simulated: np.ndarray, start: float) -> tupl
 
 
 @house_style
-def comparison_figure(
+def record_comparison_figure(
     record: Record,
     simulated: np.ndarray,
     comparisons: list[Comparison],
@@ -65,9 +68,8 @@ def comparison_figure(
     """
     mine = next(item for item in comparisons if item.record == record.name)
     segment = default_segment(record, simulated, mine.start)
-    figure, axes = new_figure(
-        DOUBLE_COLUMN, 3.4, nrows=2, ncols=2, width_ratios=(1.9, 1), height_ratios=(1.7, 1), sharex="col"
-    )
+    ratios = {"width_ratios": (1.9, 1), "height_ratios": (1.7, 1)}
+    figure, axes = new_figure(DOUBLE_COLUMN, 3.4, nrows=2, ncols=2, sharex="col", **ratios)
     response, residual = axes[:, 0]
     grid = axes[0, 1].get_gridspec()
     for axis in axes[:, 1]:
@@ -75,10 +77,8 @@ def comparison_figure(
     shares = figure.add_subplot(grid[:, 1])
     draw_segment((response, residual), record, simulated, mine, segment, model)
     output = record.channels["output"]
-    response.set(
-        ylabel=f"{output.quantity.capitalize()} ({unit_in_print(output.unit)})",
-        title=record.name.replace("_", " "),
-    )
+    label = f"{output.quantity.capitalize()} ({unit_in_print(output.unit)})"
+    response.set(ylabel=label, title=record.name.replace("_", " "))
     response.legend(loc="upper right", ncols=2)
     head_room(response, 0.18)
     residual.set_xlim(segment)
@@ -115,10 +115,11 @@ def draw_segment(
 
 def _draw_shares(axis, comparisons: list[Comparison]) -> None:
     """Draw the shares of the output's variance that remain: explainable and noise."""
-    left = np.array([100 * item.rms.value**2 / item.output_variance for item in comparisons])
-    below = [100 * (item.rms.value**2 - item.rms.low**2) / item.output_variance for item in comparisons]
-    above = [100 * (item.rms.high**2 - item.rms.value**2) / item.output_variance for item in comparisons]
-    reach = np.array([below, above])
+    left, low, high = (
+        np.array([100 * getattr(item.rms, name) ** 2 / item.output_variance for item in comparisons])
+        for name in ("value", "low", "high")
+    )
+    bars = np.maximum([left - low, high - left], 0)
     places = np.arange(len(comparisons))
     if comparisons[0].floor is not None:
         explainable = np.array([item.explainable_percent for item in comparisons])
@@ -126,11 +127,10 @@ def _draw_shares(axis, comparisons: list[Comparison]) -> None:
         axis.bar(places, explainable, 0.55, bottom=left - explainable, label="explainable", **_EXPLAINABLE)
     else:
         axis.bar(places, left, 0.55, label="noise and error of the model", **_NOISE)
-    axis.errorbar(places, left, np.maximum(reach, 0), fmt="none", color="black", capsize=2, linewidth=0.8)
-    highest = float((left + reach[1]).max())
-    for place, item, total, upper in zip(places, comparisons, left, reach[1], strict=True):
-        words = f"VAF\n{item.vaf.value:.4g} %"
-        note(axis, words, (place, total + upper), (0, 3), ha="center", fontsize=6.5)
+    axis.errorbar(places, left, bars, fmt="none", color="black", capsize=2, linewidth=0.8)
+    for place, item, top in zip(places, comparisons, high, strict=True):
+        text = f"VAF\n{item.vaf.value:.4g} %"
+        note(axis, text, (place, top), (0, 3), ha="center", fontsize=6.5)
     axis.set_xlim(-0.6, len(comparisons) - 0.4)
     axis.set_xticks(places, [item.record.replace("_", " ") for item in comparisons])
     if max(len(item.record) for item in comparisons) * len(comparisons) > 30:
@@ -138,63 +138,65 @@ def _draw_shares(axis, comparisons: list[Comparison]) -> None:
     axis.set_ylabel("Left of the output's variance (%)")
     axis.grid(visible=False, axis="x")
     axis.legend(loc="upper center", bbox_to_anchor=(0.5, 1.0), ncols=2)
-    axis.set_ylim(0, 1.45 * highest)
+    axis.set_ylim(0, 1.45 * high.max())
 
 
 @house_style
-def ladder_figure(rungs: list[dict], unit: str, floor: float | None) -> Figure:
-    """Draw training and unseen error of every rung, and the noise floor.
+def ladder_figure(path: Sequence[Candidate], experiment: Experiment) -> Figure:
+    """Draw training and unseen error of the base and after each added effect, and the noise floor.
 
     Parameters
     ----------
-    rungs : list of dict
-        ``label``, ``train_rms`` and ``test_rms`` of base, base and first effect, ….
-    unit : str
-        Unit of the errors.
-    floor : float or None
-        Noise floor if known.
+    path : sequence of Candidate
+        Base, base and first effect, ….
+    experiment : Experiment
+        Source of the errors' unit and the noise floor.
     """
     figure, axes = new_figure(SINGLE_COLUMN, 2.6)
-    train, test = ([rung[key] for rung in rungs] for key in ("train_rms", "test_rms"))
+    train, test = [item.train_rms for item in path], [item.test_rms for item in path]
+    floor = None if experiment.floor is None else experiment.floor.rms
     errors = {"training record": train, "unseen records": test}
-    draw_error_bars(axes, errors, lambda values: distinguishing_digits(values, 2), floor)
-    lines = [floor] if floor else []
-    smallest, largest = min([*train, *test, *lines]), max([*train, *test, *lines])
+    draw_error_bars(axes, errors, distinguishing_digits(train, 2) + distinguishing_digits(test, 2), floor)
+    shown = [*train, *test, *([floor] if floor else [])]
+    smallest, largest = min(shown), max(shown)
     if largest > 8 * smallest:
         axes.set(yscale="log", ylim=(0.5 * smallest, 2.2 * largest))
     else:
         axes.set_ylim(0, 1.25 * largest)
-    axes.set_xticks(range(len(rungs)), [rung["label"] for rung in rungs])
-    axes.set_ylabel(f"RMS of the simulation error ({unit_in_print(unit)})")
+    labels = [path[0].fit.structure.base.name]
+    for before, item in pairwise(path):
+        added = item.effects[len(before.effects) :]
+        labels.append("+ " + " and ".join(added).replace("_", "\n"))
+    axes.set_xticks(range(len(path)), labels)
+    axes.set_ylabel(f"RMS of the simulation error ({unit_in_print(experiment.output_unit)})")
     figure.legend(loc="outside upper center", ncols=2)
     return figure
 
 
-def draw_error_bars(
-    axes, errors: dict[str, list[float]], in_words: Callable[[list[float]], list[str]], floor: float | None
-) -> None:
-    """Draw training and unseen errors side by side, by label, with their values above and the noise floor."""
+def draw_error_bars(axes, errors: dict[str, list[float]], texts: list[str], floor: float | None) -> None:
+    """Draw training and unseen errors side by side, with texts above them, and the noise floor.
+
+    Parameters
+    ----------
+    axes : matplotlib.axes.Axes
+    errors : dict of str to list of float
+        Training errors, then unseen errors, by label.
+    texts : list of str
+        One per bar, those of the training errors first.
+    floor : float or None
+        RMS of the noise if it is known.
+    """
     on_white = {"facecolor": "white", "alpha": 0.8, "linewidth": 0, "pad": 0.3}
     looks = ({"alpha": 0.45}, {"hatch": "//", "edgecolor": "white"})
+    remaining = iter(texts)
     for shift, (label, values), look in zip((-0.19, 0.19), errors.items(), looks, strict=True):
         places = [place + shift for place in range(len(values))]
         axes.bar(places, values, 0.36, color=MODELS["KB"]["color"], label=label, **look)
-        for place, value, words in zip(places, values, in_words(values), strict=True):
-            note(axes, words, (place, value), (0, 1), ha="center", size=6, bbox=on_white)
+        for place, value in zip(places, values, strict=True):
+            note(axes, next(remaining), (place, value), (0, 1), ha="center", size=6, bbox=on_white)
     if floor is not None:
         mark_noise_floor(axes, floor, 0.9)
     axes.grid(visible=False, axis="x")
-
-
-def ladder_rungs(diagnosis: dict) -> list[dict]:
-    """Return the rungs of a ``diagnosis.json`` with labels for the figure."""
-    rungs, before = [], 0
-    for rung in diagnosis["ladder"]:
-        added = rung["effects"][before:]
-        label = diagnosis["base"] if not rung["effects"] else "+ " + " and ".join(added).replace("_", "\n")
-        rungs.append({"label": label, "train_rms": rung["train_rms"], "test_rms": rung["test_rms"]})
-        before = len(rung["effects"])
-    return rungs
 
 
 _SHOWN_S = 8.0
@@ -217,11 +219,10 @@ def signature_figure(effects: list[Effect], system: str = "tissue") -> Figure:
     if not effects:
         figure, axes = new_figure(SINGLE_COLUMN, 0.6)
         axes.set_axis_off()
-        say_instead(axes, "no effect that has a picture")
+        show_placeholder(axes, "no effect that has a picture")
         return figure
-    figure, axes = new_figure(
-        DOUBLE_COLUMN, 0.25 + 1.75 * len(effects), nrows=len(effects), ncols=3, squeeze=False
-    )
+    height = 0.25 + 1.75 * len(effects)
+    figure, axes = new_figure(DOUBLE_COLUMN, height, nrows=len(effects), ncols=3, squeeze=False)
     for number, (row, effect) in enumerate(zip(axes, effects, strict=True)):
         _draw_effect(row, effect, system)
         letter = f"({ascii_lowercase[number % 26]}) " if len(effects) > 1 else ""
@@ -229,12 +230,11 @@ def signature_figure(effects: list[Effect], system: str = "tissue") -> Figure:
     return figure
 
 
-@house_style
 def _draw_effect(row, effect: Effect, system: str) -> None:
     form = pictured_form(effect)
     slow, fast = signatures(effect, form, system)
     moved, response = AXES[system]
-    whole, added, course = row
+    whole, added, over_time = row
     settled, cycle = slow.motion.time >= 2 / RATES[0], slow.last_cycle
     whole.plot(slow.motion.position[cycle], slow.base[cycle], label=system, **_BASE)
     whole.plot(slow.motion.position[settled], slow.force[settled], color=SERIES[0], label="with the effect")
@@ -251,9 +251,9 @@ def _draw_effect(row, effect: Effect, system: str) -> None:
     shown = slow.motion.time <= _SHOWN_S
     time, force = slow.motion.time[shown], slow.added_force[shown]
     scale = np.abs(force).max() / np.abs(slow.motion.position).max()
-    course.plot(time, scale * slow.motion.position[shown], label=f"{moved.lower()}, scaled", **_BASE)
-    course.plot(time, force, color=SERIES[0], linewidth=1.0, label=f"added {response}")
-    course.set_xlabel("Time (s)")
+    over_time.plot(time, scale * slow.motion.position[shown], label=f"{moved.lower()}, scaled", **_BASE)
+    over_time.plot(time, force, color=SERIES[0], linewidth=1.0, label=f"added {response}")
+    over_time.set_xlabel("Time (s)")
     for axis in row:
         head_room(axis, 0.22)
         axis.legend(loc="upper left", **_CLOSE)

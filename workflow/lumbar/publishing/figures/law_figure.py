@@ -28,17 +28,11 @@ _LOOKS = (("o", "-"), ("s", (0, (4, 1.5))), ("^", (0, (1, 1))))
 
 @house_style
 def law_figure(proposal: Proposal) -> Figure:
-    """Draw the missing force over the position at three speeds, and the errors of base, catalogue, law and noise.
-
-    Parameters
-    ----------
-    proposal : Proposal
-        A model with something missing.
-    """
-    figure, (sections, errors) = new_figure(DOUBLE_COLUMN, 2.8, ncols=2)
-    _draw_sections(sections, proposal)
-    _draw_errors(errors, proposal)
-    label_panels((sections, errors))
+    """Draw the missing force over the position at three speeds, and the errors of base, catalogue, law and noise."""
+    figure, axes = new_figure(DOUBLE_COLUMN, 2.8, ncols=2)
+    _draw_sections(axes[0], proposal)
+    _draw_errors(axes[1], proposal)
+    label_panels(axes)
     return figure
 
 
@@ -76,8 +70,7 @@ def _draw_sections(axis, proposal: Proposal) -> None:
         if added is not None:
             of_law = _means(position[inside], added[inside], edges)
             axis.plot(middle, of_law, linestyle=line, color=color, linewidth=1)
-    axis.set_xlabel(f"Position ({experiment.input_unit})")
-    axis.set_ylabel(f"Missing force ({experiment.output_unit})")
+    axis.set(xlabel=f"Position ({experiment.input_unit})", ylabel=f"Missing force ({experiment.output_unit})")
     title = f"marks: measured{'' if added is None else ', lines: the law'}; $v$ in {experiment.input_unit}/s"
     head_room(axis, 0.4)
     close = {"ncols": 3, "columnspacing": 0.6, "handletextpad": 0.1}
@@ -92,13 +85,9 @@ def _draw_errors(axis, proposal: Proposal) -> None:
         start = "catalogue" if proposal.law.start.effects else "base"
         rows.append((f"{start} and law", proposal.law.candidate))
     floor = proposal.experiment.floor
-    errors = {"training": [item.train_rms for _, item in rows], "unseen": [item.test_rms for _, item in rows]}
-    draw_error_bars(
-        axis,
-        errors,
-        lambda values: [f"{value:#.2g}" for value in values],
-        None if floor is None else floor.rms,
-    )
+    train, test = [item.train_rms for _, item in rows], [item.test_rms for _, item in rows]
+    texts = [f"{value:#.2g}" for value in [*train, *test]]
+    draw_error_bars(axis, {"training": train, "unseen": test}, texts, floor and floor.rms)
     axis.set_ylim(0, 1.35 * axis.get_ylim()[1])
     axis.set_xticks(range(len(rows)), [name.replace(" ", "\n", 1) for name, _ in rows])
     axis.set_ylabel(f"RMS of the simulation error ({proposal.experiment.output_unit})")
@@ -106,18 +95,18 @@ def _draw_errors(axis, proposal: Proposal) -> None:
 
 
 @house_style
-def linear_figure(found: DiagnosisResult) -> Figure:
+def linear_figure(diagnosis: DiagnosisResult) -> Figure:
     """Draw the linear dynamics of higher order with base and record: gain, phase and poles.
 
     All three responses are cross spectra of force and motion divided by the motion's spectrum (Welch's estimate), so that
     they have the same bias, at the frequencies of the training record's motion.
     """
-    part = max(found.experiment.training.records, key=lambda item: item.size)
-    rate, unit = 1 / part.motion.sampling_time, found.experiment.output_unit
+    part = max(diagnosis.experiment.training.records, key=lambda item: item.size)
+    rate, unit = 1 / part.motion.sampling_time, diagnosis.experiment.output_unit
     drawn = {
         "measured": part.force,
-        "base": found.base.fit.simulate(part.motion),
-        "linear dynamics": found.linear.fit.simulate(part.motion),
+        "base": diagnosis.base.fit.simulate(part.motion),
+        "linear dynamics": diagnosis.linear.fit.simulate(part.motion),
     }
     settings = {"fs": rate, "nperseg": len(part.drop_history(part.force)) // _SEGMENTS}
     position = part.drop_history(part.motion.position)
@@ -134,18 +123,16 @@ def linear_figure(found: DiagnosisResult) -> Figure:
         gain.loglog(frequency[moved], np.abs(response), **look)
         phase.semilogx(frequency[moved], np.degrees(np.unwrap(np.angle(response))), **look)
     # The poles (1/s) are rates and pairs among the nonlinear parameters of the linear base.
-    fit = found.linear.fit
+    fit = diagnosis.linear.fit
     values = dict(zip((item.name for item in fit.structure.base.nonlinear), fit.nonlinear, strict=False))
     poles = [complex(-value) for name, value in values.items() if name.startswith("relaxation_rate")]
     for name, damping in values.items():
         if name.startswith("pair_damping"):
             poles += [*np.roots([1.0, damping, values[name.replace("damping", "frequency_squared")]])]
     plane.plot(np.real(poles), np.imag(poles), "x", color=SERIES[2])
-    for axis, words in ((gain, f"Gain ({unit}/{found.experiment.input_unit})"), (phase, "Phase (°)")):
-        axis.set_xlabel("Frequency (Hz)")
-        axis.set_ylabel(words)
-    plane.set_xlabel("Real part of the poles (1/s)")
-    plane.set_ylabel("Imaginary part (1/s)")
+    gain.set(xlabel="Frequency (Hz)", ylabel=f"Gain ({unit}/{diagnosis.experiment.input_unit})")
+    phase.set(xlabel="Frequency (Hz)", ylabel="Phase (°)")
+    plane.set(xlabel="Real part of the poles (1/s)", ylabel="Imaginary part (1/s)")
     head_room(gain, 0.3)
     gain.legend(loc="upper left", fontsize=6)
     label_panels((gain, phase, plane))

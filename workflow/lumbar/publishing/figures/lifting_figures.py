@@ -1,5 +1,4 @@
-"""Figures of the lifting chapter: events of a lift, the inverted pendulum (4.1), the trunk's segments
-(4.2)."""
+"""Figures of the lifting chapter: events of a lift, the inverted pendulum (4.1), the trunk's segments (4.2)."""
 
 from textwrap import fill
 
@@ -21,7 +20,7 @@ from lumbar.publishing.figures.style import (
     new_figure,
     note,
     person_and_box,
-    say_instead,
+    show_placeholder,
 )
 from lumbar.settings.stability import PendulumSettings
 
@@ -58,6 +57,12 @@ _HANDS = {
     "l_wrist": {"label": "left wrist", "color": "#0072B2", "linestyle": _DASHED},
     "r_wrist": {"label": "right wrist", "color": "#56B4E9", "linestyle": _DOTTED},
 }
+_TOES = {
+    "l_toe": {"label": "left toe", "color": "#009E73", "linestyle": "-"},
+    "r_toe": {"label": "right toe", "color": "#CC79A7", "linestyle": _DASHED},
+}
+_END_NAMES = {"C7T1": "C7/T1", "T12L1": "T12/L1", "L4L5": "L4/L5", "L5S1": "L5/S1", "MID_HIP": "mid-hip"}
+_XIPHOID = "xiphoid's level"
 _GREY = "#888888"
 
 
@@ -74,19 +79,20 @@ def events_figure(lift: dict) -> Figure:
     motion, events = lift["motion"], lift["events"]
     figure, axes = new_figure(DOUBLE_COLUMN, 4.6, nrows=3, sharex=True, height_ratios=[1, 1, 0.8])
     for name, look in _HANDS.items():
-        for axis, quantity in ((axes[0], "height_m"), (axes[1], "speed_m_s")):
+        for axis, quantity in zip(axes, ("height_m", "speed_m_s"), strict=False):
             if f"{name}_{quantity}" in motion:
                 axis.plot(motion["time_s"], motion[f"{name}_{quantity}"], **look)
-    feet = [name for name in ("l_toe", "r_toe") if f"{name}_speed_m_s" in motion]
-    for name, color, line in zip(feet, ("#009E73", "#CC79A7"), ("-", _DASHED), strict=False):
-        label = "left toe" if name == "l_toe" else "right toe"
-        axes[2].plot(motion["time_s"], motion[f"{name}_speed_m_s"], color=color, linestyle=line, label=label)
+    feet = {name: look for name, look in _TOES.items() if f"{name}_speed_m_s" in motion}
+    for name, look in feet.items():
+        axes[2].plot(motion["time_s"], motion[f"{name}_speed_m_s"], **look)
     if not feet:
-        say_instead(axes[2], "no markers on the feet", color=_GREY)
+        show_placeholder(axes[2], "no markers on the feet", color=_GREY)
         axes[2].set_yticks([])
-    axes[0].set_ylabel("Height (m)")
-    axes[1].set_ylabel("Speed (m/s)")
-    axes[2].set(ylabel="Toe speed (m/s)" if feet else "", xlabel="Time (s)")
+    for axis, label in zip(
+        axes, ("Height (m)", "Speed (m/s)", "Toe speed (m/s)" if feet else ""), strict=True
+    ):
+        axis.set_ylabel(label)
+    axes[2].set_xlabel("Time (s)")
     _mark_events(axes, events)
     for axis in axes[: 3 if feet else 2]:
         axis.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
@@ -98,7 +104,7 @@ def events_figure(lift: dict) -> Figure:
 def _mark_events(axes, events: dict) -> None:
     """Draw a line through all panels at every event, its name on top, and shade the deposit.
 
-    Grey bands are the intervals of events; a dotted line is where the thesis's own rule puts one.
+    Grey bands are the intervals of events; a dotted line is the event by the thesis's rule.
     """
     on_top = {"xycoords": ("data", "axes fraction"), "fontsize": 6.5}
     deposit = [events[name]["time_s"] for name in ("deposit_start", "release")]
@@ -132,11 +138,9 @@ def _points(lift: dict, event: str) -> dict[str, tuple[float, float, float]]:
     return {row.point: (row.x_m, row.y_m, row.z_m) for row in rows.itertuples()}
 
 
-def _box(axis, points: dict, horizontal: int, color: str) -> None:
-    """Outline of the box: the hull of its markers as seen in this view."""
-    corners = np.array(
-        [[point[horizontal], point[2]] for name, point in points.items() if name.startswith("BOX_")]
-    )
+def _draw_box(axis, points: dict, color: str) -> None:
+    """Draw the outline of the box from the right: the hull of its markers."""
+    corners = np.array([point[1:] for name, point in points.items() if name.startswith("BOX_")])
     if len(corners) >= 3 and np.linalg.matrix_rank(corners - corners[0], tol=1e-3) == 2:
         outline = corners[scipy.spatial.ConvexHull(corners).vertices]
         look = {"facecolor": "#f3e9d8", "edgecolor": color, "linewidth": 0.8, "zorder": 0}
@@ -145,9 +149,9 @@ def _box(axis, points: dict, horizontal: int, color: str) -> None:
 
 @house_style
 def pendulum_figure(lift: dict, pendulum: PendulumSettings) -> Figure:
-    """Figure 4.1: the inverted pendulum of the total body's centre of mass in flexion/extension, with ℓ, m and u0.
+    """Draw Figure 4.1: the inverted pendulum of the total body's centre of mass in flexion/extension, with ℓ, m and u0.
 
-    Beside it the angles of the total body and of the trunk's segments, and u0(t) by Eq. 4.1 with either sign of gravity.
+    On the right the angles of the total body and of the trunk's segments, and u0(t) by Eq. 4.1 with either sign of gravity.
 
     Parameters
     ----------
@@ -159,22 +163,22 @@ def pendulum_figure(lift: dict, pendulum: PendulumSettings) -> Figure:
     if lift["states"].empty:
         return _draw_reasons(lift)
     figure, axes = new_figure(DOUBLE_COLUMN, 4.4, ncols=2, nrows=2, sharex="col", width_ratios=(1, 1.15))
-    person = axes[0, 0].get_gridspec()[:, 0]
     for axis in axes[:, 0]:
         axis.remove()
-    person, angles, torques = figure.add_subplot(person), *axes[:, 1]
-    _two_postures(person, lift)
+    person, angles, torques = figure.add_subplot(axes[0, 0].get_gridspec()[:, 0]), *axes[:, 1]
+    _draw_postures(person, lift)
     try:
         total = total_body_pendulum(lift["body"], lift["centres"], lift["summary"])
     except LumbarError as error:
-        say_instead(torques, fill(str(error), 50), fontsize=7)
+        show_placeholder(torques, fill(str(error), 50), fontsize=7)
     else:
         _draw_pendulum(person, lift, total)
         angles.plot(total.time, total.angle, color=MEASURED, linewidth=1.8, label=total.com)
-        for sign, line in (("inverted", "-"), ("hanging", _DASHED)):
+        for sign, line, label in (
+            ("inverted", "-", "−mgℓ sin θ: inverted"),
+            ("hanging", _DASHED, "+mgℓ sin θ: hanging, as printed"),
+        ):
             torque = feedforward_torque(total, sign, pendulum.damping_N_m_s, pendulum.gravity_m_s2)
-            gravity = {"inverted": "−", "hanging": "+"}[sign]
-            label = f"{gravity}mgℓ sin θ: {sign}{', as printed' if sign == 'hanging' else ''}"
             torques.plot(total.time, torque, color=MEASURED, linestyle=line, label=label)
         torques.legend()
     for com, color in SEGMENTS.items():
@@ -187,11 +191,11 @@ def pendulum_figure(lift: dict, pendulum: PendulumSettings) -> Figure:
     return figure
 
 
-def _two_postures(axis, lift: dict) -> None:
+def _draw_postures(axis, lift: dict) -> None:
     """Draw the person at the start (light) and the end (dark) of the deposit, from the right."""
     for event, color, width in (("deposit_start", "#c4c4c4", 1.2), ("release", "#777777", 1.8)):
         points = _points(lift, event)
-        _box(axis, points, 1, color)
+        _draw_box(axis, points, color)
         for line in _BODY.split():
             ends = [points[name][1:] for name in line.split("-") if name in points]
             if len(ends) == 2:
@@ -206,14 +210,14 @@ def _draw_pendulum(axis, lift: dict, total: Trajectory) -> None:
     pivot = np.array(_points(lift, "release")["PIVOT"][1:])
     angle, length = total.angle[-1], total.length_m
     along = np.array([np.sin(angle), np.cos(angle)])
-    bob, beyond = pivot + length * along, pivot + 1.6 * length * along
+    bob, far = pivot + length * along, pivot + 1.6 * length * along
     ink = {"color": MEASURED, "linestyle": ""}
     axis.plot(*zip(pivot, bob, strict=True), color=MEASURED, linewidth=2.0)
     axis.plot(*bob, marker="o", markersize=9, **ink)
     axis.plot(*pivot, marker="P", markersize=7, **ink)
-    for start, stop in ((pivot, pivot + np.array([0, 1.6 * length])), (bob, beyond)):
+    for start, stop in ((pivot, pivot + np.array([0, 1.6 * length])), (bob, far)):
         axis.plot(*zip(start, stop, strict=True), color=MEASURED, linewidth=0.7, linestyle=_DOTTED)
-    note(axis, "θ", beyond, (0, 3), ha="right")
+    note(axis, "θ", far, (0, 3), ha="right")
     note(axis, f"m = {total.mass_kg:g} kg", bob, (8, 0), va="center", bbox=_WHITE)
     note(axis, f"ℓ = {length:.2f} m", (pivot + bob) / 2, (6, 0), va="center")
     note(axis, f"pivot ({total.pivot.replace('_', '-')})", pivot, (36, -9))
@@ -228,7 +232,7 @@ def _draw_pendulum(axis, lift: dict, total: Trajectory) -> None:
 
 @house_style
 def segments_figure(lift: dict) -> Figure:
-    """Figure 4.2: the torso's markers and the segments between them from the front and the back; the study's ends at the side.
+    """Draw Figure 4.2: the torso's markers and the segments between them from front and back; the study's ends at the side.
 
     Parameters
     ----------
@@ -239,20 +243,28 @@ def segments_figure(lift: dict) -> Figure:
         return _draw_reasons(lift)
     points = _points(lift, "deposit_start")
     shown = np.array([points[name] for name in (*_FRONT, *_BACK) if name in points])
-    # Room for the names beside the outermost markers; equal scales in all views.
+    # Room for the names of the outermost markers; equal scales in all views.
     (left, back, low), (right, front, high) = shown.min(axis=0), shown.max(axis=0)
     x, y = (left - 0.08, right + 0.08), (back - 0.16, front + 0.2)
     wide = [np.ptp(x), np.ptp(x), np.ptp(y)]
     figure, axes = new_figure(DOUBLE_COLUMN, 3.7, ncols=3, sharey=True, width_ratios=wide)
     for axis, limits, markers in zip(axes[:2], (x[::-1], x), (_FRONT, _BACK), strict=True):
-        _segments_between_markers(axis, points)
+        _draw_segments(axis, points)
         for marker in filter(points.get, markers):
-            _marker(axis, marker, points[marker], 0, _NAME_SIDES.get(marker.rpartition("_")[2], "right"))
+            _draw_marker(axis, marker, points[marker], 0, _NAME_SIDES.get(marker.rpartition("_")[2], "right"))
         axis.set(xlim=limits, xlabel="x, lateral (m)")
-    _segments_in_use(axes[2], points, lift["summary"]["segments"]["ends"])
+    # The line between the ends of every segment of the study, and the centre of mass on it.
+    for segment, color in SEGMENTS.items():
+        if f"COM_{segment}" in points:
+            ends, look = lift["summary"]["segments"]["ends"][segment], {"color": color}
+            band = zip(*(points[end][1:] for end in ends), strict=True)
+            axes[2].plot(*band, linewidth=7, alpha=0.3, solid_capstyle="butt", **look)
+            label = f"{segment}: {' to '.join(_END_NAMES.get(end, _XIPHOID) for end in ends)}"
+            look |= {"marker": _MARKS[segment], "markersize": 8, "linestyle": "", "label": label}
+            axes[2].plot(*points[f"COM_{segment}"][1:], **look)
     for marker in filter(points.get, dict.fromkeys((*_FRONT, *_BACK))):
         if not marker.startswith("L_"):
-            _marker(axes[2], marker, points[marker], 1, "right" if marker in _FRONT[2:] else "left")
+            _draw_marker(axes[2], marker, points[marker], 1, "right" if marker in _FRONT[2:] else "left")
     axes[2].set(xlim=y, xlabel="y, forward (m)", ylim=(low - 0.06, high + 0.05))
     axes[0].set_ylabel("z, up (m)")
     label_panels(axes)
@@ -264,62 +276,44 @@ def segments_figure(lift: dict) -> Figure:
     return figure
 
 
-def _segments_between_markers(axis, points: dict) -> None:
+def _draw_segments(axis, points: dict) -> None:
     """Fill the torso between shoulders and hips, divided at the height of the markers T12 and L5."""
     needed = ("L_SHOULDER", "R_SHOULDER", "L_HIP", "R_HIP", "C7", "T12", "L5")
-    lacking = [name for name in needed if name not in points]
-    if lacking:
-        say_instead(axis, fill(f"no marker {', '.join(lacking)}", 20), fontsize=7)
+    missing = [name for name in needed if name not in points]
+    if missing:
+        show_placeholder(axis, fill(f"no marker {', '.join(missing)}", 20), fontsize=7)
         return
     left, right, low_left, low_right, top, *between = (np.array(points[name])[[0, 2]] for name in needed)
-
-    def across(middle: np.ndarray) -> list[np.ndarray]:
-        """Return the points at which the height of a marker cuts the torso's sides, with the marker between."""
-        shares = [
-            (middle[1] - up[1]) / (down[1] - up[1]) for up, down in ((left, low_left), (right, low_right))
-        ]
-        return [left + shares[0] * (low_left - left), middle, right + shares[1] * (low_right - right)]
-
-    borders = [[left, top, right], *map(across, between), [low_left, (low_left + low_right) / 2, low_right]]
+    borders = [[left, top, right]]
+    for middle in between:
+        # The points at which the height of a marker cuts the torso's sides.
+        sides = (
+            up + (middle[1] - up[1]) / (down[1] - up[1]) * (down - up)
+            for up, down in ((left, low_left), (right, low_right))
+        )
+        borders.append([next(sides), middle, next(sides)])
+    borders.append([low_left, (low_left + low_right) / 2, low_right])
     for (segment, color), upper, lower in zip(SEGMENTS.items(), borders, borders[1:], strict=False):
         corners = np.array([*upper, *lower[::-1]])
-        look = {"facecolor": to_rgba(color, 0.35), "edgecolor": color}
-        axis.fill(*corners.T, linewidth=1.0, **look)
+        axis.fill(*corners.T, linewidth=1.0, facecolor=to_rgba(color, 0.35), edgecolor=color)
         place = (0.75 * upper[0] + 0.25 * upper[2] + 0.75 * lower[0] + 0.25 * lower[2]) / 2
         axis.text(*place, segment, ha="center", va="center", fontsize=7, bbox=_WHITE)
 
 
-def _segments_in_use(axis, points: dict, ends: dict) -> None:
-    """Draw the line between the ends of every segment that the study takes, and the centre of mass on it."""
-    for segment, color in SEGMENTS.items():
-        if f"COM_{segment}" not in points:
-            continue
-        band = zip(*(points[end][1:] for end in ends[segment]), strict=True)
-        axis.plot(*band, color=color, linewidth=7, alpha=0.3, solid_capstyle="butt")
-        label = f"{segment}: {_end_name(ends[segment][0])} to {_end_name(ends[segment][1])}"
-        look = {"marker": _MARKS[segment], "color": color, "markersize": 8, "linestyle": ""}
-        axis.plot(*points[f"COM_{segment}"][1:], label=label, **look)
-
-
 @house_style
 def _draw_reasons(lift: dict) -> Figure:
-    """Draw the reasons why a lift has no pendulum."""
+    """Write the reasons why a lift has no pendulum."""
     figure, axes = new_figure(DOUBLE_COLUMN, 2.0)
-    reasons = "\n".join(dict.fromkeys(lift["summary"]["missing"].values()))
-    lines = [part for line in reasons.splitlines() for part in fill(line, 110).splitlines()]
-    axes.set_axis_off()
-    axes.text(
-        0, 1, "\n".join([f"{person_and_box(lift['summary'])}: no pendulum", *lines]), va="top", fontsize=7
+    reasons = "\n".join(dict.fromkeys(lift["summary"]["missing"].values())).splitlines()
+    text = "\n".join(
+        [f"{person_and_box(lift['summary'])}: no pendulum", *(fill(line, 110) for line in reasons)]
     )
+    axes.set_axis_off()
+    axes.text(0, 1, text, va="top", fontsize=7)
     return figure
 
 
-def _end_name(end: str) -> str:
-    named = {"C7T1": "C7/T1", "T12L1": "T12/L1", "L4L5": "L4/L5", "L5S1": "L5/S1", "MID_HIP": "mid-hip"}
-    return named.get(end, "xiphoid's level")
-
-
-def _marker(axis, marker: str, point, horizontal: int, side: str) -> None:
+def _draw_marker(axis, marker: str, point, horizontal: int, side: str) -> None:
     """Draw a marker with its name to the left, to the right, above or below."""
     axis.plot(point[horizontal], point[2], marker="o", color=MEASURED, markersize=3, linestyle="")
     limb, _, part = marker.rpartition("_")

@@ -18,7 +18,7 @@ from lumbar.publishing.figures.style import (
 )
 from lumbar.tables.layout import unit_in_print
 from lumbar.tissue.diagnosis.residuals.locate import Location
-from lumbar.tissue.diagnosis.residuals.residual import SIGNIFICANT, View, percent
+from lumbar.tissue.diagnosis.residuals.residual import SIGNIFICANT, Residual, percent
 from lumbar.tissue.diagnosis.spatial.location_in_space import BANDS, TURNS, SpatialResidual, directions
 from lumbar.tissue.diagnosis.spatial.spatial_reports import SpatialReport
 
@@ -37,28 +37,24 @@ def location_figure(location: Location) -> Figure:
     """Draw the error of a location over time, over depth and around reversals; grey: 95 % limits of noise alone."""
     figure, axes = new_figure(DOUBLE_COLUMN, 2.6, ncols=3)
     views, residual = location.views, location.residual
-    time, depth, turning = axes
-    _draw_time(time, views["time"], location)
-    _draw_depth(depth, views["position and velocity"], location)
-    _draw_reversals(turning, views["reversals"], unit_in_print(residual.unit))
+    unit = unit_in_print(residual.unit)
+    _draw_time(axes[0], views["time"].table, residual)
+    _draw_depth(axes[1], views["position and velocity"].table, residual)
+    _draw_reversals(axes[2], views["reversals"].table, unit)
     label_panels(axes)
-    for name, axis in (("time", time), ("depth", depth), ("reversals", turning)):
+    for name, axis in zip(("time", "depth", "reversals"), axes, strict=True):
         # The title gives the share, or that there is no relation; it says nothing about the error's size.
         title = percent(location.shares[name])
         if location.p_values[name] >= SIGNIFICANT:
             title = "all repeats" if name == "time" and residual.folding is not None else "no relation"
         axis.set_title(f"{name}: {title}", loc="right", fontsize=7)
-    unit = unit_in_print(residual.unit)
     floor = "noise unknown" if residual.floor is None else f"noise {residual.floor.rms:.3g} {unit}"
-    figure.suptitle(
-        f"{location.record.replace('_', ' ')}: error {np.sqrt(residual.variance):.3g} {unit} RMS, {floor}",
-        fontsize=8,
-    )
+    error = f"error {np.sqrt(residual.variance):.3g} {unit} RMS"
+    figure.suptitle(f"{location.record.replace('_', ' ')}: {error}, {floor}", fontsize=8)
     return figure
 
 
-def _draw_time(axis, view: View, location: Location) -> None:
-    table, residual = view.table, location.residual
+def _draw_time(axis, table: dict[str, np.ndarray], residual: Residual) -> None:
     middle = (table["start"] + table["stop"]) / 2
     edges = np.append(table["start"], table["stop"][-1])
     axis.stairs(table["rms"], edges, color=SERIES[0], linewidth=1.2, label="RMS")
@@ -76,8 +72,7 @@ def _room_for_legend(axis) -> None:
     axis.legend(loc="upper center", handlelength=1.6, columnspacing=1.0, handletextpad=0.5, ncols=2)
 
 
-def _draw_depth(axis, view: View, location: Location) -> None:
-    table, residual = view.table, location.residual
+def _draw_depth(axis, table: dict[str, np.ndarray], residual: Residual) -> None:
     limit = 1.96 * table["deviation"]
     axis.fill_between(table["position"], -limit, limit, **_BAND)
     axis.plot(table["position"], table["mean"], color="black", linewidth=1.3, label="all")
@@ -93,8 +88,7 @@ def _draw_depth(axis, view: View, location: Location) -> None:
     _room_for_legend(axis)
 
 
-def _draw_reversals(axis, view: View, unit: str) -> None:
-    table = view.table
+def _draw_reversals(axis, table: dict[str, np.ndarray], unit: str) -> None:
     axis.set(xlabel="Time since reversal (s)", ylabel=f"Mean error × new direction ({unit})")
     if not len(table["time"]):
         axis.annotate("too few reversals", (0.5, 0.5), xycoords="axes fraction", ha="center")
@@ -108,7 +102,7 @@ def _draw_reversals(axis, view: View, unit: str) -> None:
 
 
 @house_style
-def comparison_in_space(report: SpatialReport, model: str) -> Figure:
+def spatial_comparison_figure(report: SpatialReport, model: str) -> Figure:
     """Draw measured and simulated force along every axis over a typical segment of a record, and what the model leaves.
 
     `model` is its name as it is to stand in the legend.
@@ -143,7 +137,7 @@ def comparison_in_space(report: SpatialReport, model: str) -> Figure:
 
 
 @house_style
-def location_in_space(report: SpatialReport) -> Figure:
+def spatial_location_figure(report: SpatialReport) -> Figure:
     """Draw the path seen along every axis with the error on it, and the error over the direction of travel."""
     residual = report.residual
     pairs = list(combinations(range(len(residual.axes)), 2))

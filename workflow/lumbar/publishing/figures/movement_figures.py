@@ -14,11 +14,11 @@ from lumbar.lifting.quality.implausible_motion import LABORATORY_M
 from lumbar.lifting.quality.screening import QualitySheet
 from lumbar.publishing.figures.lifting_figures import EVENT_LABELS
 from lumbar.publishing.figures.palette import MEASURED, SERIES
-from lumbar.publishing.figures.style import DOUBLE_COLUMN, house_style, new_figure, note, say_instead
+from lumbar.publishing.figures.style import DOUBLE_COLUMN, house_style, new_figure, note, show_placeholder
 from lumbar.records.sampling import runs
 
-SHOWN = 4
-"""Lifts of a figure, the first ones."""
+MAX_LIFTS = 4
+"""Drawn lifts of a figure, the first ones."""
 _LINES = ("-", (0, (4, 1.5)), (0, (1, 1)), (0, (5, 1, 1, 1)))
 _GREY, _LIGHT = "#888888", "#cccccc"
 _ABSENT = {"va": "center", "color": _GREY, "wrap": True}
@@ -27,8 +27,8 @@ MARGIN_MM = (-120.0, 170.0)
 """Drawn range: while a person walks the extrapolated centre leaves the base at every step."""
 
 
-def person_looks(lifts: list[dict]) -> dict[str, dict]:
-    """Colour and line style of every person, in the order in which they come."""
+def _person_looks(lifts: list[dict]) -> dict[str, dict]:
+    """Return color and line style of every person, in the order in which they come."""
     people = dict.fromkeys(lift["facts"]["subject"] for lift in lifts)
     return {
         name: {"color": SERIES[number % len(SERIES)], "linestyle": _LINES[number % len(_LINES)]}
@@ -47,41 +47,38 @@ def course_figure(lifts: list[dict], functional_share: float) -> Figure:
     Parameters
     ----------
     lifts : list of dict
-        ``course`` (data frame of `lumbar.lifting.measures.course.course_of_lift`), ``facts`` and ``events``; the first `SHOWN`.
+        ``course`` (data frame of `lumbar.lifting.measures.course.course_of_lift`), ``facts`` and ``events``; the first
+        `MAX_LIFTS` are drawn.
     functional_share : float
-        For the label.
+        Share of the base that people use, for the label.
     """
-    looks, shown = person_looks(lifts), lifts[:SHOWN]
-    figure, axes = new_figure(
-        DOUBLE_COLUMN, 3.8, nrows=2, ncols=len(shown), sharex="col", sharey="row", squeeze=False
-    )
-    for column, lift in enumerate(shown):
+    looks, shown = _person_looks(lifts), lifts[:MAX_LIFTS]
+    size = {"nrows": 2, "ncols": len(shown), "squeeze": False}
+    figure, axes = new_figure(DOUBLE_COLUMN, 3.8, sharex="col", sharey="row", **size)
+    low, high = MARGIN_MM
+    is_cut = False
+    for column, lift in zip(axes.T, shown, strict=True):
         course, look = lift["course"], looks[lift["facts"]["subject"]]
-        axes[0, column].set_title(_title(lift))
-        for axis, name, factor in (
-            (axes[0, column], "margin_of_stability_m", 1e3),
-            (axes[1, column], "l5s1_moment_N_m", 1.0),
+        column[0].set_title(_title(lift))
+        for axis, name, factor in zip(
+            column, ("margin_of_stability_m", "l5s1_moment_N_m"), (1e3, 1.0), strict=True
         ):
             if name in course:
                 axis.plot(course["time_s"], factor * course[name], **look)
             else:
-                say_instead(axis, "no markers for it", **_ABSENT)
-        axes[0, column].axhline(0.0, color="black", linewidth=0.8)
-        axes[1, column].set_xlabel("Time (s)")
-        _mark_events(axes[:, column], lift)
-    axes[0, 0].set_ylim(*MARGIN_MM)
-    axes[0, 0].set_ylabel(f"Margin of stability (mm)\nto {functional_share:.0%} of the base")
-    courses = [lift["course"].get("margin_of_stability_m") for lift in shown]
-    low, high = MARGIN_MM
-    if any(
-        margin is not None and not low <= 1e3 * margin.min() <= 1e3 * margin.max() <= high
-        for margin in courses
-    ):
-        figure.supxlabel(f"Margins beyond −{-low:g} and {high:g} mm are cut off.", fontsize=6)
+                show_placeholder(axis, "no markers for it", **_ABSENT)
+        column[0].axhline(0.0, color="black", linewidth=0.8)
+        column[1].set_xlabel("Time (s)")
+        _mark_events(column, lift)
+        margin = 1e3 * course.get("margin_of_stability_m", pd.Series(0.0, course.index))
+        is_cut |= not low <= margin.min() <= margin.max() <= high
+    axes[0, 0].set(ylim=MARGIN_MM, ylabel=f"Margin of stability (mm)\nto {functional_share:.0%} of the base")
     axes[1, 0].set_ylim(bottom=0)
     axes[1, 0].set_ylabel("Moment about L5/S1 (N·m)")
-    if len(lifts) > SHOWN:
-        figure.suptitle(f"the first {SHOWN} of {len(lifts)} lifts", fontsize=7, color=_GREY)
+    if is_cut:
+        figure.supxlabel(f"Margins beyond −{-low:g} and {high:g} mm are cut off.", fontsize=6)
+    if len(lifts) > MAX_LIFTS:
+        figure.suptitle(f"the first {MAX_LIFTS} of {len(lifts)} lifts", fontsize=7, color=_GREY)
     return figure
 
 
@@ -92,8 +89,8 @@ def _mark_events(axes, lift: dict) -> None:
             axis.axvline(time, color=_GREY, linewidth=0.7, linestyle=(0, (1, 2)), zorder=0)
         if "deposit_start" in times and "release" in times:
             axis.axvspan(times["deposit_start"], times["release"], color="#eeeeee", zorder=-1)
+    look = {"rotation": 90, "ha": "right", "va": "top", "fontsize": 5.5, "color": _GREY}
     for name, time in times.items():
-        look = {"rotation": 90, "ha": "right", "va": "top", "fontsize": 5.5, "color": _GREY}
         axes[0].annotate(EVENT_LABELS[name], (time, 0.98), xycoords=axes[0].get_xaxis_transform(), **look)
     if times:
         axes[0].set_xlim(min(times.values()) - 0.4, max(times.values()) + 0.6)
@@ -110,58 +107,45 @@ def support_figure(lifts: list[dict], functional_share: float) -> Figure:
     functional_share : float
         Share of the base that people use.
     """
-    looks, shown = person_looks(lifts), lifts[:SHOWN]
+    looks, shown = _person_looks(lifts), lifts[:MAX_LIFTS]
     figure, axes = new_figure(DOUBLE_COLUMN, 2.6, ncols=len(shown), sharex=True, sharey=True, squeeze=False)
     for axis, lift in zip(axes[0], shown, strict=True):
         axis.set(title=_title(lift), aspect="equal")
         course = lift["course"]
         deposit = course[course["phase"] == "deposit"]
         if "margin_of_stability_m" not in course or deposit["margin_of_stability_m"].isna().all():
-            say_instead(axis, "no base of support during a deposit", **_ABSENT)
+            show_placeholder(axis, "no base of support during a deposit", **_ABSENT)
             continue
         _draw_support(axis, deposit, functional_share, looks[lift["facts"]["subject"]])
         axis.set_xlabel("Right (mm)")
     axes[0, 0].set_ylabel("Forward (mm)")
-    handles, labels = next(
-        (axis.get_legend_handles_labels() for axis in axes[0] if axis.get_legend_handles_labels()[0]),
-        ([], []),
-    )
-    figure.legend(handles, labels, loc="outside lower left", ncols=4)
+    labelled = (axis.get_legend_handles_labels() for axis in axes[0])
+    figure.legend(*next(filter(any, labelled), ([], [])), loc="outside lower left", ncols=4)
     return figure
 
 
 def _draw_support(axis, deposit: pd.DataFrame, functional_share: float, look: dict) -> None:
-    """One person above their feet at the instant of the smallest margin; the origin is the middle of the base."""
-    at = deposit["margin_of_stability_m"].idxmin()
-    base = base_from_course(deposit.loc[[at]])
+    """Draw one person above their feet at the instant of the smallest margin; the origin is the middle of the base."""
+    lowest = deposit["margin_of_stability_m"].idxmin()
+    base = base_from_course(deposit.loc[[lowest]])
     origin, corners = base.centre[0], base.corners[0]
-
-    def place(points):
-        return 1e3 * (points - origin)
-
     for foot in (corners[: CORNERS // 2], corners[CORNERS // 2 :]):
         if np.isfinite(foot).all():
-            axis.fill(
-                *place(corners_around(foot)).T,
-                facecolor=_LIGHT,
-                edgecolor=_GREY,
-                linewidth=0.8,
-                label="_feet",
-            )
-    functional = base.functional(functional_share)
+            outline = 1e3 * (corners_around(foot) - origin)
+            axis.fill(*outline.T, facecolor=_LIGHT, edgecolor=_GREY, linewidth=0.8, label="_feet")
+    outline = 1e3 * (corners_around(base.functional(functional_share).corners[0]) - origin)
     label = f"functional base ({functional_share:.0%})"
-    outline = corners_around(functional.corners[0])
-    closed = np.vstack([outline, outline[:1]])
-    axis.plot(*place(closed).T, color="black", linewidth=1.0, label=label)
-    path = deposit[["xcom_x_m", "xcom_y_m"]].to_numpy()
-    centre = place(deposit[["com_x_m", "com_y_m"]].to_numpy())
+    axis.plot(*np.vstack([outline, outline[:1]]).T, color="black", linewidth=1.0, label=label)
+    centre, path = (
+        1e3 * (deposit[[f"{name}_x_m", f"{name}_y_m"]] - origin).to_numpy() for name in ("com", "xcom")
+    )
     axis.plot(*centre.T, color=_GREY, linewidth=0.8, label="centre of mass")
-    axis.plot(*place(path).T, **look, label="extrapolated centre")
-    end = place(path[-1])
-    axis.plot(*end, marker="o", markersize=4, color=look["color"], linestyle="none", label="at the release")
-    margin = 1e3 * deposit.loc[at, "margin_of_stability_m"]
-    nearest = place(deposit.loc[at, ["xcom_x_m", "xcom_y_m"]].to_numpy(float))
-    note(axis, typeset_minus_signs(f"{margin:+.0f} mm"), nearest, (6, 4), fontsize=7, bbox=_WHITE)
+    axis.plot(*path.T, **look, label="extrapolated centre")
+    marker = {"marker": "o", "markersize": 4, "linestyle": "none"}
+    axis.plot(*path[-1], color=look["color"], label="at the release", **marker)
+    margin = f"{1e3 * deposit.loc[lowest, 'margin_of_stability_m']:+.0f} mm"
+    nearest = path[deposit.index.get_loc(lowest)]
+    note(axis, typeset_minus_signs(margin), nearest, (6, 4), fontsize=7, bbox=_WHITE)
 
 
 _HEIGHTS = {
@@ -177,8 +161,8 @@ _HEIGHTS = {
 """Drawn heights: name, and landmarks of which the first that a file contains is drawn."""
 _GAP = "#bbbbbb"
 _FINDING = "#D55E00"
-_WHOLE = 0.98
-_MOST_ROWS = 40
+_WHOLE_SHARE = 0.98
+_MAX_ROWS = 40
 
 
 @house_style
@@ -196,16 +180,13 @@ def quality_figure(
     meant : dict of str to str
         Standard name to label, by a laboratory's aliases.
     """
-    rows = _rows(sheet)
-    figure, axes = new_figure(
-        DOUBLE_COLUMN,
-        2.9 + 0.14 * max(len(rows), 3),
-        nrows=2,
-        sharex=True,
-        height_ratios=[2.2, 0.14 * max(len(rows), 3)],
-    )
-    _heights(axes[0], sheet, points, time, meant)
-    _stretches(axes[1], sheet, points, time, rows)
+    # Markers with findings, then those with gaps, longest first.
+    labels = [label for finding in sheet.findings for label in finding.markers]
+    rows = list(dict.fromkeys([*labels, *(gap.marker for gap in sheet.gaps)]))[:_MAX_ROWS]
+    height = 0.14 * max(len(rows), 3)
+    figure, axes = new_figure(DOUBLE_COLUMN, 2.9 + height, nrows=2, sharex=True, height_ratios=[2.2, height])
+    _draw_heights(axes[0], sheet, points, time, meant)
+    _draw_faults(axes[1], sheet, points, time, rows)
     axes[1].set(xlabel="Time (s)", xlim=(float(time[0]), float(time[-1]) + 1 / sheet.rate_Hz))
     whole = [str(finding.kind) for finding in sheet.findings if not finding.markers]
     title = f"{Path(sheet.file).name}: {len(sheet.markers)} markers, {sheet.rate_Hz:g} Hz"
@@ -213,29 +194,22 @@ def quality_figure(
     return figure
 
 
-def _rows(sheet: QualitySheet) -> list[str]:
-    """Return the markers with findings, then those with gaps, longest first."""
-    found = [label for finding in sheet.findings for label in finding.markers]
-    return list(dict.fromkeys([*found, *(gap.marker for gap in sheet.gaps)]))[:_MOST_ROWS]
-
-
-def _heights(axis, sheet: QualitySheet, points, time, meant) -> None:
+def _draw_heights(axis, sheet: QualitySheet, points, time, meant) -> None:
     known = landmarks(points, meant)
-    for index, (words, names) in enumerate(_HEIGHTS.items()):
-        label = next((known[name] for name in names if name in known), None)
+    for index, (name, markers) in enumerate(_HEIGHTS.items()):
+        label = next((known[marker] for marker in markers if marker in known), None)
         if label is None:
             continue
-        text = words if words == label else f"{words} ({label})"
+        text = name if name == label else f"{name} ({label})"
         color, line = SERIES[index % len(SERIES)], _LINES[index % len(_LINES)]
         height = points[label][:, 2]
-        with np.errstate(invalid="ignore"):  # one number would flatten all others
+        with np.errstate(invalid="ignore"):  # one outlier would flatten all others
             shown = np.where(np.abs(height) < LABORATORY_M, height, np.nan)
         axis.plot(time, shown, color=color, linestyle=line, label=text)
     for finding in sheet.findings:
-        if finding.markers and finding.n_frames < _WHOLE * len(time):
-            axis.axvspan(
-                finding.start_s, finding.start_s + finding.length_s, color=_FINDING, alpha=0.15, lw=0
-            )
+        if finding.markers and finding.n_frames < _WHOLE_SHARE * len(time):
+            end = finding.start_s + finding.length_s
+            axis.axvspan(finding.start_s, end, color=_FINDING, alpha=0.15, lw=0)
     for event in sheet.events:
         axis.axvline(event.time, color=MEASURED, linewidth=0.6, linestyle=(0, (1, 2)))
     axis.set_ylabel("Height (m)")
@@ -243,12 +217,12 @@ def _heights(axis, sheet: QualitySheet, points, time, meant) -> None:
         axis.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
 
 
-def _stretches(axis, sheet: QualitySheet, points, time, rows: list[str]) -> None:
+def _draw_faults(axis, sheet: QualitySheet, points, time, rows: list[str]) -> None:
     axis.grid(False)
     axis.set_yticks(range(len(rows)), rows, fontsize=6)
     axis.set_ylim(max(len(rows), 1) - 0.4, -0.6)
     if not rows:
-        say_instead(axis, "no gaps, no findings", color="#555555")
+        show_placeholder(axis, "no gaps, no findings", color="#555555")
         return
     for row, label in enumerate(rows):
         missing = ~np.isfinite(points[label]).all(axis=1)

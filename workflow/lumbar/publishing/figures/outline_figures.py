@@ -63,7 +63,7 @@ _ARROWS = (
 
 @house_style
 def outline_figure() -> Figure:
-    """Figure 1.1: chapters and objectives of the thesis, from the motivation to the conclusion."""
+    """Draw Figure 1.1: chapters and objectives of the thesis, from the motivation to the conclusion."""
     figure, axis = new_figure(DOUBLE_COLUMN, 4.3)
     axis.set(xlim=(0, 10), ylim=(0.5, 9.1))
     axis.axis("off")
@@ -81,7 +81,7 @@ def outline_figure() -> Figure:
 
 @house_style
 def article_figure() -> Figure:
-    """Figure 3.1: from signals over systems to the simulation, each step with a sketch of what it works on."""
+    """Draw Figure 3.1: from signals over systems to the simulation, with a sketch of each step."""
     steps = (
         ("Signals", "excite the tissue across\nthe surgeons' bandwidth", _draw_signal),
         ("Systems", "identify the tissue as\ndynamic viscoelastic models", _draw_system),

@@ -16,12 +16,12 @@ if TYPE_CHECKING:
 
 FIRST, SECOND, UNDECIDED = "#0072B2", "#D55E00", "#8c8c8c"
 _MARKERS = ("o", "s", "D", "^", "v")
-MOST_ROWS = 36
-"""Most rows of the figure; the table has all."""
+MAX_ROWS = 36
+"""The table has all rows."""
 
 
 @house_style
-def comparison_figure(comparisons: Sequence[GroupComparison], groups: tuple[str, str]) -> Figure:
+def group_comparison_figure(comparisons: Sequence[GroupComparison], groups: tuple[str, str]) -> Figure:
     """Draw the differences between two groups in standard deviations between people, with the safer group's side.
 
     Only comparisons between the groups are drawn.
@@ -39,10 +39,11 @@ def comparison_figure(comparisons: Sequence[GroupComparison], groups: tuple[str,
             place = height[item.measure, item.plane] - offsets[box]
             _draw(axes, item, place, _MARKERS[box % len(_MARKERS)])
     axes.axvline(0, color="black", linewidth=0.8)
-    axes.set_yticks([height[row] for row in rows], [_label(row) for row in rows])
+    labels = [name if plane in ("all", "") else f"{name}, {plane}" for name, plane in rows]
+    axes.set_yticks([height[row] for row in rows], list(map(print_measure, labels)))
     axes.set_ylim(-len(rows) + 0.4, 0.6)
-    limit = max([1.0, *(np.abs(_effect(item)).max() for item in known)])
-    axes.set_xlim(-min(limit, 6.0) * 1.05, min(limit, 6.0) * 1.05)
+    limit = 1.05 * min(max([1.0, *(np.abs(_effect(item)).max() for item in known)]), 6.0)
+    axes.set_xlim(-limit, limit)
     axes.grid(axis="y", visible=False)
     axes.set_xlabel("Difference of the groups / standard deviation between people")
     bold = {"transform": axes.transAxes, "fontweight": "bold"}
@@ -68,7 +69,7 @@ def _sorted_rows(known: Sequence[GroupComparison]) -> tuple[list[tuple[str, str]
     for item in known:
         effects.setdefault((item.measure, item.plane), []).append(_effect(item)[0])
     sided = {(item.measure, item.plane): bool(item.safer) for item in known}
-    kept = sorted(effects, key=lambda row: -np.abs(effects[row]).mean())[:MOST_ROWS]
+    kept = sorted(effects, key=lambda row: -np.abs(effects[row]).mean())[:MAX_ROWS]
     ordered = sorted(kept, key=lambda row: (not sided[row], -np.mean(effects[row])))
     return ordered, len(effects) - len(kept)
 
@@ -88,11 +89,6 @@ def _draw(axes, item: GroupComparison, height: float, marker: str) -> None:
     axes.plot([low, high], [height, height], color=colour, linewidth=1.3, solid_capstyle="butt")
     face = colour if item.safer else "white"
     axes.plot(effect, height, marker, color=colour, markerfacecolor=face, markersize=4.2)
-
-
-def _label(row: tuple[str, str]) -> str:
-    measure, plane = row
-    return print_measure(measure if plane in ("all", "") else f"{measure}, {plane}")
 
 
 def _title(between: Sequence[GroupComparison], known: Sequence[GroupComparison], hidden: int) -> str:

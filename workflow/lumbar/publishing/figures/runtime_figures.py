@@ -48,8 +48,8 @@ def fmu_force_figure(
     spare = itertools.cycle(SERIES)
     for name, version in outputs:
         if version == "3.0":
-            look = {"color": next(spare), "linestyle": "-"}
-            look = model_line(name) if name in MODELS else look
+            color = next(spare)
+            look = model_line(name) if name in MODELS else {"color": color, "linestyle": "-"}
             force.step(time, outputs[name, version], where="post", label=name, **look)
     force.set(xlabel="Time (s)", ylabel=output_label)
     force.legend(ncols=2, loc="lower center", bbox_to_anchor=(0.5, 1.0), columnspacing=1.0)
@@ -96,35 +96,29 @@ def z_width_figure(found: ZWidth, device: DeviceSettings) -> Figure:
 @house_style
 def loop_figure(verdicts: Sequence[LoopVerdict]) -> Figure:
     """Draw simulated loops, at least one, side by side: position and force of each."""
-    figure, axes = new_figure(
-        DOUBLE_COLUMN, 3.6, nrows=2, ncols=len(verdicts), sharex=True, sharey="row", squeeze=False
-    )
-    for column, item in enumerate(verdicts):
+    size = {"nrows": 2, "ncols": len(verdicts), "squeeze": False}
+    figure, axes = new_figure(DOUBLE_COLUMN, 3.6, sharex=True, sharey="row", **size)
+    for (position, force), item in zip(axes.T, verdicts, strict=True):
         run = item.run
-        colour = _MOVING if run.oscillates else _AT_REST
-        position, force = axes[:, column]
+        colour = "#D55E00" if run.oscillates else "#0072B2"
         position.plot(run.time, 1e3 * run.position, color=colour)
         force.step(run.time, run.force, where="post", color=colour)
         for bound in (-item.model.limit, item.model.limit):
             force.axhline(bound, color="#000000", linewidth=0.6, linestyle=(0, (4, 2)))
-        does = "runs away" if run.runs_away else "comes to rest"
-        does = f"oscillates at {run.frequency:.1f} Hz" if run.oscillates else does
-        position.set_title(f"{item.analysis.name} at {item.analysis.rate:.4g} Hz: {does}", loc="center")
-        force.set(xlabel="Time (s)", xlim=(0.0, _SHOWN_S))
-    axes[0, 0].set(ylabel="Stylus (mm)")
-    axes[1, 0].set(ylabel="Force (N)")
+        outcome = "runs away" if run.runs_away else "comes to rest"
+        outcome = f"oscillates at {run.frequency:.1f} Hz" if run.oscillates else outcome
+        position.set_title(f"{item.analysis.name} at {item.analysis.rate:.4g} Hz: {outcome}", loc="center")
+        force.set(xlabel="Time (s)", xlim=(0.0, 1.5))
+    for axis, label in zip(axes[:, 0], ("Stylus (mm)", "Force (N)"), strict=True):
+        axis.set_ylabel(label)
     return figure
 
 
 @house_style
-def nothing_to_show(reasons: Sequence[str]) -> Figure:
+def placeholder_figure(reasons: Sequence[str]) -> Figure:
     """Write on an empty figure why no model is drawn."""
     figure, axes = new_figure(DOUBLE_COLUMN, 1.5)
     axes.set_axis_off()
     text = "\n".join(textwrap.fill(reason, 110) for reason in reasons) or "no model"
     axes.text(0.0, 0.5, text, va="center", fontsize=6)
     return figure
-
-
-_SHOWN_S = 1.5
-_MOVING, _AT_REST = "#D55E00", "#0072B2"

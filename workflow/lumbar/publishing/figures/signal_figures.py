@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,6 +14,7 @@ from lumbar.publishing.figures.style import DOUBLE_COLUMN, house_style, label_pa
 
 if TYPE_CHECKING:
     from lumbar.tissue.signals.excitation import Signal
+    from lumbar.tissue.signals.surgeon_motion import MotionSpectra
 
 _LABELS = {"position": "Position PSD (mm²/Hz)", "velocity": "Velocity PSD ((mm/s)²/Hz)"}
 _SURGEON_STYLES = ("-", (0, (4, 1.5)), (0, (1, 1)), (0, (6, 1.5, 1, 1.5)))
@@ -22,31 +23,20 @@ _WHITE = {"facecolor": "white", "edgecolor": "none", "pad": 0.5, "alpha": 0.7}
 
 
 @house_style
-def psd_figure(
-    frequency: np.ndarray,
-    psd: Mapping[str, np.ndarray],
-    pooled: Mapping[str, np.ndarray],
-    surgeons: Sequence[str],
-    bandwidths: dict,
-    reference: float | None,
-) -> Figure:
+def psd_figure(spectra: MotionSpectra, bandwidths: dict, reference: float | None) -> Figure:
     """Draw every trial thin, the pooled spectrum thick, and the bandwidths with their intervals above.
 
     Parameters
     ----------
-    frequency : numpy.ndarray of float, shape (lines,)
-        Hz, the first being 0 (not drawn: the axis is logarithmic).
-    psd : mapping of str to numpy.ndarray of float, shape (trials, lines)
-        By quantity.
-    pooled : mapping of str to numpy.ndarray of float, shape (lines,)
-        By quantity.
-    surgeons : sequence of str
-        Of every trial.
+    spectra : MotionSpectra
+        The first frequency is 0 Hz and is not drawn: the axis is logarithmic.
     bandwidths : dict
-        As `lumbar.tissue.signals.surgeon_motion.motion_bandwidths` returns it.
+        Result of `lumbar.tissue.signals.surgeon_motion.motion_bandwidths`.
     reference : float or None
         A published bandwidth in Hz to compare with.
     """
+    frequency, surgeons, psd = spectra.frequency, spectra.surgeons, spectra.psd
+    pooled = {quantity: spectra.pooled(quantity) for quantity in psd}
     figure, axes = new_figure(DOUBLE_COLUMN, 3.8, ncols=2, sharex=True)
     label_panels(axes)
     people = sorted(set(surgeons))
@@ -83,26 +73,26 @@ def _draw_bandwidths(axis, by_rule: dict, rules: dict) -> None:
         "unlimited": ("the same without the band's limit", "D", "#56B4E9", 0.87),
         "level": (f"{-rules['level_dB']:g} dB under the peak", "s", "#009E73", 0.79),
     }
-    unlimited = {"value_Hz": by_rule["power_share"]["without_limit_Hz"]}
+    values = {**by_rule, "unlimited": {"value_Hz": by_rule["power_share"]["without_limit_Hz"]}}
     transform = axis.get_xaxis_transform()
     for rule, (text, marker, colour, height) in named.items():
-        found = {**by_rule, "unlimited": unlimited}[rule]
-        value, low, high = (found.get(key) for key in ("value_Hz", "low_Hz", "high_Hz"))
+        value, low, high = (values[rule].get(key) for key in ("value_Hz", "low_Hz", "high_Hz"))
         style = {"color": colour, "transform": transform, "zorder": 4}
         # An empty line names a rule without a value in the legend.
         shown = [] if value is None else [value]
         axis.plot(shown, [height] * len(shown), marker, markersize=4.5, label=text, **style)
         if value is None:
             continue
-        label, end = f"{value:.2f} Hz", value
+        label, end, limit = f"{value:.2f} Hz", value, axis.get_xlim()[1]
         if low is not None:
-            end = axis.get_xlim()[1] if high is None else high
+            end = limit if high is None else high
             axis.plot([low, end], [height, height], linewidth=1.2, **style)
             label += f" ({low:.2f}–{'…' if high is None else f'{high:.2f}'})"
-        beyond = end > axis.get_xlim()[1] / 4
-        at, side = (low if beyond and low is not None else end, height), "right" if beyond else "left"
-        look = {"ha": side, "va": "center", "fontsize": 6.5, "zorder": 5, "bbox": _WHITE}
-        note(axis, label, at, (-5 if beyond else 5, 0), xycoords=transform, **look)
+        # Near the right edge the label is to the left of the interval.
+        is_left = end > limit / 4
+        place = (low if is_left and low is not None else end, height)
+        look = {"ha": "right" if is_left else "left", "va": "center", "fontsize": 6.5, "zorder": 5}
+        note(axis, label, place, (-5 if is_left else 5, 0), xycoords=transform, bbox=_WHITE, **look)
 
 
 _SHOWN_TO = 2.0
@@ -113,11 +103,16 @@ _SHOWN_TO = 2.0
 def excitation_figure(signals: Sequence[Signal], band: float, note: str) -> Figure:
     """Draw position against time (left) and line amplitudes against frequency (right), one row per signal.
 
-    `band` is the upper end of the excited band, Hz; `note` is written below the figure.
+    Parameters
+    ----------
+    signals : sequence of Signal
+    band : float
+        Upper end of the excited band in Hz.
+    note : str
+        Text below the figure.
     """
-    figure, axes = new_figure(
-        DOUBLE_COLUMN, 1.5 * len(signals) + 0.5, nrows=len(signals), ncols=2, squeeze=False, sharey="col"
-    )
+    size = {"nrows": len(signals), "ncols": 2, "squeeze": False}
+    figure, axes = new_figure(DOUBLE_COLUMN, 1.5 * len(signals) + 0.5, sharey="col", **size)
     label_panels(axes.ravel())
     for index, (signal, (left, right)) in enumerate(zip(signals, axes, strict=True)):
         start, stop = signal.window
@@ -132,9 +127,11 @@ def excitation_figure(signals: Sequence[Signal], band: float, note: str) -> Figu
         right.set(xlim=(0, _SHOWN_TO * band), ylabel="Amplitude (mm)")
         spacing = 1 / (stop - start)
         right.set_title(f"{100 * signal.band_power_share(band):.1f} % of the power up to {band:g} Hz")
-        right.annotate(
-            f"lines {spacing:.3g} Hz apart", (0.98, 0.85), xycoords="axes fraction", ha="right", fontsize=6
+        text, look = (
+            f"lines {spacing:.3g} Hz apart",
+            {"xycoords": "axes fraction", "ha": "right", "fontsize": 6},
         )
+        right.annotate(text, (0.98, 0.85), **look)
     for axis in axes[:, 1]:
         axis.set_ylim(0, None)
     axes[-1, 0].set_xlabel("Time (s)")

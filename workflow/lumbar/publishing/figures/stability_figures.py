@@ -15,15 +15,10 @@ from lumbar.lifting.stability.basins import METHODS, thesis_methods
 from lumbar.lifting.stability.funnel.exact_funnel import Funnels, best_of_family
 from lumbar.lifting.stability.funnel.monte_carlo_check import preimage
 from lumbar.lifting.stability.model.eqs_4_1_to_4_4_closed_loop import close_loops, normal_axes
-from lumbar.lifting.stability.model.pendulum_trajectories import (
-    THESIS,
-    Convention,
-    Trajectory,
-    compute_together,
-)
+from lumbar.lifting.stability.model.pendulum_trajectories import THESIS, Trajectory, compute_together
 from lumbar.publishing.figures.palette import MEASURED, SEGMENTS
-from lumbar.publishing.figures.style import DOUBLE_COLUMN, house_style, new_figure, say_instead
-from lumbar.settings.stability import PendulumSettings, StabilitySettings
+from lumbar.publishing.figures.style import DOUBLE_COLUMN, house_style, new_figure, show_placeholder
+from lumbar.settings.stability import StabilitySettings
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -47,15 +42,20 @@ def shown_lift(facts: list[dict], labels: dict[str, str], group: str) -> int:
         ``subject``, ``box_mass_kg`` and ``duration_s`` of every lift; without a deposit that is None, and another is shown.
     labels : dict of str to str
         Groups by subject.
+    group : str
+        Group of the lift shown, if it has one.
     """
     deposited = [index for index, item in enumerate(facts) if item["duration_s"] is not None]
     candidates = deposited or range(len(facts))
-    chosen = [index for index in candidates if labels[facts[index]["subject"]] == group]
-    return max(chosen or candidates, key=lambda index: (facts[index]["box_mass_kg"], -index))
+    in_group = [index for index in candidates if labels[facts[index]["subject"]] == group]
+    return max(in_group or candidates, key=lambda index: (facts[index]["box_mass_kg"], -index))
 
 
-def ellipses(cost: np.ndarray, level: np.ndarray, circle: np.ndarray = _CIRCLE) -> np.ndarray:
-    """Errors of angle and angular velocity on {x̄ᵀSx̄ = level}, shape (2, rows, points); S as s11, s12, s22, shape (rows, 3)."""
+def _ellipses(cost: np.ndarray, level: np.ndarray, circle: np.ndarray = _CIRCLE) -> np.ndarray:
+    """Return errors of angle and angular velocity on {x̄ᵀSx̄ = level}, shape (2, rows, points).
+
+    `cost` is S as s11, s12, s22, shape (rows, 3); `level` has shape (rows,).
+    """
     a, p, q = (np.sqrt(level)[:, None] * axis[:, None] for axis in normal_axes(cost))
     return np.stack([a * np.cos(circle), p * np.cos(circle) + q * np.sin(circle)])
 
@@ -64,7 +64,7 @@ _COST, _REFERENCE = ["s11", "s12", "s22"], ["theta0_rad", "thetadot0_rad_s"]
 
 
 @dataclass(frozen=True)
-class Variant:
+class _Variant:
     """A column of Figures 4.3 and 4.4: a method on the pendulums of thesis or study."""
 
     wording: str
@@ -75,25 +75,24 @@ class Variant:
     level: float
     """V of the regulator's ellipses at the method's start."""
 
-    def of(self, table: pd.DataFrame) -> pd.DataFrame:
+    def select(self, funnels: pd.DataFrame) -> pd.DataFrame:
         """Return its rows of a table of funnels."""
-        return table[(table["wording"] == self.wording) & (table["method"] == self.method)]
+        return funnels[(funnels["wording"] == self.wording) & (funnels["method"] == self.method)]
 
 
-def variants(funnels: pd.DataFrame, settings: StabilitySettings) -> list[Variant]:
+def _variants(funnels: pd.DataFrame, settings: StabilitySettings) -> list[_Variant]:
     """Return the drawn variants, from the thesis's method on its pendulums to the exact method on the study's."""
-    pendulum, goal = settings.pendulum, settings.goal_level
-    alternated = f"Eqs 4.5–4.7, no certificate\n{_words(THESIS)}"
-    every = (
-        Variant("thesis", "thesis", alternated, settings.thesis_method.initial_level),
-        Variant("thesis", "exact", f"exact\n{_words(THESIS)}", goal),
-        Variant("study", "exact", f"exact\n{_words(pendulum)}", goal),
+    thesis, study = (
+        f"{choice.sign}, {choice.time} time, {choice.mass.replace('_', ' ')}"
+        for choice in (THESIS, settings.pendulum)
     )
-    return [item for item in every if item is every[-1] or len(item.of(funnels))]
-
-
-def _words(choice: Convention | PendulumSettings) -> str:
-    return f"{choice.sign}, {choice.time} time, {choice.mass.replace('_', ' ')}"
+    goal, initial = settings.goal_level, settings.thesis_method.initial_level
+    every = (
+        _Variant("thesis", "thesis", f"Eqs 4.5–4.7, no certificate\n{thesis}", initial),
+        _Variant("thesis", "exact", f"exact\n{thesis}", goal),
+        _Variant("study", "exact", f"exact\n{study}", goal),
+    )
+    return [item for item in every if item is every[-1] or len(item.select(funnels))]
 
 
 def _pendulum(rows: pd.DataFrame, com: str, plane: str) -> pd.DataFrame:
@@ -108,16 +107,18 @@ def figure_4_3(funnels: pd.DataFrame, settings: StabilitySettings) -> Figure:
     ----------
     funnels : pandas.DataFrame
         ``funnel.csv`` of one lift.
+    settings : StabilitySettings
+        Goal set and level of the thesis's method at its start.
     """
-    shown = variants(funnels, settings)
+    shown = _variants(funnels, settings)
     figure, axes = new_figure(DOUBLE_COLUMN, 6.2, nrows=3, ncols=len(shown), squeeze=False)
     for axis in axes[2, 1:]:
         axis.sharey(axes[2, 0])
     for column, variant in zip(axes.T, shown, strict=True):
         for axis, plane in zip(column, PLANE_TITLES, strict=False):
-            rows = _pendulum(variant.of(funnels), "abdomen", plane)
+            rows = _pendulum(variant.select(funnels), "abdomen", plane)
             if not len(rows):
-                say_instead(axis, NO_BASIN)
+                show_placeholder(axis, NO_BASIN)
                 continue
             _draw_basin(axis, rows, SEGMENTS["abdomen"], variant.level)
             phase = rows["time_s"] / rows["time_s"].iloc[-1]
@@ -131,33 +132,38 @@ def figure_4_3(funnels: pd.DataFrame, settings: StabilitySettings) -> Figure:
     axes[2, 0].set_ylabel("ρ, basin V ≤ ρ(t)")
     if axes[2, -1].lines:
         axes[2, -1].legend(loc="upper right")
-    shared_legend(figure, [*axes[0], *_insets(axes[0])], ncols=3)
+    _add_shared_legend(figure, axes[0])
     return figure
 
 
 @house_style
 def figure_4_4(funnels: pd.DataFrame, settings: StabilitySettings) -> Figure:
-    """Draw the basins of every COM and plane about their trajectories: the thesis's method and pendulums beside the sound.
+    """Draw the basins of every COM and plane about their trajectories: by the thesis's method and by the exact one.
 
-    Parameters are those of `figure_4_3`.
+    Parameters
+    ----------
+    funnels : pandas.DataFrame
+        ``funnel.csv`` of one lift.
+    settings : StabilitySettings
+        Convention of the study's pendulums.
     """
-    every = variants(funnels, settings)
+    every = _variants(funnels, settings)
     shown = [(item, plane) for item in dict.fromkeys((every[0], every[-1])) for plane in PLANE_TITLES]
     figure, axes = new_figure(DOUBLE_COLUMN, 5.4, nrows=len(SEGMENTS), ncols=len(shown))
     for row, (com, colour) in zip(axes, SEGMENTS.items(), strict=True):
         for axis, (variant, plane) in zip(row, shown, strict=True):
-            rows = _pendulum(variant.of(funnels), com, plane)
+            rows = _pendulum(variant.select(funnels), com, plane)
             if len(rows):
                 _draw_basin(axis, rows, colour)
             else:
-                say_instead(axis, NO_BASIN)
+                show_placeholder(axis, NO_BASIN)
             if com == "thorax":
                 axis.set_title(f"{variant.title}\n{PLANE_TITLES[plane]}", fontsize=6.5)
         row[0].set_ylabel(f"{com.capitalize()}\n" + r"$\dot\theta$ (rad/s)")
     for axis in axes[-1]:
         axis.set_xlabel("θ (rad)")
     _share_frames(axes, [variant.wording for variant, _ in shown])
-    shared_legend(figure, [*axes[0], *_insets(axes[0])], ncols=3)
+    _add_shared_legend(figure, axes[0])
     return figure
 
 
@@ -165,10 +171,6 @@ _PLANE_LOOKS: dict[str, dict] = {
     "flexion_extension": {"color": MEASURED, "linewidth": 1.4},
     "lateral_bending": {"color": SEGMENTS["abdomen"], "linewidth": 1.1, "linestyle": (0, (3, 1.5))},
 }
-
-
-def _insets(axes) -> list:
-    return [inset for axis in axes for inset in axis.child_axes]
 
 
 def _share_frames(axes, wordings: list[str]) -> None:
@@ -181,20 +183,21 @@ def _share_frames(axes, wordings: list[str]) -> None:
             axis.set(xlim=(-1.5 * reach[0], 1.5 * reach[0]), ylim=(-1.3 * reach[1], 2.2 * reach[1]))
 
 
-def shared_legend(figure, axes, ncols: int) -> None:
-    """Put the labels of all axes without repetitions above the figure."""
+def _add_shared_legend(figure, axes) -> None:
+    """Put the labels of all axes and their insets, without repetitions, above the figure."""
     labelled = {}
-    for axis in axes:
-        for handle, label in zip(*axis.get_legend_handles_labels(), strict=True):
+    insets = [inset for axis in axes for inset in axis.child_axes]
+    for panel in [*axes, *insets]:
+        for handle, label in zip(*panel.get_legend_handles_labels(), strict=True):
             labelled.setdefault(label, handle)
     if labelled:
-        figure.legend(labelled.values(), labelled.keys(), loc="outside upper center", ncols=ncols)
+        figure.legend(labelled.values(), labelled.keys(), loc="outside upper center", ncols=3)
 
 
 def _draw_basin(axis, rows: pd.DataFrame, colour: str, regulator: float | None = None) -> None:
     """Draw the sections of one basin, the goal set, the trajectory and, if `regulator` is given, the regulator's ellipse."""
     every = rows.iloc[np.linspace(0, len(rows) - 1, SECTIONS).round().astype(int)]
-    errors = ellipses(every[_COST].to_numpy(), every["rho"].to_numpy())
+    errors = _ellipses(every[_COST].to_numpy(), every["rho"].to_numpy())
     edges = every[_REFERENCE].to_numpy()[:, None] + np.moveaxis(errors, 0, -1)
     later = np.linspace(0.3, 1.0, SECTIONS)
     look = {"edgecolors": [to_rgba(colour, alpha) for alpha in later], "linewidths": 0.8}
@@ -204,28 +207,22 @@ def _draw_basin(axis, rows: pd.DataFrame, colour: str, regulator: float | None =
     axis.plot(*edges[0].T, color=colour, label="basin at t = 0", linewidth=1.4, linestyle=(0, (4, 1.5)))
     if regulator is not None:
         first = rows.iloc[:1]
-        from_it = ellipses(first[_COST].to_numpy(), np.array([regulator]))[:, 0]
+        ellipse = _ellipses(first[_COST].to_numpy(), np.array([regulator]))[:, 0]
         dotted = {"color": "#555555", "linewidth": 0.9, "linestyle": (0, (1, 1.2))}
-        axis.plot(
-            *(first[_REFERENCE].to_numpy().T + from_it),
-            label=f"regulator, V ≤ {regulator:g}, t = 0",
-            **dotted,
-        )
+        edge = first[_REFERENCE].to_numpy().T + ellipse
+        axis.plot(*edge, label=f"regulator, V ≤ {regulator:g}, t = 0", **dotted)
     axis.plot(*edges[-1].T, color=GOAL, linewidth=1.4, label="section at T")
-    path, ink = [rows[name] for name in _REFERENCE], {"color": MEASURED, "linewidth": 0.8}
-    axis.plot(*path, label="trajectory, enlarged in the corner", **ink)
-    _inset(axis, *path)
-
-
-def _inset(axis, angle: pd.Series, velocity: pd.Series) -> None:
-    """Draw the trajectory enlarged in a corner without basins, with its ranges below."""
+    angle, velocity = (rows[name] for name in _REFERENCE)
+    ink = {"color": MEASURED, "linewidth": 0.8}
+    axis.plot(angle, velocity, label="trajectory, enlarged in the corner", **ink)
+    # The trajectory again, enlarged in a corner without basins, with its ranges below.
     inset = axis.inset_axes([0.76, 0.79, 0.23, 0.2])
-    inset.plot(angle, velocity, color=MEASURED, linewidth=0.8)
+    inset.plot(angle, velocity, **ink)
     start = {"marker": "o", "markersize": 3, "linestyle": "", "label": "its start"}
     inset.plot(angle.iloc[:1], velocity.iloc[:1], color=MEASURED, **start)
     inset.set(xticks=[], yticks=[])
-    words = f"{np.ptp(angle):.2g} rad\n{np.ptp(velocity):.2g} rad/s"
-    inset.set_xlabel(words, fontsize=6, labelpad=1, linespacing=0.95)
+    ranges = f"{np.ptp(angle):.2g} rad\n{np.ptp(velocity):.2g} rad/s"
+    inset.set_xlabel(ranges, fontsize=6, labelpad=1, linespacing=0.95)
 
 
 STYLES = {
@@ -237,97 +234,100 @@ _FINE_CIRCLE = np.linspace(0.0, 2 * np.pi, 241)
 
 
 @house_style
-def comparison_figure(
+def method_comparison_figure(
     trajectories: list[Trajectory], funnels: pd.DataFrame, settings: StabilitySettings, who: str = ""
 ) -> Figure:
-    """Draw the sections at t = 0 of the abdomen's basins in both planes, in error coordinates; of one lift's trajectories.
+    """Draw the sections at t = 0 of the abdomen's basins in both planes, in error coordinates, by every method.
 
-    Those in ``funnel.csv`` are taken from there; the thesis's method and the best V are computed on the same pendulums.
+    Parameters
+    ----------
+    trajectories : list of Trajectory
+        Those of one lift.
+    funnels : pandas.DataFrame
+        ``funnel.csv`` of the lift; the thesis's method and the best V are computed on the same pendulums.
+    settings : StabilitySettings
+    who : str
+        Subject and box, for the titles.
     """
     figure, axes = new_figure(DOUBLE_COLUMN, 3.4, ncols=2, sharex=True, sharey=True)
     abdomen = [item for item in trajectories if item.com == "abdomen"]
-    drawn = _sections(
-        abdomen, funnels[(funnels["wording"] == "study") & (funnels["com"] == "abdomen")], settings
-    )
+    known = funnels[(funnels["wording"] == "study") & (funnels["com"] == "abdomen")]
+    sections = _sections(abdomen, known, settings)
     for axis, (plane, title) in zip(axes, PLANE_TITLES.items(), strict=True):
-        if "reached" in drawn.get(plane, {}):
-            _draw(axis, drawn[plane])
+        if "reached" in sections.get(plane, {}):
+            _draw_sections(axis, sections[plane])
         else:
-            say_instead(axis, NO_BASIN)
-        axis.set(
-            title=f"{title}, abdomen" + (f"\n{who}" if who else ""), xlabel="$\\theta - \\theta_0$ (rad)"
-        )
+            show_placeholder(axis, NO_BASIN)
+        lines = [f"{title}, abdomen", *([who] if who else [])]
+        axis.set(title="\n".join(lines), xlabel="$\\theta - \\theta_0$ (rad)")
     axes[0].set_ylabel(r"$\dot\theta - \dot\theta_0$ (rad/s)")
-    shared_legend(figure, axes, ncols=3)
+    _add_shared_legend(figure, axes)
     return figure
 
 
 def _sections(
-    shown: list[Trajectory], known: pd.DataFrame, settings: StabilitySettings
+    abdomen: list[Trajectory], known: pd.DataFrame, settings: StabilitySettings
 ) -> dict[str, dict[str, np.ndarray]]:
     """Return the edges of all sections at t = 0, shape (2, points), by plane and method, with the goal set and its preimage."""
-    found: dict[str, dict[str, np.ndarray]] = {item.plane: {} for item in shown}
+    sections: dict[str, dict[str, np.ndarray]] = {item.plane: {} for item in abdomen}
     for (plane, method), rows in known.groupby(["plane", "method"]):
         ends = rows.iloc[[0, -1]]
-        errors = ellipses(ends[_COST].to_numpy(), ends["rho"].to_numpy(), _FINE_CIRCLE)
-        first, last = np.moveaxis(errors, 1, 0)
-        found[plane] |= {method: first}
+        errors = _ellipses(ends[_COST].to_numpy(), ends["rho"].to_numpy(), _FINE_CIRCLE)
+        sections[plane][method] = errors[:, 0]
         if method == "exact":
-            # Reach of the funnel relative to the range of each state.
+            # Extent of the funnel relative to the range of each state.
             cost, level = rows[_COST].to_numpy()[:, None], rows[["rho"]].to_numpy()
-            reach = Funnels("exact", rows["time_s"].to_numpy()[-1:], cost, level).reach[0]
-            times = reach / np.ptp(rows[_REFERENCE].to_numpy(), axis=0)
-            found[plane] |= {"goal": last, "times": times}
-    sound = [item for item in shown if "exact" in found[item.plane]]
+            extent = Funnels("exact", rows["time_s"].to_numpy()[-1:], cost, level).reach[0]
+            times = extent / np.ptp(rows[_REFERENCE].to_numpy(), axis=0)
+            sections[plane] |= {"goal": errors[:, 1], "times": times}
+    exact = [item for item in abdomen if "exact" in sections[item.plane]]
     # A figure needs fewer knots and no proof.
     fewer = settings.model_copy(update={"knots": settings.fewer_knots, "checks": ()})
 
     def reaching(items: list[Trajectory]) -> np.ndarray:
         loops = close_loops(items, settings.pendulum.sign, fewer)
-        goal = np.stack([found[item.plane]["goal"] for item in items], axis=1)
-        return preimage(loops, goal)
+        return preimage(loops, np.stack([sections[item.plane]["goal"] for item in items], axis=1))
 
-    for items, edges in compute_together(reaching, sound, "states that reach the goal", []):
-        for index, item in enumerate(items):
-            found[item.plane]["reached"] = edges[:, index]
-
-    def compute(items: list[Trajectory], method: str) -> Funnels:
+    def compute(items: list[Trajectory], method: str) -> np.ndarray:
         loops = close_loops(items, settings.pendulum.sign, fewer)
         if method == "best":
-            return best_of_family(loops, fewer.goal_level, fewer.lyapunov_shares)
-        return METHODS[method](loops, fewer).funnels
+            funnels = best_of_family(loops, fewer.goal_level, fewer.lyapunov_shares)
+        else:
+            funnels = METHODS[method](loops, fewer).funnels
+        return _ellipses(funnels.cost[0], funnels.level[0], _FINE_CIRCLE)
 
-    for name in (*thesis_methods(settings)[1:], "best"):
-        for items, funnels in compute_together(partial(compute, method=name), sound, name, []):
-            first = ellipses(funnels.cost[0], funnels.level[0], _FINE_CIRCLE)
+    tasks = [("reached", "states that reach the goal", reaching)]
+    tasks += [(name, name, partial(compute, method=name)) for name in (*thesis_methods(settings)[1:], "best")]
+    for key, title, task in tasks:
+        for items, edges in compute_together(task, exact, title, []):
             for index, item in enumerate(items):
-                found[item.plane][name] = first[:, index]
-    return found
+                sections[item.plane][key] = edges[:, index]
+    return sections
 
 
-def _draw(axis, sections: dict[str, np.ndarray]) -> None:
+def _draw_sections(axis, sections: dict[str, np.ndarray]) -> None:
     """Draw the sections of one trajectory."""
     grey = {"facecolor": "#00000014", "edgecolor": "#777777", "linewidth": 0.8}
     axis.fill(*sections["reached"], label="all that reach the goal", **grey)
-    basins = [sections[name] for name in STYLES if name in sections]
-    for name, (label, style) in STYLES.items():
-        if name in sections:
-            axis.plot(*sections[name], label=label, **style)
+    basins = {name: sections[name] for name in STYLES if name in sections}
+    for name, edge in basins.items():
+        label, style = STYLES[name]
+        axis.plot(*edge, label=label, **style)
     axis.plot(*sections["goal"], color="#777777", linewidth=0.8, linestyle=":", label="goal set (at T)")
-    largest = np.concatenate(basins, axis=1)
     # The preimage may be much larger: the limits are those of the basins.
-    for limit, extent in zip((axis.set_xlim, axis.set_ylim), 1.3 * np.abs(largest).max(axis=1), strict=True):
-        limit(-extent, extent)
-    share = 100 * _enclosed(sections["exact"]) / _enclosed(sections["reached"])
-    words = f"exact: {share:.2g} % of all that reach the goal"
-    words += "\nreaches {:.0f} × as far as $\\theta_0$ ranges, {:.0f} × as $\\dot\\theta_0$".format(
-        *sections["times"]
+    x, y = 1.3 * np.abs(np.concatenate([*basins.values()], axis=1)).max(axis=1)
+    axis.set(xlim=(-x, x), ylim=(-y, y))
+    share = 100 * _enclosed_area(sections["exact"]) / _enclosed_area(sections["reached"])
+    angle, velocity = sections["times"]
+    text = (
+        f"exact: {share:.2g} % of all that reach the goal\n"
+        f"reaches {angle:.0f} × as far as $\\theta_0$ ranges, {velocity:.0f} × as $\\dot\\theta_0$"
     )
     white = {"facecolor": "white", "edgecolor": "none", "pad": 1.5}
-    axis.text(0.98, 0.96, words, transform=axis.transAxes, ha="right", va="top", fontsize=6, bbox=white)
+    axis.text(0.98, 0.96, text, transform=axis.transAxes, ha="right", va="top", fontsize=6, bbox=white)
 
 
-def _enclosed(edge: np.ndarray) -> float:
+def _enclosed_area(edge: np.ndarray) -> float:
     """Return the area inside a closed curve, shape (2, points), by the shoelace formula."""
     x, y = edge
     return 0.5 * abs(float(np.dot(x, np.roll(y, 1)) - np.dot(y, np.roll(x, 1))))

@@ -82,7 +82,7 @@ def note(axes, words: str, at: tuple, offset: tuple[float, float], **look) -> No
     axes.annotate(words, at, xytext=offset, textcoords="offset points", **look)
 
 
-def say_instead(axes, words: str, **look) -> None:
+def show_placeholder(axes, words: str, **look) -> None:
     """Write in the middle of empty axes why nothing is drawn."""
     axes.text(0.5, 0.5, words, transform=axes.transAxes, ha="center", **look)
 

@@ -51,25 +51,19 @@ def draw_network(axis, network: Network, x: float, top: float) -> None:
                 draw_network(axis, part, x, top)
                 top -= network_size(part)[1]
         case Parallel(parts):
-            _draw_parallel(axis, parts, x, top)
-
-
-def _draw_parallel(axis, parts: tuple[Network, ...], x: float, top: float) -> None:
-    width, height = network_size(Parallel(parts))
-    left = x - width / 2
-    centres = []
-    for part in parts:
-        part_width, part_height = network_size(part)
-        centres.append(left + part_width / 2)
-        left += part_width
-        draw_network(axis, part, centres[-1], top - _GAP)
-        bottom = top - _GAP - part_height
-        axis.plot([centres[-1]] * 2, [bottom, top - height + _GAP], color=INK, linewidth=_LINE)
-    for level, inner in ((top, top - _GAP), (top - height, top - height + _GAP)):
-        axis.plot([x, x], [level, inner], color=INK, linewidth=_LINE)
-        axis.plot(
-            [centres[0], centres[-1]], [inner, inner], color=INK, linewidth=_LINE, solid_capstyle="projecting"
-        )
+            width, height = network_size(network)
+            left = x - width / 2
+            centres = []
+            for part in parts:
+                part_width, part_height = network_size(part)
+                centres.append(left + part_width / 2)
+                left += part_width
+                draw_network(axis, part, centres[-1], top - _GAP)
+                bottom = top - _GAP - part_height
+                axis.plot([centres[-1]] * 2, [bottom, top - height + _GAP], **ink)
+            for level, inner in ((top, top - _GAP), (top - height, top - height + _GAP)):
+                axis.plot([x, x], [level, inner], **ink)
+                axis.plot([centres[0], centres[-1]], [inner, inner], solid_capstyle="projecting", **ink)
 
 
 def _label(axis, x: float, y: float, symbol: str) -> None:
@@ -85,7 +79,7 @@ def arrow(axis, tail: tuple[float, float], head: tuple[float, float], color: str
 
 @house_style
 def analogues_figure(models: tuple[TissueModel, ...]) -> Figure:
-    """Figure 3.2: every model's mechanical analogue between the tool (top) and the ground, its network."""
+    """Draw Figure 3.2: every model's mechanical analogue between the tool (top) and the ground, its network."""
     figure, axes = new_figure(DOUBLE_COLUMN, 2.7, ncols=len(models), squeeze=False)
     tallest = max(network_size(model.network)[1] for model in models if model.network)
     for axis, model in zip(axes[0], models, strict=True):
@@ -133,20 +127,15 @@ def _draw_model(axis, model: TissueModel, tallest: float) -> None:
     axis.text(0.4, 0.55, "$-F$" if model is IL else "$F$", va="center", fontsize=10, color="#D55E00")
 
 
-def _block(axis, x: float, y: float, text: str, height: float = 0.8) -> None:
-    width = 1.5
-    axis.add_patch(Rectangle((x - width / 2, y - height / 2), width, height, fill=False, linewidth=_LINE))
-    axis.text(x, y, text, ha="center", va="center", fontsize=10)
-
-
 @house_style
 def arx_figure() -> Figure:
-    """Figure 2.4: the ARX model as signal flow, and the equations A x = b it becomes."""
+    """Draw Figure 2.4: the ARX model as signal flow, and the equations A x = b it becomes."""
     figure, axis = new_figure(DOUBLE_COLUMN, 2.2)
     axis.set(xlim=(0, 11), ylim=(-1.9, 1.5), aspect="equal")
     axis.axis("off")
-    _block(axis, 3.2, 0.0, r"$B(z^{-1})$")
-    _block(axis, 7.4, 0.0, r"$\dfrac{1}{A(z^{-1})}$", height=1.1)
+    for x, text, height in ((3.2, r"$B(z^{-1})$", 0.8), (7.4, r"$\dfrac{1}{A(z^{-1})}$", 1.1)):
+        axis.add_patch(Rectangle((x - 0.75, -height / 2), 1.5, height, fill=False, linewidth=_LINE))
+        axis.text(x, 0.0, text, ha="center", va="center", fontsize=10)
     axis.add_patch(Circle((5.3, 0.0), 0.22, fill=False, linewidth=_LINE))
     axis.text(5.3, 0.0, "+", ha="center", va="center", fontsize=11)
     for tail, head in ((1.0, 2.45), (3.95, 5.08), (5.52, 6.65), (8.15, 9.7)):
@@ -167,15 +156,14 @@ def _segment(record: Record, segment_s: tuple[float, float]) -> np.ndarray:
     inside = (since_start >= segment_s[0] - 1e-9) & (since_start <= segment_s[1] + 1e-9)
     if not inside.any():
         raise InputError(
-            f"{record.name} lasts {record.duration:g} s: nothing lies in tissue.segment_s "
-            f"[{segment_s[0]:g}, {segment_s[1]:g}]"
+            f"{record.name} lasts {record.duration:g} s: tissue.segment_s {list(segment_s)} contains no sample"
         )
     return inside
 
 
 @house_style
 def excitation_figure(records: list[Record], segment_s: tuple[float, float]) -> Figure:
-    """Figure 3.4: a segment of input and output of every record, one panel pair each.
+    """Draw Figure 3.4: a segment of input and output of every record, one column each.
 
     Parameters
     ----------
@@ -184,17 +172,16 @@ def excitation_figure(records: list[Record], segment_s: tuple[float, float]) -> 
     segment_s : (float, float)
         Seconds since the start of each record.
     """
-    figure, axes = new_figure(
-        DOUBLE_COLUMN, 3.4, nrows=2, ncols=len(records), sharex="col", sharey="row", squeeze=False
-    )
+    size = {"nrows": 2, "ncols": len(records), "squeeze": False}
+    figure, axes = new_figure(DOUBLE_COLUMN, 3.4, sharex="col", sharey="row", **size)
     for column, record in zip(axes.T, records, strict=True):
         inside = _segment(record, segment_s)
         time = record.time[inside] - record.time[0]
         column[0].plot(time, record["input"][inside], color="#0072B2")
         column[1].plot(time, record["output"][inside], color=MEASURED, linewidth=0.9)
         column[1].set(xlabel="Time (s)", xlim=segment_s)
-    for row, role in enumerate(("input", "output")):
-        axes[row, 0].set_ylabel(records[0].channels[role].label)
+    for axis, role in zip(axes[:, 0], ("input", "output"), strict=True):
+        axis.set_ylabel(records[0].channels[role].label)
     label_panels(axes[0])
     for axis, record in zip(axes[0], records, strict=True):
         axis.set_title(record.name.replace("_", " "))
@@ -202,10 +189,10 @@ def excitation_figure(records: list[Record], segment_s: tuple[float, float]) -> 
 
 
 @house_style
-def comparison_figure(
+def free_run_figure(
     record: Record, simulated: dict[str, np.ndarray], segment_s: tuple[float, float]
 ) -> Figure:
-    """Figure 3.5: measured output, the free run of every model, and its residual.
+    """Draw Figure 3.5: measured output, the free run of every model, and its residual.
 
     Parameters
     ----------
@@ -217,11 +204,9 @@ def comparison_figure(
         Seconds since the start of the record.
     """
     inside = _segment(record, segment_s)
-    time = record.time[inside] - record.time[0]
-    figure, (response, residual) = new_figure(
-        DOUBLE_COLUMN, 4.2, nrows=2, sharex=True, height_ratios=(2.2, 1.0)
-    )
-    output = record.channels["output"]
+    time, output = record.time[inside] - record.time[0], record.channels["output"]
+    ratios = {"nrows": 2, "height_ratios": (2.2, 1.0)}
+    figure, (response, residual) = new_figure(DOUBLE_COLUMN, 4.2, sharex=True, **ratios)
     measured = output.values[inside]
     response.plot(time, measured, color=MEASURED, linewidth=0.8, label="measured")
     for name, values in simulated.items():

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from bokeh.document import Document
 from bokeh.models import ColumnDataSource
 
 from lumbar.base.files import write_text
@@ -22,7 +21,7 @@ from lumbar.lifting.measures.lift_values import (
 )
 from lumbar.lifting.movement.lift_tables import points_of
 from lumbar.lifting.stability.model.pendulum_trajectories import Failure, LiftStates
-from lumbar.publishing.explorer.one_file import Drawn, embedded_pictures, one_file
+from lumbar.publishing.explorer.one_file import EmbeddedPictures, add_roots, embed_pictures, one_file
 from lumbar.publishing.figures.lifting_figures import EVENT_LABELS
 from lumbar.publishing.figures.palette import MEASURED, SEGMENTS, SERIES
 from lumbar.publishing.figures.stability_figures import PLANE_TITLES
@@ -56,15 +55,9 @@ STATES_DRAWN = 250
 
 
 @cache
-def _pictures() -> Drawn:
+def _pictures() -> EmbeddedPictures:
     """Return the pictures of every page: they are equal, since a page's script fills them."""
-
-    def fill(document: Document) -> None:
-        with document.models.freeze():  # or every root would have all models looked through again
-            for picture in lift_pictures():
-                document.add_root(picture)
-
-    return embedded_pictures(fill)
+    return embed_pictures(lambda document: add_roots(document, lift_pictures()))
 
 
 def _in_print(value: float, unit: str) -> str:
@@ -234,7 +227,7 @@ class LiftPage:
 
     def to_html(self) -> str:
         """Return the page as one self-contained file: the same bytes for the same lift."""
-        return one_file(_pictures().holding(self._sources()), PAGE, self.variables())
+        return one_file(_pictures().add_sources(self._sources()), PAGE, self.variables())
 
     def save(self, path: str | Path) -> None:
         """Write the page to a file."""

@@ -1,23 +1,21 @@
-"""The pictures of a diagnosis as files: comparison, location, ladder, signatures; a proposed law where found."""
+"""The pictures of a diagnosis as files."""
 
 from collections.abc import Sequence
 from pathlib import Path
 
 from lumbar.publishing.figures.comparison_figures import (
-    comparison_figure,
     ladder_figure,
-    ladder_rungs,
+    record_comparison_figure,
     signature_figure,
 )
 from lumbar.publishing.figures.law_figure import law_figure, linear_figure
 from lumbar.publishing.figures.location_figures import (
-    comparison_in_space,
     location_figure,
-    location_in_space,
+    spatial_comparison_figure,
+    spatial_location_figure,
 )
 from lumbar.publishing.figures.style import save
 from lumbar.publishing.pages.html import LOCATION_CAPTION, SPACE_CAPTION
-from lumbar.tissue.diagnosis.law.proposal import Proposal
 from lumbar.tissue.diagnosis.residuals.locate import ResidualReport, axis_reports
 from lumbar.tissue.diagnosis.selection.result import DiagnosisResult
 from lumbar.tissue.diagnosis.selection.sentences import runner_up
@@ -32,12 +30,24 @@ def draw_pictures(
     catalogue: dict[str, Effect],
     folder: Path,
     source_label: str,
-    proposal: Proposal | None = None,
 ) -> dict[str, Path]:
-    """Write ``comparison``, ``location``, ``ladder`` and ``signatures``, and ``proposed_law`` where found.
+    """Write ``comparison``, ``location``, ``ladder``, ``signatures``, and of results that have them ``proposed_law`` and
+    ``linear_dynamics``.
 
-    `reports` are those of the base model; `catalogue` is that of one axis, along which signatures are drawn. The SVG files are
-    returned by caption.
+    Parameters
+    ----------
+    diagnosis : DiagnosisResult
+    reports : sequence of ResidualReport or SpatialReport
+        Those of the base model.
+    catalogue : dict of str to Effect
+        Catalogue of one axis, along which signatures are drawn.
+    folder : pathlib.Path
+    source_label : str
+
+    Returns
+    -------
+    dict of str to pathlib.Path
+        SVG files by caption.
     """
     simulated, base = axis_reports(reports), diagnosis.base.fit.structure.base
     # The record of whose output the model explains the smallest share.
@@ -47,42 +57,38 @@ def draw_pictures(
     if isinstance(trained, SpatialReport):
         location = SPACE_CAPTION
         figures = {
-            "comparison": comparison_in_space(whole, base.name),
-            "location": location_in_space(trained),
+            "comparison": spatial_comparison_figure(whole, base.name),
+            "location": spatial_location_figure(trained),
         }
     else:
         comparisons, location = [item.comparison for item in simulated], LOCATION_CAPTION
         figures = {
-            "comparison": comparison_figure(shown.record, shown.values, comparisons, base.name),
+            "comparison": record_comparison_figure(shown.record, shown.values, comparisons, base.name),
             "location": location_figure(trained.location),
         }
-    content = diagnosis.to_json()
-    figures["ladder"] = ladder_figure(ladder_rungs(content), content["unit"], content["noise_floor_rms"])
-    figures["signatures"] = signature_figure(pictured_effects(diagnosis, catalogue), base.system)
-    if proposal is not None and proposal.law is not None:
-        figures["proposed_law"] = law_figure(proposal)
+    figures["ladder"] = ladder_figure(diagnosis.path, diagnosis.experiment)
+    # Signatures of the selected effects and of the runner-up's, or of the latter only.
+    second = runner_up(diagnosis)
+    names = [*diagnosis.selected, *(second.candidate.effects if second is not None else ())]
+    effects = [catalogue[name] for name in dict.fromkeys(names) if name in catalogue]
+    drawn = [effect for effect in effects if pictured_form(effect) is not None]
+    figures["signatures"] = signature_figure(drawn, base.system)
+    if diagnosis.proposal is not None and diagnosis.proposal.law is not None:
+        figures["proposed_law"] = law_figure(diagnosis.proposal)
     if diagnosis.linear is not None:
         figures["linear_dynamics"] = linear_figure(diagnosis)
-    for name, drawn in figures.items():
-        save(drawn, folder / name, "" if name == "signatures" else source_label)
+    for name, figure in figures.items():
+        save(figure, folder / name, "" if name == "signatures" else source_label)
     captions = {
-        "comparison": f"The {base.name} model beside {whole.record.name}, the record it explains least, and what it leaves "
+        "comparison": f"The {base.name} model with {whole.record.name}, the record it explains least, and what it leaves "
         "of every record.",
         "location": f"Where the {base.name} model fails on {trained.record.name}. {location}",
         "ladder": "Error on training and unseen records, effect by effect, down to the noise floor.",
         "signatures": "Signature of the selected effects and of the runner-up, each in its first form on a standard motion: "
         "force over position, added force at two rates and over time; arbitrary units.",
-        "proposed_law": "The missing force over the position at three speeds, the proposed law beside it (lines), and the "
+        "proposed_law": "The missing force over the position at three speeds, the proposed law (lines), and the "
         "errors without and with it.",
-        "linear_dynamics": "The linear dynamics of higher order beside base and record: gain and phase (Welch's estimate "
+        "linear_dynamics": "The linear dynamics of higher order with base and record: gain and phase (Welch's estimate "
         "from the same motion), and the poles.",
     }
     return {captions[name]: folder / f"{name}.svg" for name in figures}
-
-
-def pictured_effects(diagnosis: DiagnosisResult, catalogue: dict[str, Effect]) -> list[Effect]:
-    """Selected effects, then those of the runner-up; where nothing was selected the runner-up's alone."""
-    second = runner_up(diagnosis)
-    names = [*diagnosis.selected, *(second.candidate.effects if second is not None else ())]
-    effects = [catalogue[name] for name in dict.fromkeys(names) if name in catalogue]
-    return [effect for effect in effects if pictured_form(effect) is not None]

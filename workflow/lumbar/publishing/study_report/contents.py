@@ -37,24 +37,24 @@ class Picture:
     """Subject and box, if it shows one lift."""
 
 
-def read_picture(path: Path) -> Picture:
+def _read_picture(path: Path) -> Picture:
     """Read an SVG file that `lumbar.publishing.figures.style.save` wrote, shortened by `shorten_svg`."""
     text = path.read_text(encoding="utf-8")
-    described = _DESCRIPTION.search(text)
+    described, size = _DESCRIPTION.search(text), _SIZE.search(text)
     shows, _, source_label = (unescape(described[1]) if described else "").rpartition("Data: ")
-    size = _SIZE.search(text)
-    width, height = (round(float(size[number])) for number in (1, 2)) if size else (520, 300)
+    width, height = (round(float(number)) for number in size.groups()) if size else (520, 300)
     who = shows.removeprefix(SHOWS).rstrip(". ")
     return Picture(svg_address(shorten_svg(text)), width, height, source_label, who)
 
 
 def shorten_svg(svg: str) -> str:
-    """Round an SVG text's lengths to hundredths of a point and remove its indentation: a third less to send."""
+    """Round an SVG text's lengths to hundredths of a point and remove its indentation, which makes it a third shorter."""
 
-    def round_lengths(attribute: re.Match) -> str:
-        return _NUMBER.sub(lambda number: f"{float(number[0]):.2f}".rstrip("0").rstrip("."), attribute[0])
+    def shorten(number: re.Match) -> str:
+        return f"{float(number[0]):.2f}".rstrip("0").rstrip(".")
 
-    return re.sub(r"\s*\n\s*", "\n", _DRAWN.sub(round_lengths, svg))
+    rounded = _DRAWN.sub(lambda attribute: _NUMBER.sub(shorten, attribute[0]), svg)
+    return re.sub(r"\s*\n\s*", "\n", rounded)
 
 
 CHAPTERS: dict[str, tuple[str, str]] = {
@@ -72,7 +72,7 @@ CHAPTERS: dict[str, tuple[str, str]] = {
 """Title of each chapter of a study and its sections in the thesis, in the report's order."""
 _MAIN = re.compile(r"<main>(.*)</main>", flags=re.S)
 _DATA = re.compile(r'<p class="data">Data: (.*?)</p>')
-MAX_SHOWN = 24
+MAX_ENTRIES = 24
 """Most lifts or record sets that are shown; of others only the files are linked."""
 
 
@@ -85,6 +85,8 @@ class Entry:
     artefact: Artefact
     title: str
     caption: str
+    record_set: str = ""
+    """Record set of the entry; may be empty."""
     source_label: str = ""
     """Origin of the data."""
     shows: str = ""
@@ -98,8 +100,8 @@ class Entry:
     """Result in one sentence; may be empty."""
     files: tuple[str, ...] = ()
     """Paths below the study's results."""
-    claims: "tuple[ClaimRow, ...]" = ()
-    """The thesis's claims about it."""
+    claims: tuple = ()
+    """The thesis's claims about it, as rows of ``claims.csv``."""
     cells: "CellComparison | None" = None
     """The thesis's table compared with this run's."""
     missing: bool = False
@@ -115,7 +117,7 @@ class Chapter:
     place: str
     entries: tuple[Entry, ...]
     files: tuple[tuple[Artefact, tuple[str, ...]], ...] = field(default_factory=tuple)
-    """Artefacts that are not shown: those that are only files, and those beyond `MAX_SHOWN`."""
+    """Artefacts that are not shown: those that are only files, and those beyond `MAX_ENTRIES`."""
 
 
 def chapters(
@@ -140,38 +142,29 @@ def chapters(
     claims : pandas.DataFrame or None
         ``claims.csv``.
     """
-    made = []
+    contents = []
     claim_rows = [] if claims is None else list(claims.itertuples())
-    sets = list(choices.get("record_set", ()))
     for name, rows in itertools.groupby(sheet, key=lambda row: row.chapter):
         entries, files = [], []
         for artefact in rows:
-            caption, combinations = "", []
+            paths = set(_paths(artefact, choices))
             if artefact.label:
                 text = (captions / f"{artefact.id}.rst").read_text(encoding="utf-8")
                 caption = " ".join(text.split()).replace("``", "").replace("*", "")
                 names = [name for name in choices if f"{{{name}}}" in artefact.label]
-                combinations = [
-                    dict(zip(names, values, strict=True))
-                    for values in itertools.product(*(choices[name] for name in names))
-                ]
-            entries += [
-                _entry(results, artefact, choice, caption, choices, claim_rows)
-                for choice in combinations[:MAX_SHOWN]
-            ]
-            paths = _paths(artefact, choices)
-            linked = {path for entry in entries for path in entry.files}
-            if not linked.issuperset(paths):
-                files.append((artefact, tuple(path for path in paths if path not in linked)))
-
+                for values in itertools.islice(
+                    itertools.product(*(choices[name] for name in names)), MAX_ENTRIES
+                ):
+                    choice = dict(zip(names, values, strict=True))
+                    entries.append(_entry(results, artefact, choice, caption, choices, claim_rows))
+                    paths -= set(entries[-1].files)
+            if paths:
+                files.append((artefact, tuple(path for path in _paths(artefact, choices) if path in paths)))
         # Entries of one record set follow one another.
-        def set_number(entry: Entry) -> int:
-            found = [number for number, record_set in enumerate(sets) if entry.key.endswith(f"-{record_set}")]
-            return found[0] if "{record_set}" in entry.artefact.path and found else 0
-
-        entries.sort(key=set_number)
-        made.append(Chapter(name, *CHAPTERS[name], tuple(entries), tuple(files)))
-    return made
+        sets = list(choices.get("record_set", ()))
+        entries.sort(key=lambda entry: sets.index(entry.record_set) if entry.record_set else 0)
+        contents.append(Chapter(name, *CHAPTERS[name], tuple(entries), tuple(files)))
+    return contents
 
 
 def _paths(artefact: Artefact, choices: dict[str, dict[str, str]]) -> list[str]:
@@ -192,29 +185,38 @@ def _entry(
     title = artefact.label
     for name, value in choice.items():
         title = title.replace(f"{{{name}}}", choices[name][value])
-    key = "-".join([artefact.id, *choice.values()])
+    key, record_set = "-".join([artefact.id, *choice.values()]), choice.get("record_set", "")
     if not all((results / path).is_file() for path in files):
-        return Entry(key, artefact, title, caption, files=files, missing=True)
-    pictures = [path for path in files if path.endswith(".svg")]
-    pages = [path for path in files if path.endswith(".html")]
-    verdicts = [path for path in files if path.endswith("diagnosis.json")]
-    picture = read_picture(results / pictures[0]) if pictures else None
-    is_table = bool(pages) and any(path.endswith(".tex") for path in files)
-    text = (results / pages[0]).read_text(encoding="utf-8") if is_table else ""
+        return Entry(key, artefact, title, caption, record_set, files=files, missing=True)
+    # The first file of each kind.
+    svg, html, verdict = (
+        next((path for path in files if path.endswith(ending)), "")
+        for ending in (".svg", ".html", "diagnosis.json")
+    )
+    picture = _read_picture(results / svg) if svg else None
+    is_table = bool(html) and any(path.endswith(".tex") for path in files)
+    text = (results / html).read_text(encoding="utf-8") if is_table else ""
     inner, stated = _MAIN.search(text), _DATA.search(text)
+    claims = []
+    for row in claim_rows:
+        # Sentences are shown with their evidence; cells of tables are compared in the table.
+        evidence = row.evidence.split()[0]
+        if not row.claim.startswith("table_") and SHOWN_WITH.get(evidence, evidence) == artefact.id:
+            claims.append(row)
     return Entry(
         key=key,
         artefact=artefact,
         title=title,
         caption=caption,
+        record_set=record_set,
         source_label=picture.source_label if picture else unescape(stated[1]) if stated else "",
         shows=picture.shows if picture else "",
         picture=picture,
         table=inner[1] if inner else "",
-        page="" if is_table or not pages else pages[0],
-        sentence=diagnosis_sentence(read_json(results / verdicts[0])) if verdicts else "",
+        page="" if is_table else html,
+        sentence=diagnosis_sentence(read_json(results / verdict)) if verdict else "",
         files=files,
-        claims=tuple(claim_row(row) for row in claim_rows if _shown_with(row) == artefact.id),
+        claims=tuple(claims),
         cells=compare_cells(claim_rows, artefact.id),
     )
 
@@ -254,19 +256,6 @@ published values among its columns."""
 
 
 @dataclass(frozen=True)
-class ClaimRow:
-    """A row of ``claims.csv`` as text, values with four digits."""
-
-    statement: str
-    thesis: str
-    run: str
-    verdict: str
-    criterion: str
-    location: str
-    """Section or table of the thesis."""
-
-
-@dataclass(frozen=True)
 class CellComparison:
     """Cells of a published table and of this run."""
 
@@ -281,18 +270,6 @@ class CellComparison:
         """Most characters from the decimal sign to the end, by column of values."""
         columns = zip(*(row[self.names :] for row in self.rows), strict=True)
         return [max(len(split_number(text)[1]) for cell in cells for text in cell[:2]) for cells in columns]
-
-
-def claim_row(row) -> ClaimRow:
-    """Return a row of ``claims.csv`` as text."""
-    values = format_value(row.thesis_value), format_value(row.this_run)
-    return ClaimRow(row.statement, *values, row.verdict, row.criterion, row.location)
-
-
-def _shown_with(row) -> str:
-    """Return the artefact with which a sentence is shown; empty for cells of tables."""
-    evidence = row.evidence.split()[0]
-    return "" if row.claim.startswith("table_") else SHOWN_WITH.get(evidence, evidence)
 
 
 def compare_cells(claim_rows: list, table: str) -> CellComparison | None:

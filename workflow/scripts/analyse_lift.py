@@ -33,7 +33,8 @@ def main(
     result.save(Path(output.summary).parent)
     if not result.analysed.states:
         print(
-            "\n".join([f"WARNING: {result.name} has no pendulum:", *result.without_pendulum]), file=sys.stderr
+            "\n".join([f"WARNING: {result.name} has no pendulum:", *result.missing_pendulums]),
+            file=sys.stderr,
         )
 
 

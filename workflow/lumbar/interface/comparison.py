@@ -1,0 +1,258 @@
+"""``lumbar.compare`` and ``lumbar.locate``: how well a model agrees with records, and where it fails."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from lumbar.base.errors import InputError
+from lumbar.base.files import write_text
+from lumbar.interface.result import Result, label_of, settings_or_default
+from lumbar.records.record import Record
+from lumbar.settings.study_settings import StudySettings
+from lumbar.tables.table import Table
+from lumbar.tissue.diagnosis.finding import Finding
+from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
+from lumbar.tissue.diagnosis.fitting.fit_data import limit_samples
+from lumbar.tissue.diagnosis.fitting.preparation import prepare, simulate_in_session
+from lumbar.tissue.diagnosis.residuals import locate as residuals
+from lumbar.tissue.diagnosis.residuals.compare import comparison_table
+from lumbar.tissue.models.fitted_model import FittedModel
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from lumbar.tissue.diagnosis.spatial.spatial_reports import SpatialReport
+
+Reports = Sequence["residuals.ResidualReport | SpatialReport"]
+"""Comparison and location of a model's error on every record."""
+
+
+def compare(
+    records: Sequence[Record],
+    model: FittedModel,
+    *,
+    train: str | Sequence[str] | None = None,
+    settings: StudySettings | None = None,
+    source_label: str = "",
+) -> Comparisons:
+    """Simulate a model on every record: its errors with intervals, and the part that could be explained.
+
+    Parameters
+    ----------
+    records : sequence of Record
+        One per excitation, with channels ``input`` and ``output``.
+    model : FittedModel
+        Result of `identify`, `refine` or `diagnose`, or read from a file.
+    train : str or sequence of str, optional
+        Record that the noise floor is taken from; default the one the model was fitted to, or the longest.
+    settings : StudySettings, optional
+        ``improvement.session``: whether the records are parts of one session, in their order; ``tissue.settling_s``: seconds
+        at the start of a record that are ignored; ``seed``: that of the intervals.
+    source_label : str
+        Name of the source of the data; default the folder or file they were read from.
+
+    Raises
+    ------
+    InputError
+        If `model` is not a model, or the records cannot be used.
+
+    Examples
+    --------
+    >>> import lumbar
+    >>> from lumbar.twin.examples import example_records
+    >>> records = example_records()
+    >>> found = lumbar.compare(records, lumbar.refine(records, ["coulomb_friction"]).model)
+    >>> found
+    <Comparisons of KB+coulomb_friction on 2 records>
+    >>> f"{found['other'].comparison.vaf.value:.1f} % of the variance"
+    '100.0 % of the variance'
+    """
+    return Comparisons(*_simulate_on_records(records, model, train, settings, source_label))
+
+
+def locate(
+    records: Sequence[Record],
+    model: FittedModel,
+    *,
+    train: str | Sequence[str] | None = None,
+    settings: StudySettings | None = None,
+    source_label: str = "",
+) -> Locations:
+    """Locate a model's error: time, frequency, position and velocity, reversals, causes. For parameters see `compare`.
+
+    Examples
+    --------
+    >>> import lumbar
+    >>> from lumbar.twin.examples import example_records
+    >>> records = example_records()
+    >>> found = lumbar.locate(records, lumbar.refine(records, []).model)
+    >>> print(found["other"].location.sentences[0].split(";")[0])
+    other: 0.224 N of the error's 0.225 N are not noise
+    """
+    return Locations(*_simulate_on_records(records, model, train, settings, source_label))
+
+
+def _simulate_on_records(
+    records: Sequence[Record],
+    model: Any,
+    train: str | Sequence[str] | None,
+    settings: StudySettings | None,
+    source_label: str,
+) -> tuple[FittedModel, Reports, str, tuple[Finding, ...]]:
+    """Return the values of `ModelReports`; parameters as in `compare`."""
+    settings = settings_or_default(settings)
+    session = settings.improvement.session
+    source_label = label_of(source_label, records)
+    records, findings = limit_samples(list(records), session)
+    if not isinstance(model, FittedModel):
+        given = f"an object of class {type(model).__name__}"
+        raise InputError(f"model is {given}: give one model, e.g. identification['KB'] or diagnosis.model")
+    if train is None and model.trained_on in [record.name for record in records]:
+        train = model.trained_on
+    if any(record.axes for record in records):
+        from lumbar.tissue.diagnosis.spatial.spatial_data import prepare as prepare_in_space
+        from lumbar.tissue.diagnosis.spatial.spatial_reports import spatial_reports
+
+        chosen = DiagnosisSettings.from_study(settings, None, train)
+        reports: Reports = spatial_reports(model, prepare_in_space(records, chosen), settings.seed)
+    else:
+        experiment = prepare(records, train, settling_s=settings.tissue.settling_s).shift_to_rest()
+        simulate = simulate_in_session(records, model.simulate) if session else model.simulate
+        reports = residuals.residual_reports(
+            [(item, simulate(item), experiment) for item in records], settings.seed
+        )
+    return model, reports, source_label, findings
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ModelReports(Result):
+    """A model simulated on every record."""
+
+    model: FittedModel
+    reports: Reports
+    """One per record."""
+    source_label: str
+    findings: tuple[Finding, ...] = ()
+    """Used parts of records that were too long or too fast."""
+
+    @cached_property
+    def simulated(self) -> list[residuals.ResidualReport]:
+        """Reports along every axis; with several axes the record's name ends with the axis."""
+        return residuals.axis_reports(self.reports)
+
+    def __len__(self) -> int:
+        return len(self.simulated)
+
+    def __iter__(self) -> Iterator[residuals.ResidualReport]:
+        return iter(self.simulated)
+
+    def __getitem__(self, name: str) -> Any:
+        """Return the report of the record of this name, or of one of its axes, e.g. ``"multisine (x)"``."""
+        reports = {item.record.name: item for item in residuals.expand_axes(self.reports)}
+        if name not in reports:
+            raise InputError(f"no record {name!r}; there are {', '.join(reports)}")
+        return reports[name]
+
+    def _report(self, name: str) -> Any:
+        """Return the report of a record; the name of a single record may be left out."""
+        return self[self.reports[0].record.name if not name and len(self.reports) == 1 else name]
+
+    def __repr__(self) -> str:
+        axes = self.reports[0].record.axes
+        records = f"{len(self.reports)} records{f' of {len(axes)} axes' if axes else ''}"
+        return f"<{type(self).__name__} of {self.model.name} on {records}>"
+
+
+class Comparisons(ModelReports):
+    """Agreement of a model with every record."""
+
+    @property
+    def table(self) -> Table:
+        """Errors, noise and explainable error of every record."""
+        return comparison_table([item.comparison for item in self.simulated], self.source_label)
+
+    def figure(self, name: str = "") -> Figure:
+        """Return the picture of one record: its measured and simulated output. A single record needs no name."""
+        report = self._report(name)
+        if report.record.axes:
+            from lumbar.publishing.figures.location_figures import spatial_comparison_figure
+
+            return spatial_comparison_figure(report, self.model.name)
+        from lumbar.publishing.figures.comparison_figures import record_comparison_figure
+
+        comparisons = [item.comparison for item in self.simulated]
+        return record_comparison_figure(report.record, report.values, comparisons, self.model.name)
+
+    def files(self) -> Iterator[tuple[str, Any]]:
+        """The table ``compare`` and a picture per record."""
+        yield "compare", self.table
+        for report in self.reports:
+            yield f"comparison_{report.record.name}", self.figure(report.record.name)
+
+    def save(self, folder: str | os.PathLike) -> None:
+        """Write the `files` and the page ``compare_page.html``, which shows them."""
+        from lumbar.publishing.pages.html import comparison_page
+
+        super().save(folder)
+        names = [report.record.name for report in self.reports]
+        pictures = {name: Path(folder) / f"comparison_{name}.svg" for name in names}
+        page = comparison_page(self.reports, self.model.name, self.source_label, pictures)
+        write_text(Path(folder) / "compare_page.html", page)
+
+    def __str__(self) -> str:
+        lines = [item.comparison.sentence for item in self.simulated]
+        remarks = [line for item in self.reports for line in item.remarks]
+        return "\n".join([*lines, *remarks, *(item.sentence for item in self.findings)])
+
+
+class Locations(ModelReports):
+    """Locations of a model's error on every record."""
+
+    @property
+    def table(self) -> Table:
+        """Share and p-value of every view of the error."""
+        return residuals.location_table(self.reports, self.source_label)
+
+    def figure(self, name: str = "") -> Figure:
+        """Return the picture of the error on one record, or along one of its axes. A single record needs no name."""
+        from lumbar.publishing.figures.location_figures import location_figure, spatial_location_figure
+
+        report = self._report(name)
+        return spatial_location_figure(report) if report.record.axes else location_figure(report.location)
+
+    @property
+    def _pictures(self) -> dict[str, str]:
+        """Files of the pictures by name of the record, or of one of its axes."""
+        files = {report.record.name: f"location_{report.record.name}" for report in self.reports}
+        for report in self.reports:
+            for axis in report.axes if report.record.axes else ():
+                # A file is location_multisine_x, the axis of a record "multisine (x)".
+                files[axis.record.name] = "_".join(["location", *axis.record.name[:-1].rsplit(" (", 1)])
+        return files
+
+    def files(self) -> Iterator[tuple[str, Any]]:
+        """The table ``location`` and a picture per record and axis."""
+        yield "location", self.table
+        for name, file in self._pictures.items():
+            yield file, self.figure(name)
+
+    def save(self, folder: str | os.PathLike) -> None:
+        """Write the `files` and the page ``location_page.html``, which shows them."""
+        from lumbar.publishing.pages.html import location_page
+
+        super().save(folder)
+        pictures = {name: Path(folder) / f"{file}.svg" for name, file in self._pictures.items()}
+        page = location_page(self.reports, self.model.name, self.source_label, pictures)
+        write_text(Path(folder) / "location_page.html", page)
+
+    def __str__(self) -> str:
+        lines = [residuals.all_reports_sentence(self.reports)]
+        for item in self.reports:
+            axes = [axis.location.headline for axis in item.axes if axis is not item]
+            lines.append("\n  ".join([*item.sentences, *axes]))
+        return "\n".join([*lines, *(item.sentence for item in self.findings)])
