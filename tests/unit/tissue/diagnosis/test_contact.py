@@ -97,7 +97,7 @@ def test_the_surface_goes_with_the_model(model):
 
 
 def test_no_transfer_function_holds_a_contact(model):
-    with pytest.raises(NumericalError, match="no transfer function holds a contact that is lost"):
+    with pytest.raises(NumericalError, match="no transfer function can represent a contact that is lost"):
         model.to_control()
 
 

@@ -78,7 +78,7 @@ def with_effect(effect: str, form: str) -> dict:
         (with_effect("ageing", "log"), "unknown effect 'ageing'.*coulomb_friction.*effect_files"),
         (with_effect("hysteresis", "preisach"), "unknown form 'preisach'.*dahl"),
         (with_effect("base", "KB"), "unknown effect 'base'"),
-        ({"parameters": [parameter("spring_stiffness", 1.0)] * 2}, "spring_stiffness: it is there twice"),
+        ({"parameters": [parameter("spring_stiffness", 1.0)] * 2}, "spring_stiffness: it is repeated"),
     ],
 )
 def test_entries_that_cannot_be_exported_are_named(change, words):

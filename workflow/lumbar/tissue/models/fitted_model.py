@@ -1,4 +1,4 @@
-"""A fitted or given model: simulated, turned into other representations, shown; and the files that hold such models."""
+"""Fitted and given models: simulation, conversion to other representations, and files of models."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from lumbar.tissue.models.bases import Base
 from lumbar.tissue.models.driven_motion import linearise
 from lumbar.tissue.models.form import Effect
 from lumbar.tissue.models.measured_motion import add_measured_motion, for_base
-from lumbar.tissue.models.model_data import ModelData, format_html, format_text, headline
+from lumbar.tissue.models.model_data import ModelData
 from lumbar.tissue.models.model_entry import checked_entry, entry_of
 from lumbar.tissue.models.motion import Motion, SpatialMotion
 from lumbar.tissue.models.structure import ForwardStructure, Structure
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, repr=False)
 class FittedModel(ModelData):
-    """A model from deviations of the input about rest to deviations of the output; its fields are those of `ModelData`.
+    """A model from deviations of the input from rest to deviations of the output, with the fields of `ModelData`.
 
     Examples
     --------
@@ -44,10 +44,10 @@ class FittedModel(ModelData):
     """
 
     def simulate(self, record: Record) -> np.ndarray:
-        """Free run from a record's input alone, shape (samples,), in the output's unit; of several axes (axes, samples).
+        """Simulate the output from a record's input only, as a free run.
 
-        The record has the channel ``input`` and those that the effects need; a continuous model takes any sampling
-        time.
+        The record has the channel ``input`` and those that the effects need; a continuous model accepts any sampling time. The
+        result is in the output's unit, shape (samples,); along several axes (axes, samples).
 
         Raises
         ------
@@ -61,61 +61,55 @@ class FittedModel(ModelData):
             raise InputError(
                 f"{record.name}: the input is in {unit!r}, {self.name} takes {self.input.unit!r}"
             )
-        if isinstance(self.structure, Structure) and self.structure.base.spatial is not None:
-            if record.axes != self.structure.base.spatial.axes:
-                axes = ", ".join(self.structure.base.spatial.axes)
-                raise InputError(f"{record.name} is not of the axes {axes} that {self.name} takes")
-            forces = self.structure.simulate(
-                SpatialMotion.of(record, self.rests), *self._numbers(self.structure)
-            )
-            return forces.reshape(len(record.axes), -1) + np.array(self.zeros)[:, None]
-        if isinstance(self.structure, Structure):
-            linear, nonlinear = self._numbers(self.structure)
-            if isinstance(self.structure, ForwardStructure):
-                force = Motion.of(add_measured_motion(record), offset=self.input.offset)
-                forced = self.structure.simulate(force, linear, nonlinear, self.output.offset)
-                return forced + self.output.offset
-            motion = Motion.of(for_base(record, self.structure.base), offset=self.input.offset)
-            return self.structure.simulate(motion, linear, nonlinear) + self.output.offset
-        if abs(record.sampling_time / self.sampling_time - 1) > 1e-4:
-            raise InputError(
-                f"{record.name} is sampled at {1 / record.sampling_time:g} Hz, {self.name} is a difference equation at "
-                f"{1 / self.sampling_time:g} Hz: resample the record"
-            )
-        return self.structure.simulate(record["input"] - self.input.offset) + self.output.offset
-
-    def _numbers(self, structure: Structure) -> tuple[np.ndarray, np.ndarray]:
-        """Linear and nonlinear parameters, those of the base first."""
+        structure = self.structure
+        if isinstance(structure, TransferFunction):
+            if abs(record.sampling_time / self.sampling_time - 1) > 1e-4:
+                raise InputError(
+                    f"{record.name} is sampled at {1 / record.sampling_time:g} Hz, {self.name} is a difference equation at "
+                    f"{1 / self.sampling_time:g} Hz: resample the record"
+                )
+            return structure.simulate(record["input"] - self.input.offset) + self.output.offset
+        # Linear and nonlinear parameters, those of the base first.
         parts = [self.values_of(structure.base), *map(self.values_of, structure.forms)]
         linear, nonlinear = (np.concatenate([part[kind] for part in parts]) for kind in (0, 1))
-        return linear, nonlinear
+        if structure.base.spatial is not None:
+            if record.axes != structure.base.spatial.axes:
+                axes = ", ".join(structure.base.spatial.axes)
+                raise InputError(f"{record.name} does not have the axes {axes} that {self.name} takes")
+            forces = structure.simulate(SpatialMotion.of(record, self.rests), linear, nonlinear)
+            return forces.reshape(len(record.axes), -1) + np.array(self.zeros)[:, None]
+        if isinstance(structure, ForwardStructure):
+            force = Motion.of(add_measured_motion(record), offset=self.input.offset)
+            return structure.simulate(force, linear, nonlinear, self.output.offset) + self.output.offset
+        motion = Motion.of(for_base(record, structure.base), offset=self.input.offset)
+        return structure.simulate(motion, linear, nonlinear) + self.output.offset
 
     def to_control(self) -> control.TransferFunction:
-        """Transfer function of python-control: in z with ``dt``, or in s for a base without effects.
+        """Return the transfer function of python-control: in z with ``dt``, or in s for a base without effects.
 
         The pendulum is linearised about θ = 0, a user-defined base about 0 of its input and states.
 
         Raises
         ------
         NumericalError
-            If the model has effects, which no transfer function holds, or cannot be linearised there.
+            If the model has effects, which no transfer function can represent, or cannot be linearised there.
         """
         import control
 
-        if isinstance(self.structure, TransferFunction):
-            return control.TransferFunction(*aligned_coefficients(self.structure), self.sampling_time)
-        if isinstance(self.structure, ForwardStructure):
-            raise NumericalError(
-                f"{self.name}: it goes from force to motion; no transfer function of it is made"
-            )
-        if self.structure.forms:
-            effects = ", ".join(self.structure.effects)
-            raise NumericalError(f"{self.name}: no transfer function holds its effects ({effects})")
-        base = self.structure.base
-        if base.contact:
-            raise NumericalError(f"{self.name}: no transfer function holds a contact that is lost")
+        structure = self.structure
+        if isinstance(structure, TransferFunction):
+            return control.TransferFunction(*aligned_coefficients(structure), self.sampling_time)
+        base, reason = structure.base, ""
+        if isinstance(structure, ForwardStructure):
+            reason = "a model from force to motion is not converted to a transfer function"
+        elif structure.forms:
+            reason = f"no transfer function can represent its effects ({', '.join(structure.effects)})"
+        elif base.contact:
+            reason = "no transfer function can represent a contact that is lost"
+        if reason:
+            raise NumericalError(f"{self.name}: {reason}")
         if base.is_user_defined:
-            return control.TransferFunction(*self._linearised(base))
+            return control.TransferFunction(*self._linearise(base))
         values = {item.name: self[item.name].value for item in (*base.linear, *base.nonlinear)}
         if base.system == "pendulum":
             return control.TransferFunction(
@@ -129,12 +123,12 @@ class FittedModel(ModelData):
             above = np.polyadd(np.polymul([mass, 0.0, 0.0], below), above).tolist()
         return control.TransferFunction(above, below)
 
-    def _linearised(self, base: Base) -> tuple[np.ndarray, np.ndarray]:
-        """Numerator and denominator in s, from the slopes of the equation and of the rates of its states."""
+    def _linearise(self, base: Base) -> tuple[np.ndarray, np.ndarray]:
+        """Return numerator and denominator in s, from the slopes of the equation and of the rates of its states."""
         linear, nonlinear = self.values_of(base)
         by_motion, by_states = linearise(base.form, linear, nonlinear)
         if not (np.isfinite(by_motion).all() and np.isfinite(by_states).all()):
-            raise NumericalError(f"{self.name}: it has no slope at 0 of its input and states")
+            raise NumericalError(f"{self.name}: its slope is not finite at 0 of its input and states")
         rates, response = by_states[1:], by_states[0]
         denominator = np.poly(rates) if len(rates) else np.ones(1)
         numerator = np.zeros(1)
@@ -146,7 +140,7 @@ class FittedModel(ModelData):
         return np.trim_zeros(numerator, "f"), denominator
 
     def to_state_space(self) -> control.StateSpace:
-        """State space of python-control (Eqs 3.17 and 3.18 for a discrete model).
+        """Return the state space of python-control (Eqs 3.17 and 3.18 for a discrete model).
 
         Raises
         ------
@@ -156,9 +150,8 @@ class FittedModel(ModelData):
         import control
 
         if isinstance(self.structure, TransferFunction):
-            return control.StateSpace(
-                *observer_form(self.structure), dt=self.sampling_time, remove_useless_states=False
-            )
+            matrices = observer_form(self.structure)
+            return control.StateSpace(*matrices, dt=self.sampling_time, remove_useless_states=False)
         system = self.to_control()
         if len(system.num[0][0]) > len(system.den[0][0]):
             raise NumericalError(
@@ -173,33 +166,12 @@ class FittedModel(ModelData):
 
     @classmethod
     def from_json(cls, entry: object, catalogues: Mapping[str, Mapping[str, Effect]]) -> FittedModel:
-        """Return the model of an entry of ``models.json``.
-
-        Catalogues are effects by name for every system, as `lumbar.tissue.effects.catalogue.CATALOGUES`.
-
-        Raises
-        ------
-        InputError
-            With the place of everything that is missing, unknown or not allowed.
-        """
-        name = entry.get("name") if isinstance(entry, dict) else None
-        problems = Problems(f"model {name!r}")
-        found = checked_entry(entry, catalogues, problems)
+        """Return the model of an entry of ``models.json``; `catalogues` and errors as in `read_models`."""
+        problems = Problems(f"model {entry.get('name') if isinstance(entry, dict) else None!r}")
+        fields = checked_entry(entry, catalogues, problems)
         problems.raise_if_any()
-        assert found is not None  # else there were problems
-        return cls(**found)
-
-    def __repr__(self) -> str:
-        """One line: name, how it was found, how well it does."""
-        return f"<FittedModel {headline(self)}>"
-
-    def __str__(self) -> str:
-        """Equation, parameters with intervals, scores."""
-        return format_text(self)
-
-    def _repr_html_(self) -> str:
-        """Equation, parameters and scores for a notebook."""
-        return format_html(self)
+        assert fields is not None  # else there were problems
+        return cls(**fields)
 
 
 SCHEMA = "lumbar.models/2"
@@ -210,29 +182,43 @@ def models_document(
 ) -> dict:
     """Return the content of a file of models.
 
-    The models are those of an error ladder, from the base to the last; `source_label` says where the data come from.
-    `noise_floor_rms` is that of the training record, in the output's unit; None if it is not known. The content of the YAML files
-    of user-defined bases and effects is included, so that the models are complete without these files.
+    Parameters
+    ----------
+    models : iterable of FittedModel
+        Steps of an error ladder, from the base to the last.
+    source_label : str
+        Source of the data.
+    noise_floor_rms : float, optional
+        Noise floor of the training record, in the output's unit.
+
+    Returns
+    -------
+    dict
+        The models, and the content of the YAML files of user-defined bases and effects, so that it is complete without them.
     """
     models = list(models)
     structures = [model.structure for model in models if isinstance(model.structure, Structure)]
-    forms = [form for structure in structures for form in structure.forms]
-    own = {
-        "bases": {item.base.name: item.base.definition for item in structures if item.base.is_user_defined},
-        "effects": {form.effect: form.definition for form in forms if form.definition},
-    }
+    bases = {item.base.name: item.base.definition for item in structures if item.base.is_user_defined}
+    forms = (form for structure in structures for form in structure.forms if form.definition)
+    effects = {form.effect: form.definition for form in forms}
     content = {"schema": SCHEMA, "data": source_label, "noise_floor_rms": noise_floor_rms}
-    carried = {key: said for key, said in own.items() if said}
-    return {**content, **carried, "models": [model.to_json() for model in models]}
+    definitions = {key: value for key, value in (("bases", bases), ("effects", effects)) if value}
+    return {**content, **definitions, "models": [model.to_json() for model in models]}
 
 
 def read_models(
     content, catalogues: Mapping[str, Mapping[str, Effect]], name: str = "models.json"
 ) -> list[FittedModel]:
-    """Return the models of a file of this name.
+    """Return the models of a file.
 
-    `content` is as read from JSON; catalogues are effects by name for every system, as
-    `lumbar.tissue.effects.catalogue.CATALOGUES`.
+    Parameters
+    ----------
+    content : object
+        Content of the file, as read from JSON.
+    catalogues : mapping
+        Effects by name for every system, as `lumbar.tissue.effects.catalogue.CATALOGUES`.
+    name : str
+        File name for messages.
 
     Raises
     ------
@@ -241,21 +227,19 @@ def read_models(
     """
     problems = Problems(name, most=20)
     if not isinstance(content, dict) or content.get("schema") != SCHEMA:
-        found = repr(content.get("schema")) if isinstance(content, dict) else type(content).__name__
-        problems.add("schema", found, f"{SCHEMA!r} is needed; make the file anew with identify or refine")
+        schema = repr(content.get("schema")) if isinstance(content, dict) else type(content).__name__
+        problems.add("schema", schema, f"{SCHEMA!r} is needed; make the file again with identify or refine")
     elif content.get("models") == []:
-        needed = (
-            "a list of at least one is needed; linear dynamics behind a sensor stand in diagnosis.json alone"
-        )
+        needed = "a list of at least one is needed; only diagnosis.json contains linear dynamics behind a sensor"
         problems.add("models", "no model", needed)
     elif not isinstance(content.get("models"), list):
         problems.add("models", repr(content.get("models")), "a list of models is needed")
     problems.raise_if_any()
     models = []
     for index, entry in enumerate(content["models"]):
-        own = Problems(f"models.{entry.get('name', index) if isinstance(entry, dict) else index}")
-        fields = checked_entry(entry, catalogues, own)
+        faults = Problems(f"models.{entry.get('name', index) if isinstance(entry, dict) else index}")
+        fields = checked_entry(entry, catalogues, faults)
         models += [FittedModel(**fields)] if fields else []
-        problems.extend(own)
+        problems.extend(faults)
     problems.raise_if_any()
     return models

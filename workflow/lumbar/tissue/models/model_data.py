@@ -29,20 +29,20 @@ def unit_of(template: str, input_unit: str, output_unit: str) -> str:
 
 @dataclass(frozen=True)
 class FittedParameter:
-    """A parameter with its value and interval."""
+    """A parameter with its value and interval, from `low` to `high` if it was estimated."""
 
     name: str
+    """For example ``"spring_stiffness"``."""
     symbol: str
+    """LaTeX, for example ``"k_e"``."""
     unit: str
-    """`name`, `symbol`, `unit`: E.g. ``"spring_stiffness"``, ``"k_e"`` (LaTeX), ``"N/mm"``."""
     value: float
     low: float | None = None
     high: float | None = None
-    """`low`, `high`: ends of the interval; None where none was estimated."""
     effect: str = ""
-    """Effect it belongs to; empty for the base's own."""
+    """Effect to which it belongs; empty for the base."""
     derived: bool = False
-    """Whether it follows from the other parameters, e.g. k1 of Kelvin–Boltzmann, and is not needed to simulate."""
+    """True if it follows from the other parameters, for example k1 of Kelvin–Boltzmann, and no simulation needs it."""
 
     @property
     def key(self) -> str:
@@ -71,19 +71,21 @@ class Port:
 
 @dataclass(frozen=True)
 class MotionRange:
-    """Motion of the record that a model was fitted to: what the model is known to hold for."""
+    """Motion of the record that a model was fitted to, for which it is known to be valid."""
 
     lowest: float
+    """Position, in the input's unit."""
     highest: float
-    """`lowest`, `highest`: positions, in the input's unit."""
+    """Position, in the input's unit."""
     speed: float
-    """Below which 99 % of the samples were, in that unit per second."""
+    """99 % quantile of the speed, in the input's unit per second."""
     lowest_Hz: float
+    """Lower edge of the band of 99 % of the position's power."""
     highest_Hz: float
-    """`lowest_Hz`, `highest_Hz`: band of 99 % of the position's power."""
+    """Upper edge of this band."""
 
     def describe(self, unit: str) -> str:
-        """E.g. ``"-2 to 2 mm, to 12.6 mm/s, 0.1 to 5 Hz"``."""
+        """Return for example ``"-2 to 2 mm, to 12.6 mm/s, 0.1 to 5 Hz"``."""
         return (
             f"{self.lowest:.3g} to {self.highest:.3g} {unit}, to {self.speed:.3g} {unit}/s, "
             f"{self.lowest_Hz:.3g} to {self.highest_Hz:.3g} Hz"
@@ -95,41 +97,43 @@ class Scores:
     """Errors of a model and how well it is determined; None if a number does not exist."""
 
     vaf_percent: float | None = None
+    """Free run on the training record (Eq. 3.12)."""
     fit_percent: float | None = None
+    """Free run on the training record (Eq. 3.11)."""
     mean_residual: float | None = None
-    """`vaf_percent`, `fit_percent`, `mean_residual`: of the free run on the training record (Eqs 3.12, 3.11, 3.10)."""
+    """Free run on the training record (Eq. 3.10)."""
     nmse_train: float | None = None
     """NMSE of the prediction one step ahead (Eq. 3.13)."""
     tests: tuple[str, ...] = ()
-    """Names of the unseen records."""
+    """Names of the unseen records, in the order of `vaf_tests_percent` and `nmse_tests`."""
     vaf_tests_percent: tuple[float | None, ...] = ()
     nmse_tests: tuple[float | None, ...] = ()
-    """`vaf_tests_percent`, `nmse_tests`: tuple of (float or None): on each of them."""
     train_rms: float | None = None
+    """RMS error of the free run in training, in the output's unit."""
     test_rms: float | None = None
-    """`train_rms`, `test_rms`: root mean square error of the free run in the output's unit, in training and on all unseen
-    records together."""
+    """RMS error of the free run on all unseen records together, in the output's unit."""
     free_parameters: int | None = None
+    """Number of free coefficients."""
     rank: int | None = None
-    """`free_parameters`, `rank`: number of free coefficients, and how many of them the training record determines."""
+    """Number of coefficients that the training record determines."""
     condition_number: float | None = None
     """Eq. 3.14."""
     mru_percent: float | None = None
+    """Largest relative uncertainty (Eqs 3.15, 3.16), by covariance."""
     mru_bootstrap_percent: float | None = None
-    """`mru_percent`, `mru_bootstrap_percent`: largest relative uncertainty (Eqs 3.15, 3.16), by covariance and by
-    bootstrap."""
+    """Largest relative uncertainty, by bootstrap."""
 
 
 @dataclass(frozen=True, repr=False)
 class ModelData:
-    """Everything that a fitted model is, as it is written to a file; `FittedModel` is what one does with it."""
+    """Content of a fitted model as it is written to a file, and its text; `FittedModel` adds simulation and conversion."""
 
     name: str
-    """E.g. ``"KB"`` or ``"KB+coulomb_friction"``."""
+    """For example ``"KB"`` or ``"KB+coulomb_friction"``."""
     structure: TransferFunction | Structure
     """Discrete: H(z) at `sampling_time`. Continuous: a base with effects, simulated at any rate."""
     sampling_time: float
-    """Seconds; of the record it was fitted to."""
+    """Sampling time of the record it was fitted to, in seconds."""
     input: Port
     output: Port
     base: str = ""
@@ -140,7 +144,7 @@ class ModelData:
     trained_on: str | None = None
     """Record; None for a given model."""
     alpha: float | None = None
-    """Ridge coefficient (Eq. 3.7), where one is used."""
+    """Ridge coefficient (Eq. 3.7), if one is used."""
     parameters: tuple[FittedParameter, ...] = ()
     """Parameters of base and effects, then the derived ones."""
     no_parameters_because: str = ""
@@ -148,7 +152,7 @@ class ModelData:
     scores: Scores = field(default_factory=Scores)
     remark: str = ""
     valid_for: MotionRange | None = None
-    """Motion of the record it was fitted to; None for a given model, and where a file does not say."""
+    """Motion of the record it was fitted to; None for a given model, or if the file has none."""
     zeros: tuple[float, ...] = ()
     """Reading of the force sensor along each of several axes if the model gives 0."""
     rests: tuple[float, ...] = ()
@@ -156,7 +160,7 @@ class ModelData:
 
     @property
     def discrete(self) -> bool:
-        """Whether it is a transfer function at one sampling time."""
+        """True if it is a transfer function at one sampling time."""
         return isinstance(self.structure, TransferFunction)
 
     @property
@@ -168,63 +172,71 @@ class ModelData:
 
     @property
     def stable(self) -> bool:
-        """Whether a free run exists; continuous models relax, hence are stable."""
+        """True if a free run exists; continuous models relax, hence are stable."""
         return not isinstance(self.structure, TransferFunction) or self.structure.stable
 
     def __getitem__(self, key: str) -> FittedParameter:
-        """Parameter by its name, with the effect's in front where it is not the base's: ``"drift.drift_rate"``."""
-        found = next((item for item in self.parameters if item.key == key), None)
-        if found is None:
-            known = ", ".join(item.key for item in self.parameters) or f"none: {self.no_parameters_because}"
-            raise InputError(f"{self.name} has no parameter {key!r}; there are {known}")
-        return found
+        """Return the parameter of a key such as ``"relaxation_time"`` or ``"drift.drift_rate"``."""
+        for item in self.parameters:
+            if item.key == key:
+                return item
+        known = ", ".join(item.key for item in self.parameters) or f"none: {self.no_parameters_because}"
+        raise InputError(f"{self.name} has no parameter {key!r}; there are {known}")
 
     def values_of(self, part: Base | Form) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        """Linear and nonlinear parameters of the base or of an effect's form, in the part's own order."""
+        """Return the linear and nonlinear parameters of the base or of an effect's form, in the order of this part."""
         owner = f"{part.effect}." if isinstance(part, Form) else ""
         linear = tuple(self[owner + item.name].value for item in part.linear)
         return linear, tuple(item.encode(self[owner + item.name].value) for item in part.nonlinear)
 
+    @property
+    def headline(self) -> str:
+        """Name, estimator, training record and VAF."""
+        trained = f" on {self.trained_on}" if self.trained_on else ""
+        vaf = self.scores.vaf_percent
+        return f"{self.name}, {self.estimator}{trained}" + ("" if vaf is None else f", VAF {vaf:.2f} %")
 
-def headline(model: ModelData) -> str:
-    """Name, estimator, training record and VAF."""
-    trained = f" on {model.trained_on}" if model.trained_on else ""
-    vaf = model.scores.vaf_percent
-    return f"{model.name}, {model.estimator}{trained}" + ("" if vaf is None else f", VAF {vaf:.2f} %")
+    def __repr__(self) -> str:
+        """Return the headline in angle brackets."""
+        return f"<FittedModel {self.headline}>"
 
+    def __str__(self) -> str:
+        """Return equation, parameters with intervals and scores as lines of plain text."""
+        ports = f"{self.input.quantity} in {self.input.unit} to {self.output.quantity} in {self.output.unit}"
+        if isinstance(self.structure, TransferFunction):
+            equation = f"H(z) = {_ratio(self.structure, '({})/({})', 'z^-{}')}, {1 / self.sampling_time:g} Hz"
+        else:
+            effects = [f"{form.effect}: {form.text}" for form in self.structure.forms]
+            equation = "; ".join([self.structure.base.text, *effects])
+        width = max((len(item.key) for item in self.parameters), default=0)
+        rows = [f"  {item.key:<{width}}  {_value(item)}" for item in self.parameters]
+        return "\n".join([self.headline, f"{equation}, {ports}", *rows, *self._notes])
 
-def format_text(model: ModelData) -> str:
-    """Return equation, parameters with intervals and scores as lines of plain text."""
-    signals = (
-        f"{model.input.quantity} in {model.input.unit} to {model.output.quantity} in {model.output.unit}"
-    )
-    if isinstance(model.structure, TransferFunction):
-        equation = f"H(z) = {_ratio(model.structure, '({})/({})', 'z^-{}')}, {1 / model.sampling_time:g} Hz"
-    else:
-        effects = [f"{form.effect}: {form.text}" for form in model.structure.forms]
-        equation = "; ".join([model.structure.base.text, *effects])
-    width = max((len(item.key) for item in model.parameters), default=0)
-    rows = [f"  {item.key:<{width}}  {_value(item)}" for item in model.parameters]
-    notes = (model.no_parameters_because, _scores(model), model.remark)
-    return "\n".join([headline(model), f"{equation}, {signals}", *rows, *filter(None, notes)])
+    def _repr_html_(self) -> str:
+        """Return the text as HTML with the equations in LaTeX, for notebooks."""
+        rows = "".join(
+            f"<tr><td>{html.escape(item.key)}</td><td>${html.escape(item.symbol)}$</td>"
+            f"<td>{html.escape(_value(item))}</td></tr>"
+            for item in self.parameters
+        )
+        if isinstance(self.structure, TransferFunction):
+            equations = ["H(z) = " + _ratio(self.structure, r"\frac{{{}}}{{{}}}", "z^{{-{}}}", number_latex)]
+        else:
+            equations = [self.structure.base.latex, *(form.latex for form in self.structure.forms)]
+        parts = [f"<p><strong>{html.escape(self.headline)}</strong></p>"]
+        parts += [f"<p>$${html.escape(line)}$$</p>" for line in equations]
+        parts += [f"<table>{rows}</table>"] if rows else []
+        return "".join([*parts, *(f"<p>{html.escape(note)}</p>" for note in self._notes)])
 
-
-def format_html(model: ModelData) -> str:
-    """Return the same as HTML with the equations in LaTeX, as notebooks set them."""
-    rows = "".join(
-        f"<tr><td>{html.escape(item.key)}</td><td>${html.escape(item.symbol)}$</td>"
-        f"<td>{html.escape(_value(item))}</td></tr>"
-        for item in model.parameters
-    )
-    if isinstance(model.structure, TransferFunction):
-        equations = ["H(z) = " + _ratio(model.structure, r"\frac{{{}}}{{{}}}", "z^{{-{}}}", number_latex)]
-    else:
-        equations = [model.structure.base.latex, *(form.latex for form in model.structure.forms)]
-    shown = [f"<p><strong>{html.escape(headline(model))}</strong></p>"]
-    shown += [f"<p>$${html.escape(line)}$$</p>" for line in equations]
-    shown += [f"<table>{rows}</table>"] if rows else []
-    notes = (model.no_parameters_because, _scores(model), model.remark)
-    return "".join([*shown, *(f"<p>{html.escape(note)}</p>" for note in notes if note)])
+    @property
+    def _notes(self) -> list[str]:
+        scores = {name: getattr(self.scores, name) for name in _SCORES}
+        texts = (
+            _SCORES[name].format(value, self.output.unit)
+            for name, value in scores.items()
+            if value is not None
+        )
+        return [note for note in (self.no_parameters_because, ", ".join(texts), self.remark) if note]
 
 
 def _value(item: FittedParameter) -> str:
@@ -243,24 +255,14 @@ _SCORES = {
 }
 
 
-def _scores(model: ModelData) -> str:
-    found = {name: getattr(model.scores, name) for name in _SCORES}
-    return ", ".join(
-        _SCORES[name].format(value, model.output.unit) for name, value in found.items() if value is not None
-    )
-
-
 def _ratio(ratio: TransferFunction, form: str, power: str, number: Callable[[str], str] = str) -> str:
-    numerator, denominator = (
-        _polynomial(part, power, number) for part in (ratio.numerator, ratio.denominator)
-    )
-    return numerator if denominator == "1" else form.format(numerator, denominator)
-
-
-def _polynomial(coefficients: tuple[float, ...], power: str, number: Callable[[str], str]) -> str:
-    text = ""
-    for lag, value in enumerate(coefficients):
-        if value:
-            sign = ("-" if value < 0 else "") if not text else (" - " if value < 0 else " + ")
-            text += sign + number(f"{abs(value):.4g}") + (f" {power.format(lag)}" if lag else "")
-    return text or "0"
+    """Format a transfer function with a `form` of the fraction, and of each power of z."""
+    sides = []
+    for coefficients in (ratio.numerator, ratio.denominator):
+        text = ""
+        for lag, value in enumerate(coefficients):
+            if value:
+                sign = ("-" if value < 0 else "") if not text else (" - " if value < 0 else " + ")
+                text += sign + number(f"{abs(value):.4g}") + (f" {power.format(lag)}" if lag else "")
+        sides.append(text or "0")
+    return sides[0] if sides[1] == "1" else form.format(*sides)
