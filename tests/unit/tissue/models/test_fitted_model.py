@@ -109,7 +109,9 @@ def test_a_discrete_model_is_the_same_in_all_its_forms():
 
 
 def test_a_model_with_effects_is_no_transfer_function():
-    with pytest.raises(NumericalError, match=r"no transfer function can represent its effects \(coulomb_friction\)"):
+    with pytest.raises(
+        NumericalError, match=r"no transfer function can represent its effects \(coulomb_friction\)"
+    ):
         given("KB", "coulomb_friction/coulomb").to_control()
 
 

@@ -230,7 +230,9 @@ def read_models(
         schema = repr(content.get("schema")) if isinstance(content, dict) else type(content).__name__
         problems.add("schema", schema, f"{SCHEMA!r} is needed; make the file again with identify or refine")
     elif content.get("models") == []:
-        needed = "a list of at least one is needed; only diagnosis.json contains linear dynamics behind a sensor"
+        needed = (
+            "a list of at least one is needed; only diagnosis.json contains linear dynamics behind a sensor"
+        )
         problems.add("models", "no model", needed)
     elif not isinstance(content.get("models"), list):
         problems.add("models", repr(content.get("models")), "a list of models is needed")
