@@ -15,7 +15,7 @@ from lumbar.twin.lifting_recordings import true_movement
 from study_settings import study_settings
 
 GRAVITY = 9.81
-WEIGHTS = Weights.of(RegulatorSettings(control_weight=1e-3))
+WEIGHTS = Weights.from_settings(RegulatorSettings(control_weight=1e-3))
 
 
 def minimum_jerk(

@@ -17,7 +17,7 @@ from lumbar.lifting.movement.pendulum_states import (
     pivot_trajectory,
     rotate,
 )
-from lumbar.lifting.stability.model.pendulum_trajectories import own_choice
+from lumbar.lifting.stability.model.pendulum_trajectories import pendulum_choice
 from lumbar.records.markers import MarkerRecording, read_markers
 from lumbar.settings.lifting import LiftingSettings
 from lumbar.twin.examples import example_lift
@@ -193,7 +193,7 @@ def test_thesiss_pendulums_are_those_of_a_study_that_chooses_them(tmp_path):
     )
     facts = own.facts["thesis_pendulum"]
     pd.testing.assert_frame_equal(own.thesis_states, alone.states)
-    assert own_choice(facts) == own_choice(alone.facts) == vars(THESIS_CHOICE)
+    assert pendulum_choice(facts) == pendulum_choice(alone.facts) == vars(THESIS_CHOICE)
     assert facts["length_m"] == alone.facts["length_m"] and facts["missing"] == {}
     assert not own.thesis_states["angle_rad"].equals(own.states["angle_rad"])
     assert alone.facts["thesis_pendulum"] is None and alone.thesis_states.empty

@@ -1,13 +1,9 @@
 """All basins of one lift: the headline's and those of the thesis's wording, by each method, with their checks.
 
-========================= ======================================================================================
-`exact`                   largest funnel of the given V, with the true sine (`exact_funnel`); proved between its knots
-                          (`interval_proof`) with a small margin
-`thesis`                  Eqs 4.5–4.7 to the letter, ρ̇ frozen: no certificate (`eqs_4_5_to_4_7_alternation`)
-========================= ======================================================================================
-
-Both methods read the same keys of the section ``stability``, take the same loops (either sign of gravity, any Q, R, Qf, b,
-mass), and raise `NumericalError` with subject, COM and plane if there is no result.
+Methods: `exact` is the largest funnel of the given V, with the true sine (`exact_funnel`), proved between its knots with a small
+margin (`interval_proof`); `thesis` is Eqs 4.5–4.7 to the letter, with ρ̇ frozen, and certifies nothing
+(`eqs_4_5_to_4_7_alternation`). Both read the same keys of the section ``stability``, take the same loops (either sign of gravity,
+any Q, R, Qf, b, mass), and raise `NumericalError` with subject, COM and plane without a result.
 """
 
 import math
@@ -34,7 +30,7 @@ from lumbar.lifting.stability.model.eqs_4_1_to_4_4_closed_loop import (
     feedforward_torque,
 )
 from lumbar.lifting.stability.model.pendulum_trajectories import THESIS, Failure, Trajectory, compute_together
-from lumbar.settings.stability import PendulumSettings, StabilitySettings
+from lumbar.settings.stability import StabilitySettings
 from lumbar.tables.table import Table, columns_of, table_from_schema
 
 
@@ -56,27 +52,22 @@ def exact(loops: ClosedLoops, settings: StabilitySettings) -> MethodResult:
     simulated, proved = "simulation" in settings.checks, "proof" in settings.checks
     overstated = settings.attack.control_overstated if simulated else 0.0
     margin = settings.proof.margin_1_s if proved else 0.0
-    found, checks = funnel_variants(loops, settings.goal_level, margin, overstated), {}
+    variants, checks = funnel_variants(loops, settings.goal_level, margin, overstated), {}
     if proved:
-        checks["proved_share"] = proved_share(loops, found.with_margin)
-        checks["proved_area_ratio"] = found.with_margin.mean_area / found.exact.mean_area
-    return MethodResult(found.exact, checks, found.negative_control if simulated else None)
+        checks["proved_share"] = proved_share(loops, variants.with_margin)
+        checks["proved_area_ratio"] = variants.with_margin.mean_area / variants.exact.mean_area
+    return MethodResult(variants.exact, checks, variants.negative_control if simulated else None)
 
 
 def thesis(loops: ClosedLoops, settings: StabilitySettings) -> MethodResult:
     """Run the thesis's procedure, with checks of its areas."""
-    found = alternate(loops, **vars(settings.thesis_method))
-    areas = {f"mean_area_after_{number}": found.after[number - 1].mean_area for number in EVIDENCE}
-    checks = {name: getattr(found, name) for name in ("violation_share", "unsolved_share", "euler_error")}
-    checks |= {
-        "jumped_knots": (found.jumps != 1).sum(axis=0),
-        "largest_jump": found.jumps.max(axis=0),
-        **dict(zip(("first_jump", "last_jump"), found.jump_range, strict=True)),
-        **areas,
-    }
-    return MethodResult(
-        found.funnels, checks, resolution=RESOLUTION | dict.fromkeys(areas, RESOLUTION["mean_area"])
-    )
+    result = alternate(loops, **vars(settings.thesis_method))
+    areas = {f"mean_area_after_{number}": result.after[number - 1].mean_area for number in EVIDENCE}
+    checks = {name: getattr(result, name) for name in ("violation_share", "unsolved_share", "euler_error")}
+    checks |= {"jumped_knots": (result.jumps != 1).sum(axis=0), "largest_jump": result.jumps.max(axis=0)}
+    checks |= dict(zip(("first_jump", "last_jump"), result.jump_range, strict=True)) | areas
+    resolution = RESOLUTION | dict.fromkeys(areas, RESOLUTION["mean_area"])
+    return MethodResult(result.funnels, checks, resolution=resolution)
 
 
 METHODS: dict[str, Callable[..., MethodResult]] = {"exact": exact, "thesis": thesis}
@@ -108,7 +99,7 @@ FUNNEL_COLUMNS = (
 RANGES, REACHES = ("angle_range_rad", "velocity_range_rad_s"), ("angle_reach_rad", "velocity_reach_rad_s")
 """Columns of the range of a movement and of a basin's largest distance from it, angle before velocity."""
 DTYPES = dict.fromkeys(("simulated_starts", "exits", "control_exits", "jumped_knots"), "Int64")
-"""Types that pandas cannot tell from a ``boa.csv``: counts with empty cells."""
+"""Types that pandas does not infer from a ``boa.csv``: counts with empty cells."""
 
 
 @dataclass(frozen=True)
@@ -135,26 +126,27 @@ def basins_of_lift(
     ----------
     trajectories : list of Trajectory
         Trajectories of one subject and box, in the headline's convention.
+    settings : StabilitySettings
+        Settings of the study.
     seed : int
         Seed of the simulated starts.
     as_in_thesis : sequence of Trajectory
-        The same in the convention `THESIS`: exactly and, if ``thesis_method`` is among the checks, by its own method.
+        In the convention `THESIS`: computed exactly and, if ``thesis_method`` is among the checks, by its own method.
     """
     rows: list[dict] = []
     frames: list[pd.DataFrame] = []
     failures: list[Failure] = []
-    sign = settings.pendulum.sign
+    sign, methods = settings.pendulum.sign, thesis_methods(settings)
+    # Pendulums that are the thesis's own are computed exactly a single time.
+    pairs = zip(trajectories, as_in_thesis, strict=False)
+    if len(trajectories) == len(as_in_thesis) and sign == THESIS.sign:
+        methods = methods[1:] if all(_identity(one) == _identity(other) for one, other in pairs) else methods
     plans = [("study", trajectories, "exact", sign)]
-    methods = thesis_methods(settings)
-    same = sign == THESIS.sign and [_identity(item) for item in trajectories] == [
-        _identity(item) for item in as_in_thesis
-    ]
-    further = methods[1:] if same else methods
-    plans += [("thesis", list(as_in_thesis), method, THESIS.sign) for method in further]
+    plans += [("thesis", list(as_in_thesis), method, THESIS.sign) for method in methods]
     for wording, items, method, gravity in plans:
         compute = partial(_rows_and_funnels, wording, method, gravity, settings, seed)
-        for _, (of_summary, funnels) in compute_together(compute, items, f"{method}, {gravity}", failures):
-            rows += of_summary
+        for _, (new_rows, funnels) in compute_together(compute, items, f"{method}, {gravity}", failures):
+            rows += new_rows
             frames.append(funnels)
     summary = pd.DataFrame(rows, columns=boa_columns()).astype(DTYPES)
     empty = pd.DataFrame(columns=list(FUNNEL_COLUMNS))
@@ -169,62 +161,56 @@ def _rows_and_funnels(
     seed: int,
     trajectories: list[Trajectory],
 ) -> tuple[list[dict], pd.DataFrame]:
-    """Return the rows of ``boa.csv`` and the funnels of some trajectories by one method."""
+    """Return the rows of ``boa.csv``, with their checks, and the funnels of some trajectories by one method."""
+    from scipy.interpolate import CubicSpline
+
     loops = close_loops(trajectories, gravity, settings)
     result = METHODS[method](loops, settings)
-    rows = basin_rows(trajectories, loops, result, settings, seed, gravity)
-    return rows, _funnel_frame(wording, trajectories, gravity, result.funnels, settings.pendulum)
-
-
-def basin_rows(
-    trajectories: list[Trajectory],
-    loops: ClosedLoops,
-    result: MethodResult,
-    settings: StabilitySettings,
-    seed: int,
-    sign: str,
-) -> list[dict]:
-    """Check the basins of one method and return a row of ``boa.csv`` per trajectory."""
-    first, funnels = trajectories[0], result.funnels
-    name = f"{first.subject} {first.box_mass_kg:g} {sign} {funnels.method}"
-    stream = [seed, zlib.crc32(name.encode())]
-    starts = settings.attack.starts
+    funnels, first, pendulum = result.funnels, trajectories[0], settings.pendulum
     columns = {
         "mean_area": funnels.mean_area,
         "initial_area": funnels.initial_area,
         "minimum_area": funnels.minimum_area,
         "final_area": funnels.area[-1],
         **dict(zip(RANGES, np.transpose([item.ranges for item in trajectories]), strict=True)),
-        **(dict(zip(REACHES, funnels.reach.T, strict=True)) if funnels.method == "exact" else {}),
+        **(dict(zip(REACHES, funnels.reach.T, strict=True)) if method == "exact" else {}),
         "liouville_area": reachable_area(loops, settings.goal_level),
         **result.checks,
     }
     if "simulation" in settings.checks:
-        checked = monte_carlo_check(loops, funnels, starts, stream)
-        columns |= {"simulated_starts": np.full(len(trajectories), starts), "exits": checked.exits}
-        columns["exits_high"] = checked.share_high
+        starts = settings.attack.starts
+        stream = [seed, zlib.crc32(f"{first.subject} {first.box_mass_kg:g} {gravity} {method}".encode())]
+        check = monte_carlo_check(loops, funnels, starts, stream)
+        columns |= {"simulated_starts": np.full(len(trajectories), starts), "exits": check.exits}
+        columns["exits_high"] = check.share_high
         if result.control is not None:
-            control = monte_carlo_check(loops, result.control, starts, stream)
-            columns["control_exits"] = control.exits
-    pendulum = settings.pendulum
-    return [
-        {
-            **_identity(item),
-            "method": funnels.method,
-            "sign": sign,
-            "peak_torque_N_m": float(np.abs(_torque(item, sign, pendulum)).max()),
-            **{
-                name: _significant(values[index].item(), result.resolution.get(name))
-                for name, values in columns.items()
-            },
+            columns["control_exits"] = monte_carlo_check(loops, result.control, starts, stream).exits
+    rows, frames, phase = [], [], np.linspace(0.0, 1.0, len(funnels.level))
+    for index, item in enumerate(trajectories):
+        torque = feedforward_torque(item, gravity, pendulum.damping_N_m_s, pendulum.gravity_m_s2)
+        row = _identity(item) | {"method": method, "sign": gravity}
+        row["peak_torque_N_m"] = float(np.abs(torque).max())
+        for name, values in columns.items():
+            value, resolution = values[index].item(), result.resolution.get(name)
+            # A value with an uncertainty is rounded to its first digit.
+            is_exact = resolution is None or value == 0
+            row[name] = value if is_exact else round(value, decimals(value, resolution))
+        rows.append(row)
+        states = np.stack([item.angle, item.angular_velocity, torque], axis=1)
+        reference = CubicSpline((item.time - item.time[0]) / item.duration, states)(phase)
+        frame = {
+            "wording": wording,
+            "method": method,
+            "com": item.com,
+            "plane": item.plane,
+            "time_s": phase * item.duration,
+            "rho": funnels.level[:, index],
+            **dict(zip(("s11", "s12", "s22"), funnels.cost[:, index].T, strict=True)),
+            **dict(zip(("theta0_rad", "thetadot0_rad_s", "u0_N_m"), reference.T, strict=True)),
+            "area_rad2_s": funnels.area[:, index],
         }
-        for index, item in enumerate(trajectories)
-    ]
-
-
-def _significant(value: float, resolution: float | None) -> float:
-    """Round a value to the first digit of its uncertainty `resolution`·|value|; None keeps it."""
-    return value if resolution is None or value == 0 else round(value, decimals(value, resolution))
+        frames.append(pd.DataFrame(frame, columns=list(FUNNEL_COLUMNS)))
+    return rows, pd.concat(frames, ignore_index=True)
 
 
 def decimals(value: float, resolution: float) -> int:
@@ -238,48 +224,9 @@ def _identity(item: Trajectory) -> dict:
     return {**{name: getattr(item, name) for name in names}, **convention, "duration_s": item.duration}
 
 
-def _torque(item: Trajectory, sign: str, pendulum: PendulumSettings) -> np.ndarray:
-    return feedforward_torque(item, sign, pendulum.damping_N_m_s, pendulum.gravity_m_s2)
-
-
-def _funnel_frame(
-    wording: str, trajectories: list[Trajectory], sign: str, funnels: Funnels, pendulum: PendulumSettings
-) -> pd.DataFrame:
-    from scipy.interpolate import CubicSpline
-
-    phase = np.linspace(0.0, 1.0, len(funnels.level))
-    frames = []
-    for index, item in enumerate(trajectories):
-        states = [item.angle, item.angular_velocity, _torque(item, sign, pendulum)]
-        spline = CubicSpline((item.time - item.time[0]) / item.duration, np.stack(states, axis=1))
-        columns = {
-            "time_s": phase * item.duration,
-            "rho": funnels.level[:, index],
-            **dict(zip(("s11", "s12", "s22"), funnels.cost[:, index].T, strict=True)),
-            **dict(zip(("theta0_rad", "thetadot0_rad_s", "u0_N_m"), spline(phase).T, strict=True)),
-            "area_rad2_s": funnels.area[:, index],
-        }
-        names = {"wording": wording, "method": funnels.method, "com": item.com, "plane": item.plane}
-        frames.append(pd.DataFrame({**names, **columns}, columns=list(FUNNEL_COLUMNS)))
-    return pd.concat(frames, ignore_index=True)
-
-
 def boa_columns() -> list[str]:
     """Return the columns of ``boa.csv``; a cell is empty if a check belongs to another method or is not selected."""
     return columns_of("lifting/stability", "basin_areas")
-
-
-def _shares(boa: pd.DataFrame) -> list[str]:
-    """Return notes on the share of all states that reach the goal set that is in the exact basins: the effect of V."""
-    notes = []
-    exact = boa[boa["method"] == "exact"]
-    for (sign, time, mass), rows in exact.groupby(["sign", "time", "mass"], sort=False):
-        share = 100 * rows["initial_area"] / rows["liouville_area"]
-        notes.append(
-            f"At t = 0 the exact basins ({sign}, {time} time, {mass.replace('_', ' ')}) hold {share.min():.2g} to "
-            f"{share.max():.2g} % of the states that reach the goal set under the same regulator"
-        )
-    return notes
 
 
 def areas_table(boa: pd.DataFrame, settings: StabilitySettings, source_label: str) -> Table:
@@ -295,16 +242,19 @@ def areas_table(boa: pd.DataFrame, settings: StabilitySettings, source_label: st
         )
     drawn = (frame["method"] == "exact") & (frame["sign"] == settings.pendulum.sign)
     drawn &= (frame["time"] == settings.pendulum.time) & (frame["mass"] == settings.pendulum.mass)
+    # The share of all states that reach the goal set that is in the exact basins: the effect of V.
+    notes = []
+    exact = boa[boa["method"] == "exact"]
+    for (sign, time, mass), rows in exact.groupby(["sign", "time", "mass"], sort=False):
+        share = 100 * rows["initial_area"] / rows["liouville_area"]
+        notes.append(
+            f"At t = 0 the exact basins ({sign}, {time} time, {mass.replace('_', ' ')}) hold {share.min():.2g} to "
+            f"{share.max():.2g} % of the states that reach the goal set under the same regulator"
+        )
+    made, omitted = ", ".join(settings.checks) or "none", ", ".join(others) or "none"
+    notes.append(f"Checks made (stability.checks): {made}; not chosen: {omitted}")
+    sizes = ", ".join(f"{100 * size:g} % ({name})" for name, size in RESOLUTION.items())
+    fields, first_rows = {"resolution": sizes}, tuple(drawn.to_numpy().nonzero()[0])
     return table_from_schema(
-        "lifting/stability",
-        "basin_areas",
-        frame,
-        source_label,
-        {"resolution": ", ".join(f"{100 * size:g} % ({name})" for name, size in RESOLUTION.items())},
-        notes=(
-            *_shares(boa),
-            f"Checks made (stability.checks): {', '.join(settings.checks) or 'none'}; "
-            f"not chosen: {', '.join(others) or 'none'}",
-        ),
-        first_rows=tuple(drawn.to_numpy().nonzero()[0]),
+        "lifting/stability", "basin_areas", frame, source_label, fields, notes=notes, first_rows=first_rows
     )

@@ -1,12 +1,12 @@
 """Average cross-sections of changed pendulums: the controls of Table 4.1, and the parts that its differences come from.
 
 Controls: weights, damping, body mass and the sharing of the box are changed one at a time; the sine is replaced by its Taylor
-polynomials; the null control stands still.
+polynomials; in the null control the pendulums are at rest.
 
-Parts: two pendulums differ in duration, length, mass, posture at the start, and the course of the movement. Any of these may
-be taken from the one and the rest from the other, which makes 32 pendulums and as many areas. The contribution of a part is
-what it adds to the area, averaged over all orders in which the parts can be exchanged (Shapley, in Contributions to the Theory
-of Games II (1953) 307–317): the five add up to the difference.
+Parts: two pendulums differ in duration, length, mass, posture at the start, and the course of the movement. Any of these may be
+taken from the one and the rest from the other, which makes 32 pendulums and as many areas. The contribution of a part is its
+effect on the area, averaged over all orders in which the parts can be exchanged (Shapley, in Contributions to the Theory of Games
+II (1953) 307–317): the five add up to the difference.
 """
 
 from collections.abc import Mapping
@@ -66,23 +66,20 @@ NULL_CONTROL = "null"
 
 def _scale_body_mass(facts: Mapping, factor: float) -> dict:
     """Change the masses of a lift's facts as if the subject weighed `factor` times as much."""
-    masses = {
-        com: {"without_box": factor * own["without_box"]}
-        | {"with_box": own["with_box"] + (factor - 1) * own["without_box"]}
-        for com, own in facts["mass_kg"].items()
-    }
+    masses = {}
+    for com, mass in facts["mass_kg"].items():
+        bare = factor * mass["without_box"]
+        masses[com] = {"without_box": bare, "with_box": mass["with_box"] + (factor - 1) * mass["without_box"]}
     return {**facts, "mass_kg": masses}
 
 
 def _exchange_box_share(facts: Mapping) -> dict:
     """Give the whole box to every centre of mass instead of a part in proportion, or the reverse."""
-    box = float(facts["box_mass_kg"])
-    own = {com: item["without_box"] for com, item in facts["mass_kg"].items()}
-    whole = facts["box"]["share"] == "by_mass"
-    masses = {
-        com: {"without_box": mass, "with_box": mass + (box if whole else box * mass / sum(own.values()))}
-        for com, mass in own.items()
-    }
+    bare = {com: mass["without_box"] for com, mass in facts["mass_kg"].items()}
+    is_shared, box, masses = facts["box"]["share"] == "by_mass", float(facts["box_mass_kg"]), {}
+    for com, mass in bare.items():
+        part = box if is_shared else box * mass / sum(bare.values())
+        masses[com] = {"without_box": mass, "with_box": mass + part}
     return {**facts, "mass_kg": masses}
 
 
@@ -113,19 +110,23 @@ def areas_under_changes(study: ComparedLifts) -> tuple[dict[str, pd.DataFrame], 
     areas: dict[str, pd.DataFrame] = {}
     failures: list[Failure] = []
     for name, items in cases.items():
-        found = list(zip(items, together[name], strict=True)) if name in together else []
-
-        def areas_of(items: list[Trajectory], name=name) -> np.ndarray:
-            if name in TAYLOR:
-                return taylor_areas(items, settings, TAYLOR[name])
-            return varied_areas({name: items}, settings)[name]
-
+        compute = partial(_areas_of_change, name=name, settings=settings)
         basin = f"Table 4.1, {CHANGES.get(name, 'null control')}"
-        for some, values in compute_together(areas_of, [] if found else items, basin, failures):
-            found += zip(some, values, strict=True)
-        rows = [{key: getattr(item, key) for key in _KEYS} | {"mean_area": area} for item, area in found]
+        computed = [(items, together[name])] if name in together else []
+        computed += compute_together(compute, [] if computed else items, basin, failures)
+        rows = [
+            {key: getattr(item, key) for key in _KEYS} | {"mean_area": area}
+            for some, values in computed
+            for item, area in zip(some, values, strict=True)
+        ]
         areas[name] = pd.DataFrame(rows, columns=[*_KEYS, "mean_area"])
     return areas, failures
+
+
+def _areas_of_change(items: list[Trajectory], name: str, settings: StabilitySettings) -> np.ndarray:
+    if name in TAYLOR:
+        return taylor_areas(items, settings, TAYLOR[name])
+    return varied_areas({name: items}, settings)[name]
 
 
 def varied_areas(cases: Mapping[str, list[Trajectory]], settings: StabilitySettings) -> dict[str, np.ndarray]:
@@ -139,15 +140,12 @@ def varied_areas(cases: Mapping[str, list[Trajectory]], settings: StabilitySetti
     NumericalError
         One of them has no basin.
     """
-    counts = [len(own) for own in cases.values()]
+    counts = [len(items) for items in cases.values()]
     factors = {"/": 1 / settings.sensitivity_factor, "*": settings.sensitivity_factor}
     changes = [{name[0]: factors[name[1]]} if name[1:] in factors else {} for name in cases]
-    items = [item for own in cases.values() for item in own]
-    scale = {
-        quantity: np.repeat([change.get(quantity, 1.0) for change in changes], counts)
-        for quantity in ("Q", "R", "b")
-    }
-    pendulum, base = settings.pendulum, Weights.of(settings.regulator)
+    items = [item for some in cases.values() for item in some]
+    scale = {key: np.repeat([change.get(key, 1.0) for change in changes], counts) for key in ("Q", "R", "b")}
+    pendulum, base = settings.pendulum, Weights.from_settings(settings.regulator)
     weights = Weights(base.state * scale["Q"][:, None], base.control * scale["R"], base.terminal)
     damping = pendulum.damping_N_m_s * scale["b"]
     pendulums = gather(items, pendulum.sign, damping, pendulum.gravity_m_s2, settings.fewer_knots)
@@ -219,16 +217,14 @@ def exchanged(before: Trajectory, after: Trajectory, taken: frozenset[str]) -> T
 def contributions(areas: np.ndarray) -> np.ndarray:
     """Return the contribution of each of `PARTS`, in percent of the area before; `areas`, shape (..., 32), are by `EXCHANGED`."""
     index = {taken: position for position, taken in enumerate(EXCHANGED)}
-    found = []
+    parts = []
     for part in PARTS:
         total = 0.0
-        for taken in EXCHANGED:
-            if part not in taken:
-                others = len(PARTS) - 1 - len(taken)
-                weight = factorial(len(taken)) * factorial(others) / factorial(len(PARTS))
-                total = total + weight * (areas[..., index[taken | {part}]] - areas[..., index[taken]])
-        found.append(100 * total / areas[..., 0])
-    return np.stack(found, axis=-1)
+        for taken in (taken for taken in EXCHANGED if part not in taken):
+            orders = factorial(len(taken)) * factorial(len(PARTS) - 1 - len(taken)) / factorial(len(PARTS))
+            total = total + orders * (areas[..., index[taken | {part}]] - areas[..., index[taken]])
+        parts.append(100 * total / areas[..., 0])
+    return np.stack(parts, axis=-1)
 
 
 def decomposition_table(study: ComparedLifts) -> tuple[Table, list[Failure]]:
@@ -247,27 +243,26 @@ def decomposition_table(study: ComparedLifts) -> tuple[Table, list[Failure]]:
                     areas.append(varied_areas({"parts": between}, study.settings)["parts"])
                     pairs.append(pair)
                 except NumericalError as error:
-                    failures.append(Failure.of(between[0], "Table 4.1, its parts", str(error)))
+                    failures.append(Failure.from_trajectory(between[0], "Table 4.1, its parts", str(error)))
             if pairs:
                 key = {"comparison": comparison.name, "com": com, "plane": plane}
                 rows.append({**key, **_row(pairs, np.array(areas))})
-    words = {"comparison": comparison_definition(study.settings), "headline": headline_label(study.settings)}
+    fields = {"comparison": comparison_definition(study.settings), "headline": headline_label(study.settings)}
     columns = ["comparison", "com", "plane", "percent"]
     columns += [f"{part}{end}_percent" for part in PARTS for end in ("", "_low", "_high")] + ["pairs"]
     frame = pd.DataFrame(rows, columns=columns)
     return table_from_schema(
-        "lifting/stability", "table_4_1_parts", frame, study.source_label, words
+        "lifting/stability", "table_4_1_parts", frame, study.source_label, fields
     ), failures
 
 
 def _pairs(before: list[Trajectory], after: list[Trajectory]) -> list[_LiftPair]:
     """Pair the lifts of one subject, or subject by subject; evenly chosen among many.
 
-    Equal shares of both sides overlap in a pair, so that every lift of a side weighs alike, whatever the number of the other.
+    Equal shares of both sides overlap in a pair, so that all lifts of a side have the same weight.
     """
     people = [{item.subject for item in side} for side in (before, after)]
-    shared = people[0] & people[1]
-    if shared:
+    if shared := people[0] & people[1]:
         before, after = (
             sorted((item for item in side if item.subject in shared), key=lambda item: item.subject)
             for side in (before, after)
@@ -292,16 +287,16 @@ def _row(pairs: list[_LiftPair], areas: np.ndarray) -> dict[str, float]:
     """
     from scipy.stats import t
 
-    weight, person = np.array([pair.weight for pair in pairs]), np.array([pair.subject for pair in pairs])
-    whole, persons = contributions(np.average(areas, axis=0, weights=weight)), np.unique(person)
+    weight, subject = np.array([pair.weight for pair in pairs]), np.array([pair.subject for pair in pairs])
+    whole, subjects = contributions(np.average(areas, axis=0, weights=weight)), np.unique(subject)
     row = {"percent": float(whole.sum()), "pairs": len(areas)}
     ends = np.full((2, len(PARTS)), np.nan)
-    if len(persons) >= MIN_PERSONS:
+    if len(subjects) >= MIN_PERSONS:
         # Jackknife: Student's 95 % interval from the contributions without each subject.
-        left_out = [np.average(areas, axis=0, weights=weight * (person != one)) for one in persons]
-        error = np.sqrt((len(persons) - 1) * np.var(contributions(np.array(left_out)), axis=0))
-        reach = t.ppf(0.975, len(persons) - 1) * error
-        ends = np.array([whole - reach, whole + reach])
+        omitted = [np.average(areas, axis=0, weights=weight * (subject != one)) for one in subjects]
+        error = np.sqrt((len(subjects) - 1) * np.var(contributions(np.array(omitted)), axis=0))
+        half_width = t.ppf(0.975, len(subjects) - 1) * error
+        ends = np.array([whole - half_width, whole + half_width])
     for part, value, low, high in zip(PARTS, whole, *ends, strict=True):
         row |= {f"{part}_percent": value, f"{part}_low_percent": low, f"{part}_high_percent": high}
     return row

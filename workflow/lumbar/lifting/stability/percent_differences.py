@@ -26,7 +26,7 @@ class ComparedLifts:
     """Lifts of a study and their basins, for the tables."""
 
     lifts: Sequence[LiftStates]
-    """With ``experience`` among their facts."""
+    """Their facts include ``experience``."""
     boa: pd.DataFrame
     """``boa.csv`` of all lifts, with a column ``experience``."""
     settings: StabilitySettings
@@ -81,7 +81,7 @@ class BasinComparison:
     before: tuple[str, float] | None = None
     """Experience and box mass in kg of the side that is compared with; None if the study has no such lifts."""
     after: tuple[str, float] | None = None
-    """The same of the other side."""
+    """Experience and box mass in kg of the other side."""
     status: str = COMPUTED
     """`COMPUTED`, or the reason why the study cannot make the comparison."""
 
@@ -96,22 +96,21 @@ def comparisons_of(
     first, second = groups
     shared = set(masses.get(first, [])) & set(masses.get(second, []))
     absent = [name for name in groups if name not in masses]
+    name = "_vs_".join(groups)
     if absent:
-        between = BasinComparison("_vs_".join(groups), status=f"not testable: no {' and no '.join(absent)}")
+        comparisons = [BasinComparison(name, status=f"not testable: no {' and no '.join(absent)}")]
     elif not shared:
-        between = BasinComparison("_vs_".join(groups), status="not testable: no box mass in common")
+        comparisons = [BasinComparison(name, status="not testable: no box mass in common")]
     else:
-        heaviest = max(shared)
-        between = BasinComparison("_vs_".join(groups), (second, heaviest), (first, heaviest))
-    found = [between]
-    for name in (*groups, *sorted(set(masses) - set(groups))):
-        boxes = masses.get(name, [])
+        comparisons = [BasinComparison(name, (second, max(shared)), (first, max(shared)))]
+    for group in (*groups, *sorted(set(masses) - set(groups))):
+        boxes, name = masses.get(group, []), f"{LIGHTER_BOX}{group}"
         if len(boxes) > 1:
-            found.append(BasinComparison(f"{LIGHTER_BOX}{name}", (name, boxes[-1]), (name, boxes[0])))
+            comparisons.append(BasinComparison(name, (group, boxes[-1]), (group, boxes[0])))
         else:
-            reason = f"one box mass ({boxes[0]:g} kg)" if boxes else f"no {name}"
-            found.append(BasinComparison(f"{LIGHTER_BOX}{name}", status=f"not testable: {reason}"))
-    return found
+            reason = f"one box mass ({boxes[0]:g} kg)" if boxes else f"no {group}"
+            comparisons.append(BasinComparison(name, status=f"not testable: {reason}"))
+    return comparisons
 
 
 def percent_differences(
@@ -126,6 +125,8 @@ def percent_differences(
         and trials of the same experience are averaged.
     column : str
         The areas compared.
+    comparisons : sequence of BasinComparison
+        Comparisons of the study.
 
     Returns
     -------

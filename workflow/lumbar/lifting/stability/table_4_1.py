@@ -6,9 +6,8 @@ basin that could not be computed is named in place of its number.
 The table of controls reports, per difference, the share that comes from the movement, the null control, the range when weights,
 damping, body mass and the sharing of the box are changed one at a time, and whether the difference survives this.
 
-The table of alternations gives the same by the thesis's method after one, two and four alternations: the part that its solver
-makes and not the lifters. From the second alternation ρ changes only at knots that have a multiplier again
-(`eqs_4_5_to_4_7_alternation`); without these the table is that of one alternation, to the last digit.
+The table of alternations has the percentages by the thesis's method after one, two and four alternations, which shows the effect
+of its solver. From the second alternation ρ changes only at knots that have a multiplier again (`eqs_4_5_to_4_7_alternation`).
 """
 
 from dataclasses import dataclass
@@ -96,27 +95,20 @@ def _first_table(study: ComparedLifts, differences: dict[str, list[dict]], missi
     shown = [name for name in columns_of("lifting/stability", "table_4_1") if name in frame]
     if (frame["status"] == COMPUTED).all():
         shown.remove("status")
-    words = {
+    fields = {
         "comparison": comparison_definition(settings),
         "thesis": THESIS,
         "headline": headline_label(settings),
     }
+    notes = [published_note(study.published), regulator_note(settings)]
+    notes += [
+        f"Could not be computed and is left out: {row.subject} {row.box_mass_kg:g} kg, {row.com}, {row.plane}: "
+        f"{row.basin}: {row.reason}"
+        for row in missing.itertuples()
+    ]
+    first = tuple(name for name in shown if not name.endswith("thesis_method_percent"))
     return table_from_schema(
-        "lifting/stability",
-        "table_4_1",
-        frame,
-        study.source_label,
-        words,
-        notes=(
-            published_note(study.published),
-            regulator_note(settings),
-            *(
-                f"Could not be computed and is left out: {row.subject} {row.box_mass_kg:g} kg, {row.com}, {row.plane}: "
-                f"{row.basin}: {row.reason}"
-                for row in missing.itertuples()
-            ),
-        ),
-        first=tuple(name for name in shown if not name.endswith("thesis_method_percent")),
+        "lifting/stability", "table_4_1", frame, study.source_label, fields, notes=notes, first=first
     )
 
 
@@ -130,6 +122,8 @@ def controls_table(
 
     Parameters
     ----------
+    study : ComparedLifts
+        Lifts and basins.
     differences : dict of str to list of dict
         Results of `percent_differences` with the same rows: ``headline``, its sections ``initial`` and ``minimum``, its null
         control and every change.
@@ -140,19 +134,22 @@ def controls_table(
     """
     settings = study.settings
     comparisons = {comparison.name: comparison for comparison in study.comparisons}
-    own = parts.set_index(["comparison", "com", "plane"])
-    shares = (own["start_percent"] + own["course_percent"]) / own["percent"]
+    by_key = parts.set_index(["comparison", "com", "plane"])
+    shares = (by_key["start_percent"] + by_key["course_percent"]) / by_key["percent"]
     rows = []
     for plane in PLANES:
         for index, row in enumerate(differences["headline"]):
             key = {"comparison": row["comparison"], "com": row["com"], "plane": plane}
-            found = {name: rows_of[index][plane] for name, rows_of in differences.items()}
-            percents = {name: None if np.isnan(value) else value for name, value in found.items()}
+            values = {name: rows_of[index][plane] for name, rows_of in differences.items()}
+            percents = {name: None if np.isnan(value) else value for name, value in values.items()}
             percent, share = percents["headline"], shares.get(tuple(key.values()))
             under_changes = {text: percents[name] for name, text in CHANGES.items() if name in percents}
             spread = [value for value in (percent, *under_changes.values()) if value is not None]
-            here = areas[(areas["com"] == row["com"]) & (areas["plane"] == plane)]
-            persons = _difference(here, comparisons[row["comparison"]])
+            judgement = row["status"]
+            if percent is not None or not judgement.startswith("no basin"):
+                here = areas[(areas["com"] == row["com"]) & (areas["plane"] == plane)]
+                persons = _compare_subjects(here, comparisons[row["comparison"]])
+                judgement = verdict(percent, share, under_changes, persons)
             rows.append(
                 {
                     **key,
@@ -164,42 +161,44 @@ def controls_table(
                     "thesis_percent": percents["thesis"],
                     "lowest_percent": min(spread, default=None),
                     "highest_percent": max(spread, default=None),
-                    "verdict": row["status"]
-                    if row["status"].startswith("no basin") and percent is None
-                    else verdict(percent, share, under_changes, persons),
+                    "verdict": judgement,
                 }
             )
     frame = pd.DataFrame(rows)
     numbers = [name for name in frame.columns if name.endswith("percent") or name == "movement_share"]
     frame = frame.astype(dict.fromkeys(numbers, float))[columns_of("lifting/stability", "table_4_1_controls")]
-    words = {
+    fields = {
         "thesis": THESIS,
         "comparison": comparison_definition(settings),
         "headline": headline_label(settings),
-        "factor": settings.sensitivity_factor,
-        "body": 100 * BODY_MASS_SHARE,
     }
+    fields |= {"factor": settings.sensitivity_factor, "body": 100 * BODY_MASS_SHARE}
     notes = (regulator_note(settings),)
     return table_from_schema(
-        "lifting/stability", "table_4_1_controls", frame, study.source_label, words, notes=notes
+        "lifting/stability", "table_4_1_controls", frame, study.source_label, fields, notes=notes
     )
 
 
 def verdict(
     percent: float | None, movement: float | None, changed: dict[str, float | None], persons: Difference
 ) -> str:
-    """Return whether a percentage survives its controls, with the reasons; `percent` is None if the study cannot compute it.
+    """Return whether a percentage survives its controls, with the reasons.
 
-    `movement` is the share that comes from the posture at the start and the course, None if unknown; `changed` has the percentage
-    under each change, by its name; `persons` is the difference over subjects. Its interval is given in percent of the mean that
-    is compared with.
+    Parameters
+    ----------
+    percent : float or None
+        None without a value in the study.
+    movement : float or None
+        Share that comes from the posture at the start and the course, if known.
+    changed : dict of str to float or None
+        Percentage under each change, by its name.
+    persons : Difference
+        Difference over subjects; its interval is given in percent of the second mean.
     """
     if percent is None:
         return "not testable in this study"
-    turned = [name for name, value in changed.items() if value is not None and value * percent <= 0]
-    reasons = []
-    if turned:
-        reasons.append(f"its sign turns with {', '.join(turned)}")
+    opposite = [name for name, value in changed.items() if value is not None and value * percent <= 0]
+    reasons = [f"its sign turns with {', '.join(opposite)}"] if opposite else []
     if movement is not None and movement < MOVEMENT_SHARE:
         reasons.append(f"{100 * (1 - movement):.0f} % of it come from duration, mass and length")
     unknown = [name for name, value in changed.items() if value is None]
@@ -218,17 +217,15 @@ def verdict(
     return f"survives parts and sensitivity ({certainty})"
 
 
-def _difference(areas: pd.DataFrame, comparison: BasinComparison) -> Difference:
-    """Compare the areas behind one percentage over subjects, or return the reason why there is no interval."""
+def _compare_subjects(areas: pd.DataFrame, comparison: BasinComparison) -> Difference:
+    """Compare the areas behind one percentage over subjects; without an interval the remark has the reason."""
     if comparison.before is None or comparison.after is None:
         return Difference(np.nan, np.nan, (0, 0), remark="nothing to compare")
-    sides = [
-        areas[(areas["experience"] == experience) & (areas["box_mass_kg"] == mass)]
-        .groupby("subject")["mean_area"]
-        .mean()
-        for experience, mass in (comparison.after, comparison.before)
-    ]
-    (after, _), (before, _) = comparison.after, comparison.before
+    sides = []
+    for experience, mass in (comparison.after, comparison.before):
+        rows = areas[(areas["experience"] == experience) & (areas["box_mass_kg"] == mass)]
+        sides.append(rows.groupby("subject")["mean_area"].mean())
+    after, before = comparison.after[0], comparison.before[0]
     return compare_means(*sides, paired=before == after, names=(after, before))
 
 
@@ -246,34 +243,42 @@ def published_note(published: pd.DataFrame) -> str:
 
 def alternations_table(study: ComparedLifts) -> Table:
     """Return the table after one, two and four alternations of a study with the check ``thesis_method``."""
-    own = study.areas("thesis", THESIS)
+    areas = study.areas("thesis", THESIS)
     done = study.settings.thesis_method.alternations
     columns = {f"after_{number}": f"mean_area_after_{number}" for number in EVIDENCE} | {
         "thesis": "mean_area"
     }
-    found = {name: study.percent_differences(own, column) for name, column in columns.items()}
-    found["exact"] = study.percent_differences(study.areas("exact", THESIS))
+    percents = {name: study.percent_differences(areas, column) for name, column in columns.items()}
+    percents["exact"] = study.percent_differences(study.areas("exact", THESIS))
     published, rows = study.published_percents, []
-    for index, row in enumerate(found["thesis"]):
+    for index, row in enumerate(percents["thesis"]):
         for plane in PLANES:
             entry = {"comparison": row["comparison"], "com": row["com"], "plane": plane}
             here = row["comparison"], row["com"]
             entry["published_percent"] = published[f"{plane}_percent"].get(here, np.nan)
-            entry |= {f"{name}_percent": float(found[name][index][plane]) for name in ("exact", *columns)}
+            entry |= {f"{name}_percent": float(percents[name][index][plane]) for name in ("exact", *columns)}
             rows.append(entry)
     frame = pd.DataFrame(rows)
+    # Converged, the method would give the same after one alternation or four.
+    other = 4 if done < 4 else 1
+    change = (frame[f"after_{other}_percent"] - frame["thesis_percent"]).abs().max()
+    moves = f"a cell changes by {change:.3g} percentage points, the alternation has not converged"
+    moves = moves if change >= 0.5 * 10**-THESIS_DECIMALS else "no cell changes"
+    converged = f"{other} alternation{'s' if other > 1 else ''} in place of {done}: {moves}"
+    notes = [jumps_note(areas), sizes_note(frame, done), converged]
+    if len(areas):
+        digits = (10.0 ** -decimals(area, RESOLUTION["mean_area"]) / area for area in areas["mean_area"])
+        notes.append(
+            "Areas by the thesis's method are rounded to the digits that a solver's tolerance allows (boa.csv); the last digit "
+            f"is up to {100 * max(digits):.1f} % of an area: smaller differences by that method are not significant"
+        )
     return table_from_schema(
         "lifting/stability",
         "table_4_1_alternations",
         frame[columns_of("lifting/stability", "table_4_1_alternations")],
         study.source_label,
         {"comparison": comparison_definition(study.settings), "done": done},
-        notes=(
-            jumps_note(own),
-            sizes_note(frame, done),
-            _convergence_note(frame, done),
-            *([_digits_note(own)] if len(own) else []),
-        ),
+        notes=notes,
     )
 
 
@@ -298,15 +303,6 @@ def jumps_note(areas: pd.DataFrame) -> str:
     )
 
 
-def _digits_note(areas: pd.DataFrame) -> str:
-    """Return a note on the digits of the thesis's areas."""
-    step = max(100 * 10.0 ** -decimals(area, RESOLUTION["mean_area"]) / area for area in areas["mean_area"])
-    return (
-        "Areas by the thesis's method are rounded to the digits that a solver's tolerance allows (boa.csv); the last digit is "
-        f"up to {step:.1f} % of an area: smaller differences by that method are not significant"
-    )
-
-
 def sizes_note(frame: pd.DataFrame, done: int) -> str:
     """Return a comparison of the published sizes with those of one alternation and of all, plane by plane."""
     sizes = []
@@ -319,13 +315,3 @@ def sizes_note(frame: pd.DataFrame, done: int) -> str:
             f"{largest['after_1']:.1f} after 1 alternation, {largest['thesis']:.1f} after {done}"
         )
     return f"Largest difference, {'; '.join(sizes)}"
-
-
-def _convergence_note(frame: pd.DataFrame, done: int) -> str:
-    """Return whether the method has converged: then one alternation or four would give the same."""
-    other = 4 if done < 4 else 1
-    change = (frame[f"after_{other}_percent"] - frame["thesis_percent"]).abs().max()
-    start = f"{other} alternation{'s' if other > 1 else ''} in place of {done}"
-    if not change >= 0.5 * 10**-THESIS_DECIMALS:
-        return f"{start}: no cell changes"
-    return f"{start}: a cell changes by {change:.3g} percentage points, the alternation has not converged"

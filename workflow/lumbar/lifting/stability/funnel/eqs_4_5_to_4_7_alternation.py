@@ -1,33 +1,28 @@
 """The thesis's own method (Eqs 4.5–4.7), for comparison: bilinear alternation with ρ̇ frozen.
 
-At every knot by itself, −V̇ + ρ̇ + L·(V − ρ) is to be a sum of squares, with the sine's cubic Taylor polynomial. An alternation
+At every knot separately, −V̇ + ρ̇ + L·(V − ρ) is to be a sum of squares, with the sine's cubic Taylor polynomial. An alternation
 
-1. fixes ρ and looks for a multiplier L; where there is none, ρ is decreased as a geometric progression
-until there is,
+1. fixes ρ and searches a multiplier L; without one, ρ is decreased as a geometric progression until there is one,
 2. fixes L and ρ̇ (differences of ρ from step 1) and maximises ρ.
 
-Because ρ̇ belongs to the ρ before the maximisation, the result is no certificate: `violation_share` says
-at how many knots the final ρ breaks the condition it was meant to meet. The Riccati equation is
-integrated by Euler's method, as in the thesis. ρ(T) is free too, as Eq. 4.6 has it: the goal set is
-a result here and not a requirement.
+Because ρ̇ belongs to the ρ before the maximisation, the result certifies nothing: `violation_share` is the share of knots at
+which the final ρ breaks its own condition. The Riccati equation is integrated by Euler's method, as in the thesis. ρ(T) is free
+too, as Eq. 4.6 has it: the goal set is a result here and not a requirement.
 
-**What needs a solver.** Whether step 1 has a multiplier does not: on the circle V = ρ every non-negative trigonometric
-polynomial is a sum of squares (Fejér, Riesz), so there is one where ρ̇ is not below the largest V̇. Nor does step 2: a
-polynomial of degree 4 in two variables is a sum of squares where it is nowhere negative (Hilbert 1888), so the largest ρ is
-the least of a quotient of polynomials (`level_factors`). The solver returns L alone.
+**Solver.** It returns L only. Step 1 has a multiplier if ρ̇ is not below the largest V̇: on the circle V = ρ every non-negative
+trigonometric polynomial is a sum of squares (Fejér, Riesz). In step 2 the largest ρ is the least of a quotient of polynomials
+(`level_factors`): a non-negative polynomial of degree 4 in two variables is a sum of squares (Hilbert 1888).
 
-**Digits.** Eq. 4.5 does not determine L: with L every L − c·(1 − |z|²), c ≥ 0, is a multiplier too, for c·(1 − |z|²)²
-is a square. The dual programme therefore has no interior point, and the L that an interior-point solver returns hangs
-on where it stops; step 2 turns it into an area. Hence the fixed, moderate `ACCURACY` and the areas' `RESOLUTION`.
+**Digits.** Eq. 4.5 does not determine L: L − c·(1 − |z|²), c ≥ 0, is a multiplier too, for c·(1 − |z|²)² is a square. The L of
+an interior-point solver therefore depends on where it stops, and step 2 turns it into an area. Hence the fixed, moderate
+`ACCURACY` and the areas' `RESOLUTION`.
 
-**From the second alternation on.** The first maximises ρ beyond what any multiplier proves; in the second nearly all knots have
-none and keep their ρ. With as few knots as ten, none has. With as many as the thesis's 1000, ρ̇ of a few neighbouring knots,
-most near t = 0, is large enough, and there alone ρ is maximised once more: it jumps (`Alternation.jumps`), and with it the
-average area of that one basin by some percent. Which knots these are hangs on the number of knots and on the solver, not on the
-lifter.
+**From the second alternation.** The first maximises ρ beyond any proof; in the second nearly all knots have no multiplier and
+keep their ρ. With the thesis's 1000 knots, ρ̇ of a few neighbouring knots, most near t = 0, is large enough, and only there ρ is
+maximised again: it jumps (`Alternation.jumps`), and with it the average area of that one basin by some percent. Number of knots
+and solver decide which knots these are, not the lifter.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 
@@ -47,21 +42,19 @@ from lumbar.lifting.stability.funnel.sum_of_squares import (
 from lumbar.lifting.stability.model.eqs_4_1_to_4_4_closed_loop import (
     ClosedLoops,
     NormalForm,
+    close_with_cost,
     cost_to_go_euler,
     determinant,
-    with_cost,
 )
 
 DEGREE = 3
-"""Taylor degree of the sine: the least that knows that it is no line. The thesis names none."""
+"""Taylor degree of the sine, the smallest that is not linear. The thesis names none."""
 
 ACCURACY = 1e-6
-"""At which the solver stops. Rounding (relative changes of 1e-13 in the polynomials) moves the areas of the default study
-by 3e-6 at most then; at the solver's own 1e-8 the last steps are made of rounding, which moves them by 2e-3."""
+"""Tolerance at which the solver stops: rounding moves the areas of the default study by at most 3e-6, at 1e-8 by 2e-3."""
 
 RESOLUTION = {"mean_area": 0.01, "initial_area": 0.02, "minimum_area": 0.01, "final_area": 0.01}
-"""Relative: how far the areas of the default study move, at most, when the solver stops at 1e-4 to 1e-8 (no choice is
-better founded than another). Digits beyond it mean nothing and are not published."""
+"""Largest relative change of the areas of the default study for tolerances of 1e-4 to 1e-8: further digits are not published."""
 
 MOST_DECREASES = 10
 """Geometric decreases after which a knot is infeasible and keeps its ρ."""
@@ -70,7 +63,7 @@ MOST_DECREASES = 10
 def level_factors(growth: np.ndarray, rate: np.ndarray, multiplier: np.ndarray) -> np.ndarray:
     """Return the largest s = ρ/ρ_before of step 2: −v + ρ̇/ρ_before + L·(|z|² − s) is a sum of squares.
 
-    NaN where there is none, or no largest.
+    NaN if no s is possible, or no s is the largest.
 
     Parameters
     ----------
@@ -114,12 +107,17 @@ def _least_quotient(over: np.ndarray, under: np.ndarray) -> np.ndarray:
     for _ in range(NEWTON_STEPS):
         # At a stationary point of f = p/q also p − f·q is stationary: a Newton step, kept if it is lower.
         f, powers = np.where(np.isfinite(least), least, 0.0), _powers(z)
-        values = [_dot(powers, p) - f * _dot(powers, q) for p, q in parts[1:]]
-        trial = z + _newton_step(*values, 0.2 * np.hypot(*z))
+        g1, g2, h11, h12, h22 = (_dot(powers, p) - f * _dot(powers, q) for p, q in parts[1:])
+        # −H⁻¹g, no longer than a fifth of the radius; zero unless H is positive definite.
+        volume = h11 * h22 - h12**2
+        step = np.stack([h12 * g2 - h22 * g1, h12 * g1 - h11 * g2])
+        step = np.divide(step, volume, out=np.zeros_like(step), where=(volume > 0) & (h11 > 0))
+        length, longest = np.hypot(*step), 0.2 * np.hypot(*z)
+        trial = z + step * np.divide(longest, length, out=np.ones_like(length), where=length > longest)
         powers = _powers(trial)
-        there = _quotient(*(_dot(powers, part) for part in parts[0]))
-        lower = there < least
-        z, least = np.where(lower, trial, z), np.where(lower, there, least)
+        values = _quotient(*(_dot(powers, part) for part in parts[0]))
+        is_lower = values < least
+        z, least = np.where(is_lower, trial, z), np.where(is_lower, values, least)
     return least.min(axis=-1)
 
 
@@ -127,29 +125,19 @@ def _dot(powers: np.ndarray, coefficients: np.ndarray) -> np.ndarray:
     return np.matmul(powers, coefficients[:, :, None])[..., 0]
 
 
-def _newton_step(g1, g2, h11, h12, h22, longest: np.ndarray) -> np.ndarray:
-    """Return −H⁻¹g in two variables, shape (2, ...), no longer than that; zero where H is not positive definite."""
-    volume = h11 * h22 - h12**2
-    downward = (volume > 0) & (h11 > 0)
-    step = np.stack([h12 * g2 - h22 * g1, h12 * g1 - h11 * g2])
-    step = np.divide(step, volume, out=np.zeros_like(step), where=downward)
-    length = np.hypot(*step)
-    return step * np.divide(longest, length, out=np.ones_like(length), where=length > longest)
-
-
 def _quotient(over: np.ndarray, under: np.ndarray) -> np.ndarray:
     return np.divide(over, under, out=np.full_like(over, np.inf), where=under > 0)
 
 
 def _powers(z: np.ndarray) -> np.ndarray:
-    """Monomials up to degree 4 of points, shape (2, ...), along a new last axis."""
+    """Return the monomials up to degree 4 of points, shape (2, ...), along a new last axis."""
     first, second = polyvander(z, DEGREE + 1)
     return np.stack([first[..., i] * second[..., j] for i, j in monomials(DEGREE + 1)], axis=-1)
 
 
 @cache
 def _derivatives() -> list[np.ndarray]:
-    """Matrices from coefficients, as rows, to those of p, ∂₁p, ∂₂p, ∂₁₁p, ∂₁₂p, ∂₂₂p."""
+    """Return the matrices from coefficients, as rows, to those of p, ∂₁p, ∂₂p, ∂₁₁p, ∂₁₂p, ∂₂₂p."""
     index = {exponents: position for position, exponents in enumerate(monomials(DEGREE + 1))}
     first, second = np.zeros((2, len(index), len(index)))
     for (i, j), row in index.items():
@@ -188,15 +176,15 @@ class Alternation:
 
     @property
     def jumps(self) -> np.ndarray:
-        """ρ divided by that after the first alternation, shape (knots, pendulums): 1 where no further one was solved."""
+        """ρ divided by that after the first alternation, shape (knots, pendulums): 1 if no further one was solved."""
         return self.funnels.level / self.after[0].level
 
     @property
     def jump_range(self) -> np.ndarray:
-        """First and last of the knots that jump as t/T, shape (2, pendulums); NaN where none does."""
-        there, phase = self.jumps != 1, np.linspace(0.0, 1.0, len(self.jumps))
-        ends = [there.argmax(axis=0), len(phase) - 1 - there[::-1].argmax(axis=0)]
-        return np.where(there.any(axis=0), phase[np.array(ends)], np.nan)
+        """First and last of the knots that jump as t/T, shape (2, pendulums); NaN if none does."""
+        jumps, phase = self.jumps != 1, np.linspace(0.0, 1.0, len(self.jumps))
+        ends = [jumps.argmax(axis=0), len(phase) - 1 - jumps[::-1].argmax(axis=0)]
+        return np.where(jumps.any(axis=0), phase[np.array(ends)], np.nan)
 
 
 def alternate(
@@ -214,7 +202,7 @@ def alternate(
     loops : ClosedLoops
         Their accurate cost-to-go is replaced by Euler's.
     knots : int
-        Knots at which ρ is sought; the nearest number that divides those of `loops` evenly is taken.
+        Knots at which ρ is searched; the nearest number that divides those of `loops` evenly is taken.
     initial_level : float
         First guess of ρ at every knot.
     ratio : float
@@ -236,18 +224,27 @@ def alternate(
     chosen = np.arange(
         0, loops.knots, intervals // min(divisors, key=lambda number: abs(number - (knots - 1)))
     )
-    pendulums = loops.pendulums
     # The loops at these knots with Euler's cost-to-go.
-    cost = cost_to_go_euler(pendulums, loops.weights)[chosen]
-    at_knots = with_cost(replace(pendulums, angle=pendulums.angle[2 * chosen]), loops.weights, cost)
-    form = at_knots.form(slice(None))
+    pendulums, weights = loops.pendulums, loops.weights
+    cost = cost_to_go_euler(pendulums, weights)[chosen]
+    form = close_with_cost(replace(pendulums, angle=pendulums.angle[2 * chosen]), weights, cost).form(
+        slice(None)
+    )
     step = loops.step * (chosen[1] - chosen[0])
     levels = [np.full(cost.shape[:2], initial_level)]
     unsolved = []
     for _ in range(max(alternations, *EVIDENCE)):
-        # Step 1: decrease ρ until there is a multiplier; step 2: maximise ρ with this multiplier and the frozen ρ̇.
-        level, feasible = _decreased(form, levels[-1], _difference(levels[-1], step), ratio)
-        factors = _factors(form, level, _difference(level, step), feasible, certificate, pendulums.labels)
+        # Step 1: decrease ρ until there is a multiplier.
+        level, feasible = _decrease(form, levels[-1], _difference(levels[-1], step), ratio)
+        # Step 2: maximise ρ with this multiplier and the frozen ρ̇.
+        growth, frozen = growth_polynomial(form, level, DEGREE), _difference(level, step)
+        factors = np.full_like(level, np.nan)
+        for index, label in enumerate(pendulums.labels):
+            rows = feasible[:, index]
+            if rows.any():
+                multipliers = [certificate.solve(row, label)[1] for row in growth[rows, index]]
+                rate = frozen[rows, index] / level[rows, index]
+                factors[rows, index] = level_factors(growth[rows, index], rate, np.stack(multipliers))
         unsolved.append(np.isnan(factors).mean(axis=0))
         levels.append(level * np.where(np.isnan(factors), 1.0, factors))
     # Knots at which the final ρ breaks the condition that it should meet.
@@ -262,40 +259,20 @@ def alternate(
     )
 
 
-def _factors(
-    form: NormalForm,
-    level: np.ndarray,
-    frozen: np.ndarray,
-    feasible: np.ndarray,
-    certificate: Certificate,
-    labels: Sequence[str],
-) -> np.ndarray:
-    """Step 2, with the multipliers of step 1: return what ρ is multiplied by, NaN where there is no multiplier or maximum."""
-    growth, factors = growth_polynomial(form, level, DEGREE), np.full_like(level, np.nan)
-    for index, label in enumerate(labels):
-        there = feasible[:, index]
-        if there.any():
-            rows = growth[there, index]
-            multipliers = np.stack([certificate.solve(row, label)[1] for row in rows])
-            rate = frozen[there, index] / level[there, index]
-            factors[there, index] = level_factors(rows, rate, multipliers)
-    return factors
-
-
 def _difference(level: np.ndarray, step: np.ndarray) -> np.ndarray:
-    """ρ̇ at every knot: forward differences, at the last knot the one before."""
+    """Return ρ̇ at every knot: forward differences, at the last knot the one before."""
     rate = np.diff(level, axis=0) / step
     return np.concatenate([rate, rate[-1:]])
 
 
-def _decreased(
+def _decrease(
     form: NormalForm, level: np.ndarray, frozen: np.ndarray, ratio: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Step 1: return ρ, decreased until there is a multiplier, and where there is one; elsewhere ρ is kept."""
+    """Return ρ, decreased until there is a multiplier and unchanged without one, and the knots that have one."""
     result, trial, feasible = level.copy(), level.copy(), np.zeros(level.shape, dtype=bool)
     for _ in range(MOST_DECREASES):
         growth, allowed = growth_polynomial(form, trial, DEGREE), frozen / trial
-        # The largest of a few values is enough to say no, and nearly always does.
+        # A few values exclude nearly all knots without a multiplier.
         new = ~feasible & (growth @ _ON_CIRCLE <= allowed[..., None]).all(axis=-1)
         if new.any():
             new[new] = circle_maximum(growth[new], DEGREE + 1) <= allowed[new]

@@ -1,6 +1,6 @@
 """Eqs 4.5–4.7 as one writes them on paper, through cvxpy, and the check of the alternation's programme against them.
 
-Everything is stated anew in the error x̄ = (e, ω) itself, from the equation of motion on, and shares nothing with the
+Everything is formulated in the error x̄ = (e, ω) itself, starting with the equation of motion, and shares nothing with the
 normal coordinates and the hand-assembled programme of the thesis's alternation (`sum_of_squares`).
 """
 
@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     from lumbar.settings.stability import StabilitySettings
 
 TOLERANCES = (1e-8, 1e-7, 1e-6)
-"""Of gaps and residuals, on a polynomial in units of the ellipse: the first at which the solver says "optimal"; what it calls
-inaccurate is no optimum. The first is Clarabel's own, the last is below `AGREEMENT` by far."""
+"""Tolerances of gaps and residuals, tried until the solver's status is "optimal" (not "optimal_inaccurate"), on a polynomial in
+units of the ellipse. The first is Clarabel's own, the last is far below `AGREEMENT`."""
 AGREEMENT = 1e-4
 """Largest difference of two certified rates in 1/s that both solvers' tolerances explain."""
 
@@ -150,8 +150,11 @@ class RateProgramme:
         # The ellipse's semi-axes in e and ω as units: polynomials of degree six stay well conditioned.
         units = np.sqrt(level * np.diag(np.linalg.inv(cost)))
         state = Polynomial({(1, 0): units[0]}), Polynomial({(0, 1): units[1]})
-        _assign(self._v, lyapunov_function(cost, state) / level)
-        _assign(self._v_rate, lyapunov_rate(loops, point, pendulum, state, self.degree) / level)
+        values = lyapunov_function(cost, state) / level
+        rates = lyapunov_rate(loops, point, pendulum, state, self.degree) / level
+        for parameters, polynomial in ((self._v, values), (self._v_rate, rates)):
+            for exponents, parameter in parameters.items():
+                parameter.value = polynomial.get(exponents, 0.0)
         label = loops.pendulums.labels[pendulum]
         for tolerance in TOLERANCES:
             limits = dict.fromkeys(("tol_gap_abs", "tol_gap_rel", "tol_feas"), tolerance)
@@ -164,16 +167,10 @@ class RateProgramme:
         raise NumericalError(f"{label}: Eq. 4.6 in cvxpy ended as {self._problem.status}", label)
 
 
-def _assign(parameters: Polynomial, values: Polynomial) -> None:
-    for exponents, parameter in parameters.items():
-        parameter.value = values.get(exponents, 0.0)
-
-
 def rate_differences(loops: ClosedLoops, level: np.ndarray, knots: list[int]) -> np.ndarray:
     """Return the largest difference of the rates that the alternation's programme and Eq. 4.6 in cvxpy certify, in 1/s.
 
-    The result has shape (pendulums,). Rates are compared at `knots`. `level` is ρ at the knots of `loops`, shape
-    (knots, pendulums).
+    Rates are compared at `knots`; the result has shape (pendulums,). `level` is ρ at the knots of `loops`, (knots, pendulums).
     """
     own, written, labels = Certificate(DEGREE, ACCURACY), RateProgramme(DEGREE), loops.pendulums.labels
     differences = np.zeros((len(knots), len(labels)))
@@ -198,34 +195,29 @@ def cross_check(
 ) -> tuple[pd.DataFrame, list[Failure]]:
     """Fill ``sos_cvxpy_difference`` of the rows with the method thesis.
 
-    `boa` holds the summaries of all lifts, rows of ``boa.csv``, `trajectories` the sound ones of all lifts in the thesis's
+    `boa` holds the summaries of all lifts, rows of ``boa.csv``, `trajectories` the valid ones of all lifts in the thesis's
     convention. The programmes are compared on the exact funnels. Failures are the basins at which the two formulations do not
     agree, or one of them has no optimum.
     """
     rows = boa["method"] == "thesis"
     if "cvxpy" not in settings.checks or not rows.any():
         return boa, []
-    found: dict[str, float] = {}
+    differences: dict[str, float] = {}
     failures: list[Failure] = []
     fewer = settings.model_copy(update={"knots": settings.fewer_knots})
 
-    def differences_of_rates(items: list[Trajectory]) -> np.ndarray:
+    def compute(items: list[Trajectory]) -> np.ndarray:
         loops = close_loops(items, THESIS.sign, fewer)
         level = exact_funnels(loops, settings.goal_level).level
         return rate_differences(loops, level, [0, loops.knots // 2])
 
-    for items, values in compute_together(differences_of_rates, trajectories, CHECK, failures):
-        found |= {item.label: value for item, value in zip(items, values, strict=True)}
-    failures += [
-        Failure.of(
-            item,
-            CHECK,
-            f"certified rates differ by {found[item.label]:.3g} 1/s; at most {AGREEMENT:g} 1/s is rounding",
-        )
-        for item in trajectories
-        if found.get(item.label, 0.0) > AGREEMENT
-    ]
+    for items, values in compute_together(compute, trajectories, CHECK, failures):
+        differences |= {item.label: value for item, value in zip(items, values, strict=True)}
+    for item in trajectories:
+        if differences.get(item.label, 0.0) > AGREEMENT:
+            reason = f"certified rates differ by {differences[item.label]:.3g} 1/s; at most {AGREEMENT:g} 1/s is rounding"
+            failures.append(Failure.from_trajectory(item, CHECK, reason))
     labels = boa.apply(
         lambda row: f"{row['subject']} {row['box_mass_kg']:g} kg, {row['com']}, {row['plane']}", axis=1
     )
-    return boa.assign(sos_cvxpy_difference=labels.map(found).where(rows)), failures
+    return boa.assign(sos_cvxpy_difference=labels.map(differences).where(rows)), failures

@@ -44,16 +44,14 @@ from lumbar.lifting.stability.model.eqs_4_1_to_4_4_closed_loop import (
     remainder,
 )
 
-SAMPLES = 48
-"""Points on the boundary from which Newton's starts are chosen, for semi-axes up to `SMALL_SEMI_AXIS`."""
-SECTORS = 4
-"""Parts of the boundary, one start each, for these semi-axes."""
-SMALL_SEMI_AXIS = 2.0
-"""Largest |e| on the ellipse in rad for which these are sufficient: a wider one has more peaks."""
-MOST_DOUBLINGS = 4
+SAMPLES, SECTORS = 48, 4
+"""Points on the boundary, and its parts with one of Newton's starts each, for semi-axes up to `SMALL_SEMI_AXIS_RAD`."""
+SMALL_SEMI_AXIS_RAD = 2.0
+"""Largest |e| on the ellipse for which these are sufficient: a wider one has more peaks."""
+MAX_DOUBLINGS = 4
 """Number of times that samples and sectors are doubled for wider ellipses."""
-LARGEST_SEMI_AXIS = SMALL_SEMI_AXIS * 2**MOST_DOUBLINGS
-"""Largest |e| in rad up to which the maximum is reliable: five turns, beyond any useful basin."""
+MAX_SEMI_AXIS_RAD = SMALL_SEMI_AXIS_RAD * 2**MAX_DOUBLINGS
+"""Largest |e| up to which the maximum is reliable: five turns, beyond any useful basin."""
 NEWTON_STEPS = 2
 
 
@@ -74,29 +72,21 @@ def boundary_growth(form: NormalForm, level: np.ndarray) -> np.ndarray:
     # Sample the boundary, more densely for wider ellipses.
     root = np.sqrt(level)
     semi_axis, kappa = form.amplitude * root, form.coupling / root
-    doublings = int(np.clip(np.ceil(np.log2(semi_axis.max() / SMALL_SEMI_AXIS)), 0, MOST_DOUBLINGS))
+    doublings = int(np.clip(np.ceil(np.log2(semi_axis.max() / SMALL_SEMI_AXIS_RAD)), 0, MAX_DOUBLINGS))
     c, s, c2, cs2, s2 = _circle(SAMPLES << doublings)
     values = kappa[..., None] * s * remainder(form.angle[..., None], semi_axis[..., None] * c)
     values += form.alpha[..., None] * c2
     values += form.beta[..., None] * cs2
     values += form.gamma[..., None] * s2
     np.negative(values, out=values)
-    # Climb from the best sample of every sector to its peak.
-    start, sampled = _candidates(values, SECTORS << doublings)
-    polished = _newton(form, semi_axis, kappa, start, 2 * np.pi / values.shape[-1])
-    return np.maximum(sampled, polished).max(axis=-1)
-
-
-def _candidates(values: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return position and height of the highest sample in each of `count` sectors, shape (..., count).
-
-    The growth is nearly the same on opposite sides of the ellipse, so the highest sample of all may belong
-    to the lower of two peaks: every sector's best is polished.
-    """
-    samples = values.shape[-1]
+    # Climb from the best sample of every sector to its peak: the growth is nearly the same on opposite sides of the ellipse, so
+    # the highest sample of all may belong to the lower of two peaks.
+    count, samples = SECTORS << doublings, values.shape[-1]
     sectors = values.reshape(*values.shape[:-1], count, samples // count)
-    start = (sectors.argmax(axis=-1) + np.arange(count) * (samples // count)) * (2 * np.pi / samples)
-    return start, sectors.max(axis=-1)
+    spacing = 2 * np.pi / samples
+    start = (sectors.argmax(axis=-1) + np.arange(count) * (samples // count)) * spacing
+    polished = _newton(form, semi_axis, kappa, start, spacing)
+    return np.maximum(sectors.max(axis=-1), polished).max(axis=-1)
 
 
 def _newton(
@@ -117,12 +107,12 @@ def _newton(
         s = z.imag
         error, across = semi_axis * z.real, semi_axis * s
         there = np.exp(1j * (angle + error))
-        # The remainder of the sine and its slope: where to climb may be rounded, heights may not.
+        # The remainder of the sine and its slope, with cancellation: it moves the position, not the height.
         h1 = there.real - cosine
         h = there.imag - sine - error * cosine
         slope = 2 * quadratic.imag - kappa * (z.real * h - across * s * h1)
         bend = 4 * quadratic.real + kappa * s * (h + 3 * error * h1 + across * across * there.imag)
-        # A step is taken only where the function bends down, and never past the neighbouring samples.
+        # Steps are taken only if the function bends down, and end at the neighbouring samples.
         step = np.divide(-slope, bend, out=np.zeros_like(slope), where=bend < 0)
         position = position + np.minimum(np.maximum(step, -spacing), spacing)
     z = np.exp(1j * position)
@@ -138,7 +128,6 @@ class Funnels:
     """Basins of attraction of several pendulums at the same knots (each scaled to its own duration)."""
 
     method: str
-    """Method that computed them."""
     duration: np.ndarray
     """Shape (pendulums,): seconds."""
     cost: np.ndarray
@@ -174,10 +163,6 @@ class Funnels:
         squares = self.level[..., None] * self.cost[..., [2, 0]] / determinant(self.cost)[..., None]
         return np.sqrt(squares.max(axis=0))
 
-    def select(self, index: np.ndarray) -> Funnels:
-        """Return the funnels of these pendulums."""
-        return Funnels(self.method, self.duration[index], self.cost[:, index], self.level[:, index])
-
 
 @dataclass(frozen=True)
 class FunnelVariants:
@@ -196,7 +181,7 @@ def exact_funnels(loops: ClosedLoops, terminal_level: float = 1.0) -> Funnels:
     Raises
     ------
     NumericalError
-        A basin extends more than `LARGEST_SEMI_AXIS` from its trajectory: its settings are not useful.
+        A basin extends more than `MAX_SEMI_AXIS_RAD` from its trajectory: its settings are not useful.
     """
     return funnel_variants(loops, terminal_level).exact
 
@@ -208,6 +193,8 @@ def funnel_variants(
 
     Parameters
     ----------
+    loops : ClosedLoops
+        With the V of the funnels.
     terminal_level : float
         ρ(T).
     margin : float
@@ -217,61 +204,48 @@ def funnel_variants(
         In the negative control ρ falls faster by this share of |d ln ρ/dt|. (Scaling ρ itself would be no control: a
         linear loop's funnel stays invariant.)
     """
-    _require_terminal_set_within_reach(loops, terminal_level)
+    pendulums = loops.pendulums
+    # A goal set with the pendulum in every position: no funnel about a trajectory contains it.
+    goal_axis = np.sqrt(terminal_level) * normal_axes(loops.cost[-1])[0]
+    if (goal_axis >= np.pi).any():
+        index = int(goal_axis.argmax())
+        raise NumericalError(
+            f"{pendulums.labels[index]}: the goal set reaches {goal_axis[index]:.3g} rad from the trajectory's end, "
+            "outside any funnel (π rad); lower stability.goal_level or raise the regulator's terminal_weight",
+            label=pendulums.labels[index],
+        )
     wanted = [(0.0, 0.0), (margin, 0.0), (0.0, negative_control)]
-    changes = np.unique(wanted, axis=0)
-    which = [int(np.flatnonzero((changes == row).all(axis=1))[0]) for row in wanted]
-    level, pendulums = _backward(loops, terminal_level, changes)[:, which], loops.pendulums
+    changes, which = np.unique(wanted, axis=0, return_inverse=True)
+    excess, faster = changes[:, :1], changes[:, 1:]
+
+    def slope(point, log_level):
+        growth = boundary_growth(loops.form(point), np.exp(log_level))
+        return growth + excess - faster * np.abs(growth)
+
+    goal = np.full((len(changes), len(pendulums.labels)), np.log(terminal_level))
+    level = np.exp(integrate_backward(loops, goal, slope))[:, which.ravel()]
     semi_axis = normal_axes(loops.cost[::2])[0] * np.sqrt(level[:, 0])
-    lost = ~(semi_axis < LARGEST_SEMI_AXIS)
+    lost = ~(semi_axis < MAX_SEMI_AXIS_RAD)
     if lost.any():
         index = int(np.argwhere(lost)[-1][1])
         raise NumericalError(
             f"{pendulums.labels[index]}: the basin reaches {semi_axis[:, index].max():.3g} rad from its "
-            f"trajectory; at most {LARGEST_SEMI_AXIS:g} rad are allowed: raise stability.regulator.control_weight (about the "
+            f"trajectory; at most {MAX_SEMI_AXIS_RAD:g} rad are allowed: raise stability.regulator.control_weight (about the "
             "hips 2 suits) or lower its state weight",
             label=pendulums.labels[index],
         )
     methods = ("exact", f"exact, margin {margin:g} 1/s", "exact, negative control")
-    return FunnelVariants(
-        *(
-            Funnels(method, pendulums.duration, loops.cost[::2], level[:, number])
-            for number, method in enumerate(methods)
-        )
-    )
-
-
-def _require_terminal_set_within_reach(loops: ClosedLoops, terminal_level: float) -> None:
-    """Raise an error for a goal set with the pendulum in every position: no funnel about a trajectory contains it."""
-    semi_axis = np.sqrt(terminal_level) * normal_axes(loops.cost[-1])[0]
-    if (semi_axis >= np.pi).any():
-        index = int(semi_axis.argmax())
-        raise NumericalError(
-            f"{loops.pendulums.labels[index]}: the goal set reaches {semi_axis[index]:.3g} rad from the trajectory's end, "
-            "outside any funnel (π rad); lower stability.goal_level or raise the regulator's terminal_weight",
-            label=loops.pendulums.labels[index],
-        )
-
-
-def _backward(loops: ClosedLoops, terminal_level: float, changes: np.ndarray) -> np.ndarray:
-    """Return ρ, shape (knots, variants, pendulums); `changes` are margin and negative control of each variant."""
-    margin, negative_control = changes[:, :1], changes[:, 1:]
-
-    def slope(point, log_level):
-        growth = boundary_growth(loops.form(point), np.exp(log_level))
-        return growth + margin - negative_control * np.abs(growth)
-
-    goal = np.full((len(changes), len(loops.pendulums.labels)), np.log(terminal_level))
-    return np.exp(integrate_backward(loops, goal, slope))
+    levels = zip(methods, np.moveaxis(level, 1, 0), strict=True)
+    return FunnelVariants(*(Funnels(name, pendulums.duration, loops.cost[::2], rho) for name, rho in levels))
 
 
 def integrate_backward(loops: ClosedLoops, goal: np.ndarray, slope: Callable) -> np.ndarray:
     """Integrate ln ρ backward from its value at T, from knot to knot; shape (knots, ..., pendulums).
 
-    Adams's method of order 4, predicted and corrected with one search of the boundary per knot, started by
-    Runge–Kutta steps: the equation for ln ρ is not stiff. The largest of several peaks has a kink where another
-    takes over; where predicted and corrected slope differ by more than `KINK`, the trapezoidal rule counts too and
-    the largest is taken: it never lies below the mean of a convex slope, so that ρ does not come out too large.
+    Adams's method of order 4, predicted and corrected with one search of the boundary per knot, started by Runge–Kutta steps: the
+    equation for ln ρ is not stiff. The largest of several peaks has a kink at which another takes over: if predicted and
+    corrected slope differ by more than `KINK`, the trapezoidal rule counts too and the largest is taken. It is never below the
+    mean of a convex slope, so that ρ does not come out too large.
 
     `goal` is ln ρ(T), shape (..., pendulums); `slope` gives d ln ρ/dt of (point of the grid, ln ρ).
     """
@@ -305,7 +279,7 @@ def reachable_area(loops: ClosedLoops, terminal_level: float = 1.0) -> np.ndarra
 
     By Liouville's theorem an area in phase space shrinks at the rate (b + K2)/I, whatever the
     nonlinearity: the area is that of the goal set times exp ∫(b + K2)/I dt. No funnel can be larger; how
-    much smaller it is says what the choice of V costs.
+    much smaller it is shows the cost of the choice of V.
     """
     from scipy.integrate import simpson
 
@@ -318,7 +292,7 @@ def reachable_area(loops: ClosedLoops, terminal_level: float = 1.0) -> np.ndarra
 LYAPUNOV_TOLERANCE = 1e-9
 
 
-def with_lyapunov_function(loops: ClosedLoops, share: float | np.ndarray) -> ClosedLoops:
+def replace_lyapunov_function(loops: ClosedLoops, share: float | np.ndarray) -> ClosedLoops:
     """Return the same loops with the V of one λ, or each with its own.
 
     The loops given have the Riccati solution; `share` is λ, a number or of shape (pendulums,).
@@ -370,25 +344,14 @@ def with_lyapunov_function(loops: ClosedLoops, share: float | np.ndarray) -> Clo
     return replace(loops, cost=cost, decay=share[:, None] * loops.decay)
 
 
-def best_of_family(
-    loops: ClosedLoops,
-    terminal_level: float,
-    shares: Sequence[float],
-) -> Funnels:
+def best_of_family(loops: ClosedLoops, terminal_level: float, shares: Sequence[float]) -> Funnels:
     """Return the exact funnels of the largest average cross-section of each pendulum in the family.
 
-    Parameters
-    ----------
-    loops : ClosedLoops
-        With the Riccati solution.
-    terminal_level : float
-        ρ(T).
-    shares : sequence of float
-        λ to try.
+    `loops` have the Riccati solution; `terminal_level` is ρ(T), and `shares` are the λ to try.
     """
     count = len(loops.pendulums.labels)
     every = loops.select(np.tile(np.arange(count), len(shares)))
-    members = with_lyapunov_function(every, np.repeat(shares, count))
-    found = exact_funnels(members, terminal_level)
-    largest = found.mean_area.reshape(len(shares), count).argmax(axis=0)
-    return replace(found.select(largest * count + np.arange(count)), method="best of family")
+    funnels = exact_funnels(replace_lyapunov_function(every, np.repeat(shares, count)), terminal_level)
+    largest = funnels.mean_area.reshape(len(shares), count).argmax(axis=0) * count + np.arange(count)
+    cost, level = funnels.cost[:, largest], funnels.level[:, largest]
+    return Funnels("best of family", funnels.duration[largest], cost, level)

@@ -17,12 +17,13 @@ the middle of the box plus its derivatives over the box times half its extent. A
 time with such an arc; the share of time without a proof at the end is reported.
 
 Intervals are rounded outward, so that every result contains the exact one: a floating-point operation is correct to half a
-unit in the last place, so a step of one unit outward encloses it; sine and cosine of numpy are correct to 4 units, for which
+unit in the last place, and a step of one unit outward encloses it; sine and cosine of numpy are correct to 4 units, for which
 2⁻⁵⁰ is added (Moore, Kearfott & Cloud, Introduction to Interval Analysis, 2009).
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -59,14 +60,9 @@ class Interval:
 
     def __mul__(self, other) -> Interval:
         other = _interval(other)
-        products = (
-            self.low * other.low,
-            self.low * other.high,
-            self.high * other.low,
-            self.high * other.high,
-        )
-        low = np.minimum(np.minimum(products[0], products[1]), np.minimum(products[2], products[3]))
-        high = np.maximum(np.maximum(products[0], products[1]), np.maximum(products[2], products[3]))
+        ends = self.low * other.low, self.low * other.high, self.high * other.low, self.high * other.high
+        low = np.minimum(np.minimum(ends[0], ends[1]), np.minimum(ends[2], ends[3]))
+        high = np.maximum(np.maximum(ends[0], ends[1]), np.maximum(ends[2], ends[3]))
         return _outward(low, high)
 
     def __truediv__(self, other) -> Interval:
@@ -87,22 +83,21 @@ class Interval:
 
     def sin(self) -> Interval:
         """Return the sines."""
-        first, second = np.sin(self.low), np.sin(self.high)
-        low, high = np.minimum(first, second), np.maximum(first, second)
-        high = np.where(self._contains(np.pi / 2), 1.0, high + TRIGONOMETRIC_ERROR)
-        low = np.where(self._contains(-np.pi / 2), -1.0, low - TRIGONOMETRIC_ERROR)
-        return Interval(np.maximum(low, -1.0), np.minimum(high, 1.0))
+        return self._enclose(np.sin, maximum=np.pi / 2, minimum=-np.pi / 2)
 
     def cos(self) -> Interval:
         """Return the cosines."""
-        first, second = np.cos(self.low), np.cos(self.high)
+        return self._enclose(np.cos, maximum=0.0, minimum=np.pi)
+
+    def _enclose(self, function: Callable, maximum: float, minimum: float) -> Interval:
+        first, second = function(self.low), function(self.high)
         low, high = np.minimum(first, second), np.maximum(first, second)
-        high = np.where(self._contains(0.0), 1.0, high + TRIGONOMETRIC_ERROR)
-        low = np.where(self._contains(np.pi), -1.0, low - TRIGONOMETRIC_ERROR)
+        high = np.where(self._contains(maximum), 1.0, high + TRIGONOMETRIC_ERROR)
+        low = np.where(self._contains(minimum), -1.0, low - TRIGONOMETRIC_ERROR)
         return Interval(np.maximum(low, -1.0), np.minimum(high, 1.0))
 
     def _contains(self, angle: float) -> np.ndarray:
-        """Whether the interval, a little enlarged, contains the angle plus a multiple of 2π."""
+        """Return if the interval, a little enlarged, contains the angle plus a multiple of 2π."""
         slack = 1e-9 * (1.0 + np.abs(self.high))
         turns = np.ceil((self.low - slack - angle) / (2 * np.pi))
         return angle + 2 * np.pi * turns <= self.high + slack
@@ -117,8 +112,8 @@ def _outward(low: np.ndarray, high: np.ndarray) -> Interval:
     return Interval(low - (np.abs(low) * UNIT + TINY), high + (np.abs(high) * UNIT + TINY))
 
 
-ARC_OVERLAP = 1e-13
-"""By which arcs overlap, so that the rounding of their centres leaves no gap; in rad."""
+ARC_OVERLAP_RAD = 1e-13
+"""Overlap of arcs, so that the rounding of their centres leaves no gap."""
 
 
 @dataclass(frozen=True)
@@ -156,23 +151,21 @@ class IntervalBounds:
 
     def bounds(self, piece: np.ndarray, arcs: np.ndarray, radius: float) -> tuple[np.ndarray, np.ndarray]:
         """Return a lower bound of g in the middle of each box and an upper bound on it."""
-        angle = Interval(arcs)
-        c, s = angle.cos(), angle.sin()
-        at = {name: values[piece] for name, values in self.centre.items()}
-        over = {name: values[piece] for name, values in self.whole.items()}
-        rates = {name: values[piece] for name, values in self.rates.items()}
-        half = self.half[piece]
-        reach = radius + ARC_OVERLAP
+        c, s = Interval(arcs).cos(), Interval(arcs).sin()
+        at, over, rates = (
+            {name: values[piece] for name, values in each.items()}
+            for each in (self.centre, self.whole, self.rates)
+        )
+        half, reach = self.half[piece], radius + ARC_OVERLAP_RAD
         arc = Interval(arcs - reach, arcs + reach)
-        arc_c, arc_s = arc.cos(), arc.sin()
         duration, extent = Interval(-half, half), Interval(-reach, reach)
         centre = _g(at, c, s)
-        change = _g_time(over, rates, c, s) * duration + _g_arc(over, arc_c, arc_s) * extent
+        change = _g_time(over, rates, c, s) * duration + _g_arc(over, arc.cos(), arc.sin()) * extent
         return centre.low, (centre + change).high
 
 
 def _derivatives(local: dict, centre: Interval, offset: Interval) -> dict[str, tuple[Interval, ...]]:
-    """Value and derivatives of every curve over centre + offset, by Taylor's formula (exact)."""
+    """Return value and derivatives of every curve over centre + offset, by Taylor's formula (exact)."""
     result = {}
     for name, (c3, c2, c1, c0) in local.items():
         value = ((centre * c3 + c2) * centre + c1) * centre + c0
@@ -203,7 +196,7 @@ def _coefficients(curves: dict, gravity: Interval) -> dict[str, Interval]:
 
 
 def _coefficient_rates(curves: dict, over: dict[str, Interval], gravity: Interval) -> dict[str, Interval]:
-    """Time derivatives of `_coefficients`."""
+    """Return the time derivatives of `_coefficients`."""
     (a, a1, a2), (p, p1, p2), (q, q1, q2) = curves["A"], curves["P"], curves["Q"]
     (k1, k1_rate, *_), (k2, k2_rate, *_) = curves["k1"], curves["k2"]
     w, n = over["q11"], over["n"]
@@ -239,9 +232,9 @@ def _g_time(over: dict, rates: dict, c: Interval, s: Interval) -> Interval:
 def _g_arc(over: dict, c: Interval, s: Interval) -> Interval:
     displaced = over["angle"] + over["A"] * c
     gravity = displaced.sin() - over["angle"].sin()
-    turned = c * gravity - s.square() * over["A"] * displaced.cos()
+    slope = c * gravity - s.square() * over["A"] * displaced.cos()
     quadratic = 2 * (over["q22"] - over["q11"]) * (c * s) + over["q12"] * (c.square() - s.square())
-    return quadratic - over["weight"] * turned
+    return quadratic - over["weight"] * slope
 
 
 ARCS = 24
@@ -300,34 +293,33 @@ def proved_share(loops: ClosedLoops, funnels: Funnels) -> np.ndarray:
     for halving in range(TIME_HALVINGS + 1):
         # Try to prove every piece of this width, in portions that fit into memory.
         width = 0.5**halving
-        holds = np.zeros(len(index), dtype=bool)
+        is_proved = np.zeros(len(index), dtype=bool)
         for start in range(0, len(index), chunk):
             part = slice(start, start + chunk)
-            holds[part] = _prove_arcs(IntervalBounds(curves, index[part], middle[part], width))
-        proved += width * np.bincount(index[holds] % count, minlength=count)
+            is_proved[part] = _prove_arcs(IntervalBounds(curves, index[part], middle[part], width))
+        proved += width * np.bincount(index[is_proved] % count, minlength=count)
         # Halve the pieces without a proof.
-        index, middle = index[~holds], middle[~holds]
+        index, middle = np.tile(index[~is_proved], 2), middle[~is_proved]
         middle = np.concatenate([middle - width / 4, middle + width / 4])
-        index = np.concatenate([index, index])
     return proved / intervals
 
 
 def _prove_arcs(pieces: IntervalBounds) -> np.ndarray:
-    holds = np.ones(pieces.size, dtype=bool)
+    is_proved = np.ones(pieces.size, dtype=bool)
     radius = np.pi / ARCS
     arcs = np.tile(2 * radius * np.arange(ARCS), pieces.size)
     piece = np.repeat(np.arange(pieces.size), ARCS)
     for _ in range(ARC_HALVINGS + 1):
         centre, bound = pieces.bounds(piece, arcs, radius)
-        # A centre that is certainly outside, and the piece is lost whatever else is shown.
-        holds[piece[centre > 0]] = False
-        left = (bound >= 0) & holds[piece]
-        piece, arcs = piece[left], arcs[left]
+        # One centre that is certainly outside disproves the whole piece.
+        is_proved[piece[centre > 0]] = False
+        is_open = (bound >= 0) & is_proved[piece]
+        piece, arcs = piece[is_open], arcs[is_open]
         if not len(piece):
-            return holds
+            return is_proved
         # Halve the arcs without a proof.
         radius /= 2
-        piece = np.concatenate([piece, piece])
+        piece = np.tile(piece, 2)
         arcs = np.concatenate([arcs - radius, arcs + radius])
-    holds[piece] = False
-    return holds
+    is_proved[piece] = False
+    return is_proved

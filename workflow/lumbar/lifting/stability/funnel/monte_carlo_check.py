@@ -11,11 +11,11 @@ from lumbar.lifting.stability.model.eqs_4_1_to_4_4_closed_loop import ClosedLoop
 
 LEVEL_TOLERANCE = 1e-6
 """Relative excess of V over ρ that is still the boundary: starts are on it."""
-LARGEST_STEP = 0.25
+MAX_STEP = 0.25
 """Largest rate of the closed loop times the step of the simulation, by Runge–Kutta of order 4."""
 COMFORTABLE_STEP = 0.1
 """Largest rate times step for a step over several knots: its error is below the tolerance by a factor of ten."""
-LONGEST_STRIDE = 9
+MAX_STRIDE = 9
 """Knots that one step of the simulation may span."""
 
 
@@ -73,13 +73,15 @@ def simulate(loops: ClosedLoops, start: np.ndarray):
 
     Parameters
     ----------
+    loops : ClosedLoops
+        The pendulums and their feedback.
     start : numpy.ndarray, shape (2, pendulums, starts)
         Error of angle (rad) and angular velocity (rad/s) at t = 0.
 
     Yields
     ------
     knot : int
-        Every one, or every few where the closed loop is slow enough.
+        Every one, or every few if the closed loop is slow enough.
     state : numpy.ndarray, shape (2, pendulums, starts)
 
     Raises
@@ -98,8 +100,7 @@ def simulate(loops: ClosedLoops, start: np.ndarray):
 
 
 def preimage(loops: ClosedLoops, edge: np.ndarray) -> np.ndarray:
-    """Follow states at T backward to t = 0 with the true sine: the edge of a goal set becomes that of all states
-    that reach it.
+    """Follow states at T backward to t = 0 with the true sine: from the edge of a goal set to that of all states that reach it.
 
     `edge` holds errors x̄ at T, shape (2, pendulums, points).
     """
@@ -125,12 +126,12 @@ def _dynamics(loops: ClosedLoops):
 
     def rate(point, state):
         error, velocity = state
-        found = np.empty_like(state)
-        found[0], acceleration = velocity, found[1]
+        slope = np.empty_like(state)
+        slope[0], acceleration = velocity, slope[1]
         np.sin(angle[point] + error, out=acceleration)
         acceleration *= -gravity
         acceleration += along[point] * error + fast[point] * velocity + still[point]
-        return found
+        return slope
 
     return rate, stiffness, damping
 
@@ -145,11 +146,11 @@ def _runge_kutta(rate: Callable, point: int, stride: int, h: np.ndarray, state: 
 
 
 def _stride(loops: ClosedLoops, stiffness: np.ndarray, damping: np.ndarray) -> int:
-    """Knots per step: the most that the fastest mode and an even division of the knots allow."""
+    """Return the knots per step: the most that the fastest mode and an even division of the knots allow."""
     rate = np.maximum(np.abs(damping), np.sqrt(np.abs(stiffness))).max(axis=0)
     advance = rate * loops.step
-    for stride in range(LONGEST_STRIDE, 0, -1):
-        largest = LARGEST_STEP if stride == 1 else COMFORTABLE_STEP
+    for stride in range(MAX_STRIDE, 0, -1):
+        largest = MAX_STEP if stride == 1 else COMFORTABLE_STEP
         if (loops.knots - 1) % stride == 0 and advance.max() * stride <= largest:
             return stride
     index = int(advance.argmax())
@@ -168,7 +169,7 @@ def quadratic_form(cost: np.ndarray, state: np.ndarray) -> np.ndarray:
 
 
 def upper_share(exits: np.ndarray, starts: int) -> np.ndarray:
-    """Upper end of the Clopper–Pearson 95 % interval for `exits` of `starts`."""
+    """Return the upper end of the Clopper–Pearson 95 % interval for `exits` of `starts`."""
     from scipy.special import betaincinv
 
     exits = np.asarray(exits)

@@ -18,12 +18,12 @@ from lumbar.lifting.stability.model.eqs_4_1_to_4_4_closed_loop import NormalForm
 
 
 def monomials(degree: int) -> list[tuple[int, int]]:
-    """Exponents of all monomials in two variables up to a degree."""
+    """Return the exponents of all monomials in two variables up to a degree."""
     return [(total - second, second) for total in range(degree + 1) for second in range(total + 1)]
 
 
 def growth_polynomial(form: NormalForm, level: np.ndarray, degree: int) -> np.ndarray:
-    """Coefficients of V̇/ρ in z with the Taylor polynomial of sin(θ0 + e) in e, shape (..., monomials of degree + 1).
+    """Return the coefficients of V̇/ρ in z with the Taylor polynomial of sin(θ0 + e) in e, shape (..., monomials of degree + 1).
 
     `level` is ρ, of the same shape (...) as the entries of `form`.
     """
@@ -43,7 +43,7 @@ def growth_polynomial(form: NormalForm, level: np.ndarray, degree: int) -> np.nd
 
 @cache
 def harmonics_of_monomials(degree: int) -> np.ndarray:
-    """Matrix from coefficients of monomials up to `degree` to harmonics 1, cos φ, sin φ, cos 2φ, ….
+    """Return the matrix from coefficients of monomials up to `degree` to harmonics 1, cos φ, sin φ, cos 2φ, ….
 
     Its entries are dyadic rationals and exact.
     """
@@ -57,7 +57,7 @@ def harmonics_of_monomials(degree: int) -> np.ndarray:
 
 
 def harmonics(order: int, angle: np.ndarray) -> np.ndarray:
-    """Values of 1, cos φ, sin φ, …, cos nφ, sin nφ, shape (2n + 1, angles)."""
+    """Return the values of 1, cos φ, sin φ, …, cos nφ, sin nφ, shape (2n + 1, angles)."""
     rows = [np.ones_like(angle)]
     for multiple in range(1, order + 1):
         rows += [np.cos(multiple * angle), np.sin(multiple * angle)]
@@ -65,7 +65,7 @@ def harmonics(order: int, angle: np.ndarray) -> np.ndarray:
 
 
 NEGLIGIBLE = 1e-8
-"""Last step in rad towards a maximum: what is left of the height goes with its square."""
+"""Last step in rad towards a maximum: the remaining error of the height is about its square."""
 
 
 def circle_maximum(coefficients: np.ndarray, degree: int) -> np.ndarray:
@@ -76,7 +76,8 @@ def circle_maximum(coefficients: np.ndarray, degree: int) -> np.ndarray:
     # The best sample of every part of the circle.
     amplitudes = coefficients @ harmonics_of_monomials(degree).T
     samples, parts = 16 * (degree + 1), 2 * (degree + 1)
-    angle, waves = _sampled_circle(degree, samples)
+    angle = 2 * np.pi * np.arange(samples) / samples
+    waves = harmonics(degree, angle)
     values = amplitudes @ waves
     within = values.reshape(*values.shape[:-1], parts, -1).argmax(axis=-1)
     position = angle[within + np.arange(parts) * (samples // parts)]
@@ -96,20 +97,13 @@ def circle_maximum(coefficients: np.ndarray, degree: int) -> np.ndarray:
     return np.maximum(amplitudes[..., 0] + waves.max(axis=-1), values.max(axis=-1))
 
 
-@cache
-def _sampled_circle(degree: int, samples: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return even angles and the harmonics there."""
-    angle = 2 * np.pi * np.arange(samples) / samples
-    return angle, harmonics(degree, angle)
-
-
 def _powers(angle: np.ndarray, degree: int) -> np.ndarray:
     """Return z, z², …, zⁿ of z = exp iφ, shape (angles, n)."""
     return np.multiply.accumulate(np.repeat(np.exp(1j * angle)[..., None], degree, axis=-1), axis=-1)
 
 
 def gram_map(degree: int) -> np.ndarray:
-    """Matrix that takes the scaled upper triangle of G, column by column, to the coefficients of bᵀGb."""
+    """Return the matrix that takes the scaled upper triangle of G, column by column, to the coefficients of bᵀGb."""
     index = {exponents: position for position, exponents in enumerate(monomials(degree + 1))}
     basis = monomials((degree + 1) // 2)
     triangle = [(row, column) for column in range(len(basis)) for row in range(column + 1)]
@@ -121,7 +115,7 @@ def gram_map(degree: int) -> np.ndarray:
 
 
 def circle_map(degree: int) -> np.ndarray:
-    """Matrix that takes the coefficients of L to those of L·(1 − |z|²)."""
+    """Return the matrix that takes the coefficients of L to those of L·(1 − |z|²)."""
     index = {exponents: position for position, exponents in enumerate(monomials(degree + 1))}
     matrix = np.zeros((len(index), len(monomials(degree - 1))))
     for column, (i, j) in enumerate(monomials(degree - 1)):
@@ -162,7 +156,7 @@ class SumOfSquares:
         settings.verbose = False
         settings.presolve_enable = False  # otherwise the target cannot be exchanged
         settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = tolerance
-        # n(n + 1)/2 entries stand for a matrix of size n.
+        # A matrix of size n has n(n + 1)/2 entries.
         sizes = [int(np.sqrt(2 * gram.shape[1])) for gram in grams]
         self._target = np.zeros(self._equations + entries)
         self._solved = clarabel.SolverStatus.Solved
@@ -177,7 +171,7 @@ class SumOfSquares:
         self.status = ""
 
     def solve(self, target: np.ndarray) -> np.ndarray | None:
-        """Return y, or None where the solver does not say "solved" (almost solved is not solved)."""
+        """Return y, or None unless the solver's status is "solved" ("almost solved" is not)."""
         self._target[: self._equations] = target
         self._solver.update(b=self._target)
         solution = self._solver.solve()
@@ -203,9 +197,9 @@ class Certificate:
             The solver did not reach an optimum.
         """
         scale = float(np.abs(coefficients).max())
-        found = self._programme.solve(-coefficients / scale)
-        if found is None:
+        solution = self._programme.solve(-coefficients / scale)
+        if solution is None:
             raise NumericalError(
                 f"{label}: the sum-of-squares programme ended as {self._programme.status}", label
             )
-        return float(found[0]) * scale, found[1:] * scale
+        return float(solution[0]) * scale, solution[1:] * scale

@@ -17,7 +17,7 @@ a circle. A symmetric 2×2 matrix is stored as its three entries (s11, s12, s22)
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
@@ -71,6 +71,8 @@ def gather(
 
     Parameters
     ----------
+    trajectories : sequence of Trajectory
+        Valid ones.
     sign : {"hanging", "inverted"} or sequence of them
         Of all trajectories, or one per trajectory; `damping` likewise.
     damping : float or numpy.ndarray
@@ -87,16 +89,14 @@ def gather(
     mass, length = (
         np.array([getattr(item, name) for item in trajectories]) for name in ("mass_kg", "length_m")
     )
-    angle = [
-        CubicSpline((item.time - item.time[0]) / item.duration, item.angle)(phase) for item in trajectories
-    ]
+    splines = [CubicSpline((item.time - item.time[0]) / item.duration, item.angle) for item in trajectories]
     return Pendulums(
         labels=tuple(pendulum_label(item, sign) for item, sign in zip(trajectories, signs, strict=True)),
         inertia=mass * length**2,
         damping=np.full(len(trajectories), damping, dtype=float),
         gravity_torque=np.array([SIGNS[sign] for sign in signs]) * mass * gravity * length,
         duration=np.array([item.duration for item in trajectories]),
-        angle=np.stack(angle, axis=1),
+        angle=np.stack([spline(phase) for spline in splines], axis=1),
     )
 
 
@@ -133,12 +133,10 @@ class Weights:
     """Shape (..., 3): qf, positive definite; with ρ(T) it is the goal set x̄ᵀ·Qf·x̄ ≤ ρ(T)."""
 
     @classmethod
-    def of(cls, settings: RegulatorSettings) -> Weights:
+    def from_settings(cls, settings: RegulatorSettings) -> Weights:
         """Return the weights of a configuration."""
-        state, terminal = (
-            np.array([matrix[0][0], matrix[0][1], matrix[1][1]])
-            for matrix in (settings.state_weight, settings.terminal_weight)
-        )
+        matrices = settings.state_weight, settings.terminal_weight
+        state, terminal = (np.array([matrix[0][0], *matrix[1]]) for matrix in matrices)
         return cls(state, np.asarray(settings.control_weight), terminal)
 
 
@@ -172,8 +170,7 @@ def riccati_rate(pendulums: Pendulums, weights: Weights, angle: np.ndarray, cost
 def cost_to_go(pendulums: Pendulums, weights: Weights) -> np.ndarray:
     """Integrate the Riccati equation backward from S(T) = Qf, adaptively.
 
-    Dormand–Prince of order 8, or for small inertias, whose loop is stiff, Radau's implicit method of order 5.
-
+    Method: Dormand–Prince of order 8; Radau's implicit method of order 5 for small inertias, which make the loop stiff.
     S has shape (points, pendulums, 3), on the grid of ``pendulums.angle``.
 
     Raises
@@ -264,33 +261,6 @@ class NormalForm:
     coupling: np.ndarray
     """2·(σmgℓ/I)·√s22: κ is this divided by √ρ."""
 
-    def at(self, point) -> NormalForm:
-        """Return the form at points of the first axis (an index or a slice)."""
-        return NormalForm(**{name: values[point] for name, values in vars(self).items()})
-
-
-def normal_form(pendulums: Pendulums, angle: np.ndarray, cost: np.ndarray, decay: np.ndarray) -> NormalForm:
-    """Bring the closed loop into normal coordinates.
-
-    Parameters
-    ----------
-    angle : numpy.ndarray, shape (..., pendulums)
-        θ0 in rad.
-    cost, decay : numpy.ndarray, shape (..., pendulums, 3)
-        S of V = x̄ᵀSx̄ and M = −V̇ of the linear loop.
-    """
-    s22 = cost[..., 2]
-    m11, m12, m22 = np.moveaxis(decay, -1, 0)
-    a, p, q = normal_axes(cost)
-    return NormalForm(
-        angle=angle,
-        amplitude=a,
-        alpha=m11 * a**2 + 2 * m12 * a * p + m22 * p**2,
-        beta=(m12 * a + m22 * p) * q,
-        gamma=m22 * q**2,
-        coupling=2 * pendulums.gravity_torque / pendulums.inertia * np.sqrt(s22),
-    )
-
 
 class NormalAxes(NamedTuple):
     """Numbers of the ellipse x̄ᵀSx̄ = 1: e = a·z1, ω = p·z1 + q·z2 with z on the unit circle."""
@@ -332,34 +302,40 @@ class ClosedLoops:
 
     def form(self, point) -> NormalForm:
         """Return V̇/ρ in normal coordinates at points of the grid (an index or a slice)."""
-        return self._form.at(point)
+        return NormalForm(**{name: values[point] for name, values in vars(self._form).items()})
 
     @cached_property
     def _form(self) -> NormalForm:
-        return normal_form(self.pendulums, self.pendulums.angle, self.cost, self.decay)
+        m11, m12, m22 = np.moveaxis(self.decay, -1, 0)
+        a, p, q = normal_axes(self.cost)
+        return NormalForm(
+            angle=self.pendulums.angle,
+            amplitude=a,
+            alpha=m11 * a**2 + 2 * m12 * a * p + m22 * p**2,
+            beta=(m12 * a + m22 * p) * q,
+            gamma=m22 * q**2,
+            coupling=2 * self.pendulums.gravity_torque / self.pendulums.inertia * np.sqrt(self.cost[..., 2]),
+        )
 
     def select(self, index: np.ndarray) -> ClosedLoops:
         """Return the loops of these pendulums, which may repeat."""
-        given, weights = self.pendulums, self.weights
-        arrays = ("inertia", "damping", "gravity_torque", "duration", "angle")
-        pendulums = replace(
-            given,
-            labels=tuple(given.labels[number] for number in index),
-            **{name: getattr(given, name)[..., index] for name in arrays},
-        )
+        labels = tuple(self.pendulums.labels[number] for number in index)
+        arrays = {
+            name: values[..., index] for name, values in vars(self.pendulums).items() if name != "labels"
+        }
         # Weights are shared by all pendulums, or have one row for each.
-        shared = ((weights.state, 1), (weights.control, 0), (weights.terminal, 1))
+        shared = ((self.weights.state, 1), (self.weights.control, 0), (self.weights.terminal, 1))
         weights = Weights(*(part[index] if part.ndim > least else part for part, least in shared))
         parts = (part[:, index] for part in (self.cost, self.decay, self.gains))
-        return ClosedLoops(pendulums, weights, *parts)
+        return ClosedLoops(Pendulums(labels, **arrays), weights, *parts)
 
 
 def regulate(pendulums: Pendulums, weights: Weights) -> ClosedLoops:
     """Close the loop with the finite-horizon regulator (Eqs 4.2 and 4.4)."""
-    return with_cost(pendulums, weights, cost_to_go(pendulums, weights))
+    return close_with_cost(pendulums, weights, cost_to_go(pendulums, weights))
 
 
-def with_cost(pendulums: Pendulums, weights: Weights, cost: np.ndarray) -> ClosedLoops:
+def close_with_cost(pendulums: Pendulums, weights: Weights, cost: np.ndarray) -> ClosedLoops:
     """Close the loop with the gain of a given solution S of the Riccati equation."""
     k1, k2 = gain(pendulums, weights.control, cost)
     # Q + SBR⁻¹BᵀS = Q + KᵀRK: V falls along the linear loop as V̇ = −x̄ᵀ(Q + KᵀRK)x̄.
@@ -370,7 +346,7 @@ def with_cost(pendulums: Pendulums, weights: Weights, cost: np.ndarray) -> Close
 def close_loops(
     trajectories: Sequence[Trajectory], sign: str | Sequence[str], settings: StabilitySettings
 ) -> ClosedLoops:
-    """Put the trajectories under the regulator of the configuration; `sign` as of `gather`."""
+    """Put the trajectories under the regulator of the configuration; see `gather` for `sign`."""
     given = settings.pendulum
     pendulums = gather(trajectories, sign, given.damping_N_m_s, given.gravity_m_s2, settings.knots)
-    return regulate(pendulums, Weights.of(settings.regulator))
+    return regulate(pendulums, Weights.from_settings(settings.regulator))

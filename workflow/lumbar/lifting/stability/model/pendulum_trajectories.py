@@ -22,7 +22,6 @@ from lumbar.tables.table import Table, columns_of, table_from_schema
 if TYPE_CHECKING:
     import pandas as pd
 
-    from lumbar.lifting.movement.pendulum_states import PendulumStates
     from lumbar.settings.stability import StabilitySettings
 
 
@@ -30,9 +29,9 @@ COMS = ("thorax", "abdomen", "pelvis")
 PLANES = ("lateral_bending", "flexion_extension")
 SIGNS = {"hanging": 1.0, "inverted": -1.0}
 """Sign σ of the gravity term of Eq. 4.1."""
-MINIMUM_SAMPLES = 20
-SHORTEST_LENGTH_M = 0.1
-VELOCITY_TOLERANCE = 0.1
+MIN_SAMPLES = 20
+MIN_LENGTH_M = 0.1
+MAX_VELOCITY_DEVIATION = 0.1
 """Largest deviation of the integral of the angular velocity from the angle, as a share of the angle's range."""
 
 
@@ -41,11 +40,9 @@ class Trajectory:
     """States of the pendulum of one COM, seen in one plane, while a box is deposited; equal only to itself."""
 
     subject: str
-    """Who lifted."""
+    """Name of the lifter."""
     experience: str
-    """Label of the subject."""
     box_mass_kg: float
-    """Mass of the box."""
     com: str
     """One of `COMS`."""
     plane: str
@@ -61,24 +58,16 @@ class Trajectory:
     angular_acceleration: np.ndarray
     """Shape (samples,): θ̈0 in rad/s²."""
     mass_kg: float
-    """Mass of the pendulum."""
     length_m: float
     """Mean length of the pendulum."""
     mass_counted: str = "with_box"
-    """``with_box`` or ``without_box``: whether `mass_kg` includes the box."""
+    """``with_box`` if `mass_kg` includes the box, or ``without_box``."""
     clock: str = "real"
     """``real``, or ``unit`` if the recorded movement is played in one second."""
     segment_ends: str = "inner"
-    """As the key of `lumbar.settings.lifting`."""
+    """Key of `lumbar.settings.lifting`."""
     deposit_start: str = "descent"
-    """As the key of `lumbar.settings.lifting`."""
-
-    @classmethod
-    def of_states(cls, states: PendulumStates, **others) -> Trajectory:
-        """Return the trajectory of a pendulum's states with their mean length; `others` are its further attributes."""
-        names = ("time", "angle", "angular_velocity", "angular_acceleration")
-        motion = {name: getattr(states, name) for name in names}
-        return cls(**others, **motion, length_m=float(states.length.mean()))
+    """Key of `lumbar.settings.lifting`."""
 
     @property
     def label(self) -> str:
@@ -104,8 +93,8 @@ def pendulum_label(trajectory: Trajectory, sign: str) -> str:
 def in_unit_time(trajectory: Trajectory) -> Trajectory:
     """Return the same path played in one second, as the thesis has it ("to non-dimensionalize time", section 4.2.3.1).
 
-    The pendulum keeps its mass, length, damping and gravity, and the regulator its weights: this is another movement, not a
-    change of units. In other units of time every area would only be multiplied by the duration.
+    Mass, length, damping, gravity and the regulator's weights stay: this is another movement, not a change of units, which would
+    only multiply every area by the duration.
     """
     duration = trajectory.duration
     return replace(
@@ -127,45 +116,41 @@ def find_problems(trajectory: Trajectory) -> Problems:
     from scipy.integrate import cumulative_trapezoid
 
     problems = Problems(trajectory.label)
-    if len(trajectory.time) < MINIMUM_SAMPLES:
-        problems.add("", f"{len(trajectory.time)} samples", f"at least {MINIMUM_SAMPLES} are needed")
+    time, angle = trajectory.time, trajectory.angle
+    if len(time) < MIN_SAMPLES:
+        problems.add("", f"{len(time)} samples", f"at least {MIN_SAMPLES} are needed")
         return problems
     for name in ("time", "angle", "angular_velocity", "angular_acceleration"):
         values = getattr(trajectory, name)
         bad = np.flatnonzero(~np.isfinite(values))
         if bad.size:
             problems.add(f"sample {bad[0] + 1}", f"{name} is {values[bad[0]]}", "every value must be finite")
-    if not (np.isfinite(trajectory.mass_kg) and trajectory.mass_kg > 0):
+    if not 0 < trajectory.mass_kg < np.inf:
         problems.add("mass_kg", f"{trajectory.mass_kg:g}", "a positive mass is needed")
-    if not (np.isfinite(trajectory.length_m) and trajectory.length_m >= SHORTEST_LENGTH_M):
-        problems.add(
-            "length_m",
-            f"{trajectory.length_m:g}",
-            f"a pendulum shorter than {SHORTEST_LENGTH_M} m describes no trunk segment: choose another pivot",
-        )
+    if not MIN_LENGTH_M <= trajectory.length_m < np.inf:
+        allowed = f"a pendulum shorter than {MIN_LENGTH_M} m describes no trunk segment: choose another pivot"
+        problems.add("length_m", f"{trajectory.length_m:g}", allowed)
     if problems.entries:
         return problems
-    backward = np.flatnonzero(np.diff(trajectory.time) <= 0)
+    backward, turned = np.flatnonzero(np.diff(time) <= 0), np.flatnonzero(np.abs(angle) >= np.pi)
     if backward.size:
-        row = backward[0] + 2
-        found = f"time {trajectory.time[row - 1]:g} s after {trajectory.time[row - 2]:g} s"
-        problems.add(f"sample {row}", found, "time must increase")
+        row = backward[0] + 1
+        problems.add(
+            f"sample {row + 1}", f"time {time[row]:g} s after {time[row - 1]:g} s", "time must increase"
+        )
+    elif turned.size:
+        row, allowed = turned[0], "a COM over or under its pivot lies within ±π"
+        problems.add(f"sample {row + 1}", f"angle {angle[row]:.3g} rad", allowed)
+    if problems.entries:
         return problems
-    beyond = np.flatnonzero(np.abs(trajectory.angle) >= np.pi)
-    if beyond.size:
-        row = beyond[0]
-        found = f"angle {trajectory.angle[row]:.3g} rad"
-        problems.add(f"sample {row + 1}", found, "a COM over or under its pivot lies within ±π")
-        return problems
-    integral = cumulative_trapezoid(trajectory.angular_velocity, trajectory.time, initial=0.0)
-    error = trajectory.angle - trajectory.angle[0] - integral
+    error = angle - angle[0] - cumulative_trapezoid(trajectory.angular_velocity, time, initial=0.0)
     # A hundredth of a radian is below what markers resolve: a COM that hardly moves must not fail.
-    stray = float(np.ptp(error) / max(np.ptp(trajectory.angle), 0.1))
-    if stray > VELOCITY_TOLERANCE:
+    deviation = float(np.ptp(error) / max(np.ptp(angle), 0.1))
+    if deviation > MAX_VELOCITY_DEVIATION:
         problems.add(
             "angular_velocity",
-            f"its integral strays from the angle by {100 * stray:.0f} % of the angle's range",
-            f"at most {100 * VELOCITY_TOLERANCE:.0f} %: it must be the derivative of the angle",
+            f"its integral strays from the angle by {100 * deviation:.0f} % of the angle's range",
+            f"at most {100 * MAX_VELOCITY_DEVIATION:.0f} %: it must be the derivative of the angle",
         )
     return problems
 
@@ -187,7 +172,7 @@ class Failure:
     reason: str
 
     @classmethod
-    def of(cls, item: Trajectory, basin: str, reason: str) -> Failure:
+    def from_trajectory(cls, item: Trajectory, basin: str, reason: str) -> Failure:
         """Return the failure of a basin of one trajectory."""
         return cls(item.subject, item.experience, item.box_mass_kg, item.com, item.plane, basin, reason)
 
@@ -197,27 +182,21 @@ class Convention:
     """Choices that make a pendulum of a recorded deposit."""
 
     sign: str
-    """Sign of gravity in Eq. 4.1."""
     time: str
-    """Whether the movement lasts as long as it was recorded or one second."""
+    """``real`` if the movement lasts as long as it was recorded, ``unit`` if one second."""
     mass: str
-    """Whether the box counts to the pendulum's mass."""
+    """``with_box`` if the box counts to the pendulum's mass, or ``without_box``."""
     pivot: str
     """Point about which the pendulum turns: one of `lumbar.lifting.movement.pendulum_states.PIVOTS`."""
     segment_ends: str
-    """Whether the trunk's segments end inside the body or at the markers."""
+    """``inner`` if the trunk's segments end inside the body, ``skin`` if at the markers."""
     deposit_start: str
     """Rule for the start of the deposit."""
 
     def __str__(self) -> str:
-        words = (
-            f"{self.time} time",
-            self.mass,
-            self.pivot,
-            f"{self.segment_ends} ends",
-            f"from {self.deposit_start}",
-        )
-        return ", ".join([self.sign, *(part.replace("_", " ") for part in words)])
+        ends, start = f"{self.segment_ends} ends", f"from {self.deposit_start}"
+        parts = (f"{self.time} time", self.mass, self.pivot, ends, start)
+        return ", ".join([self.sign, *(part.replace("_", " ") for part in parts)])
 
 
 THESIS = Convention("hanging", "unit", "without_box", **vars(THESIS_CHOICE))
@@ -234,7 +213,7 @@ class LiftStates:
     facts: Mapping
     """``pendulum.json``; ``thesis_pendulum`` has ``length_m`` and ``missing`` of the thesis's choice, if that is another."""
     in_thesis: pd.DataFrame | None = None
-    """``thesis_pendulum.csv``, columns of `states`; None if there is no such file."""
+    """``thesis_pendulum.csv``, columns of `states`; None without such a file."""
 
     def trajectories(self, convention: Convention) -> tuple[list[Trajectory], list[Failure]]:
         """Return the valid trajectories of one convention, and the failures of the others.
@@ -243,13 +222,13 @@ class LiftStates:
         """
         choice = {name: getattr(convention, name) for name in CHOICES}
         thesis, options = self.facts.get("thesis_pendulum"), (convention.mass, convention.time)
-        if choice == own_choice(self.facts):
+        if choice == pendulum_choice(self.facts):
             return trajectories_of_lift(self.states, self.facts, *options)
-        if self.in_thesis is None or not thesis or choice != own_choice(thesis):
+        if self.in_thesis is None or not thesis or choice != pendulum_choice(thesis):
             named = ", ".join(choice.values())
             reason = f"no pendulum states of {named}: 'lumbar lift' writes thesis_pendulum.csv"
-            lost = {**self.facts, "missing": dict.fromkeys(COMS, reason)}
-            return trajectories_of_lift(self.states, lost, *options)
+            facts = {**self.facts, "missing": dict.fromkeys(COMS, reason)}
+            return trajectories_of_lift(self.states, facts, *options)
         return trajectories_of_lift(self.in_thesis, {**self.facts, **thesis}, *options)
 
 
@@ -267,46 +246,46 @@ def trajectories_of_lift(
         ``without_box``) and ``length_m`` (per COM and plane); ``experience`` if known, and ``missing``, the reasons of COMs
         without a pendulum.
     mass : {"with_box", "without_box"}
-        Whether the box counts to the pendulum's mass.
+        With or without the box in the pendulum's mass.
     time : {"real", "unit"}
-        Whether the movement lasts as long as it was recorded or one second.
+        As long as it was recorded, or one second.
     """
     trajectories, failures, missing = [], [], facts.get("missing", {})
     parts = dict(iter(states.groupby(["com", "plane"])))
-    lifted = {
-        "subject": facts["subject"],
-        "experience": facts.get("experience", ""),
-        "box_mass_kg": float(facts["box_mass_kg"]),
-    }
+    lifted = {"subject": facts["subject"], "experience": facts.get("experience", "")}
+    lifted["box_mass_kg"] = float(facts["box_mass_kg"])
+    motion = ("time_s", "angle_rad", "angular_velocity_rad_s", "angular_acceleration_rad_s2")
     for com in COMS:
         for plane in PLANES:
             if com in missing:
-                lost = {"com": com, "plane": plane, "basin": NO_TRAJECTORY, "reason": missing[com]}
-                failures.append(Failure(**lifted, **lost))
+                failures.append(
+                    Failure(**lifted, com=com, plane=plane, basin=NO_TRAJECTORY, reason=missing[com])
+                )
                 continue
             rows = parts.get((com, plane), states[:0])
+            time_s, angle, velocity, acceleration = (rows[name].to_numpy(float) for name in motion)
             trajectory = Trajectory(
                 **lifted,
                 com=com,
                 plane=plane,
-                **own_choice(facts),
-                time=rows["time_s"].to_numpy(float),
-                angle=rows["angle_rad"].to_numpy(float),
-                angular_velocity=rows["angular_velocity_rad_s"].to_numpy(float),
-                angular_acceleration=rows["angular_acceleration_rad_s2"].to_numpy(float),
+                **pendulum_choice(facts),
+                time=time_s,
+                angle=angle,
+                angular_velocity=velocity,
+                angular_acceleration=acceleration,
                 mass_kg=float(facts["mass_kg"][com][mass]),
                 length_m=float(facts["length_m"][com][plane]),
                 mass_counted=mass,
             )
             problems = find_problems(trajectory).entries
             if problems:
-                failures.append(Failure.of(trajectory, NO_TRAJECTORY, ". ".join(problems)))
+                failures.append(Failure.from_trajectory(trajectory, NO_TRAJECTORY, ". ".join(problems)))
             else:
                 trajectories.append(in_unit_time(trajectory) if time == "unit" else trajectory)
     return trajectories, failures
 
 
-def own_choice(facts: Mapping) -> dict[str, str]:
+def pendulum_choice(facts: Mapping) -> dict[str, str]:
     """Return the choices in the facts of pendulum states, attributes of `PendulumChoice`."""
     return {name: facts[name] for name in CHOICES}
 
@@ -314,7 +293,7 @@ def own_choice(facts: Mapping) -> dict[str, str]:
 def headline(settings: StabilitySettings, facts: Mapping) -> Convention:
     """Return the convention of the headline: the study's own choices, including those in a lift's facts."""
     pendulum = settings.pendulum
-    return Convention(pendulum.sign, pendulum.time, pendulum.mass, **own_choice(facts))
+    return Convention(pendulum.sign, pendulum.time, pendulum.mass, **pendulum_choice(facts))
 
 
 Result = TypeVar("Result")
@@ -326,37 +305,51 @@ def compute_together(
     basin: str,
     failures: list[Failure],
 ) -> list[tuple[list[Trajectory], Result]]:
-    """Compute all trajectories together; if the error's label is that of one, it is tried separately and the others together
-    again, else each separately.
+    """Compute all trajectories together: the integration takes the same number of steps for one basin as for a hundred.
 
-    The integration takes the same number of steps for one basin as for a hundred.
+    If the label of an error is that of a trajectory, it is computed separately and the others together again; otherwise each is
+    computed separately.
 
-    `basin` names the computed basin for `Failure.basin`; trajectories that fail separately are added to `failures`. Returned are
-    the trajectories that were computed together, with their result.
+    Parameters
+    ----------
+    compute : callable
+        Result of some trajectories.
+    trajectories : list of Trajectory
+        All of them.
+    basin : str
+        Name for `Failure.basin`.
+    failures : list of Failure
+        Gets the trajectories that fail separately.
+
+    Returns
+    -------
+    list of tuple
+        Trajectories that were computed together, with their result.
 
     Examples
     --------
     >>> compute_together(len, ["thorax", "pelvis"], "exact", [])
     [(['thorax', 'pelvis'], 2)]
     """
-    found = []
-    left = list(trajectories)
-    while left:
+    results = []
+    remaining = list(trajectories)
+    while remaining:
         try:
-            return [*found, (left, compute(left))]
+            return [*results, (remaining, compute(remaining))]
         except NumericalError as error:
             label = error.label
-            if len(left) == 1:
-                failures.append(Failure.of(left[0], basin, str(error)))
-                return found
-        separate = [item for item in left if label in (pendulum_label(item, sign) for sign in SIGNS)] or left
-        left = [item for item in left if item not in separate]
+            if len(remaining) == 1:
+                failures.append(Failure.from_trajectory(remaining[0], basin, str(error)))
+                return results
+        labelled = [item for item in remaining if label in (pendulum_label(item, sign) for sign in SIGNS)]
+        separate = labelled or remaining
+        remaining = [item for item in remaining if item not in separate]
         for item in separate:
             try:
-                found.append(([item], compute([item])))
+                results.append(([item], compute([item])))
             except NumericalError as error:
-                failures.append(Failure.of(item, basin, str(error)))
-    return found
+                failures.append(Failure.from_trajectory(item, basin, str(error)))
+    return results
 
 
 def failures_frame(failures: list[Failure]) -> pd.DataFrame:
@@ -383,29 +376,24 @@ def announcement(path: str | os.PathLike) -> str:
     if not rows:
         return ""
     count = f"{len(rows)} basin{'s' if len(rows) > 1 else ''} of attraction could not be computed ({path})"
-    return "\n".join(
-        [
-            f"WARNING: {count}; the tables leave out and name:",
-            *(
-                f"  - {row['subject']} {float(row['box_mass_kg']):g} kg, {row['com']}, {row['plane']}: "
-                f"{row['basin']}: {row['reason']}"
-                for row in rows
-            ),
-        ]
-    )
+    lines = [
+        f"  - {row['subject']} {float(row['box_mass_kg']):g} kg, {row['com']}, {row['plane']}: {row['basin']}: {row['reason']}"
+        for row in rows
+    ]
+    return "\n".join([f"WARNING: {count}; the tables leave out and name:", *lines])
 
 
 def failures_table(failures: pd.DataFrame, source_label: str) -> Table:
     """Return the basins that could not be computed as a published table; a row reports if none is missing."""
-    none, no_rows = failures.empty, failures_frame([])
+    none = failures.empty
     if none:
-        failures = no_rows.astype(object)
-        failures.loc[0] = dict.fromkeys(no_rows) | {"basin": "none", "reason": "every basin was computed"}
+        failures = failures_frame([]).astype(object)
+        failures.loc[0] = dict.fromkeys(failures) | {"basin": "none", "reason": "every basin was computed"}
     return table_from_schema(
         "lifting/stability",
         "missing_basins",
         failures,
         source_label,
         notes=("Every basin was computed" if none else "These basins are in no other table",),
-        may_be_empty=frozenset(no_rows) - {"basin", "reason"} if none else frozenset(),
+        may_be_empty=frozenset(failures) - {"basin", "reason"} if none else frozenset(),
     )

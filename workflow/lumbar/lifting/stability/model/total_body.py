@@ -37,14 +37,18 @@ def total_body_pendulum(body: pd.DataFrame, centres: pd.DataFrame, facts: Mappin
     relative = points[WHOLE_BODY] - pivot.to_numpy(float)
     interval = facts["start_s"], facts["stop_s"], facts["points"]
     states = pendulum_states(body["time_s"].to_numpy(), relative, *interval, "total body")[PLANE]
-    return Trajectory.of_states(
-        states,
+    return Trajectory(
         subject=facts["subject"],
         experience=facts.get("experience", ""),
         box_mass_kg=facts["box_mass_kg"],
         com="total body",
         plane=PLANE,
         pivot=facts["pivot"],
+        time=states.time,
+        angle=states.angle,
+        angular_velocity=states.angular_velocity,
+        angular_acceleration=states.angular_acceleration,
         mass_kg=facts["body_mass_kg"],
+        length_m=float(states.length.mean()),
         mass_counted="without_box",
     )
