@@ -125,7 +125,7 @@ def needle():
 def test_friction_along_a_needle_is_found(needle):
     assert needle.form.equation == "k_1*max(z, 0)*tanh(v/v_s)"
     assert needle.law.fit.linear[-1] == pytest.approx(0.25, rel=0.03)
-    assert needle.law.own_nonlinear[0] == pytest.approx(2.0, rel=0.1)
+    assert needle.law.term_parameters[0] == pytest.approx(2.0, rel=0.1)
     assert needle.form.linear[0].unit == "{y}/{x}"
     assert needle.share_removed > 0.95
 
@@ -155,7 +155,7 @@ def test_a_force_that_repeats_along_the_position_is_found():
     prepared, base = experiment(cogging)
     found = propose(prepared, base, terms=terms(*FEW))
     assert [item.name for item in found.terms] == ["cogging"]
-    assert found.law.own_nonlinear[0] == pytest.approx(2.5, rel=0.01)
+    assert found.law.term_parameters[0] == pytest.approx(2.5, rel=0.01)
     assert error(found.law.fit, sines(10, 52, size=6.0, even=False), cogging) < 1.2
 
 

@@ -27,11 +27,11 @@ def term(name: str):
     "unit", ["{y}", "{y}/{x}", "{y} s/{x}", "{y} s^2/{x}", "{y}/{x}^1.5", "1", "s", "1/s"]
 )
 def test_a_unit_is_written_as_it_is_read(unit):
-    assert Dimension.of(unit).unit == unit
+    assert Dimension.parse(unit).unit == unit
 
 
 def test_units_follow_from_what_a_force_is_made_of():
-    known = {**OF_SIGNALS, "c": Dimension.of("{y} s^2/{x}^2"), "d": Dimension.of("{x}")}
+    known = {**OF_SIGNALS, "c": Dimension.parse("{y} s^2/{x}^2"), "d": Dimension.parse("{x}")}
     assert dimension(parse("c*v*abs(v)*exp(-z/d)"), known) == FORCE
     assert dimension(parse("where(z > d, 0, c*max(v, 0)**2)"), known) == FORCE
 
@@ -66,7 +66,7 @@ def test_every_term_is_dimensionally_sound_and_a_form_can_be_made_of_it():
         if form.place is Place.PARALLEL:
             known = {
                 **OF_SIGNALS,
-                **{one.symbol: Dimension.of(one.unit) for one in (*form.linear, *form.nonlinear, *form.constants)},
+                **{one.symbol: Dimension.parse(one.unit) for one in (*form.linear, *form.nonlinear, *form.constants)},
                 **{name: {"q": Dimension(x=1), "u": Dimension(x=1), "m": Dimension(x=1)}.get(name[0], Dimension())
                    for name, _ in form.state},
             }  # fmt: skip

@@ -185,7 +185,7 @@ def test_excitations_keep_to_the_machine():
         assert peaks.velocity <= limits.velocity + 1e-6
         assert peaks.acceleration <= limits.acceleration + 1e-6
         inside = item.motion.position.min() >= -3.1 and item.motion.position.max() <= 5.1
-        assert item.within == inside, item.words
+        assert item.is_within == inside, item.description
     unlimited = excitation_family(motion, "mm", None)
     assert len(unlimited) > len(family)
     kinds = (
@@ -198,7 +198,7 @@ def test_excitations_keep_to_the_machine():
         "rest for",
     )
     for kind in kinds:
-        assert any(kind in item.words for item in unlimited), kind
+        assert any(kind in item.description for item in unlimited), kind
 
 
 def pressed(step: float) -> list[Record]:

@@ -1,8 +1,8 @@
-"""Evidence of a diagnosis beyond the ranking: ties, the experiment that settles them, limits, the remaining error.
+"""Evidence of a diagnosis in addition to the ranking: ties, the experiment that settles them, limits, the remaining error.
 
-What a candidate adds to the base is its simulation less the base's, on all records. Of this counts what the base's own
-parameters cannot take up (`lumbar.tissue.diagnosis.fitting.uncertainty`). Two effects explain the same error if their added
-forces point in the same direction; the angle between them measures how well they can be distinguished, whatever the noise.
+The force that a candidate adds to the base is its simulation less the base's, on all records. Only the part counts that the
+base's own parameters cannot take up (`lumbar.tissue.diagnosis.fitting.uncertainty`). Two effects explain the same error if their
+added forces have the same direction; the angle between them measures how well they can be distinguished, whatever the noise.
 """
 
 from __future__ import annotations
@@ -20,8 +20,7 @@ from lumbar.settings.signals import MachineSettings
 from lumbar.tables.layout import unit_in_print
 from lumbar.tissue.diagnosis.evidence.discrimination import Separation, motion_csv, separating_excitation
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
-from lumbar.tissue.diagnosis.fitting.fit_data import FitData
-from lumbar.tissue.diagnosis.fitting.joint_fit import Fit, nonlinear_starts
+from lumbar.tissue.diagnosis.fitting.joint_fit import nonlinear_starts
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.fitting.uncertainty import (
     added_forces,
@@ -42,7 +41,7 @@ from lumbar.tissue.diagnosis.selection.thresholds import (
     number_of_forms,
 )
 from lumbar.tissue.effects.catalogue import usable_effects
-from lumbar.tissue.models.form import Effect, Form
+from lumbar.tissue.models.form import Effect
 from lumbar.tissue.models.motion import along_axes
 from lumbar.tissue.signals.spectrum import Kinematics, occupied_band
 
@@ -50,11 +49,11 @@ if TYPE_CHECKING:
     import pandas as pd
 
 ALIKE = 15.0
-"""Degrees: candidates of one cluster add forces that differ by no more (97 % of the force in common)."""
+"""Largest angle in degrees between added forces of one cluster (97 % of the force in common)."""
 _STARTS = 3
 """Starting nonlinear parameters tried of every form: the first, the middle and the last of its grid."""
-_NOTHING = 1e-9
-"""A share of the force that is left by rounding alone."""
+_ROUNDING_SHARE = 1e-9
+"""Largest share of a force that is rounding."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,8 +65,8 @@ class Ties:
     angles: np.ndarray
     """Shape (candidates, candidates): degrees, 0 to 180."""
     clusters: list[list[int]]
-    """Indices of candidates all of whose angles are at most the larger of `ALIKE` and `resolution`; the one with the
-    selected first."""
+    """Indices of candidates with all angles at most the larger of `ALIKE` and `resolution`; the cluster of the selected one
+    comes first."""
     resolution: float
     """Degrees: noise hides an angle as small as this from the selected effect's added force."""
 
@@ -82,12 +81,12 @@ class Ties:
 
 
 def signal_angles(diagnosis: DiagnosisResult) -> Ties | None:
-    """Compare the added forces of the ranked candidates; None where nothing was selected."""
+    """Compare the added forces of the ranked candidates; None if nothing was selected."""
     if not diagnosis.selected:
         return None
-    experiment = diagnosis.experiment
+    experiment, noise = diagnosis.experiment, diagnosis.noise_rms
     records = [experiment.training, *experiment.tests]
-    # The ranking, the selected first, then tied ones that it does not show. Sets with the selected one and more add a like force.
+    # The ranking, the selected first, then tied ones that are not in it. Sets with the selected one and more add a similar force.
     chosen = set(diagnosis.selected)
     candidates = [item.candidate for item in diagnosis.ranking if not set(item.candidate.effects) > chosen]
     ranked = {frozenset(item.effects) for item in candidates}
@@ -97,18 +96,17 @@ def signal_angles(diagnosis: DiagnosisResult) -> Ties | None:
     added = np.stack([whitened_simulation(item.fit, records) - base for item in candidates], axis=1)
     added = project_out(basis, added)
     size = np.sqrt(np.sum(added**2, axis=0))
-    noise = diagnosis.noise_rms
-    # A candidate that adds less than noise would hide has no direction to speak of.
-    seen = [index for index in range(len(candidates)) if index == 0 or size[index] ** 2 > TIED * noise**2]
-    candidates, added = [candidates[index] for index in seen], added[:, seen]
-    angles = angles_between(added)
+    # A candidate that adds less than noise would hide has no direction.
+    shown = [index for index in range(len(candidates)) if index == 0 or size[index] ** 2 > TIED * noise**2]
+    candidates = [candidates[index] for index in shown]
+    angles = angles_between(added[:, shown])
     hidden = min(1.0, np.sqrt(TIED) * noise / size[0]) if size[0] > 0 else 1.0
     resolution = float(np.degrees(np.arcsin(hidden)))
     return Ties(candidates, angles, complete_linkage(angles, max(ALIKE, resolution)), resolution)
 
 
 def angles_between(signals: np.ndarray) -> np.ndarray:
-    """Angles in degrees between the columns of `signals`; a column of zeros is at 90° to all others.
+    """Return the angles in degrees between the columns of `signals`; a column of zeros is at 90° to all others.
 
     Taken from the half-angle, 2 atan2(‖a − b‖, ‖a + b‖) of unit vectors, which stays accurate for small angles (Kahan, How
     Futile are Mindless Assessments of Roundoff, 2006, §12).
@@ -124,7 +122,7 @@ def angles_between(signals: np.ndarray) -> np.ndarray:
 
 
 def complete_linkage(angles: np.ndarray, largest: float) -> list[list[int]]:
-    """Clusters in which no two members are further apart than `largest`, merged from the closest pair on.
+    """Return clusters in which no two members are further apart than `largest`, merged from the closest pair.
 
     The cluster of the first item comes first, the others in the order of their first members.
     """
@@ -145,56 +143,45 @@ class Detectable:
 
     effect: str
     easiest: float
+    """RMS of the force that it must add, in the output's unit, for the form and shape that the record shows best."""
     hardest: float
-    """`easiest`, `hardest`: RMS of the force it must add, in the output's unit, for the form and shape that the record
-    shows best and worst."""
+    """The RMS for the form and shape that the record shows worst."""
 
 
 def detectable_effects(
     diagnosis: DiagnosisResult, catalogue: dict[str, Effect], null: NullDistribution
 ) -> list[Detectable]:
-    """Smallest detectable force of every effect that the model does not have, the best shown first.
+    """Return the smallest detectable force of every effect that the model does not have, the best shown first.
 
-    An effect is selected when its statistic N R² exceeds the threshold of the null table; R² counts only what the model's own
-    parameters cannot take up. A force of which they take up the share 1 − s must therefore have the RMS σ √(threshold/(N s)).
-    Effects that do not add a force are judged by the change they make at their starting nonlinear parameters.
+    An effect is selected if its statistic N R² exceeds the threshold of the null table; R² counts only the part that the model's
+    own parameters cannot take up. A force of which they take up the share 1 − s must therefore have the RMS
+    σ √(threshold/(N s)). Effects that do not add a force are judged by the change they make at their starting parameters.
     """
     fit, data = diagnosis.model.fit, diagnosis.experiment.training
     least = diagnosis.noise_rms * np.sqrt(null.threshold(number_of_forms(catalogue)) / data.size)
-    basis = tangent_basis(fit, [data])
-    found = []
+    basis, residual = tangent_basis(fit, [data]), data.force - fit.simulate(data.motion)
+    detectable = []
     for effect in catalogue.values():
         if effect.name in diagnosis.selected:
             continue
-        shares = [share for form in effect.forms for share in _shares_left(fit, form, data, basis)]
+        shares = []
+        for form in effect.forms:
+            starts = nonlinear_starts(form, data, residual)
+            for index in sorted({0, len(starts) // 2, len(starts) - 1})[:_STARTS]:
+                for signal in added_forces(fit, form, data, starts[index]).T:
+                    energy, left = float(signal @ signal), project_out(basis, signal)
+                    if energy > 0 and left @ left > _ROUNDING_SHARE * energy:
+                        shares.append(float(left @ left) / energy)
         if shares:
-            found.append(
-                Detectable(
-                    effect.name, *(float(least / np.sqrt(part)) for part in (max(shares), min(shares)))
-                )
-            )
-    return sorted(found, key=lambda item: item.easiest)
+            easiest, hardest = (float(least / np.sqrt(part)) for part in (max(shares), min(shares)))
+            detectable.append(Detectable(effect.name, easiest, hardest))
+    return sorted(detectable, key=lambda item: item.easiest)
 
 
-def _shares_left(fit: Fit, form: Form, data: FitData, basis: np.ndarray) -> list[float]:
-    """Share of a form's force, in squares, that the model cannot take up, for several nonlinear parameters."""
-    residual = data.force - fit.simulate(data.motion)
-    starts = nonlinear_starts(form, data, residual)
-    chosen = [starts[index] for index in sorted({0, len(starts) // 2, len(starts) - 1})][:_STARTS]
-    shares = []
-    for start in chosen:
-        for signal in added_forces(fit, form, data, start).T:
-            energy = float(signal @ signal)
-            left = project_out(basis, signal)
-            if energy > 0 and left @ left > _NOTHING * energy:
-                shares.append(float(left @ left) / energy)
-    return shares
-
-
-_WIDE = 0.5
+_MAX_HALF_WIDTH = 0.5
 """Half width of an interval, as a share of the value, above which a parameter is poorly known."""
-_NAMED = 4
-"""Effects named as the hardest to see."""
+_LISTED_EFFECTS = 4
+"""Effects listed as the hardest to see."""
 EXCITATION = "separating_excitation.csv"
 
 
@@ -203,9 +190,9 @@ class Evidence:
     """Evidence of a diagnosis."""
 
     remaining: list[ResidualReport]
-    """The selected model on every record: where it still fails."""
+    """Remaining error of the selected model on every record."""
     ties: Ties | None
-    """None where nothing was selected."""
+    """None if nothing was selected."""
     separation: Separation | None
     """None without a tie."""
     detectable: list[Detectable]
@@ -213,7 +200,7 @@ class Evidence:
     threshold: float
     """Gain that an effect needs to be selected."""
     null: NullDistribution
-    """Simulated experiments that the threshold comes from."""
+    """Simulated experiments that give the threshold."""
     other_forms: list[Candidate]
     """The selected model with one of its effects in another mathematical form."""
 
@@ -223,81 +210,97 @@ def gather_evidence(
 ) -> Evidence:
     """Gather the evidence for a diagnosis, with the settings that it was made with.
 
-    `seed` is that of the intervals. The machine's limits are taken where the input is in mm.
+    `seed` is that of the intervals. The machine's limits are used if the input is in mm.
     """
-    experiment = diagnosis.experiment
+    experiment, model = diagnosis.experiment, diagnosis.model
     null = null_distribution(diagnosis.base.fit.structure.base.system)
     catalogue, _ = usable_effects(
         settings.searched, experiment.training.motion.channels, experiment.training.scale
     )
     threshold = null.threshold(number_of_forms(catalogue))
-    remaining = [] if experiment.points else compare_and_locate(experiment, diagnosis.model.fit, seed)
+    remaining = [] if experiment.points else compare_and_locate(experiment, model.fit, seed)
     if settings.forward or experiment.points:
-        # What tells effects apart is worked out for motions that are prescribed.
+        # Ties and detectable effects are defined for prescribed motions only.
         return Evidence(remaining, None, None, [], threshold, null, [])
+    limits = None
+    if machine is not None and experiment.input_unit == "mm":
+        limits = Kinematics(machine.displacement_mm, machine.velocity_mm_s, machine.acceleration_mm_s2)
+    other_forms = []
+    for form in model.fit.structure.forms:
+        effect = catalogue[form.effect]
+        others = tuple(item for item in effect.forms if item.name != form.name)
+        if others:
+            without = drop_effect(model, form.effect, experiment)
+            other_forms += extend(without, {form.effect: replace(effect, forms=others)}, experiment)
     return Evidence(
         remaining=remaining,
         ties=signal_angles(diagnosis),
-        separation=separating_excitation(diagnosis, machine_limits(machine, experiment)),
+        separation=separating_excitation(diagnosis, limits),
         detectable=detectable_effects(diagnosis, catalogue, null),
         threshold=threshold,
         null=null,
-        other_forms=_other_forms(diagnosis, catalogue),
+        other_forms=other_forms,
     )
-
-
-def machine_limits(machine: MachineSettings | None, experiment: Experiment) -> Kinematics | None:
-    """Limits of the machine in the input's unit; None where it is not known or the input is not in mm."""
-    if machine is None or experiment.input_unit != "mm":
-        return None
-    return Kinematics(machine.displacement_mm, machine.velocity_mm_s, machine.acceleration_mm_s2)
-
-
-def _other_forms(diagnosis: DiagnosisResult, catalogue: dict[str, Effect]) -> list[Candidate]:
-    """The model refitted with every other form of each of its effects."""
-    experiment, model = diagnosis.experiment, diagnosis.model
-    found = []
-    for mine in model.fit.structure.forms:
-        effect = catalogue[mine.effect]
-        others = tuple(form for form in effect.forms if form.name != mine.name)
-        if not others:
-            continue
-        without = drop_effect(model, mine.effect, experiment)
-        found += extend(without, {mine.effect: replace(effect, forms=others)}, experiment)
-    return found
 
 
 def limitations(diagnosis: DiagnosisResult, evidence: Evidence) -> list[str]:
     """Return one sentence per limit of the evidence."""
-    experiment = diagnosis.experiment
-    found = [_range(experiment)]
+    experiment, model = diagnosis.experiment, diagnosis.model
+    sentences = [_range_sentence(experiment)]
     if experiment.tests[0].name == experiment.training.name:
-        found.append(
+        sentences.append(
             "Whether the model holds for another specimen or day: there is only one table. Record a second one."
             if experiment.points
             else "Whether the model holds for another excitation: there is only one record, and its last part serves as the "
             "unseen one. Record a second excitation."
         )
     if experiment.points:
-        found.append(
+        sentences.append(
             "Whether the remaining error is noise: measure the same positions again, in another order."
         )
     elif experiment.floor is None:
-        found.append(
+        sentences.append(
             "Whether the remaining error is noise: no record repeats. Record at least three periods of one excitation and give "
             "its period."
         )
     if diagnosis.tied_with:
         others = " or ".join(effects_text(item.effects) for item in diagnosis.tied_with)
-        found.append(
+        sentences.append(
             f"Whether it is {effects_text(diagnosis.selected)} or {others}: both explain the records equally well."
         )
-    found += _other_forms_as_good(diagnosis, evidence)
-    found += _wide_parameters(diagnosis)
-    return found + _too_small(diagnosis, evidence)
+    keys = {form.key for form in model.fit.structure.forms}
+    others = ", ".join(
+        f"{readable(form.effect)} as {form.name}"
+        for item in evidence.other_forms
+        if item.score - model.score < TIED
+        for form in item.fit.structure.forms
+        if form.key not in keys
+    )
+    if others:
+        named = " and ".join(form.name for form in model.fit.structure.forms)
+        sentences.append(f"The mathematical form: {others} explains the records as well as {named}.")
+    wide = ", ".join(
+        f"{readable(item.name)} ({item.low:.3g} to {item.high:.3g} {unit_in_print(item.unit)})"
+        for item in (diagnosis.ranking[0].estimates if diagnosis.selected else ())
+        if item.high - item.low > 2 * _MAX_HALF_WIDTH * abs(item.value)
+    )
+    if wide:
+        sentences.append(f"The value of {wide}: the interval is as wide as the value.")
+    if evidence.detectable:
+        easiest, unit = evidence.detectable[0], experiment.output_unit
+        hardest = sorted(evidence.detectable, key=lambda item: -item.hardest)[:_LISTED_EFFECTS]
+        listed = ", ".join(
+            f"{readable(item.effect)} {item.easiest:.2g} to {item.hardest:.2g}" for item in hardest
+        )
+        sentences.append(
+            f"Effects that are too small to be seen. To be selected, an effect must add at least {easiest.easiest:.2g} {unit} "
+            f"RMS to the training record ({readable(easiest.effect)}); hardest to see in this excitation, depending on their "
+            f"parameters: {listed} {unit}."
+        )
+    return sentences
 
 
-def _range(experiment: Experiment) -> str:
+def _range_sentence(experiment: Experiment) -> str:
     motions = [part for item in (experiment.training, *experiment.tests) for part in along_axes(item.motion)]
     positions = np.concatenate([item.position for item in motions])
     unit = experiment.input_unit
@@ -306,64 +309,18 @@ def _range(experiment: Experiment) -> str:
         return f"{anything}, and anything that depends on time, speed or direction: points of a static test do not show it."
     speed = max(float(np.abs(steady_velocity(item.position, item.sampling_time)).max()) for item in motions)
     training = max(along_axes(experiment.training.motion), key=lambda item: float(np.var(item.position)))
-    band = occupied_band(training.position, training.sampling_time)
-    bottom, top = (f"{frequency:.2g}" for frequency in band)
+    bottom, top = (f"{edge:.2g}" for edge in occupied_band(training.position, training.sampling_time))
     frequencies = f"outside {bottom} to {top} Hz" if bottom != top else f"at a frequency other than {top} Hz"
     return f"{anything}, above {speed:.3g} {unit}/s or {frequencies}: the tool did not move there."
-
-
-def _other_forms_as_good(diagnosis: DiagnosisResult, evidence: Evidence) -> list[str]:
-    """Other mathematical forms of the selected effects that fit as well."""
-    chosen = {form.key for form in diagnosis.model.fit.structure.forms}
-    found = [
-        f"{readable(form.effect)} as {form.name}"
-        for item in evidence.other_forms
-        if item.score - diagnosis.model.score < TIED
-        for form in item.fit.structure.forms
-        if form.key not in chosen
-    ]
-    if not found:
-        return []
-    named = " and ".join(form.name for form in diagnosis.model.fit.structure.forms)
-    return [f"The mathematical form: {', '.join(found)} explains the records as well as {named}."]
-
-
-def _wide_parameters(diagnosis: DiagnosisResult) -> list[str]:
-    if not diagnosis.selected:
-        return []
-    wide = [
-        f"{readable(item.name)} ({item.low:.3g} to {item.high:.3g} {unit_in_print(item.unit)})"
-        for item in diagnosis.ranking[0].estimates
-        if item.high - item.low > 2 * _WIDE * abs(item.value)
-    ]
-    return [f"The value of {', '.join(wide)}: the interval is as wide as the value."] if wide else []
-
-
-def _too_small(diagnosis: DiagnosisResult, evidence: Evidence) -> list[str]:
-    if not evidence.detectable:
-        return []
-    unit = diagnosis.experiment.output_unit
-    easiest = evidence.detectable[0]
-    hardest = sorted(evidence.detectable, key=lambda item: -item.hardest)[:_NAMED]
-    listed = ", ".join(
-        f"{readable(item.effect)} {item.easiest:.2g} to {item.hardest:.2g}" for item in hardest
-    )
-    return [
-        f"Effects that are too small to be seen. To be selected, an effect must add at least {easiest.easiest:.2g} {unit} RMS to "
-        f"the training record ({readable(easiest.effect)}); hardest to see in this excitation, depending on their parameters: "
-        f"{listed} {unit}."
-    ]
 
 
 def write_diagnosis(
     diagnosis: DiagnosisResult, gather: Callable[[], Evidence], folder: Path, source_label: str
 ) -> None:
-    """Write ``diagnosis.json``, ``ladder.csv`` and, where effects are tied, ``separating_excitation.csv``.
+    """Write ``diagnosis.json``, ``ladder.csv`` and, if effects are tied, ``separating_excitation.csv``.
 
-    The result is written first without its evidence, so that it stays if the evidence cannot be gathered. An excitation of an
-    earlier diagnosis is removed from the folder.
-
-    `gather` returns the evidence, `source_label` says where the data come from.
+    The result is written first without its evidence, so that it stays if `gather` cannot return the evidence. An excitation of an
+    earlier diagnosis is removed from the folder. `source_label` names the source of the data.
     """
     write_json(folder / "diagnosis.json", {**diagnosis.to_json(), "data": source_label})
     write_csv(folder / "ladder.csv", ladder_frame(diagnosis, source_label))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import partial, reduce
+from functools import partial
 
 import numpy as np
 
@@ -29,7 +29,7 @@ from lumbar.tissue.models.parameter import LinearParameter, NonlinearParameter
 from lumbar.tissue.models.state_equation import StateEquation
 
 _DIMENSIONLESS_FUNCTIONS = {
-    "exp", "expm1", "tanh", "sinh", "sin", "cos", "arctan", "softplus", "smoothstep",
+    "**", "sign", "exp", "expm1", "tanh", "sinh", "sin", "cos", "arctan", "softplus", "smoothstep",
 }  # fmt: skip
 _FACTOR = re.compile(r"(\{x\}|\{y\}|s|Hz|1|rad)(?:\^(-?\d+(?:\.\d+)?))?")
 
@@ -40,7 +40,7 @@ class Dimension:
 
     Examples
     --------
-    >>> Dimension.of("{y} s/{x}^2").unit
+    >>> Dimension.parse("{y} s/{x}^2").unit
     '{y} s/{x}^2'
     """
 
@@ -49,9 +49,9 @@ class Dimension:
     s: float = 0.0
 
     @classmethod
-    def of(cls, unit: str) -> Dimension:
-        """Read a unit in terms of ``{x}`` and ``{y}``; what follows a stroke divides."""
-        found = cls()
+    def parse(cls, unit: str) -> Dimension:
+        """Read a unit in terms of ``{x}`` and ``{y}``; factors after a stroke divide."""
+        dimension = cls()
         for place, part in enumerate(unit.split("/")):
             for factor in part.split():
                 read = _FACTOR.fullmatch(factor)
@@ -60,15 +60,17 @@ class Dimension:
                         f"unit {unit!r}: {factor!r} is not known; there are {{x}}, {{y}}, s, Hz, rad, 1"
                     )
                 exponent = float(read[2] or 1) * (-1 if place else 1) * (-1 if read[1] == "Hz" else 1)
-                found = found * cls(**{_AXIS[read[1]]: exponent}) if read[1] in _AXIS else found
-        return found
+                if read[1] in _AXIS:
+                    dimension *= cls(**{_AXIS[read[1]]: exponent})
+        return dimension
 
     @property
     def unit(self) -> str:
         """The unit in terms of ``{x}`` and ``{y}``."""
         parts = [("{y}", self.y), ("s", self.s), ("{x}", self.x)]
-        above = " ".join(_raised(name, size) for name, size in parts if size > 0) or "1"
-        return "/".join([above, *(_raised(name, -size) for name, size in reversed(parts) if size < 0)])
+        powers = {name: name if abs(size) == 1 else f"{name}^{abs(size):g}" for name, size in parts}
+        above = " ".join(powers[name] for name, size in parts if size > 0) or "1"
+        return "/".join([above, *(powers[name] for name, size in reversed(parts) if size < 0)])
 
     def __mul__(self, other: Dimension) -> Dimension:
         return Dimension(self.x + other.x, self.y + other.y, self.s + other.s)
@@ -96,17 +98,13 @@ OF_SIGNALS = {
 """Dimensions of the signals that an equation of a tissue knows."""
 
 
-def _raised(name: str, size: float) -> str:
-    return name if size == 1 else f"{name}^{size:g}"
-
-
 def dimension(expression: Expression, known: Mapping[str, Dimension]) -> Dimension | None:
-    """Dimension of an expression, by those of every symbol in it; None of a bare 0, which has any.
+    """Return the dimension of an expression from those of its symbols; None for a bare 0, which has any.
 
     Raises
     ------
     InputError
-        Where unlike things are added or compared, or a function is given what has a unit.
+        If different dimensions are added or compared, or the argument of a function has a unit.
 
     Examples
     --------
@@ -114,72 +112,57 @@ def dimension(expression: Expression, known: Mapping[str, Dimension]) -> Dimensi
     >>> dimension(parse("k*z + b*v"), {**OF_SIGNALS, "k": FORCE / POSITION, "b": FORCE / SPEED}).unit
     '{y}'
     """
-    return _of(expand_sums(expression), known)
+    return _expanded_dimension(expand_sums(expression), known)
 
 
-def _of(expression: Expression, known: Mapping[str, Dimension]) -> Dimension | None:
+def _expanded_dimension(expression: Expression, known: Mapping[str, Dimension]) -> Dimension | None:
     match expression:
         case Number(value):
             return None if value == 0 else ONE
         case Symbol(name):
             return known[name]
-        case Operation("*", (left, right)):
-            return (_of(left, known) or ONE) * (_of(right, known) or ONE)
-        case Operation("/", (above, below)):
-            return (_of(above, known) or ONE) / (_of(below, known) or ONE)
+        case Operation("*" | "/" as name, (left, right)):
+            return _factor(left, known) * _factor(right, known) ** (1 if name == "*" else -1)
         case Operation("**", (base, Number(exponent))):
-            return (_of(base, known) or ONE) ** exponent
-        case Operation("**", operands):
-            if any((_of(operand, known) or ONE) != ONE for operand in operands):
-                raise InputError(f"{to_text(expression)}: base and exponent must be numbers without a unit")
-            return ONE
-        case Operation("neg" | "abs", (operand,)):
-            return _of(operand, known)
-        case Operation("sign", _):
-            return ONE
-        case Operation("sqrt", (operand,)):
-            return (_of(operand, known) or ONE) ** 0.5
+            return _factor(base, known) ** exponent
+        case Operation("sqrt", (base,)):
+            return _factor(base, known) ** 0.5
         case Operation("where", (condition, yes, no)):
-            _alike(condition, condition.operands, known)
-            return _alike(expression, (yes, no), known)
+            _common_dimension(condition, condition.operands, known)
+            return _common_dimension(expression, (yes, no), known)
         case Operation(name, operands) if name in _DIMENSIONLESS_FUNCTIONS:
-            if (_of(operands[0], known) or ONE) != ONE:
+            checked = {"**": operands, "sign": ()}.get(name, operands[:1])
+            if units := [to_text(operand) for operand in checked if _factor(operand, known) != ONE]:
                 raise InputError(
-                    f"{to_text(expression)}: {to_text(operands[0])} has a unit; divide by a scale"
+                    f"{to_text(expression)}: {' and '.join(units)} has a unit; divide by a scale"
                 )
             return ONE
         case Operation(name, operands) if name not in COMPARISONS:
-            return _alike(expression, operands, known)
+            return _common_dimension(expression, operands, known)
     raise InputError(f"{to_text(expression)} has no dimension")
 
 
-def _alike(whole: Expression, operands, known: Mapping[str, Dimension]) -> Dimension | None:
-    """The dimension that all operands have."""
+def _factor(expression: Expression, known: Mapping[str, Dimension]) -> Dimension:
+    return _expanded_dimension(expression, known) or ONE
 
-    def same(left: Dimension | None, right: Dimension | None) -> Dimension | None:
-        if left is None or right is None or left == right:
-            return left or right
-        raise InputError(f"{to_text(whole)}: {left.unit} and {right.unit} do not go together")
 
-    return reduce(same, (_of(operand, known) for operand in operands))
+def _common_dimension(whole: Expression, operands, known: Mapping[str, Dimension]) -> Dimension | None:
+    dimensions = [_expanded_dimension(operand, known) for operand in operands]
+    different = list(dict.fromkeys(item for item in dimensions if item is not None))
+    if len(different) > 1:
+        units = " and ".join(item.unit for item in different)
+        raise InputError(f"{to_text(whole)}: {units} do not go together")
+    return different[0] if different else None
 
 
 _KINDS = {"{y}": ("F", "force"), "{y}/{x}": ("k", "stiffness"), "{y} s/{x}": ("b", "damping")}
 
 
 def dimensions_in(term: Term) -> dict[str, Dimension]:
-    """Dimensions of all symbols of a term; those of states follow from their rates of change."""
-    known = {
-        **OF_SIGNALS,
-        **{item.symbol: Dimension.of(item.unit) for item in (*term.nonlinear, *term.constants)},
-    }
-    return {**known, **{name: _STATE_DIMENSIONS[name[0]] for name, _ in term.state}}
-
-
-_STATE_DIMENSIONS = {
-    "q": Dimension(x=1), "u": Dimension(x=1), "m": Dimension(x=1), "r": Dimension(), "l": Dimension(), "b": Dimension(),
-}  # fmt: skip
-"""By the first letter of a state's symbol."""
+    """Return the dimensions of all symbols of a term; those of states follow from their first letters."""
+    parameters = (*term.nonlinear, *term.constants)
+    states = {name: POSITION if name[0] in "qum" else ONE for name, _ in term.state}
+    return {**OF_SIGNALS, **{item.symbol: Dimension.parse(item.unit) for item in parameters}, **states}
 
 
 def distinct(terms: tuple[Term, ...], shared: bool = False) -> tuple[Term, ...]:
@@ -188,40 +171,46 @@ def distinct(terms: tuple[Term, ...], shared: bool = False) -> tuple[Term, ...]:
     With `shared`, parameters that mean the same, and states that follow the same equation, may be one.
     """
     used: dict[str, str] = {}
-    found = []
+    renamed = []
     for term in terms:
-        own = {item.symbol: item.name for item in term.nonlinear} | dict(term.state)
+        meanings = {item.symbol: item.name for item in term.nonlinear} | dict(term.state)
         names = {}
-        for symbol, meaning in own.items():
+        for symbol, meaning in meanings.items():
             names[symbol], number = symbol, 2
             while names[symbol] in used and not (shared and used[names[symbol]] == meaning):
                 names[symbol] = (
                     f"{symbol}{number}" if "_" in symbol or symbol == "q" else f"{symbol}_{number}"
                 )
                 number += 1
-        used |= {names[symbol]: meaning for symbol, meaning in own.items()}
-        found.append(term.rename({old: new for old, new in names.items() if old != new}))
-    return tuple(found)
+        used |= {names[symbol]: meaning for symbol, meaning in meanings.items()}
+        renamed.append(term.rename({old: new for old, new in names.items() if old != new}))
+    return tuple(renamed)
 
 
 def symbols_of(terms: tuple[Term, ...], shared: bool = False) -> list[str]:
-    """Symbols of the nonlinear parameters of `distinct` terms, each once."""
+    """Return the symbols of the nonlinear parameters of `distinct` terms, without repetition."""
     return list(dict.fromkeys(item.symbol for term in distinct(terms, shared) for item in term.nonlinear))
 
 
 def form_of(
     terms: tuple[Term, ...], effect: str = "", signs: tuple[int, ...] | None = None, shared: bool = False
 ) -> Form:
-    """One form that is the sum of terms; a term at the output stands alone.
+    """Return the form that is the sum of terms, or a single term at the output.
 
     Parameters
     ----------
+    terms : tuple of Term
+        Summands.
     effect : str
         Name of the effect; default those of the terms, because motions remember forces by name.
     signs : tuple of int, optional
-        Of the linear parameters; default any.
+        Signs of the linear parameters; default any.
     shared : bool
-        As for `distinct`.
+        See `distinct`.
+
+    Returns
+    -------
+    Form
     """
     effect = effect or "+".join(term.name for term in terms) + shared * " shared"
     terms = distinct(terms, shared)
@@ -239,16 +228,19 @@ def form_of(
         factor = f"({part})" if isinstance(tree, Operation) and tree.name in ("+", "-") else part
         summands.append(linear[-1].symbol if part == "1" else f"{linear[-1].symbol}*{factor}")
     equation = parts[0][0] if at_output else " + ".join(summands)
-    nonlinear = _uniquely_named(
-        list({item.symbol: item for term in terms for item in term.nonlinear}.values())
-    )
+    nonlinear = list({item.symbol: item for term in terms for item in term.nonlinear}.values())
+    names = [item.name for item in nonlinear]
+    for index, item in enumerate(nonlinear):
+        if names.count(item.name) > 1:
+            number = names[: index + 1].count(item.name)
+            nonlinear[index] = replace(item, name=f"{item.name}_{number}")
     constants = tuple(dict.fromkeys(item for term in terms for item in term.constants))
     return Form(
         name="equation",
         equation=equation,
         place=terms[0].place,
         linear=tuple(linear),
-        nonlinear=nonlinear,
+        nonlinear=tuple(nonlinear),
         state=tuple(dict.fromkeys(entry for term in terms for entry in term.state)),
         constants=constants,
         starts=_gain_starts(terms[0]) if terms[0].name == "gain_cycle" else None,
@@ -257,7 +249,7 @@ def form_of(
     )
 
 
-def _solution(terms: tuple[Term, ...], nonlinear: tuple[NonlinearParameter, ...]):
+def _solution(terms: tuple[Term, ...], nonlinear: list[NonlinearParameter]):
     """Solve states term by term, again only if a term's parameters change: a fit changes one at a time."""
     place = {item.symbol: index for index, item in enumerate(nonlinear)}
     solved = []
@@ -268,9 +260,9 @@ def _solution(terms: tuple[Term, ...], nonlinear: tuple[NonlinearParameter, ...]
         solved.append((str(term.state), equation, sorted(used & place.keys()), constants))
 
     def solution(motion: Motion, values: np.ndarray) -> tuple[np.ndarray, ...]:
-        found: dict[str, np.ndarray] = {}
-        for key, equation, own, constants in solved:
-            given = {symbol: float(values[place[symbol]]) for symbol in own}
+        trajectories: dict[str, np.ndarray] = {}
+        for key, equation, needed, constants in solved:
+            given = {symbol: float(values[place[symbol]]) for symbol in needed}
             solve = partial(equation.trajectory, motion, {**given, **constants})
             # A largest distance so far has no parameter, and is solved step by step.
             states = (
@@ -278,20 +270,10 @@ def _solution(terms: tuple[Term, ...], nonlinear: tuple[NonlinearParameter, ...]
                 if given
                 else motion.cache.compute_once(key, solve)
             )
-            found |= states
-        return tuple(found.values())
+            trajectories |= states
+        return tuple(trajectories.values())
 
     return solution
-
-
-def _uniquely_named(parameters: list[NonlinearParameter]) -> tuple[NonlinearParameter, ...]:
-    names = [item.name for item in parameters]
-    return tuple(
-        item
-        if names.count(item.name) == 1
-        else replace(item, name=f"{item.name}_{names[: index + 1].count(item.name)}")
-        for index, item in enumerate(parameters)
-    )
 
 
 def _gain_starts(term: Term):
@@ -299,7 +281,7 @@ def _gain_starts(term: Term):
     share, _, phase = term.nonlinear
 
     def starts(motion, residual):
-        frequencies = [float(found[0]) for found in modulation_starts(motion, residual, [motion.position])]
+        frequencies = [float(item[0]) for item in modulation_starts(motion, residual, [motion.position])]
         return [
             np.array([size, value, angle])
             for value in frequencies

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lumbar.tissue.diagnosis.finding import Finding
-from lumbar.tissue.diagnosis.fitting.joint_fit import Fit, fit
+from lumbar.tissue.diagnosis.fitting.joint_fit import fit
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.law.law_form import form_of
 from lumbar.tissue.diagnosis.law.search import Law, Search
@@ -34,23 +34,23 @@ from lumbar.tissue.diagnosis.selection.candidate import (
 from lumbar.tissue.diagnosis.selection.thresholds import COMPLETE, LEVEL, null_distribution
 from lumbar.tissue.models.form import Form
 from lumbar.tissue.models.model_data import unit_of
-from lumbar.tissue.models.parameter import NonlinearParameter, Parameter
+from lumbar.tissue.models.parameter import NonlinearParameter
 
 NAME = "proposed_law"
 CONFIRMED = 3.09
 """Standard errors by which the loss must fall on unseen seconds that no choice has used (one-sided 0.1 %: a few laws are
 tried)."""
-LEAST_SHARE = 0.75
+MIN_SHARE = 0.75
 """Share of the explainable error of the catalogue's best model that a law must remove there: the error is then halved."""
-_NEARLY = 1.05
+_MAX_BASE_ERROR_RATIO = 1.05
 """A law on the base is preferred up to this ratio of its error to that of a law on the catalogue's best model."""
 MARK = "found in these data, not known physics"
 _SIGNS = {1: "positive", -1: "negative", 0: "any"}
-_AROUND = 1.5
+_START_FACTOR = 1.5
 """Factor below and above the fitted value, within which another fit of the law begins."""
-_FEW = 2
+_MAX_STARTED = 2
 """Most nonlinear parameters with several starting values each; with more, a fit begins at the fitted values."""
-_REACH = (0.2, 5.0)
+_BOUND_FACTORS = (0.2, 5.0)
 _MAX_IMITATION_RATIO = 0.5
 """Ratio of the error of a law on the base to that of the selected effects, up to which these only imitate the law."""
 
@@ -61,17 +61,17 @@ class Proposal:
 
     experiment: Experiment
     base: Candidate
-    """The base by itself."""
+    """Base without effects."""
     before: Candidate
-    """The best model of the catalogue."""
+    """Best model of the catalogue."""
     law: Law | None = None
     """The proposed law; its candidate is judged on all unseen records."""
     tried: Sequence[tuple[Law, str]] = ()
-    """Every law that was tested, with the test that it failed; empty text for the proposed one."""
+    """Every law that was tested, with the test that it failed; empty text for a law that passed."""
     share_removed: float = 0.0
     """Share of the explainable error of `before` that the law removes, on unseen seconds that no choice has used."""
     certainty: float = 0.0
-    """Standard errors by which the loss falls there."""
+    """Standard errors by which the loss falls on these seconds."""
     extrapolation: Extrapolation | None = None
 
     @property
@@ -90,11 +90,6 @@ class Proposal:
         return () if self.law is None else self.law.terms
 
     @property
-    def accumulates(self) -> bool:
-        """True if the law grows with time or path from the start of each record."""
-        return bool(knows(self.terms) & {"time", "path"})
-
-    @property
     def form(self) -> Form:
         """The form of the proposed law."""
         return self.law.fit.structure.forms[-1]
@@ -106,7 +101,7 @@ class Proposal:
 
     @property
     def validity(self) -> str:
-        """Range of the law, and its error outside of it."""
+        """Range of the law, and its error outside that range."""
         tried, force, unit = self.extrapolation, self.experiment.output_unit, self.experiment.input_unit
         # Position and speed of the training record, which the law is fitted to.
         every = motions(self.experiment.training)
@@ -166,32 +161,37 @@ def propose(
     before: Candidate | None = None,
     terms: Sequence[Term] | None = None,
 ) -> Proposal:
-    """Search a short formula for the force that a model is missing.
+    """Search a short formula for the force that a model is missing, added to the base or to the catalogue's best model.
 
     The proposal has no law if nothing is missing or if no formula passes the tests.
 
     Parameters
     ----------
+    experiment : Experiment
+        Records as prepared.
     base : Candidate
-        The base alone, judged on the experiment.
+        Base without effects, judged on the experiment.
     before : Candidate, optional
-        The best model that the catalogue gave; default the base.
+        Best model of the catalogue; default the base.
     terms : sequence of Term, optional
         Default the whole library.
+
+    Returns
+    -------
+    Proposal
     """
-    before = before or base
-    nothing = Proposal(experiment, base, before)
-    return search_law(nothing, library() if terms is None else terms) if nothing.is_needed else nothing
+    proposal = Proposal(experiment, base, before or base)
+    return search_law(proposal, library() if terms is None else terms) if proposal.is_needed else proposal
 
 
-def search_law(nothing: Proposal, terms: Sequence[Term]) -> Proposal:
-    """Search a law to add to the base or to the catalogue's best model, whichever leaves less; start without a law."""
-    experiment, base, before = nothing.experiment, nothing.base, nothing.before
+def search_law(proposal: Proposal, terms: Sequence[Term]) -> Proposal:
+    """Search a law to add to the base or to the catalogue's best model, whichever leaves less; start from an empty proposal."""
+    experiment, base, before = proposal.experiment, proposal.base, proposal.before
     # Choices are made on every other second of the unseen records, and tested on the others.
     chosen_on, tested_on = alternate(experiment)
     lower = thin(experiment)
     search = Search(chosen_on if lower is experiment else alternate(lower)[0], terms)
-    test = _Test(experiment, tested_on, before, len(terms))
+    left = before.fit.rms(*tested_on.tests) ** 2
     tried, passed = [], []
     for start in [base] if before.effects == base.effects else [base, before]:
         for law in reversed(search.laws(refit(start.fit.structure, start.fit.nonlinear, search.experiment))):
@@ -200,112 +200,87 @@ def search_law(nothing: Proposal, terms: Sequence[Term]) -> Proposal:
             structure = start.fit.structure.with_form(form_of(law.terms, NAME, signs, law.shared))
             fitted = fit(structure, experiment.training, law.fit.nonlinear)
             law = Law(start, law.terms, evaluate(fitted, experiment), law.shared)
-            failure = test.failure(law)
+            share = (left - fitted.rms(*tested_on.tests) ** 2) / max(left - experiment.noise**2, 1e-300)
+            certainty = unseen_improvement(before, law.candidate, tested_on)
+            failure = _failed_test(law, experiment, share, certainty, len(terms))
             tried.append((law, failure))
             if not failure:
-                passed.append(law)
+                passed.append((law, float(share), certainty))
                 break
-        if passed and is_adequate(passed[0].candidate, experiment):
+        if passed and is_adequate(passed[0][0].candidate, experiment):
             break  # on the base by itself it leaves only noise: no law with effects is preferred to it
     if not passed:
-        return replace(nothing, tried=tried)
-    law = min(passed, key=lambda item: item.candidate.test_rms)
-    if passed[0].candidate.test_rms <= law.candidate.test_rms * _NEARLY:
-        law = passed[0]
+        return replace(proposal, tried=tried)
+    best = min(passed, key=lambda item: item[0].candidate.test_rms)
+    if passed[0][0].candidate.test_rms <= best[0].candidate.test_rms * _MAX_BASE_ERROR_RATIO:
+        best = passed[0]
+    law, share, certainty = best
     outside = extrapolation(law.fit, experiment)
-    share, certainty = test.share_removed(law.fit), test.certainty(law)
     return Proposal(experiment, base, before, law, tried, share, certainty, outside)
 
 
-@dataclass(frozen=True, eq=False)
-class _Test:
-    """Tests of a law on seconds of the unseen records that no choice has used."""
-
-    experiment: Experiment
-    unseen: Experiment
-    before: Candidate
-    terms: int
-
-    def failure(self, law: Law) -> str:
-        """Name the first test that a law fails; empty if it passes all."""
-        gain = likelihood_ratio(law.start, law.candidate, self.experiment)
-        p_value = null_distribution().p_value(gain, self.terms)
-        share = self.share_removed(law.fit)
-        if p_value > LEVEL:
-            return f"noise alone gives as much (p = {p_value:.2g})"
-        if self.certainty(law) <= CONFIRMED:
-            return f"it is not significantly better on unseen records ({self.certainty(law):.1f} standard errors)"
-        if share < LEAST_SHARE:
-            return f"it removes {100 * share:.0f} % of what is missing on unseen records, less than three quarters"
-        if not stays_bounded(law.fit, self.experiment):
-            return f"its force runs away on motions {STRETCH:g} times as large or as fast"
-        if "time" not in knows(law.terms) and not is_dissipative(law.fit, self.experiment.training):
-            return "it gives energy away in closed cycles"
-        return ""
-
-    def certainty(self, law: Law) -> float:
-        """Standard errors by which the loss falls below that of the catalogue's best model."""
-        return unseen_improvement(self.before, law.candidate, self.unseen)
-
-    def share_removed(self, fitted: Fit) -> float:
-        """Share of the explainable error of the catalogue's best model."""
-        noise = self.experiment.noise**2
-        left = self.before.fit.rms(*self.unseen.tests) ** 2
-        return float((left - fitted.rms(*self.unseen.tests) ** 2) / max(left - noise, 1e-300))
+def _failed_test(law: Law, experiment: Experiment, share: float, certainty: float, terms: int) -> str:
+    """Return the first test that a law fails; empty if it passes all."""
+    gain = likelihood_ratio(law.start, law.candidate, experiment)
+    p_value = null_distribution().p_value(gain, terms)
+    if p_value > LEVEL:
+        return f"noise alone gives as much (p = {p_value:.2g})"
+    if certainty <= CONFIRMED:
+        return f"it is not significantly better on unseen records ({certainty:.1f} standard errors)"
+    if share < MIN_SHARE:
+        return (
+            f"it removes {100 * share:.0f} % of what is missing on unseen records, less than three quarters"
+        )
+    if not stays_bounded(law.fit, experiment):
+        return f"its force runs away on motions {STRETCH:g} times as large or as fast"
+    if "time" not in knows(law.terms) and not is_dissipative(law.fit, experiment.training):
+        return "it gives energy away in closed cycles"
+    return ""
 
 
 def effect_text(proposal: Proposal, name: str = NAME, source_label: str = "") -> str:
     """Return the YAML file of a proposed law, which `lumbar.tissue.effects.catalogue.load_effects` reads."""
     law, form, experiment = proposal.law, proposal.form, proposal.experiment
-    offset = len(law.start.fit.linear), len(law.start.fit.nonlinear)
-    linear = zip(form.linear, law.fit.linear[offset[0] :], strict=True)
-    nonlinear = zip(form.nonlinear, law.fit.nonlinear[offset[1] :], strict=True)
-    points = 3 if len(form.nonlinear) <= _FEW else 1
-    entries = [
-        *(_entry(item, value, f"sign: {_SIGNS[item.sign]}", experiment) for item, value in linear),
-        *(
-            _entry(
-                item, value, _start(item, value / experiment.training.scale(item.scale), points), experiment
+
+    def quoted(text: str) -> str:
+        return json.dumps(text, ensure_ascii=False)
+
+    entries = []
+    values = np.concatenate(
+        [law.fit.linear[len(law.start.fit.linear) :], law.fit.nonlinear[len(law.start.fit.nonlinear) :]]
+    )
+    for item, value in zip((*form.linear, *form.nonlinear), values, strict=True):
+        if isinstance(item, NonlinearParameter):
+            # Another fit starts around the fitted value.
+            points = 3 if len(form.nonlinear) <= _MAX_STARTED else 1
+            factor = _START_FACTOR if points > 1 else 1.0
+            scaled = value / experiment.training.scale(item.scale)
+            fields = (
+                f"start: [{scaled / factor:.6g}, {scaled * factor:.6g}], scale: {item.scale}, points: {points}, "
+                f"reach: [{_BOUND_FACTORS[0]:g}, {_BOUND_FACTORS[1]:g}]"
             )
-            for item, value in nonlinear
-        ),
-    ]
+        else:
+            fields = f"sign: {_SIGNS[item.sign]}"
+        unit = unit_of(item.unit, experiment.input_unit, experiment.output_unit)
+        entries.append(
+            f'  {item.symbol}: {{name: {item.name}, unit: "{item.unit}", {fields}}}  # {value:.4g} {unit}'
+        )
     mechanism = f"{MARK[0].upper()}{MARK[1:]}: {proposal.meaning}."
     source = f"lumbar propose{f' on {source_label}' if source_label else ''}: {proposal.validity}"
     lines = [
         *(f"# {line}" for line in proposal.sentences),
         f"name: {name}",
-        f"mechanism: {_quoted(mechanism)}",
-        f"source: {_quoted(source)}",
-        f"experiment: {_quoted('repeat it beyond the range of position and speed given above')}",
-        *(["accumulates: true"] if proposal.accumulates else []),
+        f"mechanism: {quoted(mechanism)}",
+        f"source: {quoted(source)}",
+        f"experiment: {quoted('repeat it beyond the range of position and speed given above')}",
+        *(["accumulates: true"] if knows(proposal.terms) & {"time", "path"} else []),
         *(["place: output"] if form.place == "output" else []),
-        f"equation: {_quoted(form.equation)}",
-        *(["state:", *(f"  {symbol}: {_quoted(rate)}" for symbol, rate in form.state)] if form.state else []),
+        f"equation: {quoted(form.equation)}",
+        *(["state:"] if form.state else []),
+        *(f"  {symbol}: {quoted(rate)}" for symbol, rate in form.state),
         "parameters:",
         *entries,
+        *(["constants:"] if form.constants else []),
+        *(f'  {item.symbol}: {{value: {item.value:g}, unit: "{item.unit}"}}' for item in form.constants),
     ]
-    if form.constants:
-        lines += ["constants:"]
-        lines += [
-            f'  {item.symbol}: {{value: {item.value:g}, unit: "{item.unit}"}}' for item in form.constants
-        ]
     return "\n".join(lines) + "\n"
-
-
-def _quoted(text: str) -> str:
-    return json.dumps(text, ensure_ascii=False)
-
-
-def _entry(item: Parameter, value: float, how: str, experiment: Experiment) -> str:
-    unit = unit_of(item.unit, experiment.input_unit, experiment.output_unit)
-    return f'  {item.symbol}: {{name: {item.name}, unit: "{item.unit}", {how}}}  # {value:.4g} {unit}'
-
-
-def _start(item: NonlinearParameter, scaled: float, points: int) -> str:
-    """Return the entries that start a fit around the fitted value."""
-    around = _AROUND if points > 1 else 1.0
-    return (
-        f"start: [{scaled / around:.6g}, {scaled * around:.6g}], scale: {item.scale}, points: {points}, "
-        f"reach: [{_REACH[0]:g}, {_REACH[1]:g}]"
-    )

@@ -1,10 +1,9 @@
 """Search of a short formula: terms of the library added one by one, each time refitted jointly with the base.
 
-Every term at every starting value is screened by what it explains of the residual beyond the tangent space of the model (the
-first-order effect of a refit); the best are refitted, judged on the training record and on every other second of the unseen
-records, and the two best carry on (orthogonal forward regression with a beam: Chen, Billings and Luo, Int. J. Control 50 (1989)
-1873-1896). A law holds few terms of a library that is small enough to be tried whole, so that a genetic search would find
-nothing that this does not.
+Every term at every starting value is screened by the part of the residual that it explains beyond the tangent space of the model
+(the first-order effect of a refit); the best are refitted, judged on the training record and on every other second of the unseen
+records, and the two best are lengthened (orthogonal forward regression with a beam: Chen, Billings and Luo, Int. J. Control 50
+(1989) 1873-1896).
 """
 
 from dataclasses import dataclass, replace
@@ -24,9 +23,9 @@ from lumbar.tissue.diagnosis.selection.thresholds import UNSEEN, WORTHWHILE
 from lumbar.tissue.models.form import Place
 from lumbar.tissue.models.structure import Structure, forces_of
 
-_MOST_STATES = 4
+_MAX_STATES = 4
 """States of a law."""
-MOST_TERMS = 3
+MAX_TERMS = 3
 """Most terms of a law, so that its formula is short."""
 REFITTED = 6
 """Terms refitted after screening."""
@@ -35,15 +34,15 @@ STARTS = 2
 BEAM = 2
 """Laws of one length that are lengthened."""
 _STEPS = tuple(np.geomspace(1 / reach, reach, 31) for reach in (1.25, 1.015))
-"""Factors by which a parameter is moved, first far and then near, to look past steps of the error."""
-_AT_BOUND = 0.01
+"""Factors by which a parameter is moved, first far and then near, to pass steps of the error."""
+_BOUND_DISTANCE = 0.01
 """Relative distance within which a parameter counts as at its bound."""
-_SAME = 1e-6
+_SAME_ERROR = 1e-6
 """Relative difference of errors that are on the same step."""
-_LEAST = 0.1
+_MIN_NOISE_SHARE = 0.1
 """A further term must remove this share of the noise's variance."""
-_PERIODS = 3
-"""Periods of a training record that the search looks at where it does nothing but repeat."""
+_SEARCHED_PERIODS = 3
+"""Periods that the search uses of a training record that only repeats."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +63,7 @@ class Law:
         return self.candidate.fit
 
     @property
-    def own_nonlinear(self) -> np.ndarray:
+    def term_parameters(self) -> np.ndarray:
         """Nonlinear parameters of the terms."""
         return self.fit.nonlinear[len(self.start.fit.nonlinear) :]
 
@@ -77,14 +76,14 @@ class _Column:
 
 
 class Search:
-    """One search under way, in a library of terms; the experiment's tests are what choices are made with."""
+    """One search in a library of terms; choices are made with the tests of the experiment."""
 
     def __init__(self, experiment: Experiment, library):
         training, floor = experiment.training, experiment.floor
         if floor is not None and floor.structured_rms <= 0 and not isinstance(training, JointData):
-            # The record does nothing but repeat: a few of its periods are enough.
+            # The record only repeats: a few of its periods are enough.
             time = training.drop_history(training.motion.time)
-            share = _PERIODS * floor.period / (time[-1] - time[0])
+            share = _SEARCHED_PERIODS * floor.period / (time[-1] - time[0])
             training = training.split(share)[0] if share < 1 else training
         self.experiment = replace(experiment, training=training)
         self.library = tuple(library)
@@ -92,41 +91,34 @@ class Search:
     @cached_property
     def columns(self) -> list[_Column]:
         """Forces of every term at every starting value, on the record that is screened."""
-        data, found = self.experiment.training, []
-        anything = np.zeros(len(data.force))
+        data, columns = self.experiment.training, []
+        zeros = np.zeros(len(data.force))
         for term in self.library:
             if term.place is Place.OUTPUT:
                 continue
             form = form_of((term,))
-            for start in nonlinear_starts(form, data, anything):
+            for start in nonlinear_starts(form, data, zeros):
                 with np.errstate(all="ignore"):
                     forces = data.whiten(forces_of(form, data.motion, start))
                 if np.isfinite(forces).all():
-                    found.append(_Column(term, start, forces.astype(np.float32)))
-        return found
+                    columns.append(_Column(term, start, forces.astype(np.float32)))
+        return columns
 
     def screen(self, model: Fit, with_output: bool) -> list[tuple[float, Term, np.ndarray]]:
         """Return the squares of the residual that every term explains at every starting value, the largest first."""
-        data = self.experiment.training
-        basis = tangent_basis(model, [data])
-        residual = project_out(basis, data.whiten(data.force - model.simulate(data.motion)))
-        columns = list(self.columns)
+        data, columns = self.experiment.training, list(self.columns)
+        basis, error = tangent_basis(model, [data]), data.force - model.simulate(data.motion)
         if with_output:
-            columns += self._output_columns(model)
-        found = [
+            for term in self.library:
+                if term.place is Place.OUTPUT:
+                    form = form_of((term,))
+                    for start in nonlinear_starts(form, data, error):
+                        columns.append(_Column(term, start, added_forces(model, form, data, start)))
+        residual = project_out(basis, data.whiten(error))
+        screened = [
             (_explained(project_out(basis, item.forces), residual), item.term, item.start) for item in columns
         ]
-        return sorted(found, key=lambda item: -item[0])
-
-    def _output_columns(self, model: Fit) -> list[_Column]:
-        data, found = self.experiment.training, []
-        residual = data.force - model.simulate(data.motion)
-        for term in self.library:
-            if term.place is Place.OUTPUT:
-                form = form_of((term,))
-                for start in nonlinear_starts(form, data, residual):
-                    found.append(_Column(term, start, added_forces(model, form, data, start)))
-        return found
+        return sorted(screened, key=lambda item: -item[0])
 
     def lengthen(self, law: Law) -> list[Law]:
         """Return the best laws with one more term, best first."""
@@ -136,19 +128,19 @@ class Search:
         starts: dict[str, list] = {}
         for _, term, start in self.screen(law.fit, bare):
             states = sum(len(item.state) for item in (*law.terms, term))
-            if states <= _MOST_STATES and all(item.name != term.name for item in law.terms):
+            if states <= _MAX_STATES and all(item.name != term.name for item in law.terms):
                 known = starts.setdefault(term.name, [])
                 if len(known) < STARTS:
                     known.append((term, start))
             if sum(len(item) == STARTS for item in starts.values()) >= REFITTED and len(starts) >= REFITTED:
                 break
-        found = [
-            self.refit(law, (*law.terms, term), np.concatenate([law.own_nonlinear, start]))
+        longer = [
+            self.refit(law, (*law.terms, term), np.concatenate([law.term_parameters, start]))
             for group in list(starts.values())[:REFITTED]
             for term, start in group
         ]
         best: dict[str, Law] = {}
-        for item in sorted(filter(None, found), key=lambda item: item.candidate.score):
+        for item in sorted(filter(None, longer), key=lambda item: item.candidate.score):
             best.setdefault(item.terms[-1].name, item)
         return list(best.values())
 
@@ -163,34 +155,35 @@ class Search:
         before = law.fit.nonlinear[: len(law.start.fit.nonlinear)]
         start = np.concatenate([before, nonlinear])
         if any("where" in text for term in terms for text in term.parts):
-            start = self.past_steps(structure, start, len(before))
-        found = fit(structure, self.experiment.training, start)
-        if not np.isfinite(found.squared_error):
+            start = self.refine_derivative_free(structure, start, len(before))
+        fitted = fit(structure, self.experiment.training, start)
+        if not np.isfinite(fitted.squared_error):
             return None
-        low, high = shape_bounds(found.structure, self.experiment.training, found.nonlinear)
-        at_bound = (found.nonlinear <= low * (1 + _AT_BOUND)) | (found.nonlinear >= high * (1 - _AT_BOUND))
+        values = fitted.nonlinear
+        low, high = shape_bounds(fitted.structure, self.experiment.training, values)
+        at_bound = (values <= low * (1 + _BOUND_DISTANCE)) | (values >= high * (1 - _BOUND_DISTANCE))
         if at_bound[len(before) :].any():
-            return self.in_the_limit(law, terms, found.nonlinear[len(before) :], shared)
-        candidate = evaluate(found, self.experiment)
+            return self.limiting_law(law, terms, values[len(before) :], shared)
+        candidate = evaluate(fitted, self.experiment)
         return Law(law.start, terms, candidate, shared) if np.isfinite(candidate.score) else None
 
-    def in_the_limit(
+    def limiting_law(
         self, law: Law, terms: tuple[Term, ...], nonlinear: np.ndarray, shared: bool
     ) -> Law | None:
-        """Replace exponential terms by their limit; None if there is no such term, or if the law has the limit already."""
+        """Replace exponential terms by their limit; None without such a term, or if the law has the limit already."""
         names = [term.becomes or term.name for term in terms]
         plain = tuple(item for name in names for item in self.library if item.name == name)
         if names == [term.name for term in terms] or len(set(names)) < len(terms) or len(plain) < len(terms):
             return None
         value = dict(zip(symbols_of(terms, shared), nonlinear, strict=True))
-        kept = [
-            value[mine.symbol]
-            for term, own in zip(terms, distinct(terms, shared), strict=True)
-            for item, mine in zip(term.nonlinear, own.nonlinear, strict=True)
+        left = [
+            value[renamed.symbol]
+            for term, renamed_term in zip(terms, distinct(terms, shared), strict=True)
+            for item, renamed in zip(term.nonlinear, renamed_term.nonlinear, strict=True)
             if not (term.becomes and item.symbol == "z_e")
         ]
         each = [item.symbol for term in distinct(plain, shared) for item in term.nonlinear]
-        return self.refit(law, plain, np.array(list(dict(zip(each, kept, strict=True)).values())), shared)
+        return self.refit(law, plain, np.array(list(dict(zip(each, left, strict=True)).values())), shared)
 
     def exchange(self, law: Law) -> Law:
         """Exchange each term in turn for the one that fits best without it, as long as the score improves."""
@@ -198,32 +191,24 @@ class Search:
             rest = tuple(item for item in law.terms if item.name != term.name)
             if len(rest) == len(law.terms):
                 continue
-            shorter = self.refit(law, rest, self.nonlinear_of(law, rest))
+            is_left = [item.name != term.name for item in law.terms for _ in item.nonlinear]
+            shorter = self.refit(law, rest, law.term_parameters[np.array(is_left, dtype=bool)])
             longer = [] if shorter is None else self.lengthen(shorter)
             if longer and longer[0].candidate.score < law.candidate.score - 1.0:
                 law = longer[0]
         return law
 
-    @staticmethod
-    def nonlinear_of(law: Law, terms: tuple[Term, ...]) -> np.ndarray:
-        """Nonlinear parameters of some of a law's terms."""
-        owners = [term.name for term in law.terms for _ in term.nonlinear]
-        names = {term.name for term in terms}
-        return np.array(
-            [value for value, owner in zip(law.own_nonlinear, owners, strict=True) if owner in names]
-        )
-
     def simplify(self, law: Law) -> Law:
         """Join parameters of several terms with the same meaning, if the score improves."""
-        value = dict(zip(symbols_of(law.terms), law.own_nonlinear, strict=True))
-        kept = symbols_of(law.terms, shared=True)
-        if len(kept) == len(value):
+        value = dict(zip(symbols_of(law.terms), law.term_parameters, strict=True))
+        joined = symbols_of(law.terms, shared=True)
+        if len(joined) == len(value):
             return law
-        start = np.array([value[symbol] for symbol in kept])
+        start = np.array([value[symbol] for symbol in joined])
         shared = self.refit(law, law.terms, start, shared=True)
         return law if shared is None or shared.candidate.score > law.candidate.score else shared
 
-    def past_steps(self, structure: Structure, nonlinear: np.ndarray, first: int) -> np.ndarray:
+    def refine_derivative_free(self, structure: Structure, nonlinear: np.ndarray, first: int) -> np.ndarray:
         """Improve nonlinear parameters one by one without derivatives: the error is stepwise if a force switches."""
         data = self.experiment.training
         force = data.whiten(data.force)
@@ -238,39 +223,35 @@ class Search:
             here = np.arange(len(best)) == index
             errors = np.array([squared_error(np.where(here, value, best)) for value in tried])
             # All values of a step fit equally well; take its middle.
-            best[index] = np.median(tried[errors <= errors.min() * (1 + _SAME)])
+            best[index] = np.median(tried[errors <= errors.min() * (1 + _SAME_ERROR)])
         return best
-
-    def worthwhile(self, before: Law, after: Law) -> bool:
-        """Return whether one more term explains a notable share of the training record and improves unseen blocks."""
-        removed = before.candidate.train_rms**2 - after.candidate.train_rms**2
-        noise = self.experiment.noise**2
-        explainable = max(after.start.train_rms**2 - noise, 0.0)
-        if removed < max(WORTHWHILE * explainable, _LEAST * noise):
-            return False
-        return unseen_improvement(before.candidate, after.candidate, self.experiment) > UNSEEN
 
     def laws(self, start: Candidate) -> list[Law]:
         """Return the best law of every worthwhile length, the shortest first."""
-        beam = [Law(start, (), start)]
-        best: list[Law] = []
-        for _ in range(MOST_TERMS):
-            longer = sorted(
-                (item for law in beam for item in self.lengthen(law)), key=lambda item: item.candidate.score
-            )
-            before = best[-1] if best else beam[0]
-            longer = [item for item in longer if self.worthwhile(before, item)]
+        noise = self.experiment.noise**2
+        least = max(WORTHWHILE * max(start.train_rms**2 - noise, 0.0), _MIN_NOISE_SHARE * noise)
+        beam, best, model = [Law(start, (), start)], [], start
+        for _ in range(MAX_TERMS):
+            # One more term must explain a notable share of the training record and improve unseen blocks.
+            longer = [
+                item
+                for law in beam
+                for item in self.lengthen(law)
+                if model.train_rms**2 - item.candidate.train_rms**2 >= least
+                and unseen_improvement(model, item.candidate, self.experiment) > UNSEEN
+            ]
             if not longer:
                 break
-            best.append(self.simplify(self.exchange(longer[0])))
-            beam = longer[:BEAM]
-            if is_adequate(best[-1].candidate, self.experiment):
+            beam = sorted(longer, key=lambda item: item.candidate.score)[:BEAM]
+            best.append(self.simplify(self.exchange(beam[0])))
+            model = best[-1].candidate
+            if is_adequate(model, self.experiment):
                 break
         return best
 
 
 def _explained(columns: np.ndarray, residual: np.ndarray) -> float:
-    """Squares of the residual that columns explain."""
+    """Return the squares of the residual that columns explain."""
     size = np.sqrt(np.sum(columns**2, axis=0))
     if not size.min() > 1e-12 * size.max():
         return 0.0

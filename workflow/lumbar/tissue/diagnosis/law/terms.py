@@ -1,6 +1,5 @@
-"""The library of physical terms that a missing force may be a sum of; ``terms.yaml`` holds what they are products of."""
+"""The library of physical terms that a missing force may be a sum of; ``terms.yaml`` contains their factors."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
@@ -20,7 +19,7 @@ class Term:
     words: str
     """Meaning, for a reader of the proposal."""
     parts: tuple[str, ...]
-    """Expressions; each gets a linear parameter of its own. Of a term at the output, one: what the sensor makes of F."""
+    """Expressions, each with its own linear parameter; of a term at the output one, the sensor's reading as a function of F."""
     nonlinear: tuple[NonlinearParameter, ...] = ()
     state: tuple[tuple[str, str], ...] = ()
     constants: tuple[Constant, ...] = ()
@@ -28,10 +27,10 @@ class Term:
     """Needs of the motion's past: ``""``, ``"memory"``, ``"path"`` or ``"time"``."""
     place: Place = Place.PARALLEL
     becomes: str = ""
-    """Name of the term that it becomes at the largest lengths: of an exponential growth, what grows."""
+    """Name of the term that an exponential growth becomes at the largest lengths."""
 
     def rename(self, names: dict[str, str]) -> "Term":
-        """The term with other symbols for its states and nonlinear parameters."""
+        """Return the term with other symbols for its states and nonlinear parameters."""
         trees = {symbol: Symbol(name) for symbol, name in names.items()}
 
         def text(expression: str) -> str:
@@ -46,13 +45,13 @@ class Term:
             state=tuple((names.get(name, name), text(rate)) for name, rate in self.state),
         )
 
-    def times(self, name: str, words: str, other: "Term") -> "Term":
-        """Return the product with another term; parts, parameters and states of that one come last."""
+    def times(self, name: str, meaning: str, other: "Term") -> "Term":
+        """Return the product with another term, its parameters and states last."""
         text = "*".join(item.parts[0] for item in (self, other) if item.parts != ("1",)) or "1"
         return replace(
             self,
             name=name,
-            words=words,
+            words=meaning,
             parts=(text,),
             nonlinear=self.nonlinear + other.nonlinear,
             state=self.state + other.state,
@@ -64,52 +63,49 @@ class Term:
 
 @cache
 def library() -> tuple[Term, ...]:
-    """All terms: of the position alone, rate times depth, memory times depth, states on what they act on, and the others."""
-    said = shipped_yaml(Path(__file__).with_suffix(".yaml"))
-    nonlinear = {name: _parameter(**item) for name, item in said["parameters"].items()}
-    constants = {symbol: Constant(symbol, **item) for symbol, item in said["constants"].items()}
+    """Return all terms: of the position by itself, rate times depth, memory times depth, states of carriers, and the others."""
+    content = shipped_yaml(Path(__file__).with_suffix(".yaml"))
+    nonlinear = {key: _parameter(**item) for key, item in content["parameters"].items()}
+    constants = {symbol: Constant(symbol, **item) for symbol, item in content["constants"].items()}
 
-    def terms(kind: str, prefix: str = "") -> dict[str, Term]:
-        return {
-            name: _term(f"{prefix}{name}", item, nonlinear, constants) for name, item in said[kind].items()
-        }
+    def read(kind: str, prefix: str = "") -> dict[str, Term]:
+        terms = {}
+        for key, item in content[kind].items():
+            force = item["force"]
+            parts = (force,) if isinstance(force, str) else tuple(force)
+            signals = set().union(*(symbols(parse(part)) for part in parts))
+            states = tuple(item.get("state", {}).items())
+            terms[key] = Term(
+                f"{prefix}{key}",
+                item.get("words", ""),
+                parts,
+                tuple(nonlinear[name] for name in item.get("parameters", ())),
+                states,
+                tuple(constants[symbol] for symbol in item.get("constants", ())),
+                "memory" if states else "path" if "s" in signals else "time" if "t" in signals else "",
+                Place(item.get("place", Place.PARALLEL)),
+            )
+        return terms
 
-    found = list(terms("positions", "position_").values())
-    depths, carriers = terms("depths"), terms("carriers")
+    terms = list(read("positions", "position_").values())
+    depths, carriers = read("depths"), read("carriers")
     for kind in ("rates", "memories"):
-        for name, term in terms(kind).items():
-            found += [
+        for name, term in read(kind).items():
+            terms += [
                 depth.times(f"{name}_{key}".rstrip("_"), f"{term.words} {depth.words}".strip(), term)
                 for key, depth in depths.items()
-                if key in said[kind][name].get("depths", depths)
+                if key in content[kind][name].get("depths", depths)
             ]
-    for name, state in terms("states").items():
+    for name, state in read("states").items():
         for carrier, term in carriers.items():
-            found.append(term.times(f"{carrier}_{name}", f"{term.words} {state.words}", state))
-    return (*found, *terms("others").values())
+            terms.append(term.times(f"{carrier}_{name}", f"{term.words} {state.words}", state))
+    return (*terms, *read("others").values())
 
 
-def _parameter(start: list[float], reach: tuple[float, float] = (0.2, 5.0), **said) -> NonlinearParameter:
-    return NonlinearParameter(low=start[0], high=start[1], reach=tuple(reach), **said)
-
-
-def _term(name: str, said: Mapping, nonlinear: Mapping, constants: Mapping) -> Term:
-    force = said["force"]
-    parts = (force,) if isinstance(force, str) else tuple(force)
-    signals = set().union(*(symbols(parse(part)) for part in parts))
-    states = tuple(said.get("state", {}).items())
-    return Term(
-        name,
-        said.get("words", ""),
-        parts,
-        tuple(nonlinear[key] for key in said.get("parameters", ())),
-        states,
-        tuple(constants[symbol] for symbol in said.get("constants", ())),
-        "memory" if states else "path" if "s" in signals else "time" if "t" in signals else "",
-        Place(said.get("place", Place.PARALLEL)),
-    )
+def _parameter(start: list[float], reach: tuple[float, float] = (0.2, 5.0), **fields) -> NonlinearParameter:
+    return NonlinearParameter(low=start[0], high=start[1], reach=tuple(reach), **fields)
 
 
 def knows(terms: tuple[Term, ...]) -> set[str]:
-    """Return the needs of terms of the motion's past."""
+    """Return the parts of the motion's past that terms need."""
     return {word for term in terms for word in ("memory", "path", "time") if word in term.knows}

@@ -1,4 +1,4 @@
-"""Tests that a formula must pass before it is proposed: it stays bounded, gives off no energy, and its range is known."""
+"""Tests that a formula must pass before it is proposed: it stays bounded, gives off no energy, and has a known range."""
 
 from dataclasses import dataclass, field, fields, replace
 
@@ -14,36 +14,36 @@ BLOCK = 1.0
 """Length of a block, in time scales of the motion."""
 STRETCH = 1.5
 """Amplitude and speed beyond the records at which a law must stay bounded."""
-_LARGEST = 10.0
-"""Force there, in the largest force of the records."""
+_MAX_FORCE_RATIO = 10.0
+"""Largest force there, in the largest force of the records."""
 _SIZES = (0.3, 0.65, 1.0)
-"""Amplitudes of the cycles in half ranges, and their speeds in the largest, at which work is counted."""
+"""Amplitudes of the cycles in half ranges, and their speeds in the largest, at which work is computed."""
 _CYCLES, _STEPS = 4, 200
-_ROUNDING = 1e-3
+_ROUNDING_WORK = 1e-3
 """Work given off, as a share of force times amplitude, that counts as rounding."""
 INNER = 0.7
 """Share of the ranges of position and speed that the trial of extrapolation fits to."""
-_AS_GOOD = 1.15
-"""Error outside a range, in that inside or of a fit to all of it, up to which a law counts as extrapolating."""
-_FEWEST = 50
-"""Samples that an error is taken from."""
-_ENOUGH = 6000
+_MAX_ERROR_RATIO = 1.15
+"""Largest ratio of the error outside a range to that inside, or of a fit to all of it, of a law that extrapolates."""
+_MIN_ERROR_SAMPLES = 50
+"""Samples that an error is computed from."""
+_MIN_THINNED_SAMPLES = 6000
 """Samples of the training record that are left, if its excitation allows it."""
 
 
 @dataclass(frozen=True, eq=False)
 class PartialData(FitData):
-    """A record of which only some samples count; simulated as a whole."""
+    """A record with only some samples that count; simulated as a whole."""
 
     whole: FitData = None
     counts: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool))
     """Over the samples that count of the whole."""
 
     @classmethod
-    def of(cls, whole: FitData, counts: np.ndarray) -> "PartialData":
+    def from_record(cls, whole: FitData, counts: np.ndarray) -> "PartialData":
         """Let only these samples of a record count."""
-        alike = {item.name: getattr(whole, item.name) for item in fields(FitData) if item.init}
-        return cls(**alike, whole=whole, counts=counts)
+        copied = {item.name: getattr(whole, item.name) for item in fields(FitData) if item.init}
+        return cls(**copied, whole=whole, counts=counts)
 
     @property
     def zeros(self) -> np.ndarray:
@@ -56,16 +56,16 @@ class PartialData(FitData):
         return int(self.counts.sum())
 
     def trim(self, signal: np.ndarray) -> np.ndarray:
-        """Signal (samples first) where samples count."""
+        """Return the samples of a signal (samples first) that count."""
         return self.whole.trim(signal)[self.counts]
 
     def whiten(self, signal: np.ndarray) -> np.ndarray:
-        """Whitened signal (samples first) where samples count."""
+        """Return the samples of a whitened signal (samples first) that count."""
         return self.whole.whiten(signal)[self.counts]
 
 
 def alternate(experiment: Experiment) -> tuple[Experiment, Experiment]:
-    """The experiment with every other block of its unseen records, and with the blocks in between.
+    """Return the experiment with every other block of its unseen records, and with the blocks in between.
 
     Choices are made with the first and tested with the second.
     """
@@ -73,13 +73,13 @@ def alternate(experiment: Experiment) -> tuple[Experiment, Experiment]:
     for item in experiment.tests:
         block = max(1, round(BLOCK * item.scale("time") / item.motion.sampling_time))
         even = np.arange(item.size) // block % 2 == 0
-        first.append(PartialData.of(item, even))
-        second.append(PartialData.of(item, ~even))
+        first.append(PartialData.from_record(item, even))
+        second.append(PartialData.from_record(item, ~even))
     return replace(experiment, tests=first), replace(experiment, tests=second)
 
 
-def within(data: FitData, fitted: FitData, share: float) -> np.ndarray:
-    """Samples of a record with position and speed within a share of the ranges of another; shape (samples that count,)."""
+def is_within(data: FitData, fitted: FitData, share: float) -> np.ndarray:
+    """Return whether position and speed are within a share of the ranges of another record; shape (samples that count,)."""
     ranged, fastest = fitted.motion.position, np.abs(fitted.motion.velocity).max()
     middle, half = (ranged.max() + ranged.min()) / 2, np.ptp(ranged) / 2
     near = np.abs(data.trim(data.motion.position) - middle) <= share * half
@@ -87,7 +87,7 @@ def within(data: FitData, fitted: FitData, share: float) -> np.ndarray:
 
 
 def motions(data: FitData) -> list[Motion]:
-    """Motions of a record, or of several that are fitted together."""
+    """Return the motions of a record, or of several that are fitted together."""
     return [part.motion for part in data.records]
 
 
@@ -104,20 +104,21 @@ def stays_bounded(fit: Fit, experiment: Experiment) -> bool:
             )
             with np.errstate(all="ignore"):
                 force = fit.simulate(stretched)
-            if not np.isfinite(force).all() or np.abs(force).max() > _LARGEST * largest:
+            if not np.isfinite(force).all() or np.abs(force).max() > _MAX_FORCE_RATIO * largest:
                 return False
     return True
 
 
 def least_work(fit: Fit, data: FitData) -> float:
-    """Least work that the model takes up in a closed cycle, as a share of the largest force times the amplitude.
+    """Return the least work that the model takes up in a closed cycle, as a share of the largest force times the amplitude.
 
-    Steady sines within the ranges of position and speed of the records; negative where a passive tissue would give energy away.
+    The cycles are steady sines within the ranges of position and speed of the records; the work is negative if a passive tissue
+    would give energy away.
     """
     position = np.concatenate([motion.position for motion in motions(data)])
     fastest = max(float(np.abs(motion.velocity).max()) for motion in motions(data))
     middle, half = (position.max() + position.min()) / 2, np.ptp(position) / 2
-    found = []
+    works = []
     for size in _SIZES:
         for pace in _SIZES:
             amplitude, rate = size * half, pace * fastest / (size * half)
@@ -125,13 +126,13 @@ def least_work(fit: Fit, data: FitData) -> float:
             motion = Motion(phase / rate, middle + amplitude * np.sin(phase), 2 * np.pi / (_STEPS * rate))
             force = fit.simulate(motion)[-_STEPS - 1 :]
             work = np.trapezoid(force * np.cos(phase[-_STEPS - 1 :]), phase[-_STEPS - 1 :])
-            found.append(work / max(float(np.abs(force).max()), 1e-300))
-    return min(found)
+            works.append(work / max(float(np.abs(force).max()), 1e-300))
+    return min(works)
 
 
 def is_dissipative(fit: Fit, data: FitData) -> bool:
     """Return whether no closed cycle gives off energy."""
-    return least_work(fit, data) >= -_ROUNDING
+    return least_work(fit, data) >= -_ROUNDING_WORK
 
 
 @dataclass(frozen=True)
@@ -139,54 +140,56 @@ class Extrapolation:
     """Errors of a law outside the range that it was fitted to."""
 
     inner_rms: float
-    """Error on the training record outside its inner range, of a fit to samples in it alone."""
+    """Error on the training record outside its inner range, of a fit to samples in it only."""
     all_rms: float
     """Error of the fit to all samples, at the same ones."""
     beyond_rms: float | None
-    """Error on unseen samples beyond the training record's range of position or speed; None where they are few."""
+    """Error on unseen samples beyond the training record's range of position or speed; None if they are few."""
     floor: float | None
-    """Noise."""
+    """Noise floor."""
 
     @property
     def holds(self) -> bool:
         """True if both errors are about as large as within the fitted range."""
-        if self.inner_rms > _AS_GOOD * self.all_rms:
+        if self.inner_rms > _MAX_ERROR_RATIO * self.all_rms:
             return False
-        return self.beyond_rms is None or self.beyond_rms <= _AS_GOOD * max(self.all_rms, self.floor or 0.0)
+        return self.beyond_rms is None or self.beyond_rms <= _MAX_ERROR_RATIO * max(
+            self.all_rms, self.floor or 0.0
+        )
 
 
 def extrapolation(fit: Fit, experiment: Experiment) -> Extrapolation | None:
-    """Fit to the samples with position and speed within `INNER` of their ranges and look outside; None where too few are.
+    """Fit to the samples with position and speed within `INNER` of their ranges and evaluate outside; None if they are too few.
 
-    Unseen samples beyond the training record's range are looked at as well.
+    Unseen samples beyond the training record's range are evaluated as well.
     """
     training = experiment.training
-    inner = within(training, training, INNER)
-    if min(inner.sum(), (~inner).sum()) < _FEWEST:
+    inner = is_within(training, training, INNER)
+    if min(inner.sum(), (~inner).sum()) < _MIN_ERROR_SAMPLES:
         return None
-    again = refit(fit.structure, PartialData.of(training, inner), fit.nonlinear)
-    outer = PartialData.of(training, ~inner)
-    beyond = [PartialData.of(item, ~within(item, training, 1.0)) for item in experiment.tests]
-    enough = sum(item.size for item in beyond) >= _FEWEST
+    again = refit(fit.structure, PartialData.from_record(training, inner), fit.nonlinear)
+    outer = PartialData.from_record(training, ~inner)
+    beyond = [PartialData.from_record(item, ~is_within(item, training, 1.0)) for item in experiment.tests]
+    is_enough = sum(item.size for item in beyond) >= _MIN_ERROR_SAMPLES
     return Extrapolation(
         again.rms(outer),
         fit.rms(outer),
-        fit.rms(*beyond) if enough else None,
+        fit.rms(*beyond) if is_enough else None,
         None if experiment.floor is None else experiment.floor.rms,
     )
 
 
 def thin(experiment: Experiment) -> Experiment:
-    """The experiment with every n-th sample of its records, as many as leave `PER_CYCLE` in the fastest cycle of each.
+    """Return the experiment with every n-th sample of its records, so that `PER_CYCLE` are left in the fastest cycle of each.
 
-    As where records are too long for a diagnosis, nothing is filtered. Errors are then taken as they are: the colour of the
-    noise is that of another rate. The same experiment where there is nothing to spare.
+    Nothing is filtered. Errors are not whitened: the colour of the noise is that of another rate. The same experiment is returned
+    if there are no samples to spare.
     """
     records = [experiment.training, *experiment.tests]
     parts = [part for item in records for part in item.records]
     edges = [band_edge(part.drop_history(part.motion.position)) for part in parts]
-    room = min(int(1 / (PER_CYCLE * edge)) for edge in edges)
-    factor = min(room, experiment.training.size // _ENOUGH)
+    largest = min(int(1 / (PER_CYCLE * edge)) for edge in edges)
+    factor = min(largest, experiment.training.size // _MIN_THINNED_SAMPLES)
     if factor < 2:
         return experiment
 

@@ -113,6 +113,7 @@ def compare_record(
     Parameters
     ----------
     record : Record
+        Measured record.
     simulated : numpy.ndarray, shape (samples,)
         Free run over the whole record.
     floor : NoiseFloor, optional

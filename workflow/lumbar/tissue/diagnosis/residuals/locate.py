@@ -49,6 +49,7 @@ def locate(
     Parameters
     ----------
     record : Record
+        Measured record.
     simulated : numpy.ndarray, shape (samples,)
         Free run over the whole record.
     floor : NoiseFloor, optional
@@ -210,22 +211,10 @@ def compare_and_locate(experiment: Experiment, fit: Fit, seed: int) -> list[Resi
 def simulation(
     records: Sequence[Record], fit: Fit, surface: float = 0.0, session: bool = False
 ) -> Callable[[Record], np.ndarray]:
-    """Return the free run of a fit as a function of the record.
+    """Return the free run of a fit, shape (samples,), as a function of the record.
 
-    Parameters
-    ----------
-    records : sequence of Record
-        With the channels that the fit's base requires.
-    fit : Fit
-    surface : float
-        Position of the tissue's surface, in the input's unit.
-    session : bool
-        True if each record begins in the state in which the one before it ended.
-
-    Returns
-    -------
-    callable
-        From a record to its free run, shape (samples,).
+    The records have the channels that the fit's base requires. Positions count from `surface`, in the input's unit. In a session
+    each record begins in the state in which the one before it ended.
     """
 
     def simulate(record: Record) -> np.ndarray:
@@ -239,16 +228,8 @@ def residual_reports(
 ) -> list[ResidualReport]:
     """Compare free runs of any model with their records, and locate its error.
 
-    Parameters
-    ----------
-    simulated : sequence of tuple
-        Record, free run with shape (samples,), and the experiment that gives noise and settling time.
-    seed : int
-        Seed of the intervals.
-
-    Returns
-    -------
-    list of ResidualReport
+    Each record comes with its free run, shape (samples,), and the experiment that gives noise and settling time; `seed` is that
+    of the intervals.
     """
     residuals = [residual_of(*one) for one in simulated]
     causes, reports = rank_causes(residuals), []

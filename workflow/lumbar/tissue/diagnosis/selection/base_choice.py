@@ -80,21 +80,9 @@ def find_base(
     """Fit the base that is named, or the one that the data require.
 
     That base has the best likelihood of all records for its number of parameters. A base with contact must be better than a
-    fastened one with any single effect, e.g. one that loses the tissue too, or one that clips the force.
-
-    Parameters
-    ----------
-    experiment : Experiment
-    name : str or Base
-        Key of `lumbar.tissue.models.bases.BASES`, a user-defined base, or `CHOSEN_BY_DATA`.
-    catalogue : dict of str to Effect
-        Effects that compete with contact.
-
-    Returns
-    -------
-    experiment : Experiment
-        Positions are counted from the tissue's surface if the base has contact.
-    base : Candidate
+    fastened one with any single effect, e.g. one that loses the tissue too, or one that clips the force. `name` is a key of
+    `lumbar.tissue.models.bases.BASES`, a user-defined base, or `CHOSEN_BY_DATA`. Positions of the returned experiment are counted
+    from the tissue's surface if the base has contact.
     """
     # Surfaces are positions as recorded, also if a base is chosen again.
     experiment = experiment.shift_origin(experiment.rest[0])

@@ -80,11 +80,17 @@ def diagnose(
     settings = settings or DiagnosisSettings()
     steps = PENDULUM_STEPS if settings.system == "pendulum" else TISSUE_STEPS
     if any(record.axes for record in records):
-        from lumbar.tissue.diagnosis.spatial.spatial_diagnosis import SPATIAL_STEPS as steps
+        from lumbar.tissue.diagnosis.spatial.spatial_diagnosis import SPATIAL_STEPS
+
+        steps = SPATIAL_STEPS
     elif settings.forward:
-        from lumbar.tissue.diagnosis.forward.forward_diagnosis import FORWARD_STEPS as steps
+        from lumbar.tissue.diagnosis.forward.forward_diagnosis import FORWARD_STEPS
+
+        steps = FORWARD_STEPS
     elif any(record.points for record in records):
-        from lumbar.tissue.diagnosis.selection.static_points import POINT_STEPS as steps
+        from lumbar.tissue.diagnosis.selection.static_points import POINT_STEPS
+
+        steps = POINT_STEPS
     return run(
         steps, DiagnosisState(list(records), settings, DiagnosisResult(findings=tuple(findings)))
     ).result

@@ -69,20 +69,9 @@ def extend(
 ) -> list[Candidate]:
     """Add each effect of the catalogue that the model does not have; return every refitted form, best first.
 
-    Parameters
-    ----------
-    model : Candidate
-    catalogue : dict of str to Effect
-    experiment : Experiment
-    most : int or None
-        Refit only this many effects, those with the best screening; None refits all.
-    all_forms : bool
-        Refit all forms of an effect, or only the one with the best screening. With all forms, general ones are tried if
-        simpler ones fail, if they remove `MOST_OF_REST` of what these leave.
-
-    Returns
-    -------
-    list of Candidate
+    Only `most` effects are refitted, those with the best screening; None refits all. With `all_forms`, all forms of an effect
+    are refitted, and general ones if simpler ones fail and they remove `MOST_OF_REST` of what these leave; otherwise only the
+    form with the best screening.
     """
     every = [
         form for effect in catalogue.values() if effect.name not in model.effects for form in effect.forms
