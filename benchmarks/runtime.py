@@ -129,7 +129,7 @@ def passivity(program: Path, folder: Path, steps: int) -> list[tuple]:
     rows = []
     for model in exported:
         unit = model.units.position * model.resistance
-        for gain, label in ((0, ""), (model.gain_limit, ", switched")):
+        for gain, label in ((0, ""), (model.settings.gain_limit, ", switched")):
             arguments = (steps, model.sampling_time, unit, DAMPING, gain)
             found = printed(program, "passive", folder, model, *arguments)
             what = f"passive, {model.name}{label}, given out beyond taken in"

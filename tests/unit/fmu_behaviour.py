@@ -107,7 +107,7 @@ def _acting(fmu: DrivenFmu, event_mode: bool, positions: list) -> set[str]:
     instance = DrivenInstance(fmu, event_mode)
     instance.play(positions[:-1])
     instance.reach_sample()
-    instance.put(source, positions[-1])
+    instance.write(source, positions[-1])
     acting = set()
     for name in fmu.settable:
         before, force_before = instance.get(name), instance.read(force)

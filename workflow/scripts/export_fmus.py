@@ -36,7 +36,7 @@ def main(input, output, settings: RuntimeSettings, seed: int, source_label: str)
         played.time,
         played.inputs,
         played.outputs,
-        played.most_delayed(),
+        played.most_delayed,
         models[0].input.label,
         models[0].output.label,
     )

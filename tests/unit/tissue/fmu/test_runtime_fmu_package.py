@@ -16,7 +16,7 @@ from runtime_models import SETTINGS, TARGET, models_json, selected
 from lumbar.base.errors import InputError
 from lumbar.tissue.fmu.build import compiler, package
 from lumbar.tissue.fmu.build.compiler import compile_library
-from lumbar.tissue.fmu.build.package import compile_model, export_fmus, write_fmu
+from lumbar.tissue.fmu.build.package import export_fmus, write_fmu
 from lumbar.tissue.fmu.fmu_check import simulate_fmu
 from study_settings import changed
 
@@ -69,7 +69,7 @@ def test_a_refused_compilation_says_what_the_compiler_said(fmu_models, zig_cache
 @pytest.fixture
 def nothing_compiled():
     """Let this process forget what it has compiled."""
-    compiler.library_of.cache_clear()
+    compiler.compile_sources.cache_clear()
 
 
 @pytest.mark.usefixtures("nothing_compiled")
@@ -97,10 +97,10 @@ def test_places_that_cannot_be_written_are_named(fmu_models, fmu_folder, zig_cac
         export_fmus(fmu_models[:1], tmp_path, "", TARGET, blocked / "cache")
     with pytest.raises(InputError, match="cannot be written"):
         export_fmus(fmu_models[:1], blocked / "fmu", "", TARGET, zig_cache)
-    compiler.library_of.cache_clear()
+    compiler.compile_sources.cache_clear()
     with monkeypatch.context() as within, pytest.raises(InputError, match="TMPDIR"):
         within.setattr(compiler.tempfile, "TemporaryDirectory", lambda **_: nullcontext(tmp_path / "absent"))
-        compile_model(fmu_models[0], TARGET, zig_cache)
+        compiler.compile_sources((("a.c", b""),), ("a.c",), "a.so", TARGET[0], zig_cache)
     monkeypatch.setattr("lumbar.tissue.fmu.build.compiler.find_spec", lambda _: None)
     with pytest.raises(InputError, match="ziglang"):
         export_fmus(fmu_models[:1], tmp_path, "", TARGET, zig_cache)

@@ -151,7 +151,7 @@ def test_device_and_fmu_never_give_out_more_than_they_took_in(settings, names, z
     chosen = exported(changed(settings, device_damping=DAMPING), tmp_path, zig_cache, *names)
     client = loader_program(CLIENT, TARGET[0], tmp_path, zig_cache)
     for model in chosen:
-        for gain in (0.0, model.gain_limit):
+        for gain in (0.0, model.settings.gain_limit):
             found = energies(client, model, tmp_path, 100_000, gain)
             assert min(found[:3]) >= -1e-12, model.name
             assert min(found[3:]) > 0.01, model.name

@@ -123,7 +123,7 @@ def test_vectors_are_set_whole_and_refused_whole(version, five):
     page = (fmu.folder / "documentation" / "index.html").read_text(encoding="utf-8")
     assert f"spring_stiffness = {((FRAME * STIFFNESS) @ FRAME.T)[0, 0]:.6g} " in page
     instance = DrivenInstance(fmu, event_mode=version == 3)
-    instance.put("position", [1.0, -2.0, 0.5])
+    instance.write("position", [1.0, -2.0, 0.5])
     force = np.array(instance.read("force"))
     slopes = [[instance.derivative(f"force[{i}]", f"position[{j}]") for j in (1, 2, 3)] for i in (1, 2, 3)]
     np.testing.assert_allclose(slopes, np.transpose(slopes), atol=1e-6)
@@ -158,7 +158,7 @@ def test_device_and_fmu_never_give_out_more_than_they_took_in(steps, zig_cache, 
     model = spatial_export(FIVE, device_damping=DAMPING)
     export_fmus([model], tmp_path, "own", TARGET, zig_cache)
     client = loader_program(CLIENT, TARGET[0], tmp_path, zig_cache)
-    for gain in (0.0, model.gain_limit):
+    for gain in (0.0, model.settings.gain_limit):
         found = energies(client, model, tmp_path, steps, gain)
         assert min(found[:3]) >= -1e-12
         assert min(found[3:]) > 0.01

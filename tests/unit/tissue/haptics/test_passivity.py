@@ -26,9 +26,9 @@ from lumbar.tissue.haptics.passive_models import (
     takes_energy,
     unit_branch,
 )
-from lumbar.tissue.haptics.passivity import required_damping
 from lumbar.tissue.haptics.rendered_model import export_at, fmu_of, stepping
-from lumbar.tissue.haptics.simulation import simulate
+from lumbar.tissue.haptics.simulation import HandPush, simulate
+from lumbar.tissue.haptics.ticks import required_damping
 from lumbar.tissue.identification.arx_search import IdentificationData
 from lumbar.tissue.models.fitted_model import read_models
 from lumbar.tissue.models.transfer_function import FirstOrder, TransferFunction, undiscretise
@@ -245,7 +245,7 @@ FRICTION, STIFFNESS = 0.05, 300.0
 def moved(**device):
     """What the hand alone does to the stylus: it is pushed by 50 mm and let swing about there."""
     stylus = DeviceSettings(damping_N_s_m=1e-9, hand_stiffness_N_m=STIFFNESS, encoder_um=0, **device)
-    return simulate(lambda time, position: 0.0, [1e-3], stylus, 15.0, push_mm=50.0)
+    return simulate(lambda time, position: 0.0, [1e-3], stylus, 15.0, HandPush(50.0))
 
 
 def test_every_half_swing_is_shorter_by_twice_the_friction_over_the_stiffness():
@@ -273,7 +273,7 @@ def test_a_force_that_drifts_does_not_oscillate():
     """By 50 mN a second; a sine of the same size does."""
     stylus = DeviceSettings(encoder_um=0)
     drifting, swinging = (
-        simulate(lambda time, position, shape=shape: 0.05 * shape(time), [1e-3], stylus, 15.0)
+        simulate(lambda time, position, shape=shape: 0.05 * shape(time), [1e-3], stylus, 15.0, HandPush())
         for shape in (float, lambda time: np.sin(20.0 * time))
     )
     assert drifting.peak_to_peak == pytest.approx(0.05, rel=0.01)
@@ -300,7 +300,7 @@ def contradictions(form: str, encoder_um: float, cache: Path, project: Path) -> 
     with fmu_of(exported, settings) as fmu:
         for push_mm in PUSHES_MM:
             with stepping(fmu) as step:
-                run = run_loop(verdict.analysis, step, push_mm)
+                run = run_loop(verdict.analysis, step, HandPush(push_mm))
             shaken += [] if run.calm else [f"{push_mm:g} mm: {run.outcome}; {verdict.finding}"]
     return shaken
 

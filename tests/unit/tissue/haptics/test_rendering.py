@@ -18,7 +18,7 @@ from lumbar.settings.runtime import RuntimeSettings
 from lumbar.tissue.effects.catalogue import CATALOGUES, TISSUE
 from lumbar.tissue.fmu.build.export_model import export_models
 from lumbar.tissue.haptics.closed_loop import SampledModel, all_angles
-from lumbar.tissue.haptics.device_table import with_device
+from lumbar.tissue.haptics.device_table import judge_on_device
 from lumbar.tissue.haptics.loop_verdict import LoopStatus, analyse, judge_loop, judge_models, run_loop
 from lumbar.tissue.haptics.rendered_model import export_at, render_model
 from lumbar.tissue.haptics.z_width import _lowest, lowest_rates
@@ -83,9 +83,9 @@ def test_the_bound_of_the_fmu_calms_a_loop_that_the_analysis_calls_unstable(zig_
 def test_export_refuses_what_is_unstable_where_the_study_says_so(capsys):
     (model,) = export_models([fitted("KB")], SETTINGS)
     with pytest.raises(NumericalError, match=r"runtime\.device\.unsafe: warn"):
-        with_device([model], changed(DEFAULTS, device={"unsafe": "refuse"}), [fitted("KB")])
+        judge_on_device([model], changed(DEFAULTS, device={"unsafe": "refuse"}), [fitted("KB")])
     damped = changed(DEFAULTS, device={"damping_N_s_m": 40.0, "unsafe": "refuse"})
-    assert with_device([model], damped, [fitted("KB")])[0].on_device
+    assert judge_on_device([model], damped, [fitted("KB")])[0].on_device
     assert capsys.readouterr().err == ""
 
 
@@ -107,7 +107,7 @@ def test_a_bound_counts_where_forces_act_at_their_own_samples_and_the_loop_rests
         device=device,
     )
     (model,) = export_models([fitted("KB")], settings)
-    (told,) = with_device([model], settings, [fitted("KB")])
+    (told,) = judge_on_device([model], settings, [fitted("KB")])
     assert ("WARNING: not safe" in capsys.readouterr().err) == (not safe)
     assert any("keeps the device passive" in words for words in told.on_device) == (device == {})
 
@@ -172,7 +172,7 @@ def test_a_client_that_reads_first_gets_the_feedthrough_late():
     rng = np.random.default_rng(1)
     positions = np.concatenate([[0.0], rng.standard_normal(200)])
     averaged = np.convolve(positions, np.ones(3) / 3)[:201]
-    expected = 1000 * model.dynamics.late_response(averaged)
+    expected = 1000 * model.dynamics.response(averaged, late=True)
     np.testing.assert_allclose(lfilter(loop.numerator, loop.denominator, positions), expected, atol=1e-9)
     assert analysed("KB", 100.0, late=True).damping == pytest.approx(25.09, rel=2e-3)
     whole = analyse(replace_loop(model, 0.01), STYLUS)
@@ -211,7 +211,7 @@ def test_the_inverted_model_is_judged_as_it_is_displayed():
     )
     assert held.gain == pytest.approx(2.4) and held.stable and not held.passive
     assert not loose.stable
-    assert np.isinf(loose.damping) and loose.gain_frequency == 0.0
+    assert np.isinf(loose.damping) and loose.limit.frequency == 0.0
     run = run_loop(loose)
     assert run.runs_away and run.limit == 15.0
 

@@ -8,7 +8,7 @@ from spatial_models import BRANCH, FRAME, RELAXATION, STIFFNESS, spatial_export
 
 from lumbar.base.errors import InputError
 from lumbar.settings.runtime import DeviceSettings, RuntimeSettings
-from lumbar.tissue.haptics import closed_loop, passivity
+from lumbar.tissue.haptics import closed_loop, ticks
 from lumbar.tissue.haptics.closed_loop import SampledModel, propagation
 from lumbar.tissue.haptics.in_space import SpatialLoop
 from lumbar.tissue.haptics.loop_verdict import LoopStatus, judge_loop
@@ -82,7 +82,7 @@ def test_no_direction_needs_more_damping_than_the_matrix():
 
         def along(direction, loop=loop):
             projected = np.einsum("i,sij,j->s", direction, loop.impulse, direction)
-            return passivity.required_damping(replace(loop.unit, numerator=projected))
+            return ticks.required_damping(replace(loop.unit, numerator=projected))
 
         others = [along(item / np.linalg.norm(item)) for item in generator.standard_normal((30, 3))]
         assert max(others) <= needed * (1 + 1e-9)
@@ -107,7 +107,7 @@ def test_principal_axes_are_loops_of_their_own():
     for spring, branch in zip(1e3 * STIFFNESS, 1e3 * BRANCH, strict=True):
         impulse = branch * branch_impulse(np.exp(-STEP / RELAXATION)) + spring * (np.arange(LONG) == 0)
         one = SampledModel("KB", np.convolve(impulse, np.full(3, 1 / 3)), np.ones(1), STEP)
-        damping.append(passivity.required_damping(one))
+        damping.append(ticks.required_damping(one))
         limits.append(closed_loop.largest_stable_gain(one, DEVICE))
     needed, direction = loop.required_damping()
     limit = loop.largest_stable_gain(DEVICE)

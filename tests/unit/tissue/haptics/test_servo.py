@@ -17,10 +17,15 @@ from lumbar.tissue.fmu.build.compiler import TARGETS
 from lumbar.tissue.fmu.instance import UnzippedFmu
 from lumbar.tissue.haptics.closed_loop import SampledModel, largest_stable_gain
 from lumbar.tissue.haptics.loop_verdict import analyse
-from lumbar.tissue.haptics.passivity import required_damping
 from lumbar.tissue.haptics.rendered_model import export_at, render_model, stepping
-from lumbar.tissue.haptics.simulation import TissueForce, difference_equation, encoder_ripple, simulate
-from lumbar.tissue.haptics.ticks import PeriodicModel, from_tick_to_tick, realisation
+from lumbar.tissue.haptics.simulation import (
+    HandPush,
+    TissueForce,
+    difference_equation,
+    encoder_ripple,
+    simulate,
+)
+from lumbar.tissue.haptics.ticks import PeriodicModel, decimate_to_ticks, realisation, required_damping
 from running import PROJECT
 
 STYLUS = RuntimeSettings().device
@@ -71,11 +76,15 @@ def drawn_model(rng: np.random.Generator) -> SampledModel:
     return model.late(float(rng.choice([0.0, rng.uniform(0.0, 1.5) * period])))
 
 
+def scaled(model: SampledModel, factor: float) -> SampledModel:
+    return replace(model, numerator=factor * model.numerator)
+
+
 def growth(model: SampledModel, intervals, device, delay: float = 0.0, seconds: float = 4.0) -> float:
     """By how much the force moves more in the second half of a time than in the first, behind the push."""
     tick = TissueForce(difference_equation(model), model.sampling_time)
-    exact = device.model_copy(update={"encoder_um": 0.0})
-    run = simulate(tick, intervals, exact, np.inf, delay=delay, duration=0.3 + seconds)
+    exact = device.model_copy(update={"encoder_um": 0.0, "delay_ms": 1e3 * delay})
+    run = simulate(tick, intervals, exact, np.inf, HandPush(duration_s=0.3 + seconds))
     moving = run.samples[-int(seconds / np.mean(intervals)) :]
     first, second = np.array_split(np.diff(moving), 2)
     return float(np.ptp(second) / np.ptp(first))
@@ -120,18 +129,18 @@ def test_the_loop_through_the_header_has_the_forces_of_the_loop_through_its_rule
 ):
     with zipfile.ZipFile(fmu_folder / "KB_fmi3.fmu") as archive:
         archive.extractall(tmp_path)
-    device = STYLUS.model_copy(update={"damping_N_s_m": 40.0, "encoder_um": 0.0})
+    device = STYLUS.model_copy(update={"damping_N_s_m": 40.0, "encoder_um": 0.0, "delay_ms": 0.3})
     rendered = render_model(next(model for model in fmu_models if model.name == "KB"), device)
     with stepping(UnzippedFmu(tmp_path)) as step:
-        rule = TissueForce(rendered.in_loop(step), rendered.sampled[0].sampling_time)
-        expected = simulate(rule, intervals, device, 15.0, delay=0.0003, duration=1.0)
+        rule = TissueForce(rendered.loop_step(step), rendered.sampled[0].sampling_time)
+        expected = simulate(rule, intervals, device, 15.0, HandPush(duration_s=1.0))
     tissue = header.loader_open(str(tmp_path).encode())
     start = 1234.5
 
     def tick(time: float, position: float) -> float:
-        return rendered.in_loop(lambda given: header.loader_step(tissue, start + time, given))(position)
+        return rendered.loop_step(lambda given: header.loader_step(tissue, start + time, given))(position)
 
-    found = simulate(tick, intervals, device, 15.0, delay=0.0003, duration=1.0)
+    found = simulate(tick, intervals, device, 15.0, HandPush(duration_s=1.0))
     header.loader_close(tissue)
     assert np.ptp(expected.samples) > 1.0
     np.testing.assert_allclose(found.samples, expected.samples, atol=1e-9)
@@ -150,8 +159,8 @@ def test_a_servo_of_another_rate_is_judged_as_the_loader_plays_it(rate, gain):
     """Against the loop in time through the loader's rule, which dies away below the gain and grows above."""
     rendered, device = judged(rate)
     assert analyse(rendered, device).gain == pytest.approx(gain, abs=6e-4)
-    assert growth(rendered.sampled[0].scaled(0.99 * gain), [1 / rate], device) < 1.0
-    assert growth(rendered.sampled[0].scaled(1.01 * gain), [1 / rate], device) > 1.0
+    assert growth(scaled(rendered.sampled[0], 0.99 * gain), [1 / rate], device) < 1.0
+    assert growth(scaled(rendered.sampled[0], 1.01 * gain), [1 / rate], device) > 1.0
 
 
 def drawn_sequence(seed: int, ticks: int) -> tuple[PeriodicModel, DeviceSettings]:
@@ -176,8 +185,8 @@ def test_ticks_that_repeat_are_stable_up_to_the_gain_and_not_above(seed):
         growing = np.log(loop.transitions(device).radius(share * limit.gain))
         assert (growing > 0) == (share > 1)
         seconds = 10 * np.log(2) / abs(growing) * sum(loop.intervals)
-        scaled = loop.model.scaled(share * limit.gain)
-        assert (growth(scaled, loop.intervals, device, loop.delay, seconds) > 1) == (share > 1)
+        model = scaled(loop.model, share * limit.gain)
+        assert (growth(model, loop.intervals, device, loop.delay, seconds) > 1) == (share > 1)
 
 
 @pytest.mark.parametrize(("ticks", "samples"), [(3, 3), (3, 1)])
@@ -222,7 +231,7 @@ def test_a_servo_slower_by_a_whole_factor_is_a_model_of_its_own(seed, samples):
     rng = np.random.default_rng([seed, 6])
     model = replace(drawn_model(rng), delay=0.0)
     ticks = np.concatenate([[0.0], rng.standard_normal(50)])
-    slow, waits = (from_tick_to_tick(model, samples, held) for held in (False, True))
+    slow, waits = (decimate_to_ticks(model, samples, held) for held in (False, True))
     lines = np.interp(np.arange(samples * 50 + 1) / samples, np.arange(51), ticks)
     for found, positions in ((slow, lines), (waits, np.repeat(ticks, samples))):
         expected = lfilter(model.numerator, model.denominator, positions)[::samples]

@@ -107,7 +107,7 @@ def loop_figure(verdicts: Sequence[LoopVerdict]) -> Figure:
             force.axhline(bound, color="#000000", linewidth=0.6, linestyle=(0, (4, 2)))
         outcome = "runs away" if run.runs_away else "comes to rest"
         outcome = f"oscillates at {run.frequency:.1f} Hz" if run.oscillates else outcome
-        position.set_title(f"{item.analysis.name} at {item.analysis.rate:.4g} Hz: {outcome}", loc="center")
+        position.set_title(f"{item.model.name} at {item.analysis.rate:.4g} Hz: {outcome}", loc="center")
         force.set(xlabel="Time (s)", xlim=(0.0, 1.5))
     for axis, label in zip(axes[:, 0], ("Stylus (mm)", "Force (N)"), strict=True):
         axis.set_ylabel(label)

@@ -1,4 +1,4 @@
-"""What building and playing an FMU have in common: paths of its files, names, units."""
+"""Conventions for building and running an FMU: paths of its files, names, units."""
 
 import json
 from dataclasses import dataclass
@@ -8,16 +8,17 @@ from pathlib import Path
 import numpy as np
 
 RECORD = "resources/model.json"
-"""The model as it was identified and how it is run: all else in an FMU follows from it."""
+"""The identified model and how it is run: all else in an FMU follows from it."""
 REFERENCE = ("resources/reference_input.csv", "resources/reference_output.csv")
 """Signals to try an importer with."""
 WITHOUT_EVENT_MODE = "resources/reference_output_without_event_mode.csv"
-"""Output that an importer without event mode reads from an FMI 3.0 FMU, the same as one of FMI 2.0."""
+"""Output that an importer without event mode reads from an FMI 3.0 FMU, equal to that of an FMI 2.0 FMU."""
 LAYERED_STANDARD = "org.fmi-standard.fmi-ls-ref"
-"""FMI-LS-REF, which says what files of an FMU are for; its folder below ``extra/`` has this name."""
+"""FMI-LS-REF, which defines the purpose of files; its folder below ``extra/`` has this name."""
 MANIFEST = f"extra/{LAYERED_STANDARD}/fmi-ls-manifest.xml"
+"""Files of the reference signals, with their roles."""
 EXPERIMENTS = f"extra/{LAYERED_STANDARD}/reference.exp"
-"""`MANIFEST`, `EXPERIMENTS`: what belongs to each reference signal, and how they are played."""
+"""Experiments with the reference signals."""
 ROLES = {
     REFERENCE[0]: ("stimulus", "testcase", "Stimulus: one push into the model"),
     REFERENCE[1]: ("reference result", "result", "Reference result of the push"),
@@ -29,42 +30,38 @@ ANNOTATION = "lumbar"
 """Name of the annotation of this project in the model description."""
 RATE_LIMIT = "_rate_limit"
 """Ending of the name of the parameter that limits the force's rate, where an FMU has one."""
-PUSH = 0.2
+PUSH_S = 0.2
 """Duration in seconds of the push that shows which force resists."""
+ELEMENT = 16
+"""Difference between the value references of two successive elements, as in ``sampled_force.h``."""
+_BASE_UNITS = json.loads(Path(__file__).with_suffix(".json").read_text(encoding="utf-8"))
+"""Exponents of the SI base units and factor, as in FMI's BaseUnit."""
 
 
 def slow_push(sampling_time: float) -> np.ndarray:
-    """Return positions (from 0 to 1) of a push; the mean response shows which force resists despite relaxation and friction."""
-    return np.linspace(0.0, 1.0, max(10, round(PUSH / sampling_time)))
+    """Return positions from 0 to 1 of a push; the mean response shows which force resists despite relaxation and friction."""
+    return np.linspace(0.0, 1.0, max(10, round(PUSH_S / sampling_time)))
 
 
 def element_names(name: str, axes: int) -> tuple[str, ...]:
-    """Names of the elements of a variable with a value for every axis, as FMI 2.0 has them: ``position[1]`` …."""
+    """Return the names of the elements of a vector in FMI 2.0: ``position[1]`` …."""
     return tuple(f"{name}[{number}]" for number in range(1, axes + 1))
 
 
-ELEMENT = 16
-"""Difference between the value references of two successive elements, as in ``sampled_force.h``."""
-
-
-def along_axes(way, axes: int) -> np.ndarray:
+def along_axes(path, axes: int) -> np.ndarray:
     """Return a path along a line as positions in space, half as far along each axis as along the one before."""
-    return np.multiply.outer(way, 0.5 ** np.arange(axes)) if axes else way
-
-
-BASE_UNITS = json.loads(Path(__file__).with_suffix(".json").read_text(encoding="utf-8"))
-"""Exponents of the SI base units and factor, as FMI's BaseUnit wants them."""
+    return np.multiply.outer(path, 0.5 ** np.arange(axes)) if axes else path
 
 
 def base_unit(unit: str) -> dict[str, float] | None:
     """Return exponents and factor of a unit or of one per second, None for an unknown unit."""
-    known = BASE_UNITS.get(unit.removesuffix("/s"))
+    known = _BASE_UNITS.get(unit.removesuffix("/s"))
     return {**known, "s": known.get("s", 0) - 1} if known and unit.endswith("/s") else known
 
 
 @dataclass(frozen=True)
 class WorkUnits:
-    """Units of a position and a force that have an energy as their product; by default units without this property."""
+    """Units of a position and a force with an energy as their product; the defaults have none."""
 
     position: float = 1.0
     """Unit of the position in m or rad."""
@@ -75,12 +72,12 @@ class WorkUnits:
 
     @property
     def has_energy(self) -> bool:
-        """Whether their product is an energy."""
+        """True if their product is an energy."""
         return self != WorkUnits()
 
     @property
     def is_of_length(self) -> bool:
-        """Whether these are a length and a force."""
+        """True for a length and a force."""
         return self.damping == "N·s/m"
 
 
@@ -95,8 +92,8 @@ def work_units(position: str, force: str) -> WorkUnits:
     """
     x, y = ({**(base_unit(unit) or {})} for unit in (position, force))
     factors = float(x.pop("factor", 1.0)), float(y.pop("factor", 1.0))
-    if x == {"m": 1} and y == BASE_UNITS["N"]:
+    if x == {"m": 1} and y == _BASE_UNITS["N"]:
         return WorkUnits(*factors, "N·s/m")
-    if x == {"rad": 1} and y == BASE_UNITS["N·m"]:
+    if x == {"rad": 1} and y == _BASE_UNITS["N·m"]:
         return WorkUnits(*factors, "N·m·s/rad")
     return WorkUnits()

@@ -1,4 +1,4 @@
-"""An FMU of an export that is played: one instance with the same calls in both versions of FMI."""
+"""Running an exported FMU: one instance with the same calls in both versions of FMI."""
 
 import math
 from collections.abc import Iterable
@@ -18,7 +18,7 @@ _NUMBERS = count()
 
 
 class UnzippedFmu:
-    """An FMU in a `folder`, with what its `description` says, as fmpy reads it."""
+    """An FMU in a `folder`, with its `description` as fmpy reads it."""
 
     def __init__(self, folder: Path):
         self.folder = folder
@@ -32,7 +32,7 @@ class UnzippedFmu:
 
     @cached_property
     def slave(self) -> FMU2Slave | FMU3Slave:
-        """The library, without an instance: fmpy takes longer to load it than to play it."""
+        """The library, without an instance: fmpy takes longer to load it than to run it."""
         return (FMU2Slave if self.version == 2 else FMU3Slave)(
             guid=self.description.guid,
             unzipDirectory=str(self.folder),
@@ -41,24 +41,24 @@ class UnzippedFmu:
 
     @cached_property
     def ports(self) -> tuple[str, str]:
-        """Names of the position and of the force: what the reference signals hold."""
+        """Names of the position and of the force, from the reference signals."""
         heads = ((self.folder / path).read_text(encoding="utf-8").splitlines()[0] for path in REFERENCE)
         return tuple(head.split(",")[1].partition("[")[0] for head in heads)
 
     @cached_property
     def elements(self) -> dict[str, tuple[Any, int | None]]:
-        """Every value by its name, with the variable that holds it and, of an array of FMI 3.0, where."""
-        found: dict[str, tuple[Any, int | None]] = {}
+        """Variable of every value by the value's name, with its index in an array of FMI 3.0."""
+        elements: dict[str, tuple[Any, int | None]] = {}
         for name, item in self.variables.items():
-            size = math.prod(part.start for part in item.dimensions or ())
-            rows = {name: (item, None)}
             if item.dimensions:
-                rows = {each: (item, row) for row, each in enumerate(element_names(name, size))}
-            found |= rows
-        return found
+                size = math.prod(part.start for part in item.dimensions)
+                elements |= {each: (item, row) for row, each in enumerate(element_names(name, size))}
+            else:
+                elements[name] = (item, None)
+        return elements
 
     def parts(self, port: str) -> list[str]:
-        """Names of the values of a variable, one for every axis in space."""
+        """Return the names of the values of a variable, one for every axis in space."""
         return [name for name in self.elements if name.partition("[")[0] == port]
 
     @cached_property
@@ -68,23 +68,23 @@ class UnzippedFmu:
         return count if count > 1 else 0
 
     def references(self, port: str) -> list[int]:
-        """Value references under which a variable with a value for every axis, or one, is set and read."""
+        """Return the value references of a variable: one per axis in FMI 2.0, one in FMI 3.0."""
         return list(dict.fromkeys(self.elements[name][0].valueReference for name in self.parts(port)))
 
     @cached_property
     def sampling_time(self) -> float:
-        """Seconds, as the description says."""
+        """Sampling time in seconds."""
         simulation, experiment = self.description.coSimulation, self.description.defaultExperiment
         return float((simulation.fixedInternalStepSize if self.version == 3 else None) or experiment.stepSize)
 
 
 class Instance:
-    """An instance in initialization mode, then one sample after the other; event mode is for FMI 3.0 only."""
+    """An instance, first in initialization mode, then at one sample after the other; event mode is for FMI 3.0 only."""
 
     def __init__(self, fmu: UnzippedFmu, event_mode: bool = False):
         self.fmu, self.event_mode = fmu, event_mode
         self.slave = copy(fmu.slave)
-        self.slave.instanceName = f"played {next(_NUMBERS)}"
+        self.slave.instanceName = f"instance {next(_NUMBERS)}"
         if fmu.version == 2:
             self.slave.instantiate()
         else:
@@ -106,42 +106,39 @@ class Instance:
         (slave.fmi2FreeInstance if self.fmu.version == 2 else slave.fmi3FreeInstance)(slave.component)
 
     def read(self, port: str):
-        """Position or force: a number, in space a vector."""
-        references, count = self.fmu.references(port), self.fmu.axes or 1
-        values = (
-            self.slave.getReal(references)
-            if self.fmu.version == 2
-            else self.slave.getFloat64(references, count)
-        )
+        """Return position or force: a number, in space a list."""
+        references = self.fmu.references(port)
+        if self.fmu.version == 2:
+            values = self.slave.getReal(references)
+        else:
+            values = self.slave.getFloat64(references, self.fmu.axes or 1)
         return values if self.fmu.axes else values[0]
 
-    def put(self, port: str, value) -> None:
-        """Set position or force."""
+    def write(self, port: str, value) -> None:
+        """Set position or force: a number, in space a list."""
         setter = self.slave.setReal if self.fmu.version == 2 else self.slave.setFloat64
         setter(self.fmu.references(port), value if self.fmu.axes else [value])
 
     def sample(self, position):
-        """Force that a client reads at the next sample instant, where it sets this position.
+        """Return the force that a client reads at the next sample instant, where it sets this position.
 
-        With event mode it reads after it has set the position, without one before; at the start always after.
+        With event mode, and at the start, it sets the position before it reads the force; else afterwards.
         """
         source, force = self.fmu.ports
+        self.reach_sample()
+        if self.event_mode or self.samples == 0:
+            self.write(source, position)
         if self.samples == 0:
-            self.put(source, position)
             self.slave.exitInitializationMode()
-        else:
-            self.reach_sample()
-            if self.event_mode:
-                self.put(source, position)
         if self.event_mode:
             self.slave.updateDiscreteStates()
-        read = self.read(force)
+        value = self.read(force)
         if self.event_mode:
             self.slave.enterStepMode()
         else:
-            self.put(source, position)
+            self.write(source, position)
         self.samples += 1
-        return read
+        return value
 
     def reach_sample(self) -> None:
         """Step to the instant of the next sample, after the first one."""
@@ -153,5 +150,5 @@ class Instance:
             self.slave.enterEventMode()
 
     def play(self, positions: Iterable) -> list:
-        """Force at each of the next sample instants."""
+        """Return the force at each of the next sample instants."""
         return [self.sample(position) for position in positions]

@@ -12,47 +12,41 @@ import numpy as np
 import scipy
 
 from lumbar.settings.runtime import DeviceSettings
-from lumbar.tissue.models.transfer_function import TransferFunction
 
-_SMALLEST_ANGLE, _SLOWEST = 1e-4, 1e-6
-_LONG = 64
-"""Coefficients in a block of a long polynomial."""
+_BLOCK = 64
+"""Number of coefficients in a block of a long polynomial."""
 _ROUNDING = 1e-9
 """Share of a numerator's coefficients below which their sum is 0."""
 
 
-def all_angles(points: int = 2000, smallest: float = _SMALLEST_ANGLE) -> np.ndarray:
-    """Return angles ωT from near 0 to π: evenly spaced, and ever denser towards 0, because slow relaxations are there."""
+def all_angles(points: int = 2000, smallest: float = 1e-4) -> np.ndarray:
+    """Return angles ωT from near 0 to π: evenly spaced, and denser towards 0 because of slow relaxations."""
     slow = np.geomspace(smallest, np.pi / points, points // 4)
     return np.concatenate([slow[:-1], np.linspace(slow[-1], np.pi, points)])
 
 
 def evaluate_polynomials(coefficients: np.ndarray, angles: np.ndarray) -> np.ndarray:
-    """Return polynomials in z⁻¹ at exp(jθ).
+    """Return polynomials in z⁻¹ at exp(jθ), complex, shape (angles,) or (angles, polynomials).
 
     Parameters
     ----------
     coefficients : numpy.ndarray, shape (powers,) or (powers, polynomials)
+        Coefficients of z⁰, z⁻¹, …
     angles : numpy.ndarray, shape (angles,)
-        Of any shape for a single polynomial.
-
-    Returns
-    -------
-    numpy.ndarray, shape (angles,) or (angles, polynomials)
-        Complex values.
+        Angles θ; of any shape for a single polynomial.
     """
     if coefficients.ndim == 1:
         # After a delay, and in a model that runs several times over, most powers have no coefficient.
         powers = np.flatnonzero(coefficients)
         if 4 * len(powers) < len(coefficients):
             return np.exp(-1j * np.multiply.outer(angles, powers)) @ coefficients[powers]
-        if len(coefficients) <= _LONG:
+        if len(coefficients) <= _BLOCK:
             return np.polyval(coefficients[::-1], np.exp(-1j * np.asarray(angles)))
     # Horner's rule takes a Python step per coefficient. Instead sum blocks of coefficients, then the blocks.
-    blocks = np.pad(coefficients.T, (*[(0, 0)] * (coefficients.ndim - 1), (0, -len(coefficients) % _LONG)))
-    blocks = blocks.reshape(*blocks.shape[:-1], -1, _LONG)
-    within = np.exp(-1j * np.multiply.outer(angles, np.arange(_LONG)))
-    between = np.exp(-1j * np.multiply.outer(angles, _LONG * np.arange(blocks.shape[-2])))
+    blocks = np.pad(coefficients.T, (*[(0, 0)] * (coefficients.ndim - 1), (0, -len(coefficients) % _BLOCK)))
+    blocks = blocks.reshape(*blocks.shape[:-1], -1, _BLOCK)
+    within = np.exp(-1j * np.multiply.outer(angles, np.arange(_BLOCK)))
+    between = np.exp(-1j * np.multiply.outer(angles, _BLOCK * np.arange(blocks.shape[-2])))
     sums = ((within.real @ blocks.mT + 1j * (within.imag @ blocks.mT)) * between).sum(-1)
     return np.moveaxis(sums, 0, -1) if coefficients.ndim > 1 else sums
 
@@ -77,49 +71,39 @@ class SampledModel:
     name: str
     numerator: np.ndarray
     denominator: np.ndarray
-    """`numerator`, `denominator`: coefficients of z⁰, z⁻¹, …, in N/m; positive where the force is against the motion.
-    Moving average and delays of whole samples are in them."""
+    """Coefficients of z⁰, z⁻¹, …; those of the numerator in N/m, positive if the force is against the motion. They include
+    moving average and delays of whole samples."""
     sampling_time: float
     """Seconds between two samples."""
     delay: float = 0.0
     """Seconds from a sample to the force that follows from it, less than `sampling_time`."""
 
     def response(self, angles: np.ndarray) -> np.ndarray:
-        """H(exp(jθ)) at angles θ = ωT in radians, without `delay`; shape of `angles`, complex."""
+        """Return H(exp(jθ)) at angles θ = ωT in radians, without `delay`; complex, shape of `angles`."""
         return evaluate_polynomials(self.numerator, angles) / evaluate_polynomials(self.denominator, angles)
 
     @property
     def poles(self) -> np.ndarray:
         """Roots of the denominator in z, without those at 0."""
-        # A model that runs several times over between two of its own samples has powers of z⁻ʰ alone: roots in zʰ are exact.
-        held = max(int(np.gcd.reduce(np.flatnonzero(self.denominator))), 1)
-        roots = np.roots(np.trim_zeros(self.denominator[::held], "b")).astype(complex)
-        return np.multiply.outer(roots ** (1.0 / held), np.exp(2j * np.pi * np.arange(held) / held)).ravel()
+        # A model with several phases has powers of z⁻ᵖ only: roots in zᵖ are exact.
+        phases = max(int(np.gcd.reduce(np.flatnonzero(self.denominator))), 1)
+        roots = np.roots(np.trim_zeros(self.denominator[::phases], "b")).astype(complex)
+        turns = np.exp(2j * np.pi * np.arange(phases) / phases)
+        return np.multiply.outer(roots ** (1.0 / phases), turns).ravel()
 
     @property
     def stable(self) -> bool:
-        """Whether all poles lie inside the unit circle."""
+        """True if all poles are inside the unit circle."""
         return bool((np.abs(self.poles) < 1.0).all())
 
     @property
     def static_stiffness(self) -> float:
-        """H(1) in N/m: the force by which a position that stays is resisted in the end; negative where it is helped."""
-        total = self.numerator.sum()
-        return (
-            0.0 if abs(total) < _ROUNDING * np.abs(self.numerator).sum() else total / self.denominator.sum()
-        )
-
-    @classmethod
-    def of(cls, name: str, structure: TransferFunction, sampling_time: float) -> Self:
-        """A transfer function as a model."""
-        return cls(name, np.array(structure.numerator), np.array(structure.denominator), sampling_time)
-
-    def scaled(self, factor: float) -> Self:
-        """The model with its force times a factor."""
-        return replace(self, numerator=factor * self.numerator)
+        """Static stiffness H(1) in N/m; negative if the force assists the displacement."""
+        total, rounding = self.numerator.sum(), _ROUNDING * np.abs(self.numerator).sum()
+        return 0.0 if abs(total) < rounding else total / self.denominator.sum()
 
     def late(self, seconds: float) -> Self:
-        """The model with its force later by this time."""
+        """Return the model with its force later by this time."""
         whole, part = divmod(self.delay + seconds, self.sampling_time)
         if self.sampling_time - part < 1e-9 * self.sampling_time:
             whole, part = whole + 1, 0.0
@@ -128,36 +112,29 @@ class SampledModel:
 
 
 def propagation(device: DeviceSettings, seconds: float) -> tuple[np.ndarray, np.ndarray]:
-    """Exact motion of device and hand over a time in which all forces are held.
+    """Return the exact motion of device and hand over a time in which all forces are constant.
 
-    Parameters
-    ----------
-    device : DeviceSettings
-        m ẍ + b ẋ + k x = f, with mass and damping of stylus and hand and the stiffness of the hand.
+    m ẍ + b ẋ + k x = f, with mass and damping of stylus and hand and the stiffness of the hand.
 
     Returns
     -------
     transition : numpy.ndarray, shape (2, 2)
-        Of position in m and velocity in m/s.
+        Transition matrix of position in m and velocity in m/s.
     by_force : numpy.ndarray, shape (2,)
-        What one newton adds to them.
+        Change of both by one newton.
     """
     mass = device.mass_kg + device.hand_mass_kg
     damping = device.damping_N_s_m + device.hand_damping_N_s_m
-    held = np.zeros((3, 3))
-    held[0, 1], held[1] = 1.0, (-device.hand_stiffness_N_m / mass, -damping / mass, 1.0 / mass)
-    exact = scipy.linalg.expm(held * seconds)
+    rates = np.zeros((3, 3))
+    rates[0, 1], rates[1] = 1.0, (-device.hand_stiffness_N_m / mass, -damping / mass, 1.0 / mass)
+    exact = scipy.linalg.expm(rates * seconds)
     return exact[:2, :2], exact[:2, 2]
 
 
 def loop_response(model: SampledModel, device: DeviceSettings) -> Callable[[np.ndarray], np.ndarray]:
-    """Open-loop frequency response: the model times the sampled response of device and hand to its held force.
+    """Return the open-loop frequency response: the model times the sampled response of device and hand to its held force.
 
-    Returns
-    -------
-    callable
-        From angles ωT in radians to complex numbers of the same shape; the closed loop has a pole at exp(jωT) where they
-        are −1.
+    It is a function from angles ωT in radians to complex numbers; the closed loop has a pole at exp(jωT) if it is −1 there.
     """
     # Over a sampling time the force before acts first, then the new one.
     rest, by_new = propagation(device, model.sampling_time - model.delay)
@@ -185,15 +162,24 @@ def largest_stable_gain(model: SampledModel, device: DeviceSettings) -> StableGa
     with hand and the model are stable by themselves, so that the smallest of these factors ends the stable ones. The response
     is real at z = −1, at z = 1 (a negative static stiffness overcomes the hand), and at crossings in between.
 
-    A stylus without a hand (a hand without stiffness) stays at any position, which is not an instability: if the model has no
-    static stiffness, the pole z = 1 of this position is left out; with a negative static stiffness no factor is stable.
+    A stylus without a hand stays at any position, which is not an instability: if the model has no static stiffness, the pole
+    z = 1 of this position is left out; with a negative static stiffness no factor is stable.
     """
     if not isinstance(model, SampledModel):
         return model.largest_stable_gain(device)
     if not model.stable:
         return StableGain(0.0, 0.0)
     response, gains = loop_response(model, device), []
-    if (static := _static_response(model, device)) < 0:
+    # The response at z = 1, without the pole of a free stylus's position.
+    stiffness = model.static_stiffness
+    if device.hand_stiffness_N_m:
+        static = stiffness / device.hand_stiffness_N_m
+    elif stiffness:
+        static = float(np.copysign(np.inf, stiffness))
+    else:  # H = −H′(1)(1 − z⁻¹) by z⁻¹, and a force moves the stylus by T/b a sample in the end
+        slope = np.arange(len(model.numerator)) @ model.numerator / model.denominator.sum()
+        static = float(-slope * model.sampling_time / (device.damping_N_s_m + device.hand_damping_N_s_m))
+    if static < 0:
         gains.append(StableGain(-1.0 / static, 0.0))
     for angle in (*_most_negative_crossing(response), np.pi):
         if (value := response(angle).real) < 0:
@@ -201,25 +187,13 @@ def largest_stable_gain(model: SampledModel, device: DeviceSettings) -> StableGa
     return min(gains, key=lambda item: (item.gain, item.frequency), default=StableGain(float("inf"), 0.0))
 
 
-def _static_response(model: SampledModel, device: DeviceSettings) -> float:
-    """Return the loop's response at z = 1, without the pole of a free stylus's position."""
-    stiffness = model.static_stiffness
-    if device.hand_stiffness_N_m:
-        return stiffness / device.hand_stiffness_N_m
-    if stiffness:
-        return float(np.copysign(np.inf, stiffness))
-    # H = −H′(1)(1 − z⁻¹) by z⁻¹, and a force moves the stylus by T/b a sample in the end.
-    slope = np.arange(len(model.numerator)) @ model.numerator / model.denominator.sum()
-    return float(-slope * model.sampling_time / (device.damping_N_s_m + device.hand_damping_N_s_m))
-
-
 def _most_negative_crossing(response: Callable[[np.ndarray], np.ndarray]) -> list[float]:
-    """Return the angle below π at which a loop's response crosses the negative real axis farthest from 0; none if it does not."""
+    """Return the angle below π at which a loop's response crosses the negative real axis farthest from 0, if there is one."""
 
     def imaginary(angle: float) -> float:
         return response(angle).imag
 
-    angles = all_angles(smallest=_SLOWEST)
+    angles = all_angles(smallest=1e-6)
     values = response(angles)
     # Between two angles of one sign the imaginary part may dip below 0 and return: search every local minimum of its size.
     size, positive = np.abs(values.imag), np.signbit(values.imag)
@@ -242,11 +216,11 @@ def _most_negative_crossing(response: Callable[[np.ndarray], np.ndarray]) -> lis
     brackets = np.flatnonzero(np.diff(np.signbit(values.imag)))
     farthest = np.minimum(values.real[brackets], values.real[brackets + 1])
     farthest -= 2.0 * np.abs(values[brackets + 1] - values[brackets])
-    found, least = [], 0.0
+    crossing, least = [], 0.0
     for i, bound in sorted(zip(brackets, farthest, strict=True), key=lambda item: item[1]):
         if bound >= least:
             break
         angle = scipy.optimize.brentq(imaginary, angles[i], angles[i + 1], xtol=1e-15)
         if (value := response(angle).real) < least:
-            found, least = [angle], value
-    return found
+            crossing, least = [angle], value
+    return crossing

@@ -1,4 +1,4 @@
-"""The requirements of models on a device: the table model × device, text for an FMU's page, a warning or error at export."""
+"""Requirements of models on a device: the table model × device, text for an FMU's page, a warning or error at export."""
 
 import math
 import sys
@@ -9,7 +9,7 @@ from lumbar.base.errors import NumericalError
 from lumbar.settings.runtime import DeviceSettings, RuntimeSettings
 from lumbar.tables.table import Table, table_from_schema
 from lumbar.tissue.fmu.build.export_model import ExportModel
-from lumbar.tissue.haptics.loop_verdict import LoopVerdict, analyse, judge_loop
+from lumbar.tissue.haptics.loop_verdict import LoopVerdict, analyse, judge_loop, loop_sentence
 from lumbar.tissue.haptics.rendered_model import REACH_MM, is_renderable, render_model
 from lumbar.tissue.haptics.simulation import DURATION_S, PUSH_MM, PUSH_S
 from lumbar.tissue.haptics.z_width import FASTEST_HZ
@@ -19,26 +19,26 @@ from lumbar.tissue.models.fitted_model import FittedModel
 def device_table(
     verdicts: Sequence[LoopVerdict], refused: Sequence[str], settings: RuntimeSettings, source_label: str
 ) -> Table:
-    """Return the table; `refused` are the reasons why models have no row at a rate."""
+    """Return the table model × device; `refused` are the reasons why models have no row at a rate."""
     rows = [
         {
-            "model": item.analysis.name,
+            "model": item.model.name,
             "rate_Hz": item.analysis.rate,
             "damping_needed_N_s_m": finite(item.analysis.damping),
-            "passive": _yes(item.passive),
+            "passive": _ANSWERS[item.passive],
             "largest_stable_gain": finite(item.analysis.gain),
-            "stable": _yes(item.stable),
+            "stable": _ANSWERS[item.stable],
             "lowest_passive_rate_Hz": item.lowest_passive_rate,
             "lowest_stable_rate_Hz": item.lowest_stable_rate,
             "oscillation_Hz": item.run.frequency,
             "simulated": item.run.outcome,
             "worst_hand": item.worst_hand.label if item.worst_hand else "",
-            "stable_in_worst_hand": _yes(item.worst_hand.stable) if item.worst_hand else "",
+            "stable_in_worst_hand": _ANSWERS[item.worst_hand.stable] if item.worst_hand else "",
             "oscillation_N": item.run.peak_to_peak,
         }
         for item in verdicts
     ]
-    words = {
+    facts = {
         "device": device_text(settings.device),
         "fastest": FASTEST_HZ,
         "average": settings.moving_average_ms,
@@ -51,14 +51,9 @@ def device_table(
         "Models with effects are analysed through their linearisations, within the positions that they were fitted to, "
         f"±{REACH_MM:g} mm where these are not known, and simulated as their FMUs."
     )
-    linearised = any(item.model.reach for item in verdicts)
+    notes = [effects] if any(item.model.reach for item in verdicts) else []
     return table_from_schema(
-        "tissue/haptics",
-        "rendering",
-        rows,
-        source_label,
-        words,
-        notes=[*([effects] if linearised else []), *refused],
+        "tissue/haptics", "rendering", rows, source_label, facts, notes=[*notes, *refused]
     )
 
 
@@ -80,27 +75,20 @@ def finite(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def _yes(holds: bool) -> str:
-    return "yes" if holds else "NO"
-
-
+_ANSWERS = {True: "yes", False: "NO"}
 _ADVICE = (
     "raise runtime.rate_Hz, export a passive model (runtime/passive_models.json of the study), bound the force "
     "(runtime.device_damping), or take a device with more damping; 'lumbar render' says what helps"
 )
 
 
-def with_device(
+def judge_on_device(
     models: Sequence[ExportModel], settings: RuntimeSettings, fitted: Sequence[FittedModel]
 ) -> list[ExportModel]:
     """Judge the models on the device, describe the result in their ``on_device``, and warn of those that are not safe.
 
-    Parameters
-    ----------
-    fitted : sequence of FittedModel
-        The models that they were exported from.
-    settings : RuntimeSettings
-        ``device.unsafe`` decides whether an unstable loop is a warning on standard error or an error.
+    ``settings.device.unsafe`` decides whether an unstable loop is a warning on standard error or an error; `fitted` are the
+    models before the export.
 
     Raises
     ------
@@ -123,11 +111,11 @@ def with_device(
             )
         if not (verdict.safe or (is_bounded and verdict.run.calm)):
             unsafe.append(verdict)
-        # A client reads a force that does not depend on the position of its own sample alike in both ways.
+        # Without feed-through a client reads the same force with event mode and without.
         reading = "In event mode" if model.feedthrough else "However it is read"
         sentences.append(f"{reading}: {verdict.finding}.")
         if model.feedthrough:
-            late = analyse(render_model(model, device, late=True), device).finding
+            late = loop_sentence(analyse(render_model(model, device, late=True), device))
             sentences.append(f"Read as FMI 2.0 reads, the position set after, by the analysis: {late}.")
         judged.append(replace(model, on_device=tuple(sentences)))
     if unsafe:

@@ -1,11 +1,11 @@
-"""The loop of a model of several axes on a device that is alike in every direction: a loop of matrices.
+"""The loop of a model of several axes on a device with equal properties in every direction: a loop of matrices.
 
 Along one axis a device is passive with a held force f = F(exp(jθ)) u over the displacement u of a sample if F + Fᴴ + 2b/T ≥ 0 for
-every θ (`lumbar.tissue.haptics.passivity`). In space F is a matrix, and the least eigenvalue of its Hermitian part gives the
+every θ (`lumbar.tissue.haptics.ticks`). In space F is a matrix, and the least eigenvalue of its Hermitian part gives the
 damping b that is needed, in the direction of its eigenvector. The loop has a pole at exp(jθ) if an eigenvalue of H(exp(jθ)) P,
 with P the response of device and hand, is −1: each eigenvalue describes a curve like the response of a loop of one axis, and the
-first one that meets the negative real axis ends the stable gains. If a tissue's matrices share their axes, the eigenvectors are
-its principal axes.
+first crossing of the negative real axis ends the stable gains. If a tissue's matrices share their axes, the eigenvectors are its
+principal axes.
 """
 
 from dataclasses import dataclass
@@ -21,13 +21,13 @@ from lumbar.tissue.haptics.closed_loop import (
     evaluate_polynomials,
     loop_response,
 )
-from lumbar.tissue.haptics.passivity import by_moves
+from lumbar.tissue.haptics.ticks import force_by_moves
 
 _ROUNDING = 1e-9
-_LONGEST = 1 << 15
-"""Samples after which an impulse has died away in a stable loop."""
-_FINER = 64
-"""Angles between two of a coarse grid near which an eigenvalue may meet the real axis."""
+_IMPULSE_SAMPLES = 1 << 15
+"""Number of samples after which an impulse has died away in a stable loop."""
+_FINE_ANGLES = 64
+"""Number of angles between two of a coarse grid near which an eigenvalue may cross the real axis."""
 
 
 @dataclass(frozen=True)
@@ -48,9 +48,9 @@ class SpatialLoop:
     @property
     def static(self) -> np.ndarray:
         """Symmetric part of H(1): only this part stores energy of a constant position."""
-        found = self.impulse.sum(axis=0)
-        found[np.abs(found) < _ROUNDING * np.abs(self.impulse).sum(axis=0).max()] = 0.0
-        return (found + found.T) / 2.0
+        total = self.impulse.sum(axis=0)
+        total[np.abs(total) < _ROUNDING * np.abs(self.impulse).sum(axis=0).max()] = 0.0
+        return (total + total.T) / 2.0
 
     def required_damping(self) -> tuple[float, np.ndarray]:
         """Return the smallest damping in N·s/m for a passive device in any passive hand, and the direction that needs it.
@@ -69,7 +69,7 @@ class SpatialLoop:
 
     def _damping_at(self, angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the damping needed at every angle, and its direction over all axes."""
-        moves, seconds = by_moves(self.unit, angles)
+        moves, seconds = force_by_moves(self.unit, angles)
         axes = self.impulse.shape[1]
         matrix = np.einsum("apq,aij->apiqj", moves, self.response(angles))
         matrix = matrix.reshape(len(angles), -1, len(seconds) * axes)
@@ -82,11 +82,22 @@ class SpatialLoop:
     def largest_stable_gain(self, device: DeviceSettings) -> StableGain:
         """Return the smallest end of stable gains of all eigenvalues; see `lumbar.tissue.haptics.closed_loop`."""
         plant = loop_response(self.unit, device)
+        # At z = 1 the loop runs away along an axis of its static stiffness.
+        stiffness, directions = np.linalg.eigh(self.static)
+        if device.hand_stiffness_N_m:
+            static = stiffness / device.hand_stiffness_N_m
+        else:
+            # A free stylus stays at any position: without static stiffness its lag decides, like along one axis.
+            damping = device.damping_N_s_m + device.hand_damping_N_s_m
+            lags = np.einsum("s,sij->ij", np.arange(len(self.impulse)), self.impulse)
+            lag = -np.einsum("ik,ij,jk->k", directions, lags, directions) * self.unit.sampling_time / damping
+            is_stiff = np.abs(stiffness) > _ROUNDING * np.abs(stiffness).max(initial=0.0)
+            static = np.where(is_stiff, np.copysign(np.inf, stiffness), lag)
+        gains = [(-1.0 / value, 0.0) for value in static if value < 0]
 
         def eigenvalues(angles: np.ndarray) -> np.ndarray:
-            return _in_order(np.linalg.eigvals(self.response(angles) * plant(angles)[:, None, None]))
+            return _track_eigenvalues(np.linalg.eigvals(self.response(angles) * plant(angles)[:, None, None]))
 
-        found = [(gain, 0.0) for gain in self._static_gains(device)]
         # Coarse angles show near which of them an eigenvalue may cross the negative real axis.
         angles = all_angles(smallest=1e-6)
         values = eigenvalues(angles)
@@ -95,40 +106,26 @@ class SpatialLoop:
         near &= np.minimum(values[1:].real, values[:-1].real) < moved
         rows = np.flatnonzero(near.any(axis=1))
         # Finer angles bracket the crossings, which are interpolated.
-        finer = np.linspace(angles[rows], angles[rows + 1], _FINER + 1, axis=1)
+        finer = np.linspace(angles[rows], angles[rows + 1], _FINE_ANGLES + 1, axis=1)
         curves = eigenvalues(finer.ravel()).reshape(*finer.shape, -1)
-        for fine, curve in zip(finer, map(_in_order, curves), strict=True):
+        for fine, curve in zip(finer, map(_track_eigenvalues, curves), strict=True):
             for row, column in zip(*np.nonzero(np.diff(np.signbit(curve.imag), axis=0)), strict=True):
                 before, after = curve[row : row + 2, column]
                 share = before.imag / (before.imag - after.imag)
                 real = before.real + share * (after.real - before.real)
                 if real < 0:
-                    found.append((-1.0 / real, fine[row] + share * (fine[row + 1] - fine[row])))
+                    gains.append((-1.0 / real, fine[row] + share * (fine[row + 1] - fine[row])))
         # At π the response is real.
-        found += [(-1.0 / value.real, np.pi) for value in eigenvalues(np.array([np.pi]))[0] if value.real < 0]
-        if not found:
-            return StableGain(float("inf"), 0.0, np.linalg.eigh(self.static)[1][:, -1])
-        gain, angle = min(found, key=lambda item: item[0])
+        gains += [(-1.0 / value.real, np.pi) for value in eigenvalues(np.array([np.pi]))[0] if value.real < 0]
+        if not gains:
+            return StableGain(float("inf"), 0.0, directions[:, -1])
+        gain, angle = min(gains, key=lambda item: item[0])
         if angle == 0:
-            return StableGain(float(gain), 0.0, np.linalg.eigh(self.static)[1][:, 0])
+            return StableGain(float(gain), 0.0, directions[:, 0])
         (response,) = self.response(np.array([angle]))
         values, vectors = np.linalg.eig(response * plant(np.array([angle])))
         direction = _real(vectors[:, np.abs(values + 1.0 / gain).argmin()])
         return StableGain(float(gain), float(angle / (2.0 * np.pi * self.unit.sampling_time)), direction)
-
-    def _static_gains(self, device: DeviceSettings) -> list[float]:
-        """Return the factors at which the loop runs away, along each axis of its static stiffness."""
-        stiffness, directions = np.linalg.eigh(self.static)
-        damping = device.damping_N_s_m + device.hand_damping_N_s_m
-        if device.hand_stiffness_N_m:
-            static = stiffness / device.hand_stiffness_N_m
-        else:
-            # A free stylus stays at any position: without static stiffness its lag decides, like along one axis.
-            lags = np.einsum("s,sij->ij", np.arange(len(self.impulse)), self.impulse)
-            lag = -np.einsum("ik,ij,jk->k", directions, lags, directions) * self.unit.sampling_time / damping
-            is_stiff = np.abs(stiffness) > _ROUNDING * np.abs(stiffness).max(initial=0.0)
-            static = np.where(is_stiff, np.copysign(np.inf, stiffness), lag)
-        return [-1.0 / value for value in static if value < 0]
 
     def encoder_ripple(self, device: DeviceSettings) -> float:
         """Return the peak to peak force along an axis that the encoder's steps can sustain in a stable loop, in N.
@@ -136,11 +133,11 @@ class SpatialLoop:
         A bounded error gives at most its size times the 1-norm of the impulse responses from it, H (1 + P H)⁻¹, like in
         `lumbar.tissue.haptics.simulation.encoder_ripple`.
         """
-        angles = np.linspace(0.0, np.pi, _LONGEST // 2 + 1)
+        angles = np.linspace(0.0, np.pi, _IMPULSE_SAMPLES // 2 + 1)
         plant = loop_response(self.unit, device)(angles)[:, None, None]
-        model = np.fft.rfft(self.impulse, _LONGEST, axis=0)
+        model = np.fft.rfft(self.impulse, _IMPULSE_SAMPLES, axis=0)
         closed = model @ np.linalg.inv(np.eye(model.shape[1]) + plant * model)
-        size = np.abs(np.fft.irfft(closed, _LONGEST, axis=0)).sum(axis=(0, 2)).max()
+        size = np.abs(np.fft.irfft(closed, _IMPULSE_SAMPLES, axis=0)).sum(axis=(0, 2)).max()
         return float(size * device.encoder_um * 1e-6)
 
     def one_step(self, device: DeviceSettings) -> float:
@@ -148,21 +145,20 @@ class SpatialLoop:
         return float(np.abs(self.response(all_angles())).sum(axis=2).max() * device.encoder_um * 1e-6)
 
 
-def _in_order(values: np.ndarray) -> np.ndarray:
+def _track_eigenvalues(values: np.ndarray) -> np.ndarray:
     """Sort the eigenvalues at each angle so that each is in the column of the nearest one before; shape (angles, axes)."""
     orders = np.array(list(permutations(range(values.shape[1]))))
-    found = values.copy()
-    for row in range(1, len(found)):
-        nearest = np.abs(found[row][orders] - found[row - 1]).sum(axis=1).argmin()
-        found[row] = found[row][orders[nearest]]
-    return found
+    tracked = values.copy()
+    for row in range(1, len(tracked)):
+        nearest = np.abs(tracked[row][orders] - tracked[row - 1]).sum(axis=1).argmin()
+        tracked[row] = tracked[row][orders[nearest]]
+    return tracked
 
 
 def _real(vector: np.ndarray) -> np.ndarray:
-    """Return a direction from an eigenvector, of which the phase has no meaning."""
-    largest = vector[np.abs(vector).argmax()]
-    found = (vector * largest.conj()).real
-    return found / np.linalg.norm(found)
+    """Return the direction of a complex eigenvector; its phase has no meaning."""
+    direction = (vector * vector[np.abs(vector).argmax()].conj()).real
+    return direction / np.linalg.norm(direction)
 
 
 def direction_text(axes: tuple[str, ...], direction: np.ndarray) -> str:

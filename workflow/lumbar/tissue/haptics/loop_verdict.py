@@ -1,7 +1,7 @@
-"""The verdict on a model on a device in a hand: whether the sampled loop is passive, stable or unstable, and what limits it.
+"""The verdict on a model on a device in a hand: passive, stable or unstable, and the limits of the loop.
 
 `judge_loop` combines the analysis of the loop, delays and sampling included, with its simulation and the worst corner of the
-hand's range; `loop_sentence` is the only sentence about the result.
+hand's range; `loop_sentence` states the result.
 """
 
 from collections.abc import Sequence
@@ -16,7 +16,6 @@ from lumbar.settings.runtime import DeviceSettings, RuntimeSettings
 from lumbar.tissue.fmu.build.export_model import AS_IN_THESIS, ExportModel
 from lumbar.tissue.haptics.closed_loop import StableGain, largest_stable_gain
 from lumbar.tissue.haptics.in_space import SpatialLoop, direction_text
-from lumbar.tissue.haptics.passivity import required_damping
 from lumbar.tissue.haptics.rendered_model import (
     RenderedModel,
     export_at,
@@ -26,8 +25,8 @@ from lumbar.tissue.haptics.rendered_model import (
     stepping,
 )
 from lumbar.tissue.haptics.simulation import (
-    PUSH_MM,
     PUSHES_MM,
+    HandPush,
     LoopRun,
     Step,
     TissueForce,
@@ -37,14 +36,14 @@ from lumbar.tissue.haptics.simulation import (
     simulate,
     worst_run,
 )
-from lumbar.tissue.haptics.ticks import in_ticks
+from lumbar.tissue.haptics.ticks import required_damping, to_periodic
 from lumbar.tissue.haptics.z_width import lowest_rates
 from lumbar.tissue.models.fitted_model import FittedModel
 
 MAX_STATES = 400
-"""States of a loop in which the response to the encoder's errors is followed; longer impulse responses are left out."""
+"""Most states of a loop in which the response to the encoder's errors is followed; longer impulse responses are left out."""
 MAX_STATES_IN_HANDS = 100
-"""States of a loop that is judged in the corners of the hand's range."""
+"""Most states of a loop that is judged in the corners of the hand's range."""
 
 
 class LoopStatus(StrEnum):
@@ -71,38 +70,33 @@ class LoopAnalysis:
     """Direction in space that needs this damping; None along one axis."""
 
     @property
-    def name(self) -> str:
-        """Name of the model."""
-        return self.model.name
-
-    @property
     def rate(self) -> float:
         """Rate in Hz at which the model samples the position."""
         return 1.0 / self.model.exported.sampling_time
 
     @property
     def worst(self) -> int:
-        """Number of the loop with the smallest stable gain."""
+        """Index of the loop with the smallest stable gain."""
         return min(range(len(self.limits)), key=lambda index: self.limits[index].gain)
+
+    @property
+    def limit(self) -> StableGain:
+        """End of the stable gains of the worst loop."""
+        return self.limits[self.worst]
 
     @property
     def gain(self) -> float:
         """Largest stable factor on the model's force."""
-        return self.limits[self.worst].gain
-
-    @property
-    def gain_frequency(self) -> float:
-        """Frequency in Hz of the oscillation that begins at this gain; 0 if the loop runs away."""
-        return self.limits[self.worst].frequency
+        return self.limit.gain
 
     @property
     def stable(self) -> bool:
-        """Whether the loop is stable in the hand of the settings."""
+        """True if the loop is stable in the hand of the settings."""
         return self.gain > 1.0
 
     @property
     def passive(self) -> bool:
-        """Whether the device is passive with the model, in any passive hand."""
+        """True if the device is passive with the model, in any passive hand."""
         return self.damping <= self.device.damping_N_s_m and self.stable and not self.model.omitted
 
     @property
@@ -114,14 +108,9 @@ class LoopAnalysis:
 
     @property
     def is_in_step(self) -> bool:
-        """Whether the servo's rate is a whole multiple of the model's."""
+        """True if the servo's rate is a whole multiple of the model's."""
         times = self.device.rate_Hz / self.rate
         return round(times) >= 1 and abs(times - round(times)) < 1e-9 * times
-
-    @property
-    def finding(self) -> str:
-        """The result of the analysis in a sentence."""
-        return loop_sentence(self)
 
 
 @dataclass(frozen=True)
@@ -137,7 +126,7 @@ class WorstHand:
 
     @property
     def stable(self) -> bool:
-        """Whether the loop is stable there."""
+        """True if the loop is stable there."""
         return self.radius < 1.0
 
     @property
@@ -174,17 +163,17 @@ class LoopVerdict:
 
     @property
     def passive(self) -> bool:
-        """Whether the device is passive with the model in any passive hand, and the simulation comes to rest."""
+        """True if the device is passive with the model in any passive hand, and the simulated loop ends at rest."""
         return self.status is LoopStatus.PASSIVE
 
     @property
     def stable(self) -> bool:
-        """Whether the loop is stable in the hand of the settings, by analysis and simulation."""
+        """True if the loop is stable in the hand of the settings, by analysis and simulation."""
         return self.status is not LoopStatus.UNSTABLE
 
     @property
     def safe(self) -> bool:
-        """Whether it is stable in the hand of the settings and in the worst corner of the hand's range."""
+        """True if it is stable in the hand of the settings and in the worst corner of the hand's range."""
         return self.stable and (self.worst_hand is None or self.worst_hand.stable)
 
     @property
@@ -196,8 +185,8 @@ class LoopVerdict:
 def loop_sentence(
     analysis: LoopAnalysis, run: LoopRun | None = None, worst_hand: WorstHand | None = None
 ) -> str:
-    """Return the verdict, which of analysis and simulation decided if they differ, and the numbers of both."""
-    model, device, gain = analysis.model, analysis.device, analysis.gain
+    """Return the verdict with the numbers of analysis and simulation, and which of them decided if they differ."""
+    model, device, gain, limit = analysis.model, analysis.device, analysis.gain, analysis.limit
     suffices, omitted = analysis.damping <= device.damping_N_s_m, model.omitted
     within = f" from {model.reach[0]:.3g} to {model.reach[1]:.3g} mm" if model.reach else ""
     if not analysis.stable:
@@ -214,8 +203,7 @@ def loop_sentence(
     if np.isinf(analysis.damping):
         parts = ["no damping makes it passive: its static stiffness is negative"]
     if 0 < gain < np.inf:
-        frequency = analysis.gain_frequency
-        begins = f"it oscillates at {frequency:.3g} Hz" if frequency else "it runs away"
+        begins = f"it oscillates at {limit.frequency:.3g} Hz" if limit.frequency else "it runs away"
         parts.append(f"largest stable gain {gain:.3g}, where {begins}")
     else:
         parts.append(f"no gain is {'too large' if gain else 'stable'}")
@@ -223,8 +211,7 @@ def loop_sentence(
         axes = model.exported.axes
         directions = f"along {direction_text(axes, analysis.damping_direction)} it needs most damping"
         if gain < np.inf:
-            along = direction_text(axes, analysis.limits[analysis.worst].direction)
-            directions += f", along {along} the least gain is stable"
+            directions += f", along {direction_text(axes, limit.direction)} the least gain is stable"
         parts.append(directions)
     if run:
         parts.append(f"simulated, {run.outcome}")
@@ -256,12 +243,7 @@ def judge_loop(
     A linear model is simulated by its difference equation, any other one with its FMU in the loop. Models of several axes are
     judged in the settings' hand only.
 
-    Parameters
-    ----------
-    fitted : FittedModel, optional
-        The model that was exported.
-    lowest : tuple of float or None
-        Lowest passive and lowest stable rate, if they are known.
+    `fitted` is the model before the export; `lowest` are the lowest passive and stable rates in Hz, if they are known.
 
     Raises
     ------
@@ -273,9 +255,9 @@ def judge_loop(
     if analysis.model.needs_its_fmu:
         runs = []
         with fmu_of(exported, settings) as fmu:
-            for direction, push_mm in product(_push_directions(analysis), PUSHES_MM):
+            for direction, depth_mm in product(_push_directions(analysis), PUSHES_MM):
                 with stepping(fmu) as step:
-                    runs.append(run_loop(analysis, step, push_mm, direction, ripple))
+                    runs.append(run_loop(analysis, step, HandPush(depth_mm, direction), ripple))
         run = worst_run(runs)
     else:
         run = run_loop(analysis, ripple=ripple)
@@ -283,53 +265,47 @@ def judge_loop(
 
 
 def expected_ripple(analysis: LoopAnalysis) -> float:
-    """Return the ripple of `LoopRun` that a model's loops explain."""
+    """Return the ripple, see `LoopRun`, that the loops of a model explain."""
     model, device = analysis.model, analysis.device
     if model.exported.axes:
         is_steady = analysis.stable and device.hand_stiffness_N_m > 0
         return max(
             loop.encoder_ripple(device) if is_steady else loop.one_step(device) for loop in model.loops
         )
-    # In a stable loop the steps may go on wherever it comes to rest, even at rest, where an effect may be stiffest.
-    few = [loop for loop in map(in_ticks, model.loops) if len(loop.states.a) <= MAX_STATES]
+    # In a stable loop the steps may go on wherever the stylus stops, even at rest, where an effect may be stiffest.
+    few = [loop for loop in map(to_periodic, model.loops) if len(loop.states.a) <= MAX_STATES]
     if analysis.stable and few:
         return max(encoder_ripple(loop, device) for loop in few)
-    return max(one_step(loop, device) for loop in model.of_large_motion)
+    return max(one_step(loop, device) for loop in model.large_motion_loops)
 
 
 def run_loop(
     analysis: LoopAnalysis,
     force_of: Step | None = None,
-    push_mm: float = PUSH_MM,
-    direction: float | np.ndarray = 1.0,
+    push: HandPush | None = None,
     ripple: float | None = None,
 ) -> LoopRun:
-    """Simulate a push into an analysed model and what follows.
+    """Simulate a push into an analysed model and the motion after it.
 
     Parameters
     ----------
+    analysis : LoopAnalysis
     force_of : callable, optional
         From a position to its force in the model's units, sample by sample: the FMU itself. A model with effects needs it;
         a linear one is simulated by its difference equation without it.
-    direction : float or numpy.ndarray, shape (axes,)
-        Direction of the push.
+    push : HandPush, optional
+        Default: one of `PUSH_MM` along the first axis.
     ripple : float, optional
-        See `expected_ripple`, which is the default.
+        Default: see `expected_ripple`.
     """
     model, device = analysis.model, analysis.device
-    step = difference_equation(model.sampled[0]) if force_of is None else model.in_loop(force_of)
-    spatial = bool(model.exported.axes)
-    intervals = repeat(1.0 / device.rate_Hz) if spatial else in_ticks(model.loops[analysis.worst]).ticks()
-    return simulate(
-        TissueForce(step, model.exported.sampling_time),
-        intervals,
-        device,
-        model.limit,
-        delay=1e-3 * device.delay_ms,
-        ripple=expected_ripple(analysis) if ripple is None else ripple,
-        push_mm=push_mm,
-        direction=direction,
-    )
+    step = difference_equation(model.sampled[0]) if force_of is None else model.loop_step(force_of)
+    intervals = repeat(1.0 / device.rate_Hz)
+    if not model.exported.axes:
+        intervals = to_periodic(model.loops[analysis.worst]).ticks()
+    ripple = expected_ripple(analysis) if ripple is None else ripple
+    force = TissueForce(step, model.exported.sampling_time)
+    return simulate(force, intervals, device, model.limit, push or HandPush(), ripple)
 
 
 def _push_directions(analysis: LoopAnalysis) -> list:
@@ -338,10 +314,12 @@ def _push_directions(analysis: LoopAnalysis) -> list:
         return [1.0]
     fast = [loop.response(np.array([np.pi]))[0].real for loop in analysis.model.loops]
     stiffest = max(fast, key=lambda item: np.abs(item).max())
-    limiting = [analysis.damping_direction, analysis.limits[analysis.worst].direction]
-    found = [*limiting, *np.linalg.eigh(stiffest + stiffest.T)[1].T]
+    principal = np.linalg.eigh(stiffest + stiffest.T)[1].T
+    directions = [analysis.damping_direction, analysis.limit.direction, *principal]
     return [
-        item for index, item in enumerate(found) if all(abs(item @ other) < 0.999 for other in found[:index])
+        item
+        for index, item in enumerate(directions)
+        if all(abs(item @ other) < 0.999 for other in directions[:index])
     ]
 
 
@@ -350,7 +328,7 @@ def find_worst_hand(analysis: LoopAnalysis) -> WorstHand | None:
     device = analysis.device
     if analysis.model.exported.axes:
         return None
-    loops = [in_ticks(loop) for loop in analysis.model.loops]
+    loops = [to_periodic(loop) for loop in analysis.model.loops]
     if any(len(loop.states.a) > MAX_STATES_IN_HANDS for loop in loops):
         return None
     corners = []
@@ -368,33 +346,33 @@ def judge_models(
     Returns
     -------
     list of LoopVerdict
-        For each model that of the rate it was identified at, that of ``settings.rate_Hz`` and that of the servo; for a model as
-        the thesis ran it only the first.
+        For each model at the rate of identification, at ``settings.rate_Hz`` and at the servo's rate; for a model as the
+        thesis ran it only the first.
     list of str
-        Why a model is not judged, or not at a rate: its input is not a length, or it has no counterpart there.
+        Reasons why a model is not judged, or not at a rate: its input is not a length, or it has no counterpart there.
 
     Raises
     ------
     InputError
         If a model cannot be exported.
     """
-    found, refused = [], []
+    verdicts, refused = [], []
     for model in models:
         try:
             scale_of(model)
         except InputError as error:
             refused.append(str(error))
             continue
-        identified = 1.0 / model.sampling_time
-        own = settings.rate_Hz or identified
-        fixed = model.name.endswith(AS_IN_THESIS)
-        rates = {identified} if fixed else {identified, own, max(identified, settings.device.rate_Hz)}
-        lowest = lowest_rates(model, settings) if model.discrete and not fixed else (None, None)
+        identified, is_fixed = 1.0 / model.sampling_time, model.name.endswith(AS_IN_THESIS)
+        rates = {identified}
+        if not is_fixed:
+            rates |= {settings.rate_Hz or identified, max(identified, settings.device.rate_Hz)}
+        lowest = lowest_rates(model, settings) if model.discrete and not is_fixed else (None, None)
         for rate in sorted(rates):
             try:
                 exported = export_at(model, settings, rate)
             except NumericalError as error:
                 refused.append(str(error))
             else:
-                found.append(judge_loop(exported, settings, model, lowest))
-    return found, list(dict.fromkeys(refused))
+                verdicts.append(judge_loop(exported, settings, model, lowest))
+    return verdicts, list(dict.fromkeys(refused))

@@ -2,7 +2,7 @@
 
 Such a network takes energy at every frequency and can be discretised at every rate. For given relaxation times the error of the
 free run is quadratic in the stiffnesses: the best fit is a convex programme. The condition that a device is passive with the
-averaged, held and delayed force too (`lumbar.tissue.haptics.passivity`) is a second-order cone at every frequency. The sampled
+averaged, held and delayed force too (`lumbar.tissue.haptics.ticks`) is a second-order cone at every frequency. The sampled
 admittance of hand and device is −(1 − exp(−jωT))/T · Σₙ exp(−jωₙτ) Yₙ/ωₙ², ωₙ = ω + 2πn/T, for forces late by a part τ of the
 sampling time, and every Yₙ may lie anywhere in the disc of centre and radius 1/(2b). The loop has no pole for any of them if
 |2b − L S(τ)| > |L| S(0), with L = (1 − exp(−jωT)) H/T and S(τ) = Σₙ exp(−jωₙτ)/ωₙ²: with p + jq = L S(τ) and r = S(0)/|S(τ)|
@@ -33,19 +33,19 @@ from lumbar.tissue.models.model_data import ARX, OUTPUT_ERROR
 from lumbar.tissue.models.transfer_function import TransferFunction
 from lumbar.tissue.signals.spectrum import motion_range
 
-SLOWEST_S, TIMES = 20.0, 25
-"""Longest relaxation time in seconds, and number of times from half a sample on."""
+_MAX_RELAXATION_S, _RELAXATION_TIMES = 20.0, 25
+"""Longest relaxation time, and number of times from half a sample to it."""
 _ANGLES = 120
-_NEGLIGIBLE = 1e-4
+_NEGLIGIBLE_SHARE = 1e-4
 """Share of the largest stiffness below which a branch is left out."""
-_MARGIN = 2e-3
-"""Share of the device's damping held in reserve: there are cones at some frequencies only, met to a solver's tolerance."""
+_DAMPING_RESERVE = 2e-3
+"""Share of the device's damping in reserve: there are cones at some frequencies only, met to a solver's tolerance."""
 _ROUNDING = 1e-9
 PASSIVE = "passive"
 """Estimator of these fits."""
 _STRUCTURES = {"LE": (True, 0), "Maxwell": (False, 1), "KB": (True, 1), "HO": (True, None)}
-"""Whether a model has a spring, and its number of Maxwell branches; None for as many as the data require."""
-_FREE = {ARX: "free, ridge ARX", OUTPUT_ERROR: "free, output error"}
+"""Presence of a spring, and number of Maxwell branches; None: as many as the data require."""
+_FREE_FITS = {ARX: "free, ridge ARX", OUTPUT_ERROR: "free, output error"}
 
 
 @dataclass(frozen=True)
@@ -75,11 +75,15 @@ class Branches:
 
 
 def unit_branch(time: float, sampling_time: float) -> TransferFunction:
-    """Return a branch of stiffness 1: τ/T (1 − a)(1 − z⁻¹)/(1 − a z⁻¹) with a = exp(−T/τ), or 1 for the spring."""
+    """Return a branch of stiffness 1: τ/T (1 − a)(1 − z⁻¹)/(1 − a z⁻¹) with a = exp(−T/τ), or 1 for the spring (τ = ∞)."""
     if not np.isfinite(time):
         return TransferFunction((1.0,))
     share = -np.expm1(-sampling_time / time) * time / sampling_time
     return TransferFunction((share, -share), (1.0, -float(np.exp(-sampling_time / time))))
+
+
+def _response(model: TransferFunction, angles: np.ndarray) -> np.ndarray:
+    return SampledModel("", np.array(model.numerator), np.array(model.denominator), 1.0).response(angles)
 
 
 @dataclass(frozen=True)
@@ -100,10 +104,9 @@ class DeviceCondition:
         if delay:
             # −T times the transform of max(kT − τ, 0), a double integrator sampled late.
             late = -period * (period * forward / (forward - 1.0) ** 2 - delay / (forward - 1.0))
-        held = self.rendering.response(angles) * (1.0 - np.exp(-1j * angles)) / period * late
-        branches = [SampledModel.of("", unit_branch(time, period), period) for time in times]
-        responses = [branch.response(angles) for branch in branches]
-        return held[:, None] * np.column_stack(responses), in_time / np.abs(late)
+        hold = self.rendering.response(angles) * (1.0 - np.exp(-1j * angles)) / period * late
+        responses = [_response(unit_branch(time, period), angles) for time in times]
+        return hold[:, None] * np.column_stack(responses), in_time / np.abs(late)
 
 
 def fit_branches(
@@ -111,12 +114,7 @@ def fit_branches(
 ) -> tuple[Branches, float]:
     """Fit stiffnesses for given relaxation times to the free run; return those above 0 and the sum of the squared errors.
 
-    Parameters
-    ----------
-    times : sequence of float
-        Seconds; infinite for the spring.
-    condition : DeviceCondition, optional
-        Without it the model is passive; with it the device that renders the model is passive, too.
+    Times are in seconds, infinite for the spring. With a condition the device that renders the model is passive, too.
 
     Raises
     ------
@@ -126,33 +124,20 @@ def fit_branches(
     regressors = np.column_stack(
         [unit_branch(time, data.sampling_time).simulate(data.inputs) for time in times]
     )[data.skip :]
-    reduced, target = np.linalg.qr(regressors)
-    projected = reduced.T @ data.outputs[data.skip :]
-    stiffnesses = _solve(
-        target, projected, condition and condition.columns(times), condition and condition.damping
-    )
-    kept = stiffnesses > _NEGLIGIBLE * stiffnesses.max(initial=0.0)
-    chosen = Branches(tuple(stiffnesses[kept].tolist()), tuple(np.array(times)[kept].tolist()))
-    error = data.outputs[data.skip :] - regressors[:, kept] @ stiffnesses[kept]
-    return chosen, float(error @ error)
-
-
-def _solve(factor: np.ndarray, projected: np.ndarray, columns, damping: float | None) -> np.ndarray:
-    """Minimise ‖R k − q‖² subject to k ≥ 0 and the cones of the device."""
-    count = factor.shape[1]
+    # Minimise ‖R k − q‖² subject to k ≥ 0 and the cones of the device.
+    orthonormal, factor = np.linalg.qr(regressors)
+    projected = orthonormal.T @ data.outputs[data.skip :]
     # The solver's tolerances are absolute: scale the stiffnesses to similar sizes.
     size = np.linalg.norm(factor, axis=0)
-    scaled = factor / size
+    scaled, count = factor / size, len(size)
     rows, bounds, cones = [-np.eye(count)], [np.zeros(count)], [clarabel.NonnegativeConeT(count)]
-    if columns is not None:
-        values, ratio = columns
-        values = values / size / damping
-        for value, r in zip(values, ratio, strict=True):
+    if condition is not None:
+        values, ratio = condition.columns(times)
+        for value, r in zip(values / size / condition.damping, ratio, strict=True):
             # (2 − p, r p, √(r² − 1) q) is in the cone; p and q are per unit of the device's damping.
-            rows.append(
-                np.vstack([value.real, -r * value.real, -np.sqrt(max(r * r - 1.0, 0.0)) * value.imag])
-            )
-            bounds.append(np.array([2.0 * (1.0 - _MARGIN), 0.0, 0.0]))
+            imaginary = -np.sqrt(max(r * r - 1.0, 0.0)) * value.imag
+            rows.append(np.vstack([value.real, -r * value.real, imaginary]))
+            bounds.append(np.array([2.0 * (1.0 - _DAMPING_RESERVE), 0.0, 0.0]))
             cones.append(clarabel.SecondOrderConeT(3))
     settings = clarabel.DefaultSettings()
     settings.verbose = False
@@ -164,24 +149,25 @@ def _solve(factor: np.ndarray, projected: np.ndarray, columns, damping: float | 
         cones,
         settings,
     )
-    found = solver.solve()
-    if found.status not in (clarabel.SolverStatus.Solved, clarabel.SolverStatus.AlmostSolved):
-        raise NumericalError(f"the passive fit is not solved: {found.status}")
-    return np.maximum(np.array(found.x), 0.0) / size
+    solution = solver.solve()
+    if solution.status not in (clarabel.SolverStatus.Solved, clarabel.SolverStatus.AlmostSolved):
+        raise NumericalError(f"the passive fit is not solved: {solution.status}")
+    stiffnesses = np.maximum(np.array(solution.x), 0.0) / size
+    used = stiffnesses > _NEGLIGIBLE_SHARE * stiffnesses.max(initial=0.0)
+    error = data.outputs[data.skip :] - regressors[:, used] @ stiffnesses[used]
+    branches = Branches(tuple(stiffnesses[used].tolist()), tuple(np.array(times)[used].tolist()))
+    return branches, float(error @ error)
 
 
 def fit_passive(
     data: IdentificationData, spring: bool, branches: int | None, condition: DeviceCondition | None = None
 ) -> Branches:
-    """Fit the passive model of a structure, relaxation times included.
+    """Fit a passive model with or without a spring, relaxation times included.
 
-    Parameters
-    ----------
-    branches : int or None
-        0 or 1 Maxwell branch with the best relaxation time; None for as many as the data require.
+    It has 0 or 1 Maxwell branch with the best relaxation time; None: as many branches as the data require.
     """
     first = [np.inf] if spring else []
-    times = np.geomspace(data.sampling_time / 2.0, SLOWEST_S, TIMES)
+    times = np.geomspace(data.sampling_time / 2.0, _MAX_RELAXATION_S, _RELAXATION_TIMES)
     if branches == 0:
         return fit_branches(data, first, condition)[0]
     if branches is None:
@@ -193,8 +179,8 @@ def fit_passive(
     coarse = np.log(times[::2])
     best = int(np.argmin([error(logarithm) for logarithm in coarse]))
     ends = coarse[max(best - 1, 0)], coarse[min(best + 1, len(coarse) - 1)]
-    found = scipy.optimize.minimize_scalar(error, bounds=ends, method="bounded", options={"xatol": 1e-4})
-    return fit_branches(data, [*first, float(np.exp(found.x))], condition)[0]
+    minimum = scipy.optimize.minimize_scalar(error, bounds=ends, method="bounded", options={"xatol": 1e-4})
+    return fit_branches(data, [*first, float(np.exp(minimum.x))], condition)[0]
 
 
 @dataclass(frozen=True)
@@ -211,11 +197,49 @@ class PassiveFits:
 
     def table(self, source_label: str) -> Table:
         """Return the table model × (free, passive); `source_label` is the source of the records."""
-        names = dict.fromkeys(model.name for model in self.free)
-        rows = [row for name in names for row in _rows(name, self)]
-        own, servo = self.rates
-        words = {"device": device_text(self.settings.device), "own": own, "servo": servo}
-        return table_from_schema("tissue/haptics", "passive_fits", rows, source_label, words)
+        rows = []
+        for name in dict.fromkeys(model.name for model in self.free):
+            free = {model.estimator: model for model in self.free if model.name == name}
+            best = free[OUTPUT_ERROR].scores.vaf_percent if OUTPUT_ERROR in free else None
+            for estimator, model in free.items():
+                rows.append(
+                    self._row(name, _FREE_FITS.get(estimator, estimator), "as identified", model, best)
+                )
+            for model in self.passive:
+                base, _, ending = model.name.partition(f"-{PASSIVE}")
+                if base == name:
+                    fit = f"{PASSIVE}{f' on the device at {ending[1:]}' if ending else ''}"
+                    rows.append(self._row(name, fit, model.remark, model, best))
+            if name not in _STRUCTURES and OUTPUT_ERROR in free:
+                none = {
+                    "consists_of": "none but 0",
+                    "takes_energy": "yes",
+                    "vaf_percent": 0.0,
+                    "vaf_cost": best,
+                }
+                rows.append({"model": name, "fit": PASSIVE, **none})
+        slow, servo = self.rates
+        facts = {"device": device_text(self.settings.device), "own": slow, "servo": servo}
+        return table_from_schema("tissue/haptics", "passive_fits", rows, source_label, facts)
+
+    def _row(self, name: str, fit: str, consists_of: str, model: FittedModel, best: float | None) -> dict:
+        vaf, estimator = model.scores.vaf_percent, model.estimator
+        tests = [value for value in model.scores.vaf_tests_percent if value is not None]
+        slow, servo = None, None
+        if is_renderable(model):
+            slow, servo = (_analyse_at(model, self.settings, rate) for rate in self.rates)
+        return {
+            "model": name,
+            "fit": fit,
+            "consists_of": consists_of,
+            "takes_energy": "yes" if takes_energy(model.structure) else "NO",
+            "vaf_percent": vaf,
+            "vaf_cost": None if None in (best, vaf) or estimator == ARX else round(best - vaf, 6) + 0.0,
+            "vaf_tests_percent": float(np.mean(tests)) if tests else None,
+            "damping_at_own_rate_N_s_m": slow and finite(slow.damping),
+            "damping_at_servo_rate_N_s_m": servo and finite(servo.damping),
+            "gain_at_servo_rate": servo and finite(servo.gain),
+        }
 
     def save(self, folder: Path, source_label: str) -> None:
         """Write ``passive_models.json`` and the table ``passive_fits``."""
@@ -230,127 +254,81 @@ class PassiveFits:
 
 def fit_passive_models(
     models: Sequence[FittedModel],
-    training: Record,
-    tests: Sequence[Record],
+    records: Sequence[Record],
+    train: str,
     settings: RuntimeSettings,
     settling_s: float | None,
 ) -> PassiveFits:
-    """Fit the exported models again, within the passive ones; `settling_s` seconds at the start do not count.
+    """Fit the exported models again, within the passive ones.
 
-    Fits for the device are left out if the records are not of a length and a force.
+    Parameters: see `lumbar.interface.device.fit_passive`. Fits for the device are left out if the records are not of a
+    length and a force.
     """
     free = tuple(
         model
         for model in models
-        if model.discrete and model.trained_on == training.name and model.name in settings.models
+        if model.discrete and model.trained_on == train and model.name in settings.models
     )
+    training = next(record for record in records if record.name == train)
     data = IdentificationData.from_record(training, settling_s)
-    others = [IdentificationData.from_record(test, settling_s) for test in tests]
+    tests = [
+        IdentificationData.from_record(record, settling_s) for record in records if record is not training
+    ]
     device = settings.device
     rates = (slower := 1.0 / training.sampling_time, max(slower, device.rate_Hz))
+    position, force = ports_of(training, data.input_offset, data.output_offset)
+
+    def fitted(name: str, branches: Branches) -> FittedModel:
+        structure = branches.transfer_function(data.sampling_time)
+        return FittedModel(
+            name=name,
+            structure=structure,
+            sampling_time=data.sampling_time,
+            input=position,
+            output=force,
+            estimator=PASSIVE,
+            trained_on=train,
+            no_parameters_because=f"springs in parallel: {branches}",
+            scores=scores_of(structure, data, tests),
+            remark=str(branches),
+            valid_for=motion_range(training["input"], data.sampling_time),
+        )
+
     passive = []
     for name in dict.fromkeys(model.name for model in free if model.name in _STRUCTURES):
-        found = fit_passive(data, *_STRUCTURES[name])
-        plain = _fitted(name, PASSIVE, found, training, data, others)
+        branches = fit_passive(data, *_STRUCTURES[name])
+        plain = fitted(f"{name}-{PASSIVE}", branches)
         passive.append(plain)
         for rate in dict.fromkeys(rates if is_renderable(plain) else ()):
-            safe = found
-            if not _on_device(plain, settings.model_copy(update={"output_rate_limit": None}), rate).passive:
+            exported = export_at(plain, settings.model_copy(update={"output_rate_limit": None}), rate)
+            safe = branches
+            if not analyse(render_model(exported, device), device).passive:
                 # A static force of 1 per unit of position, as the device renders it at this rate.
                 metre, newton = scale_of(plain)
-                samples = export_at(plain, settings, rate).moving_average
-                average = np.full(samples, newton / metre / samples)
+                average = np.full(exported.moving_average, newton / metre / exported.moving_average)
                 rendering = SampledModel("", average, np.ones(1), 1.0 / rate).late(1e-3 * device.delay_ms)
                 condition = DeviceCondition(device.damping_N_s_m, rendering)
                 safe = fit_passive(data, *_STRUCTURES[name], condition)
-            passive.append(_fitted(name, f"{PASSIVE}-{rate:.4g}Hz", safe, training, data, others))
+            passive.append(fitted(f"{name}-{PASSIVE}-{rate:.4g}Hz", safe))
     return PassiveFits(free, tuple(passive), settings, rates)
-
-
-def _fitted(
-    name: str,
-    ending: str,
-    found: Branches,
-    training: Record,
-    data: IdentificationData,
-    tests: list[IdentificationData],
-) -> FittedModel:
-    structure = found.transfer_function(data.sampling_time)
-    return FittedModel(
-        f"{name}-{ending}",
-        structure,
-        data.sampling_time,
-        *ports_of(training, data.input_offset, data.output_offset),
-        estimator=PASSIVE,
-        trained_on=training.name,
-        no_parameters_because=f"springs in parallel: {found}",
-        scores=scores_of(structure, data, tests),
-        remark=str(found),
-        valid_for=motion_range(training["input"], data.sampling_time),
-    )
 
 
 def takes_energy(structure: TransferFunction) -> bool:
     """Return whether a discrete model takes energy at every frequency: H(1) ≥ 0, and Im H(exp(jωT)) ≥ 0 for 0 < ωT < π.
 
     If the work between two samples is the mean of their forces times the displacement, a sine of amplitude 1 does the work
-    π Im H in a cycle; a spring that pushes would give out energy without end.
+    π Im H in a cycle; a spring with a negative stiffness would release energy without end.
     """
-    response = SampledModel.of("", structure, 1.0).response(all_angles())
+    response = _response(structure, all_angles())
     rounding = _ROUNDING * np.abs(response).max()
     return bool(
         structure.stable and structure.static_gain >= -rounding and (response.imag >= -rounding).all()
     )
 
 
-def _on_device(model: FittedModel, settings: RuntimeSettings, rate: float) -> LoopAnalysis:
-    device = settings.device
-    return analyse(render_model(export_at(model, settings, rate), device), device)
-
-
-def _rows(name: str, fits: PassiveFits) -> list[dict]:
-    free = {model.estimator: model for model in fits.free if model.name == name}
-    best = free[OUTPUT_ERROR].scores.vaf_percent if OUTPUT_ERROR in free else None
-    given = [(_FREE.get(estimator, estimator), "as identified", model) for estimator, model in free.items()]
-    for model in fits.passive:
-        base, _, ending = model.name.partition(f"-{PASSIVE}")
-        if base == name:
-            given.append(
-                (f"{PASSIVE}{f' on the device at {ending[1:]}' if ending else ''}", model.remark, model)
-            )
-    rows = [_row(name, fit, consists, model, best, fits) for fit, consists, model in given]
-    if name not in _STRUCTURES and OUTPUT_ERROR in free:
-        none = {"consists_of": "none but 0", "takes_energy": "yes", "vaf_percent": 0.0, "vaf_cost": best}
-        rows.append({"model": name, "fit": PASSIVE, **none})
-    return rows
-
-
-def _row(
-    name: str, fit: str, consists: str, model: FittedModel, best: float | None, fits: PassiveFits
-) -> dict:
-    vaf = model.scores.vaf_percent
-    tests = [value for value in model.scores.vaf_tests_percent if value is not None]
-    own, servo = (_analysis(model, fits.settings, rate) for rate in fits.rates)
-    return {
-        "model": name,
-        "fit": fit,
-        "consists_of": consists,
-        "takes_energy": "yes" if takes_energy(model.structure) else "NO",
-        "vaf_percent": vaf,
-        "vaf_cost": None
-        if best is None or vaf is None or model.estimator == ARX
-        else round(best - vaf, 6) + 0.0,
-        "vaf_tests_percent": float(np.mean(tests)) if tests else None,
-        "damping_at_own_rate_N_s_m": own and finite(own.damping),
-        "damping_at_servo_rate_N_s_m": servo and finite(servo.damping),
-        "gain_at_servo_rate": servo and finite(servo.gain),
-    }
-
-
-def _analysis(model: FittedModel, settings: RuntimeSettings, rate: float) -> LoopAnalysis | None:
-    if not is_renderable(model):
-        return None
+def _analyse_at(model: FittedModel, settings: RuntimeSettings, rate: float) -> LoopAnalysis | None:
+    """Return the analysis at a rate in Hz; None if the model has no counterpart there."""
     try:
-        return _on_device(model, settings, rate)
+        return analyse(render_model(export_at(model, settings, rate), settings.device), settings.device)
     except NumericalError:
-        return None  # no counterpart at this rate
+        return None

@@ -1,7 +1,7 @@
 """An exported model as the device meets it: linear ones exactly, models with effects through their linearisations."""
 
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from itertools import product
@@ -14,26 +14,26 @@ from lumbar.base.errors import InputError
 from lumbar.settings.runtime import DeviceSettings, RuntimeSettings
 from lumbar.tissue.fmu.build.compiler import cache_folder
 from lumbar.tissue.fmu.build.export_model import AS_IN_THESIS, ExportModel, averaged_samples, export_models
-from lumbar.tissue.fmu.build.guards import shortened
 from lumbar.tissue.fmu.build.linear_model import LinearModel
 from lumbar.tissue.fmu.build.package import export_fmus
+from lumbar.tissue.fmu.build.reference_response import limit_size
 from lumbar.tissue.fmu.conventions import work_units
 from lumbar.tissue.fmu.instance import Instance, UnzippedFmu
 from lumbar.tissue.haptics.closed_loop import SampledModel
 from lumbar.tissue.haptics.in_space import SpatialLoop
 from lumbar.tissue.haptics.simulation import PUSH_MM, Step
-from lumbar.tissue.haptics.ticks import PeriodicModel, on_servo
+from lumbar.tissue.haptics.ticks import PeriodicModel, servo_loops
 from lumbar.tissue.models.fitted_model import FittedModel
 
-_WATCHED_S, _MAX_SAMPLES = 4.0, 4000
-"""Duration over which the force after a small step is followed."""
+_RESPONSE_S, _MAX_SAMPLES = 4.0, 4000
+"""Duration, and most samples, over which the force after a small step is followed."""
 STEPS_MM, DEPTH_MM = (1e-6, 1e-3, 1.0), 2.0
-"""Steps by which a model with effects is linearised about rest and about this depth. A step of a nanometre gives the slope even
-if friction changes its sign within a fraction of a millimetre per second; steps of other sizes, the encoder's among them, give
-the response to larger motion. Where the force is steepest and least steep the step is a micrometre."""
+"""Steps by which a model with effects is linearised about rest and about a depth. A step of a nanometre gives the slope even
+if friction changes its sign within a fraction of a millimetre per second; larger steps, the encoder's among them, give the
+response to larger motion. At the steepest and the least steep depth the step is a micrometre."""
 REACH_MM = PUSH_MM
 """Distance to both sides of rest within which a model with effects is linearised if its fitted motion is not known."""
-_ENDED = 1e-12
+_NEGLIGIBLE_SHARE = 1e-12
 """Share of an impulse response's size below which its end is omitted."""
 
 
@@ -51,9 +51,9 @@ def export_at(model: FittedModel, settings: RuntimeSettings, rate: float) -> Exp
     """
     if model.name.endswith(AS_IN_THESIS):
         return export_models([model], settings.model_copy(update={"unstable": "export"}))[0]
-    own = 1.0 / settings.rate_Hz if settings.rate_Hz else model.sampling_time
+    sampling_time = 1.0 / settings.rate_Hz if settings.rate_Hz else model.sampling_time
     # The same milliseconds would be less than a sample at a low rate.
-    samples = averaged_samples(model.name, settings.moving_average_ms, own)
+    samples = averaged_samples(model.name, settings.moving_average_ms, sampling_time)
     plain = settings.model_copy(update={"rate_Hz": rate, "moving_average_ms": 0.0, "unstable": "export"})
     return replace(export_models([model], plain)[0], moving_average=samples)
 
@@ -66,12 +66,12 @@ class RenderedModel:
     sampled: tuple[SampledModel, ...]
     """The model, or its linearisations, at the FMU's samples, in N/m; empty in space."""
     loops: tuple[SampledModel | PeriodicModel | SpatialLoop, ...]
-    """The same as the servo of the device meets them."""
+    """`sampled` at the ticks of the device's servo."""
     reach: tuple[float, float] | None = None
     """Positions in mm about rest between which it was linearised; None for a model that is linear, with effects or without."""
     omitted: str = ""
-    """What its linearisations omit and may give out energy, in words: a limit on the force's rate, which makes large forces
-    late, or a force that changes with time only."""
+    """Properties without part in the linearisations that may release energy: a limit on the force's rate, which makes large
+    forces late, or a force that changes with time only."""
 
     @property
     def name(self) -> str:
@@ -95,18 +95,18 @@ class RenderedModel:
 
     @property
     def needs_its_fmu(self) -> bool:
-        """Whether only the FMU itself simulates the model: it has effects, or guards of the force."""
+        """True if only the FMU itself simulates the model: it has effects, or guards of the force."""
         guards = self.exported.guards
         return not isinstance(self.exported.dynamics, LinearModel) or guards.active or guards.contact
 
     @property
-    def of_large_motion(self) -> list[SampledModel | PeriodicModel]:
-        """The loops that are linearised by the largest steps, which have forces of the size that a push gives."""
-        large = [item for item in self.loops if item.name.endswith(_by_steps(STEPS_MM[-1]))]
+    def large_motion_loops(self) -> list[SampledModel | PeriodicModel]:
+        """The loops that are linearised by the largest steps, with forces of the size of a push's."""
+        large = [item for item in self.loops if item.name.endswith(_step_label(STEPS_MM[-1]))]
         return large or list(self.loops)
 
-    def in_loop(self, force_of: Step) -> Step:
-        """Return an FMU's step, in the model's units, as a loop takes it: from m to N against the motion."""
+    def loop_step(self, force_of: Step) -> Step:
+        """Return an FMU's step, which has the model's units, as a step of the loop: from m to N against the motion."""
         metre, newton, source, force = self.metre, self.newton, self.exported.input, self.exported.output
 
         def step(position: float) -> float:
@@ -116,15 +116,10 @@ class RenderedModel:
 
 
 def render_model(exported: ExportModel, device: DeviceSettings, *, late: bool = False) -> RenderedModel:
-    """Return a model in the units of the device, with the hold, the average and the delays that it is rendered with.
+    """Return a model in the units of the device, with the hold, the average and the delays of the rendering.
 
-    Parameters
-    ----------
-    exported : ExportModel
-        Its `resistance`, 1 or -1, is the sign of the force that resists when it is displayed.
-    late : bool
-        Whether the client reads the force before it has set the position of the same sample, as in FMI 2.0: the
-        feed-through is one sample late, with effects the whole force.
+    `late` is for a client that reads the force before it sets the position of the same sample, as in FMI 2.0: the
+    feed-through is one sample late, with effects the whole force.
 
     Raises
     ------
@@ -135,24 +130,41 @@ def render_model(exported: ExportModel, device: DeviceSettings, *, late: bool = 
         If the force of a model with effects overflows.
     """
     metre, newton = scale_of(exported)
-    found, linearised = [], None
+    omitted = ["a limit on its rate"] * (exported.guards.rate_limit > 0)
+    responses, reach = [], None
     if isinstance(exported.dynamics, LinearModel):
-        whole = SampledModel.of(exported.name, exported.dynamics.transfer_function, exported.sampling_time)
-        found = [_fed_late(whole) if late else whole]
+        model = exported.dynamics.transfer_function
+        numerator, denominator = np.array(model.numerator), np.array(model.denominator)
+        if late:  # the feed-through a sample later: H(z) − D + D/z
+            length = max(len(numerator), len(denominator)) + 1
+            padded = np.pad(denominator, (0, length - len(denominator)))
+            numerator, through = (
+                np.pad(numerator, (0, length - len(numerator))),
+                numerator[0] / denominator[0],
+            )
+            numerator = numerator - through * padded + through * np.roll(padded, 1)
+        responses = [(exported.name, numerator, denominator)]
     else:
         linearised = _linearise(exported, device)
-    if exported.axes:
-        loops = [_spatial_loop(*item, exported, device, late) for item in linearised.impulses]
-    else:
-        found = found or [_sampled(*item, exported, late) for item in linearised.impulses]
-        average = np.full(exported.moving_average, 1.0 / exported.moving_average)
-        found = [replace(item, numerator=np.convolve(item.numerator, average)) for item in found]
-        found = [item.scaled(exported.resistance * newton / metre) for item in found]
-        loops = [loop for item in found for loop in on_servo(item, device, held=late)]
-    omitted = ["a limit on its rate"] * (exported.guards.rate_limit > 0)
-    omitted += ["a force that changes with time alone"] * bool(linearised and linearised.changes_at_rest)
-    reach = linearised and linearised.reach
-    return RenderedModel(exported, tuple(found), tuple(loops), reach, " and ".join(omitted))
+        reach = linearised.reach
+        omitted += ["a force that changes with time alone"] * linearised.changes_at_rest
+        if exported.axes:
+            loops = [_spatial_loop(*item, exported, device, late) for item in linearised.impulses]
+            return RenderedModel(exported, (), tuple(loops), reach, " and ".join(omitted))
+        for name, impulse in linearised.impulses:
+            # The impulse response up to the time when it has died away; late, it begins a sample later.
+            response = impulse[:, 0, 0]
+            last = np.flatnonzero(np.abs(response) > _NEGLIGIBLE_SHARE * np.abs(response).max())
+            response = 1e3 * metre * response[: last[-1] + 1 if len(last) else 1]
+            responses.append((name, np.concatenate([np.zeros(int(late)), response]), np.ones(1)))
+    average = np.full(exported.moving_average, 1.0 / exported.moving_average)
+    size = exported.resistance * newton / metre
+    sampled = tuple(
+        SampledModel(name, size * np.convolve(numerator, average), denominator, exported.sampling_time)
+        for name, numerator, denominator in responses
+    )
+    loops = tuple(loop for item in sampled for loop in servo_loops(item, device, held=late))
+    return RenderedModel(exported, sampled, loops, reach, " and ".join(omitted))
 
 
 @dataclass(frozen=True)
@@ -160,27 +172,27 @@ class Linearisation:
     """A model that is not linear, linearised."""
 
     impulses: list[tuple[str, np.ndarray]]
-    """Impulse responses with their names, in the model's unit of force per mm; each of shape (samples, axes, axes). One if
-    all are the same, like those of a linear model."""
+    """Impulse responses with their names, in the model's unit of force per mm, each of shape (samples, axes, axes); only one
+    if all are equal, like those of a linear model."""
     reach: tuple[float, float] | None
     """See `RenderedModel`."""
     changes_at_rest: bool
-    """Whether the force changes with time at a constant position."""
+    """True if the force changes with time at a constant position."""
 
 
 def _linearise(exported: ExportModel, device: DeviceSettings) -> Linearisation:
     """Linearise a model for small and large motion about rest and about depths along every axis.
 
-    An impulse response is half the difference of the forces after a step forth and a step back, over the step.
+    An impulse response is half the difference of the forces after a step forward and a step back, over the step.
     """
     axes, offset = len(exported.axes) or 1, exported.output.offset
     unit = 1e3 * scale_of(exported)[0]
-    samples = min(_MAX_SAMPLES, round(_WATCHED_S / exported.sampling_time))
+    samples = min(_MAX_SAMPLES, round(_RESPONSE_S / exported.sampling_time))
 
     def response(positions: np.ndarray) -> np.ndarray:
         """Return forces from positions in mm, both of shape (samples, axes)."""
-        places = positions if exported.axes else positions[:, 0]
-        forces = shortened(offset + exported.dynamics.response(places / unit), exported.output_limit)
+        inputs = positions if exported.axes else positions[:, 0]
+        forces = limit_size(offset + exported.dynamics.response(inputs / unit), exported.output_limit)
         return forces.reshape(positions.shape)
 
     # Ends of the motion in mm about rest: those of the data that it was fitted to, if they are known.
@@ -193,60 +205,46 @@ def _linearise(exported: ExportModel, device: DeviceSettings) -> Linearisation:
     depths = [(0, 0.0), *((axis, DEPTH_MM) for axis in range(axes))]
     places = [(*depth, step) for depth in depths for step in steps]
     for axis, end in product(range(axes), filter(None, reach)):
-        places += [(axis, depth, STEPS_MM[1]) for depth in _steepest(response, end, along[axis], samples)]
+        # The depths at which the force rises most and least on a slow path from rest to an end.
+        path = np.linspace(0.0, end, samples)
+        slopes = np.diff(response(np.multiply.outer(path, along[axis])) @ along[axis]) / np.diff(path)
+        places += [(axis, float(path[index]), STEPS_MM[1]) for index in (slopes.argmax(), slopes.argmin())]
     impulses = []
     for axis, depth, step in dict.fromkeys(places):
         about, impulse = depth * along[axis], np.empty((samples, axes, axes))
-        for column, way in enumerate(along):
+        for column, direction in enumerate(along):
             # The position is constant before the step, for as long as after it.
-            moved = np.multiply.outer(np.repeat([0.0, step], samples), way)
-            forth, back = (response(about + sign * moved)[samples:] for sign in (1.0, -1.0))
-            impulse[:, :, column] = np.diff((forth - back) / (2.0 * step), axis=0, prepend=0.0)
-        where = ", ".join(f"{part:.4g}" for part in about)
-        where = f"({where})" if axes > 1 else where
-        impulses.append((f"{exported.name} about {where} mm, {_by_steps(step)}", impulse))
+            moved = np.multiply.outer(np.repeat([0.0, step], samples), direction)
+            forward, back = (response(about + sign * moved)[samples:] for sign in (1.0, -1.0))
+            impulse[:, :, column] = np.diff((forward - back) / (2.0 * step), axis=0, prepend=0.0)
+        place = ", ".join(f"{part:.4g}" for part in about)
+        place = f"({place})" if axes > 1 else place
+        impulses.append((f"{exported.name} about {place} mm, {_step_label(step)}", impulse))
     size = np.abs(impulses[0][1]).max()
     same = all(np.abs(item - impulses[0][1]).max() <= 1e-9 * size for _, item in impulses)
     still = response(np.zeros((samples, axes)))
-    changes = bool(np.ptp(still) > _ENDED * max(np.abs(still).max(), 1.0))
+    changes = bool(np.ptp(still) > _NEGLIGIBLE_SHARE * max(np.abs(still).max(), 1.0))
     return Linearisation(impulses[:1] if same else impulses, None if same else reach, changes)
 
 
-def _steepest(
-    response: Callable[[np.ndarray], np.ndarray], end: float, axis: np.ndarray, samples: int
-) -> tuple[float, float]:
-    """Return the depths in mm at which the force rises most and least on a slow path from rest along an axis to an end."""
-    way = np.linspace(0.0, end, samples)
-    slopes = np.diff(response(np.multiply.outer(way, axis)) @ axis) / np.diff(way)
-    return float(way[slopes.argmax()]), float(way[slopes.argmin()])
-
-
-def _by_steps(step_mm: float) -> str:
+def _step_label(step_mm: float) -> str:
     return f"steps of {step_mm:g} mm"
-
-
-def _sampled(name: str, impulse: np.ndarray, exported: ExportModel, late: bool) -> SampledModel:
-    """Return a linearisation of one axis, its impulse response up to the time when it has died away."""
-    numerator = impulse[:, 0, 0]
-    last = np.flatnonzero(np.abs(numerator) > _ENDED * np.abs(numerator).max())
-    kept = 1e3 * scale_of(exported)[0] * numerator[: last[-1] + 1 if len(last) else 1]
-    return SampledModel(name, kept, np.ones(1), exported.sampling_time).late(late * exported.sampling_time)
 
 
 def _spatial_loop(
     name: str, impulse: np.ndarray, exported: ExportModel, device: DeviceSettings, late: bool
 ) -> SpatialLoop:
-    """Return a linearisation in space as the servo meets it, each element of its matrix like a model of one axis."""
+    """Return a linearisation in space at the servo's ticks, each element of its matrix like a model of one axis."""
     average = np.full(exported.moving_average, 1.0 / exported.moving_average)
     size = 1e3 * exported.resistance * scale_of(exported)[1]
     numerators = []
     for element in impulse.reshape(len(impulse), -1).T:
         model = SampledModel(name, size * np.convolve(element, average), np.ones(1), exported.sampling_time)
-        loop, *others = on_servo(model.late(late * exported.sampling_time), device, held=late)
+        loop, *others = servo_loops(model.late(late * exported.sampling_time), device, held=late)
         if others or not isinstance(loop, SampledModel):
             raise InputError(
-                f"{name}: along several axes a loop is judged with ticks at the model's own rate or a whole multiple or part "
-                f"of it; rate_Hz is {device.rate_Hz:g}"
+                f"{name}: along several axes the servo's rate must be the model's or a whole multiple or part of it; "
+                f"rate_Hz is {device.rate_Hz:g}"
             )
         numerators.append(loop.numerator)
     unit = SampledModel(name, np.ones(1), np.ones(1), loop.sampling_time, loop.delay)
@@ -275,18 +273,9 @@ def is_renderable(model: FittedModel | ExportModel) -> bool:
     return work_units(model.input.unit, model.output.unit).is_of_length
 
 
-def _fed_late(model: SampledModel) -> SampledModel:
-    """Return the model with its feed-through one sample late, H(z) − D + D/z."""
-    parts = model.numerator, model.denominator
-    length = max(map(len, parts)) + 1
-    numerator, denominator = (np.pad(part, (0, length - len(part))) for part in parts)
-    through = numerator[0] / denominator[0]
-    return replace(model, numerator=numerator - through * denominator + through * np.roll(denominator, 1))
-
-
 @contextmanager
 def fmu_of(model: ExportModel, settings: RuntimeSettings) -> Iterator[UnzippedFmu]:
-    """Export a model as an FMU for FMI 3.0 for this machine, and unpack it for a while."""
+    """Export a model as an FMU for FMI 3.0 for this machine, unpacked as long as the context lasts."""
     with tempfile.TemporaryDirectory(prefix="lumbar-render-") as name:
         folder = Path(name)
         cache = cache_folder(settings.compiler_cache)
@@ -303,11 +292,10 @@ def fmu_of(model: ExportModel, settings: RuntimeSettings) -> Iterator[UnzippedFm
 def stepping(fmu: UnzippedFmu) -> Iterator[Step]:
     """Instantiate an FMU: a function from a position, in its unit, to the force of the same sample; in space of arrays."""
     instance = Instance(fmu, event_mode=True)
-
-    def in_space(position: np.ndarray) -> np.ndarray:
-        return np.array(instance.sample(position.tolist()))
-
     try:
-        yield in_space if fmu.axes else instance.sample
+        if fmu.axes:
+            yield lambda position: np.array(instance.sample(position.tolist()))
+        else:
+            yield instance.sample
     finally:
         instance.free()

@@ -1,7 +1,7 @@
 """The closed loop in time: a hand pushes the stylus into the model and holds it there.
 
-Between two changes of a force device and hand are propagated exactly. The simulation includes what the analysis leaves out: the
-encoder reads in steps, and the force is limited.
+Between two changes of a force device and hand are propagated exactly. Unlike the analysis, the simulation includes the steps of
+the encoder and the limit of the force.
 
 A servo of any rate around an FMU with its own samples follows ``tissue_force.h``: at each tick it takes the samples that are due
 since the tick before, at positions on the straight line from that tick to this one, and displays the newest force until the next
@@ -20,9 +20,9 @@ from itertools import cycle
 import numpy as np
 
 from lumbar.settings.runtime import DeviceSettings
-from lumbar.tissue.fmu.build.guards import shortened
+from lumbar.tissue.fmu.build.reference_response import limit_size
 from lumbar.tissue.haptics.closed_loop import SampledModel, all_angles, propagation
-from lumbar.tissue.haptics.ticks import PeriodicModel, in_ticks, shares
+from lumbar.tissue.haptics.ticks import PeriodicModel, shares, to_periodic
 
 
 class TissueForce:
@@ -47,17 +47,17 @@ class TissueForce:
 
 
 PUSH_MM, PUSH_S, DURATION_S = 5.0, 0.25, 4.0
-"""The hand's push: depth, duration of its flank of half a cosine, and duration of the simulation."""
+"""The hand's push: depth, duration of its flank (half a cosine), and duration of the simulation."""
 PUSHES_MM = (PUSH_MM, PUSH_MM / 10.0)
 """Depths of the pushes into a model that is not linear."""
-_FINEST_S = 1e-3
+_MAX_PART_S = 1e-3
 _ROUNDING_S = 1e-11
 _PERCEPTIBLE_N = 0.01
-"""Peak to peak force above which a hand may notice it: a smaller one is not an oscillation."""
+"""Smallest peak to peak force of an oscillation: a hand does not notice a smaller one."""
 _PERSISTENT_SHARE = 0.5
 """Share of its size that an oscillation keeps from the third quarter of the time to the last one."""
-_LONGEST, _CHUNK, _NEGLIGIBLE = 20_000, 200, 1e-6
-"""Ticks over which an impulse is followed at most; it has died away if so many of them add less than this share."""
+_MAX_TICKS, _CHUNK, _NEGLIGIBLE_SHARE = 20_000, 200, 1e-6
+"""Most ticks over which an impulse is followed; it has died away if a chunk of ticks adds less than a share."""
 
 Step = Callable[[float], float]
 """From a sampled position in m to the force against the motion in N."""
@@ -76,19 +76,19 @@ class LoopRun:
     samples: np.ndarray
     """Shape (ticks,): force of every tick in N."""
     ripple: float
-    """Peak to peak force in N that the encoder's steps may sustain in a stable loop; in an unstable one, which bounds of
-    the FMU may calm, the largest force of one step."""
+    """Peak to peak force in N that the encoder's steps may sustain in a stable loop; in an unstable loop, which the bounds
+    of the FMU may calm, the largest force of one step."""
     limit: float = math.inf
     """Largest force in N."""
 
     @property
     def runs_away(self) -> bool:
-        """Whether the force is at its limit in the end: a stylus pressed against it is not at rest."""
+        """True if the force is at its limit in the end: a stylus pressed against it is not at rest."""
         return bool((np.abs(self.samples[-(len(self.samples) // 4) :]) >= self.limit).all())
 
     @property
     def calm(self) -> bool:
-        """Whether it comes to rest."""
+        """True if the stylus ends at rest."""
         return not (self.oscillates or self.runs_away)
 
     @property
@@ -110,7 +110,7 @@ class LoopRun:
 
     @property
     def oscillates(self) -> bool:
-        """Whether the force keeps changing by more than the encoder's steps explain, although the hand rests."""
+        """True if the force continues to change by more than the encoder's steps explain, although the hand rests."""
         quarter = len(self.samples) // 4
         before, last = self.samples[-2 * quarter : -quarter], self.samples[-quarter:]
         if self.peak_to_peak <= _PERSISTENT_SHARE * float(np.ptp(before)):
@@ -132,7 +132,7 @@ class LoopRun:
 
 
 def difference_equation(model: SampledModel) -> Step:
-    """Return the model as a function from a position to its force that remembers the positions before."""
+    """Return a function from a position to the model's force, with memory of the positions before."""
     numerator, feedback = model.numerator[::-1], model.denominator[:0:-1]
     positions = deque([0.0] * len(numerator), maxlen=len(numerator))
     forces = deque([0.0] * len(feedback), maxlen=len(feedback))
@@ -148,19 +148,27 @@ def difference_equation(model: SampledModel) -> Step:
     return step
 
 
+@dataclass(frozen=True)
+class HandPush:
+    """A push of the hand."""
+
+    depth_mm: float = PUSH_MM
+    """Distance over which the hand's rest position moves."""
+    direction: float | np.ndarray = 1.0
+    """Direction of the push; along several axes a vector of length 1, shape (axes,)."""
+    duration_s: float = DURATION_S
+    """Duration of the simulation."""
+
+
 def simulate(
     tick: Callable,
     intervals: Iterable[float],
     device: DeviceSettings,
     limit: float,
-    *,
-    delay: float = 0.0,
+    push: HandPush,
     ripple: float = 0.0,
-    push_mm: float = PUSH_MM,
-    duration: float = DURATION_S,
-    direction: float | np.ndarray = 1.0,
 ) -> LoopRun:
-    """Simulate a push and what follows it.
+    """Simulate a push and the motion after it.
 
     Parameters
     ----------
@@ -169,18 +177,13 @@ def simulate(
         several axes positions and forces are vectors. Its memory changes.
     intervals : iterable of float
         Seconds from tick to tick, repeated without end.
+    device : DeviceSettings
+        Device and hand.
     limit : float
-        Largest force in N; along several axes of the vector's length.
-    delay : float
-        Seconds from a tick to its force.
+        Largest force in N; along several axes the largest length of the vector.
+    push : HandPush
     ripple : float
         See `LoopRun`.
-    push_mm : float
-        Distance over which the hand's rest position moves.
-    duration : float
-        Seconds.
-    direction : float or numpy.ndarray, shape (axes,)
-        Direction of the push; along several axes a vector of length 1.
 
     Returns
     -------
@@ -189,15 +192,26 @@ def simulate(
     """
     motion = cache(lambda part: [*propagation(device, part)[0].ravel(), *propagation(device, part)[1]])
     resolution = device.encoder_um * 1e-6
+
+    def hand_force(time: float) -> float:
+        """Return the force in N along the push that the moving rest position of the hand adds."""
+        phase = math.pi * min(time / PUSH_S, 1.0)
+        depth, speed = (1.0 - math.cos(phase)) / 2.0, math.pi / PUSH_S * math.sin(phase) / 2.0
+        return 1e-3 * push.depth_mm * (device.hand_stiffness_N_m * depth + device.hand_damping_N_s_m * speed)
+
     # A stylus without a hand is not pushed: it comes in at a push's mean speed.
-    velocity = (0.0 if device.hand_stiffness_N_m else 1e-3 * push_mm / PUSH_S) * direction
-    position = acting = 0.0 * direction
-    time = 0.0
+    velocity = (0.0 if device.hand_stiffness_N_m else 1e-3 * push.depth_mm / PUSH_S) * push.direction
+    position = acting = 0.0 * push.direction
+    time, delay = 0.0, 1e-3 * device.delay_ms
     points, samples, coming = [], [], deque()
     for interval in cycle(intervals):
-        if time > duration - interval / 2.0:
+        if time > push.duration_s - interval / 2.0:
             break
-        samples.append(_limited(tick(time, _read(position, resolution)), limit))
+        reading = position
+        if resolution:
+            rounding = np.round if isinstance(position, np.ndarray) else round
+            reading = rounding(position / resolution) * resolution
+        samples.append(_limited(tick(time, reading), limit))
         coming.append((time + delay, samples[-1]))
         end = time + interval
         while end - time > _ROUNDING_S:
@@ -206,17 +220,16 @@ def simulate(
                 continue
             # Until the force changes, propagate in parts of at most a millisecond.
             length = min(end, coming[0][0] if coming else end) - time
-            count = math.ceil(length / _FINEST_S - 1e-9)
-            part = round(
-                length / count, 12
-            )  # lengths are differences of sums: round them, so that equal ones are cached
+            count = math.ceil(length / _MAX_PART_S - 1e-9)
+            # Lengths are differences of sums: round them, so that equal ones are cached.
+            part = round(length / count, 12)
             xx, xv, vx, vv, x_by_force, v_by_force = motion(part)
             for _ in range(count):
                 points.append((time, position, acting))
                 # The hand moves slowly compared with a part: its force is constant over it.
-                net = _hand_force(device, time + part / 2, push_mm) * direction - acting
-                # Dry friction stops the stylus by the end of the part if it can (J. J. Moreau, 1988): then it sticks, else it
-                # slides all along. It is late by a part when the motion turns.
+                net = hand_force(time + part / 2) * push.direction - acting
+                # Dry friction stops the stylus by the end of the part if it can (J. J. Moreau, 1988), else the stylus slides
+                # throughout. It is late by a part when the motion changes its direction.
                 stopping = net + (vx * position + vv * velocity) / v_by_force
                 net -= _limited(stopping, device.friction_N)
                 position, velocity = (
@@ -230,25 +243,11 @@ def simulate(
     return worst_run(LoopRun(times, *values, ripple, limit) for values in axes)
 
 
-def _read(position, resolution: float):
-    """Return what an encoder reads."""
-    if not resolution:
-        return position
-    return (np.round if isinstance(position, np.ndarray) else round)(position / resolution) * resolution
-
-
-def _limited(force, most: float):
+def _limited(force, size: float):
     """Return a number within its limit, or a vector of at most this length."""
     if isinstance(force, np.ndarray):
-        return shortened(force[None], most)[0]
-    return min(max(force, -most), most)
-
-
-def _hand_force(device: DeviceSettings, time: float, push_mm: float) -> float:
-    """Return the force in N along the push that the moving rest position of the hand adds."""
-    phase = math.pi * min(time / PUSH_S, 1.0)
-    position, velocity = (1.0 - math.cos(phase)) / 2.0, math.pi / PUSH_S * math.sin(phase) / 2.0
-    return 1e-3 * push_mm * (device.hand_stiffness_N_m * position + device.hand_damping_N_s_m * velocity)
+        return limit_size(force[None], size)[0]
+    return min(max(force, -size), size)
 
 
 def worst_run(runs: Iterable[LoopRun]) -> LoopRun:
@@ -257,8 +256,8 @@ def worst_run(runs: Iterable[LoopRun]) -> LoopRun:
 
 
 def one_step(model: SampledModel | PeriodicModel, device: DeviceSettings) -> float:
-    """Return the largest force in N that a sine of one encoder step gives."""
-    return float(np.abs(in_ticks(model).model.response(all_angles())).max() * device.encoder_um * 1e-6)
+    """Return the largest force in N in response to a sine of one encoder step."""
+    return float(np.abs(to_periodic(model).model.response(all_angles())).max() * device.encoder_um * 1e-6)
 
 
 def encoder_ripple(model: SampledModel | PeriodicModel, device: DeviceSettings) -> float:
@@ -267,11 +266,11 @@ def encoder_ripple(model: SampledModel | PeriodicModel, device: DeviceSettings) 
     An encoder's error is at most half a step, and a bounded error gives at most its size times the 1-norm of the impulse
     responses from it to the force of a tick, the largest of a period's.
     """
-    loop = in_ticks(model).transitions(device)
+    loop = to_periodic(model).transitions(device)
     closed, ticks = loop.free + loop.driven, len(loop.free)
     # A column for an error at each tick of a period.
     state, total, before = np.zeros((closed.shape[1], ticks)), np.zeros(ticks), np.zeros(ticks)
-    for tick in range(_LONGEST):
+    for tick in range(_MAX_TICKS):
         place = tick % ticks
         state = closed[place] @ state
         if 0 < tick <= ticks:
@@ -280,7 +279,7 @@ def encoder_ripple(model: SampledModel | PeriodicModel, device: DeviceSettings) 
             state[:, tick] += loop.by_readings[place][:, 1]
         total[place] += np.abs(state[2]).sum()
         if (tick + 1) % max(_CHUNK, 2 * ticks) == 0:
-            if (total - before).max() < _NEGLIGIBLE * total.max():
+            if (total - before).max() < _NEGLIGIBLE_SHARE * total.max():
                 break
             before = total.copy()
     return float(total.max() * device.encoder_um * 1e-6)

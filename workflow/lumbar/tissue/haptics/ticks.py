@@ -1,43 +1,55 @@
-"""A model on a servo of any rate: its ticks among the FMU's samples, exact from tick to tick.
+"""A model on a servo of any rate, exact from tick to tick, and the damping that a passive device needs.
 
 If ticks are not at the samples but repeat after several, a transition matrix for each tick maps position, velocity, pending
 forces and the model's states to the next tick. The spectral radius of their product over a period, the monodromy matrix,
 decides on stability (S. Bittanti and P. Colaneri, Periodic Systems: Filtering and Control, Springer 2009, chapter 3).
+
+J. E. Colgate and G. G. Schenkel, Passivity of a class of sampled-data systems: application to haptic interfaces, Journal
+of Robotic Systems 14 (1997) 37–47: a device with damping b behind a hold of the force of H(z) is passive if and only if
+
+    b > T/2 · 1/(1 − cos ωT) · Re{(1 − exp(−jωT)) H(exp(jωT))}   for 0 ≤ ω ≤ π/T.
+
+If forces are late, or ticks repeat only after several, the condition concerns all pieces of a period in which one force acts.
+While the device moves by u within s seconds the force f receives f u, and a damping b at least b u²/s (Cauchy and Schwarz).
+With f = F(exp(jθ)) u over the pieces no energy is released in the long run, whatever the hand does, if and only if
+F + Fᴴ + 2b diag(1/s) ≥ 0 for every θ; with one piece this is the condition above.
 """
 
 from collections import deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
 from itertools import chain, cycle
-from typing import Self
 
 import numpy as np
 
 from lumbar.base.errors import InputError
 from lumbar.settings.runtime import DeviceSettings
-from lumbar.tissue.haptics.closed_loop import SampledModel, StableGain, propagation
+from lumbar.tissue.haptics.closed_loop import SampledModel, StableGain, all_angles, propagation
 from lumbar.tissue.models.transfer_function import filtered
 
 REACHED = 1e-3
 """Share of a sampling time within which the instant of a sample counts as reached, as in ``tissue_force.h``."""
-_NOTHING = 1e-9
-"""Share of an interval that is rounding."""
-_LONG, _ROWS, _RANK, _WITHIN = 64, 2000, 1e-9, 1e-7
-"""From how many values on, and from how many of them, an impulse response is realised by fewer states, to which part of the
-largest singular value and of the response."""
+LONGEST_GAP_S = 0.25
+"""``longest_gap`` of ``tissue_force.h``."""
+_MAX_TICKS, _PLACES = 256, 8
+"""Ticks after which they must be at the same place among the samples again. Other rates are judged at the nearest one with this
+property, with the first tick at each of these places, because a clock that drifts reaches all of them."""
+_ROUNDING = 1e-9
+_LONG, _HANKEL_ROWS, _RANK, _MAX_ERROR = 64, 2000, 1e-9, 1e-7
+"""Realisation of a long impulse response by few states: fewest values, rows of the Hankel matrix, smallest singular value as a
+share of the largest, largest error as a share of the response."""
+_GAINS, _HALVINGS = np.geomspace(1e-4, 1e4, 241), 40
+_REFINED_ANGLES, _MIN_ANGLES = 101, 12
+_NEAR_POLE = np.sinh(np.linspace(-4.0, 4.0, 33))
+"""Angles near a pole, in multiples of its distance to the unit circle."""
 
 
 def shares(age: float, interval: float, sampling_time: float) -> list[float]:
-    """Return the samples that a tick takes, as shares of the way from the tick before, 0, to this one, 1.
+    """Return the samples of a tick as shares of the interval from the tick before, 0, to this one, 1.
 
-    Parameters
-    ----------
-    age : float
-        Seconds from the instant of the newest sample to the tick before.
-    interval : float
-        Seconds from that tick to this one.
+    `age` is the time in seconds from the newest sample to the tick before, `interval` that from tick to tick.
     """
     count = int((age + interval) / sampling_time + REACHED)
     instants = [sample * sampling_time - age for sample in range(1, count + 1)]
@@ -59,7 +71,7 @@ class Realisation:
 
 
 def realisation(model: SampledModel) -> Realisation:
-    """Return a state space of a model without its `delay`; a long impulse response gets as few states as it allows."""
+    """Return a state space of a model without its `delay`; a long impulse response gets few states if possible."""
     numerator, denominator = model.numerator / model.denominator[0], model.denominator / model.denominator[0]
     if len(denominator) == 1 and len(numerator) > _LONG and (few := _reduced(numerator)):
         return few
@@ -77,65 +89,17 @@ def _reduced(impulse: np.ndarray) -> Realisation | None:
     S. Y. Kung, A new identification and model reduction algorithm via singular value decomposition, Proc. 12th Asilomar
     Conference on Circuits, Systems and Computers (1978) 705–714.
     """
-    hankel = np.lib.stride_tricks.sliding_window_view(np.pad(impulse[1:], (0, _LONG)), _LONG)[:_ROWS]
+    hankel = np.lib.stride_tricks.sliding_window_view(np.pad(impulse[1:], (0, _LONG)), _LONG)[:_HANKEL_ROWS]
     left, sizes, right = np.linalg.svd(hankel, full_matrices=False)
     root = np.sqrt(sizes[sizes > _RANK * sizes[0]])
     observed = left[:, : len(root)] * root
     states = np.linalg.lstsq(observed[:-1], observed[1:])[0]
-    start, given = root * right[: len(root), 0], np.empty(len(impulse) - 1)
+    start, response = root * right[: len(root), 0], np.empty(len(impulse) - 1)
     state = start
-    for sample in range(len(given)):
-        given[sample], state = observed[0] @ state, states @ state
-    same = np.abs(given - impulse[1:]).sum() <= _WITHIN * np.abs(impulse).sum()
-    return Realisation(states, start, observed[0], float(impulse[0])) if same else None
-
-
-def taken_samples(model: Realisation, forces: int, samples: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return how a tick maps the state before it, and the positions of the samples that it takes, to the state after it.
-
-    The state is that of `PeriodicModel.transitions`; shapes (n, n) and (n, samples).
-
-    Parameters
-    ----------
-    forces : int
-        Number of newest ticks that have their forces in the state.
-    samples : int
-        Number of samples that the tick takes.
-    """
-    first = 2 + forces
-    kept, by_position = np.eye(first + len(model.a)), np.zeros((first + len(model.a), samples))
-    kept[3:first, 2:first] = np.eye(forces - 1, forces)
-    for sample in range(samples):
-        kept[2], by_position[2] = model.c @ kept[first:], model.c @ by_position[first:]
-        by_position[2, sample] += model.d
-        kept[first:], by_position[first:] = model.a @ kept[first:], model.a @ by_position[first:]
-        by_position[first:, sample] += model.b
-    return kept, by_position
-
-
-def acting_forces(interval: float, delay: float, before: Iterable[float]) -> list[tuple[int, float]]:
-    """Return the forces that act from a tick to the next one, in order: age in ticks and duration in seconds.
-
-    Parameters
-    ----------
-    delay : float
-        Seconds from a tick to its force.
-    before : iterable of float
-        Endless intervals before this one, the newest first.
-    """
-    found, end, begins = [], interval, delay
-    for age, earlier in enumerate(before):
-        begin = begins if begins > _NOTHING * interval else 0.0
-        if begin < end:
-            found.append((age, end - begin))
-            end = begin
-        if not end:
-            break
-        begins -= earlier
-    return found[::-1]
-
-
-_GAINS, _HALVINGS = np.geomspace(1e-4, 1e4, 241), 40
+    for sample in range(len(response)):
+        response[sample], state = observed[0] @ state, states @ state
+    is_equal = np.abs(response - impulse[1:]).sum() <= _MAX_ERROR * np.abs(impulse).sum()
+    return Realisation(states, start, observed[0], float(impulse[0])) if is_equal else None
 
 
 @dataclass(frozen=True)
@@ -148,11 +112,11 @@ class Transitions:
     free: np.ndarray
     """Shape (ticks, n, n): at gain 0."""
     driven: np.ndarray
-    """Shape (ticks, n, n): what a gain of 1 adds."""
+    """Shape (ticks, n, n): change by a gain of 1."""
     by_readings: np.ndarray
-    """Shape (ticks, n, 2): what an error of the position read at the one and at the other tick adds."""
+    """Shape (ticks, n, 2): change by an error of the position that is read at the first and at the second tick."""
     has_free_position: bool
-    """Whether nothing draws the stylus to a position, neither hand nor model: a pole at 1 is then not an instability."""
+    """True if neither hand nor model draws the stylus to a position: a pole at 1 is then not an instability."""
 
     def radius(self, gain: float = 1.0) -> float:
         """Return the largest magnitude of a pole over a period with the model's force times a gain: below 1 if it is stable."""
@@ -175,11 +139,7 @@ class PeriodicModel:
     delay: float = 0.0
     """Seconds from a tick to its force."""
     held: bool = False
-    """Whether samples between two ticks have the position of the first instead of one on a straight line."""
-
-    def late(self, seconds: float) -> Self:
-        """Return the model with its force later by this time."""
-        return replace(self, delay=self.delay + seconds)
+    """True if samples between two ticks have the position of the first instead of one on a straight line."""
 
     @property
     def name(self) -> str:
@@ -200,38 +160,50 @@ class PeriodicModel:
         """State space of the model."""
         return realisation(self.model)
 
-    @property
-    def static_stiffness(self) -> float:
-        """Static stiffness of the model in N/m."""
-        return self.model.static_stiffness
-
     @cached_property
-    def taken(self) -> list[np.ndarray]:
-        """`shares` of the samples that are taken at the end of each interval."""
-        found, age = [], self.age
+    def samples(self) -> list[np.ndarray]:
+        """`shares` of the samples at the end of each interval."""
+        samples, age = [], self.age
         for interval in self.intervals:
             line = np.array(shares(age, interval, self.model.sampling_time))
-            found.append(np.floor(line) if self.held else line)
-            age += interval - len(found[-1]) * self.model.sampling_time
-        return found
+            samples.append(np.floor(line) if self.held else line)
+            age += interval - len(line) * self.model.sampling_time
+        return samples
 
     @cached_property
     def acting(self) -> list[list[tuple[int, float]]]:
-        """`acting_forces` of each interval."""
-        found, before = [], deque(reversed(self.intervals))
+        """Forces that act during each interval, in order: age in ticks and duration in seconds."""
+        acting, before = [], deque(reversed(self.intervals))
         for interval in self.intervals:
-            found.append(acting_forces(interval, self.delay, cycle(before)))
+            parts, end, begins = [], interval, self.delay
+            for age, earlier in enumerate(cycle(before)):
+                begin = begins if begins > _ROUNDING * interval else 0.0
+                if begin < end:
+                    parts.append((age, end - begin))
+                    end = begin
+                if not end:
+                    break
+                begins -= earlier
+            acting.append(parts[::-1])
             before.rotate(1)
-        return found
+        return acting
 
     def transitions(self, device: DeviceSettings) -> Transitions:
         """Return the transition matrices of the loop with device and hand."""
-        forces = 1 + max(age for parts in self.acting for age, _ in parts)
+        model, forces = self.states, 1 + max(age for parts in self.acting for age, _ in parts)
+        first, size = 2 + forces, 2 + forces + len(self.states.a)
         free, driven, readings = [], [], []
-        for acting, line in zip(self.acting, self.taken, strict=True):
-            kept, by_position = taken_samples(self.states, forces, len(line))
+        for acting, line in zip(self.acting, self.samples, strict=True):
+            # A tick maps the state before it, and the positions of its samples, to the state after it.
+            kept, by_position = np.eye(size), np.zeros((size, len(line)))
+            kept[3:first, 2:first] = np.eye(forces - 1, forces)
+            for sample in range(len(line)):
+                kept[2], by_position[2] = model.c @ kept[first:], model.c @ by_position[first:]
+                by_position[2, sample] += model.d
+                kept[first:], by_position[first:] = model.a @ kept[first:], model.a @ by_position[first:]
+                by_position[first:, sample] += model.b
             # Move device and hand through the pieces of the interval, in each of which one force acts.
-            moved, pushed = np.eye(len(kept)), np.zeros_like(kept)
+            moved, pushed = np.eye(size), np.zeros((size, size))
             for age, seconds in acting:
                 transition, by_force = propagation(device, seconds)
                 moved[:2], pushed[:2] = transition @ moved[:2], transition @ pushed[:2]
@@ -242,11 +214,11 @@ class PeriodicModel:
             free[-1][:, 0] += by_readings[:, 0]
             driven.append(kept @ pushed + np.outer(by_readings[:, 1], pushed[0]))
             readings.append(by_readings)
-        has_free_position = not (device.hand_stiffness_N_m or self.static_stiffness)
+        has_free_position = not (device.hand_stiffness_N_m or self.model.static_stiffness)
         return Transitions(np.array(free), np.array(driven), np.array(readings), has_free_position)
 
     def largest_stable_gain(self, device: DeviceSettings) -> StableGain:
-        """Try factors 8 % apart, and halve the interval below the first unstable one."""
+        """Return the largest stable gain: try factors 8 % apart, and halve the interval below the first unstable one."""
         loop = self.transitions(device)
         unstable = next((index for index, gain in enumerate(_GAINS) if not loop.radius(gain) < 1.0), None)
         if unstable is None:
@@ -278,20 +250,20 @@ class PeriodicModel:
 
         Complex, shape (angles, ticks, ticks).
         """
-        ticks, newest = len(self.taken), np.cumsum([0, *map(len, self.taken)])
+        ticks, newest = len(self.samples), np.cumsum([0, *map(len, self.samples)])
         samples = newest[-1]
         positions = np.zeros((len(angles), samples, ticks), complex)
-        for tick, line in enumerate(self.taken):
-            taken = slice(newest[tick], newest[tick + 1])
-            positions[:, taken, tick] += 1.0 - line
+        for tick, line in enumerate(self.samples):
+            new = slice(newest[tick], newest[tick + 1])
+            positions[:, new, tick] += 1.0 - line
             # The tick after the last is the first, one period later.
             ahead = np.exp(1j * angles * (tick + 1 == ticks))
-            positions[:, taken, (tick + 1) % ticks] += line * ahead[:, None]
+            positions[:, new, (tick + 1) % ticks] += line * ahead[:, None]
         # All sines that turn by the angle over a period go through the model one by one.
         turned = np.exp(1j * np.multiply.outer(angles, np.arange(samples + 1) / samples))[:, :, None]
         sines = np.fft.fft(np.roll(positions / turned[:, 1:], 1, axis=1), axis=1)
-        given = self.model.response((angles[:, None] + 2.0 * np.pi * np.arange(samples)) / samples)
-        forces = np.fft.ifft(given[:, :, None] * sines, axis=1)
+        gains = self.model.response((angles[:, None] + 2.0 * np.pi * np.arange(samples)) / samples)
+        forces = np.fft.ifft(gains[:, :, None] * sines, axis=1)
         read = newest[:-1]
         return turned[:, read] * forces[:, read % samples]
 
@@ -304,67 +276,51 @@ def product(transitions: np.ndarray) -> np.ndarray:
     return transitions[0]
 
 
-def in_ticks(model: SampledModel | PeriodicModel) -> PeriodicModel:
-    """Return a model as a periodic one: with a tick at each sample all ticks are alike."""
+def to_periodic(model: SampledModel | PeriodicModel) -> PeriodicModel:
+    """Return a model as a periodic one, with a tick at each sample."""
     if isinstance(model, PeriodicModel):
         return model
     return PeriodicModel(replace(model, delay=0.0), (model.sampling_time,), delay=model.delay)
 
 
-LONGEST_GAP_S = 0.25
-"""``longest_gap`` of ``tissue_force.h``."""
-MOST_TICKS, PLACES = 256, 8
-"""Ticks after which they must be at the same place among the samples again. Other rates are judged at the nearest one with this
-property, with the first tick at each of these places, because a clock that drifts comes to all of them."""
-_ROUNDING = 1e-9
-
-
-def on_servo(
+def servo_loops(
     model: SampledModel, device: DeviceSettings, *, held: bool = False
 ) -> tuple[SampledModel | PeriodicModel, ...]:
-    """Return a model that samples by its own clock as the servo of a device meets it, with the forces' delay.
+    """Return a model that samples by its own clock at the ticks of a device's servo, with the forces' delay.
 
-    Parameters
-    ----------
-    held : bool
-        Whether a sample has the position of the tick before, as with a client of FMI 2.0.
-
-    Returns
-    -------
-    tuple of SampledModel or PeriodicModel
-        One model from sample to sample if the servo is faster by a whole factor; from tick to tick if it is slower by one;
-        with ticks that repeat after several if neither rate is a multiple of the other; several of these if they do not
-        repeat within `MOST_TICKS`.
+    With `held` a sample has the position of the tick before, as with a client of FMI 2.0. The result is one model from sample
+    to sample if the servo is faster by a whole factor, from tick to tick if it is slower by one, and with ticks that repeat
+    after several if neither rate is a multiple of the other; several of these if they do not repeat within `_MAX_TICKS`.
 
     Raises
     ------
     InputError
-        If the loader does not take the gap between two ticks.
+        If the loader rejects the gap between two ticks.
     """
     if 1.0 / device.rate_Hz > LONGEST_GAP_S:
         raise InputError(
-            f"runtime.device: at {device.rate_Hz:g} Hz ticks are {1.0 / device.rate_Hz:.3g} s apart; the loaders treat more than "
-            f"{LONGEST_GAP_S:g} s as a fault: use a faster servo"
+            f"runtime.device: at {device.rate_Hz:g} Hz ticks are {1.0 / device.rate_Hz:.3g} s apart; the loaders reject more "
+            f"than {LONGEST_GAP_S:g} s: use a faster servo"
         )
     seconds, wanted = 1e-3 * device.delay_ms, 1.0 / (device.rate_Hz * model.sampling_time)
-    ratio = Fraction(wanted).limit_denominator(MOST_TICKS)
+    ratio = Fraction(wanted).limit_denominator(_MAX_TICKS)
     intervals = (float(ratio) * model.sampling_time,) * ratio.denominator
     if abs(ratio - wanted) > _ROUNDING * wanted:
         # The last place is just before the next instant.
-        places = np.linspace(0.0, 1.0 - 2.0 * REACHED, PLACES) * model.sampling_time / ratio.denominator
+        places = np.linspace(0.0, 1.0 - 2.0 * REACHED, _PLACES) * model.sampling_time / ratio.denominator
         return tuple(PeriodicModel(model, intervals, float(place), seconds, held) for place in places)
     if ratio.numerator == 1:
         return (model.late(seconds),)
     if ratio.denominator == 1:
-        return (from_tick_to_tick(model, ratio.numerator, held).late(seconds),)
+        return (decimate_to_ticks(model, ratio.numerator, held).late(seconds),)
     return (PeriodicModel(model, intervals, delay=seconds, held=held),)
 
 
-def from_tick_to_tick(model: SampledModel, samples: int, held: bool) -> SampledModel:
-    """Return a model from tick to tick, if each tick comes a whole number of samples after the one before.
+def decimate_to_ticks(model: SampledModel, samples: int, held: bool) -> SampledModel:
+    """Return a model from tick to tick, with ticks a whole number of samples apart.
 
-    A filter interpolates the positions between the ticks; of the forces those at the ticks remain (P. P. Vaidyanathan, Multirate
-    Systems and Filter Banks (1993), section 4.2).
+    A filter interpolates the positions between the ticks, and only the forces at the ticks remain (P. P. Vaidyanathan,
+    Multirate Systems and Filter Banks (1993), section 4.2).
     """
     late, first = (np.ones(samples), 0) if held else (np.bartlett(2 * samples + 1)[1:-1], samples - 1)
     poles = np.roots(model.denominator) ** samples
@@ -381,3 +337,45 @@ def from_tick_to_tick(model: SampledModel, samples: int, held: bool) -> SampledM
         samples * model.sampling_time,
         model.delay,
     )
+
+
+def damping_at(model: SampledModel | PeriodicModel, angles: np.ndarray) -> np.ndarray:
+    """Return the damping in N·s/m that the condition requires at every angle θ in (0, π] over a period; shape (angles,)."""
+    moves, seconds = force_by_moves(model, angles)
+    weighted = np.sqrt(np.outer(seconds, seconds)) * (moves + moves.conj().swapaxes(1, 2))
+    return -np.linalg.eigvalsh(weighted)[:, 0] / 2.0
+
+
+def force_by_moves(model: SampledModel | PeriodicModel, angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return F at every angle, (angles, pieces, pieces), and the duration in s of the pieces of a period, with one force each."""
+    model = to_periodic(model)
+    ticks = len(model.intervals)
+    pieces = [(tick, age, seconds) for tick, parts in enumerate(model.acting) for age, seconds in parts]
+    tick, age, seconds = (np.array(values) for values in zip(*pieces, strict=True))
+    ahead = np.exp(1j * angles)[:, None, None]
+    periods, shown = np.divmod(tick - age, ticks)
+    forces = model.response(angles)[:, shown] * ahead ** periods[:, None]
+    # The position of a tick is the sum of all moves before it.
+    return forces @ ((tick < np.arange(ticks)[:, None]) + 1.0 / (ahead - 1.0)), seconds
+
+
+def required_damping(model: SampledModel | PeriodicModel, points: int = 2000) -> float:
+    """Return the smallest damping in N·s/m with which the device is passive with a stable model in any passive hand.
+
+    0 if the model needs none; infinite with a negative static stiffness, which releases energy in the slowest motion, when a
+    damping receives nothing. The condition is evaluated at a number of angles, `points`, then near the worst.
+    """
+    ticking = to_periodic(model)
+    if ticking.model.static_stiffness < 0:
+        return float("inf")
+    intervals = ticking.intervals
+    # An angle over a period of several ticks covers one frequency per tick.
+    angles = all_angles(max(points // len(intervals), _MIN_ANGLES))
+    # Add angles near the poles, as dense as each resonance is narrow; `unique` keeps one of a conjugate pair.
+    poles = ticking.model.poles ** sum(map(len, ticking.samples))
+    near = np.unique(np.abs(np.angle(poles))[:, None] + (1.0 - np.abs(poles))[:, None] * _NEAR_POLE)
+    angles = np.sort(np.concatenate([angles, near[(near > 0.0) & (near < np.pi)]]))
+    worst = int(damping_at(model, angles).argmax())
+    refined = max(_REFINED_ANGLES // len(intervals), _MIN_ANGLES)
+    angles = np.linspace(angles[max(worst - 1, 0)], angles[min(worst + 1, len(angles) - 1)], refined)
+    return max(0.0, float(damping_at(model, angles).max()))

@@ -1,4 +1,4 @@
-"""What a device can render: the lowest rates at which models are passive and stable, and the Z-width.
+"""Limits of a device: the lowest rates at which models are passive and stable, and the Z-width.
 
 J. E. Colgate and J. M. Brown, Factors affecting the Z-width of a haptic display, Proc. IEEE International Conference on
 Robotics and Automation (1994) 3205–3210.
@@ -6,47 +6,41 @@ Robotics and Automation (1994) 3205–3210.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 
 from lumbar.base.errors import InputError, NumericalError
 from lumbar.settings.runtime import RuntimeSettings
 from lumbar.tissue.haptics.closed_loop import SampledModel, largest_stable_gain
-from lumbar.tissue.haptics.passivity import required_damping
 from lumbar.tissue.haptics.rendered_model import export_at, render_model
-from lumbar.tissue.haptics.ticks import PeriodicModel
+from lumbar.tissue.haptics.ticks import PeriodicModel, required_damping
 from lumbar.tissue.models.fitted_model import FittedModel
 
 FASTEST_HZ = 20_000.0
-_SCANNED, _HALVINGS, _CHECKED, _POINTS = 8, 8, 60, 400
-"""Rates of the first scan, halvings between two of them, rates above that are checked at last; angles of the damping needed."""
+_SCAN_RATES, _HALVINGS, _CHECK_RATES, _ANGLES = 8, 8, 60, 400
+"""Rates of the first scan, halvings between two of them, rates of the last check; angles of the damping needed."""
+_MAX_PLOTTED_HZ, _PLOTTED_RATES, _PLOTTED_DAMPINGS = 10_000.0, 9, 9
 
 
 def lowest_rates(model: FittedModel, settings: RuntimeSettings) -> tuple[float | None, float | None]:
     """Return the lowest rates in Hz for a passive and a stable loop of a transfer function, on a servo as fast as the model.
 
-    Returns
-    -------
-    tuple of (float or None)
-        To about a percent, from the rate of identification up to `FASTEST_HZ`; for a model that runs only at multiples of the
-        former one of some of them. None if the model is not safe up to there. With a limit on the force's rate none is passive.
+    They are searched to about a percent between the rate of identification and `FASTEST_HZ`, for some models among multiples
+    of the former; None if the model is not safe there. With a limit on the force's rate no rate is passive.
     """
     device, slowest = settings.device, 1.0 / model.sampling_time
-
-    @cache
-    def loop_at(rate: float) -> SampledModel | PeriodicModel | None:
-        return _loop_at(model, rate, settings)
+    loop_at = cache(partial(_loop_at, model, settings))
 
     def passive(rate: float) -> bool:
         loop = None if settings.output_rate_limit else loop_at(rate)
-        return loop is not None and required_damping(loop, _POINTS) <= device.damping_N_s_m
+        return loop is not None and required_damping(loop, _ANGLES) <= device.damping_N_s_m
 
     def stable(rate: float) -> bool:
         loop = loop_at(rate)
         return loop is not None and largest_stable_gain(loop, device).gain > 1.0
 
-    rates = [float(rate) for rate in np.geomspace(slowest, max(FASTEST_HZ, slowest), _SCANNED)]
+    rates = [float(rate) for rate in np.geomspace(slowest, max(FASTEST_HZ, slowest), _SCAN_RATES)]
     between = loop_at(rates[1]) is not None
     if not between:  # it runs only at multiples of its own rate
         rates = [slowest * count for count in dict.fromkeys(round(rate / slowest) for rate in rates)]
@@ -54,19 +48,18 @@ def lowest_rates(model: FittedModel, settings: RuntimeSettings) -> tuple[float |
 
 
 def _loop_at(
-    model: FittedModel, rate: float, settings: RuntimeSettings
+    model: FittedModel, settings: RuntimeSettings, rate: float
 ) -> SampledModel | PeriodicModel | None:
     """Return the model on a servo at a rate; None if it has no counterpart there."""
+    device = settings.device.model_copy(update={"rate_Hz": rate})
     try:
-        return render_model(
-            export_at(model, settings, rate), settings.device.model_copy(update={"rate_Hz": rate})
-        ).loops[0]
+        return render_model(export_at(model, settings, rate), device).loops[0]
     except (InputError, NumericalError):
         return None
 
 
 def _lowest(rates: list[float], safe: Callable[[float], bool], between: bool) -> float | None:
-    """Go down from the fastest of these rates to the first that is not safe, and halve the interval if there are rates in it.
+    """Return the lowest of these rates above all unsafe ones, refined by halving if there are rates in between.
 
     Many rates above the result are checked; if one is not safe, the search is repeated among them.
     """
@@ -81,12 +74,8 @@ def _lowest(rates: list[float], safe: Callable[[float], bool], between: bool) ->
         for _ in range(_HALVINGS):
             middle = float(np.sqrt(unsafe * safe_from))
             unsafe, safe_from = (unsafe, middle) if safe(middle) else (middle, safe_from)
-    above = [float(rate) for rate in np.geomspace(safe_from, rates[-1], _CHECKED)]
+    above = [float(rate) for rate in np.geomspace(safe_from, rates[-1], _CHECK_RATES)]
     return safe_from if all(map(safe, above)) else _lowest(above, safe, between)
-
-
-_FASTEST_PLOTTED_HZ = 10_000.0
-_RATES, _DAMPINGS = 9, 9
 
 
 @dataclass(frozen=True)
@@ -96,8 +85,7 @@ class ZWidth:
     rates: np.ndarray
     """Shape (rates,): Hz."""
     needed: dict[str, np.ndarray]
-    """By name of a model, shape (rates,): damping in N·s/m that makes a device passive with it; NaN if it has no counterpart
-    at a rate."""
+    """Damping in N·s/m for a passive device, shape (rates,), by model; NaN if it has no counterpart at a rate."""
     damping: np.ndarray
     """Shape (dampings,): damping of the device in N·s/m."""
     stiffness: dict[float, tuple[np.ndarray, np.ndarray]]
@@ -108,14 +96,14 @@ class ZWidth:
 def z_width(models: Sequence[FittedModel], settings: RuntimeSettings) -> ZWidth:
     """Return the damping that transfer functions need by rate, and the stiffnesses the device can render by its damping."""
     slowest = 1.0 / models[0].sampling_time
-    rates = np.geomspace(slowest, max(_FASTEST_PLOTTED_HZ, slowest), _RATES)
-    loops = {model.name: [_loop_at(model, rate, settings) for rate in rates] for model in models}
+    rates = np.geomspace(slowest, max(_MAX_PLOTTED_HZ, slowest), _PLOTTED_RATES)
+    loops = {model.name: [_loop_at(model, settings, rate) for rate in rates] for model in models}
     needed = {
-        name: np.array([required_damping(loop, _POINTS) if loop else np.nan for loop in found])
-        for name, found in loops.items()
+        name: np.array([required_damping(loop, _ANGLES) if loop else np.nan for loop in at_rates])
+        for name, at_rates in loops.items()
     }
     device = settings.device
-    damping = np.geomspace(device.damping_N_s_m / 10.0, device.damping_N_s_m * 10.0, _DAMPINGS)
+    damping = np.geomspace(device.damping_N_s_m / 10.0, device.damping_N_s_m * 10.0, _PLOTTED_DAMPINGS)
     devices = [device.model_copy(update={"damping_N_s_m": float(value)}) for value in damping]
     # A spring behind the mean over the same number of samples.
     samples = export_at(models[0], settings, slowest).moving_average
@@ -123,6 +111,6 @@ def z_width(models: Sequence[FittedModel], settings: RuntimeSettings) -> ZWidth:
     for rate in dict.fromkeys([slowest, max(slowest, device.rate_Hz)]):
         spring = SampledModel("spring", average, np.ones(1), 1.0 / rate).late(1e-3 * device.delay_ms)
         # The damping needed is proportional to the stiffness.
-        passive = damping / required_damping(spring, _POINTS)
+        passive = damping / required_damping(spring, _ANGLES)
         stiffness[rate] = passive, np.array([largest_stable_gain(spring, item).gain for item in devices])
     return ZWidth(rates, needed, damping, stiffness)

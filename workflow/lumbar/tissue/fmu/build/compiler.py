@@ -8,7 +8,7 @@ import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from importlib.metadata import PackageNotFoundError, version
+from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
 from platform import machine, system
@@ -21,7 +21,7 @@ class Target:
     """A platform."""
 
     triple: str
-    """Zig's name of it, with the oldest C library supported."""
+    """Zig's name of the platform, with the oldest C library supported."""
     suffix: str
     """Ending of a shared library."""
     fmi2: str
@@ -41,9 +41,9 @@ TARGETS = {
 }
 """Platforms that FMUs can be built for."""
 _ERROR_LINES = 30
-"""Last lines of the compiler's output in an error: they name the cause."""
+"""Number of last lines of the compiler's output in an error: they name the cause."""
 HOST = "host"
-"""The platform of this machine."""
+"""Name of this machine's platform in the settings."""
 FLAGS = (
     *("-std=c99", "-O2", "-Wall", "-Wextra", "-Werror"),
     # The same rounding on every platform.
@@ -68,7 +68,7 @@ def host_target() -> str:
     Raises
     ------
     InputError
-        This machine has no target.
+        If this machine has no target.
     """
     processor = {"amd64": "x86_64", "arm64": "aarch64"}.get(machine().lower(), machine().lower())
     name = f"{processor}-{system().lower()}"
@@ -86,7 +86,7 @@ def resolve_targets(names: Sequence[str]) -> list[str]:
     Raises
     ------
     InputError
-        A target is not known, or no target is given.
+        If a target is unknown, or no target is given.
     """
     unknown = [name for name in names if name not in (*TARGETS, HOST)]
     if unknown or not names:
@@ -106,12 +106,9 @@ def warm_cache(targets: Sequence[str], cache: Path) -> None:
     Raises
     ------
     InputError
-        As `compile_library`.
+        Like `compile_library`.
     """
-    try:
-        compiler = version("ziglang")
-    except PackageNotFoundError:
-        compiler = ""
+    compiler = version("ziglang") if find_spec("ziglang") else ""
     # Compiler and flags decide whether the libraries must be built again.
     toolchain = hashlib.sha256("\0".join([compiler, *FLAGS]).encode()).hexdigest()[:12]
     with tempfile.TemporaryDirectory(prefix="lumbar-warm-") as name:
@@ -140,7 +137,7 @@ def compile_library(sources: list[Path], library: Path, target: str, cache: Path
     Raises
     ------
     InputError
-        The compiler is not installed, its cache cannot be written, or it refuses the sources.
+        If the compiler is not installed, its cache cannot be written, or it rejects the sources.
     """
     package = find_spec("ziglang")
     if package is None or package.origin is None:
@@ -154,11 +151,10 @@ def compile_library(sources: list[Path], library: Path, target: str, cache: Path
         raise InputError(
             f"runtime.compiler_cache: {cache} cannot be made ({error.strerror}); name another"
         ) from error
-    platform = TARGETS[target]
-    command = [str(Path(package.origin).with_name("zig")), "cc", "-target", platform.triple, *FLAGS]
+    platform, zig = TARGETS[target], str(Path(package.origin).with_name("zig"))
     # Names relative to the sources' folder: no path of this machine can enter the library.
-    command += ["-shared", "-fPIC", *(source.name for source in sources), *platform.libraries]
-    command += ["-o", library.name]
+    files = [*(source.name for source in sources), *platform.libraries, "-o", library.name]
+    command = [zig, "cc", "-target", platform.triple, *FLAGS, "-shared", "-fPIC", *files]
     environment = {**os.environ, "ZIG_GLOBAL_CACHE_DIR": str(cache), "ZIG_LOCAL_CACHE_DIR": str(cache)}
     done = subprocess.run(
         command, cwd=library.parent, env=environment, capture_output=True, text=True, check=False
@@ -172,10 +168,10 @@ def compile_library(sources: list[Path], library: Path, target: str, cache: Path
 
 
 @lru_cache(maxsize=64)
-def library_of(
+def compile_sources(
     sources: tuple[tuple[str, bytes], ...], listed: tuple[str, ...], name: str, target: str, cache: Path
 ) -> bytes:
-    """Return the library of these sources; a process that judges a model before it exports it builds it only once.
+    """Return the library of C sources, compiled only once in a process that judges a model before it exports it.
 
     Parameters
     ----------
@@ -183,11 +179,13 @@ def library_of(
         Name and contents of each C file and header.
     listed : tuple of str
         Names of the C files to compile, in their order.
+    name, target, cache
+        File name of the library, one of `TARGETS`, and the folder of the compiler's cache.
 
     Raises
     ------
     InputError
-        No room for the sources, or as `compile_library`.
+        If the sources cannot be written, or like `compile_library`.
     """
     with tempfile.TemporaryDirectory(prefix="lumbar-fmu-") as folder:
         try:

@@ -8,7 +8,7 @@ from lumbar.tissue.fmu.build.effect_model import PlacedForm
 from lumbar.tissue.fmu.build.export_model import ExportModel
 from lumbar.tissue.fmu.build.linear_model import LinearModel
 from lumbar.tissue.fmu.build.sources import AUTHOR, model_version
-from lumbar.tissue.fmu.conventions import PUSH, slow_push
+from lumbar.tissue.fmu.conventions import PUSH_S, slow_push
 from lumbar.tissue.models.form import Place
 
 
@@ -47,17 +47,18 @@ def feedthrough_text(model: ExportModel, version: str) -> str:
     """Return when the input of a sample acts in the output, with a client of this version of FMI."""
     if not model.feedthrough:
         return "The model has no feed-through (D = 0): the output of a sample does not depend on its input."
-    if model.waits_for_input and version == "2.0":
+    is_late, waits = version == "2.0", model.dynamics.waits_for_input or model.guards.active
+    if waits and is_late:
         return (
             "Feed-through: the force of a sample needs its position, which an FMI 2.0 client sets after it has read the force "
             "there; it reads the force of the sample before. The FMI 3.0 FMU with event mode gives the force of the same sample."
         )
-    if model.waits_for_input:
+    if waits:
         return (
             "Feed-through: with event mode the position set at a sample instant acts in the force of the same instant. Without "
             "event mode a client reads the force of the sample before."
         )
-    if version == "2.0":
+    if is_late:
         return (
             "Feed-through: an FMI 2.0 client sets the input of a communication point after it has read the output there, so that "
             "it reads C x[k] + D u[k-1], the feed-through one sample late. The FMI 3.0 FMU with event mode gives "
@@ -70,7 +71,7 @@ def feedthrough_text(model: ExportModel, version: str) -> str:
 
 
 def guard_texts(model: ExportModel) -> list[str]:
-    """Return what is done to the force before the device receives it, a sentence or two for each guard."""
+    """Return a sentence or two for each guard of the force."""
     x, y, guards, texts = model.input, model.output, model.guards, []
     resisting = "positive" if model.resistance > 0 else "negative"
     if model.axes:
@@ -100,7 +101,7 @@ def guard_texts(model: ExportModel) -> list[str]:
 
 
 def gain_text(model: ExportModel) -> str:
-    """Return what a change of the gain does, with the energy that a switched-on model gives out."""
+    """Return the effect of a change of the gain, with the energy that a switched-on model releases."""
     x, y = model.input, model.output
     if model.guards.passive:
         return (
@@ -115,25 +116,25 @@ def gain_text(model: ExportModel) -> str:
     example = ""
     deepest = model.valid_for.highest - x.offset if model.valid_for else 0.0
     if model.units.has_energy and not model.axes and deepest > 0:
-        way = deepest * slow_push(model.sampling_time)
-        forces = model.dynamics.response(np.concatenate([way, way[::-1]]))[len(way) :]
+        path = deepest * slow_push(model.sampling_time)
+        forces = model.dynamics.response(np.concatenate([path, path[::-1]]))[len(path) :]
         forces = np.clip(forces, -model.output_limit, model.output_limit)
-        steps = np.diff(way[::-1]) * model.units.position
+        steps = np.diff(path[::-1]) * model.units.position
         energy = -model.resistance * model.units.force * float(forces[:-1] @ steps)
         if energy > 0:
             example = (
-                f": from 0 to 1 at {model.valid_for.highest:.3g} {x.unit}, the deepest of its data, after a push of {PUSH:g} s, "
-                f"{forces[0]:.2g} {y.unit} and, on the way out in the same time, {1000 * energy:.2g} mJ"
+                f": from 0 to 1 at {model.valid_for.highest:.3g} {x.unit}, the deepest of its data, after a push of {PUSH_S:g} "
+                f"s, {forces[0]:.2g} {y.unit} and, on the way out in the same time, {1000 * energy:.2g} mJ"
             )
     return (
-        f"Gain, off (0) and on: on a change {change} A rise while the tool is in the tissue can give out energy that nobody put "
-        f"in{example}. Nothing here bounds that, and a slow rise can give as much; exported with runtime.device_damping, the "
-        "file has an account of energy that does."
+        f"Gain, off (0) and on: on a change {change} A rise while the tool is in the tissue can release energy that was not put "
+        f"in{example}. Nothing here bounds that, and a slow rise can release as much; an FMU exported with "
+        "runtime.device_damping bounds it."
     )
 
 
 def documentation_html(model: ExportModel, version: str, source_label: str) -> str:
-    """Return the text as a page without script and without outside resources."""
+    """Return documentation/index.html, without scripts and external resources."""
     pole = f"largest |pole| {model.dynamics.largest_pole:.6g}"
     return template("tissue/fmu/build/documentation.html.jinja").render(
         name=model.name,

@@ -1,4 +1,4 @@
-"""A base model with effects as an FMU runs it: its C functions, its response sample by sample, obstacles to its export."""
+"""A base model with effects as an FMU runs it: its C functions, its response sample by sample, and checks of its export."""
 
 import math
 import re
@@ -18,35 +18,21 @@ from lumbar.tissue.models.motion import SampledMotion, SpatialMotion
 from lumbar.tissue.models.parameter import AXES
 from lumbar.tissue.models.structure import ForwardStructure, Structure
 
-_MOTION = {
-    "first": "bool",
-    "time": "double",
-    "position": "double",
-    "step": "double",
-    "velocity": "double",
-    "acceleration": "double",
-    "path": "double",
-}
-"""Members of ``motion`` in ``effect_forms.h`` and their types."""
 _ALONG = ("position", "step", "velocity", "acceleration")
-"""Members with a component along every axis in space, called ``position_x`` …."""
-_GIVEN = {
+"""Members of ``motion`` in ``effect_forms.h`` with a component along every axis in space, called ``position_x`` …."""
+_MOTION = {"first": "bool", "time": "double", **dict.fromkeys((*_ALONG, "path"), "double")}
+"""All members of ``motion`` and their types."""
+_RESERVED = {
     *_MOTION,
     *(f"{name}_{axis}" for name in _ALONG for axis in AXES),
-    "force",
-    "memory",
-    "next",
-    "now",
-    "increments",
-    "matrix",
-    "ring",
+    *("force", "memory", "next", "now", "increments", "matrix", "ring"),
 }
 _KEYWORD = re.compile(
     "auto|bool|break|case|char|const|continue|default|do|double|else|enum|extern|false|float|for|goto|if|inline|int|"
     "long|register|restrict|return|short|signed|sizeof|static|struct|switch|true|typedef|union|unsigned|void|volatile|"
     r"while|(?:shared|begun)_\d+"
 )
-"""Words of C, and what generated code calls its own."""
+"""Keywords of C, and names in generated code."""
 _INEXACT = re.compile(
     r"\b((?:a?(?:sin|cos|tan)h?|atan2|cbrt|erfc?|exp2?|expm1|fma|hypot|lgamma|log(?:10|1p|2)?|pow|tgamma)f?)\s*\("
 )
@@ -58,18 +44,16 @@ _COMMENT = re.compile(r"//[^\n]*|/\*.*?\*/", re.DOTALL)
 
 @cache
 def _functions() -> dict[str, str]:
-    """Functions that a form may call, as declared, by name."""
+    """Return the declarations of the functions that a form may call, by name."""
     text = "".join(map(c_source, ("portable_math.h", "effect_forms.h")))
-    declared = re.findall(
-        r"^(?:static inline |INLINED )?(?:double|void) (\w+)(\([^)]*\))", text, re.MULTILINE
-    )
-    return {name: name + arguments for name, arguments in declared}
+    pattern = r"^(?:static inline |INLINED )?(?:double|void) (\w+)(\([^)]*\))"
+    return {name: name + arguments for name, arguments in re.findall(pattern, text, re.MULTILINE)}
 
 
-def step_problems(form: Form) -> list[tuple[str, str]]:
-    """Return what keeps a form from becoming a C function: the fault and what is needed."""
+def _step_problems(form: Form) -> list[tuple[str, str]]:
+    """Return the faults of a form that prevent a C function, each with the requirement."""
     if form.c_step is None and form.channels:
-        needed = "export the model with a form that needs position and force alone"
+        needed = "export the model with a form that needs position and force only"
         return [(f"needs {', '.join(form.channels)}, which an FMU does not have", needed)]
     if form.c_step is None:
         needed = (
@@ -77,18 +61,22 @@ def step_problems(form: Form) -> list[tuple[str, str]]:
             "the model without this effect"
         )
         return [("has no C code", needed)]
-    problems = []
     names = [item.name for item in (*form.linear, *form.nonlinear)]
-    taken, needed = _GIVEN | _functions().keys(), "letters, digits and _, and no word of C or CStep"
-    for name in names:
-        if not _IDENTIFIER.fullmatch(name) or _KEYWORD.fullmatch(name) or name in taken:
-            problems.append((f"parameter {name!r} cannot be a name in C code", needed))
+    reserved, needed = (
+        _RESERVED | _functions().keys(),
+        "letters, digits and _, and no keyword of C or name of CStep",
+    )
+    problems = [
+        (f"parameter {name!r} cannot be a name in C code", needed)
+        for name in names
+        if not _IDENTIFIER.fullmatch(name) or _KEYWORD.fullmatch(name) or name in reserved
+    ]
     if len(set(names)) < len(names):
         problems.append((f"parameters {', '.join(names)}", "each needs a different name"))
     if inexact := sorted(set(_INEXACT.findall(_code(form.c_step)))):
         portable = ", ".join(text for name, text in _functions().items() if name.startswith("portable_"))
         fault = f"its C code calls {', '.join(inexact)}"
-        problems.append((fault, f"the same on every platform are {portable}"))
+        problems.append((fault, f"use functions that are the same on every platform: {portable}"))
     return problems
 
 
@@ -98,21 +86,12 @@ def _code(step: CStep) -> str:
     return _COMMENT.sub(" ", "\n".join((step.statements, *values)))
 
 
-def c_function(
-    name: str, form: Form, numbers: dict[str, float], ring: int | None = None, axes: Sequence[str] = ()
+def _c_function(
+    name: str, form: Form, numbers: dict[str, float], ring: int | None, axes: Sequence[str]
 ) -> str:
     """Return the C function of a form; in space it adds to the forces, or transforms them along every axis.
 
-    Parameters
-    ----------
-    form : Form
-        With a C step that has no problems.
-    numbers : dict of str to float
-        See `CStep.numbers`.
-    ring : int, optional
-        Number of the ring that holds the earlier positions, for forms with a history; in space for the first axis.
-    axes : sequence of str
-        Names of the axes in space.
+    `ring` is the number of the ring with the earlier positions of a form with a history, in space that of the first axis.
     """
     value, motion = form.c_step.value, {key: (kind, key) for key, kind in _MOTION.items()}
     # Nothing in the text may end the comment.
@@ -133,7 +112,7 @@ def c_function(
             *(f"force[{row}] {sets} {each};" for row, each in enumerate(value) if each != f"force[{row}]"),
         ]
         return f"{comment}\n{_function(f'void {name}', 'double force[]', body)}"
-    # A form with one value acts along every axis, or along that of its channel, with a memory for each.
+    # A form with one value acts along every axis, or along the axis of its channel, with a memory for each.
     size, parts, calls = form.c_step.memory_size(numbers), [], []
     for row, axis in enumerate(axes):
         if form.channel not in ("", axis):
@@ -148,7 +127,7 @@ def c_function(
 def _lines(
     form: Form, numbers: dict[str, float], motion: Mapping[str, tuple[str, str]], ring: int | None = None
 ) -> list[str]:
-    """Return declarations of all that a form's code uses, and its statements."""
+    """Return the declarations of the names that a form's code uses, and its statements."""
     used = set(_WORD.findall(_code(form.c_step)))
     lines = [
         f"const double {key} = {float(value).hex()}; /* {value:.6g} */"
@@ -177,23 +156,17 @@ class PlacedForm:
     linear: tuple[float, ...]
     nonlinear: tuple[float, ...]
     numbers: dict[str, float]
-    """Numbers that its C code knows by name."""
+    """Parameters and constants by their names in the C code."""
     memory: int
     """Index in the state at which its memory begins."""
+    memory_end: int
+    """Index in the state behind its memory."""
     motion: int
     """Index in the state at which the motion that reaches it begins."""
-    channels: int = 1
+    channels: int
     """Number of its memories: a form that transforms position or force acts along every axis of space separately."""
-
-    @property
-    def memory_end(self) -> int:
-        """Index in the state behind its memory."""
-        return self.memory + self.channels * self.form.c_step.memory_size(self.numbers)
-
-    @property
-    def history(self) -> int:
-        """Number of earlier positions that it needs."""
-        return self.form.c_step.history_size(self.numbers)
+    history: int
+    """Number of earlier positions that it needs."""
 
 
 @dataclass(frozen=True)
@@ -215,7 +188,7 @@ class EffectModel:
     rests_anywhere = True
     delay = 0
     phases = 1
-    max_kept = 512
+    max_memory = 512
 
     @property
     def axes(self) -> tuple[str, ...]:
@@ -224,25 +197,34 @@ class EffectModel:
 
     @property
     def motion_size(self) -> int:
-        """Numbers in the state for position, velocity and path, of the tool and behind every input form."""
+        """Size in the state of position, velocity and path, of the tool and behind every input form."""
         return 2 * (len(self.axes) or 1) + 1
 
     @cached_property
     def terms(self) -> tuple[PlacedForm, ...]:
         """Input forms, base and parallel forms, output forms: the order of evaluation. The base is a term too."""
-        given = [(self.base.form, *self.base_numbers), *self.forms]
-        ordered = [item for place in Place for item in given if item[0].place is place]
-        # One number counts the samples taken.
-        size = self.motion_size
-        memory = 1 + size * (1 + sum(form.place is Place.INPUT for form, _, _ in given))
+        forms = [(self.base.form, *self.base_numbers), *self.forms]
+        # The first number of the state counts the samples.
+        end = 1 + self.motion_size * (1 + sum(form.place is Place.INPUT for form, _, _ in forms))
         motion, terms = 1, []
-        for form, linear, nonlinear in ordered:
-            numbers = form_numbers(form, linear, nonlinear, self.sampling_time)
-            reached = 1 if form.place is Place.OUTPUT else motion
+        for form, linear, nonlinear in sorted(forms, key=lambda item: list(Place).index(item[0].place)):
+            numbers = _form_numbers(form, linear, nonlinear, self.sampling_time)
             channels = len(self.axes) if self.axes and isinstance(form.c_step.value, str) else 1
-            terms.append(PlacedForm(form, linear, nonlinear, numbers, memory, reached, channels))
-            memory = terms[-1].memory_end
-            motion += size if form.place is Place.INPUT else 0
+            begin, end = end, end + channels * form.c_step.memory_size(numbers)
+            terms.append(
+                PlacedForm(
+                    form,
+                    linear,
+                    nonlinear,
+                    numbers,
+                    memory=begin,
+                    memory_end=end,
+                    motion=1 if form.place is Place.OUTPUT else motion,
+                    channels=channels,
+                    history=form.c_step.history_size(numbers),
+                )
+            )
+            motion += self.motion_size if form.place is Place.INPUT else 0
         return tuple(terms)
 
     @property
@@ -252,36 +234,35 @@ class EffectModel:
 
     @property
     def states(self) -> int:
-        """Numbers that the model keeps from sample to sample, without earlier positions."""
+        """Size of the state, without earlier positions."""
         return self.terms[-1].memory_end
 
     @property
     def histories(self) -> tuple[int, ...]:
-        """Numbers of earlier positions of each form that needs some, in the order of `terms`."""
+        """Number of earlier positions of each form that needs some, in the order of `terms`."""
         return tuple(term.history for term in self.terms if term.history for _ in range(term.channels))
-
-    @property
-    def kept(self) -> int:
-        """Numbers that the model keeps from sample to sample."""
-        return self.states + sum(self.histories)
 
     @property
     def largest_pole(self) -> float:
         """Largest pole of a relaxation; 0 without one."""
         return max((abs(term.numbers["pole"]) for term in self.terms if "pole" in term.numbers), default=0.0)
 
-    def _parameters(self) -> tuple[np.ndarray, np.ndarray]:
+    @property
+    def parameters(self) -> tuple[np.ndarray, np.ndarray]:
         """Linear and nonlinear parameters in the order of `structure`."""
-        given = [self.base_numbers, *((linear, nonlinear) for _, linear, nonlinear in self.forms)]
-        return tuple(np.array([value for item in given for value in item[kind]]) for kind in (0, 1))
+        parts = [self.base_numbers, *((linear, nonlinear) for _, linear, nonlinear in self.forms)]
+        return tuple(np.array([value for part in parts for value in part[kind]]) for kind in (0, 1))
 
-    def response(self, inputs: np.ndarray) -> np.ndarray:
-        """Return the output by the catalogue's own simulation, on motion as a running loop knows it.
+    def motion(self, inputs: np.ndarray) -> SampledMotion | SpatialMotion:
+        """Return the motion of positions, shape (samples,), in space (samples, axes), as a running loop knows it."""
+        inputs = np.asarray(inputs, dtype=float)
+        if not self.axes:
+            return SampledMotion.of_positions(inputs, self.sampling_time)
+        parts = (SampledMotion.of_positions(along, self.sampling_time) for along in inputs.T)
+        return SpatialMotion(tuple(parts), self.axes)
 
-        Parameters
-        ----------
-        inputs : numpy.ndarray, shape (samples,), in space (samples, axes)
-            Deviations from rest; outputs are of this shape.
+    def response(self, inputs: np.ndarray, late: bool = False) -> np.ndarray:
+        """Return the output of the catalogue's simulation, in the shape of the inputs; see `LinearModel.response`.
 
         Raises
         ------
@@ -289,59 +270,37 @@ class EffectModel:
             If a force overflows.
         """
         with np.errstate(over="ignore", invalid="ignore"):
-            outputs = self.structure.simulate(self._motion(inputs), *self._parameters())
+            outputs = self.structure.simulate(self.motion(inputs), *self.parameters)
         if not np.isfinite(outputs).all():
             raise NumericalError(f"{self.base.name} with effects: the force overflows")
-        return outputs.reshape(len(self.axes), -1).T if self.axes else outputs
-
-    def _motion(self, inputs: np.ndarray) -> SampledMotion | SpatialMotion:
-        inputs = np.asarray(inputs, dtype=float)
-        if not self.axes:
-            return SampledMotion.of_positions(inputs, self.sampling_time)
-        parts = (SampledMotion.of_positions(along, self.sampling_time) for along in inputs.T)
-        return SpatialMotion(tuple(parts), self.axes)
-
-    def late_response(self, inputs: np.ndarray) -> np.ndarray:
-        """Return the forces that an FMI 2.0 client reads: that of the sample before, except at the start."""
-        outputs = self.response(inputs)
-        return np.concatenate([outputs[:1], outputs[:-1]])
-
-    def rounding_bound(self, inputs: np.ndarray, outputs: np.ndarray) -> float:
-        """Error relative to the largest output that rounding alone may cause.
-
-        Elementary functions differ by a few units in the last place and forces may cancel: each may be off by 8
-        units of the largest force that a form contributes, and memories carry errors on without amplifying them.
-        """
-        largest = np.abs(outputs).max()
-        linear, nonlinear = self._parameters()
-        contributed = np.abs(self.structure.design(self._motion(inputs), nonlinear) * linear).max()
-        return float(8 * len(self.terms) * np.finfo(float).eps * contributed / largest) if largest else 0.0
+        outputs = outputs.reshape(len(self.axes), -1).T if self.axes else outputs
+        return np.concatenate([outputs[:1], outputs[:-1]]) if late else outputs
 
     def c_data(self) -> list[str]:
-        """Lines of model_data.h: one C function per form, its numbers in it, and their order."""
-        functions, calls, kept = [], [], []
+        """Return the lines of model_data.h: one C function per form with its numbers, and their order."""
+        functions, calls, stored = [], [], []
         for index, term in enumerate(self.terms):
             name, place = f"form_{index}", term.form.place
-            ring = len(kept) if term.history else None
-            functions.append(c_function(name, term.form, term.numbers, ring, self.axes))
-            kept += [term.motion + row for row in range(term.channels)] if term.history else []
+            ring = len(stored) if term.history else None
+            functions.append(_c_function(name, term.form, term.numbers, ring, self.axes))
+            stored += [term.motion + row for row in range(term.channels)] if term.history else []
             behind = f", {term.motion + self.motion_size}" if place is Place.INPUT else ""
             calls.append(f"{place.upper()}_FORM({name}, {term.memory}{behind})")
         return [
             *functions,
             f"#define MODEL_FORMS {' '.join(calls)}",
-            f"static const int MODEL_KEPT[] = {{{', '.join(map(str, kept or [0]))}}};",
+            f"static const int MODEL_KEPT[] = {{{', '.join(map(str, stored or [0]))}}};",
         ]
 
 
-def form_numbers(form: Form, linear, nonlinear, sampling_time: float) -> dict[str, float]:
-    """Return all numbers that the C code of a form knows, by name."""
+def _form_numbers(form: Form, linear, nonlinear, sampling_time: float) -> dict[str, float]:
+    """Return the numbers in the C code of a form by name."""
     names = (item.name for item in (*form.linear, *form.nonlinear))
     return form.c_step.numbers(dict(zip(names, (*linear, *nonlinear), strict=True)), sampling_time)
 
 
 MAX_MEMORY = 256
-"""Numbers that one form may keep from sample to sample, e.g. those of a delay of 255 samples."""
+"""Size of the memory of one form, e.g. that of a delay of 255 samples."""
 
 
 def effect_model(model: FittedModel, sampling_time: float) -> EffectModel:
@@ -350,8 +309,8 @@ def effect_model(model: FittedModel, sampling_time: float) -> EffectModel:
     Raises
     ------
     InputError
-        A base with contact, a model from force to motion, or a form without C code or with code that cannot be used or keeps
-        too much: all problems at once.
+        If the base has contact, the model goes from force to motion, or a form has no C code, unusable code or too much
+        memory: all problems together.
     """
     problems = Problems(f"model {model.name!r}")
     base = model.structure.base
@@ -360,44 +319,39 @@ def effect_model(model: FittedModel, sampling_time: float) -> EffectModel:
     if base.contact:
         problems.add(
             f"base {base.name}",
-            "is one of a tool that leaves the tissue, which FMUs do not support",
-            "refine on records in which the tool stays on the tissue, with a base without contact (improvement.base: LE, "
-            "Maxwell, KV or KB), and export that model",
+            "has contact: the tool leaves the tissue, which FMUs do not support",
+            "refine on records in which the tool stays on the tissue, with improvement.base LE, Maxwell, KV or KB",
         )
-        problems.raise_if_any()
     if isinstance(model.structure, ForwardStructure):
         problems.add(
             "structure",
-            "it goes from force to motion (improvement.forward), and a haptic device asks for a force",
+            "it goes from force to motion (improvement.forward), but a haptic device needs a force",
             "refine on records with the motion as input, and export that model",
         )
-        problems.raise_if_any()
+    problems.raise_if_any()
     base_numbers, *numbers = (model.values_of(part) for part in (base, *forms))
     for form, values in zip((base.form, *forms), (base_numbers, *numbers), strict=True):
-        unusable = step_problems(form)
-        for found, needed in unusable:
-            problems.add(form.key, found, needed)
-        if not unusable:
-            _check_numbers(form, values, sampling_time, problems)
+        if unusable := _step_problems(form):
+            for fault, needed in unusable:
+                problems.add(form.key, fault, needed)
+            continue
+        try:
+            named = _form_numbers(form, *values, sampling_time)
+            memory, history = form.c_step.memory_size(named), form.c_step.history_size(named)
+        except Exception as error:  # code of the user
+            problems.add(
+                form.key, f"constants or memory of its c_step fail ({type(error).__name__}: {error})"
+            )
+            continue
+        for name, value in named.items():
+            if not math.isfinite(value):
+                problems.add(form.key, f"{name} becomes {value}", "all numbers of its C code must be finite")
+        if not (memory >= 0 and history >= 0 and memory + history <= MAX_MEMORY):
+            problems.add(
+                form.key,
+                f"keeps {memory + history} numbers at {1 / sampling_time:g} Hz",
+                f"at most {MAX_MEMORY} fit into an FMU; lower runtime.rate_Hz",
+            )
     problems.raise_if_any()
-    given = tuple((form, *values) for form, values in zip(forms, numbers, strict=True))
-    return EffectModel(base, base_numbers, given, sampling_time)
-
-
-def _check_numbers(form: Form, values: tuple, sampling_time: float, problems: Problems) -> None:
-    try:
-        numbers = form_numbers(form, *values, sampling_time)
-        memory = form.c_step.memory_size(numbers)
-        history = form.c_step.history_size(numbers)
-    except Exception as error:  # code of the user
-        problems.add(form.key, f"constants or memory of its c_step fail ({type(error).__name__}: {error})")
-        return
-    for name, value in numbers.items():
-        if not math.isfinite(value):
-            problems.add(form.key, f"{name} becomes {value}", "all numbers of its C code must be finite")
-    if not (memory >= 0 and history >= 0 and memory + history <= MAX_MEMORY):
-        problems.add(
-            form.key,
-            f"keeps {memory + history} numbers at {1 / sampling_time:g} Hz",
-            f"at most {MAX_MEMORY} fit into an FMU; lower runtime.rate_Hz",
-        )
+    placed = tuple((form, *values) for form, values in zip(forms, numbers, strict=True))
+    return EffectModel(base, base_numbers, placed, sampling_time)

@@ -1,4 +1,4 @@
-"""What is exported: a model with its signals, limits and fit, checked before anything is compiled."""
+"""The exported model: fit, signals, limits and guards, checked before anything is compiled."""
 
 from __future__ import annotations
 
@@ -13,8 +13,7 @@ import numpy as np
 from lumbar.base.errors import NumericalError, Problems, did_you_mean
 from lumbar.base.files import is_device
 from lumbar.tissue.fmu.build.effect_model import EffectModel, effect_model
-from lumbar.tissue.fmu.build.guards import Guards
-from lumbar.tissue.fmu.build.linear_model import LinearModel, at_rate
+from lumbar.tissue.fmu.build.linear_model import LinearModel, resample_model
 from lumbar.tissue.fmu.conventions import WorkUnits, along_axes, slow_push, work_units
 from lumbar.tissue.models.fitted_model import FittedModel
 from lumbar.tissue.models.form import Place
@@ -24,17 +23,42 @@ if TYPE_CHECKING:
     from lumbar.settings.runtime import RuntimeSettings
 
 MAX_HISTORY = 512
-"""Earlier inputs that an FMU keeps, for its moving average and its delay."""
+"""Number of earlier inputs that an FMU stores, for its moving average and its delay."""
 AS_IN_THESIS = "-thesis"
 """Ending of the name of a model that is exported as the thesis's simulator ran it."""
-_LARGEST_N = 15.0
-"""Force in N that the thesis's device gives for a moment."""
+_MAX_THESIS_FORCE_N = 15.0
+"""Largest transient force of the thesis's device (section 3.2.3)."""
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_.+-]{0,199}")
 
 
 @dataclass(frozen=True)
+class Guards:
+    """Guards of the force that the device receives."""
+
+    contact: bool = False
+    """The tissue cannot pull, and ends at the input's offset: below it, the model is at rest."""
+    rate_limit: float = 0.0
+    """Largest change of the force in a second, in its unit; 0: no limit."""
+    device_damping: float = 0.0
+    """Least damping of the device in N·s/m (rotations: N·m·s/rad). It bounds the force such that device and FMU never
+    release more energy than they received; 0: no bound."""
+    energy_reserve: float = 0.0
+    """Largest energy in J that counts as received."""
+
+    @property
+    def passive(self) -> bool:
+        """True if device and FMU never release more energy than they received."""
+        return self.device_damping > 0
+
+    @property
+    def active(self) -> bool:
+        """True if the force depends on the forces before it."""
+        return self.passive or self.rate_limit > 0
+
+
+@dataclass(frozen=True)
 class ExportModel:
-    """A model ready for export: what was identified, and how it is run."""
+    """A model ready for export: the fit, and how it is run."""
 
     identified: FittedModel
     """The model under the name of the export, e.g. ``"KB+coulomb_friction"`` or ``"KB-thesis"``."""
@@ -45,11 +69,11 @@ class ExportModel:
     sampling_time: float
     """Seconds."""
     moving_average: int
-    """Samples of the input's moving average, the newest included; 1 is off."""
+    """Number of samples of the input's moving average, the newest included; 1: no average."""
     runtime: str = ""
-    """Text on how it is run if this differs from the settings, for description and documentation."""
+    """Text for description and documentation if the model is not run as in the settings."""
     on_device: tuple[str, ...] = ()
-    """Verdicts on the device of the study, for the documentation; empty without them."""
+    """Verdicts on the device of the study, for the documentation; may be empty."""
 
     def __post_init__(self):
         problems = Problems(f"model {self.name!r}")
@@ -62,9 +86,12 @@ class ExportModel:
                 f"{self.moving_average} samples, and {self.dynamics.delay} of delay, at {1 / self.sampling_time:g} Hz",
                 f"at least 1, and {MAX_HISTORY} in all, fit into an FMU",
             )
-        if self.dynamics.kept > self.dynamics.max_kept:
-            kept = f"{self.dynamics.kept} states", f"at most {self.dynamics.max_kept} fit into an FMU"
-            problems.add("order" if isinstance(self.dynamics, LinearModel) else "effects", *kept)
+        if self.memory > self.dynamics.max_memory:
+            problems.add(
+                "order" if isinstance(self.dynamics, LinearModel) else "effects",
+                f"{self.memory} states",
+                f"at most {self.dynamics.max_memory} fit into an FMU",
+            )
         if self.guards.passive and not self.units.has_energy:
             problems.add(
                 "runtime.device_damping",
@@ -74,14 +101,14 @@ class ExportModel:
         if self.axes and self.guards.contact:
             problems.add(
                 "runtime.contact",
-                f"where tissue ends along {', '.join(self.axes)} no position alone says",
-                "false is needed for a model of several axes",
+                f"along {', '.join(self.axes)} a position alone does not tell where the tissue ends",
+                "set it to false for a model of several axes",
             )
         if self.starts_at_rest and not self.dynamics.rests_anywhere:
             problems.add(
                 "runtime.start",
                 "a pole at 1: the model rests at no other input than its offset",
-                "say runtime.start: offset",
+                "set runtime.start: offset",
             )
         if not (math.isfinite(self.sampling_time) and self.sampling_time > 0):
             problems.add("sampling_time_s", f"{self.sampling_time}", "a finite number above 0 is needed")
@@ -93,8 +120,8 @@ class ExportModel:
             problems.add(
                 "output_offset",
                 f"{self.output.offset}",
-                f"it must lie within ±{self.output_limit:g} {self.output.unit}, runtime.output_limit: the largest output that "
-                "your device may receive; give another in a study file (--config)",
+                f"it must be within ±{self.output_limit:g} {self.output.unit}, runtime.output_limit: the largest output that "
+                "your device may receive; set another in a study file (--config)",
             )
         problems.raise_if_any()
 
@@ -120,7 +147,7 @@ class ExportModel:
 
     @property
     def rest(self) -> float | np.ndarray:
-        """Input from which the model's deviations are counted; in space shape (axes,)."""
+        """Zero of the model's deviations of the input; in space shape (axes,)."""
         return np.array(self.identified.rests or (0.0,) * len(self.axes)) if self.axes else self.input.offset
 
     @property
@@ -130,7 +157,7 @@ class ExportModel:
 
     @property
     def prescribed(self) -> bool:
-        """Whether it was given, like IL, not identified."""
+        """True if the model is prescribed, like IL, not identified."""
         return self.identified.estimator == GIVEN
 
     @property
@@ -144,13 +171,8 @@ class ExportModel:
         return float(self.settings.output_limit)
 
     @property
-    def gain_limit(self) -> float:
-        """Largest factor on the output that a user may set."""
-        return float(self.settings.gain_limit)
-
-    @property
     def starts_at_rest(self) -> bool:
-        """Whether the model rests at the first input; else it rested at the input's offset before."""
+        """True if the model rests at the first input; else it rested at the input's offset before."""
         return self.settings.start == "first_position"
 
     @cached_property
@@ -165,18 +187,18 @@ class ExportModel:
 
     @property
     def feedthrough(self) -> bool:
-        """Whether the output depends on the input of the same sample."""
+        """True if the output depends on the input of the same sample."""
         return self.dynamics.feedthrough or self.guards.active
 
     @property
-    def waits_for_input(self) -> bool:
-        """Whether an output without the input of its sample would be meaningless."""
-        return self.dynamics.waits_for_input or self.guards.active
+    def history(self) -> int:
+        """Number of earlier inputs that the FMU stores."""
+        return self.moving_average - 1 + self.dynamics.delay
 
     @property
-    def history(self) -> int:
-        """Earlier inputs kept."""
-        return self.moving_average - 1 + self.dynamics.delay
+    def memory(self) -> int:
+        """Number of states, with the earlier positions of effects."""
+        return self.dynamics.states + sum(self.dynamics.histories)
 
     @property
     def units(self) -> WorkUnits:
@@ -185,7 +207,7 @@ class ExportModel:
 
     @cached_property
     def resistance(self) -> float:
-        """Sign of the output that resists where it is displayed, 1 or −1.
+        """Sign of the output that resists when it is displayed, 1 or −1.
 
         A prescribed model is displayed like the others, whatever its sign: an inverted one is active, and draws the tool in.
         """
@@ -199,29 +221,58 @@ class ExportModel:
 
     @property
     def stable(self) -> bool:
-        """Whether all poles lie strictly inside the unit circle."""
+        """True if all poles are strictly inside the unit circle."""
         return self.dynamics.largest_pole < 1.0
 
 
 def find_models(fitted: list[FittedModel], settings: RuntimeSettings) -> list[FittedModel]:
-    """Pick the identified models that the settings name, in the order of ``settings.models``.
+    """Return the identified models that the settings name, in the order of ``settings.models``.
 
-    A model without a training record (IL is prescribed, not identified) is taken whatever ``trained_on`` and ``estimator``
-    say.
+    ``trained_on`` and ``estimator`` do not apply to a model without a training record: IL is prescribed, not identified.
 
     Raises
     ------
     InputError
-        A model is not there: all problems at once.
+        If a model does not exist or has several fits: all problems together.
     """
     problems = Problems("runtime.models")
-    first: dict[str, str] = {}
+    by_identifier: dict[str, str] = {}
+    chosen = []
     for name in settings.models:
-        if (known := first.setdefault(identifier(name), name)) != name:
-            problems.add("", f"{name!r} and {known!r}", "rename one: both would have the same name in C")
-    found = [_find(fitted, name, settings, problems) for name in settings.models]
+        if (other := by_identifier.setdefault(identifier(name), name)) != name:
+            problems.add("", f"{name!r} and {other!r}", "rename one: both would have the same name in C")
+        base_name = name.removesuffix(AS_IN_THESIS)
+        named = [model for model in fitted if model.name == base_name]
+        # A model with effects has one fit, by the error of its free run, whatever the estimator.
+        fits = [
+            model
+            for model in named
+            if model.trained_on is None
+            or (
+                model.trained_on == settings.trained_on
+                and (not model.discrete or model.estimator == settings.estimator)
+            )
+        ]
+        if not named:
+            known = list(dict.fromkeys(model.name for model in fitted))
+            problems.add(
+                name, f"no such model{did_you_mean(base_name, known)}", f"there are: {', '.join(known)}"
+            )
+        elif len(fits) != 1:
+            there = "; ".join(f"{model.estimator} on {model.trained_on}" for model in named)
+            problems.add(
+                name,
+                f"{len(fits)} fits by {settings.estimator!r} on {settings.trained_on!r}",
+                f"set runtime.estimator and runtime.trained_on to one of: {there}",
+            )
+        elif not fits[0].discrete and name != base_name:
+            problems.add(
+                name, "no transfer function", "the thesis ran no other model: take it without -thesis"
+            )
+        else:
+            chosen.append(replace(fits[0], name=name))
     problems.raise_if_any()
-    return [model for model in found if model is not None]
+    return chosen
 
 
 def export_models(fitted: list[FittedModel], settings: RuntimeSettings) -> list[ExportModel]:
@@ -230,9 +281,9 @@ def export_models(fitted: list[FittedModel], settings: RuntimeSettings) -> list[
     Raises
     ------
     InputError
-        A model cannot be exported.
+        If a model cannot be exported.
     NumericalError
-        A model is unstable and ``unstable`` is ``"refuse"``.
+        If a model is unstable and ``unstable`` is ``"refuse"``.
     """
     models = [_export_model(model, settings) for model in fitted]
     unstable = [model for model in models if not model.stable and settings.unstable == "refuse"]
@@ -247,95 +298,59 @@ def export_models(fitted: list[FittedModel], settings: RuntimeSettings) -> list[
     return models
 
 
-def _find(
-    models: list[FittedModel], name: str, settings: RuntimeSettings, problems: Problems
-) -> FittedModel | None:
-    own_name = name.removesuffix(AS_IN_THESIS)
-    named = [model for model in models if model.name == own_name]
-    fitting = [
-        model
-        for model in named
-        if model.trained_on is None
-        or (
-            model.trained_on == settings.trained_on
-            # A model with effects has one fit, by the error of its free run.
-            and (not model.discrete or model.estimator == settings.estimator)
-        )
-    ]
-    if len(fitting) == 1 and (fitting[0].discrete or name == own_name):
-        return replace(fitting[0], name=name)
-    if len(fitting) == 1:
-        problems.add(name, "no transfer function", "the thesis ran no other model: take it without -thesis")
-    elif not named:
-        known = list(dict.fromkeys(model.name for model in models))
-        problems.add(name, f"no such model{did_you_mean(own_name, known)}", f"there are: {', '.join(known)}")
-    else:
-        there = "; ".join(f"{model.estimator} on {model.trained_on}" for model in named)
-        problems.add(
-            name,
-            f"{len(fitting)} fits by {settings.estimator!r} on {settings.trained_on!r}",
-            f"set runtime.estimator and runtime.trained_on to one of: {there}",
-        )
-    return None
-
-
 def _export_model(model: FittedModel, settings: RuntimeSettings) -> ExportModel:
-    """Return a model at the rate of the settings, or as the thesis ran it.
+    """Return a model at the rate of the settings, or as the thesis ran it (section 3.2.3.2).
 
     The thesis has "a moving average about the three previous points on the position measurements": without the newest one.
     """
-    is_as_in_thesis = model.name.endswith(AS_IN_THESIS)
-    if is_as_in_thesis:
-        settings = _settings_of_thesis(settings, model)
-    wanted = model.sampling_time if settings.rate_Hz is None else 1.0 / settings.rate_Hz
-    if model.discrete:
-        linear = LinearModel(model.structure.numerator, model.structure.denominator, name=model.name)
-        dynamics = at_rate(linear, model.sampling_time, wanted)
-    else:
-        dynamics = effect_model(model, wanted)
     # The rotation of the force sensor's axes is not part of the tissue.
     forms = getattr(model.structure, "forms", ())
     sensor = " and ".join(form.effect.replace("_", " ") for form in forms if form.place is Place.FRAME)
-    runtime = f"Forces are along the axes of the position: {sensor} of the force sensor is left out."
+    runtime = (
+        f"Forces are along the axes of the position: {sensor} of the force sensor is left out."
+        if sensor
+        else ""
+    )
+    is_as_in_thesis = model.name.endswith(AS_IN_THESIS)
     if is_as_in_thesis:
-        dynamics = replace(dynamics, delay=dynamics.delay + 1)
+        units = work_units(model.input.unit, model.output.unit)
+        limit = min(
+            settings.output_limit, _MAX_THESIS_FORCE_N / units.force if units.is_of_length else math.inf
+        )
+        settings = settings.model_copy(
+            update={
+                "rate_Hz": None,
+                "moving_average_ms": 3000.0 * model.sampling_time,
+                "output_limit": limit,
+                "output_rate_limit": None,
+                "contact": False,
+                "device_damping": None,
+                "start": "offset",
+            }
+        )
         runtime = (
             f"Run as in the thesis (section 3.2.3.2): at {1 / model.sampling_time:g} Hz, on the mean of the three samples before "
-            f"the newest, within {settings.output_limit:g} {model.output.unit}; to compare with, not for a faster loop."
+            f"the newest, within {limit:g} {model.output.unit}; to compare with, not for a faster loop."
         )
+    sampling_time = model.sampling_time if settings.rate_Hz is None else 1.0 / settings.rate_Hz
+    if model.discrete:
+        coefficients = model.structure.numerator, model.structure.denominator
+        linear = LinearModel(*coefficients, name=model.name, delay=int(is_as_in_thesis))
+        dynamics = resample_model(linear, model.sampling_time, sampling_time)
+    else:
+        dynamics = effect_model(model, sampling_time)
     return ExportModel(
         identified=model,
         settings=settings,
         dynamics=dynamics,
-        sampling_time=wanted,
-        moving_average=averaged_samples(model.name, settings.moving_average_ms, wanted),
-        runtime=runtime if sensor or is_as_in_thesis else "",
-    )
-
-
-def _settings_of_thesis(settings: RuntimeSettings, model: FittedModel) -> RuntimeSettings:
-    """Return the runtime of the thesis's section 3.2.3.2.
-
-    The limit is the largest transient force of its device (section 3.2.3), or that of the settings' device if this is less,
-    or if the model's output is not a force.
-    """
-    units = work_units(model.input.unit, model.output.unit)
-    newton = units.force if units.is_of_length else 0.0
-    return settings.model_copy(
-        update={
-            "rate_Hz": None,
-            "moving_average_ms": 3000.0 * model.sampling_time,
-            "output_limit": min(settings.output_limit, _LARGEST_N / newton if newton else math.inf),
-            "output_rate_limit": None,
-            "contact": False,
-            "device_damping": None,
-            "start": "offset",
-        }
+        sampling_time=sampling_time,
+        moving_average=averaged_samples(model.name, settings.moving_average_ms, sampling_time),
+        runtime=runtime,
     )
 
 
 def averaged_samples(name: str, milliseconds: float, sampling_time: float) -> int:
-    """Return the samples of the moving average, to the nearest whole number; an average of none is an error."""
+    """Return the length of the moving average in whole samples; reject one of less than half a sample that is not 0."""
     samples = milliseconds / (1000 * sampling_time)
     if milliseconds > 0 and samples < 0.5:
         problems = Problems(f"model {name!r}")

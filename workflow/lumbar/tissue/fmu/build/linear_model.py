@@ -1,7 +1,8 @@
-"""A linear model of an FMU: its transfer function and C data, and the same model for a faster loop."""
+"""A linear model of an FMU: its transfer function, its C data, and its conversion to a faster loop."""
 
 import math
-from dataclasses import dataclass, replace
+from collections.abc import Iterable
+from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
 import numpy as np
@@ -25,7 +26,7 @@ class LinearModel:
     name: str = "model"
     """Name in messages."""
     delay: int = 0
-    """Samples by which the input is late."""
+    """Delay of the input in samples."""
     phases: int = 1
     """Number of copies of the model that run in turn, each on every `phases`-th sample."""
 
@@ -34,7 +35,7 @@ class LinearModel:
     headers = ()
     waits_for_input = False
     histories = ()
-    max_kept = 16
+    max_memory = 16
 
     @cached_property
     def state_space(self) -> StateSpace:
@@ -47,105 +48,81 @@ class LinearModel:
         return self.state_space.nstates
 
     @property
-    def kept(self) -> int:
-        """Numbers that the model keeps: its states, because it does not need earlier samples."""
-        return self.states
-
-    @property
     def largest_pole(self) -> float:
         """Largest magnitude of a pole, per sample of the FMU; 0 without poles."""
         return float(np.abs(self.state_space.poles()).max(initial=0.0)) ** (1 / self.phases)
 
     @property
     def rests_anywhere(self) -> bool:
-        """Whether there is a state at rest for every input: no pole at 1."""
+        """True if there is a state at rest for every input: no pole at 1."""
         return bool(np.all(np.abs(self.state_space.poles() - 1.0) > _NEAR_ONE))
 
     @property
-    def rest_gain(self) -> float:
-        """Output at rest at an input of 1."""
-        return sum(self.numerator) / sum(self.denominator)
-
-    @property
     def feedthrough(self) -> bool:
-        """Whether the output depends on the input of the same sample."""
+        """True if the output depends on the input of the same sample."""
         return self.numerator[0] != 0.0 and self.delay == 0
 
-    def response(self, inputs: np.ndarray) -> np.ndarray:
-        """Return the output by the transfer function itself, from rest; shape (samples,)."""
-        late = np.concatenate([np.zeros(self.delay), inputs])[: len(inputs)]
-        return filtered(self._spread(self.numerator), self._spread(self.denominator), late)
+    def response(self, inputs: np.ndarray, late: bool = False) -> np.ndarray:
+        """Return the output of the transfer function, from rest.
+
+        Parameters
+        ----------
+        inputs : numpy.ndarray, shape (samples,)
+            Deviations from rest.
+        late : bool
+            True: as an FMI 2.0 client reads it, with the feed-through (with effects: all) one sample late except at the start.
+        """
+        delayed = np.concatenate([np.zeros(self.delay), inputs])[: len(inputs)]
+        outputs = filtered(self._spread(self.numerator), self._spread(self.denominator), delayed)
+        if late and self.feedthrough:
+            through = self.numerator[0] / self.denominator[0] * inputs
+            outputs = outputs - through + np.concatenate([through[:1], through[:-1]])
+        return outputs
 
     @property
     def transfer_function(self) -> TransferFunction:
-        """H(z) at the FMU's own samples, delay and phases included."""
+        """H(z) at the FMU's samples, with delay and phases."""
         return TransferFunction(
             (*[0.0] * self.delay, *self._spread(self.numerator).tolist()),
             tuple(self._spread(self.denominator).tolist()),
         )
 
     def _spread(self, coefficients: tuple[float, ...]) -> np.ndarray:
-        """Coefficients of the powers of 1/z, without a gap."""
+        """Return the coefficients of all powers of 1/z, with zeros between the phases."""
         spread = np.zeros((len(coefficients) - 1) * self.phases + 1)
         spread[:: self.phases] = coefficients
         return spread
 
-    def late_response(self, inputs: np.ndarray) -> np.ndarray:
-        """Return the outputs that an FMI 2.0 client reads: with the feed-through one sample late, except at the start."""
-        if not self.feedthrough:
-            return self.response(inputs)
-        through = self.numerator[0] / self.denominator[0] * inputs
-        return self.response(inputs) - through + np.concatenate([through[:1], through[:-1]])
-
-    def rounding_bound(self, inputs: np.ndarray, outputs: np.ndarray) -> float:
-        """Error relative to the largest output that rounding alone may cause.
-
-        Every step rounds each of its terms by up to machine epsilon, and the poles carry each rounding on: their
-        effect is at most the 1-norm of the impulse response of 1/denominator times that of one step.
-        """
-        impulse = np.zeros(len(inputs))
-        impulse[0] = 1.0
-        amplification = np.abs(filtered([1.0], self.denominator, impulse)).sum()
-        largest = np.abs(outputs).max()
-        terms = np.abs(self.numerator).sum() * np.abs(inputs).max() + np.abs(self.denominator).sum() * largest
-        return float(np.finfo(float).eps * amplification * terms / largest) if largest else 0.0
-
     def equations(self) -> list[str]:
         """Return the equations in plain text, one per line, numbers to six digits."""
-        system, rows, late = self.state_space, [], f"−{self.delay}" if self.delay else ""
-        for index in range(system.nstates):
-            terms = [(value, f"x{j + 1}[k]") for j, value in enumerate(system.A[index])]
-            rows.append(
-                f"x{index + 1}[k+{self.phases}] = {_sum([*terms, (system.B[index, 0], f'u[k{late}]')])}"
-            )
-        terms = [(value, f"x{j + 1}[k]") for j, value in enumerate(system.C[0])]
-        return [*rows, f"y[k] = {_sum([*terms, (system.D[0, 0], f'u[k{late}]')])}"]
-
-    @property
-    def rest_state(self) -> np.ndarray:
-        """State at rest at an input of 1, or of 0 where a pole at 1 leaves no other; shape (states,) or (1,)."""
-        system = self.state_space
-        if not system.nstates or not self.rests_anywhere:
-            return np.zeros(max(1, system.nstates))
-        return np.linalg.solve(np.eye(system.nstates) - system.A, system.B[:, 0])
+        system, late = self.state_space, f"−{self.delay}" if self.delay else ""
+        names = [f"x{index + 1}" for index in range(system.nstates)]
+        heads = [*(f"{name}[k+{self.phases}]" for name in names), "y[k]"]
+        symbols = [*(f"{name}[k]" for name in names), f"u[k{late}]"]
+        rows = np.block([[system.A, system.B], [system.C, system.D]])
+        return [
+            f"{head} = {_sum(zip(row, symbols, strict=True))}" for head, row in zip(heads, rows, strict=True)
+        ]
 
     def c_data(self) -> list[str]:
-        """Lines of model_data.h: hexadecimal floats are exact, and the same text on every machine."""
+        """Return the lines of model_data.h: hexadecimal floats are exact and do not depend on the machine."""
         system = self.state_space
+        # State at rest at an input of 1; zeros if a pole at 1 allows no such state.
+        rest = np.zeros(system.nstates)
+        if system.nstates and self.rests_anywhere:
+            rest = np.linalg.solve(np.eye(system.nstates) - system.A, system.B[:, 0])
         # C has no arrays of length 0: a static gain gets one unused element.
         missing = (0, 0 if system.nstates else 1)
-        matrix, column, row = (
-            np.pad(system.A, missing),
-            np.pad(system.B[:, 0], missing),
-            np.pad(system.C[0], missing),
-        )
+        matrix = np.pad(system.A, missing)
+        vectors = {"MODEL_B": system.B[:, 0], "MODEL_C": system.C[0], "MODEL_REST": rest}
         size = len(matrix)
         return [
             f"#define LINEAR_STATES {system.nstates}",
             f"static const double MODEL_A[{size}][{size}] = {{{', '.join(map(hex_row, matrix))}}};",
-            f"static const double MODEL_B[{size}] = {hex_row(column)};",
-            f"static const double MODEL_C[{size}] = {hex_row(row)};",
-            f"static const double MODEL_REST[{size}] = {hex_row(np.resize(self.rest_state, size))};",
+            *(
+                f"static const double {name}[{size}] = {hex_row(np.pad(vector, missing))};"
+                for name, vector in vectors.items()
+            ),
             f"#define MODEL_D {float(system.D[0, 0]).hex()}",
         ]
 
@@ -155,7 +132,7 @@ def hex_row(values) -> str:
     return "{" + ", ".join(float(value).hex() for value in values) + "}"
 
 
-def _sum(terms: list[tuple[float, str]]) -> str:
+def _sum(terms: Iterable[tuple[float, str]]) -> str:
     text = ""
     for value, symbol in terms:
         if value != 0.0:
@@ -168,29 +145,23 @@ _WHOLE = 1e-6
 """A number of samples this close to a whole one is whole."""
 
 
-def at_rate(model: LinearModel, sampling_time: float, wanted: float) -> LinearModel:
+def resample_model(model: LinearModel, sampling_time: float, wanted: float) -> LinearModel:
     """Return the model at another sampling time, exact for a position linear between the old samples.
 
-    The identified model is the ramp-invariant (first-order hold) discretisation of a continuous model, which is computed and
-    discretised again, ramp-invariant, at the new rate: at the old instants, and for such positions, both give the same.
-    G. F. Franklin, J. D. Powell and M. Workman, Digital Control of Dynamic Systems (1998), section 6.3. Leading zeros of
-    the numerator are a delay, which is the same in seconds.
+    The identified model is the ramp-invariant (first-order hold) discretisation of a continuous model, which is
+    discretised again at the new rate (G. F. Franklin, J. D. Powell and M. Workman, Digital Control of Dynamic Systems
+    (1998), section 6.3). Leading zeros of the numerator are a delay, which is the same in seconds.
 
-    A continuous model has no pole that is 0 or negative. If the identified model has one, it becomes H(z^r) with r new samples in
-    an old one, which at the old instants gives the same for any position (P. P. Vaidyanathan, Multirate Systems and Filter Banks
-    (1993), section 4.2).
+    A continuous model has no pole that is 0 or negative. If the identified model has one, it becomes H(z^r) with r new
+    samples in an old one, exact at the old instants for any position (P. P. Vaidyanathan, Multirate Systems and Filter
+    Banks (1993), section 4.2).
 
-    Parameters
-    ----------
-    sampling_time : float
-        Sampling time of the identified model in seconds.
-    wanted : float
-        Seconds.
+    `sampling_time` is that of the identified model in seconds, `wanted` the new one.
 
     Raises
     ------
     NumericalError
-        The wanted rate is slower; or no continuous model exists and the new rate is not a multiple of the old one.
+        If the new rate is slower, or if no continuous model exists and it is not a multiple of the old one.
     """
     if (model.states == 0 and model.feedthrough) or wanted == sampling_time:
         return model
@@ -201,7 +172,7 @@ def at_rate(model: LinearModel, sampling_time: float, wanted: float) -> LinearMo
         )
     ratio = sampling_time / wanted
     late = next((index for index, value in enumerate(model.numerator) if value != 0.0), 0)
-    prompt = replace(model, numerator=model.numerator[late:])
+    prompt = LinearModel(model.numerator[late:], model.denominator, model.name)
     poles = prompt.state_space.poles()
     unusable = (np.abs(poles.imag) < 1e-12 * np.abs(poles)) & (poles.real <= 0)
     if unusable.any() or np.abs(poles).min(initial=1.0) == 0:
@@ -209,10 +180,10 @@ def at_rate(model: LinearModel, sampling_time: float, wanted: float) -> LinearMo
         if abs(ratio - round(ratio)) > _WHOLE:
             poles = np.array2string(model.state_space.poles(), precision=4)
             raise NumericalError(
-                f"{model.name}: its poles {poles} hold one that is 0 or negative, which no continuous model has; it can be "
-                f"exported at multiples of its own {1 / sampling_time:g} Hz alone: let runtime.rate_Hz be one, or null"
+                f"{model.name}: a pole of {poles} is 0 or negative, which no continuous model has; set runtime.rate_Hz to "
+                f"null or to a multiple of its own {1 / sampling_time:g} Hz"
             )
-        return replace(model, phases=round(ratio))
+        return LinearModel(model.numerator, model.denominator, model.name, phases=round(ratio))
     delay, rest = divmod(late * ratio, 1.0)
     if min(rest, 1.0 - rest) < _WHOLE:
         delay, rest = round(late * ratio), 0.0
@@ -220,13 +191,13 @@ def at_rate(model: LinearModel, sampling_time: float, wanted: float) -> LinearMo
         numerator, denominator = (1.0 - rest, rest), (1.0,)
         numerator = tuple(prompt.numerator[0] / prompt.denominator[0] * value for value in numerator)
     else:
-        numerator, denominator = _discretised(_continuous(prompt, sampling_time), wanted, rest, model.name)
+        numerator, denominator = _discretize(_continuous(prompt, sampling_time), wanted, rest, model.name)
     return LinearModel(numerator, denominator, model.name, int(delay))
 
 
 @lru_cache(maxsize=64)
 def _continuous(model: LinearModel, sampling_time: float) -> tuple[np.ndarray, ...]:
-    """Continuous state space whose ramp-invariant discretisation at this sampling time is the model."""
+    """Return the continuous state space that becomes the model by ramp-invariant discretisation."""
     system, order = model.state_space, model.states
     a = np.real(scipy.linalg.logm(system.A)) / sampling_time
     # The result of the hold is linear in the input matrix: compute it for the identity. `scipy.signal.cont2discrete` does the
@@ -239,8 +210,8 @@ def _continuous(model: LinearModel, sampling_time: float) -> tuple[np.ndarray, .
     return a, b, system.C, system.D - system.C @ through @ b
 
 
-def _discretised(continuous: tuple, sampling_time: float, late: float, name: str) -> tuple[tuple, tuple]:
-    """Return numerator and denominator, ramp-invariant, with the input `late` by a share of a sample.
+def _discretize(continuous: tuple, sampling_time: float, late: float, name: str) -> tuple[tuple, tuple]:
+    """Return numerator and denominator, ramp-invariant, with the input late by the share `late` of a sample.
 
     The late input is a straight line with a corner at `late` within every sample: two holds, one after the other.
     """
@@ -274,6 +245,6 @@ def _ramp(a: np.ndarray, b: np.ndarray, time: float) -> tuple[np.ndarray, ...]:
     block = np.zeros((order + 2, order + 2))
     block[:order, :order], block[:order, order : order + 1] = a * time, b * time
     block[order, order + 1] = 1.0
-    grown = scipy.linalg.expm(block)
-    held, rising = grown[:order, order : order + 1], grown[:order, order + 1 :]
-    return grown[:order, :order], held - rising, rising
+    exponential = scipy.linalg.expm(block)
+    constant, rising = exponential[:order, order : order + 1], exponential[:order, order + 1 :]
+    return exponential[:order, :order], constant - rising, rising

@@ -1,22 +1,23 @@
-"""The response that an FMU should give, computed in Python, and the movement that it is played with."""
+"""The reference response of an FMU, computed in Python, with the guards of its force, and its test motion."""
+
+import math
 
 import numpy as np
 
 from lumbar.base.errors import NumericalError
 from lumbar.tissue.fmu.build.export_model import ExportModel
-from lumbar.tissue.fmu.build.guards import guard_forces, shortened
 from lumbar.tissue.fmu.build.linear_model import LinearModel
 from lumbar.tissue.fmu.conventions import along_axes
 from lumbar.tissue.models.transfer_function import filtered
 
-_LARGEST_GROWTH = 1e6
+_MAX_GROWTH = 1e6
 """An unstable model is simulated until it has grown by this factor."""
 _HALVINGS = 60
-_SHARE_OF_LIMIT = 0.5
+_PUSH_OUTPUT_SHARE = 0.5
+"""Largest output of a push as a share of its limit."""
 MAX_EMBEDDED = 250
-"""Samples of a reference signal: more would make an FMU for 1 kHz larger than its libraries need."""
-_DURATIONS = {"rest": 0.1, "push": 0.25, "hold": 0.4, "withdraw": 0.25, "end": 0.3}
-"""Seconds."""
+"""Largest number of samples of a reference signal: more would make the FMU larger than its libraries."""
+_DURATIONS_S = {"rest": 0.1, "push": 0.25, "hold": 0.4, "withdraw": 0.25, "end": 0.3}
 
 
 def moving_average(deviations: np.ndarray, samples: int, at_rest: bool = False) -> np.ndarray:
@@ -27,62 +28,118 @@ def moving_average(deviations: np.ndarray, samples: int, at_rest: bool = False) 
     return first + filtered([1 / samples] * samples, [1.0], deviations - first)
 
 
-def model_output(model: ExportModel, inputs: np.ndarray, late: bool = False) -> np.ndarray:
-    """Return the output of model and moving average, in deviations from rest; shape (samples,).
+def reference_output(model: ExportModel, inputs: np.ndarray, version: str) -> np.ndarray:
+    """Return the output as a client of an FMI version should read it, in the shape of the inputs.
 
     Parameters
     ----------
+    model : ExportModel
     inputs : numpy.ndarray, shape (samples,), in space (samples, axes)
         In the input's unit.
-    late : bool
-        As a client without event mode reads it.
-    """
-    dynamics, at_rest = model.dynamics, model.starts_at_rest
-    deviations = inputs - model.rest
-    if model.guards.contact:
-        deviations = np.where(deviations < 0, 0.0, deviations)
-    averaged = moving_average(deviations, model.moving_average, at_rest)
-    respond = dynamics.late_response if late else dynamics.response
-    if at_rest and isinstance(dynamics, LinearModel):
-        return dynamics.rest_gain * averaged[0] + respond(averaged - averaged[0])
-    return respond(averaged)  # effects begin at rest at any input
-
-
-def reference_output(model: ExportModel, inputs: np.ndarray, version: str) -> np.ndarray:
-    """Return the output computed in Python, as a client of this FMI version should read it, shape (samples,).
-
-    Parameters
-    ----------
-    inputs : numpy.ndarray, shape (samples,)
     version : str
-        In FMI 2.0 the feed-through is one sample late, or the whole force; not so at the start, but with guards the force
-        is 0 there.
+        In FMI 2.0 the feed-through is one sample late, with guards the whole force. Without guards the first sample is not
+        late; with guards its force is 0.
 
     Raises
     ------
     NumericalError
         If the output overflows.
     """
+    dynamics, guards, at_rest = model.dynamics, model.guards, model.starts_at_rest
+    deviations = inputs - model.rest
+    if guards.contact:
+        deviations = np.where(deviations < 0, 0.0, deviations)
+    averaged = moving_average(deviations, model.moving_average, at_rest)
     late = version == "2.0"
-    outputs = model_output(model, inputs, late and not model.guards.active) + model.output.offset
+    if at_rest and isinstance(dynamics, LinearModel):  # effects begin at rest at any input
+        gain = sum(dynamics.numerator) / sum(dynamics.denominator)
+        response = dynamics.response(averaged - averaged[0], late and not guards.active)
+        outputs = gain * averaged[0] + response + model.output.offset
+    else:
+        outputs = dynamics.response(averaged, late and not guards.active) + model.output.offset
     if not np.isfinite(outputs).all():
         raise NumericalError(f"{model.name}: the output overflows within {len(inputs)} samples")
-    if model.guards.contact:
+    if guards.contact:
         outputs = np.where(model.resistance * outputs < 0, 0.0, outputs)
-    limited = shortened(outputs, model.output_limit)
-    return guard_forces(model, inputs, limited, event_mode=not late) if model.guards.active else limited
+    limited = limit_size(outputs, model.output_limit)
+    return _guard_forces(model, inputs, limited, event_mode=not late) if guards.active else limited
+
+
+def limit_size(vectors: np.ndarray, size: float) -> np.ndarray:
+    """Return forces within a limit, shape (samples,); in space, (samples, axes), none longer, each in its direction."""
+    if vectors.ndim == 1:
+        return np.clip(vectors, -size, size)
+    length = np.linalg.norm(vectors, axis=1, keepdims=True)
+    return np.where(length > size, vectors / np.where(length > size, length, 1.0) * size, vectors)
+
+
+def _guard_forces(
+    model: ExportModel, positions: np.ndarray, limited: np.ndarray, event_mode: bool
+) -> np.ndarray:
+    """Return the forces that are read behind rate limit and passivity, each operation as in ``sampled_force.c``.
+
+    The energy is observed as B. Hannaford and J.-H. Ryu do (IEEE Trans. Robotics and Automation 18 (2002) 1-10). A force
+    f that is held for a sample T releases f d over the displacement d, and a damping b receives at least b d²/T meanwhile
+    (Cauchy and Schwarz); the least sum is −f² T/(4 b): forces within √(4 b E/T) can never release more than the available
+    energy E. Without event mode a force may be displayed immediately or from the next sample on: both are counted.
+    `limited` are the forces within their limit and, with contact, without pulls.
+    """
+    guards, step, unit = model.guards, model.sampling_time, model.units
+    worst = step / (4.0 * guards.device_damping) if guards.passive else math.inf
+    energy = late = 0.0
+    path, wanted = (values.reshape(len(values), -1).tolist() for values in (positions, limited))
+    shown = earlier = [0.0] * len(path[0])
+    forces = []
+    last = path[0]
+    for position, force in zip(path, wanted, strict=True):
+        if forces:
+            moved = [(now - before) * unit.position for now, before in zip(position, last, strict=True)]
+            damped = _dot([guards.device_damping * part for part in moved], moved) / step
+            work = [
+                model.resistance * _dot([part * unit.force for part in acting], moved) + damped
+                for acting in (shown, earlier)
+            ]
+            energy = min(energy + work[0], guards.energy_reserve)
+            late = energy if event_mode else min(late + work[1], guards.energy_reserve)
+        if guards.rate_limit > 0:
+            force = _nearest(force, shown, guards.rate_limit * step)
+        if guards.passive:
+            first = [part * unit.force for part in shown]
+            available = energy if event_mode else min(energy, late - _dot(first, first) * worst)
+            largest = math.sqrt(available / worst) / unit.force if available > 0 else 0.0
+            force = _nearest(force, [0.0] * len(force), largest)
+        earlier, shown, last = shown, force, position
+        forces.append(force)
+    read = forces if event_mode else [[0.0] * len(shown), *forces[:-1]]
+    return np.array(read).reshape(limited.shape)
+
+
+def _dot(one: list[float], other: list[float]) -> float:
+    return sum(a * b for a, b in zip(one, other, strict=True))
+
+
+def _nearest(wanted: list[float], centre: list[float], distance: float) -> list[float]:
+    """Return the wanted force, or the farthest allowed one in its direction."""
+    if len(wanted) == 1:
+        low, high = (centre[0] - distance, centre[0] + distance) if centre[0] else (-distance, distance)
+        return [low if wanted[0] < low else high if wanted[0] > high else wanted[0]]
+    away = [a - b for a, b in zip(wanted, centre, strict=True)]
+    length = math.hypot(*away)
+    if length <= distance:
+        return wanted
+    return [b + a / length * distance for a, b in zip(away, centre, strict=True)]
 
 
 def samples_within_range(model: ExportModel, samples: int) -> int:
     """Return `samples`, or fewer if an unstable model would outgrow double precision."""
     pole = model.dynamics.largest_pole
-    return samples if pole <= 1.0 else max(3, min(samples, int(np.log(_LARGEST_GROWTH) / np.log(pole))))
+    return samples if pole <= 1.0 else max(3, min(samples, int(np.log(_MAX_GROWTH) / np.log(pole))))
 
 
 def scale_to(model: ExportModel, inputs: np.ndarray, output: float) -> float:
     """Return the factor on deviations of the input at which the largest output is `output`.
 
-    A model with effects is not linear: its factor is halved until the output fits.
+    A model with effects is not linear: its factor is halved until the output is at most `output`.
     """
     if isinstance(model.dynamics, LinearModel):
         largest = np.abs(model.dynamics.response(inputs)).max()
@@ -93,20 +150,20 @@ def scale_to(model: ExportModel, inputs: np.ndarray, output: float) -> float:
             if np.abs(model.dynamics.response(scale * inputs)).max() <= output:
                 break
         except NumericalError:
-            pass  # too large a motion; the next one is half of it
+            pass  # the motion is too large; the next one is half of it
         scale /= 2.0
     return scale
 
 
 def push_profile(sampling_time: float) -> tuple[np.ndarray, np.ndarray]:
     """Return time in seconds and a movement from 0 to 1 and back, with flanks of half a cosine, each of shape (samples,)."""
-    ends = np.cumsum(list(_DURATIONS.values()))
+    ends = np.cumsum(list(_DURATIONS_S.values()))
     time = np.arange(round(ends[-1] / sampling_time) + 1) * sampling_time
-    rise = np.clip((time - ends[0]) / _DURATIONS["push"], 0.0, 1.0)
-    fall = np.clip((time - ends[2]) / _DURATIONS["withdraw"], 0.0, 1.0)
+    rise = np.clip((time - ends[0]) / _DURATIONS_S["push"], 0.0, 1.0)
+    fall = np.clip((time - ends[2]) / _DURATIONS_S["withdraw"], 0.0, 1.0)
     return time, (np.cos(np.pi * fall) - np.cos(np.pi * rise)) / 2
 
 
 def push_depth(model: ExportModel, profile: np.ndarray) -> float:
     """Return the depth of a push at which the model's force is half of its limit."""
-    return scale_to(model, along_axes(profile, len(model.axes)), _SHARE_OF_LIMIT * model.output_limit)
+    return scale_to(model, along_axes(profile, len(model.axes)), _PUSH_OUTPUT_SHARE * model.output_limit)

@@ -13,19 +13,17 @@ from lumbar.tissue.fmu.c import c_source
 AUTHOR = "The lumbar developers"
 C_FILES = ("sampled_force.c", "fmi2.c", "fmi3.c", "fmi3_unused.c")
 """Compiled files; ``sampled_force.c`` includes the model."""
-SIZES, NUMBERS = "model_size.h", "model_data.h"
+_SIZES, _NUMBERS = "model_size.h", "model_data.h"
 """Files that are written for each model."""
 _HEADERS = ("model.h", "sampled_force.h")
 _FMI_HEADERS = (
     *("fmi2Functions.h", "fmi2FunctionTypes.h", "fmi2TypesPlatform.h"),
     *("fmi3Functions.h", "fmi3FunctionTypes.h", "fmi3PlatformTypes.h"),
 )
-
-
-_OF_AXES = re.compile(
+_BY_AXES = re.compile(
     r"#if MODEL_AXES > 1\n(.*?)#else /\* one axis \*/\n(.*?)#endif /\* MODEL_AXES \*/\n", re.DOTALL
 )
-"""Parts of the C files that exist twice: for several axes, and for one."""
+"""Parts of the C files with a variant for several axes and one for a single axis."""
 
 
 @cache
@@ -33,13 +31,13 @@ def _fixed_source(name: str, several: bool) -> str:
     import fmpy
 
     if name not in _FMI_HEADERS:
-        return _OF_AXES.sub(lambda found: found[1 if several else 2], c_source(name))
+        return _BY_AXES.sub(lambda variants: variants[1 if several else 2], c_source(name))
     header = Path(fmpy.__file__).parent / "c-code" / name
     return header.read_text(encoding="utf-8").replace("\r\n", "\n")
 
 
 def source_files(model: ExportModel) -> dict[str, str]:
-    """Return all sources of a model's library by file name; ``model_data.h`` holds the numbers."""
+    """Return all sources of a model's library by file name."""
     return _sources(model, content_token(model))
 
 
@@ -47,13 +45,13 @@ def _sources(model: ExportModel, token: str) -> dict[str, str]:
     names = (*C_FILES, model.dynamics.c_source, *_HEADERS, *model.dynamics.headers, *_FMI_HEADERS)
     several = ("spatial_force.c",) * bool(model.axes)
     fixed = {name: _fixed_source(name, bool(model.axes)) for name in (*names, *several)}
-    return {**fixed, SIZES: _model_size(model), NUMBERS: _model_data(model, token)}
+    return {**fixed, _SIZES: _model_size(model), _NUMBERS: _model_data(model, token)}
 
 
 def content_token(model: ExportModel) -> str:
-    """FMI's GUID and instantiation token: a hash of all sources, the model's numbers and variables."""
+    """Return FMI's GUID and instantiation token: a hash of all sources, the model's numbers and variables."""
     fixed = _sources(model, "")
-    written = (fixed.pop(SIZES), fixed.pop(NUMBERS))
+    written = (fixed.pop(_SIZES), fixed.pop(_NUMBERS))
     digest = hashlib.sha256()
     for name, text in sorted(fixed.items()):
         digest.update(f"{name}\0{text}\0".encode())
@@ -63,12 +61,12 @@ def content_token(model: ExportModel) -> str:
 
 
 def model_version(model: ExportModel) -> str:
-    """Return the version of the tool and, behind a plus, of the model: any other number gives another one."""
+    """Return the versions of the tool and, behind a plus, of the model, which depends on each of its numbers."""
     return f"{__version__}+{content_token(model)[:8]}"
 
 
 def _model_size(model: ExportModel) -> str:
-    """Return the sizes of loops and memory, which decide the cost of a step. C has no arrays of length 0."""
+    """Return model_size.h with the sizes of loops and memory. C has no arrays of length 0."""
     sizes = {
         "MODEL_STATES": max(1, model.dynamics.states),
         "MODEL_PHASES": model.dynamics.phases,
@@ -87,7 +85,7 @@ def _model_size(model: ExportModel) -> str:
 
 
 def _model_data(model: ExportModel, token: str) -> str:
-    """Numbers as hexadecimal floats: exact, and the same text on every machine."""
+    """Return model_data.h with the numbers as hexadecimal floats: exact, and the same text on every machine."""
     guards = model.guards
     constants = {
         "token": f'"{token}"',
@@ -95,7 +93,7 @@ def _model_data(model: ExportModel, token: str) -> str:
         "input_offset": model.input.offset.hex(),
         "output_offset": model.output.offset.hex(),
         "output_limit": model.output_limit.hex(),
-        "gain_limit": model.gain_limit.hex(),
+        "gain_limit": float(model.settings.gain_limit).hex(),
         "rate_limit": guards.rate_limit.hex(),
         "device_damping": guards.device_damping.hex(),
         "energy_reserve": guards.energy_reserve.hex(),
