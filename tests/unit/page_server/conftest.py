@@ -9,9 +9,9 @@ import pytest
 from asking import ask, serving
 
 import lumbar
-from lumbar.page_server.background import BESIDE
+from lumbar.page_server.background import THREAD_NAME
 from lumbar.page_server.index import Index
-from lumbar.page_server.own_recordings import OwnDiagnosis
+from lumbar.page_server.own_recordings import UploadDiagnosis
 from lumbar.page_server.served_sets import ExploredSet, ServedSets
 from lumbar.page_server.server import new_server
 from lumbar.settings.improvement import ImprovementSettings
@@ -52,7 +52,7 @@ def _nothing_is_drawn_after_the_module(begin):
     yield
     begin.set()
     for thread in threading.enumerate():
-        if thread.name == BESIDE:
+        if thread.name == THREAD_NAME:
             thread.join(PATIENCE_S)
             assert not thread.is_alive()
 
@@ -78,7 +78,7 @@ def served(explored, slow, broken, begin, tmp_path_factory):
         return lumbar.diagnose(records, settings=QUICK, **how)
 
     index = Index("some records", ServedSets([explored, slow, broken]))
-    with serving(lambda: new_server(index, 0, OwnDiagnosis(diagnose, output))) as visitors:
+    with serving(lambda: new_server(index, 0, UploadDiagnosis(diagnose, output))) as visitors:
         get, post = (partial(ask, visitors, method) for method in ("GET", "POST"))
         yield SimpleNamespace(visitors=visitors, get=get, post=post, own=output)
 

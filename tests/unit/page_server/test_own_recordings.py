@@ -14,7 +14,7 @@ from case_tables import cases
 from lumbar.base.errors import InputError
 from lumbar.cli.command import build_parser
 from lumbar.page_server import own_recordings
-from lumbar.page_server.own_recordings import MAX_TABS, OwnDiagnosis, OwnRecordings, OwnTabs
+from lumbar.page_server.own_recordings import MAX_SESSIONS, UploadDiagnosis, UploadSession, UploadSessions
 from lumbar.page_server.recording_preview import OF_SEVERAL_AXES
 from lumbar.page_server.trust import HOST
 from lumbar.twin.examples import example_records
@@ -71,7 +71,7 @@ def test_own_recordings_are_diagnosed_as_any_others(own_tab, served, contents, b
     first, (_, answer) = answer["address"], own_tab("start", wanted)  # in its place
     assert served.get(answer["address"])[0] == 200
     begin.set()
-    assert "another diagnosis was begun in its place" in ended(served, first)
+    assert "another diagnosis was started in its place" in ended(served, first)
     text = ended(served, answer["address"])
     assert "missing coulomb friction" in text
     assert "other (training)" in text and "multisine (unseen)" in text
@@ -106,10 +106,10 @@ def test_recordings_of_several_axes_are_shown_axis_by_axis_and_their_diagnosis_a
 
 def test_records_are_not_written_where_a_link_leads(tmp_path, contents):
     (tmp_path / "own").symlink_to(tmp_path / "elsewhere")
-    held = OwnRecordings("")
+    held = UploadSession("")
     held.add("a.txt", contents["other.txt"])
     with pytest.raises(InputError, match=r"own/mine/records: leads by a link to .*elsewhere"):
-        held.save({"choices": {"force_unit": "N"}, "name": "mine"}, OwnDiagnosis(None, tmp_path / "own"))
+        held.save({"choices": {"force_unit": "N"}, "name": "mine"}, UploadDiagnosis(None, tmp_path / "own"))
 
 
 MALFORMED = {
@@ -130,7 +130,7 @@ MALFORMED = {
 
 @pytest.mark.parametrize("kind", MALFORMED)
 def test_malformed_files_are_refused_in_words(kind):
-    held = OwnRecordings("")
+    held = UploadSession("")
     state = held.add(f"{SCRIPT}.csv", MALFORMED[kind])
     file = state["files"][0]
     told = [*file["wrong"], *(text for texts in state["fields"].values() for text in texts)]
@@ -167,9 +167,9 @@ def test_names_are_names_and_no_paths(own_tab, served, tmp_path):
     cases(__file__, "wrong_choices"),
 )
 def test_wrong_choices_are_told_beside_their_field(contents, choices):
-    held = OwnRecordings("")
+    held = UploadSession("")
     held.add("a.txt", text_of(example_records()[0], "t [ms];pos [m];F [N]"))
-    state = held.look(choices)
+    state = held.preview(choices)
     assert state["fields"][next(iter(choices))]
     json.dumps(state, allow_nan=False)
 
@@ -177,7 +177,7 @@ def test_wrong_choices_are_told_beside_their_field(contents, choices):
 @pytest.mark.parametrize("name", ["a lift.c3d", "walk.trc.gz", "walk.BVH"])
 def test_markers_are_answered_with_the_command_that_makes_their_page(name):
     with pytest.raises(InputError, match="holds markers of a movement") as told:
-        OwnRecordings("").add(name, b"whatever")
+        UploadSession("").add(name, b"whatever")
     command = shlex.split(re.search(r"(lumbar lift .*) \(", str(told.value))[1])
     assert command[2] == name
     options = build_parser().parse_args(command[1:])
@@ -185,18 +185,18 @@ def test_markers_are_answered_with_the_command_that_makes_their_page(name):
 
 
 def test_too_many_files_are_refused(monkeypatch):
-    held = OwnRecordings("")
+    held = UploadSession("")
     held.add("a.csv", b"x")
     held.add("a.csv", b"y")  # in its place
     monkeypatch.setattr(own_recordings, "MAX_FILES", 1)
-    with pytest.raises(InputError, match="1 files are held at most"):
+    with pytest.raises(InputError, match="limit is 1 files"):
         held.add("b.csv", b"")
 
 
 def test_a_file_beyond_what_all_tabs_may_hold_is_refused(own_tab, served, monkeypatch):
-    monkeypatch.setattr(own_recordings, "MAX_HELD", 100)
+    monkeypatch.setattr(own_recordings, "MAX_BYTES", 100)
     status, answer = own_tab("file?name=a.csv", b"1,2\n" * 100)
-    assert status == 400 and "take a file away" in answer["error"]
+    assert status == 400 and "remove a file" in answer["error"]
     assert own_tab("look", {})[1]["files"] == []
 
 
@@ -210,10 +210,10 @@ def test_a_file_larger_than_any_is_not_read(served, own_tab):
 
 
 def test_of_many_tabs_one_without_files_is_let_go_first():
-    tabs = OwnTabs()
+    tabs = UploadSessions()
     full, empty = tabs.new(), tabs.new()
     tabs.find(full).files["a.csv"] = b"x"
-    others = [tabs.new() for _ in range(MAX_TABS - 1)]
+    others = [tabs.new() for _ in range(MAX_SESSIONS - 1)]
     assert tabs.find(full) is not None and tabs.find(empty) is None
     for name in others:
         tabs.find(name).files["a.csv"] = b"x"

@@ -20,9 +20,8 @@ from lumbar.base.errors import InputError
 from lumbar.base.files import read_json
 from lumbar.cli.command import INTERRUPTED
 from lumbar.page_server.index import Index
-from lumbar.page_server.own_recordings import OwnDiagnosis
-from lumbar.page_server.requests import TabRequests
-from lumbar.page_server.served_sets import ExploredSet, ServedLift, ServedSets, StoredVerdict
+from lumbar.page_server.own_recordings import UploadDiagnosis
+from lumbar.page_server.served_sets import ExploredSet, ServedLift, ServedSets, StoredVerdict, TabRequests
 from lumbar.page_server.server import new_server
 from lumbar.page_server.trust import TOKEN, Visitors
 from lumbar.settings.stability import StabilitySettings
@@ -108,7 +107,7 @@ def test_a_diagnosis_that_fails_says_why_and_may_be_tried_again(served, broken):
 
 def test_a_taken_port_is_named(served, explored):
     with pytest.raises(InputError, match=f"port {served.visitors.port}: .*--port"):
-        new_server(Index("", ServedSets([explored])), served.visitors.port, OwnDiagnosis(None, Path()))
+        new_server(Index("", ServedSets([explored])), served.visitors.port, UploadDiagnosis(None, Path()))
 
 
 def test_the_server_ends_while_it_computes(tmp_path):
@@ -133,7 +132,7 @@ def get(saved_lift, tmp_path):
 
     lifts = [ServedLift(tmp_path / name, StabilitySettings()) for name in ("a lift", "broken")]
     index = Index("lifts", ServedSets([]), lifts)
-    with serving(lambda: new_server(index, 0, OwnDiagnosis(None, tmp_path))) as visitors:
+    with serving(lambda: new_server(index, 0, UploadDiagnosis(None, tmp_path))) as visitors:
         yield partial(ask, visitors, "GET")
 
 
@@ -191,7 +190,7 @@ def door(results, recording, saved_lift, tmp_path_factory):
     )
     (folder := tmp_path_factory.mktemp("lifts") / "a_lift").symlink_to(saved_lift[0])
     index = Index("study", sets, [ServedLift(folder, StabilitySettings())], results)
-    with serving(lambda: new_server(index, 0, OwnDiagnosis(None, Path("out")))) as visitors:
+    with serving(lambda: new_server(index, 0, UploadDiagnosis(None, Path("out")))) as visitors:
         yield partial(ask, visitors, "GET")
 
 
@@ -236,12 +235,12 @@ def test_a_verdict_in_the_results_is_shown_at_once_and_can_ask_the_server_nothin
 
 def test_a_verdict_of_other_settings_or_recordings_is_not_taken(results, recording):
     kept = StoredVerdict(results / "improvement" / "records", SETTINGS, [recording])
-    assert kept.holds
-    assert not StoredVerdict(kept.folder, SETTINGS | {"seed": 1}, [recording]).holds
-    assert not StoredVerdict(results / "improvement" / "none", SETTINGS).holds
+    assert kept.is_current
+    assert not StoredVerdict(kept.folder, SETTINGS | {"seed": 1}, [recording]).is_current
+    assert not StoredVerdict(results / "improvement" / "none", SETTINGS).is_current
     made = kept.page.stat().st_mtime
     os.utime(recording, (made + 1, made + 1))
-    assert not kept.holds
+    assert not kept.is_current
     os.utime(recording, (1, 1))
 
 

@@ -19,7 +19,7 @@ from lumbar.interface.lift_page import saved_lifts
 from lumbar.interface.reading import read_listed
 from lumbar.page_server.background import WRITING
 from lumbar.page_server.index import INDEX, Index
-from lumbar.page_server.own_recordings import OwnDiagnosis
+from lumbar.page_server.own_recordings import UploadDiagnosis
 from lumbar.page_server.served_sets import OWN, ExploredSet, ServedLift, ServedSets, StoredVerdict
 from lumbar.page_server.server import new_server
 from lumbar.records.record import Record
@@ -38,8 +38,8 @@ def run_explore(options) -> None:
     server, visitors = new_server(index, options.port, own)
     server.start()
     addresses = {INDEX: "all pages"}
-    addresses |= {address: f"what is missing in {item.words}" for address, item in index.sets.given.items()}
-    addresses |= {item.address: f"lift {item.folder.absolute().name}" for item in index.lifts}
+    addresses |= {address: f"what is missing in {item.title}" for address, item in index.sets.named.items()}
+    addresses |= {item.address: f"lift {item.name}" for item in index.lifts}
     addresses |= {OWN: "your own files, dropped on the page"}
     for address, words in sorted(addresses.items(), key=lambda item: item[0] != index.first):
         print(f"{visitors.address(address)}  {words}", flush=True)
@@ -69,7 +69,7 @@ def _open_in_browser(address: str) -> Iterator[None]:
         yield
 
 
-def _index(options) -> tuple[Index, OwnDiagnosis]:
+def _index(options) -> tuple[Index, UploadDiagnosis]:
     """Return the index of what the options name, and the diagnosis of the user's recordings."""
     target, results, lifts, first = options.target, None, [], INDEX
     output = options.output or EXPLORED
@@ -98,7 +98,7 @@ def _index(options) -> tuple[Index, OwnDiagnosis]:
     # Each of the user's files is an experiment, not a part of one session.
     improvement = settings.improvement.model_copy(update={"session": False})
     settings = settings.model_copy(update={"improvement": improvement})
-    own = OwnDiagnosis(partial(lumbar.diagnose, settings=settings), output / "own")
+    own = UploadDiagnosis(partial(lumbar.diagnose, settings=settings), output / "own")
     return Index(place, ServedSets([*sets, example]), lifts, results, first), own
 
 

@@ -305,9 +305,7 @@ class Rendering(Result):
 
         oscillating = [item for item in self if item.run.oscillates]
         calm = [item for item in self if not item.run.oscillates]
-        pairs = [
-            (one, other) for one in oscillating for other in calm if one.analysis.name == other.analysis.name
-        ]
+        pairs = [(one, other) for one in oscillating for other in calm if one.model.name == other.model.name]
         return loop_figure(max(pairs, key=fit, default=self.judgements[:2]))
 
     def files(self) -> Iterator[tuple[str, Any]]:

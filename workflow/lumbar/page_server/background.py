@@ -16,26 +16,26 @@ DRAWING = threading.Lock()
 """Lock for drawing: Matplotlib draws one figure at a time."""
 WRITING = threading.Lock()
 """Lock for writing files: the server does not end in between."""
-BESIDE = "beside the server"
+THREAD_NAME = "work of the page server"
 """Name of the background threads."""
 
 
-class Cancelled(LumbarError):
-    """Work that was cancelled since other work was requested."""
+class CancelledError(LumbarError):
+    """Work that was cancelled because other work was requested."""
 
 
 def page_message(error: Exception) -> str:
     """Return an error's message for the page; details of a fault of the program are printed."""
-    words = user_message(error)
-    if words is None:
+    message = user_message(error)
+    if message is None:
         traceback.print_exception(error, file=sys.stderr)
-        words = (
-            f"the program failed ({type(error).__name__}); the details are where 'lumbar explore' was started"
+        message = (
+            f"the program failed ({type(error).__name__}); see the terminal of 'lumbar explore' for details"
         )
-    return words
+    return message
 
 
-async def in_background(function: Callable, *arguments) -> Any:
+async def run_in_background(function: Callable, *arguments) -> Any:
     """Call a function in a daemon thread while the server goes on, and return its result."""
     loop = asyncio.get_running_loop()
     future = loop.create_future()
@@ -48,24 +48,21 @@ async def in_background(function: Callable, *arguments) -> Any:
         with contextlib.suppress(RuntimeError):  # the server has ended meanwhile
             loop.call_soon_threadsafe(lambda: future.done() or settle(value))
 
-    threading.Thread(target=run, name=BESIDE, daemon=True).start()
+    threading.Thread(target=run, name=THREAD_NAME, daemon=True).start()
     return await future
 
 
 class Job:
-    """Work in a thread: `words` is its progress, `error` why it failed, `done` whether it has ended.
+    """Work in a thread: `progress` describes its step, `error` its failure; `done` is True when it has ended.
 
-    Parameters
-    ----------
-    work : callable
-        Without arguments; reports its progress by `lumbar.base.progress`.
+    The work has no arguments and reports its progress by `lumbar.base.progress`.
     """
 
     def __init__(self, work: Callable[[], Any]):
-        self.words, self.error = "reading the records", ""
+        self.progress, self.error = "reading the records", ""
         self._work, self._began = work, time.monotonic()
         self._cancelled, self.done = False, False
-        threading.Thread(target=self._run, name=BESIDE, daemon=True).start()
+        threading.Thread(target=self._run, name=THREAD_NAME, daemon=True).start()
 
     @property
     def seconds(self) -> float:
@@ -85,7 +82,7 @@ class Job:
         finally:
             self.done = True
 
-    def _step(self, words: str) -> None:
-        self.words = words or self.words
+    def _step(self, progress: str) -> None:
+        self.progress = progress or self.progress
         if self._cancelled:
-            raise Cancelled("another diagnosis was begun in its place")
+            raise CancelledError("another diagnosis was started in its place")

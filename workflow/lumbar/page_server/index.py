@@ -1,4 +1,4 @@
-"""Index of the server's pages: its entries, the bar of every page, and answers for stored, waiting and unknown pages."""
+"""Index of the server's pages: its entries, the bar of every page, and answers for stored, unfinished and unknown pages."""
 
 import re
 from collections.abc import Sequence
@@ -11,20 +11,23 @@ from tornado.routing import Matcher, PathMatches, Rule
 from tornado.web import HTTPError, RequestHandler
 
 from lumbar.base.templates import template
-from lumbar.page_server.background import in_background, page_message
-from lumbar.page_server.served_sets import OWN, ExploredSet, ServedLift, ServedSets
+from lumbar.page_server.background import page_message, run_in_background
+from lumbar.page_server.served_sets import OWN, RESULT, ExploredSet, ServedLift, ServedSets
 
 INDEX, RESULTS, STORED = "/", "/_results/", "/_stored/"
-REPORT = "report.html"
-LOST, WAITING, STORED_PAGE = (f"page_server/{name}.html.jinja" for name in ("lost", "waiting", "stored"))
-_AS_TEXT = {".csv", ".json", ".log", ".tex", ".tsv", ".yaml"}
+_REPORT = "report.html"
+_TYPES = {
+    **dict.fromkeys((".csv", ".json", ".log", ".tex", ".tsv", ".yaml"), "text/plain; charset=utf-8"),
+    ".svg": "image/svg+xml",
+    ".pdf": "application/pdf",
+}
 _NO_SCRIPT = (
     "default-src 'none'; style-src 'unsafe-inline'; img-src 'self' data:; frame-ancestors 'none'; base-uri 'none'; "
     "form-action 'none'"
 )
-_APART = "sandbox allow-scripts allow-downloads; default-src 'unsafe-inline' 'unsafe-eval' data: blob:; frame-ancestors 'self'"
+_SANDBOX = "sandbox allow-scripts allow-downloads; default-src 'unsafe-inline' 'unsafe-eval' data: blob:; frame-ancestors 'self'"
 """A finished study may come from elsewhere: its pages run no script, or scripts that cannot call the server."""
-_PIECE = 1_000_000
+_PIECE_BYTES = 1_000_000
 
 
 @dataclass(frozen=True)
@@ -43,37 +46,33 @@ class Index:
     @property
     def report(self) -> str:
         """Address of the study's report; empty without one."""
-        return f"{RESULTS}{REPORT}" if self.results and (self.results / REPORT).is_file() else ""
+        return f"{RESULTS}{_REPORT}" if self.results and (self.results / _REPORT).is_file() else ""
 
     @property
     def bar(self) -> dict[str, Any]:
         """Variables of the bar of a page."""
-        menu = [
-            (INDEX, "All pages"),
-            *([(self.report, "Report")] if self.report else []),
-            (OWN, "Your own recordings"),
-        ]
-        return {"place": self.place, "menu": menu}
+        report = [(self.report, "Report")] if self.report else []
+        return {"place": self.place, "menu": [(INDEX, "All pages"), *report, (OWN, "Your own recordings")]}
 
-    def listed(self, with_words: bool = False) -> dict[str, Any]:
-        """Return the entries of the index; with `with_words` also the state of every set, which reads the verdicts."""
+    def entries(self, with_state: bool = False) -> dict[str, Any]:
+        """Return the entries of the index, on request with the state of every set, which reads the verdicts."""
         return {
             **self.bar,
             "sets": [
-                (address, found.words, _known(found) if with_words else "")
-                for address, found in self.sets.given.items()
+                (address, item.title, _state_of(item) if with_state else "")
+                for address, item in self.sets.named.items()
             ],
-            "lifts": [(lift.address, lift.folder.absolute().name.replace("_", " ")) for lift in self.lifts],
+            "lifts": [(lift.address, lift.name.replace("_", " ")) for lift in self.lifts],
             "report": self.report,
             "study": self.results is not None,
         }
 
-    def lost(self, title: str, words: str) -> str:
-        """Return the page for an unknown address, with links to the known pages."""
-        return template(LOST).render(title=title, words=words, **self.listed())
+    def not_found_page(self, title: str, message: str) -> str:
+        """Return a page with a message and links to the known pages."""
+        return template("page_server/lost.html.jinja").render(title=title, words=message, **self.entries())
 
-    def with_bar(self, text: str, framed: bool = False) -> str:
-        """Return a page with the server's bar instead of its header; with `framed` without any."""
+    def add_bar(self, text: str, framed: bool = False) -> str:
+        """Return a page with the server's bar instead of its header; a framed page has neither."""
         bar = "" if framed else template("tables/header.html.jinja").render(**self.bar)
         before, _, rest = text.partition('<header class="top">')
         _, end, after = rest.partition("</header>")
@@ -81,37 +80,36 @@ class Index:
 
     def rules(self) -> list[Rule]:
         """Return the rules of lifts and of a study's results."""
-        known = {"index": self}
-        lifts = ((re.escape(lift.address), {**known, "lift": lift}) for lift in self.lifts)
+        arguments = {"index": self}
         return [
-            *(Rule(PathMatches(f"{address}$"), _LiftHandler, given) for address, given in lifts),
-            Rule(PathMatches(f"{RESULTS}(.*)"), _ResultHandler, known),
-            Rule(PathMatches(f"{STORED}(.*)"), _StoredHandler, known),
+            *(
+                Rule(PathMatches(f"{re.escape(lift.address)}$"), _LiftHandler, {**arguments, "lift": lift})
+                for lift in self.lifts
+            ),
+            Rule(PathMatches(f"{RESULTS}(.*)"), _ResultHandler, arguments),
+            Rule(PathMatches(f"{STORED}(.*)"), _StoredHandler, arguments),
         ]
 
 
-def _known(explored: ExploredSet) -> str:
+def _state_of(explored: ExploredSet) -> str:
     """Return the state of a set without computing anything."""
     if explored.ready or explored.html:
         return explored.diagnosis.headline
-    if explored.stored is not None and explored.stored.holds:
+    if explored.stored is not None and explored.stored.is_current:
         return explored.stored.sentence
     if explored.job is not None and not explored.job.done:
         return "Being diagnosed."
-    again = explored.stored is not None and explored.stored.page.is_file()
-    return (
-        "Settings or recordings have changed since it was diagnosed: opening it diagnoses it again."
-        if again
-        else "Not diagnosed yet: opening it does so."
-    )
+    if explored.stored is not None and explored.stored.page.is_file():
+        return "Settings or recordings have changed since it was diagnosed: opening it diagnoses it again."
+    return "Not diagnosed yet: opening it does so."
 
 
 class IndexedHandler(RequestHandler):
     """Answers unknown addresses with links to the known pages."""
 
-    def initialize(self, index: Index) -> None:
-        """Store the index."""
-        self.index = index
+    def initialize(self, index: Index, lift: ServedLift | None = None) -> None:
+        """Store the index, and the lift of a lift's page."""
+        self.index, self.lift = index, lift
 
     async def get(self, *_path: str) -> None:
         """Reject the request."""
@@ -119,23 +117,19 @@ class IndexedHandler(RequestHandler):
 
     def write_error(self, status_code: int, **_details) -> None:
         """Write the page for an unknown address."""
-        self.finish(self.index.lost("Nothing is at this address", "These pages there are:"))
+        self.finish(self.index.not_found_page("Nothing is at this address", "The server has these pages:"))
 
 
 class _LiftHandler(IndexedHandler):
     """Answers with the page of a lift, or the reason why it has none."""
 
-    def initialize(self, index: Index, lift: ServedLift) -> None:
-        """Store index and lift."""
-        self.index, self.lift = index, lift
-
     async def get(self) -> None:
         """Answer without blocking other pages."""
         try:
-            self.write(self.index.with_bar(await in_background(self.lift.html)))
+            self.write(self.index.add_bar(await run_in_background(self.lift.html)))
         except Exception as error:
             self.set_status(500)
-            self.write(self.index.lost("This lift cannot be shown", page_message(error)))
+            self.write(self.index.not_found_page("This lift cannot be shown", page_message(error)))
 
 
 class _ResultHandler(IndexedHandler):
@@ -144,10 +138,12 @@ class _ResultHandler(IndexedHandler):
     async def get(self, path: str) -> None:
         """Send the file or redirect."""
         parts = Path(path).parts
-        own = {("lifts", f"{lift.folder.absolute().name}.html"): lift.address for lift in self.index.lifts}
-        own |= {("improvement", address[1:], "diagnosis.html"): address for address in self.index.sets.given}
-        if parts in own:
-            self.redirect(own[parts])
+        pages = {("lifts", f"{lift.name}.html"): lift.address for lift in self.index.lifts}
+        pages |= {
+            ("improvement", address[1:], "diagnosis.html"): address for address in self.index.sets.named
+        }
+        if parts in pages:
+            self.redirect(pages[parts])
             return
         root = None if self.index.results is None else self.index.results.resolve()
         file = None if root is None else (root / path).resolve()
@@ -155,14 +151,11 @@ class _ResultHandler(IndexedHandler):
             raise HTTPError(404)
         self.set_header("Content-Security-Policy", _NO_SCRIPT)
         if file.suffix == ".html":
-            self.write(self.index.with_bar(file.read_text(encoding="utf-8")))
+            self.write(self.index.add_bar(file.read_text(encoding="utf-8")))
             return
-        kind = {".svg": "image/svg+xml", ".pdf": "application/pdf"}.get(
-            file.suffix, "application/octet-stream"
-        )
-        self.set_header("Content-Type", "text/plain; charset=utf-8" if file.suffix in _AS_TEXT else kind)
+        self.set_header("Content-Type", _TYPES.get(file.suffix, "application/octet-stream"))
         with file.open("rb") as content:
-            while piece := content.read(_PIECE):
+            while piece := content.read(_PIECE_BYTES):
                 self.write(piece)
                 await self.flush()
 
@@ -172,11 +165,11 @@ class _StoredHandler(IndexedHandler):
 
     async def get(self, path: str) -> None:
         """Send the page."""
-        found = self.index.sets.given.get(f"/{path}")
-        if found is None or found.stored is None or not found.stored.page.is_file():
+        explored = self.index.sets.named.get(f"/{path}")
+        if explored is None or explored.stored is None or not explored.stored.page.is_file():
             raise HTTPError(404)
-        self.set_header("Content-Security-Policy", _APART)
-        self.write(self.index.with_bar(found.stored.page.read_text(encoding="utf-8"), framed=True))
+        self.set_header("Content-Security-Policy", _SANDBOX)
+        self.write(self.index.add_bar(explored.stored.page.read_text(encoding="utf-8"), framed=True))
 
 
 class NotReady(Matcher):
@@ -187,42 +180,38 @@ class NotReady(Matcher):
 
     def match(self, request: HTTPServerRequest) -> dict | None:
         """Return the arguments for the handler; None if the page is ready or no page of a set."""
-        found = self.sets.find(request.path, request.arguments)
-        if found is None:
-            return {} if self.sets.is_own(request.path) else None
-        return None if found.ready else {}
+        explored = self.sets.find(request.path, request.arguments)
+        if explored is None:
+            return {} if request.path.rstrip("/") == RESULT else None
+        return None if explored.ready else {}
 
 
-class WaitingHandler(IndexedHandler):
+class ProgressHandler(IndexedHandler):
     """Answers with a stored verdict or with the progress of the diagnosis, which the first request starts."""
 
     async def get(self, *_path: str) -> None:
         """Show the stored verdict if it is current; else start the diagnosis or show its progress."""
-        found = self.index.sets.find(self.request.path, self.request.arguments)
-        if found is None:
+        explored = self.index.sets.find(self.request.path, self.request.arguments)
+        if explored is None:
             self.set_status(404)
-            words = (
-                "The server was started anew, or others were given since. Give them once more, or look at:"
+            message = (
+                "The server was restarted, or newer recordings took their place. Give them again, or open:"
             )
-            self.write(self.index.lost("These recordings are no longer held", words))
+            self.write(self.index.not_found_page("These recordings are no longer available", message))
             return
         self.set_header("Cache-Control", "no-store")
-        asked_for = found.job is not None or self.get_query_argument("compute", None) is not None
-        if found.make is None or (found.stored is not None and found.stored.holds and not asked_for):
-            self.write(
-                template(STORED_PAGE).render(
-                    **self.index.bar,
-                    title=found.words,
-                    made=found.stored.made,
-                    address=f"{STORED}{found.name}",
-                    computable=found.make is not None,
-                )
-            )
-        elif found.html:
-            self.write(self.index.with_bar(found.html))
+        stored, bar = explored.stored, self.index.bar
+        computes = explored.job is not None or self.get_query_argument("compute", None) is not None
+        if explored.make is None or (stored is not None and stored.is_current and not computes):
+            page = {"title": explored.title, "made": stored.date, "address": f"{STORED}{explored.name}"}
+            page["computable"] = explored.make is not None
+            self.write(template("page_server/stored.html.jinja").render(**bar, **page))
+        elif explored.html:
+            self.write(self.index.add_bar(explored.html))
         else:
-            job = found.job or found.begin()
+            job = explored.job or explored.begin()
             if job.error:
-                found.job = None  # loading the page again tries again
-            state = {"words": job.words, "seconds": round(job.seconds), "error": job.error}
-            self.write(template(WAITING).render(**self.index.bar, **state, name=found.words, own=found.own))
+                explored.job = None  # loading the page again tries again
+            page = {"words": job.progress, "seconds": round(job.seconds), "error": job.error}
+            page |= {"name": explored.title, "own": explored.upload}
+            self.write(template("page_server/waiting.html.jinja").render(**bar, **page))

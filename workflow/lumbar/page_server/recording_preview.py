@@ -32,70 +32,53 @@ _ALIASES = (
     ("the layout's 'clipped: accept'", "--accept-clipped"),
 )
 _NO_TABLE = re.compile(r"no (table|sheet|variable) '")
-_METAVARS = re.compile(r"(--[a-z-]+) (?:NAME or NUMBER|COLUMN|NAME|NUMBER|HZ|VARIABLE)\b")
-
-
-def in_fields(message: str, wrong: dict[str, list[str]]) -> list[str]:
-    """Assign each problem of a reader's message to the first field that it names; return the others.
-
-    Parameters
-    ----------
-    wrong : dict of str to list of str
-        By field; takes the problems that name one.
-
-    Examples
-    --------
-    >>> wrong = {name: [] for name in FIELDS}
-    >>> in_fields("a.csv: no column of time and no rate is stated; give --time COLUMN or --rate HZ", wrong)
-    []
-    >>> wrong["time"]
-    ['a.csv: no column of time and no rate is stated; give “Time” or “Sampling rate”']
-    """
-    rest = []
-    for problem in _problems(message):
-        option = _OPTION.search(problem)
-        if option is not None:
-            place = wrong[option[1].replace("-", "_")]
-        else:
-            place = wrong["table"] if _NO_TABLE.search(problem) else rest
-        place.append(in_labels(problem))
-    return rest
-
-
-def in_labels(text: str) -> str:
-    """Return a reader's message with the fields' labels instead of options.
-
-    Examples
-    --------
-    >>> in_labels("column 2, as given by --force")
-    'column 2, as given by “Force”'
-    """
-    return _OPTION.sub(lambda found: f"“{FIELDS[found[1].replace('-', '_')]}”", text)
-
-
-def _problems(message: str) -> list[str]:
-    """Return the problems of a message, without the columns listed after them."""
-    text = re.split(rf"\n\s*{COLUMNS_FOLLOW.strip()} ", message)[0]
-    for name, option in _ALIASES:
-        text = text.replace(name, option)
-    text = _METAVARS.sub(r"\1", text)
-    parts = [part.strip() for part in re.split(r"\n\s*- ", text)]
-    listed = [part for part in parts if not _HEADING.search(part)]
-    return listed or parts
-
-
 _HEADING = re.compile(r"(: \d+ problems?|: some columns or units are unclear)$")
 """End of a heading before a list of problems."""
-
-
-_ROWS, _POINTS, _MOST_COLUMNS = 2, 300, 60
+_METAVARS = re.compile(r"(--[a-z-]+) (?:NAME or NUMBER|COLUMN|NAME|NUMBER|HZ|VARIABLE)\b")
+_ROWS, _POINTS, _MAX_COLUMNS = 2, 300, 60
 OF_SEVERAL_AXES = (
     "Records of several axes: the page shows what lumbar diagnose writes; no other models can be tried."
 )
 
 
-def tables_columns(table: RawTable) -> list[dict[str, Any]]:
-    """Return the columns of a file: ``value`` (by which one is chosen), ``label`` and ``sample``."""
+def assign_problems(message: str, wrong: dict[str, list[str]]) -> list[str]:
+    """Append each problem of a reader's message to `wrong` under the first field that it names; return the others.
+
+    Examples
+    --------
+    >>> wrong = {name: [] for name in FIELDS}
+    >>> assign_problems("a.csv: no column of time and no rate is stated; give --time COLUMN or --rate HZ", wrong)
+    []
+    >>> wrong["time"]
+    ['a.csv: no column of time and no rate is stated; give “Time” or “Sampling rate”']
+    """
+    # The problems of the message, without the columns listed after them and without its heading.
+    text = re.split(rf"\n\s*{COLUMNS_FOLLOW.strip()} ", message)[0]
+    for name, option in _ALIASES:
+        text = text.replace(name, option)
+    parts = [part.strip() for part in re.split(r"\n\s*- ", _METAVARS.sub(r"\1", text))]
+    rest: list[str] = []
+    for problem in [part for part in parts if not _HEADING.search(part)] or parts:
+        place = wrong["table"] if _NO_TABLE.search(problem) else rest
+        if option := _OPTION.search(problem):
+            place = wrong[option[1].replace("-", "_")]
+        place.append(replace_options(problem))
+    return rest
+
+
+def replace_options(text: str) -> str:
+    """Return a reader's message with the fields' labels instead of options.
+
+    Examples
+    --------
+    >>> replace_options("column 2, as set by --force")
+    'column 2, as set by “Force”'
+    """
+    return _OPTION.sub(lambda option: f"“{FIELDS[option[1].replace('-', '_')]}”", text)
+
+
+def table_columns(table: RawTable) -> list[dict[str, Any]]:
+    """Return the columns of a file: ``value`` (for the choice), ``label`` and ``sample``."""
     names = [column.name for column in table.columns]
     return [
         {
@@ -103,12 +86,12 @@ def tables_columns(table: RawTable) -> list[dict[str, Any]]:
             "label": column.label,
             "sample": column.sample,
         }
-        for column in table.columns[:_MOST_COLUMNS]
+        for column in table.columns[:_MAX_COLUMNS]
     ]
 
 
 def preview(imported: ImportedRecordings) -> dict[str, Any]:
-    """Return how one file is read.
+    """Return the first recording of a file for the page.
 
     Returns
     -------
@@ -122,13 +105,13 @@ def preview(imported: ImportedRecordings) -> dict[str, Any]:
         "record": record.name,
         "form": recording.form,
         "grounds": {
-            role: in_labels("; ".join(words)) for role, words in _by_field(recording.grounds).items()
+            field: replace_options("; ".join(texts)) for field, texts in _by_field(recording.grounds).items()
         },
         "found": {
-            role: (", ".join(column for column, _ in found), found[0][1])
-            for role, found in _by_field(recording.sources).items()
+            field: (", ".join(column for column, _ in columns_and_units), columns_and_units[0][1])
+            for field, columns_and_units in _by_field(recording.sources).items()
         },
-        "notes": list(map(in_labels, recording.notes)),
+        "notes": list(map(replace_options, recording.notes)),
         "remark": OF_SEVERAL_AXES if record.axes else "",
         "header": list(columns),
         "rows": [
@@ -141,7 +124,10 @@ def preview(imported: ImportedRecordings) -> dict[str, Any]:
         ],
         "seconds": record.duration,
         "curves": [
-            {"label": record.along(role).label, "points": drawn(record[role], _POINTS).round(4).tolist()}
+            {
+                "label": record.along(role).label,
+                "points": curve_points(record[role], _POINTS).round(4).tolist(),
+            }
             for role in record.channels
         ],
     }
@@ -149,16 +135,16 @@ def preview(imported: ImportedRecordings) -> dict[str, Any]:
 
 def _by_field(by_role: Mapping[str, Any]) -> dict[str, list]:
     """Return a list per field: the values of its roles, one per axis."""
-    found: dict[str, list] = {}
+    by_field: dict[str, list] = {}
     for role, value in by_role.items():
-        found.setdefault(role.partition("_")[0], []).append(value)
-    return found
+        by_field.setdefault(role.partition("_")[0], []).append(value)
+    return by_field
 
 
-def drawn(values: np.ndarray, intervals: int) -> np.ndarray:
-    """Return points of a line through the samples; of many the smallest and largest of every interval, in order.
+def curve_points(values: np.ndarray, intervals: int) -> np.ndarray:
+    """Return points of a line through the samples, (points, 2): time and value from 0 to 1.
 
-    Shape (points, 2): time and value, both from 0 to 1.
+    Many samples are reduced to the smallest and largest of every interval, in order.
     """
     places = np.arange(len(values))
     if len(values) > 2 * intervals:

@@ -1,30 +1,33 @@
-"""Sets of records with their diagnosis, from a study, folder or the page, and lifts: each is computed a single time."""
+"""Sets of records with their diagnosis, and lifts, each computed a single time; requests of the pages of sets."""
 
 from __future__ import annotations
 
+import json
 import secrets
 import threading
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import datetime
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
-from lumbar.base.errors import Problems
-from lumbar.base.files import read_json
+from lumbar.base.errors import InputError, Problems
+from lumbar.base.files import read_json, refuse_links
 from lumbar.base.progress import notify_progress
 from lumbar.base.yaml_file import read_yaml
 from lumbar.interface.lift_page import lift_page
-from lumbar.page_server.background import DRAWING, Job
+from lumbar.page_server.background import DRAWING, WRITING, Job, page_message
+from lumbar.publishing.explorer.explorer_page import ExplorerPage, excitation_of, model_facts
 from lumbar.publishing.explorer.page_data import ModelData, model_key
 from lumbar.settings.stability import StabilitySettings
+from lumbar.tissue.diagnosis.evidence.discrimination import separating_excitation
+from lumbar.tissue.diagnosis.evidence.evidence import machine_limits
 
 if TYPE_CHECKING:
     from lumbar.interface.diagnosis import Diagnosis
     from lumbar.interface.refinement import Refinement
-    from lumbar.publishing.explorer.explorer_page import ExplorerPage
 
 
 @dataclass(frozen=True)
@@ -43,19 +46,17 @@ class StoredVerdict:
         return self.folder / "diagnosis.html"
 
     @property
-    def made(self) -> str:
+    def date(self) -> str:
         """Date and time of the page."""
         return f"{datetime.fromtimestamp(self.page.stat().st_mtime):%Y-%m-%d %H:%M}"
 
     @property
-    def holds(self) -> bool:
-        """Whether the page exists with the same settings and no newer recording."""
-        if not self.page.is_file():
-            return False
-        if self.settings is None:
-            return True
-        made = self.page.stat().st_mtime
-        if any(path.is_file() and path.stat().st_mtime > made for path in self.sources):
+    def is_current(self) -> bool:
+        """True if the page exists with the same settings and without a newer recording."""
+        if not self.page.is_file() or self.settings is None:
+            return self.page.is_file()
+        date = self.page.stat().st_mtime
+        if any(path.is_file() and path.stat().st_mtime > date for path in self.sources):
             return False
         run = self.folder.parents[1] / "run_config.yaml"
         return run.is_file() and read_yaml(run, Problems(str(run))).content == self.settings
@@ -71,17 +72,17 @@ class StoredVerdict:
 
 @dataclass(eq=False)
 class ExploredSet:
-    """A set of records, diagnosed when it is first looked at."""
+    """A set of records, diagnosed when it is first opened."""
 
     name: str
     make: Callable[[], Diagnosis] | None
-    """Returns the diagnosis; None if there is only the stored one."""
+    """Function that returns the diagnosis; None if there is only the stored one."""
     output: Path
     """Folder that the page may write to."""
-    own: str = ""
-    """Address of the page on which the records were given; empty for records of a study or folder."""
+    upload: str = ""
+    """Address of the page of the upload; empty for records of a study or folder."""
     title: str = ""
-    """Title if it differs from the name."""
+    """Title on terminal and pages; default from the name."""
     stored: StoredVerdict | None = None
     """The diagnosis of a finished study."""
     job: Job | None = None
@@ -92,10 +93,8 @@ class ExploredSet:
     _one_at_a_time: threading.Lock = field(default_factory=threading.Lock)
     _preparing: threading.Lock = field(default_factory=threading.Lock)
 
-    @property
-    def words(self) -> str:
-        """Title on terminal and pages."""
-        return self.title or self.name.replace("_", " ")
+    def __post_init__(self):
+        self.title = self.title or self.name.replace("_", " ")
 
     @cached_property
     def diagnosis(self) -> Diagnosis:
@@ -110,11 +109,11 @@ class ExploredSet:
     @cached_property
     def variables(self) -> dict[str, Any]:
         """Variables of the page's template, common to all tabs."""
-        return {**self.page.variables(served=True), "own": self.own}
+        return {**self.page.variables(served=True), "own": self.upload}
 
     @property
     def ready(self) -> bool:
-        """Whether the page can be shown immediately."""
+        """True if the page can be shown immediately."""
         return "variables" in self.__dict__
 
     def begin(self) -> Job:
@@ -137,13 +136,7 @@ class ExploredSet:
                 _ = self.page.records, self.page.models, self.variables
 
     def refitted(self, effects: Sequence[str]) -> Refinement:
-        """Return the base refitted with these effects; a repeated request gets the first result.
-
-        Raises
-        ------
-        InputError, NumericalError
-            As `lumbar.refine`.
-        """
+        """Return the base refitted with these effects; a repeated request gets the first result. See `lumbar.refine`."""
         with self._one_at_a_time:
             key = model_key(effects)
             if key not in self._refits:
@@ -163,42 +156,33 @@ class ExploredSet:
 OWN = "/_own"
 """Address of the page for the user's recordings; no record set's name begins with an underscore."""
 RESULT = f"{OWN}/result"
-MAX_OWN = 8
-"""Most sets of the user's recordings that are kept; the oldest is discarded."""
+_MAX_UPLOADS = 8
+"""Most sets of the user's recordings in memory; the oldest is discarded."""
 
 
 class ServedSets:
-    """Sets by the address of their page.
+    """Sets by the address of their page: `named` ones of a study or folder, and those of the user's recordings."""
 
-    Parameters
-    ----------
-    given : sequence of ExploredSet
-    """
-
-    def __init__(self, given: Sequence[ExploredSet]):
-        self.given = {f"/{explored.name}": explored for explored in given}
-        self._own: dict[str, ExploredSet] = {}
-
-    def is_own(self, path: str) -> bool:
-        """Whether this is the address of results of the user's recordings."""
-        return path.rstrip("/") == RESULT
+    def __init__(self, sets: Sequence[ExploredSet]):
+        self.named = {f"/{explored.name}": explored for explored in sets}
+        self._uploads: dict[str, ExploredSet] = {}
 
     def find(self, path: str, arguments: Mapping[str, list[bytes]]) -> ExploredSet | None:
-        """Return the set that an address shows; None if it shows none."""
-        if not self.is_own(path):
-            return self.given.get(path.rstrip("/"))
-        asked = arguments.get("set") or [b""]
-        return self._own.get(asked[-1].decode(errors="replace"))
+        """Return the set at an address; None if there is none."""
+        if path.rstrip("/") != RESULT:
+            return self.named.get(path.rstrip("/"))
+        names = arguments.get("set") or [b""]
+        return self._uploads.get(names[-1].decode(errors="replace"))
 
-    def add_own(self, explored: ExploredSet) -> str:
-        """Keep a set of the user's recordings; return the address of its page."""
-        while len(self._own) >= MAX_OWN:
-            oldest = next(iter(self._own))
-            job = self._own.pop(oldest).job
+    def add_upload(self, explored: ExploredSet) -> str:
+        """Store a set of the user's recordings; return the address of its page."""
+        while len(self._uploads) >= _MAX_UPLOADS:
+            oldest = next(iter(self._uploads))
+            job = self._uploads.pop(oldest).job
             if job is not None:
                 job.cancel()
         name = secrets.token_urlsafe(16)
-        self._own[name] = explored
+        self._uploads[name] = explored
         return f"{RESULT}?set={name}"
 
 
@@ -207,22 +191,124 @@ class ServedLift:
     """A saved lift and its page."""
 
     folder: Path
-    """Folder that `lumbar lift` or a study wrote; its name is the lift's."""
+    """Folder of `lumbar lift` or of a study, with the name of the lift."""
     settings: StabilitySettings
     source_label: str = ""
     """Origin of the data; empty for that of the lift."""
+    _html: str = ""
     _one_at_a_time: threading.Lock = field(default_factory=threading.Lock)
+
+    @property
+    def name(self) -> str:
+        """Name of the lift."""
+        return self.folder.absolute().name
 
     @property
     def address(self) -> str:
         """Path of the page on the server."""
-        return f"/lifts/{quote(self.folder.absolute().name)}"
-
-    @cached_property
-    def _html(self) -> str:
-        return lift_page(self.folder, settings=self.settings, source_label=self.source_label).to_html()
+        return f"/lifts/{quote(self.name)}"
 
     def html(self) -> str:
         """Return the page, computed on the first call."""
         with self._one_at_a_time:
+            if not self._html:
+                page = lift_page(self.folder, settings=self.settings, source_label=self.source_label)
+                self._html = page.to_html()
             return self._html
+
+
+MAX_EFFECTS = 8
+"""Most effects of a requested model."""
+_ACTIONS = ("fit", "locate", "separate", "save")
+
+
+@dataclass(eq=False)
+class TabRequests:
+    """The requests of one tab, answered one after the other."""
+
+    explored: ExploredSet
+    _one_at_a_time: threading.Lock = field(default_factory=threading.Lock)
+
+    def answer(self, text: str) -> tuple[dict[str, Any], list[ModelData]]:
+        """Answer a request in JSON with ``number``, ``action`` and ``effects``.
+
+        Returns
+        -------
+        dict
+            Answer for the page; ``error`` if the request failed.
+        list of ModelData
+            New models for the pictures.
+        """
+        number = None
+        try:
+            request = read_request(text)
+            number, action, effects = request.get("number"), request.get("action"), request.get("effects", [])
+            if not isinstance(number, int):
+                raise InputError("a request without a number")
+            if action not in _ACTIONS:
+                raise InputError(f"{action!r}: unknown request; there are: {', '.join(_ACTIONS)}")
+            with self._one_at_a_time:
+                needed = (
+                    f"{effects!r:.80}: a list of up to {MAX_EFFECTS} effects is needed, none of them twice"
+                )
+                if not isinstance(effects, list) or len(effects) > MAX_EFFECTS:
+                    raise InputError(needed)
+                known = self.explored.diagnosis.candidates
+                wrong = [name for name in effects if not isinstance(name, str) or name not in known]
+                if wrong:
+                    raise InputError(f"unknown effect {wrong[0]!r:.80}")
+                if len(set(effects)) < len(effects):
+                    raise InputError(needed)
+                content, models = self._do(action, effects)
+        except Exception as error:
+            return {"number": number, "error": page_message(error)}, []
+        return {"number": number, **content}, models
+
+    def _do(self, action: str, effects: list[str]) -> tuple[dict, list[ModelData]]:
+        explored = self.explored
+        if action == "fit":
+            # Every step of the path, and the causes of the error at its end.
+            models = [explored.fitted(effects[:count]) for count in range(len(effects) + 1)]
+            located = {models[-1].key: explored.refitted(effects).locate().simulated}
+            facts = {model.key: model_facts(model, located.get(model.key, [])) for model in models}
+            return {"models": facts, "effects": effects}, models
+        if action == "locate":
+            model = explored.fitted(effects)
+            located = model_facts(model, explored.refitted(effects).locate().simulated)["located"]
+            return {"key": model.key, "located": located}, []
+        if action == "save":
+            written = save_refinement(explored.refitted(effects), explored.output)
+            return {"text": f"{len(written)} files written to {explored.output}."}, []
+        diagnosis = explored.diagnosis
+        verdict = replace(diagnosis.result, tied_with=[explored.refitted(effects).path[-1]])
+        limits = machine_limits(diagnosis.study.signals.machine, verdict.experiment)
+        excitation = None if diagnosis.settings.forward else separating_excitation(verdict, limits)
+        if excitation is None:
+            raise InputError(
+                "no excitation can be named: the force is the records' input, or an effect depends on a further channel"
+            )
+        return {"excitation": excitation_of(excitation, verdict)}, []
+
+
+def read_request(text: str | bytes) -> dict[str, Any]:
+    """Return a page's request, a mapping in JSON."""
+    try:
+        content = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise InputError("a request that is not JSON") from error
+    if not isinstance(content, dict):
+        raise InputError("a request that is not a mapping")
+    return content
+
+
+def save_refinement(refit: Refinement, folder) -> list[str]:
+    """Write the model, its tables and figures, and its FMUs; return the files' names."""
+    from lumbar.interface.device import export_fmu
+
+    refuse_links(folder)
+    with WRITING, DRAWING:
+        refit.save(folder)
+        refit.compare().save(folder)
+        refit.locate().save(folder)
+        export_fmu(refit.model, folder, source_label=refit.source_label)
+    return sorted(path.name for path in folder.iterdir() if path.is_file())

@@ -10,7 +10,7 @@ from tornado.routing import Matcher
 from tornado.web import Finish, OutputTransform, RequestHandler, stream_request_body
 
 HOST = "127.0.0.1"
-NAMES = (HOST, "localhost")
+_HOST_NAMES = (HOST, "localhost")
 TOKEN = "token"
 """Name of the token in an address."""
 _HEADERS = {
@@ -21,7 +21,7 @@ _HEADERS = {
     "Cross-Origin-Resource-Policy": "same-origin",
 }
 """The page contains its scripts; nothing is loaded from elsewhere or sent there, and no other page frames it."""
-_TO_THE_PAGE = (
+_FORWARD_PAGE = (
     f"<!doctype html><title>lumbar</title><script>const page = new URL(location.href); page.searchParams.delete('{TOKEN}'); "
     "location.replace(page)</script><noscript>The pages of lumbar need JavaScript.</noscript>"
 )
@@ -33,7 +33,7 @@ _NO_TOKEN = (
 
 @dataclass(frozen=True)
 class Visitors:
-    """Visitors that are let in: with the token in the address the first time, in a cookie afterwards."""
+    """Admitted visitors: with the token in the address the first time, in a cookie afterwards."""
 
     port: int
     """Port of the server. A browser sends cookies to every port of a host, so the cookie's name contains it."""
@@ -54,48 +54,45 @@ class Visitors:
 
 
 class Outside(Matcher):
-    """Matches requests that are not let in; its rule is before all others."""
+    """Matches requests that are not admitted; its rule is before all others."""
 
     def __init__(self, visitors: Visitors):
         self.visitors = visitors
 
     def match(self, request: HTTPServerRequest) -> dict[str, Any] | None:
-        """Return the arguments for `DoorHandler`; None if the request is let in.
+        """Return the arguments for `DoorHandler`; None if the request is admitted.
 
-        A request is let in with the cookie, to one of this machine's names, from a page of this server or the user.
+        It needs the cookie, and must be sent to one of this machine's names by the user or a page of this server.
         """
         cookie, origin = request.cookies.get(self.visitors.cookie), request.headers.get("Origin")
-        is_from_here = request.host_name in NAMES and origin in (None, f"http://{request.host}")
+        is_from_here = request.host_name in _HOST_NAMES and origin in (None, f"http://{request.host}")
         is_known = cookie is not None and is_from_here and self.visitors.has_token(cookie.value.encode())
         return None if is_known and TOKEN not in request.query_arguments else {}
 
 
 @stream_request_body
 class DoorHandler(RequestHandler):
-    """Lets in requests with the token; rejects all others before a body is read."""
+    """Admits requests with the token; rejects all others before a body is read."""
 
     def initialize(self, visitors: Visitors) -> None:
         """Store the visitors."""
         self.visitors = visitors
 
     def prepare(self) -> None:
-        """Set the cookie and lead to the page's address without the token.
+        """Set the cookie and forward to the page's address without the token.
 
-        A page leads there, not a redirect: after a redirect a browser that came from elsewhere (a terminal in a page) would
-        not send the cookie. The page is a script, since the part after "#" is not sent to the server.
+        A page forwards, not a redirect: after a redirect a browser that came from elsewhere (a terminal in a page) would
+        not send the cookie. The page is a script, because the part after "#" is not sent to the server.
         """
         given = self.request.query_arguments.get(TOKEN, [b""])[-1]
         self.set_header("Cache-Control", "no-store")
-        if (
-            self.request.method != "GET"
-            or self.request.host_name not in NAMES
-            or not self.visitors.has_token(given)
-        ):
+        is_page = self.request.method == "GET" and self.request.host_name in _HOST_NAMES
+        if not (is_page and self.visitors.has_token(given)):
             self.set_header("Content-Type", "text/plain; charset=utf-8")
             self.set_status(403)
             raise Finish(_NO_TOKEN)
         self.set_cookie(self.visitors.cookie, self.visitors.token, httponly=True, samesite="Strict")
-        raise Finish(_TO_THE_PAGE)
+        raise Finish(_FORWARD_PAGE)
 
 
 class SecurityHeaders(OutputTransform):
