@@ -11,8 +11,8 @@ from scipy.stats import chi2
 from lumbar.base.errors import InputError
 from lumbar.interface.reading import read
 from lumbar.tissue.diagnosis.fitting.preparation import prepare
-from lumbar.tissue.diagnosis.noise.noise_floor import find_period, noise_floor
-from lumbar.tissue.diagnosis.noise.periods import MIN_PERIODS
+from lumbar.tissue.diagnosis.noise.noise_floor import noise_floor
+from lumbar.tissue.diagnosis.noise.periods import MIN_PERIODS, find_period
 
 REPEATED, SECONDS = multisine(4, seed=3), np.arange(4000) * STEP
 
@@ -240,7 +240,7 @@ def test_a_period_that_cannot_be_is_refused():
     test = noisy_record(4, 0.1, 1)
     with pytest.raises(InputError, match="does not repeat after 3 s"):
         noise_floor(test, period=3.0)
-    with pytest.raises(InputError, match=r"hold 1\.33 periods of 15 s; at least 2 are needed"):
+    with pytest.raises(InputError, match=r"are 1\.33 periods of 15 s; at least 2 are needed"):
         noise_floor(test, period=15.0)
     with pytest.raises(InputError, match="less than two samples"):
         noise_floor(test, period=0.01)

@@ -1,41 +1,38 @@
 """Parts of a periodic response that do not repeat and are not noise: drift, a changing amplitude, off-grid lines.
 
-The deviations of m periods of p samples from their mean make a matrix of rank m − 1 whose rows, were they
-noise, would be unrelated. A disturbance with structure is a few dimensions of it: a smooth course over the
-record (drift), the shapes of response and input (an amplitude that changes), two for every sinusoid between
-the multiples of 1/period, and for anything else the directions of the largest singular values. Each is tested
-against the level of the noise around it in frequency, so that coloured noise is not mistaken for structure.
+The deviations of m periods of p samples from their mean are a matrix of rank m − 1; rows of noise would be uncorrelated. A
+structured disturbance takes a few of its dimensions: a smooth course over the record (drift), the shapes of response and input
+(a changing amplitude), two for every sinusoid between the multiples of 1/period, else the directions of the largest singular
+values. Each is tested against the level of the noise around it in frequency, so that coloured noise does not count as structure.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 
-FEWEST_LINES = 5
-"""Lines of a band whose median is deaf to a sinusoid in it."""
-_MOST_LINES = 24
-SIGNIFICANT = 4.5
-"""Standard deviations by which a part must exceed what noise would give; a part missed here raises the floor
-by less than a percent."""
-STAYS_SIGNIFICANT = 3.0
-"""Standard deviations by which a part must still exceed the noise after others were fitted with it."""
-MOST_PARTS = 12
+_MIN_BAND_LINES, _MAX_BAND_LINES = 5, 24
+"""Lines of a band over which a median is taken; a single sinusoid in it does not move the median."""
+_MIN_SIGMAS = 4.5
+"""Standard deviations of a part above the noise; a smaller part raises the floor by less than a percent."""
+_MIN_REMAINING_SIGMAS = 3.0
+"""Standard deviations by which a part must exceed the noise after others were fitted with it."""
+_MAX_PARTS = 12
 _SWEEPS = 3
 _NEWTON_STEPS = 3
 _UNNAMED_ADVANTAGE = 1.2
-"""Factor by which a part without a name must explain more than one with a name."""
-_FEWEST_CYCLES = 2
-"""Fewest cycles of a sinusoid in the record; with fewer it looks like a drift."""
-_DRIFTS_BELOW = 1.2
+"""Factor by which an unnamed part must explain more than a named one."""
+_MIN_CYCLES = 2
+"""Cycles of a sinusoid in the record, below which it looks like a drift."""
+_MIN_LINE_CYCLES = 1.2
 """Cycles per period below which wandering noise looks like a sinusoid."""
-_MOST_HARMONICS = 60
+_MAX_HARMONICS = 60
 _SETTLING_TIMES = (0.5, 1.0, 2.0, 4.0, 8.0)
-"""Periods in which a drift settles; these and a straight line span every monotonic course closely."""
-_WILD = 3.5
-"""Standard deviations to which samples are cut before directions over the periods are searched."""
+"""Periods in which a drift settles; with a straight line they approximate every monotonic course."""
+_CLIP_SIGMAS = 3.5
+"""Standard deviations to which samples are clipped before directions over the periods are searched."""
 _NORMAL_MEDIAN = 0.6745
-"""Median of the size of a standard normal variable."""
-_TAPERED = 2 / 3
+"""Median of the absolute value of a standard normal variable."""
+_TAPERED_SHARE = 2 / 3
 """Share of the samples that a sine taper leaves: (Σw²)²/(n Σw⁴)."""
 DRIFT, AMPLITUDE, LINE, OTHER = "drift", "amplitude change", "off-grid line", "other change"
 
@@ -49,16 +46,16 @@ class Part:
     values: np.ndarray
     """Shape (periods, samples)."""
     degrees: float
-    """Degrees of freedom of the part."""
+    """Degrees of freedom."""
     frequency: float | None = None
     """Cycles per sample of an off-grid line."""
     harmonics: int = 1
-    """Multiples of `frequency` that belong to it, itself included."""
+    """Number of multiples of `frequency`, with itself."""
     amplitude: float = 0.0
     """Amplitude of a line: root of the summed squares of its harmonics' amplitudes."""
 
     def rms(self, noise_variance: float) -> float:
-        """RMS less what the noise contributes to it."""
+        """Return the RMS without the contribution of the noise."""
         energy = float(np.sum(self.values**2)) - noise_variance * self.degrees
         return float(np.sqrt(max(energy, 0.0) / self.values.size))
 
@@ -68,8 +65,8 @@ def remove_structure(
 ) -> "StructureSearch":
     """Split deviations into noise and structured parts.
 
-    Greedily: the part that explains most of what exceeds the noise is added and all parts are fitted again,
-    until nothing significant is left.
+    Greedily: the part that explains most of the excess over the noise is added and all parts are fitted again, until
+    nothing significant is left.
 
     Parameters
     ----------
@@ -84,16 +81,16 @@ def remove_structure(
         With the parts, the noise as ``rest`` and its degrees of freedom: its variance per sample is Σ rest²/degrees.
     """
     search = StructureSearch(deviations, mean_period, mean_excitation)
-    for _ in range(MOST_PARTS):
-        found = search.strongest_part()
-        if found is None:
+    for _ in range(_MAX_PARTS):
+        part = search.strongest_part()
+        if part is None:
             break
-        search.add(found)
+        search.add(part)
     return search
 
 
 class StructureSearch:
-    """Structured parts of deviations, and what they leave."""
+    """Structured parts of deviations, and the rest."""
 
     def __init__(self, deviations: np.ndarray, mean_period: np.ndarray, mean_excitation: np.ndarray):
         self.deviations = deviations
@@ -102,14 +99,22 @@ class StructureSearch:
         periods, samples = deviations.shape
         self.taper = taper(samples)
         self.straight = np.linalg.qr(np.vander(np.linspace(-1, 1, samples), 2))[0]
-        self.shapes = {
-            DRIFT: _drifts(periods, samples),
-            AMPLITUDE: _orthonormal(_response_shapes(mean_period, mean_excitation)),
-        }
+        # A straight line and settling exponentials over the record, shape (courses, periods, samples).
+        time = np.arange(periods * samples).reshape(periods, samples) / samples
+        courses = [time, *(np.exp(-time / settling) for settling in _SETTLING_TIMES)]
+        courses = _subtract_mean(np.stack(courses)).reshape(len(courses), -1)
+        self.drifts = _orthonormal(courses.T).T.reshape(-1, periods, samples)
+        # Response and input, which the springs' share resembles, times quadratic courses within the period; (samples, 6).
+        quadratic = np.polynomial.legendre.legvander(np.linspace(-1, 1, samples), 2)
+        shapes = [
+            (signal - signal.mean()) / max(np.std(signal), 1e-300)
+            for signal in (mean_period, mean_excitation)
+        ]
+        self.shapes = _orthonormal(np.hstack([shape[:, None] * quadratic for shape in shapes]))
 
     @property
     def free_rows(self) -> int:
-        """Dimensions over the periods that are still noise."""
+        """Number of dimensions over the periods that are noise."""
         return len(self.deviations) - 1 - sum(part.kind == OTHER for part in self.parts)
 
     @property
@@ -119,34 +124,40 @@ class StructureSearch:
         return float(self.free_rows * (self.rest.shape[1] - named / (len(self.deviations) - 1)))
 
     def strongest_part(self) -> Part | None:
-        """Find the part that explains most of what exceeds the noise, or None."""
+        """Return the part that explains most of the excess over the noise; None if no part is significant."""
         if not np.any(self.rest):
             return None
         known = {part.kind for part in self.parts}
         fine_level = self._level()
         level = fine_level[:: len(self.rest)]
         whitened = self._whiten(self.rest, level)
+        drifts = _orthonormal(self._whiten(self.drifts, level).reshape(len(self.drifts), -1).T)
+        shapes = _orthonormal(self._whiten(self.shapes.T, level).T)
         best, best_energy = None, 0.0
-        for kind in self.shapes.keys() - known:
-            energy, degrees = self._energy(kind, whitened, level)
-            if excess(energy, degrees) > SIGNIFICANT and energy - degrees > best_energy:
+        for kind, explained, degrees in (
+            (DRIFT, whitened.ravel() @ drifts, drifts.shape[1]),
+            (AMPLITUDE, whitened @ shapes, shapes.shape[1] * self.free_rows),
+        ):
+            energy = float(np.sum(explained**2))
+            is_significant = kind not in known and excess(energy, degrees) > _MIN_SIGMAS
+            if is_significant and energy - degrees > best_energy:
                 best, best_energy = Part(kind, np.zeros_like(self.rest), degrees), energy - degrees
-        # Power over the noise level between the lines. Below the period's first line the level is not measured: it may rise as
-        # that of a random walk.
+        # Power over the noise level between the lines. Below the period's first line the level is not measured: it may rise
+        # like that of a random walk.
         spectrum, periods = self._power(self.rest) / fine_level, len(self.rest)
         bins = np.arange(len(spectrum))
-        spectrum[(bins % periods == 0) | (bins < _FEWEST_CYCLES)] = 0.0
-        spectrum *= np.minimum(np.maximum(bins, 1) / (_DRIFTS_BELOW * periods), 1.0) ** 2
+        spectrum[(bins % periods == 0) | (bins < _MIN_CYCLES)] = 0.0
+        spectrum *= np.minimum(np.maximum(bins, 1) / (_MIN_LINE_CYCLES * periods), 1.0) ** 2
         for line in self._line_candidates(spectrum):
             waves = self._whiten(_sinusoids(self.rest.shape, line.frequency, line.harmonics), level)
             basis = _orthonormal(waves.reshape(len(waves), -1).T)
             energy = float(np.sum((whitened.ravel() @ basis) ** 2)) - line.degrees
             if energy > best_energy:
                 best, best_energy = line, energy
-        # Wild samples are cut: a few of them make their period a direction of its own. A change of the response fills many
-        # samples and stays far above the noise when each is cut.
-        limit = _WILD * (np.median(np.abs(whitened) / self.taper) / _NORMAL_MEDIAN) * self.taper
-        if _stands_out(np.clip(whitened, -limit, limit), self.free_rows):
+        # A few outliers could make their period a direction. Clipped, they cannot; a change of the response, in many samples,
+        # stays far above the noise.
+        limit = _CLIP_SIGMAS * (np.median(np.abs(whitened) / self.taper) / _NORMAL_MEDIAN) * self.taper
+        if _has_direction(np.clip(whitened, -limit, limit), self.free_rows):
             values = np.linalg.eigvalsh(whitened @ whitened.T)
             largest = float(values[-1] - values[-self.free_rows : -1].mean())
             if largest > _UNNAMED_ADVANTAGE * best_energy:
@@ -154,7 +165,7 @@ class StructureSearch:
         return best
 
     def add(self, part: Part) -> None:
-        """Take a part in, fit all, and leave out what it made needless."""
+        """Add a part, fit all, and remove those that are no longer significant."""
         if part.harmonics > 1:
             multiples = part.frequency * np.arange(1, part.harmonics + 1)
             self.parts = [
@@ -166,31 +177,31 @@ class StructureSearch:
         self._fit()
         variance = float(np.sum(self.rest**2)) / self.degrees
         if variance > 0:
-            # The newest stays, so that the search cannot go round in circles.
-            kept = [
+            # The newest part remains, so that the search ends.
+            remaining = [
                 item
                 for item in self.parts
                 if item is part
-                or excess(float(np.sum(item.values**2)) / variance, item.degrees) > STAYS_SIGNIFICANT
+                or excess(float(np.sum(item.values**2)) / variance, item.degrees) > _MIN_REMAINING_SIGMAS
             ]
-            if len(kept) < len(self.parts):
-                self.parts = kept
+            if len(remaining) < len(self.parts):
+                self.parts = remaining
                 self._fit()
 
     def _power(self, rows: np.ndarray) -> np.ndarray:
-        """Power of rows, one after the other, at 0, 1, 2, … cycles per record, as variance per sample."""
+        """Return the power of rows, one after the other, at 0, 1, 2, … cycles per record, as variance per sample."""
         whole = rows.ravel()
         power = np.abs(np.fft.rfft(whole * taper(whole.size))) ** 2 / whole.size
         return power * (len(self.rest) - 1) / self.free_rows
 
     def _level(self) -> np.ndarray:
-        """Noise level at 0, 1, 2, … cycles per record, from what lies between the multiples of 1/period.
+        """Return the noise level at 0, 1, 2, … cycles per record, from medians between the multiples of 1/period.
 
-        There a drift, an amplitude that changes and even a strong sinusoid take few places, to which medians are deaf;
-        in the spectra of single periods a sinusoid spreads over its neighbours and hides itself.
+        There a drift, a changing amplitude and even a strong sinusoid occupy few bins and do not move the medians. In spectra of
+        single periods a sinusoid would raise the level of its neighbours and hide itself.
         """
         periods = len(self.rest)
-        # Straight lines in each period are what little a drift of few periods leaves between the multiples.
+        # A drift over few periods leaves little more between the multiples than a straight line in each period.
         power = self._power(self.rest - (self.rest @ self.straight) @ self.straight.T)
         bins = np.arange(len(power))
         between = bins[bins % periods != 0]
@@ -198,49 +209,39 @@ class StructureSearch:
         return np.exp(np.interp(bins, between, np.log(level)))
 
     def _whiten(self, rows: np.ndarray, level: np.ndarray) -> np.ndarray:
-        """Tapered rows (along the last axis) through a filter that makes their noise white, of variance 1."""
+        """Return tapered rows (along the last axis) through a filter that makes their noise white, of variance 1."""
         transform = np.fft.rfft(rows * self.taper, axis=-1) / np.sqrt(level)
         return np.fft.irfft(transform, rows.shape[-1], axis=-1)
 
-    def _energy(self, kind: str, whitened: np.ndarray, level: np.ndarray) -> tuple[float, int]:
-        """Energy that a kind of part explains of the whitened rest, and its degrees of freedom."""
-        if kind == DRIFT:
-            drifts = self.shapes[DRIFT]
-            basis = _orthonormal(self._whiten(drifts, level).reshape(len(drifts), -1).T)
-            return float(np.sum((whitened.ravel() @ basis) ** 2)), basis.shape[1]
-        basis = _orthonormal(self._whiten(self.shapes[kind].T, level).T)
-        return float(np.sum((whitened @ basis) ** 2)), basis.shape[1] * self.free_rows
-
     def _line_candidates(self, spectrum: np.ndarray) -> list[Part]:
-        """List the strongest line, and lines already found with their harmonics, if they stand out of the noise."""
+        """Return the strongest line, and known lines with more harmonics, if they exceed the noise."""
         size = self.rest.size
         # The largest of n exponential variables exceeds ln(n) + x with probability exp(−x).
-        limit = 0.5 * SIGNIFICANT**2
-        found = []
+        limit = 0.5 * _MIN_SIGMAS**2
+        candidates = []
         peak = int(spectrum.argmax())
         if spectrum[peak] > np.log(len(spectrum)) + limit:
-            found.append(Part(LINE, np.zeros_like(self.rest), 3, _refined_line(self.rest, peak / size)))
+            candidates.append(Part(LINE, np.zeros_like(self.rest), 3, _refine_line(self.rest, peak / size)))
         for line in (part for part in self.parts if part.kind == LINE):
-            multiples = np.arange(line.harmonics + 1, min(int(0.5 / line.frequency), _MOST_HARMONICS) + 1)
+            multiples = np.arange(line.harmonics + 1, min(int(0.5 / line.frequency), _MAX_HARMONICS) + 1)
             places = np.round(multiples * line.frequency * size).astype(int)
             nearby = np.minimum(places[:, None] + np.array([-1, 0, 1]), len(spectrum) - 1)
-            standing_out = np.flatnonzero(spectrum[nearby].max(axis=1) > np.log(3 * len(nearby) + 1) + limit)
-            if standing_out.size >= (2 if line.harmonics == 1 else 1):
-                count = int(multiples[standing_out[-1]])
-                found.append(Part(LINE, np.zeros_like(self.rest), 2 * count + 1, line.frequency, count))
-        return found
+            strong = np.flatnonzero(spectrum[nearby].max(axis=1) > np.log(3 * len(nearby) + 1) + limit)
+            if strong.size >= (2 if line.harmonics == 1 else 1):
+                count = int(multiples[strong[-1]])
+                candidates.append(Part(LINE, np.zeros_like(self.rest), 2 * count + 1, line.frequency, count))
+        return candidates
 
     def _fit(self) -> None:
         """Fit the named parts to the deviations in turns, then the others."""
         courses = [part for part in self.parts if part.kind in (DRIFT, LINE)]
         amplitudes = [part for part in self.parts if part.kind == AMPLITUDE]
-        of_amplitudes = np.zeros_like(self.deviations)
+        amplitude_sum = np.zeros_like(self.deviations)
         for _ in range(_SWEEPS if courses and amplitudes else 1):
-            of_courses = self._fit_courses(courses, self.deviations - of_amplitudes)
+            course_sum = self._fit_courses(courses, self.deviations - amplitude_sum)
             for part in amplitudes:
-                shapes = self.shapes[AMPLITUDE]
-                of_amplitudes = part.values = ((self.deviations - of_courses) @ shapes) @ shapes.T
-        rest = self.deviations - of_courses - of_amplitudes
+                amplitude_sum = part.values = ((self.deviations - course_sum) @ self.shapes) @ self.shapes.T
+        rest = self.deviations - course_sum - amplitude_sum
         for part in (part for part in self.parts if part.kind == OTHER):
             vector = np.linalg.eigh(rest @ rest.T)[1][:, -1]
             part.values = np.outer(vector, vector @ rest)
@@ -250,19 +251,20 @@ class StructureSearch:
     def _fit_courses(self, courses: list[Part], rows: np.ndarray) -> np.ndarray:
         """Fit drift and lines together, the frequencies by Gauss and Newton; return the sum of their values."""
         lines = [part for part in courses if part.kind == LINE]
-        fixed = [signals for part in courses if part.kind == DRIFT for signals in self.shapes[DRIFT]]
+        drifts = [part for part in courses if part.kind == DRIFT]
+        fixed = [signals for _ in drifts for signals in self.drifts]
         time = np.arange(rows.size).reshape(rows.shape)
         for step in range(_NEWTON_STEPS if lines else 0):
             waves = [_sinusoids(rows.shape, part.frequency, part.harmonics) for part in lines]
             coefficients = _least_squares([*fixed, *np.concatenate(waves)], rows)[len(fixed) :]
             slopes = []
-            for part, own in zip(lines, waves, strict=True):
-                cosines, sines = coefficients[: len(own) : 2], coefficients[1 : len(own) : 2]
-                coefficients = coefficients[len(own) :]
+            for part, wave in zip(lines, waves, strict=True):
+                cosines, sines = coefficients[: len(wave) : 2], coefficients[1 : len(wave) : 2]
+                coefficients = coefficients[len(wave) :]
                 multiples = 2 * np.pi * np.arange(1, part.harmonics + 1)
-                change = np.tensordot(multiples * sines, own[::2], 1)
-                change -= np.tensordot(multiples * cosines, own[1::2], 1)
-                slopes.append(_deviating((time * change)[None])[0])
+                change = np.tensordot(multiples * sines, wave[::2], 1)
+                change -= np.tensordot(multiples * cosines, wave[1::2], 1)
+                slopes.append(_subtract_mean((time * change)[None])[0])
             moves = _least_squares([*fixed, *np.concatenate(waves), *slopes], rows)[-len(lines) :]
             for part, move in zip(lines, np.clip(moves, -0.3 / rows.size, 0.3 / rows.size), strict=True):
                 part.frequency += float(move) if step else float(move) / 2
@@ -271,9 +273,7 @@ class StructureSearch:
         if not blocks:
             return np.zeros_like(rows)
         coefficients = _least_squares(list(np.concatenate(blocks)), rows)
-        for part, block in zip(
-            [*(part for part in courses if part.kind == DRIFT), *lines], blocks, strict=True
-        ):
+        for part, block in zip([*drifts, *lines], blocks, strict=True):
             part.values = np.tensordot(coefficients[: len(block)], block, 1)
             part.amplitude = float(np.sqrt(np.sum(coefficients[: len(block)] ** 2)))
             coefficients = coefficients[len(block) :]
@@ -281,25 +281,24 @@ class StructureSearch:
 
 
 def taper(samples: int) -> np.ndarray:
-    """Half a sine of RMS 1: without it the jump from a row's end to its start covers the weak end of a spectrum."""
+    """Return half a sine of RMS 1; untapered, the jump from a row's end to its start would cover weak high frequencies."""
     return np.sqrt(2) * np.sin(np.pi * (np.arange(samples) + 0.5) / samples)
 
 
 def line_power(rows: np.ndarray, degrees: float) -> np.ndarray:
-    """Mean power of the rows at 0, 1, 2, … cycles per row, as variance per sample.
+    """Return the mean power of rows, shape (periods, samples), at 0, 1, 2, … cycles per row, as variance per sample.
 
-    `rows` have shape (periods, samples); `degrees` are the rows' worth of degrees of freedom that are left in them.
+    `degrees` are their degrees of freedom, in rows.
     """
     return np.sum(np.abs(np.fft.rfft(rows, axis=1)) ** 2, axis=0) / (rows.shape[1] * degrees)
 
 
 def smooth_power(power: np.ndarray, degrees: float, bins_per_line: int = 1) -> np.ndarray:
-    """Level of a noise spectrum, positive: medians over bands that widen with frequency, deaf to single lines.
+    """Return the positive level of a noise spectrum, shape (bins,): medians over bands that widen with frequency.
 
-    `power` is that at 0, 1, 2, … bins, mean of `degrees` rows, shape (bins,) as the level; it is given `bins_per_line`
-    times finer than lines.
+    `power` at 0, 1, 2, … bins is the mean of `degrees` rows, with `bins_per_line` bins per line.
     """
-    fewest, most = FEWEST_LINES * bins_per_line, _MOST_LINES * bins_per_line
+    fewest, most = _MIN_BAND_LINES * bins_per_line, _MAX_BAND_LINES * bins_per_line
     centres, levels, start, last = [], [], 1, len(power) - 1
     while start < last:
         stop = min(start + min(max(fewest, start // 3), most), last)
@@ -310,11 +309,10 @@ def smooth_power(power: np.ndarray, degrees: float, bins_per_line: int = 1) -> n
         start = stop
     if not levels:
         centres, levels = [1.0], [power.mean()]
-    # Towards frequency 0 a spectrum may go on rising as it does between the lowest two bands.
+    # Towards frequency 0 a spectrum may rise as much as between the lowest two bands.
     if len(centres) > 1:
-        slope = (
-            np.log(levels[1] / levels[0]) / np.log(centres[1] / centres[0]) if min(levels[:2]) > 0 else 0.0
-        )
+        is_positive = min(levels[:2]) > 0
+        slope = np.log(levels[1] / levels[0]) / np.log(centres[1] / centres[0]) if is_positive else 0.0
         centres.insert(0, max(0.5, centres[0] / 4))
         levels.insert(0, levels[0] * (centres[0] / centres[1]) ** np.clip(slope, -2, 0))
     # Median of a mean of squares, by Wilson and Hilferty's cube root.
@@ -324,38 +322,24 @@ def smooth_power(power: np.ndarray, degrees: float, bins_per_line: int = 1) -> n
 
 
 def excess(statistic: float, degrees: float) -> float:
-    """Standard deviations of a χ² statistic above its mean (Wilson and Hilferty, PNAS 17, 1931)."""
+    """Return the distance of a χ² statistic from its mean in standard deviations (Wilson and Hilferty, PNAS 17, 1931)."""
     spread = 2 / (9 * degrees)
     return ((statistic / degrees) ** (1 / 3) - (1 - spread)) / np.sqrt(spread)
 
 
-def _drifts(periods: int, samples: int) -> np.ndarray:
-    """A straight line and settling exponentials over the record; (courses, periods, samples)."""
-    time = np.arange(periods * samples).reshape(periods, samples) / samples
-    courses = _deviating(np.stack([time, *(np.exp(-time / settling) for settling in _SETTLING_TIMES)]))
-    return _orthonormal(courses.reshape(len(courses), -1).T).T.reshape(-1, periods, samples)
-
-
-def _response_shapes(*mean_periods: np.ndarray) -> np.ndarray:
-    """Response and input, the springs' share of it, times quadratic courses within the period; (samples, 6)."""
-    courses = np.polynomial.legendre.legvander(np.linspace(-1, 1, len(mean_periods[0])), 2)
-    shapes = [(signal - signal.mean()) / max(np.std(signal), 1e-300) for signal in mean_periods]
-    return np.hstack([shape[:, None] * courses for shape in shapes])
-
-
 def _sinusoids(shape: tuple[int, int], frequency: float, harmonics: int = 1) -> np.ndarray:
-    """Cosine and sine of the multiples of a frequency in cycles per sample; (2·harmonics, periods, samples)."""
+    """Return cosine and sine of the multiples of a frequency in cycles per sample; (2·harmonics, periods, samples)."""
     phase = 2 * np.pi * frequency * np.arange(shape[0] * shape[1]).reshape(shape)
     multiples = range(1, harmonics + 1)
-    return _deviating(np.stack([wave(k * phase) for k in multiples for wave in (np.cos, np.sin)]))
+    return _subtract_mean(np.stack([wave(k * phase) for k in multiples for wave in (np.cos, np.sin)]))
 
 
-def _deviating(signals: np.ndarray) -> np.ndarray:
+def _subtract_mean(signals: np.ndarray) -> np.ndarray:
     return signals - signals.mean(axis=1, keepdims=True)
 
 
 def _least_squares(signals: list[np.ndarray], rows: np.ndarray) -> np.ndarray:
-    """Coefficients of signals, each shaped like `rows`, that fit them best."""
+    """Return the coefficients of signals, each shaped like `rows`, that fit these best."""
     columns = np.stack([signal.ravel() for signal in signals])
     scale = np.maximum(np.sqrt(np.sum(columns**2, axis=1)), 1e-300)
     columns /= scale[:, None]
@@ -367,35 +351,34 @@ def _orthonormal(columns: np.ndarray) -> np.ndarray:
     return left[:, values > 1e-6 * values[0]] if values[0] > 0 else left[:, :0]
 
 
-def _stands_out(whitened: np.ndarray, free_rows: int) -> bool:
+def _has_direction(whitened: np.ndarray, free_rows: int) -> bool:
     """Return whether a direction over the periods exceeds the noise.
 
-    Of d unrelated rows of n whitened samples each, the eigenvalues of the covariance are 1 + g/√n with g those
-    of a symmetric Gaussian matrix; with a known spectrum the largest exceeds the mean of the others by less
-    than (2√d + 5.7 d^(−1/3))/√n + d/n in 99.9 % of the cases (*simulated*, d = 2 … 50), with an estimated one by
-    less than (2√d + 8 d^(−1/3))/√n + d/n. Samples that are tapered, or not quite white, count for fewer.
+    The covariance of d uncorrelated rows of n whitened samples has eigenvalues 1 + g/√n, with g those of a symmetric Gaussian
+    matrix. With an estimated spectrum the largest exceeds the mean of the others by less than (2√d + 8 d^(−1/3))/√n + d/n in
+    99.9 % of simulated cases, d = 2 … 50. Samples that are tapered, or not quite white, count for fewer.
     """
     if free_rows < 2:
         return False
     power = line_power(whitened, free_rows)[1:]
     flat = power.sum() ** 2 * (1 + 1 / free_rows) / (power.size * np.sum(power**2))
-    samples = whitened.shape[1] * _TAPERED * min(flat, 1.0)
+    samples = whitened.shape[1] * _TAPERED_SHARE * min(flat, 1.0)
     values = np.linalg.eigvalsh(whitened @ whitened.T)
     limit = 1 + (2 * np.sqrt(free_rows) + 8 * free_rows ** (-1 / 3)) / np.sqrt(samples) + free_rows / samples
     return bool(values[-1] > limit * values[-free_rows:-1].mean())
 
 
-def _refined_line(rows: np.ndarray, frequency: float) -> float:
-    """Frequency near a peak at which a sinusoid explains most.
+def _refine_line(rows: np.ndarray, frequency: float) -> float:
+    """Return the frequency near a peak at which a sinusoid explains most.
 
-    The deviations lack what repeats: of a sinusoid the share 1 − |mean phase over the periods|² is left.
+    Deviations contain only the share 1 − |mean phase over the periods|² of a sinusoid, because its mean period is subtracted.
     """
     series, (periods, samples) = rows.ravel(), rows.shape
     time = np.arange(series.size)
 
     def explained(at: float) -> float:
-        kept = 1 - abs(np.mean(np.exp(2j * np.pi * at * samples * np.arange(periods)))) ** 2
-        return abs(np.dot(series, np.exp(-2j * np.pi * at * time))) ** 2 / max(kept, 0.05)
+        share = 1 - abs(np.mean(np.exp(2j * np.pi * at * samples * np.arange(periods)))) ** 2
+        return abs(np.dot(series, np.exp(-2j * np.pi * at * time))) ** 2 / max(share, 0.05)
 
     step = 0.5 / series.size
     best = explained(frequency)

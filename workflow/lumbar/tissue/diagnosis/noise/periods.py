@@ -1,4 +1,4 @@
-"""The period of an excitation: found by comparing the input with itself shifted, and cutting records by it."""
+"""The period of an excitation, from a comparison of the input with itself shifted, and records cut into periods."""
 
 from dataclasses import dataclass
 
@@ -10,14 +10,14 @@ from lumbar.records.record import Record
 REPEATS_WITHIN = 0.02
 """An input repeats if one period differs from another by less than this share of its RMS about the mean."""
 MIN_FULL_PERIODS = 3
-"""The first is the transient; two are the least that show what does not repeat."""
+"""Periods of which the first is the transient: two more are needed to show what does not repeat."""
 MIN_PERIODS = 2
-"""Fewest periods at all: only their second halves count then, because the start of the first is its transient."""
+"""Smallest number of periods; only their second halves count then, because the first begins with its transient."""
 
 _MISSING_END = 0.02
 """Share of a period by which a record may end early (a sample is often lost at an end)."""
 _ANOTHER_MINIMUM = 3.0
-"""Lags whose mismatch is within this factor of the best, in power, repeat equally well: the shortest is it."""
+"""Lags with a mismatch within this factor of the best, in power, repeat equally well: the shortest is the period."""
 
 
 @dataclass(frozen=True)
@@ -29,8 +29,8 @@ class Folding:
     samples: int
     """Samples per period."""
     rows: np.ndarray
-    """Shape (periods, samples): indices of the samples of every period that is used, counted from the record's end so that
-    the transient at its start is left out."""
+    """Indices of the samples of every used period, shape (periods, samples), counted from the record's end to leave out the
+    transient."""
 
     def fold(self, values: np.ndarray) -> np.ndarray:
         """Return `values` as one row per period, shape (periods, samples)."""
@@ -38,10 +38,10 @@ class Folding:
 
 
 def mismatch(values: np.ndarray, lags: int) -> np.ndarray:
-    """How far a signal differs from itself shifted by 0, 1, …, `lags` samples, shape (lags + 1,).
+    """Return the mismatch of a signal with itself shifted by 0, 1, …, `lags` samples, shape (lags + 1,).
 
-    Σ(u[n+l] − u[n])² over the overlap, per sample and relative to twice the variance: 0 where the signal repeats, about
-    1 where the two are unrelated. For noise of variance σ² on a periodic signal it is σ²/variance at the period.
+    Σ(u[n+l] − u[n])² over the overlap, per sample and relative to twice the variance: 0 if the signal repeats, about 1 if the
+    two are unrelated. For noise of variance σ² on a periodic signal it is σ²/variance at the period.
     """
     size = len(values)
     centred = values - values.mean()
@@ -58,11 +58,10 @@ def mismatch(values: np.ndarray, lags: int) -> np.ndarray:
 
 
 def find_period(record: Record, fewest: int = MIN_FULL_PERIODS) -> float | None:
-    """Return the period of the input in seconds, of all axes that move, or None where it does not repeat.
+    """Return the period of the input in seconds, of all axes that move; None if it does not repeat `fewest` times.
 
-    The shortest lag at which the input agrees with itself as well as at any other, within
-    `REPEATS_WITHIN`. Noise in a measured position is allowed for: it limits the agreement at every multiple
-    of the period alike. A record has to hold so many periods, `fewest`.
+    The shortest lag at which the input agrees with itself as well as at any other, within `REPEATS_WITHIN`. Noise in a measured
+    position is allowed for: it limits the agreement equally at every multiple of the period.
     """
     inputs = [record[f"input_{axis}"] for axis in record.moving] or [record.widest["input"]]
     lags = int(len(record) * (1 + _MISSING_END) / fewest)
@@ -71,7 +70,7 @@ def find_period(record: Record, fewest: int = MIN_FULL_PERIODS) -> float | None:
     difference = np.max([mismatch(values, lags + 1) for values in inputs], axis=0)
     inner = difference[1:-1]
     is_minimum = (inner <= difference[:-2]) & (inner <= difference[2:])
-    # A smooth signal resembles itself at short lags; its period comes after it has become unlike itself.
+    # A smooth signal resembles itself at short lags; its period follows the first lag at which it does not.
     unlike = np.flatnonzero(difference > 0.1)
     if not unlike.size:
         return None
@@ -90,18 +89,12 @@ def declared_period(record: Record, fewest: int) -> float | None:
 
 
 def fold_periods(record: Record, period: float) -> Folding:
-    """Cut a record into its whole periods without the first one, or into its last `MIN_PERIODS` if it has no more.
-
-    Parameters
-    ----------
-    record : Record
-    period : float
-        Seconds.
+    """Cut a record into its whole periods (of `period` seconds) without the first, or its last `MIN_PERIODS` if it has no more.
 
     Raises
     ------
     InputError
-        If the record holds fewer than `MIN_PERIODS` periods, or its input does not repeat with `period`.
+        If the record has fewer than `MIN_PERIODS` periods, or its input does not repeat with `period`.
     """
     name, size = record.source or record.name, len(record)
     length = period / record.sampling_time
@@ -110,31 +103,29 @@ def fold_periods(record: Record, period: float) -> Folding:
     periods = int(size / length + _MISSING_END)
     if periods < MIN_PERIODS:
         raise InputError(
-            f"{name}: {record.duration:g} s hold {size / length:.3g} periods of {period:g} s; at least "
-            f"{MIN_PERIODS} are needed, better {MIN_FULL_PERIODS}, of which the first is the transient: record for longer, or "
-            "leave the period out"
+            f"{name}: {record.duration:g} s are {size / length:.3g} periods of {period:g} s; at least {MIN_PERIODS} are needed, "
+            f"better {MIN_FULL_PERIODS}, of which the first is the transient: record for longer, or leave the period out"
         )
     samples = round(length)
     starts = size - np.round(length * np.arange(max(periods - 1, MIN_PERIODS), 0, -1)).astype(int)
     starts = np.clip(starts, 0, size - samples)
     folding = Folding(period, samples, starts[:, None] + np.arange(samples))
-    unlike = _unlike(folding.fold(record["input"]))
-    # A period that is no whole number of samples is cut up to half a sample beside its place.
-    if unlike > 5 * REPEATS_WITHIN:
+    difference = _relative_difference(folding.fold(record["input"]))
+    # The limit allows for periods that are not a whole number of samples: they are cut up to half a sample off.
+    if difference > 5 * REPEATS_WITHIN:
         raise InputError(
-            f"{name}: the input does not repeat after {period:g} s, its periods differ by {100 * unlike:.2g} % "
-            "of its RMS: correct the period, leave it out to have it found, or keep the cycles that repeat alone "
-            "(lumbar import --trim START:STOP)"
+            f"{name}: the input does not repeat after {period:g} s, its periods differ by {100 * difference:.2g} % of its RMS: "
+            "correct the period, leave it out, or keep only the cycles that repeat (lumbar import --trim START:STOP)"
         )
     return folding
 
 
 def repeats(record: Record, folding: Folding, role: str) -> bool:
     """Return whether a further channel repeats with a record's periods, or rests."""
-    return _unlike(folding.fold(record[role])) <= 5 * REPEATS_WITHIN
+    return _relative_difference(folding.fold(record[role])) <= 5 * REPEATS_WITHIN
 
 
-def _unlike(folded: np.ndarray) -> float:
+def _relative_difference(folded: np.ndarray) -> float:
     """Return the difference of periods from their mean, relative to the RMS; 0 for a channel at rest."""
     variance = float(np.var(folded))
     return float(np.sqrt(np.mean((folded - folded.mean(axis=0)) ** 2) / variance)) if variance > 0 else 0.0
