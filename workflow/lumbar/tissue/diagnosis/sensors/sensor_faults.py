@@ -1,4 +1,4 @@
-"""What is wrong with a record's sensors, and with its clock, which runs ahead by ever more; and the record repaired."""
+"""Faults of a record's sensors and clocks, e.g. a skew between two clocks, and the repaired record."""
 
 from collections.abc import Sequence
 from functools import partial
@@ -11,7 +11,6 @@ from lumbar.tissue.diagnosis.finding import Finding
 from lumbar.tissue.diagnosis.noise.nonrepeating import line_power, smooth_power
 from lumbar.tissue.diagnosis.noise.periods import (
     MIN_FULL_PERIODS,
-    Folding,
     declared_period,
     find_period,
     fold_periods,
@@ -27,37 +26,37 @@ from lumbar.tissue.diagnosis.sensors.bad_samples import (
 from lumbar.tissue.diagnosis.sensors.position_noise import find_rough_acceleration, find_roughness
 
 CLOCK_SKEW = "clock_skew"
-_FEWEST_PERIODS = MIN_FULL_PERIODS + 2
+_MIN_SKEW_PERIODS = MIN_FULL_PERIODS + 2
 """Smallest number of periods for a line through their delays."""
-_SURE = 6.0
-"""Standard errors of a skew."""
-_BETTER = 20.0
+_MIN_SKEW_SIGMAS = 6.0
+"""Standard errors of a reported skew."""
+_CLEARLY_BETTER = 20.0
 """Squared error, in noise variances, by which one explanation is clearly better than another."""
-_UNEXPLAINED = 0.1
+_MAX_UNEXPLAINED = 0.1
 """Largest share of the growing deviations that may remain, beyond noise, without the skew."""
-_STRAIGHT = 0.9
-"""Share of the delays' variance that lies on a line."""
-_MOST_SLIP = 1.0
-"""Samples by which a period may slip against its folding over a record: beyond, the mean of the periods is blurred."""
-_SLIPS = 0.3
+_MIN_STRAIGHT = 0.9
+"""Share of the delays' variance that a line explains."""
+_MAX_SLIP_SAMPLES = 1.0
+"""Samples by which a period may slip against its folding over a record; more would blur the mean of the periods."""
+_MAX_SLIP_SHARE = 0.3
 """Share of a skew by which the position itself may slip against its folding."""
 _TAPS = 16
 """Half length of the interpolating filter, in samples."""
 _KAISER = 8.0
 _BLOCK = 1 << 15
 _ROUNDING = 1e-20
-"""Power of the digits that a force is written with, in that of its mean period."""
+"""Power of the digits that a force is written with, relative to that of its mean period."""
 
 
 def find_skew(record: Record) -> Repair | None:
-    """Find a skew between the clocks of force and position of a periodic record, where it is sure.
+    """Find a skew between the clocks of force and position of a periodic record, and resample the force.
 
-    The force is put on the clock of the position, taken as alike at the record's start.
+    Both clocks are assumed to agree at the record's start.
     """
-    found = _skew(record)
-    if found is None:
+    skew = _estimate_skew(record)
+    if skew is None:
         return None
-    rate, error = found
+    rate, error = skew
     position, force = (record.channels[role].quantity for role in ("input", "output"))
     sentence = (
         f"{record.name}: the {force} {'falls behind' if rate > 0 else 'runs ahead of'} the {position} by {1e6 * abs(rate):.3g} ± "
@@ -68,107 +67,83 @@ def find_skew(record: Record) -> Repair | None:
     return Repair(record.with_values(output=shift_times(record["output"], rate)), (finding,))
 
 
-def _skew(record: Record) -> tuple[float, float] | None:
-    """Return the seconds that the force falls behind the position per second, and the standard error; None without a sure skew.
+def _estimate_skew(record: Record) -> tuple[float, float] | None:
+    """Return the delay of the force behind the position per second, and its standard error; None without a sure skew.
 
-    What grows from period to period is, for a skew, the mean period's rate of change; for a tissue that changes, the mean
-    force, position or speed (gain, stiffness, damping). A skew is reported if the first leaves little, the others leave
-    clearly more, two of them together not clearly less, and the delays of the single periods lie on a line.
+    The deviation that grows from period to period is the mean period's rate of change if it is caused by a skew; the mean force,
+    position or speed if the tissue changes (gain, stiffness, damping). A skew is reported if the first leaves little, the others
+    clearly more, two of them together not clearly less, and the delays of the single periods follow a line.
     """
-    folding = _periods(record)
-    if folding is None:
+    period, step = declared_period(record, MIN_FULL_PERIODS) or find_period(record), record.sampling_time
+    if period is None:
         return None
+    count = int(len(record) / (period / step))
+    if count < _MIN_SKEW_PERIODS or abs(period / step - round(period / step)) * count > 0.02:
+        return None
+    folding = fold_periods(record, period)
     force, position = folding.fold(record["output"]), folding.fold(record["input"])
-    middle = folding.rows.mean(axis=1) * record.sampling_time
+    middle = folding.rows.mean(axis=1) * step
     middle -= middle.mean()
     # A level that drifts from period to period slopes within the mean period too, and jumps at its ends.
-    drift = float(middle @ force.mean(axis=1) / (middle @ middle)) * record.sampling_time
+    drift = float(middle @ force.mean(axis=1) / (middle @ middle)) * step
     force = force - drift * (np.arange(folding.samples) - folding.samples / 2)
     mean, position = force.mean(axis=0), position - position.mean()
-    rate, speed = (_rate(values, record.sampling_time) for values in (mean, position.mean(axis=0)))
-    # A period that is not quite a whole number of samples makes both channels slip against their folding.
+    mean_position = position.mean(axis=0)
+    rate, speed = (_differentiate_period(values, step) for values in (mean, mean_position))
+    # If a period is not quite a whole number of samples, both channels slip against their folding.
     slip = float(middle @ (position @ speed) / (middle @ middle) / (speed @ speed))
-    if abs(slip) * record.duration > _MOST_SLIP * record.sampling_time:
+    if abs(slip) * record.duration > _MAX_SLIP_SAMPLES * step:
         return None
     deviations = force - mean - slip * np.outer(middle, rate)
     growth = middle @ deviations / (middle @ middle)
     noise = line_power(deviations - np.outer(middle, growth), len(force) - 2)
-    # A force that repeats exactly has no noise but its digits.
+    # The only noise of a force that repeats exactly is its digits.
     level = np.maximum(smooth_power(noise, len(force) - 2), _ROUNDING * np.mean(mean**2))
     weight = 1 / np.sqrt(level * len(mean) / (middle @ middle))
-    weight[0] = 0.0  # a level that drifts says nothing
-    ramp = np.linspace(-1, 1, len(mean))  # nor does its drift within a period
-    spectra = {"rate": rate, "force": mean, "position": position.mean(axis=0), "speed": speed}
-    spectra = {name: _lines(values, weight, ramp) for name, values in spectra.items()}
-    wanted = _lines(growth, weight, ramp)
-    if not _is_skew(wanted, spectra):
+    weight[0] = 0.0  # a level that drifts is no evidence
+    ramp = np.fft.rfft(np.linspace(-1, 1, len(mean))) * weight  # nor is its drift within a period
+    ramp = np.concatenate([ramp.real, ramp.imag])
+
+    def whiten(values: np.ndarray) -> np.ndarray:
+        """Return the whitened real and imaginary parts of a period's lines, without the part along a ramp."""
+        lines = np.fft.rfft(values) * weight
+        lines = np.concatenate([lines.real, lines.imag])
+        return lines - ramp * (lines @ ramp) / (ramp @ ramp)
+
+    column = whiten(rate)
+    if not _is_skew(whiten(growth), column, [whiten(item) for item in (mean, mean_position, speed)]):
         return None
-    column = spectra["rate"]
-    amounts = np.array([column @ _lines(row, weight, ramp) for row in deviations]) / (column @ column)
+    amounts = np.array([column @ whiten(row) for row in deviations]) / (column @ column)
     slope = float(middle @ amounts / (middle @ middle))
-    if abs(slip) > _SLIPS * abs(slope):
-        return None
     left = amounts - slope * middle
-    if np.sum(left**2) > (1 - _STRAIGHT) * np.sum(amounts**2):
+    is_straight = np.sum(left**2) <= (1 - _MIN_STRAIGHT) * np.sum(amounts**2)
+    if abs(slip) > _MAX_SLIP_SHARE * abs(slope) or not is_straight:
         return None
     return -slope, float(np.sqrt(np.sum(left**2) / (len(left) - 2) / (middle @ middle)))
 
 
-def same_clocks(record: Record, rate: float) -> Record:
-    """Return a record repaired by the skew of another one, where a linear tissue then explains its force better.
+def _is_skew(growth: np.ndarray, rate: np.ndarray, others: list[np.ndarray]) -> bool:
+    """Return whether only the rate of change explains the growing deviation."""
 
-    Records that are too short to tell a skew, or do not repeat, were made with the same two clocks.
-    """
-    even = record.with_values(output=shift_times(record["output"], rate))
-    before, after = (np.sum((item["output"] - linear_response(item)) ** 2) for item in (record, even))
-    return even if after < before else record
+    def rest(*columns: np.ndarray) -> float:
+        design = np.column_stack(columns)
+        return float(np.sum((growth - design @ np.linalg.lstsq(design, growth, rcond=None)[0]) ** 2))
 
-
-def _lines(values: np.ndarray, weight: np.ndarray, ramp: np.ndarray) -> np.ndarray:
-    """Whitened real and imaginary parts of a period's lines, without what is along a ramp."""
-    lines = [
-        np.concatenate([found.real, found.imag])
-        for found in (np.fft.rfft(values) * weight, np.fft.rfft(ramp) * weight)
-    ]
-    return lines[0] - lines[1] * (lines[0] @ lines[1]) / (lines[1] @ lines[1])
-
-
-def _is_skew(growth: np.ndarray, spectra: dict[str, np.ndarray]) -> bool:
-    """Whether the rate of change alone explains what grows, and nothing else does as well."""
-    others = ("force", "position", "speed")
-    explanations = [("rate",), *combinations(others, 1), *combinations(others, 2)]
-    left = {}
-    for names in explanations:
-        columns = np.column_stack([spectra[name] for name in names])
-        rest = growth - columns @ np.linalg.lstsq(columns, growth, rcond=None)[0]
-        left[names] = float(np.sum(rest**2))
-    rate = left.pop(("rate",))
-    explained = float(growth @ growth) - rate
-    single = min(value for names, value in left.items() if len(names) == 1)
-    paired = min(value for names, value in left.items() if len(names) == 2)
-    usual = len(growth) / 2  # every line's noise is 1/2 in its real and in its imaginary part
+    by_rate = rest(rate)
+    explained = float(growth @ growth) - by_rate
+    single = min(rest(column) for column in others)
+    paired = min(rest(*columns) for columns in combinations(others, 2))
+    noise = len(growth) / 2  # 1/2 in the real and in the imaginary part of every line
     return bool(
-        explained > _SURE**2
-        and single - rate > _BETTER
-        and rate - paired < _BETTER
-        and rate - usual < _UNEXPLAINED * explained
+        explained > _MIN_SKEW_SIGMAS**2
+        and single - by_rate > _CLEARLY_BETTER
+        and by_rate - paired < _CLEARLY_BETTER
+        and by_rate - noise < _MAX_UNEXPLAINED * explained
     )
 
 
-def _periods(record: Record) -> Folding | None:
-    """Periods of a record, the first left out; None where they are few or no whole number of samples long."""
-    period = declared_period(record, MIN_FULL_PERIODS) or find_period(record)
-    if period is None:
-        return None
-    length = period / record.sampling_time
-    count = int(len(record) / length)
-    if count < _FEWEST_PERIODS or abs(length - round(length)) * count > 0.02:
-        return None
-    return fold_periods(record, period)
-
-
-def _rate(values: np.ndarray, sampling_time: float) -> np.ndarray:
-    """Rate of change (per second) of a period."""
+def _differentiate_period(values: np.ndarray, sampling_time: float) -> np.ndarray:
+    """Return the rate of change (per second) of a period."""
     frequency = np.fft.rfftfreq(len(values), sampling_time)
     spectrum = np.fft.rfft(values) * 2j * np.pi * frequency
     spectrum[-1] = 0  # half the sampling rate has no rate of change
@@ -176,7 +151,7 @@ def _rate(values: np.ndarray, sampling_time: float) -> np.ndarray:
 
 
 def shift_times(values: np.ndarray, rate: float) -> np.ndarray:
-    """Values at times n (1 + rate), by a windowed sinc: noise keeps its colour up to nearly half the sampling rate."""
+    """Return values at times n (1 + rate), by a windowed sinc that keeps the noise's colour up to nearly half the rate."""
     size = len(values)
     taps = np.arange(-_TAPS + 1, _TAPS + 1)
     result = np.empty(size)
@@ -186,8 +161,8 @@ def shift_times(values: np.ndarray, rate: float) -> np.ndarray:
     for start in range(0, size, _BLOCK):
         place = np.clip(np.arange(start, min(start + _BLOCK, size)) * (1 + rate), 0, size - 1)
         whole = np.floor(place).astype(int)
-        away = taps - (place - whole)[:, None]
-        weight = np.sinc(away) * np.i0(_KAISER * np.sqrt(np.maximum(1 - (away / _TAPS) ** 2, 0)))
+        distance = taps - (place - whole)[:, None]
+        weight = np.sinc(distance) * np.i0(_KAISER * np.sqrt(np.maximum(1 - (distance / _TAPS) ** 2, 0)))
         weight /= weight.sum(axis=1, keepdims=True)
         result[start : start + _BLOCK] = np.sum(weight * padded[whole[:, None] + taps + _TAPS], axis=1)
     return result
@@ -203,63 +178,66 @@ _FINDERS = (
     find_rough_acceleration,
     find_skew,
 )
-"""Order in which no repair hides a later fault: missing samples before noise."""
+"""Searches in an order in which no repair hides a later fault: missing samples before noise."""
 
 
 def sensor_faults(record: Record) -> list[Finding]:
-    """Return what is wrong with the sensors of a record and with its clock.
+    """Return the faults of the sensors of a record, with channels ``input`` and ``output``, and of its clock.
 
-    The record has channels ``input`` and ``output``. Findings are of the kinds ``gap``, ``wild_samples``,
-    ``held_samples``, ``dropped_samples``, ``position_noise``, ``quantisation``, ``jitter``, ``rough_acceleration`` and
-    ``clock_skew``. A position sensor that lags is not among them: its lag and a tissue's own delay look alike.
+    Findings are of the kinds ``gap``, ``wild_samples``, ``held_samples``, ``dropped_samples``, ``position_noise``,
+    ``quantisation``, ``jitter``, ``rough_acceleration`` and ``clock_skew``. A lag of the position sensor is not among them,
+    because it looks like a delay of the tissue.
     """
-    return _repair(record)[1]
+    return _repair_record(record)[1]
 
 
 def repair(records: Sequence[Record]) -> tuple[list[Record], list[Finding]]:
-    """Return the records of a set without their sensors' faults, and what was found; sound ones are the same objects.
+    """Return the records of a set without their sensors' faults, and the findings; valid records are the same objects.
 
-    A skew of the clocks that one record shows holds for the others too.
+    All records were made with the same clocks: a skew that one shows is removed from others too short to show it, or without
+    period, if a linear tissue then explains their force better.
     """
-    repaired = [_repair(record) for record in records]
+    repaired = [_repair_record(record) for record in records]
     skews = [item.value for _, findings in repaired for item in findings if item.kind == CLOCK_SKEW]
-    sound = [
-        record
-        if not skews or any(item.kind == CLOCK_SKEW for item in findings)
-        else same_clocks(record, 1e-6 * float(np.median(skews)))
-        for record, findings in repaired
-    ]
-    return sound, [item for _, findings in repaired for item in findings]
+    valid = []
+    for record, findings in repaired:
+        if skews and not any(item.kind == CLOCK_SKEW for item in findings):
+            shifted = shift_times(record["output"], 1e-6 * float(np.median(skews)))
+            even = record.with_values(output=shifted)
+            before, after = (np.sum((item["output"] - linear_response(item)) ** 2) for item in (record, even))
+            record = even if after < before else record
+        valid.append(record)
+    return valid, [item for _, findings in repaired for item in findings]
 
 
-def _repair(record: Record) -> tuple[Record, list[Finding]]:
-    """Search and repair every fault in the record as the repairs before have left it."""
+def _repair_record(record: Record) -> tuple[Record, list[Finding]]:
+    """Search and repair one kind of fault after another, each in the record repaired so far."""
     findings = []
     for find in _FINDERS:
-        found = find(record)
-        if found is not None:
-            record = found.record
-            findings += found.findings
+        repaired = find(record)
+        if repaired is not None:
+            record = repaired.record
+            findings += repaired.findings
     return record, findings
 
 
-_OF_STEP = {"position_noise": 1.0, "quantisation": 12**-0.5}
+_NOISE_RATIOS = {"position_noise": 1.0, "quantisation": 12**-0.5}
 """RMS of the noise relative to the value of a finding."""
 
 
 def force_of_position_noise(
-    records: Sequence[Record], sound: Sequence[Record], faults: Sequence[Finding]
+    records: Sequence[Record], repaired: Sequence[Record], faults: Sequence[Finding]
 ) -> float:
-    """Largest RMS, over the records, of the force that position noise makes within the band, at the records' own stiffness.
+    """Return the largest RMS, over the records, of the force due to position noise within the band.
 
-    The white noise of the findings, less what was filtered out beyond the band.
+    White noise of the findings, without its part beyond the band that was filtered, times the stiffness of the record.
     """
     largest = 0.0
-    for before, after in zip(records, sound, strict=True):
+    for before, after in zip(records, repaired, strict=True):
         sizes = [
-            _OF_STEP[item.kind] * item.value
+            _NOISE_RATIOS[item.kind] * item.value
             for item in faults
-            if item.record == before.name and item.kind in _OF_STEP
+            if item.record == before.name and item.kind in _NOISE_RATIOS
         ]
         if sizes and len(before) == len(after):
             within = max(sizes) ** 2 - float(np.mean((before["input"] - after["input"]) ** 2))
