@@ -13,7 +13,7 @@ from lumbar.base.errors import InputError
 from lumbar.records.record import Record
 from lumbar.records.sampling import check_clipping
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
-from lumbar.tissue.diagnosis.fitting.fit_data import ENOUGH, MOST, limit_samples
+from lumbar.tissue.diagnosis.fitting.fit_data import ENOUGH_SAMPLES, MAX_SAMPLES, limit_samples
 from lumbar.tissue.diagnosis.fitting.preparation import check_excitation
 from lumbar.tissue.diagnosis.selection.diagnose import diagnose
 from lumbar.tissue.diagnosis.selection.refine import refine
@@ -62,9 +62,9 @@ def bad_training() -> dict[str, tuple]:
         "beyond measure": (GOOD, enormous, "line 102: output is 1e+308"),
         "clipped force": (GOOD, np.clip(force, -1.5, 1.5), "output: clipped: "),
         "clipped position": (np.clip(GOOD, -1.5, 1.5), force, "input: clipped: "),
-        "no motion": (5e-4 * NOISE, 0.02 * NOISE[::-1], "a model fitted on it says nothing about b"),
-        "other unit of position": (1e-3 * GOOD, force, "seem to be in different units"),
-        "other unit of force": (GOOD, 1e3 * force, "seem to be in different units"),
+        "no motion": (5e-4 * NOISE, 0.02 * NOISE[::-1], "cannot predict b"),
+        "other unit of position": (1e-3 * GOOD, force, "their units seem to differ"),
+        "other unit of force": (GOOD, 1e3 * force, "their units seem to differ"),
         "nothing but noise": (
             GOOD,
             0.02 * np.random.default_rng(3).standard_normal(len(GOOD)),
@@ -101,7 +101,7 @@ def test_a_copy_of_what_is_fitted_is_not_unseen(run, tmp_path, part):
     ]
     write(tmp_path / "in", a=(GOOD, force), b=copied)
     err = run.refused("diagnose", tmp_path / "in", "--train", "a", "--output", tmp_path / "out")
-    assert "b.csv: its samples at" in err and "what a model was fitted to is not unseen" in err
+    assert "b.csv: its samples at" in err and "they are not unseen" in err
 
 
 def test_what_is_alike_at_rest_and_a_motion_that_was_done_again_are_no_copies(run, tmp_path):
@@ -206,11 +206,11 @@ def slow(samples, seed=0):
 
 
 def test_a_fast_record_of_a_slow_motion_is_thinned_and_told():
-    position = slow(2 * MOST)
+    position = slow(2 * MAX_SAMPLES)
     (lower,), (told,) = limit_samples([at(5000, position, relaxing_force(position))])
     assert told.kind == "decimated" and told.record == "fast"
     factor = round(5000 / told.value)
-    assert 2 <= factor <= 2 * MOST / ENOUGH
+    assert 2 <= factor <= 2 * MAX_SAMPLES / ENOUGH_SAMPLES
     assert 1 / lower.sampling_time == pytest.approx(told.value)
     assert np.array_equal(lower["output"], relaxing_force(position)[::factor])
 
@@ -223,10 +223,10 @@ def test_a_lower_rate_divides_the_period():
 
 
 def test_a_motion_that_needs_its_rate_keeps_it_and_only_what_is_too_long_is_cut():
-    wide = noise(3 * MOST, 1)
+    wide = noise(3 * MAX_SAMPLES, 1)
     short = noise(2000, 2)
     (long, same), (told,) = limit_samples([at(1000, wide, wide), at(1000, short, short, "short")])
-    assert told.kind == "shortened" and len(same) == 2000 and len(long) == MOST - 2000
+    assert told.kind == "shortened" and len(same) == 2000 and len(long) == MAX_SAMPLES - 2000
     assert told.value == long.duration and told.unit == "s"
     assert np.array_equal(long["input"], wide[: len(long)])
 

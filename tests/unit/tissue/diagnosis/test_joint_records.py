@@ -270,7 +270,7 @@ def test_a_pause_that_the_clocks_tell_of_is_filled_in():
 def test_records_of_one_session_are_sampled_alike_and_follow_one_another():
     first, second, third = session("nothing")
     slower = replace(third, time=2 * third.time)
-    with pytest.raises(InputError, match="records of one session must be sampled alike"):
+    with pytest.raises(InputError, match="records of one session need one sampling time"):
         add_session_history([first, second, slower])
     with pytest.raises(InputError, match="leave session out"):
         add_session_history([first, second, replace(third, time=third.time + 1e5)])

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Self
+from typing import Any, Self
 
 from lumbar.settings.improvement import is_data, system_of
 from lumbar.settings.layout import ColumnLayout
@@ -17,8 +17,7 @@ class DiagnosisSettings:
     """Settings of a diagnosis."""
 
     base: str | Base = CHOSEN_BY_DATA
-    """Base model: a key of `lumbar.tissue.models.bases.BASES`, ``"auto"`` for that of a tissue which the data require, or a
-    user-defined one."""
+    """Base model: a key of `lumbar.tissue.models.bases.BASES`, ``"auto"`` to let the data choose, or a user-defined one."""
     train: str | Sequence[str] | None = None
     """Training record, or several that are fitted together; None takes the longest."""
     catalogue: dict[str, Effect] | None = None
@@ -26,13 +25,13 @@ class DiagnosisSettings:
     most_effects: int = 3
     """Largest number of effects to add."""
     forward: bool = False
-    """Whether the records of a tissue test have the force as input and the motion as output."""
+    """The records of a tissue test have the force as input and the motion as output."""
     load_drives: bool = False
-    """Whether the load is the input of the records: with `forward`, and for a user-defined base with the load as input."""
+    """The load is the input of the records: with `forward`, and for a user-defined base with the load as input."""
     propose_law: bool = False
-    """Whether a short formula is searched for what no effect explains."""
+    """Search a short formula for the part that no effect explains."""
     session: bool = False
-    """Whether the records were cut from one session, in their order."""
+    """The records were cut from one session, in their order."""
     settling_s: float | None = None
     """Seconds at the start of every record that no error counts; None follows the records."""
     layout: ColumnLayout | None = None
@@ -56,16 +55,21 @@ class DiagnosisSettings:
         """Candidates without those that are only tried as rivals of a named effect."""
         return {name: effect for name, effect in self.candidates.items() if not effect.rival}
 
+    @property
+    def preparation(self) -> dict[str, Any]:
+        """Arguments of `lumbar.tissue.diagnosis.fitting.preparation.prepare`."""
+        return {"train": self.train, "session": self.session, "settling_s": self.settling_s}
+
     @classmethod
     def from_study(
         cls, settings: StudySettings, base: str | None = None, train: str | Sequence[str] | None = None
     ) -> Self:
-        """Return the settings of a study; given base and training records take precedence.
+        """Return the settings of a study; `base` and `train` take precedence.
 
         Raises
         ------
         InputError
-            For an unknown base, and for an invalid user-defined one.
+            If the base is unknown, or invalid.
         """
         improvement = settings.improvement
         base = base or improvement.base
@@ -80,7 +84,7 @@ class DiagnosisSettings:
             train=train or improvement.train,
             catalogue=catalogue_with(improvement.effect_files, base, gravity),
             most_effects=improvement.most_effects,
-            # A user-defined base goes from the input to the output, whatever they are: nothing is exchanged.
+            # A user-defined base has its own input and output: nothing is exchanged.
             forward=load_drives and not isinstance(chosen, Base),
             load_drives=load_drives,
             propose_law=improvement.propose_law,

@@ -1,4 +1,4 @@
-"""What records say of a fit's parameters: sensitivities, 95 % intervals, and what a refit could take up of a signal."""
+"""Uncertainty of a fit's parameters, with 95 % intervals, and the part of a signal that a refit could explain."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -14,21 +14,20 @@ from lumbar.tissue.models.model_data import FittedParameter, unit_of
 from lumbar.tissue.models.structure import forces_of
 from lumbar.tissue.models.tissue_models import MODELS
 
-_LAGS = 20
-"""Autocorrelations that the test of whiteness looks at."""
-_LEVEL = 0.01
-"""Probability that white errors are taken for dependent ones."""
+_MAX_LAGS = 20
+"""Autocorrelations that the test of whiteness uses."""
+_WHITENESS_LEVEL = 0.01
+"""Probability that the test calls white errors dependent."""
 _WINDOW = 5.0
-"""Correlation times over which a correlation is summed: beyond, the sum gathers nothing but its own scatter."""
+"""Correlation times over which a correlation is summed: a longer sum only adds scatter."""
 _BANDWIDTH = 12.0
-"""Correlation times that Bartlett's window spans; it then misses about a tenth of the variance, for which the critical value
-allows."""
-_LEAST_EFFECTIVE = 0.5
-"""Share of the samples that the estimates' own degrees of freedom leave at least."""
-_WIDEST = 20.0
+"""Correlation times in Bartlett's window; it then misses about a tenth of the variance, for which the critical value allows."""
+_MIN_EFFECTIVE_SHARE = 0.5
+"""Smallest share of the samples that is left after the estimates' degrees of freedom."""
+_MAX_LOG_HALF_WIDTH = 20.0
 """Largest half-width of an interval of a logarithm."""
-_SMALLEST = 1e-9
-"""Directions whose singular value is below this share of the largest are rounding."""
+_MIN_SINGULAR_VALUE = 1e-9
+"""Singular value of a direction, relative to the largest, below which it is rounding."""
 
 
 def scaled_covariance(fit: Fit, data: FitData) -> tuple[np.ndarray, np.ndarray]:
@@ -37,64 +36,55 @@ def scaled_covariance(fit: Fit, data: FitData) -> tuple[np.ndarray, np.ndarray]:
     Gauss–Newton, s²(JᵀJ)⁻¹, if the whitened residual passes the test of whiteness; else (JᵀJ)⁻¹ Σ (JᵀJ)⁻¹ with the
     covariance Σ of the scores (`score_covariance`).
 
-    The covariance has shape (parameters, parameters); the sizes, 2-norms of the sensitivities, come second, shape
-    (parameters,).
+    Returns
+    -------
+    covariance : numpy.ndarray, shape (parameters, parameters)
+    size : numpy.ndarray, shape (parameters,)
+        2-norms of the sensitivities.
     """
-    return data.cache.compute_once(("covariance", fit), lambda: _scaled_covariance(fit, data))
 
+    def compute() -> tuple[np.ndarray, np.ndarray]:
+        jacobian = fit.sensitivities(data)
+        size = np.maximum(np.sqrt(np.sum(jacobian**2, axis=0)), 1e-300)
+        scaled = jacobian / size
+        inverse = np.linalg.pinv(scaled.T @ scaled, rcond=1e-12)
+        errors = fit.whitened_errors(data)
+        if are_white(data.split_records(errors)):
+            return inverse * fit.squared_error / max(data.size - jacobian.shape[1], 1), size
+        return inverse @ score_covariance(data.split_records(scaled * errors[:, None])) @ inverse, size
 
-def _scaled_covariance(fit: Fit, data: FitData) -> tuple[np.ndarray, np.ndarray]:
-    jacobian = fit.sensitivities(data)
-    size = np.maximum(np.sqrt(np.sum(jacobian**2, axis=0)), 1e-300)
-    scaled = jacobian / size
-    inverse = np.linalg.pinv(scaled.T @ scaled, rcond=1e-12)
-    errors = fit.whitened_errors(data)
-    if are_white(data.split_records(errors)):
-        return inverse * fit.squared_error / max(data.size - jacobian.shape[1], 1), size
-    return inverse @ score_covariance(data.split_records(scaled * errors[:, None])) @ inverse, size
+    return data.cache.compute_once(("covariance", fit), compute)
 
 
 def estimates(fit: Fit, data: FitData, input_unit: str, output_unit: str) -> list[FittedParameter]:
     """Return all parameters with 95 % intervals, linear ones first.
 
-    From the covariance of linear parameters and of logarithms of nonlinear ones (`scaled_covariance`; positive, with
-    asymmetric intervals). Parameters at a bound have an interval that ends there.
+    Intervals of nonlinear parameters are those of their logarithms: positive and asymmetric (`scaled_covariance`). An interval
+    that reaches a bound ends there.
     """
     scaled, size = scaled_covariance(fit, data)
     deviations = 1.96 * np.sqrt(np.maximum(np.diag(scaled), 0.0)) / size
     structure = fit.structure
-    owners = [""] * len(structure.base.linear) + [
-        form.effect for form in structure.forms for _ in form.linear
-    ]
-    owners += [""] * len(structure.base.nonlinear)
-    owners += [form.effect for form in structure.forms for _ in form.nonlinear]
-    ends = []
-    for item, value, deviation in zip(structure.linear, fit.linear, deviations, strict=False):
-        low, high = value - deviation, value + deviation
-        ends.append((max(low, 0.0) if item.sign > 0 else low, min(high, 0.0) if item.sign < 0 else high))
-    shapes = deviations[len(fit.linear) : len(fit.linear) + len(fit.nonlinear)]
+    parts = [("", structure.base), *((form.effect, form) for form in structure.forms)]
+    owners = [owner for owner, part in parts for _ in part.linear]
+    owners += [owner for owner, part in parts for _ in part.nonlinear]
     shown = [item.decode(value) for item, value in zip(structure.nonlinear, fit.nonlinear, strict=True)]
-    for item, value, deviation in zip(structure.nonlinear, shown, shapes, strict=True):
-        ends.append((value - deviation, value + deviation) if item.signed else _around(value, deviation))
     items, values = (*structure.linear, *structure.nonlinear), (*fit.linear, *shown)
-    return [
-        FittedParameter(
-            item.name,
-            item.latex_symbol,
-            unit_of(item.unit, input_unit, output_unit),
-            float(value),
-            float(low),
-            float(high),
-            owner,
-        )
-        for item, value, (low, high), owner in zip(items, values, ends, owners, strict=True)
-    ]
+    parameters = []
+    for index, (item, value, owner) in enumerate(zip(items, values, owners, strict=True)):
+        low, high = value - deviations[index], value + deviations[index]
+        if index < len(fit.linear):
+            low, high = max(low, 0.0) if item.sign > 0 else low, min(high, 0.0) if item.sign < 0 else high
+        elif not item.signed:
+            low, high = _log_interval(value, deviations[index])
+        numbers = map(float, (value, low, high))
+        unit = unit_of(item.unit, input_unit, output_unit)
+        parameters.append(FittedParameter(item.name, item.latex_symbol, unit, *numbers, owner))
+    return parameters
 
 
 def derived_estimates(fit: Fit, data: FitData, input_unit: str, output_unit: str) -> list[FittedParameter]:
-    """Return the elements of the base (k1, k2, b … of Kelvin–Boltzmann) with 95 % intervals of their logarithms.
-
-    A base that is not of Table 2.1 has none.
+    """Return the elements of a base of Table 2.1 (k1, k2, b … of Kelvin–Boltzmann) with 95 % intervals of their logarithms.
 
     Raises
     ------
@@ -105,43 +95,39 @@ def derived_estimates(fit: Fit, data: FitData, input_unit: str, output_unit: str
     if model is None:
         return []
     linear, names = len(base.linear), [item.name for item in (*base.linear, *base.nonlinear)]
-    own = [*range(linear), *range(len(fit.linear), len(fit.linear) + len(base.nonlinear))]
+    columns = [*range(linear), *range(len(fit.linear), len(fit.linear) + len(base.nonlinear))]
     values = np.concatenate([fit.linear[:linear], fit.nonlinear[: len(base.nonlinear)]])
-    found = model.element_values(dict(zip(names, values, strict=True)))
+
+    def element_values(numbers: np.ndarray) -> np.ndarray:
+        elements = model.element_values(dict(zip(names, numbers, strict=True)))
+        return np.array([elements[item.name] for item in model.elements])
+
     scaled, size = scaled_covariance(fit, data)
     # Covariance of all logarithms: those of linear parameters by the first derivative.
-    scale = size[own] * np.where(np.arange(len(own)) < linear, values, 1.0)
-    covariances = scaled[np.ix_(own, own)] / np.outer(scale, scale)
+    scale = size[columns] * np.where(np.arange(len(columns)) < linear, values, 1.0)
+    covariances = scaled[np.ix_(columns, columns)] / np.outer(scale, scale)
     step = 1e-5
     gradient = []
-    for index in range(len(own)):
-        ends = [
-            np.where(np.arange(len(own)) == index, values * np.exp(way * step), values) for way in (1, -1)
-        ]
-        high, low = (model.element_values(dict(zip(names, end, strict=True))) for end in ends)
-        gradient.append([np.log(high[name] / low[name]) / (2 * step) for name in found])
+    for unit in np.eye(len(columns), dtype=bool):
+        high, low = (element_values(np.where(unit, values * np.exp(sign * step), values)) for sign in (1, -1))
+        gradient.append(np.log(high / low) / (2 * step))
     variances = np.einsum("ij,ik,kj->j", gradient, covariances, gradient)
-    return [
-        FittedParameter(
-            item.name,
-            item.latex_symbol,
-            unit_of(item.unit, input_unit, output_unit),
-            float(found[item.name]),
-            *map(float, _around(found[item.name], 1.96 * np.sqrt(max(variance, 0.0)))),
-            derived=True,
-        )
-        for item, variance in zip(model.elements, variances, strict=True)
-    ]
+    parameters = []
+    for item, value, variance in zip(model.elements, element_values(values), variances, strict=True):
+        numbers = map(float, (value, *_log_interval(value, 1.96 * np.sqrt(max(variance, 0.0)))))
+        unit = unit_of(item.unit, input_unit, output_unit)
+        parameters.append(FittedParameter(item.name, item.latex_symbol, unit, *numbers, derived=True))
+    return parameters
 
 
-def _around(value: float, deviation: float) -> tuple[float, float]:
-    """Interval of a positive number from that of its logarithm."""
-    factor = np.exp(min(deviation, _WIDEST))
+def _log_interval(value: float, deviation: float) -> tuple[float, float]:
+    """Return the interval of a positive number from the half-width of that of its logarithm."""
+    factor = np.exp(min(deviation, _MAX_LOG_HALF_WIDTH))
     return value / factor, value * factor
 
 
 def zero_interval(fit: Fit, data: FitData) -> tuple[float, float]:
-    """95 % interval of the sensor's zero, the last where records have their own; 0 where the base has none."""
+    """Return the 95 % interval of the sensor's zero, of the last record if each has one; 0 if the base has none."""
     if not fit.structure.base.sensor_zero:
         return 0.0, 0.0
     scaled, size = scaled_covariance(fit, data)
@@ -151,7 +137,7 @@ def zero_interval(fit: Fit, data: FitData) -> tuple[float, float]:
 
 
 def prediction_variance(fit: Fit, data: FitData, records: list[FitData]) -> float:
-    """Mean variance of a fit's predictions of other records that comes from the uncertainty of its parameters.
+    """Return the mean variance of a fit's predictions of other records due to the uncertainty of its parameters.
 
     In the output's unit squared: tr(J C Jᵀ)/N, J the records' sensitivities and C the parameters' covariance.
     """
@@ -159,7 +145,7 @@ def prediction_variance(fit: Fit, data: FitData, records: list[FitData]) -> floa
     total, count = 0.0, 0
     for record in records:
         jacobian = fit.sensitivities(record.drop_whitening())
-        # Zeros that every training record has of its own say nothing of this one.
+        # If every training record has a zero, the uncertainty of theirs does not apply to this record.
         known = min(jacobian.shape[1], len(size)) if len(fit.zeros) <= 1 else len(size) - len(fit.zeros)
         scaled = jacobian[:, :known] / size[:known]
         total += float(np.einsum("ij,jk,ik->", scaled, covariance[:known, :known], scaled))
@@ -168,12 +154,10 @@ def prediction_variance(fit: Fit, data: FitData, records: list[FitData]) -> floa
 
 
 def tangent_basis(fit: Fit, records: list[FitData]) -> np.ndarray:
-    """Orthonormal basis of the tangent space over all samples that count of these records, one record after another.
+    """Return an orthonormal basis of the model's tangent space at the samples that count, shape (samples, directions).
 
-    To first order a refit moves the simulation within the tangent space of the model, the span of its sensitivities; only
-    what lies outside tells another model from it (Bates and Watts, Nonlinear Regression Analysis, 1988, chapter 2).
-
-    The result has shape (samples, directions).
+    To first order a refit moves the simulation within this span of the sensitivities; only the part outside distinguishes
+    another model (Bates and Watts, Nonlinear Regression Analysis, 1988, chapter 2). Records follow one another.
     """
     pieces = [fit.sensitivities(record) for record in records]
     if not any(record.has_own_zero for record in records):
@@ -185,21 +169,21 @@ def tangent_basis(fit: Fit, records: list[FitData]) -> np.ndarray:
         columns = np.hstack([np.concatenate([piece[:, :shared] for piece in pieces]), zeros])
     size = np.sqrt(np.sum(columns**2, axis=0))
     left, values, _ = np.linalg.svd(columns[:, size > 0] / size[size > 0], full_matrices=False)
-    return left[:, values > _SMALLEST * values[0]]
+    return left[:, values > _MIN_SINGULAR_VALUE * values[0]]
 
 
 def project_out(basis: np.ndarray, signals: np.ndarray) -> np.ndarray:
-    """Part of signals (samples first) that is orthogonal to a basis."""
+    """Return the part of signals (samples first) that is orthogonal to a basis."""
     return signals - basis @ (basis.T @ signals)
 
 
 def whitened_simulation(fit: Fit, records: list[FitData]) -> np.ndarray:
-    """Whitened free run over all samples that count of these records, one record after another."""
+    """Return the whitened free run at the samples that count, one record after another."""
     return np.concatenate([record.whiten(fit.simulate(record.motion)) for record in records])
 
 
 def added_forces(fit: Fit, form: Form, data: FitData, start: np.ndarray) -> np.ndarray:
-    """Whitened forces that a form adds, one per amplitude; of forms without linear parameters the change it makes."""
+    """Return the whitened forces that a parallel form adds, one per amplitude, or the change that another form makes."""
     if form.place is Place.PARALLEL:
         return data.whiten(forces_of(form, data.motion, start))
     structure, linear = fit.structure.with_form(form), linear_with_new(fit, form)
@@ -210,13 +194,10 @@ def added_forces(fit: Fit, form: Form, data: FitData, start: np.ndarray) -> np.n
 
 
 def check_excited(without: Fit, form: Form, data: FitData, nonlinear: np.ndarray, name: str) -> None:
-    """Refuse an effect that the training record does not excite.
+    """Reject an effect that the training record does not excite.
 
-    That is so where a force as large as the whole response would change the model's error by less than the noise: the 95 %
-    interval of the effect's size then holds everything.
-
-    `without` is the model without the effect, `data` the training record; `nonlinear` are the form's parameters, `name`
-    is the model's, for the message.
+    A force as large as the whole response would then change the error of the model `without` the effect by less than the noise:
+    the 95 % interval of the effect's size covers everything. `nonlinear` are the form's parameters, `name` is the model's.
     """
     basis = tangent_basis(without, [data])
     forces = added_forces(without, form, data, nonlinear)
@@ -228,33 +209,37 @@ def check_excited(without: Fit, form: Form, data: FitData, nonlinear: np.ndarray
     if np.all(hidden):
         raise InputError(
             f"{data.name}: the record does not excite {form.effect}: added to {name} it could be as large as the whole response "
-            "without being seen; leave it out, or train on a record that shows it"
+            "unnoticed; leave it out, or train on a record that shows it"
         )
 
 
 def are_white(errors: Sequence[np.ndarray]) -> bool:
     """Return whether errors of several records pass the test of whiteness of Ljung and Box (Biometrika 65 (1978) 297-303)."""
     size = sum(map(len, errors))
-    lags = min(_LAGS, min(map(len, errors)) - 1)
+    lags = min(_MAX_LAGS, min(map(len, errors)) - 1)
     correlation = _autocorrelation([item[:, None] for item in errors], lags)[1:, 0]
     statistic = size * (size + 2) * np.sum(correlation**2 / (size - np.arange(1, lags + 1)))
-    return bool(statistic < scipy.special.chdtri(lags, _LEVEL))
+    return bool(statistic < scipy.special.chdtri(lags, _WHITENESS_LEVEL))
 
 
 def score_covariance(scores: Sequence[np.ndarray]) -> np.ndarray:
-    """Covariance of the sum of scores that depend on one another, so that 1.96 standard deviations of it hold 95 %.
+    """Return the covariance of the sum of correlated scores, scaled so that 1.96 standard deviations cover 95 %.
 
-    They do where noise is coloured, or a wrong model leaves more than noise: the sandwich of Huber and White with the scores' own
-    correlation in its middle (Newey and West, Econometrica 55 (1987) 703-708; for models that are too small Hjalmarsson and
-    Ljung, IEEE Trans. Automat. Contr. 37 (1992) 1004-1008). White-noise intervals of such fits are several times too narrow.
+    Scores are correlated if noise is coloured or the model too small (Newey and West, Econometrica 55 (1987) 703-708; Hjalmarsson
+    and Ljung, IEEE Trans. Automat. Contr. 37 (1992) 1004-1008); intervals for white noise are then several times too narrow.
+    Bartlett's window spans `_BANDWIDTH` correlation times of the slowest score, within each record. The critical value for
+    this share b of the samples, 1.96 + 2.9694 b + 0.416 b² − 0.5324 b³ (Kiefer and Vogelsang, Econometric Theory 21 (2005)
+    1130-1164, table 1), allows for the scatter of the estimate. Errors of a fit are smaller than those of the truth by its
+    degrees of freedom, which are counted in independent samples.
 
-    Bartlett's window over `_BANDWIDTH` correlation times of the slowest score, within each record. Normal quantiles take the
-    estimate for the truth; those of Kiefer and Vogelsang (Econometric Theory 21 (2005) 1130-1164, table 1) at this share b of
-    the samples, 1.96 + 2.9694 b + 0.416 b² − 0.5324 b³, know how it scatters. The errors of a fit are smaller than those of
-    the truth by the degrees of freedom, which are counted in independent samples.
+    Parameters
+    ----------
+    scores : sequence of numpy.ndarray, shape (samples, parameters)
+        Sensitivities times errors, by record.
 
-    `scores` are sensitivities times errors by record, each of shape (samples, parameters); the covariance has shape
-    (parameters, parameters).
+    Returns
+    -------
+    numpy.ndarray, shape (parameters, parameters)
     """
     size = sum(map(len, scores))
     # At a bound they do not add up to 0; their mean is not scatter.
@@ -265,24 +250,20 @@ def score_covariance(scores: Sequence[np.ndarray]) -> np.ndarray:
     middle = sum(_bartlett_sum(item, bandwidth) for item in centred)
     share = bandwidth / size
     critical = 1.96 + 2.9694 * share + 0.416 * share**2 - 0.5324 * share**3
-    effective = max(1 - 2 * float(times.sum()) / size, _LEAST_EFFECTIVE)
+    effective = max(1 - 2 * float(times.sum()) / size, _MIN_EFFECTIVE_SHARE)
     return middle * (critical / 1.96) ** 2 / effective
 
 
 def variance_of_sum(series: Sequence[np.ndarray]) -> float:
-    """Variance of the sum of numbers of mean 0 that depend on their neighbours, by record.
-
-    Bartlett's window over the square root of all samples, which follows no clock.
-    """
+    """Return the variance of the sum of correlated numbers of mean 0, by record, by Bartlett's window over √samples."""
     bandwidth = float(np.sqrt(sum(map(len, series))))
     return float(sum(_bartlett_sum(item[:, None], bandwidth)[0, 0] for item in series))
 
 
 def correlation_times(scores: Sequence[np.ndarray]) -> np.ndarray:
-    """Integrated correlation time 1/2 + Σ ρ of each column in samples, 1/2 where they are independent.
+    """Return the integrated correlation time 1/2 + Σ ρ of each column in samples; 1/2 if samples are independent.
 
-    Summed over the smallest window of `_WINDOW` such times (Sokal's rule: Madras and Sokal, J. Stat. Phys. 50 (1988)
-    109-186).
+    The sum ends at the first lag of `_WINDOW` such times (Madras and Sokal, J. Stat. Phys. 50 (1988) 109-186).
     """
     lags = max(map(len, scores)) - 1
     times = np.cumsum(_autocorrelation(scores, lags), axis=0) - 0.5
@@ -297,13 +278,13 @@ def _autocorrelation(series: Sequence[np.ndarray], lags: int) -> np.ndarray:
     for item in series:
         length = scipy.fft.next_fast_len(2 * len(item) - 1, real=True)
         power = np.abs(scipy.fft.rfft(item, length, axis=0)) ** 2
-        found = scipy.fft.irfft(power, length, axis=0)[: min(lags + 1, len(item))]
-        total[: len(found)] += found
+        products = scipy.fft.irfft(power, length, axis=0)[: min(lags + 1, len(item))]
+        total[: len(products)] += products
     return total / np.where(total[0] > 0, total[0], 1.0)
 
 
 def _bartlett_sum(scores: np.ndarray, bandwidth: float) -> np.ndarray:
-    """Σ w(k) Γ(k) with Bartlett's weights, in the frequency domain, where they are never negative."""
+    """Return Σ w(k) Γ(k) with Bartlett's weights, in the frequency domain, where they are never negative."""
     size = len(scores)
     length = scipy.fft.next_fast_len(2 * size - 1, real=True)
     lags = np.arange(1, min(int(np.ceil(bandwidth)), size))

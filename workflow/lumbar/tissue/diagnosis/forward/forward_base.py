@@ -19,7 +19,7 @@ from lumbar.records.record import Record
 from lumbar.tissue.diagnosis.fitting import joint_fit
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData, JointData
-from lumbar.tissue.diagnosis.fitting.preparation import Experiment
+from lumbar.tissue.diagnosis.fitting.preparation import Experiment, prepare
 from lumbar.tissue.diagnosis.selection.candidate import Candidate, evaluate, exchange_base, fit_base
 from lumbar.tissue.models.bases import BASES, CHOSEN_BY_DATA, Base
 from lumbar.tissue.models.driven_motion import linearise
@@ -188,7 +188,7 @@ def prepare_forward(records: list[Record], settings: DiagnosisSettings) -> Exper
             "because their initial state follows from the motion. Leave session out."
         )
     measured = [add_measured_motion(record) for record in records]
-    experiment = Experiment.prepare_unrepaired(measured, settings, records=tuple(measured))
+    experiment = prepare(measured, **settings.preparation)
     return experiment.change_data(partial(_convert, kind=ForwardData), ForwardJointData)
 
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 
-from lumbar.tissue.diagnosis.fitting.fit_data import PER_CYCLE, FitData, JointData, band_edge
+from lumbar.tissue.diagnosis.fitting.fit_data import MIN_SAMPLES_PER_CYCLE, FitData, JointData, band_edge
 from lumbar.tissue.diagnosis.fitting.joint_fit import Fit
 from lumbar.tissue.diagnosis.fitting.joint_fit import fit as refit
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
@@ -180,7 +180,7 @@ def extrapolation(fit: Fit, experiment: Experiment) -> Extrapolation | None:
 
 
 def thin(experiment: Experiment) -> Experiment:
-    """Return the experiment with every n-th sample of its records, so that `PER_CYCLE` are left in the fastest cycle of each.
+    """Return the experiment with every n-th sample of its records, with `MIN_SAMPLES_PER_CYCLE` in the fastest cycle.
 
     Nothing is filtered. Errors are not whitened: the colour of the noise is that of another rate. The same experiment is returned
     if there are no samples to spare.
@@ -188,7 +188,7 @@ def thin(experiment: Experiment) -> Experiment:
     records = [experiment.training, *experiment.tests]
     parts = [part for item in records for part in item.records]
     edges = [band_edge(part.drop_history(part.motion.position)) for part in parts]
-    largest = min(int(1 / (PER_CYCLE * edge)) for edge in edges)
+    largest = min(int(1 / (MIN_SAMPLES_PER_CYCLE * edge)) for edge in edges)
     factor = min(largest, experiment.training.size // _MIN_THINNED_SAMPLES)
     if factor < 2:
         return experiment

@@ -9,7 +9,7 @@ from lumbar.base.errors import InputError
 from lumbar.records.record import Record
 from lumbar.tissue.diagnosis.finding import Finding
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
-from lumbar.tissue.diagnosis.fitting.preparation import Experiment
+from lumbar.tissue.diagnosis.fitting.preparation import Experiment, prepare
 from lumbar.tissue.diagnosis.linear.direction import direction_or_sign
 from lumbar.tissue.diagnosis.selection.alternatives import (
     check_lead,
@@ -132,7 +132,7 @@ def check_direction(state: DiagnosisState) -> DiagnosisState:
         return state.next(step, "not needed: the user-defined base has its own input and output")
     if experiment.faults:
         # A command that jumps between levels would be mistaken for a coarse sensor, and smoothed.
-        experiment = Experiment.prepare_unrepaired(state.records, settings, records=tuple(state.records))
+        experiment = prepare(state.records, **settings.preparation)
     finding = direction_or_sign(experiment, settings.layout)
     if finding is None:
         return state.next(step, "input, output and signs are those of a tissue")
@@ -248,7 +248,7 @@ def _train_on_others(state: DiagnosisState) -> list[Finding]:
     fitted = []
     try:
         for names in (unseen, [*first, *unseen]):
-            chosen = Experiment.prepare_unrepaired(experiment.records, replace(state.settings, train=names))
+            chosen = prepare(experiment.records, **{**state.settings.preparation, "train": names})
             chosen = chosen.shift_origin(experiment.surface)
             fitted.append(refit(model.fit.structure, model.fit.nonlinear, chosen))
     except InputError:
