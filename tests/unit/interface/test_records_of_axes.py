@@ -22,7 +22,7 @@ def test_the_page_tells_axes_effect_pictures_and_how_to_repeat_it(diagnosis, tmp
     diagnosis.save(tmp_path)
     page = (tmp_path / "diagnosis.html").read_text(encoding="utf-8")
     assert diagnosis.sentences[0] in page
-    assert page.index("Stiffness and viscosity in space") < page.index("What was found, in full")
+    assert page.index("Stiffness and viscosity in space") < page.index("Result in full")
     assert "N/mm" in page and page.count("<figure>") == 4
     written = {path.name for path in tmp_path.iterdir()}
     assert {"location.csv", "comparison.svg", "refined.json", "principal_axes.csv"} <= written

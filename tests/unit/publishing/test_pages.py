@@ -15,7 +15,7 @@ import lumbar
 from lumbar.base.errors import InputError
 from lumbar.publishing.explorer.one_file import embed_pictures, one_file, plain_figure
 from lumbar.publishing.explorer.page_data import EFFECTS_GROUP, fitted_candidates, model_key
-from lumbar.publishing.pages.diagnosis_page import diagnosis_page
+from lumbar.publishing.pages.diagnosis_page import diagnosis_page, evidence_sections
 from lumbar.publishing.pages.diagnosis_pictures import draw_pictures
 from lumbar.publishing.pages.html import document, figure, listing, paragraph, table
 from lumbar.settings.improvement import ImprovementSettings
@@ -63,7 +63,7 @@ def hardening():
 
 def test_page_needs_no_network_and_no_script(hardening):
     diagnosis, evidence, _ = hardening
-    page = diagnosis_page(diagnosis, evidence, TISSUE, "x")
+    page = diagnosis_page(diagnosis, "x", evidence_sections(diagnosis, evidence, TISSUE, {}), "x")
     assert "<script" not in page
     assert "http" not in re.sub(r'base64,[^"]*', "", page)
     assert page.count("<math") >= 4
@@ -93,7 +93,7 @@ def test_pictures_of_a_diagnosis(hardening, tmp_path):
         for name in ("comparison", "location", "ladder", "signatures")
         for ending in ("svg", "pdf")
     }
-    page = diagnosis_page(diagnosis, evidence, TISSUE, "x", pictures)
+    page = diagnosis_page(diagnosis, "x", evidence_sections(diagnosis, evidence, TISSUE, pictures), "x")
     assert page.count("<figure>") == 4
     assert b"Hardening stiffness" in (tmp_path / "signatures.svg").read_bytes()
 
@@ -176,12 +176,13 @@ def test_signatures_follow_closed_forms():
     assert ratio == pytest.approx((RATES[1] / RATES[0]) ** 2, rel=0.02)
 
 
-def test_building_blocks_escape_what_they_are_given():
+def test_building_blocks_escape_what_they_are_given(tmp_path):
     page = document("a < b", "x & y", [paragraph("-1 < 2, 3-4"), listing(["<b>"]), table(["<h>"], [["a&b"]])])
     assert "a &lt; b" in page and "x &amp; y" in page and "−1 &lt; 2, 3-4" in page
     assert "<b>" not in page.split("</header>")[1].replace("<p><b>Data", "").replace("</b>", "")
     assert "a&amp;b" in page
-    assert "<figcaption>a &amp; b</figcaption>" in figure("<svg/>", "a & b")
+    (tmp_path / "empty.svg").write_text("<svg/>")
+    assert "<figcaption>a &amp; b</figcaption>" in figure(tmp_path / "empty.svg", "a & b")
 
 
 def test_numbering_what_bokeh_names_leaves_coded_numbers_alone():

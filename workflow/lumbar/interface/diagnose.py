@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING
 
 from lumbar.base.files import write_csv, write_json
 from lumbar.interface.diagnosis import Diagnosis
@@ -26,6 +27,9 @@ from lumbar.tissue.diagnosis.spatial.spatial_diagnosis import effects_in_space, 
 from lumbar.tissue.diagnosis.spatial.spatial_findings import headline_in_space
 from lumbar.tissue.diagnosis.spatial.spatial_reports import SpatialReport, spatial_reports
 from lumbar.tissue.models.form import Effect
+
+if TYPE_CHECKING:
+    from markupsafe import Markup
 
 
 def diagnose(
@@ -166,23 +170,13 @@ class SpatialDiagnosis(Diagnosis):
         with TemporaryDirectory() as folder:
             return self.to_html(self._save_pictures(Path(folder)))
 
-    def to_html(self, pictures: Mapping[str, Path] | None = None) -> str:
-        """Return the diagnosis as a page without script, for notebooks and mail."""
-        from lumbar.publishing.pages.diagnosis_page import diagnosis_page
+    def _sections(self, pictures: Mapping[str, Path]) -> dict[str, list[Markup]]:
         from lumbar.publishing.pages.html import table
 
         axes = self.axes_table
         rows = [[axes.cell(name, row[name]) for name in axes.first] for row in axes.frame.to_dict("records")]
         section = table([axes.header(name) for name in axes.first], rows)
-        return diagnosis_page(
-            self.result,
-            self.evidence,
-            self.candidates,
-            self.source_label,
-            dict(pictures or {}),
-            {"Stiffness and viscosity in space": [section]},
-            self.headline,
-        )
+        return {"Stiffness and viscosity in space": [section], **super()._sections(pictures)}
 
     def _write_result(self, folder: Path) -> None:
         """Write ``diagnosis.json``, ``ladder.csv`` and the table ``principal_axes``."""

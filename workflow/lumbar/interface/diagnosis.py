@@ -28,6 +28,8 @@ from lumbar.tissue.models.fitted_model import FittedModel
 from lumbar.tissue.models.form import Effect
 
 if TYPE_CHECKING:
+    from markupsafe import Markup
+
     from lumbar.publishing.explorer.explorer_page import ExplorerPage
     from lumbar.tissue.diagnosis.spatial.spatial_reports import SpatialReport
 
@@ -148,9 +150,12 @@ class Diagnosis:
         """Return the diagnosis as a page without script, for notebooks and mail."""
         from lumbar.publishing.pages.diagnosis_page import diagnosis_page
 
-        return diagnosis_page(
-            self.result, self.evidence, self.candidates, self.source_label, dict(pictures or {})
-        )
+        return diagnosis_page(self.result, self.headline, self._sections(pictures or {}), self.source_label)
+
+    def _sections(self, pictures: Mapping[str, Path]) -> dict[str, list[Markup]]:
+        from lumbar.publishing.pages.diagnosis_page import evidence_sections
+
+        return evidence_sections(self.result, self.evidence, self.candidates, pictures)
 
     @cached_property
     def thesis_models(self) -> ThesisModels:
@@ -196,7 +201,6 @@ class Diagnosis:
         if self.no_page_reason:
             raise InputError(f"{self.no_page_reason}; save and to_html show what was found")
         from lumbar.publishing.explorer.explorer_page import ExplorerPage
-        from lumbar.publishing.pages.diagnosis_page import evidence_sections
 
         others = self.thesis_models if thesis else ThesisModels(remark=_NOT_IDENTIFIED)
         linear = self.result.linear
@@ -206,7 +210,7 @@ class Diagnosis:
             self.candidates,
             locate.axis_reports(self.reports),
             self.source_label,
-            evidence_sections(self.result, self.evidence, self.candidates, dict(pictures or {})),
+            self._sections(pictures or {}),
             [*([] if linear is None else [fitted_model(linear, self.result.experiment)]), *others.models],
             others.remark,
         )

@@ -12,7 +12,7 @@ from runtime_models import SETTINGS, held_to_its_simulation, models_json, select
 
 from case_tables import cases
 from lumbar.base.errors import InputError
-from lumbar.publishing.pages.diagnosis_page import diagnosis_page
+from lumbar.publishing.pages.diagnosis_page import evidence_sections
 from lumbar.tissue.diagnosis.evidence.evidence import gather_evidence
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.selection.diagnose import diagnose
@@ -81,10 +81,8 @@ def test_user_defined_effect_is_named_with_its_numbers(ribbed):
     fit = diagnosis.model.fit
     assert fit.nonlinear[-1] == pytest.approx(1.7, rel=0.01)
     assert fit.linear[-2:] == pytest.approx([0.2, 0.0], abs=0.01)
-    page = diagnosis_page(
-        diagnosis, gather_evidence(diagnosis, settings, 1), settings.catalogue, "synthetic twin"
-    )
-    assert "ribs" in page
+    sections = evidence_sections(diagnosis, gather_evidence(diagnosis, settings, 1), settings.catalogue, {})
+    assert "ribs" in "".join(sections["Parameters"])
 
 
 def test_example_in_yaml_equals_example_in_python(project):

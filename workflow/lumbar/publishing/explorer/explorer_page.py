@@ -1,7 +1,7 @@
 """Interactive page of a diagnosis: pictures, what is missing, how sure that is, and the candidates."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -28,17 +28,11 @@ from lumbar.tissue.diagnosis.evidence.discrimination import Separation, motion_c
 from lumbar.tissue.diagnosis.evidence.evidence import EXCITATION, Evidence
 from lumbar.tissue.diagnosis.residuals.locate import ResidualReport
 from lumbar.tissue.diagnosis.residuals.residual import probability
+from lumbar.tissue.diagnosis.selection import sentences
 from lumbar.tissue.diagnosis.selection.candidate import Candidate
 from lumbar.tissue.diagnosis.selection.refine import model_name
 from lumbar.tissue.diagnosis.selection.result import DiagnosisResult, Ranked, Status
-from lumbar.tissue.diagnosis.selection.sentences import (
-    distinguishing_digits,
-    effects_text,
-    headline,
-    readable,
-    remaining_error,
-    runner_up,
-)
+from lumbar.tissue.diagnosis.selection.sentences import distinguishing_digits, effects_text, readable
 from lumbar.tissue.diagnosis.selection.thresholds import LEVEL
 from lumbar.tissue.models.fitted_model import FittedModel
 from lumbar.tissue.models.form import Effect
@@ -76,11 +70,11 @@ class ExplorerPage:
     result: DiagnosisResult
     evidence: Evidence
     catalogue: dict[str, Effect]
-    base_on_records: list[ResidualReport]
-    """The base model on every record, for the sentences on where it fails."""
+    base_reports: list[ResidualReport]
+    """Reports of the base model on every record."""
     source_label: str
     """Origin of the data."""
-    sections: Sequence[tuple[str, Sequence[Markup]]] = ()
+    sections: Mapping[str, Sequence[Markup]] = field(default_factory=dict)
     """Further evidence by title, folded below."""
     others: Sequence[FittedModel] = ()
     """The thesis's models, shown after those of the diagnosis."""
@@ -133,8 +127,8 @@ class ExplorerPage:
             "title": self.title,
             "data": self.source_label,
             "verdict": verdict.status,
-            "headline": headline(verdict),
-            "left": remaining_error(verdict) if verdict.selected else "",
+            "headline": sentences.headline(verdict),
+            "left": sentences.remaining_error(verdict) if verdict.selected else "",
             "findings": [item.sentence for item in verdict.findings],
             "sure": how_sure(verdict, self.evidence),
             "floor": "" if floor is None else f"{floor.rms:.3g} {verdict.experiment.output_unit}",
@@ -161,10 +155,10 @@ class ExplorerPage:
         return f"Diagnosis of the {self.result.base.fit.structure.base.name} model"
 
     def _content(self, served: bool) -> dict[str, Any]:
-        """Return what the page's script reads: models with errors, and sentences, by key."""
+        """Return the data of the page's script: models with errors, and sentences, by key."""
         verdict, experiment, separation = self.result, self.result.experiment, self.evidence.separation
         floor = experiment.floor
-        located = {model_key(()): self.base_on_records, model_key(verdict.selected): self.evidence.remaining}
+        located = {model_key(()): self.base_reports, model_key(verdict.selected): self.evidence.remaining}
         tied = [] if separation is None else [verdict.model, *verdict.tied_with]
         return {
             "unit": experiment.output_unit,
@@ -185,7 +179,7 @@ class ExplorerPage:
 
 
 def model_facts(model: ModelData, located: Sequence[ResidualReport]) -> dict[str, Any]:
-    """Return what the page's script reads about a model."""
+    """Return a model and its locations as data for the page's script."""
     return {
         "label": model.label,
         "group": model.group,
@@ -204,7 +198,7 @@ def model_facts(model: ModelData, located: Sequence[ResidualReport]) -> dict[str
 
 
 def excitation_of(separation: Separation, verdict: DiagnosisResult) -> dict[str, str]:
-    """Return what the page's script reads about an excitation: its sentence and the file to play."""
+    """Return an excitation as data for the page's script: its sentence and the file to play."""
     return {
         "text": separation_sentence(separation, verdict),
         "name": EXCITATION,
@@ -230,8 +224,8 @@ def how_sure(diagnosis: DiagnosisResult, evidence: Evidence) -> list[str]:
     if diagnosis.status == Status.TIED:
         others = ", ".join(effects_text(item.effects) for item in diagnosis.tied_with)
         lines.append(f"As good an explanation of these records: {others}.")
-    elif diagnosis.selected and runner_up(diagnosis) is not None:
-        second, unit = runner_up(diagnosis).candidate, diagnosis.experiment.output_unit
+    elif diagnosis.selected and sentences.runner_up(diagnosis) is not None:
+        second, unit = sentences.runner_up(diagnosis).candidate, diagnosis.experiment.output_unit
         error, other = distinguishing_digits([diagnosis.model.test_rms, second.test_rms], 3)
         lines.append(
             f"The next best, {effects_text(second.effects)}, leaves {other} {unit} on unseen records instead of {error} {unit}."
@@ -244,34 +238,29 @@ def how_sure(diagnosis: DiagnosisResult, evidence: Evidence) -> list[str]:
 
 
 def _card(item: Ranked, diagnosis: DiagnosisResult, catalogue: dict[str, Effect]) -> dict:
-    """Return what the template shows of a ranked candidate."""
-    candidate = item.candidate
+    """Return a ranked candidate as data for the template."""
+    candidate, unit = item.candidate, diagnosis.experiment.output_unit
     effects = list(candidate.effects)
-    tied = [set(other.effects) for other in diagnosis.tied_with]
-    forms = candidate.fit.structure.forms
-    unit = diagnosis.experiment.output_unit
+    is_tied = any(set(effects) == set(other.effects) for other in diagnosis.tied_with)
     before, after = distinguishing_digits([diagnosis.base.test_rms, candidate.test_rms], 3)
-    new = [name for name in effects if name not in diagnosis.selected] or effects
-    rows = [
-        (
-            readable(found.name),
-            f"{found.value:.4g} {unit_in_print(found.unit)}".rstrip(),
-            "not estimated" if found.low is None else f"{found.low:.4g} to {found.high:.4g}",
-        )
-        for found in item.estimates
-        if found.effect
-    ]
+    new = [catalogue[name] for name in effects if name not in diagnosis.selected]
+    new = new or [catalogue[name] for name in effects]
+    rows = []
+    for estimate in item.estimates:
+        if estimate.effect:
+            value = f"{estimate.value:.4g} {unit_in_print(estimate.unit)}".rstrip()
+            known = estimate.low is not None
+            interval = f"{estimate.low:.4g} to {estimate.high:.4g}" if known else "not estimated"
+            rows.append((readable(estimate.name), value, interval))
     return {
         "key": model_key(effects),
         "title": effects_text(effects).capitalize(),
         "role": role_of(item, diagnosis),
         "error": f"Error on unseen records: {before} → {after} {unit}; {probability(item.p_value)}.",
-        "mechanism": " ".join(
-            f"{catalogue[name].mechanism} {catalogue[name].sensors}".rstrip() for name in new
-        ),
-        "settles": "; ".join(catalogue[name].experiment for name in new) if set(effects) in tied else "",
+        "mechanism": " ".join(f"{effect.mechanism} {effect.sensors}".rstrip() for effect in new),
+        "settles": "; ".join(effect.experiment for effect in new) if is_tied else "",
         "effects": effects,
-        "forms": [equation(form.latex) for form in forms],
+        "forms": [equation(form.latex) for form in candidate.fit.structure.forms],
         "parameters": table(("parameter", "value", "95 % interval"), rows) if rows else "",
         "long": len(rows) > _MAX_UNFOLDED,
     }

@@ -1,4 +1,4 @@
-"""Data of the page of a lift: the files of 'lumbar lift', the body at every frame, and pendulums that can be pushed."""
+"""Data of the page of a lift: the body at every frame, and pendulums that can be pushed."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -13,8 +13,8 @@ from lumbar.lifting.movement.centre_of_mass import COMS
 from lumbar.lifting.movement.joint_centres import MID_HIP
 from lumbar.lifting.movement.lift_tables import HEAD, LOAD, WHOLE_BODY, com_of, points_of
 from lumbar.lifting.movement.pendulum_states import PLANES
-from lumbar.lifting.stability.funnel.exact_funnel import Funnels, exact_funnels
-from lumbar.lifting.stability.model.eqs_4_1_to_4_4_closed_loop import ClosedLoops, close_loops
+from lumbar.lifting.stability.funnel.exact_funnel import exact_funnels
+from lumbar.lifting.stability.model.eqs_4_1_to_4_4_closed_loop import close_loops
 from lumbar.lifting.stability.model.pendulum_trajectories import (
     Failure,
     LiftStates,
@@ -43,11 +43,6 @@ class LiftTables:
     source_label: str
     """Origin of the data."""
 
-    @property
-    def event_times(self) -> dict[str, float]:
-        """Times of the known events in seconds."""
-        return {name: event["time_s"] for name, event in self.events.items() if event["time_s"] is not None}
-
 
 MAX_FRAMES, MAX_FRAMES_PER_S = 1500, 60
 """Most frames of a page, in all and in a second: of longer lifts every second, third, … frame is drawn."""
@@ -58,40 +53,49 @@ BALANCE = ("com_x_m", "com_y_m", "xcom_x_m", "xcom_y_m", "margin_of_stability_m"
 """Columns of the course that the page shows."""
 
 
-def chains(points) -> list[dict]:
+def stick_figure(points) -> list[dict]:
     """Return the lines of the stick figure through the known points, each with its side."""
-    lines = [(MIDDLE, [name for name in _TRUNK if name in points])]
+    lines = [(MIDDLE, list(_TRUNK))]
     for side, letter in ((LEFT, "L"), (RIGHT, "R")):
         limbs = [[f"{letter}_{name}" for name in limb] for limb in _LIMBS]
         limbs[0].insert(0, "C7T1")
         limbs[1].insert(0, MID_HIP)
-        lines += [(side, [name for name in limb if name in points]) for limb in limbs]
-    return [{"side": side, "points": line} for side, line in lines if len(set(line)) > 1]
+        lines += [(side, limb) for limb in limbs]
+    known = [(side, [name for name in line if name in points]) for side, line in lines]
+    return [{"side": side, "points": line} for side, line in known if len(set(line)) > 1]
 
 
 def body_columns(lift: LiftTables, frames: slice) -> dict[str, np.ndarray]:
-    """Return the coordinates of all points at the drawn frames: ``<POINT>_x``, ``_y``, ``_z`` in metres."""
+    """Return the coordinates of all points and the ends of the pendulums at the drawn frames.
+
+    Parameters
+    ----------
+    lift : LiftTables
+    frames : slice
+        Drawn frames.
+
+    Returns
+    -------
+    dict of str to numpy.ndarray
+        ``time``; ``<POINT>_x``, ``_y``, ``_z`` in metres; ``<com>/<plane>/across`` and ``/up``, pivot plus ℓ(sin θ, cos θ) in
+        the plane of the pendulum, NaN outside the deposit.
+    """
     points = dict(points_of(lift.body))
     if lift.pivot is not None:
         points["PIVOT"] = lift.pivot
-    columns = {
-        f"{name}_{axis}": part.astype(np.float32)
-        for name, values in points.items()
-        for axis, part in zip("xyz", values[frames].T, strict=True)
-    }
-    return {"time": lift.body["time_s"].to_numpy()[frames], **columns, **_pendulum_ends(lift, frames)}
-
-
-def _pendulum_ends(lift: LiftTables, frames: slice) -> dict[str, np.ndarray]:
-    """Return the ends of the pendulums in their planes: pivot plus ℓ(sin θ, cos θ); NaN outside the deposit."""
     time = lift.body["time_s"].to_numpy()[frames]
-    columns = {}
+    columns = {"time": time}
+    for name, values in points.items():
+        for axis, part in zip("xyz", values[frames].T, strict=True):
+            columns[f"{name}_{axis}"] = part.astype(np.float32)
     for (com, plane), rows in lift.states.groupby(["com", "plane"], sort=False):
-        at, angle, length = (rows[name].to_numpy() for name in ("time_s", "angle_rad", "length_m"))
-        theta, reach = (np.interp(time, at, values, np.nan, np.nan) for values in (angle, length))
-        across = lift.pivot[frames, PLANES[plane]]
-        columns[f"{com}/{plane}/across"] = (across + reach * np.sin(theta)).astype(np.float32)
-        columns[f"{com}/{plane}/up"] = (lift.pivot[frames, 2] + reach * np.cos(theta)).astype(np.float32)
+        angle, length = (
+            np.interp(time, rows["time_s"], rows[name], np.nan, np.nan) for name in ("angle_rad", "length_m")
+        )
+        ends = ("across", PLANES[plane], np.sin(angle)), ("up", 2, np.cos(angle))
+        for name, axis, share in ends:
+            end = lift.pivot[frames, axis] + length * share
+            columns[f"{com}/{plane}/{name}"] = end.astype(np.float32)
     return columns
 
 
@@ -121,10 +125,9 @@ def balance_columns(course: pd.DataFrame, share: float, frames: slice) -> dict[s
         return {}
     drawn = course.iloc[frames]
     base = base_from_course(drawn)
-    outlines = {"base": base, "used": base.functional(share)}
     columns = {name: drawn[name].to_numpy(float) for name in BALANCE}
     columns["direction"] = drawn["margin_direction"].to_numpy(str)
-    for name, part in outlines.items():
+    for name, part in {"base": base, "used": base.functional(share)}.items():
         # Convex hulls in order and closed; the last corner fills the rest.
         closed = np.full((len(part.corners), CORNERS + 1, 2), np.nan)
         for outline, points in zip(closed, map(corners_around, part.corners), strict=True):
@@ -140,15 +143,12 @@ class PushedPendulum:
 
     com: str
     plane: str
-    clock: str
-    """Whether the movement is played as recorded or in one second."""
     constants: dict[str, float]
-    """``mass, length, inertia, damping, gravity_torque`` (with its sign), ``control_weight``, ``duration``, and the
-    torque's limits ``lowest`` and ``highest``; SI units."""
+    """``mass, length, inertia, damping, gravity_torque`` (with its sign), ``control_weight``, ``duration``, and limits of the
+    torque ``lowest`` and ``highest``; SI units."""
     columns: dict[str, np.ndarray]
-    """Shape (2·knots − 1,): at the knots and halfway between them: reference ``angle`` and ``velocity``, feedforward
-    ``torque``, and ``s11``, ``s12``, ``s22`` of V = x̄ᵀSx̄, of which the feedback is K = (s12,
-    s22)/(inertia·control_weight)."""
+    """Reference ``angle`` and ``velocity``, feedforward ``torque``, and ``s11``, ``s12``, ``s22`` of V = x̄ᵀSx̄ at the knots
+    and halfway between them, shape (2·knots − 1,). The feedback is K = (s12, s22)/(inertia·control_weight)."""
     level: np.ndarray
     """Shape (knots,): ρ of the exact funnel of the loop without limits."""
     binds: bool
@@ -164,44 +164,45 @@ def pushed_pendulums(
     states: LiftStates, settings: StabilitySettings
 ) -> tuple[list[PushedPendulum], list[Failure]]:
     """Return the closed loops of a lift in the headline's convention with their exact funnels, and the failures."""
-    sound, unsound = states.trajectories(headline(settings, states.facts))
-    failures = list(unsound)
+    trajectories, failures = states.trajectories(headline(settings, states.facts))
+    failures = list(failures)
 
-    def pushed(items: list[Trajectory]) -> list[PushedPendulum]:
+    def push(items: list[Trajectory]) -> list[PushedPendulum]:
         loops = close_loops(items, settings.pendulum.sign, settings)
-        funnels = exact_funnels(loops, settings.goal_level)
-        return [_pushed(item, index, loops, funnels, settings) for index, item in enumerate(items)]
+        level = exact_funnels(loops, settings.goal_level).level
+        pendulums, reference = loops.pendulums, reference_of(loops.pendulums)
+        cost = dict(zip(("s11", "s12", "s22"), np.moveaxis(loops.cost, -1, 0), strict=True))
+        columns = {
+            "angle": pendulums.angle,
+            "velocity": reference.velocity,
+            "torque": reference.torque,
+            **cost,
+        }
+        pushed = []
+        for index, item in enumerate(items):
+            lowest, highest = torque_range(item, settings)
+            constants = {
+                "mass": item.mass_kg,
+                "length": item.length_m,
+                **{
+                    name: getattr(pendulums, name)[index] for name in ("inertia", "damping", "gravity_torque")
+                },
+                "control_weight": loops.weights.control,
+                "duration": item.duration,
+                "lowest": lowest,
+                "highest": highest,
+            }
+            pushed.append(
+                PushedPendulum(
+                    item.com,
+                    item.plane,
+                    {name: float(value) for name, value in constants.items()},
+                    {name: np.ascontiguousarray(values[:, index]) for name, values in columns.items()},
+                    np.ascontiguousarray(level[:, index]),
+                    bool(exceeds(loops, level, reference, lowest, highest)[index]),
+                )
+            )
+        return pushed
 
-    computed = compute_together(pushed, sound, "exact funnel", failures)
+    computed = compute_together(push, trajectories, "exact funnel", failures)
     return [pendulum for _, some in computed for pendulum in some], failures
-
-
-def _pushed(
-    item: Trajectory, index: int, loops: ClosedLoops, funnels: Funnels, settings: StabilitySettings
-) -> PushedPendulum:
-    pendulums, reference = loops.pendulums, reference_of(loops.pendulums)
-    lowest, highest = torque_range(item, settings)
-    constants = {
-        "mass": item.mass_kg,
-        "length": item.length_m,
-        **{name: getattr(pendulums, name)[index] for name in ("inertia", "damping", "gravity_torque")},
-        "control_weight": loops.weights.control,
-        "duration": item.duration,
-        "lowest": lowest,
-        "highest": highest,
-    }
-    columns = {
-        "angle": pendulums.angle,
-        "velocity": reference.velocity,
-        "torque": reference.torque,
-        **dict(zip(("s11", "s12", "s22"), np.moveaxis(loops.cost, -1, 0), strict=True)),
-    }
-    return PushedPendulum(
-        item.com,
-        item.plane,
-        item.clock,
-        {name: float(value) for name, value in constants.items()},
-        {name: np.ascontiguousarray(values[:, index]) for name, values in columns.items()},
-        np.ascontiguousarray(funnels.level[:, index]),
-        bool(exceeds(loops, funnels.level, reference, lowest, highest)[index]),
-    )

@@ -25,31 +25,10 @@ from lumbar.publishing.explorer.one_file import EmbeddedPictures, add_roots, emb
 from lumbar.publishing.figures.lifting_figures import EVENT_LABELS
 from lumbar.publishing.figures.palette import MEASURED, SEGMENTS, SERIES
 from lumbar.publishing.figures.stability_figures import PLANE_TITLES
-from lumbar.publishing.lift_page.lift_data import (
-    MAX_FRAMES,
-    MAX_FRAMES_PER_S,
-    LiftTables,
-    PushedPendulum,
-    balance_columns,
-    body_columns,
-    centres,
-    chains,
-    pushed_pendulums,
-)
-from lumbar.publishing.lift_page.lift_pictures import (
-    CERTIFIED,
-    DASHES,
-    GOAL,
-    MARKS,
-    OUTLINES,
-    PUSHED,
-    SHADES,
-    lift_pictures,
-)
+from lumbar.publishing.lift_page import lift_data, lift_pictures
 from lumbar.settings.stability import StabilitySettings
 
 PAGE = "publishing/lift_page/lift_page.html.jinja"
-COLOURS = {**SEGMENTS, "whole body": SERIES[4], "box": SERIES[3]}
 STATES_DRAWN = 250
 """Drawn instants of a pendulum's states."""
 
@@ -57,20 +36,14 @@ STATES_DRAWN = 250
 @cache
 def _pictures() -> EmbeddedPictures:
     """Return the pictures of every page: they are equal, since a page's script fills them."""
-    return embed_pictures(lambda document: add_roots(document, lift_pictures()))
-
-
-def _in_print(value: float, unit: str) -> str:
-    """Format a value: lengths in mm, with a minus sign."""
-    value, unit = (1000 * value, "mm") if unit == "m" else (value, unit)
-    return typeset_minus_signs(f"{value:.3g} {unit}")
+    return embed_pictures(lambda document: add_roots(document, lift_pictures.lift_pictures()))
 
 
 @dataclass(frozen=True, eq=False)
 class LiftPage:
     """A lift as a page."""
 
-    lift: LiftTables
+    lift: lift_data.LiftTables
     settings: StabilitySettings
 
     @cached_property
@@ -80,25 +53,21 @@ class LiftPage:
         return course_of_lift(Lifter(self.lift.body, self.lift.facts, self.settings.measures, gravity))
 
     @cached_property
-    def _pendulums(self) -> tuple[list[PushedPendulum], list[Failure]]:
-        return pushed_pendulums(LiftStates(self.lift.states, self.lift.facts), self.settings)
-
-    @property
-    def pendulums(self) -> list[PushedPendulum]:
-        """Pendulums that can be pushed."""
-        return self._pendulums[0]
+    def _pendulums(self) -> tuple[list[lift_data.PushedPendulum], list[Failure]]:
+        return lift_data.pushed_pendulums(LiftStates(self.lift.states, self.lift.facts), self.settings)
 
     @cached_property
     def _frames(self) -> slice:
         """Drawn frames: evenly spaced from the first."""
         time = self.lift.body["time_s"].to_numpy()
         rate = (len(time) - 1) / (time[-1] - time[0])
-        step = max(1, math.ceil(rate / MAX_FRAMES_PER_S), math.ceil(len(time) / MAX_FRAMES))
-        return slice(None, None, step)
+        steps = rate / lift_data.MAX_FRAMES_PER_S, len(time) / lift_data.MAX_FRAMES
+        return slice(None, None, max(1, *map(math.ceil, steps)))
 
     @cached_property
     def _balance(self) -> dict[str, np.ndarray]:
-        return balance_columns(self.course.frame, self.settings.measures.functional_share, self._frames)
+        share = self.settings.measures.functional_share
+        return lift_data.balance_columns(self.course.frame, share, self._frames)
 
     @property
     def title(self) -> str:
@@ -107,27 +76,19 @@ class LiftPage:
 
     def _sources(self) -> list[ColumnDataSource]:
         """Return the data that the page's script draws."""
-        held = [ColumnDataSource(body_columns(self.lift, self._frames), name="body")]
+        columns = {"body": lift_data.body_columns(self.lift, self._frames)}
         outlines = {name: values.ravel() for name, values in self._balance.items() if values.ndim == 2}
         if outlines:
-            alone = {name: values for name, values in self._balance.items() if values.ndim == 1}
-            held += [ColumnDataSource(alone, name="balance"), ColumnDataSource(outlines, name="bases")]
+            columns["balance"] = {name: values for name, values in self._balance.items() if values.ndim == 1}
+            columns["bases"] = outlines
         for (com, plane), rows in self.lift.states.groupby(["com", "plane"], sort=False):
             drawn = rows.iloc[np.linspace(0, len(rows) - 1, STATES_DRAWN).round().astype(int)]
             names = {"time": "time_s", "angle": "angle_rad", "velocity": "angular_velocity_rad_s"}
-            columns = {name: drawn[column].to_numpy(float) for name, column in names.items()}
-            held.append(ColumnDataSource(columns, name=f"states:{com}/{plane}"))
-        for item in self.pendulums:
-            held.append(ColumnDataSource(item.columns, name=f"loop:{item.key}"))
-            held.append(ColumnDataSource({"level": item.level}, name=f"level:{item.key}"))
-        return held
-
-    def _bounds(self) -> dict[str, tuple[float, float]]:
-        """Return the smallest and largest coordinate of the body and the ground."""
-        every = np.concatenate(list(points_of(self.lift.body).values()))
-        low, high = np.nanmin(every, axis=0), np.nanmax(every, axis=0)
-        low[2] = min(low[2], 0.0)
-        return {axis: (float(low[i]), float(high[i])) for i, axis in enumerate("xyz")}
+            states = {name: drawn[column].to_numpy(float) for name, column in names.items()}
+            columns[f"states:{com}/{plane}"] = states
+        for item in self._pendulums[0]:
+            columns |= {f"loop:{item.key}": item.columns, f"level:{item.key}": {"level": item.level}}
+        return [ColumnDataSource(values, name=name) for name, values in columns.items()]
 
     def _phases(self) -> list[tuple[str, float, float]]:
         """Return name, start and end of every phase."""
@@ -138,15 +99,20 @@ class LiftPage:
 
     def variables(self) -> dict[str, Any]:
         """Return the template's variables."""
-        facts, limits = self.lift.facts, self.settings.pendulum
+        facts, events, pendulum = self.lift.facts, self.lift.events, self.settings.pendulum
+        pendulums, failures = self._pendulums
         return {
             "title": self.title,
             "data": self.lift.source_label,
             "facts": facts,
-            "events": [(EVENT_LABELS[name], time) for name, time in self.lift.event_times.items()],
+            "events": [
+                (EVENT_LABELS[name], event["time_s"])
+                for name, event in events.items()
+                if event["time_s"] is not None
+            ],
             "absent": [
                 f"No {EVENT_LABELS[name]}: {event['how']}."
-                for name, event in self.lift.events.items()
+                for name, event in events.items()
                 if event["time_s"] is None
             ],
             "measures": self._measures(),
@@ -154,26 +120,38 @@ class LiftPage:
             "notes": self.course.notes,
             "no_balance": self.course.missing.get("margin_of_stability_m", ""),
             "share": self.settings.measures.functional_share,
-            "centres": [{**item, "colour": COLOURS[item["name"]]} for item in centres(self.lift.body)],
+            "centres": self._centres,
             "has_states": not self.lift.states.empty,
             "planes": PLANE_TITLES,
             "coms": list(SEGMENTS),
-            "looks": {com: {"colour": SEGMENTS[com], "dashed": bool(DASHES[com])} for com in SEGMENTS},
-            "pendulums": self.pendulums,
+            "looks": {
+                com: {"colour": colour, "dashed": bool(lift_pictures.DASHES[com])}
+                for com, colour in SEGMENTS.items()
+            },
+            "pendulums": pendulums,
             "failures": sorted(
-                {f"{item.com}, {PLANE_TITLES[item.plane]}: {item.reason}" for item in self._pendulums[1]}
+                {f"{item.com}, {PLANE_TITLES[item.plane]}: {item.reason}" for item in failures}
             ),
-            "sign": limits.sign,
-            "clock": limits.time,
+            "sign": pendulum.sign,
+            "clock": pendulum.time,
             "colours": {
-                "certified": CERTIFIED,
-                "goal": GOAL,
-                "pushed": PUSHED,
+                "certified": lift_pictures.CERTIFIED,
+                "goal": lift_pictures.GOAL,
+                "pushed": lift_pictures.PUSHED,
                 "ink": MEASURED,
                 "first": SERIES[0],
             },
             "content": self._content(),
         }
+
+    @property
+    def _centres(self) -> list[dict[str, str]]:
+        """Known centres of mass: point, name, colour and marker."""
+        colours, marks = {**SEGMENTS, "whole body": SERIES[4], "box": SERIES[3]}, lift_pictures.MARKS
+        return [
+            {**item, "colour": colours[item["name"]], "mark": marks[item["name"]]}
+            for item in lift_data.centres(self.lift.body)
+        ]
 
     def _strip(self) -> list[dict[str, Any]]:
         """Return the phases along the slider in percent of the recording."""
@@ -190,14 +168,19 @@ class LiftPage:
 
     def _measures(self) -> list[dict[str, str]]:
         """Return the headline measures: name, value or why it is missing, and the safer direction."""
+
+        def typeset(value: float, unit: str) -> str:
+            value, unit = (1000 * value, "mm") if unit == "m" else (value, unit)
+            return typeset_minus_signs(f"{value:.3g} {unit}")
+
         values = values_of_lift(self.course, self.lift.facts).drop_duplicates("measure")
         return [
             {
                 "name": print_measure(row.measure),
-                "value": "" if row.reason else _in_print(row.value, row.unit),
+                "value": "" if row.reason else typeset(row.value, row.unit),
                 "reason": row.reason,
                 "below": row.safer == "higher" and row.value < 0,
-                "told": headline_sentence(row.measure, row.value, _in_print(abs(row.value), row.unit)),
+                "told": headline_sentence(row.measure, row.value, typeset(abs(row.value), row.unit)),
                 "safer": row.safer,
                 "meaning": MEASURES[row.measure].meaning,
                 "phase": WINDOWS[MEASURES[row.measure].phase],
@@ -208,21 +191,23 @@ class LiftPage:
 
     def _content(self) -> dict[str, Any]:
         """Return the data of the page's script."""
-        facts = self.lift.facts
+        facts, points = self.lift.facts, dict(points_of(self.lift.body))
+        # The smallest and largest coordinate of the body and the ground.
+        every = np.concatenate(list(points.values()))
+        low, high = np.nanmin(every, axis=0), np.nanmax(every, axis=0)
+        low[2] = min(low[2], 0.0)
+        dashes = lift_pictures.DASHES
         return {
-            "chains": chains({name.removesuffix("_x_m") for name in self.lift.body if name.endswith("_x_m")}),
-            "centres": [
-                {**item, "mark": MARKS[item["name"]], "colour": COLOURS[item["name"]]}
-                for item in centres(self.lift.body)
-            ],
-            "segments": {com: {"colour": SEGMENTS[com], "dash": DASHES[com]} for com in SEGMENTS},
+            "chains": lift_data.stick_figure(points),
+            "centres": self._centres,
+            "segments": {com: {"colour": colour, "dash": dashes[com]} for com, colour in SEGMENTS.items()},
             "phases": self._phases(),
             "deposit": None if facts["no_deposit"] else [facts["start_s"], facts["stop_s"]],
             "balance": bool(self._balance),
-            "outlines": OUTLINES,
-            "bounds": self._bounds(),
-            "shades": SHADES,
-            "pendulums": {item.key: {**item.constants, "binds": item.binds} for item in self.pendulums},
+            "outlines": lift_pictures.OUTLINES,
+            "bounds": dict(zip("xyz", zip(low.tolist(), high.tolist(), strict=True), strict=True)),
+            "shades": lift_pictures.SHADES,
+            "pendulums": {item.key: {**item.constants, "binds": item.binds} for item in self._pendulums[0]},
         }
 
     def to_html(self) -> str:

@@ -5,238 +5,201 @@ from pathlib import Path
 
 from markupsafe import Markup
 
-from lumbar.publishing.pages.html import (
-    comparison_blocks,
-    document,
-    equation,
-    figure,
-    heading,
-    listing,
-    paragraph,
-    table,
-)
+from lumbar.publishing.pages import html
 from lumbar.tables.layout import unit_in_print
 from lumbar.tissue.diagnosis.evidence.discrimination import separation_sentence
 from lumbar.tissue.diagnosis.evidence.evidence import ALIKE, Evidence, limitations
 from lumbar.tissue.diagnosis.residuals.residual import probability
-from lumbar.tissue.diagnosis.selection.candidate import likelihood_ratio
+from lumbar.tissue.diagnosis.selection import sentences
+from lumbar.tissue.diagnosis.selection.candidate import Candidate, likelihood_ratio
 from lumbar.tissue.diagnosis.selection.result import DiagnosisResult, Ranked
-from lumbar.tissue.diagnosis.selection.sentences import (
-    CONDITIONAL,
-    details,
-    effects_text,
-    headline,
-    readable,
-    runner_up,
-)
+from lumbar.tissue.diagnosis.selection.sentences import effects_text, readable
 from lumbar.tissue.diagnosis.selection.thresholds import LEVEL
 from lumbar.tissue.models.form import Effect
 
 
 def diagnosis_page(
-    diagnosis: DiagnosisResult,
-    evidence: Evidence,
-    catalogue: dict[str, Effect],
-    source_label: str,
-    pictures: dict[str, Path | str] | None = None,
-    more: Mapping[str, list[Markup]] | None = None,
-    sentence: str = "",
+    diagnosis: DiagnosisResult, headline: str, sections: Mapping[str, list[Markup]], source_label: str
 ) -> str:
     """Return the page.
 
     Parameters
     ----------
-    catalogue : dict of str to Effect
-        Source of mechanisms and experiments.
+    diagnosis : DiagnosisResult
+    headline : str
+        The verdict in one sentence.
+    sections : mapping of str to list of markupsafe.Markup
+        Sections by title.
     source_label : str
         Origin of the data.
-    pictures : dict of str to (pathlib.Path or str), optional
-        SVG files, or their text, by caption; they come before the list of what remains.
-    more : mapping of str to list of markupsafe.Markup, optional
-        Further sections by title; the first comes before all others.
-    sentence : str, optional
-        The verdict in one sentence; default `headline`.
     """
-    blocks = [
-        paragraph(f"Verdict: {diagnosis.status}"),
-        paragraph(sentence or headline(diagnosis), "headline"),
-    ]
-    first, *last = more.items() if more else (("", []),)
-    for title, found in (first, *evidence_sections(diagnosis, evidence, catalogue, pictures or {}), *last):
-        blocks += [heading(title), *found] if found else []
-    return document(f"Diagnosis of the {diagnosis.base.fit.structure.base.name} model", source_label, blocks)
+    blocks = [html.paragraph(f"Verdict: {diagnosis.status}"), html.paragraph(headline, "headline")]
+    for title, section in sections.items():
+        blocks += [html.heading(title), *section]
+    title = f"Diagnosis of the {diagnosis.base.fit.structure.base.name} model"
+    return html.document(title, source_label, blocks)
 
 
 def evidence_sections(
     diagnosis: DiagnosisResult,
     evidence: Evidence,
     catalogue: dict[str, Effect],
-    pictures: dict[str, Path | str],
-) -> list[tuple[str, list[Markup]]]:
-    """Return the sections with the evidence by title; parameters as in `diagnosis_page`."""
-    floor, unit = diagnosis.experiment.floor, diagnosis.experiment.output_unit
-    after = diagnosis.model.test_rms
-    noise = (
-        f", {after / floor.rms:.3g} times the noise floor."
-        if floor
-        else "; how much of it is noise is unknown."
-    )
-    remaining = f"On unseen records {after:.4g} {unit} remain{noise}"
+    pictures: Mapping[str, Path],
+) -> dict[str, list[Markup]]:
+    """Return the sections with the evidence by title.
+
+    Parameters
+    ----------
+    diagnosis : DiagnosisResult
+    evidence : Evidence
+    catalogue : dict of str to Effect
+        Source of mechanisms and experiments.
+    pictures : mapping of str to pathlib.Path
+        SVG files by caption.
+    """
+    floor, after = diagnosis.experiment.floor, diagnosis.model.test_rms
+    noise = f"{after / floor.rms:.3g} times the noise floor" if floor else "the share of noise is unknown"
+    remaining = f"Error on unseen records: {after:.4g} {diagnosis.experiment.output_unit}; {noise}."
+    headlines = html.listing(item.location.headline for item in evidence.remaining)
     sections = {
-        "What was found, in full": [paragraph(line) for line in details(diagnosis, catalogue)],
+        "Result in full": [html.paragraph(line) for line in sentences.details(diagnosis, catalogue)],
         "Before and after": _errors(diagnosis, evidence),
         "How likely is a false alarm?": _false_alarm(diagnosis, evidence),
         "Parameters": _parameters(diagnosis),
-        "Can it be told from the others?": [] if evidence.ties is None else _ties(diagnosis, evidence),
-        "Pictures": [figure(svg, caption) for caption, svg in pictures.items()],
-        "What remains": [
-            paragraph(remaining),
-            listing(item.location.headline for item in evidence.remaining),
-        ],
-        "What these records cannot decide": [listing(limitations(diagnosis, evidence))],
+        "Can it be distinguished from the others?": _ties(diagnosis, evidence),
+        "Pictures": [html.figure(svg, caption) for caption, svg in pictures.items()],
+        "What remains": [html.paragraph(remaining), headlines],
+        "What these records cannot decide": [html.listing(limitations(diagnosis, evidence))],
     }
-    return [(title, found) for title, found in sections.items() if found]
+    return {title: blocks for title, blocks in sections.items() if blocks}
 
 
 def _errors(diagnosis: DiagnosisResult, evidence: Evidence) -> list[Markup]:
     experiment = diagnosis.experiment
     unit, floor = experiment.output_unit, experiment.floor
-    tests = ", ".join(item.name for item in experiment.tests)
-    error = "error" if experiment.points else "free-run simulation error, the start of each record aside"
-    rows = [_error_row("base", diagnosis.base, None, diagnosis)]
+
+    def row(name: str, candidate: Candidate, role: str = "", p_value: str = "–") -> tuple:
+        forms = ", ".join(readable(form.name) for form in candidate.fit.structure.forms) or "–"
+        errors = f"{candidate.train_rms:.4g}", f"{candidate.test_rms:.4g}"
+        relative = "–" if floor is None else f"{candidate.test_rms / floor.rms:.4g}"
+        return name, role, forms, *errors, relative, p_value, "yes" if candidate.fit.converged else "no"
+
+    rows = [row("base", diagnosis.base)]
     ranked = {frozenset(item.candidate.effects) for item in diagnosis.ranking}
-    rows += [
-        _error_row(effects_text(item.effects), item, None, diagnosis)
-        for item in diagnosis.path[1:-1]
-        if frozenset(item.effects) not in ranked
-    ]
+    for candidate in diagnosis.path[1:-1]:
+        if frozenset(candidate.effects) not in ranked:
+            rows.append(row(effects_text(candidate.effects), candidate))
     for item in diagnosis.ranking:
-        name, role = effects_text(item.candidate.effects), role_of(item, diagnosis)
-        rows.append(_error_row(name, item.candidate, item, diagnosis, role))
+        p_value = probability(item.p_value).removeprefix("p = ").removeprefix("p ")
+        name = effects_text(item.candidate.effects)
+        rows.append(row(name, item.candidate, role_of(item, diagnosis), p_value))
     errors = (f"training ({unit})", f"unseen ({unit})", "unseen / noise")
     head = ("effects added", "role", "form", *errors, "p", "converged")
     noise = "unknown" if floor is None else f"{floor.rms:.4g} {unit} ({floor.low:.4g} to {floor.high:.4g})"
-    what = (
+    error = "error" if experiment.points else "free-run simulation error, without the start of each record"
+    tests = ", ".join(item.name for item in experiment.tests)
+    text = (
         f"Root mean square of the {error}. Fitted on {experiment.training.name}; unseen: {tests}. Noise floor: {noise}. "
         "Each set of effects is refitted together with the base; the ranking is by the likelihood of all records."
     )
-    blocks = [paragraph(what), table(head, rows)]
+    blocks = [html.paragraph(text), html.table(head, rows)]
     if evidence.remaining:  # none of points without a clock
-        blocks += [heading("The selected model on every record", 3), *comparison_blocks(evidence.remaining)]
+        blocks.append(html.heading("The selected model on every record", 3))
+        blocks += html.comparison_blocks(evidence.remaining)
     return blocks
 
 
 def role_of(item: Ranked, diagnosis: DiagnosisResult) -> str:
-    """Return what a candidate is to the verdict: selected, tied with it, the runner-up, or nothing."""
+    """Return the role of a candidate in the verdict: selected, tied, runner-up or empty."""
     effects = set(item.candidate.effects)
     if effects == set(diagnosis.selected):
         return "selected"
     if any(effects == set(other.effects) for other in diagnosis.tied_with):
         return "tied"
-    return "runner-up" if item is runner_up(diagnosis) else ""
-
-
-def _error_row(
-    name: str, candidate, ranked: Ranked | None, diagnosis: DiagnosisResult, role: str = ""
-) -> tuple:
-    floor = diagnosis.experiment.floor
-    return (
-        name,
-        role,
-        ", ".join(readable(form.name) for form in candidate.fit.structure.forms) or "–",
-        f"{candidate.train_rms:.4g}",
-        f"{candidate.test_rms:.4g}",
-        "–" if floor is None else f"{candidate.test_rms / floor.rms:.4g}",
-        "–" if ranked is None else probability(ranked.p_value).removeprefix("p = ").removeprefix("p "),
-        "yes" if candidate.fit.converged else "no",
-    )
+    return "runner-up" if item is sentences.runner_up(diagnosis) else ""
 
 
 def _false_alarm(diagnosis: DiagnosisResult, evidence: Evidence) -> list[Markup]:
     percent = f"{100 * LEVEL:g}"
     if diagnosis.experiment.points:
-        return [
-            paragraph(
-                "Where nothing is missing, the best of all forms tried gains as much in the share p of the cases at most "
-                "(F test, times their number). To be selected, an effect needs "
-                f"{percent} % or less, and a significantly smaller error on unseen points."
-            )
-        ]
+        text = (
+            "p is the share of cases without a missing effect in which the best of all forms gains at least as much (F test, "
+            f"times their number). A selected effect needs {percent} % or less, and a significantly smaller unseen error."
+        )
+        return [html.paragraph(text)]
     chance = (
-        "Where nothing is missing, the best of all candidates still gains: in "
-        f"{len(evidence.null.ratios)} simulated experiments of the base alone, refitted each time, twice the logarithm of "
-        f"the likelihood rose by more than {evidence.threshold:.3g} in {percent} % (allowing for the number of forms tried "
-        "here). An effect needs more than that, and a smaller error on unseen records, to be selected."
+        "The best of all candidates improves the fit even if nothing is missing. In "
+        f"{len(evidence.null.ratios)} simulated experiments of the base only, refitted each time, twice the logarithm of "
+        f"the likelihood rose by more than {evidence.threshold:.3g} in {percent} % (for the number of forms tried here). "
+        "A selected effect needs more than that, and a smaller error on unseen records."
     )
     if diagnosis.selected:
         gain = likelihood_ratio(diagnosis.base, diagnosis.model, diagnosis.experiment)
-        verb = "gains" if len(diagnosis.selected) == 1 else "gain"
-        here = f"Here {effects_text(diagnosis.selected)} {verb} {gain:.4g}."
+        name = effects_text(diagnosis.selected)
     else:
         candidates = (item.candidate for item in diagnosis.ranking)
         gains = (likelihood_ratio(diagnosis.base, item, diagnosis.experiment) for item in candidates)
-        here = f"Here the best candidate gains {max(gains, default=0.0):.3g}."
-    return [paragraph(chance), paragraph(here)]
+        gain, name = max(gains, default=0.0), "the best candidate"
+    return [html.paragraph(chance), html.paragraph(f"Gain of {name} here: {gain:.4g}.")]
 
 
 def _parameters(diagnosis: DiagnosisResult) -> list[Markup]:
     blocks = []
-    other = runner_up(diagnosis)
     selected = diagnosis.ranking[0] if diagnosis.selected else None
-    for item, role in ((selected, "Selected"), (other, "Runner-up")):
+    for item, role in ((selected, "Selected"), (sentences.runner_up(diagnosis), "Runner-up")):
         if item is None:
             continue
         structure = item.candidate.fit.structure
         owners = ["", *structure.effects]
-        equations = [("base", structure.base.name, equation(structure.base.latex))]
-        equations += [
-            (readable(form.effect), readable(form.name), equation(form.latex)) for form in structure.forms
-        ]
+        equations = [("base", structure.base.name, html.equation(structure.base.latex))]
+        for form in structure.forms:
+            equations.append((readable(form.effect), readable(form.name), html.equation(form.latex)))
         rows = [
             (
-                readable(found.effect) or "base",
-                readable(found.name),
-                f"{found.value:.4g}",
-                f"{found.low:.4g} to {found.high:.4g}",
-                unit_in_print(found.unit),
+                readable(estimate.effect) or "base",
+                readable(estimate.name),
+                f"{estimate.value:.4g}",
+                f"{estimate.low:.4g} to {estimate.high:.4g}",
+                unit_in_print(estimate.unit),
             )
-            for found in sorted(item.estimates, key=lambda one: owners.index(one.effect))
+            for estimate in sorted(item.estimates, key=lambda one: owners.index(one.effect))
         ]
         blocks += [
-            heading(f"{role}: {effects_text(item.candidate.effects)}", 3),
-            table(("part", "form", "equation"), equations),
-            table(("of", "parameter", "value", "95 % interval", "unit"), rows),
+            html.heading(f"{role}: {effects_text(item.candidate.effects)}", 3),
+            html.table(("part", "form", "equation"), equations),
+            html.table(("part", "parameter", "value", "95 % interval", "unit"), rows),
         ]
-    return [*blocks, paragraph(CONDITIONAL, "note")] if blocks else []
+    return [*blocks, html.paragraph(sentences.CONDITIONAL, "note")] if blocks else []
 
 
 def _ties(diagnosis: DiagnosisResult, evidence: Evidence) -> list[Markup]:
     ties = evidence.ties
+    if ties is None:
+        return []
     names = [effects_text(item.effects) for item in ties.candidates]
-    alike = [names[index] for index in ties.clusters[0] if index != 0]
-    noise = "Noise" if diagnosis.experiment.floor else "What the model leaves"
-    angles = (
-        "Angle between the force that each candidate adds and that of the selected one, beyond what the base's own "
-        "parameters take up, over all records: 0° is the same force, 90° has nothing in common. "
-        f"{noise} would hide {ties.resolution:.2g}°."
+    noise = "noise" if diagnosis.experiment.floor else "the residual"
+    text = (
+        "Angle between the force that each candidate adds and that of the selected one, without the part that the base's "
+        "parameters can represent, over all records. 0°: the same force; 90°: nothing in common; below "
+        f"{ties.resolution:.2g}° {noise} hides the difference."
     )
     cluster = f"No other candidate adds a force like that of {names[0]}."
+    alike = [names[index] for index in ties.clusters[0] if index != 0]
     if alike:
-        apart = "" if diagnosis.tied_with else "; the likelihood tells them apart all the same"
+        distinguished = "" if diagnosis.tied_with else "; the likelihood still distinguishes them"
         cluster = (
             f"In one cluster with {names[0]}, their forces pairwise within {max(ALIKE, ties.resolution):.2g}°: "
-            f"{', '.join(alike)}{apart}."
+            f"{', '.join(alike)}{distinguished}."
         )
-    rows = [
-        (
-            name,
-            f"{angle:.1f}",
-            str(1 + next(i for i, members in enumerate(ties.clusters) if index in members)),
-        )
-        for index, (name, angle) in enumerate(zip(names, ties.angles[0], strict=True))
-    ]
-    blocks = [paragraph(angles), paragraph(cluster), table(("candidate", "angle (°)", "cluster"), rows)]
+    rows = []
+    for index, (name, angle) in enumerate(zip(names, ties.angles[0], strict=True)):
+        number = next(number for number, members in enumerate(ties.clusters, 1) if index in members)
+        rows.append((name, f"{angle:.1f}", str(number)))
+    table = html.table(("candidate", "angle (°)", "cluster"), rows)
+    blocks = [html.paragraph(text), html.paragraph(cluster), table]
     if evidence.separation is not None:
-        blocks.append(paragraph(separation_sentence(evidence.separation, diagnosis), "headline"))
-        blocks.append(paragraph("The signal lies beside this page as separating_excitation.csv.", "note"))
+        blocks.append(html.paragraph(separation_sentence(evidence.separation, diagnosis), "headline"))
+        blocks.append(
+            html.paragraph("The signal is in separating_excitation.csv, next to this page.", "note")
+        )
     return blocks

@@ -37,38 +37,37 @@ def _macros():
 
 
 def heading(text: str, level: int = 2) -> Markup:
-    """Heading of a section."""
+    """Return a heading."""
     return _macros().heading(text, level)
 
 
 def paragraph(text: str, kind: str = "") -> Markup:
-    """Paragraph; `kind` is a class of the page's style: ``headline`` or ``note``."""
+    """Return a paragraph; `kind` is a class of the page's style: ``headline`` or ``note``."""
     return _macros().paragraph(text, kind)
 
 
 def listing(lines: Iterable[str]) -> Markup:
-    """Bulleted list."""
+    """Return a bulleted list."""
     return _macros().listing(lines)
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> Markup:
-    """Table of texts and pictures."""
+    """Return a table of texts and pictures."""
     return _macros().table(head, rows)
 
 
 def equation(latex: str) -> Markup:
-    """Equation, which scrolls where there is less room: browsers do not break it into lines."""
+    """Return an equation, which scrolls if it is too long: browsers do not break it into lines."""
     return Markup(f'<span class="equation" tabindex="0">{equation_mathml(latex)}</span>')
 
 
-def figure(svg: str | Path, caption: str) -> Markup:
-    """Picture with a caption."""
-    content = svg.read_bytes() if isinstance(svg, Path) else svg.encode()
-    return _macros().figure(base64.b64encode(content).decode("ascii"), caption)
+def figure(svg: Path, caption: str) -> Markup:
+    """Return a picture with a caption."""
+    return _macros().figure(base64.b64encode(svg.read_bytes()).decode("ascii"), caption)
 
 
 def document(title: str, source_label: str, blocks: Iterable[Markup]) -> str:
-    """Return a whole page of blocks; `source_label` says where the data come from and is empty for pages without any."""
+    """Return a whole page of blocks; `source_label` is the origin of the data, empty for pages without any."""
     return template(PAGE).render(title=title, source_label=source_label, blocks=blocks)
 
 
@@ -78,8 +77,8 @@ Reports = Sequence["ResidualReport | SpatialReport"]
 
 def comparison_page(reports: Reports, model: str, source_label: str, pictures: dict[str, Path]) -> str:
     """Return the page of a comparison; `pictures` are SVG files by record."""
-    what = "Free-run simulation against every record. Error intervals: what another excitation of the same kind would give."
-    blocks = [paragraph(what), *comparison_blocks(axis_reports(reports))]
+    text = "Free-run simulation of every record. Intervals: errors for another excitation of the same kind."
+    blocks = [paragraph(text), *comparison_blocks(axis_reports(reports))]
     caption = "measured and simulated, residual, and what is left of every record."
     if reports[0].record.axes:
         caption = "measured and simulated along every axis, over a part of the record, and the residual."
@@ -88,23 +87,22 @@ def comparison_page(reports: Reports, model: str, source_label: str, pictures: d
 
 
 def comparison_blocks(simulated: list[ResidualReport]) -> list[str]:
-    """Sentences and figures of merit of every record."""
+    """Return sentences and figures of merit of every record."""
     unit = simulated[0].comparison.unit
     rows = []
-    for found in (item.comparison for item in simulated):
-        errors = (
-            f"{it.value:.4g} ({it.low:.4g} to {it.high:.4g})" for it in (found.vaf, found.fit, found.rms)
-        )
+    for item in (report.comparison for report in simulated):
+        merits = (item.vaf, item.fit, item.rms)
+        errors = (f"{one.value:.4g} ({one.low:.4g} to {one.high:.4g})" for one in merits)
         noise = ("unknown", "unknown")
-        if found.floor is not None:
-            noise = (f"{found.floor.rms:.4g}", f"{found.explainable_rms:.4g}")
-        rows.append((found.record, *errors, *noise))
+        if item.floor is not None:
+            noise = (f"{item.floor.rms:.4g}", f"{item.explainable_rms:.4g}")
+        rows.append((item.record, *errors, *noise))
     head = ("record", "VAF (%)", "FIT (%)", f"RMS error ({unit})", f"noise ({unit})", f"explainable ({unit})")
     return [listing(item.comparison.sentence for item in simulated), table(head, rows)]
 
 
 def location_page(reports: Reports, model: str, source_label: str, pictures: dict[str, Path]) -> str:
-    """Return the page that says and shows where a model fails; parameters as for `comparison_page`."""
+    """Return the page of locations; parameters as in `comparison_page`."""
     blocks = [paragraph(all_reports_sentence(reports), "headline")]
     for item in expand_axes(reports):
         name, (headline, *sentences) = item.record.name, item.sentences
