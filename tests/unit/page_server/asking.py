@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from queue import Queue
 from typing import TYPE_CHECKING
 
-from lumbar.page_server.trust import HOST, Visitors
+from lumbar.page_server.server import HOST, Visitors
 from patience import PATIENCE_S, seen
 
 if TYPE_CHECKING:

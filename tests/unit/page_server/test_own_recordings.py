@@ -16,7 +16,7 @@ from lumbar.cli.command import build_parser
 from lumbar.page_server import own_recordings
 from lumbar.page_server.own_recordings import MAX_SESSIONS, UploadDiagnosis, UploadSession, UploadSessions
 from lumbar.page_server.recording_preview import OF_SEVERAL_AXES
-from lumbar.page_server.trust import HOST
+from lumbar.page_server.server import HOST
 from lumbar.twin.examples import example_records
 from patience import PATIENCE_S
 from space_records import TABLE
@@ -212,13 +212,13 @@ def test_a_file_larger_than_any_is_not_read(served, own_tab):
 def test_of_many_tabs_one_without_files_is_let_go_first():
     tabs = UploadSessions()
     full, empty = tabs.new(), tabs.new()
-    tabs.find(full).files["a.csv"] = b"x"
+    tabs.get(full).files["a.csv"] = b"x"
     others = [tabs.new() for _ in range(MAX_SESSIONS - 1)]
-    assert tabs.find(full) is not None and tabs.find(empty) is None
+    assert tabs.get(full) is not None and tabs.get(empty) is None
     for name in others:
-        tabs.find(name).files["a.csv"] = b"x"
+        tabs.get(name).files["a.csv"] = b"x"
     newest = tabs.new()
-    assert tabs.find(full) is None and all(map(tabs.find, [*others, newest]))
+    assert tabs.get(full) is None and all(map(tabs.get, [*others, newest]))
 
 
 def test_tabs_do_not_see_each_other(served, own_tab):

@@ -22,8 +22,7 @@ from lumbar.cli.command import INTERRUPTED
 from lumbar.page_server.index import Index
 from lumbar.page_server.own_recordings import UploadDiagnosis
 from lumbar.page_server.served_sets import ExploredSet, ServedLift, ServedSets, StoredVerdict, TabRequests
-from lumbar.page_server.server import new_server
-from lumbar.page_server.trust import TOKEN, Visitors
+from lumbar.page_server.server import TOKEN, Visitors, new_server
 from lumbar.settings.stability import StabilitySettings
 from lumbar.settings.study_settings import StudySettings
 from lumbar.twin.examples import example_records

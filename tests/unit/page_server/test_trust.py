@@ -7,7 +7,7 @@ import pytest
 from asking import cookie
 
 from case_tables import cases
-from lumbar.page_server.trust import HOST, TOKEN
+from lumbar.page_server.server import HOST, TOKEN
 from patience import PATIENCE_S
 
 PATHS = cases(__file__, "paths")

@@ -111,7 +111,7 @@
     for (const text of file.notes) item.append(made("p", text, { className: "note" }));
     for (const curve of file.curves) item.append(drawn(curve, file.seconds), made("p", `${curve.label} over ${file.seconds.toPrecision(4)} s`, { className: "note" }));
     const table = made("table");
-    table.append(...file.header.map((name, at) => { // several axes have more columns than a card has room beside each other
+    table.append(...file.header.map((name, at) => { // several axes have more columns than fit into a card
       const line = made("tr");
       line.append(made("th", name, { scope: "row" }), ...file.rows.map((cells) => made("td", cells[at])));
       return line;

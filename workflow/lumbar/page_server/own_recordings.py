@@ -118,11 +118,6 @@ class UploadSession:
     _read: dict[tuple[str, ReadOptions], ForeignFile] = field(default_factory=dict)
     _one_at_a_time: threading.Lock = field(default_factory=threading.Lock)
 
-    @property
-    def size(self) -> int:
-        """Bytes of all files."""
-        return sum(map(len, list(self.files.values())))
-
     def add(self, name: str, content: bytes) -> dict[str, Any]:
         """Add a file, at most `MAX_FILES` and no markers; return the result of `preview`."""
         name = re.split(r"[/\\]", name)[-1][:_MAX_TEXT]
@@ -242,30 +237,16 @@ class UploadSession:
             return f"{len(imported)} records and {study.name} written to {study.parent}; next: {imported.next_command(study)}"
 
 
-class UploadSessions:
+class UploadSessions(dict[str, UploadSession]):
     """Sessions by a random name."""
-
-    def __init__(self) -> None:
-        self._sessions: dict[str, UploadSession] = {}
 
     def new(self) -> str:
         """Return the name of a new session; of many the oldest is discarded, one without files first."""
-        sessions = self._sessions
-        if len(sessions) >= MAX_SESSIONS:
-            empty = (name for name, session in sessions.items() if not session.files)
-            del sessions[next(empty, next(iter(sessions)))]
+        if len(self) >= MAX_SESSIONS:
+            del self[next((name for name, session in self.items() if not session.files), next(iter(self)))]
         name = secrets.token_urlsafe(16)
-        sessions[name] = UploadSession(f"{OWN}?tab={name}")
+        self[name] = UploadSession(f"{OWN}?tab={name}")
         return name
-
-    @property
-    def size(self) -> int:
-        """Bytes of the files of all sessions."""
-        return sum(session.size for session in self._sessions.values())
-
-    def find(self, name: str) -> UploadSession | None:
-        """Return a session; None if it was discarded."""
-        return self._sessions.get(name)
 
 
 def upload_rules(index: Index, uploads: UploadDiagnosis) -> list[Rule]:
@@ -287,7 +268,7 @@ class _PageHandler(_UploadHandler):
     async def get(self) -> None:
         """Show the page of a session, or redirect to a new session; at the index's address with the index above it."""
         tab, at_door = self.get_query_argument("tab", ""), self.request.path != OWN
-        if self.sessions.find(tab) is None:
+        if tab not in self.sessions:
             self.redirect(url_concat(INDEX if at_door else OWN, {"tab": self.sessions.new()}))
             return
         entries = await run_in_background(self.index.entries, True) if at_door else self.index.bar
@@ -306,7 +287,7 @@ class _ActionHandler(_UploadHandler):
     async def post(self, action: str) -> None:
         """Answer a request of the page."""
         try:
-            session = self.sessions.find(self.request.headers.get(_TAB, ""))
+            session = self.sessions.get(self.request.headers.get(_TAB, ""))
             if session is None:
                 self.set_status(410)
                 raise InputError(
@@ -320,7 +301,8 @@ class _ActionHandler(_UploadHandler):
 
     def _answer(self, session: UploadSession, action: str) -> dict[str, Any]:
         if action == "file":
-            size, used = len(self.request.body), self.sessions.size
+            files = [file for other in list(self.sessions.values()) for file in list(other.files.values())]
+            size, used = len(self.request.body), sum(map(len, files))
             if used + size > MAX_BYTES:
                 raise InputError(
                     f"{size / 1e6:.3g} MB: the limit of all tabs is {MAX_BYTES / 1e6:.0f} MB ({used / 1e6:.3g} MB in use); "

@@ -105,11 +105,12 @@ def preview(imported: ImportedRecordings) -> dict[str, Any]:
         "record": record.name,
         "form": recording.form,
         "grounds": {
-            field: replace_options("; ".join(texts)) for field, texts in _by_field(recording.grounds).items()
+            field: replace_options("; ".join(texts))
+            for field, texts in _group_by_field(recording.grounds).items()
         },
         "found": {
             field: (", ".join(column for column, _ in columns_and_units), columns_and_units[0][1])
-            for field, columns_and_units in _by_field(recording.sources).items()
+            for field, columns_and_units in _group_by_field(recording.sources).items()
         },
         "notes": list(map(replace_options, recording.notes)),
         "remark": OF_SEVERAL_AXES if record.axes else "",
@@ -133,7 +134,7 @@ def preview(imported: ImportedRecordings) -> dict[str, Any]:
     }
 
 
-def _by_field(by_role: Mapping[str, Any]) -> dict[str, list]:
+def _group_by_field(by_role: Mapping[str, Any]) -> dict[str, list]:
     """Return a list per field: the values of its roles, one per axis."""
     by_field: dict[str, list] = {}
     for role, value in by_role.items():

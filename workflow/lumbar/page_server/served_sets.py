@@ -168,7 +168,7 @@ class ServedSets:
         self._uploads: dict[str, ExploredSet] = {}
 
     def find(self, path: str, arguments: Mapping[str, list[bytes]]) -> ExploredSet | None:
-        """Return the set at an address; None if there is none."""
+        """Return the set at an address; None for an unknown address."""
         if path.rstrip("/") != RESULT:
             return self.named.get(path.rstrip("/"))
         names = arguments.get("set") or [b""]

@@ -19,7 +19,7 @@ from lumbar.tissue.effects.catalogue import CATALOGUES, TISSUE
 from lumbar.tissue.fmu.build.export_model import export_models
 from lumbar.tissue.haptics.closed_loop import SampledModel, all_angles
 from lumbar.tissue.haptics.device_table import judge_on_device
-from lumbar.tissue.haptics.loop_verdict import LoopStatus, analyse, judge_loop, judge_models, run_loop
+from lumbar.tissue.haptics.loop_verdict import analyse, judge_loop, judge_models, run_loop
 from lumbar.tissue.haptics.rendered_model import export_at, render_model
 from lumbar.tissue.haptics.z_width import _lowest, lowest_rates
 from lumbar.tissue.models.fitted_model import read_models
@@ -256,7 +256,7 @@ def test_a_force_that_may_change_no_faster_is_not_called_passive(zig_cache):
     free = changed(held, device={"hand_stiffness_N_m": 0.0})
     exported = export_models([fitted("KB")], held)[0]
     found = judge_loop(exported, held)
-    assert found.analysis.damping < 8.0 and found.status is LoopStatus.STABLE
+    assert found.analysis.damping < 8.0 and found.stable and not found.passive
     shaken = judge_loop(exported, free)
     assert shaken.analysis.stable and not shaken.stable
     assert lowest_rates(fitted("KB"), held)[0] is None
@@ -267,7 +267,7 @@ def test_a_force_that_changes_with_time_alone_is_not_called_passive():
     exported = export_at(read_models(document, CATALOGUES)[0], DEFAULTS, 1000.0)
     damped = STYLUS.model_copy(update={"damping_N_s_m": 11.0})
     found = analyse(render_model(exported, damped), damped)
-    assert found.status is LoopStatus.STABLE and found.damping < 11.0 and found.model.omitted
+    assert found.stable and not found.passive and found.damping < 11.0 and found.model.omitted
 
 
 def analysed_spring(meets) -> float:

@@ -11,7 +11,7 @@ from lumbar.settings.runtime import DeviceSettings, RuntimeSettings
 from lumbar.tissue.haptics import closed_loop, ticks
 from lumbar.tissue.haptics.closed_loop import SampledModel, propagation
 from lumbar.tissue.haptics.in_space import SpatialLoop
-from lumbar.tissue.haptics.loop_verdict import LoopStatus, judge_loop
+from lumbar.tissue.haptics.loop_verdict import judge_loop
 from lumbar.tissue.haptics.rendered_model import render_model
 from study_settings import changed
 
@@ -142,7 +142,7 @@ def test_an_export_is_judged_along_the_worst_direction(zig_cache, tmp_path):
     settings = RuntimeSettings(compiler_cache=str(zig_cache))
     model = spatial_export({}, moving_average_ms=3.0)
     verdict = judge_loop(model, settings)
-    assert verdict.status is LoopStatus.PASSIVE
+    assert verdict.passive
     np.testing.assert_allclose(np.abs(verdict.analysis.damping_direction), [0.73, 0.56, 0.4], atol=0.005)
     soft = changed(settings, device={"mass_kg": 0.02, "damping_N_s_m": 0.5})
     judged = judge_loop(model, soft)

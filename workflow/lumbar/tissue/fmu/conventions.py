@@ -7,29 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
-RECORD = "resources/model.json"
-"""The identified model and how it is run: all else in an FMU follows from it."""
 REFERENCE = ("resources/reference_input.csv", "resources/reference_output.csv")
 """Signals to try an importer with."""
 WITHOUT_EVENT_MODE = "resources/reference_output_without_event_mode.csv"
 """Output that an importer without event mode reads from an FMI 3.0 FMU, equal to that of an FMI 2.0 FMU."""
-LAYERED_STANDARD = "org.fmi-standard.fmi-ls-ref"
-"""FMI-LS-REF, which defines the purpose of files; its folder below ``extra/`` has this name."""
-MANIFEST = f"extra/{LAYERED_STANDARD}/fmi-ls-manifest.xml"
-"""Files of the reference signals, with their roles."""
-EXPERIMENTS = f"extra/{LAYERED_STANDARD}/reference.exp"
-"""Experiments with the reference signals."""
-ROLES = {
-    REFERENCE[0]: ("stimulus", "testcase", "Stimulus: one push into the model"),
-    REFERENCE[1]: ("reference result", "result", "Reference result of the push"),
-    WITHOUT_EVENT_MODE: ("reference result", "result", "Reference result where event mode is not used"),
-    EXPERIMENTS: ("experiment", "experiment/smoke-test", "The push as an experiment"),
-}
-"""Label, role and description of each file in the manifest."""
 ANNOTATION = "lumbar"
 """Name of the annotation of this project in the model description."""
-RATE_LIMIT = "_rate_limit"
-"""Ending of the name of the parameter that limits the force's rate, where an FMU has one."""
 PUSH_S = 0.2
 """Duration in seconds of the push that shows which force resists."""
 ELEMENT = 16

@@ -6,7 +6,6 @@ hand's range; `loop_sentence` states the result.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from enum import StrEnum
 from itertools import product, repeat
 
 import numpy as np
@@ -44,16 +43,6 @@ MAX_STATES = 400
 """Most states of a loop in which the response to the encoder's errors is followed; longer impulse responses are left out."""
 MAX_STATES_IN_HANDS = 100
 """Most states of a loop that is judged in the corners of the hand's range."""
-
-
-class LoopStatus(StrEnum):
-    """Status of a loop."""
-
-    PASSIVE = "passive"
-    """Device and model give out no energy, in any passive hand."""
-    STABLE = "stable"
-    """Stable in the hand of the settings."""
-    UNSTABLE = "unstable"
 
 
 @dataclass(frozen=True)
@@ -98,13 +87,6 @@ class LoopAnalysis:
     def passive(self) -> bool:
         """True if the device is passive with the model, in any passive hand."""
         return self.damping <= self.device.damping_N_s_m and self.stable and not self.model.omitted
-
-    @property
-    def status(self) -> LoopStatus:
-        """Status by the analysis."""
-        if self.passive:
-            return LoopStatus.PASSIVE
-        return LoopStatus.STABLE if self.stable else LoopStatus.UNSTABLE
 
     @property
     def is_in_step(self) -> bool:
@@ -157,19 +139,14 @@ class LoopVerdict:
         return self.analysis.model
 
     @property
-    def status(self) -> LoopStatus:
-        """Status by analysis and simulation."""
-        return self.analysis.status if self.run.calm else LoopStatus.UNSTABLE
-
-    @property
     def passive(self) -> bool:
         """True if the device is passive with the model in any passive hand, and the simulated loop ends at rest."""
-        return self.status is LoopStatus.PASSIVE
+        return self.analysis.passive and self.run.calm
 
     @property
     def stable(self) -> bool:
         """True if the loop is stable in the hand of the settings, by analysis and simulation."""
-        return self.status is not LoopStatus.UNSTABLE
+        return self.analysis.stable and self.run.calm
 
     @property
     def safe(self) -> bool:
@@ -290,6 +267,7 @@ def run_loop(
     Parameters
     ----------
     analysis : LoopAnalysis
+        Its worst loop decides on the servo's ticks.
     force_of : callable, optional
         From a position to its force in the model's units, sample by sample: the FMU itself. A model with effects needs it;
         a linear one is simulated by its difference equation without it.

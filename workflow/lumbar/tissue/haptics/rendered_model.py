@@ -79,16 +79,6 @@ class RenderedModel:
         return self.exported.name
 
     @property
-    def metre(self) -> float:
-        """One unit of the model's input in m."""
-        return scale_of(self.exported)[0]
-
-    @property
-    def newton(self) -> float:
-        """One unit of the model's output in N, positive if the force resists as it is displayed."""
-        return self.exported.resistance * scale_of(self.exported)[1]
-
-    @property
     def limit(self) -> float:
         """Largest force in N."""
         return scale_of(self.exported)[1] * self.exported.output_limit
@@ -107,12 +97,9 @@ class RenderedModel:
 
     def loop_step(self, force_of: Step) -> Step:
         """Return an FMU's step, which has the model's units, as a step of the loop: from m to N against the motion."""
-        metre, newton, source, force = self.metre, self.newton, self.exported.input, self.exported.output
-
-        def step(position: float) -> float:
-            return newton * (force_of(source.offset + position / metre) - force.offset)
-
-        return step
+        metre, newton = scale_of(self.exported)
+        source, force, factor = self.exported.input, self.exported.output, self.exported.resistance * newton
+        return lambda position: factor * (force_of(source.offset + position / metre) - force.offset)
 
 
 def render_model(exported: ExportModel, device: DeviceSettings, *, late: bool = False) -> RenderedModel:
@@ -137,11 +124,11 @@ def render_model(exported: ExportModel, device: DeviceSettings, *, late: bool = 
         numerator, denominator = np.array(model.numerator), np.array(model.denominator)
         if late:  # the feed-through a sample later: H(z) − D + D/z
             length = max(len(numerator), len(denominator)) + 1
-            padded = np.pad(denominator, (0, length - len(denominator)))
-            numerator, through = (
-                np.pad(numerator, (0, length - len(numerator))),
+            padded, through = (
+                np.pad(denominator, (0, length - len(denominator))),
                 numerator[0] / denominator[0],
             )
+            numerator = np.pad(numerator, (0, length - len(numerator)))
             numerator = numerator - through * padded + through * np.roll(padded, 1)
         responses = [(exported.name, numerator, denominator)]
     else:

@@ -182,6 +182,7 @@ def simulate(
     limit : float
         Largest force in N; along several axes the largest length of the vector.
     push : HandPush
+        Push of the hand.
     ripple : float
         See `LoopRun`.
 

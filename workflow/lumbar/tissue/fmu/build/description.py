@@ -11,7 +11,7 @@ from lumbar.base.templates import template
 from lumbar.tissue.fmu.build.documentation import feedthrough_text, guard_texts, range_text, sign_text
 from lumbar.tissue.fmu.build.export_model import ExportModel
 from lumbar.tissue.fmu.build.sources import AUTHOR, C_FILES, content_token, model_version
-from lumbar.tissue.fmu.conventions import ANNOTATION, ELEMENT, RATE_LIMIT, base_unit, element_names
+from lumbar.tissue.fmu.conventions import ANNOTATION, ELEMENT, base_unit, element_names
 
 FMI_VERSIONS = ("2.0", "3.0")
 _MAX_GUARD = 1e3
@@ -77,7 +77,9 @@ def _variables(model: ExportModel, version: str) -> list[dict]:
             f"Largest change of the {y.quantity} in a second; it can be lowered, not raised",
             guards.rate_limit,
         )
-        rows.append((7, "parameter", y.variable + RATE_LIMIT, text, f"{y.unit}/s", [rate], up_to(rate, rate)))
+        rows.append(
+            (7, "parameter", f"{y.variable}_rate_limit", text, f"{y.unit}/s", [rate], up_to(rate, rate))
+        )
     if guards.passive:
         damping = (
             f"Damping that the device surely has at the tool: with less of it the FMU bounds the {y.quantity} more; 0 lets none "

@@ -135,7 +135,23 @@ def gain_text(model: ExportModel) -> str:
 
 def documentation_html(model: ExportModel, version: str, source_label: str) -> str:
     """Return documentation/index.html, without scripts and external resources."""
+    x, output, samples = model.input.variable, model.output.variable, model.moving_average
     pole = f"largest |pole| {model.dynamics.largest_pole:.6g}"
+    if isinstance(model.dynamics, LinearModel):
+        equations = model.dynamics.equations()
+    else:
+        equations = [
+            f"{term.form.key} ({_ACTS[term.form.place]}): {_numbers(model, term)}"
+            for term in model.dynamics.terms
+        ]
+    # The definition of u[k], and its value before the start.
+    average = f"u[k] = {x} − {x}_offset"
+    if samples > 1:
+        average = (
+            f"u[k] is the mean of the last {samples} samples ({1000 * samples * model.sampling_time:g} ms) of "
+            f"{x} − {x}_offset, the newest included"
+        )
+    rest = "has always been where it is" if model.starts_at_rest else "rested at its offset before"
     return template("tissue/fmu/build/documentation.html.jinja").render(
         name=model.name,
         version=version,
@@ -143,8 +159,9 @@ def documentation_html(model: ExportModel, version: str, source_label: str) -> s
             f"Data: {source_label}",
             sign_text(model),
             range_text(model),
-            *_equations(model),
-            _averaged(model),
+            *equations,
+            f"{output} = gain · y[k] + {output}_offset, within ±{output}_limit",
+            f"{average}; at the first sample the {model.input.quantity} counts as one that {rest}.",
             *guard_texts(model),
             gain_text(model),
             f"Stable: {pole}."
@@ -164,33 +181,6 @@ def documentation_html(model: ExportModel, version: str, source_label: str) -> s
             "MIT (licenses/license.txt). The numbers come from the data named above.",
         ],
     )
-
-
-def _equations(model: ExportModel) -> list[str]:
-    """Return the difference equations of a linear model, or each form of a model with effects with its parameters."""
-    if isinstance(model.dynamics, LinearModel):
-        equations = model.dynamics.equations()
-    else:
-        equations = [
-            f"{term.form.key} ({_ACTS[term.form.place]}): {_numbers(model, term)}"
-            for term in model.dynamics.terms
-        ]
-    output = model.output.variable
-    return [*equations, f"{output} = gain · y[k] + {output}_offset, within ±{output}_limit"]
-
-
-def _averaged(model: ExportModel) -> str:
-    """Return the definition of u[k], and its value before the start."""
-    x, samples = model.input.variable, model.moving_average
-    text = f"u[k] = {x} − {x}_offset"
-    if samples > 1:
-        milliseconds = 1000 * samples * model.sampling_time
-        text = (
-            f"u[k] is the mean of the last {samples} samples ({milliseconds:g} ms) of {x} − {x}_offset, the newest "
-            "included"
-        )
-    rest = "has always been where it is" if model.starts_at_rest else "rested at its offset before"
-    return f"{text}; at the first sample the {model.input.quantity} counts as one that {rest}."
 
 
 _ACTS = {

@@ -30,20 +30,25 @@ from lumbar.tissue.fmu.build.reference_response import (
     samples_within_range,
 )
 from lumbar.tissue.fmu.build.sources import C_FILES, source_files
-from lumbar.tissue.fmu.conventions import (
-    EXPERIMENTS,
-    LAYERED_STANDARD,
-    MANIFEST,
-    RECORD,
-    REFERENCE,
-    ROLES,
-    WITHOUT_EVENT_MODE,
-    along_axes,
-    element_names,
-)
+from lumbar.tissue.fmu.conventions import REFERENCE, WITHOUT_EVENT_MODE, along_axes, element_names
 from lumbar.tissue.models.fitted_model import models_document
 
 _FOLDER = Path(__file__).parent
+_RECORD = "resources/model.json"
+"""The identified model and how it is run: all else in an FMU follows from it."""
+_STANDARD = "org.fmi-standard.fmi-ls-ref"
+"""FMI-LS-REF, which defines the purpose of files; its folder below ``extra/`` has this name."""
+_MANIFEST = f"extra/{_STANDARD}/fmi-ls-manifest.xml"
+"""Files of the reference signals, with their roles."""
+_EXPERIMENTS = f"extra/{_STANDARD}/reference.exp"
+"""Experiments with the reference signals."""
+_ROLES = {
+    REFERENCE[0]: ("stimulus", "testcase", "Stimulus: one push into the model"),
+    REFERENCE[1]: ("reference result", "result", "Reference result of the push"),
+    WITHOUT_EVENT_MODE: ("reference result", "result", "Reference result where event mode is not used"),
+    _EXPERIMENTS: ("experiment", "experiment/smoke-test", "The push as an experiment"),
+}
+"""Label, role and description of each file in the manifest."""
 _TYPES = {".csv": "text/csv", ".exp": "application/x-ma-hs-experiments"}
 _STUDY_SETTINGS = {
     *("models", "trained_on", "estimator", "unstable"),
@@ -59,7 +64,7 @@ def _related_files(model: ExportModel, signals: dict[str, str]) -> dict[str, str
 
     def source(path: str) -> str:
         """Return a path relative to the folder of the layered standard."""
-        folder = MANIFEST[: MANIFEST.rindex("/") + 1]
+        folder = _MANIFEST[: _MANIFEST.rindex("/") + 1]
         return path.removeprefix(folder) if path.startswith(folder) else f"../../{path}"
 
     # The push, with event mode and without if there are both.
@@ -82,14 +87,14 @@ def _related_files(model: ExportModel, signals: dict[str, str]) -> dict[str, str
             "source": source(path),
             "type": _TYPES[path[path.rindex(".") :]],
             "checksum": hashlib.sha3_256(text.encode()).hexdigest(),
-            **dict(zip(("label", "role", "description"), ROLES[path], strict=True)),
+            **dict(zip(("label", "role", "description"), _ROLES[path], strict=True)),
         }
-        for path, text in (signals | {EXPERIMENTS: experiments}).items()
+        for path, text in (signals | {_EXPERIMENTS: experiments}).items()
     ]
     manifest = template("tissue/fmu/build/manifest.xml.jinja").render(
-        files=files, name=LAYERED_STANDARD, version="1.0.0-beta.1"
+        files=files, name=_STANDARD, version="1.0.0-beta.1"
     )
-    return {MANIFEST: manifest, EXPERIMENTS: experiments}
+    return {_MANIFEST: manifest, _EXPERIMENTS: experiments}
 
 
 def universal_library(libraries: list[bytes]) -> bytes:
@@ -150,7 +155,7 @@ def fmu_contents(
         **{f"sources/{name}": text for name, text in source_files(model).items()},
         "modelDescription.xml": model_description(model, version, source_label),
         "documentation/index.html": documentation_html(model, version, source_label),
-        RECORD: json.dumps(record, indent=1, ensure_ascii=False, allow_nan=False) + "\n",
+        _RECORD: json.dumps(record, indent=1, ensure_ascii=False, allow_nan=False) + "\n",
         **signals,
         **_related_files(model, signals),
     }

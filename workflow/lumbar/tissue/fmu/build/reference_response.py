@@ -34,6 +34,7 @@ def reference_output(model: ExportModel, inputs: np.ndarray, version: str) -> np
     Parameters
     ----------
     model : ExportModel
+        Its guards limit the force.
     inputs : numpy.ndarray, shape (samples,), in space (samples, axes)
         In the input's unit.
     version : str

@@ -36,21 +36,18 @@ def _fixed_source(name: str, several: bool) -> str:
     return header.read_text(encoding="utf-8").replace("\r\n", "\n")
 
 
-def source_files(model: ExportModel) -> dict[str, str]:
-    """Return all sources of a model's library by file name."""
-    return _sources(model, content_token(model))
-
-
-def _sources(model: ExportModel, token: str) -> dict[str, str]:
+def source_files(model: ExportModel, token: str | None = None) -> dict[str, str]:
+    """Return all sources of a model's library by file name; the default token is `content_token`."""
     names = (*C_FILES, model.dynamics.c_source, *_HEADERS, *model.dynamics.headers, *_FMI_HEADERS)
     several = ("spatial_force.c",) * bool(model.axes)
     fixed = {name: _fixed_source(name, bool(model.axes)) for name in (*names, *several)}
+    token = content_token(model) if token is None else token
     return {**fixed, _SIZES: _model_size(model), _NUMBERS: _model_data(model, token)}
 
 
 def content_token(model: ExportModel) -> str:
     """Return FMI's GUID and instantiation token: a hash of all sources, the model's numbers and variables."""
-    fixed = _sources(model, "")
+    fixed = source_files(model, token="")
     written = (fixed.pop(_SIZES), fixed.pop(_NUMBERS))
     digest = hashlib.sha256()
     for name, text in sorted(fixed.items()):
