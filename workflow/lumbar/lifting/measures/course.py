@@ -9,29 +9,7 @@ import numpy as np
 import pandas as pd
 
 from lumbar.base.errors import InputError
-from lumbar.lifting.measures.back_load import (
-    Link,
-    inclination,
-    net_moment,
-    subtract_upright,
-    trunk_extension_strength,
-)
-from lumbar.lifting.measures.balance import (
-    FOOT_BREADTH,
-    FOOT_LENGTH,
-    BaseOfSupport,
-    ankle_torques,
-    capture_margin,
-    extrapolated_centre,
-    footprint,
-    ground_contact,
-    join_bases,
-    mean_of_grounded,
-    pendulum_rate,
-    pressure_limits,
-    smallest_impulse,
-    viability_margin,
-)
+from lumbar.lifting.measures import back_load, balance
 from lumbar.lifting.movement.centre_of_mass import HEAD as WINTER_HEAD
 from lumbar.lifting.movement.centre_of_mass import limb_parts
 from lumbar.lifting.movement.cleaning import derivative
@@ -156,8 +134,8 @@ def course_of_lift(lifter: Lifter) -> Course:
         else:
             missing[f"{joint}_deg"] = "; ".join(dict.fromkeys(missing[column] for column in sides))
     notes = [
-        f"{name} has no marker: it is put {FOOT_LENGTH:g} of the stature from the other end of the foot, in the direction that "
-        "the subject faces"
+        f"{name} has no marker: it is put {balance.FOOT_LENGTH:g} of the stature from the other end of the foot, in the "
+        "direction that the subject faces"
         for pair in ends
         for name in pair
         if BALANCE_COLUMNS[0] not in missing and name not in lifter.points
@@ -181,28 +159,32 @@ MOMENT_COLUMNS = (
 )
 
 
-def base_of_support(lifter: Lifter) -> tuple[BaseOfSupport, np.ndarray]:
+def base_of_support(lifter: Lifter) -> tuple[balance.BaseOfSupport, np.ndarray]:
     """Return the base of both feet, and whether each foot is on the ground, shape (n, 2): left, right."""
     stature, settings = lifter.facts["height_m"], lifter.settings
-    foot = FOOT_LENGTH * stature * lifter.axes[1]
+    foot = balance.FOOT_LENGTH * stature * lifter.axes[1]
     feet = []
     for side in "LR":
         # An end of the foot without a marker is a foot's length from the other end.
         heel, toe = (lifter.points.get(f"{side}_{name}") for name in ("HEEL", "TOE"))
         heel, toe = toe - foot if heel is None else heel, heel + foot if toe is None else toe
         on_ground = [
-            ground_contact(marker, lifter.rate, settings.contact_height_m, settings.contact_speed_m_s)
+            balance.ground_contact(marker, lifter.rate, settings.contact_height_m, settings.contact_speed_m_s)
             for marker in (heel, toe)
         ]
-        feet.append(footprint(heel, toe, *on_ground, FOOT_LENGTH * stature, FOOT_BREADTH * stature))
-    return join_bases(*feet), np.stack([foot.grounded.any(axis=1) for foot in feet], axis=1)
+        feet.append(
+            balance.footprint(
+                heel, toe, *on_ground, balance.FOOT_LENGTH * stature, balance.FOOT_BREADTH * stature
+            )
+        )
+    return balance.join_bases(*feet), np.stack([foot.grounded.any(axis=1) for foot in feet], axis=1)
 
 
-def base_from_course(course: pd.DataFrame) -> BaseOfSupport:
+def base_from_course(course: pd.DataFrame) -> balance.BaseOfSupport:
     """Return the base at the instants of some rows of a course, with the corners on the ground."""
     columns = [[f"base_{corner}_{axis}_m" for axis in "xy"] for corner in range(1, CORNERS + 1)]
     corners = np.stack([course[pair].to_numpy(float) for pair in columns], axis=1)
-    return BaseOfSupport(corners, np.isfinite(corners).all(axis=2))
+    return balance.BaseOfSupport(corners, np.isfinite(corners).all(axis=2))
 
 
 def _balance(lifter: Lifter) -> dict[str, np.ndarray]:
@@ -219,9 +201,9 @@ def _balance(lifter: Lifter) -> dict[str, np.ndarray]:
     mass = body_mass + lifter.load
     centre, velocity = centre / mass[:, None], velocity / mass[:, None]
     # Extrapolated centre of mass against the functional base, as a whole and by direction.
-    relative = centre - mean_of_grounded(ankles, standing)
-    omega = pendulum_rate(np.linalg.norm(relative, axis=1), lifter.gravity)
-    point = extrapolated_centre(centre[:, :2], velocity[:, :2], omega)
+    relative = centre - balance.mean_of_grounded(ankles, standing)
+    omega = balance.pendulum_rate(np.linalg.norm(relative, axis=1), lifter.gravity)
+    point = balance.extrapolated_centre(centre[:, :2], velocity[:, :2], omega)
     margin, direction = functional.margin(point)
     right, forward = (axis[:, :2] for axis in lifter.axes)
     axes = dict(zip(DIRECTIONS, (forward, right, -forward, -right), strict=True))
@@ -238,11 +220,16 @@ def _balance(lifter: Lifter) -> dict[str, np.ndarray]:
         **{f"margin_{name}_m": values for name, values in reaches.items()},
         "margin_of_stability_m": margin,
         "margin_direction": np.where(np.isfinite(along[0]), nearest, ""),
-        "smallest_impulse_N_s": smallest_impulse(mass, omega, margin),
+        "smallest_impulse_N_s": balance.smallest_impulse(mass, omega, margin),
     }
     # Capture point and pendulum against the limits of the centre of pressure, by plane.
-    limits = pressure_limits(
-        base, ankles[..., :2], standing, right, mass * lifter.gravity, ankle_torques(lifter.facts["sex"])
+    limits = balance.pressure_limits(
+        base,
+        ankles[..., :2],
+        standing,
+        right,
+        mass * lifter.gravity,
+        balance.ankle_torques(lifter.facts["sex"]),
     )
     for plane, axis, pair in (
         ("flexion_extension", forward, ("forward", "backward")),
@@ -250,15 +237,15 @@ def _balance(lifter: Lifter) -> dict[str, np.ndarray]:
     ):
         smaller = np.minimum(reaches[pair[0]], reaches[pair[1]])
         columns[f"margin_of_stability_{plane}_m"] = smaller
-        columns[f"smallest_impulse_{plane}_N_s"] = smallest_impulse(mass, omega, smaller)
+        columns[f"smallest_impulse_{plane}_N_s"] = balance.smallest_impulse(mass, omega, smaller)
         # Motion in the plane, about the middle of the standing ankles.
         offset, height = np.einsum("nj,nj->n", relative[:, :2], axis), relative[:, 2]
         speed, rise = np.einsum("nj,nj->n", velocity[:, :2], axis), velocity[:, 2]
         length, angle = np.hypot(offset, height), np.arctan2(offset, height)
         rate = (speed * height - offset * rise) / length**2
-        capture = capture_margin(offset, speed, height, limits[plane], lifter.gravity)
+        capture = balance.capture_margin(offset, speed, height, limits[plane], lifter.gravity)
         columns[f"capture_margin_{plane}_m"] = capture
-        viability = viability_margin(angle, rate, length, mass, limits[plane], lifter.gravity)
+        viability = balance.viability_margin(angle, rate, length, mass, limits[plane], lifter.gravity)
         columns[f"viability_margin_{plane}_N_s"] = viability
     drawn = np.where(base.grounded[..., None], base.corners, np.nan)
     for corner in range(CORNERS):
@@ -268,7 +255,7 @@ def _balance(lifter: Lifter) -> dict[str, np.ndarray]:
 
 def _inclination(lifter: Lifter) -> dict[str, np.ndarray]:
     trunk = lifter.points["C7T1"] - lifter.points["L5S1"]
-    return {"trunk_inclination_deg": inclination(trunk, lifter.axes[1])}
+    return {"trunk_inclination_deg": back_load.inclination(trunk, lifter.axes[1])}
 
 
 LUMBAR_LINES = (("T12L1", "C7T1"), (MID_HIP, "L5S1"))
@@ -286,8 +273,8 @@ That of the hip is in the sagittal plane, beyond that of standing upright; the o
 def _bend(lifter: Lifter, column: str, lines: tuple[tuple[str, str], ...]) -> dict[str, np.ndarray]:
     """Return the angle between two lines in the sagittal plane, beyond that of standing upright."""
     points, forward = lifter.points, lifter.axes[1]
-    one, other = (inclination(points[end] - points[start], forward) for start, end in lines)
-    return {column: subtract_upright(one - other, points["C7T1"] - points["L5S1"], forward)}
+    one, other = (back_load.inclination(points[end] - points[start], forward) for start, end in lines)
+    return {column: back_load.subtract_upright(one - other, points["C7T1"] - points["L5S1"], forward)}
 
 
 def _angle_between(lifter: Lifter, column: str, lines: tuple[tuple[str, str], ...]) -> dict[str, np.ndarray]:
@@ -297,7 +284,7 @@ def _angle_between(lifter: Lifter, column: str, lines: tuple[tuple[str, str], ..
     return {column: np.degrees(np.arctan2(across, along))}
 
 
-def links_above_l5s1(lifter: Lifter) -> list[Link]:
+def links_above_l5s1(lifter: Lifter) -> list[back_load.Link]:
     """Return thorax, abdomen, head, arms and load, which L5/S1 carries. The box is a point mass at its centre."""
     points, mass, sex = lifter.points, lifter.facts["body_mass_kg"], lifter.facts["sex"]
     links = []
@@ -305,7 +292,7 @@ def links_above_l5s1(lifter: Lifter) -> list[Link]:
         shares = _TRUNK_GYRATION[segment]
         share = shares.get(sex, float(np.mean(list(shares.values()))))
         links.append(
-            Link(
+            back_load.Link(
                 lifter.facts["mass_kg"][segment]["without_box"],
                 points[com_of(segment)],
                 points[top] - points[bottom],
@@ -314,23 +301,25 @@ def links_above_l5s1(lifter: Lifter) -> list[Link]:
         )
     neck = points[HEAD] - points["C7T1"]
     radius = WINTER_HEAD.gyration * typical_distance(points[HEAD], points["C7T1"])
-    links.append(Link(WINTER_HEAD.mass * mass, points[HEAD], neck, radius))
+    links.append(back_load.Link(WINTER_HEAD.mass * mass, points[HEAD], neck, radius))
     for segment, first, last in (part for side in SIDES for part in limb_parts(points, side, "ARM")):
         radius = np.nan_to_num(segment.gyration) * typical_distance(first, last)
-        links.append(Link(segment.mass * mass, first + segment.centre * (last - first), last - first, radius))
+        links.append(
+            back_load.Link(segment.mass * mass, first + segment.centre * (last - first), last - first, radius)
+        )
     if lifter.load_points:
-        links.append(Link(lifter.load, points[LOAD]))
+        links.append(back_load.Link(lifter.load, points[LOAD]))
     return links
 
 
 def _moment(lifter: Lifter) -> dict[str, np.ndarray]:
     joint, mass = lifter.points["L5S1"], lifter.facts["body_mass_kg"]
-    moment = net_moment(joint, links_above_l5s1(lifter), lifter.rate, lifter.gravity)
+    moment = back_load.net_moment(joint, links_above_l5s1(lifter), lifter.rate, lifter.gravity)
     right, forward = lifter.axes
     resultant = np.linalg.norm(moment, axis=1)
     extension = np.einsum("nj,nj->n", moment, right)
-    lean = inclination(lifter.points["C7T1"] - joint, forward)
-    strength = trunk_extension_strength(lean, lifter.facts["sex"])
+    lean = back_load.inclination(lifter.points["C7T1"] - joint, forward)
+    strength = back_load.trunk_extension_strength(lean, lifter.facts["sex"])
     return {
         "l5s1_moment_N_m": resultant,
         "l5s1_extension_N_m": extension,

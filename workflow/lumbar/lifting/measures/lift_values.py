@@ -41,17 +41,13 @@ class Measure:
     """One measure of a lift."""
 
     name: str
-    """Identifier in all tables."""
     symbol: str
-    """Symbol for print."""
     unit: str
-    """Unit for print."""
     safer: str
     """``higher`` or ``lower``: direction away from a step, or to a smaller load of the back; empty if neither is safer."""
     meaning: str
     """One sentence, with the sign."""
     source: str
-    """Equation and paper."""
     columns: dict[str, str] = field(hash=False)
     """By plane: the column of `lumbar.lifting.measures.course.course_of_lift` that it is computed from."""
     how: str

@@ -177,7 +177,6 @@ class CentreOfMass:
     position_with_box: np.ndarray
     """Shape (n, 3): position with the segment's share of the box while it is held; without the box otherwise."""
     mass_kg: float
-    """Mass of the segment without the box."""
     mass_with_box_kg: float
     """Mass with its share of the box."""
 

@@ -43,7 +43,6 @@ class Gap:
     first_frame: int
     """Index of the first missing frame, from 0."""
     n_frames: int
-    """Number of missing frames."""
     start_s: float
     """Time of the first missing frame, on the recording's clock."""
     length_s: float

@@ -15,27 +15,9 @@ from typing import Literal
 import numpy as np
 
 from lumbar.base.errors import InputError
+from lumbar.lifting.movement import events as lift_events
 from lumbar.lifting.movement.cleaning import derivative
-from lumbar.lifting.movement.events import (
-    ABSENT,
-    DECLARED,
-    DETECTED,
-    EVENTS,
-    IN_FILE,
-    WRISTS,
-    Event,
-    SeveralEventsError,
-    check_order,
-    file_event,
-    great_swings,
-    greatest_rise,
-    locate_load,
-    require_file_events,
-    several_lifts,
-    speed,
-    turning_points,
-    wrist_centre,
-)
+from lumbar.lifting.movement.events import ABSENT, DECLARED, DETECTED, EVENTS, IN_FILE, Event, speed
 from lumbar.records.markers import MarkerRecording
 from lumbar.records.sampling import runs
 from lumbar.settings.lifting import DeclaredEvents, EventSettings
@@ -71,18 +53,18 @@ def find_events(
     """
     from_file = settings.taken_from == IN_FILE or declared == IN_FILE
     if from_file:
-        require_file_events(recording, settings.labels)
+        lift_events.require_file_events(recording, settings.labels)
     times = {name: getattr(declared, f"{name}_s", None) for name in EVENTS}
     given = {name: time for name, time in times.items() if time is not None}
-    check_order(recording, given)
+    lift_events.check_order(recording, given)
     search = _EventSearch(recording, settings)
     for name in ("lift_off", "release", "toe_off", "deposit_start"):
         event, mark, listed = search.detect(name), None, ""
         if name != "toe_off" or search.has_lift:
             try:
-                mark = file_event(recording, settings.labels, name, search.begin, search.end)
+                mark = lift_events.file_event(recording, settings.labels, name, search.begin, search.end)
                 listed = mark.full_label if mark else ""
-            except SeveralEventsError as several:
+            except lift_events.SeveralEventsError as several:
                 if from_file and name not in given:
                     raise InputError(f"{recording.source}: {name} in the file: {several}") from several
                 listed = str(several)
@@ -99,8 +81,10 @@ def find_events(
         file_s = mark.time if mark else None
         search.add(name, replace(event, time_s=time, method=method, how=how, file_s=file_s, file=listed))
     events = {name: search.found[name] for name in EVENTS}
-    check_order(recording, {name: event.time_s for name, event in events.items() if event.time_s is not None})
-    question = several_lifts(recording, events, settings)
+    lift_events.check_order(
+        recording, {name: event.time_s for name, event in events.items() if event.time_s is not None}
+    )
+    question = lift_events.several_lifts(recording, events, settings)
     if question:
         events["release"] = replace(events["release"], how=f"{events['release'].how}; {question}")
     return events
@@ -110,7 +94,7 @@ class _EventSearch:
     """Searches the events one after the other: each between those already known."""
 
     def __init__(self, recording: MarkerRecording, settings: EventSettings):
-        points, self.what = locate_load(recording)
+        points, self.what = lift_events.locate_load(recording)
         self.be, self.go = ("is", "goes") if self.what == "box" else ("are", "go")
         self.whole, self.settings = recording, settings
         self.found: dict[str, Event] = {}
@@ -120,7 +104,7 @@ class _EventSearch:
         if points is not None and np.isfinite(points).any():
             visible = runs(np.isfinite(points).all(axis=1))
             self.part = recording.at(max(visible, key=lambda run: run.stop - run.start))
-            self.points = locate_load(self.part)[0]
+            self.points = lift_events.locate_load(self.part)[0]
 
     def detect(self, name: str) -> Event:
         """Return one event by its name in `EVENTS`."""
@@ -185,11 +169,11 @@ class _EventSearch:
     def _first_hand_rise(self) -> int:
         """Return the first index of the first great rise of the hands."""
         least = self.settings.hands_rise_m
-        rises = great_swings(self.points[:, 2], least, 1)
+        rises = lift_events.great_swings(self.points[:, 2], least, 1)
         if not rises:
             raise NoEventError(
                 f"the hands never rise by {least:g} m (lifting.events.hands_rise_m), only by "
-                f"{greatest_rise(self.points[:, 2]):.3f} m at most"
+                f"{lift_events.greatest_rise(self.points[:, 2]):.3f} m at most"
             )
         return rises[0][0]
 
@@ -211,7 +195,7 @@ class _EventSearch:
         """Return the end of the box's movement, or the instant at which the wrists part from it."""
         time, settings = self.part.time, self.settings
         # The wrists part from the box, if they are seen to grip it.
-        separation, wrists = None, wrist_centre(self.part)
+        separation, wrists = None, lift_events.wrist_centre(self.part)
         if wrists is not None:
             separation = self._grip_ends(np.linalg.norm(wrists - self.points, axis=1), closing=False)
         end = len(time) - 1 if separation is None else separation
@@ -238,22 +222,22 @@ class _EventSearch:
             self._first_hand_rise()
         time, hands, settings = self.part.time, self.points, self.settings
         parted = None
-        if all(name in self.part for name in WRISTS):
+        if all(name in self.part for name in lift_events.WRISTS):
             apart = np.linalg.norm(self.part["L_WRIST"] - self.part["R_WRIST"], axis=1)
             parted = self._grip_ends(apart, closing=True)
         first, last_fall = int(np.searchsorted(time, self.begin)), None
         if parted is not None:
-            points = turning_points(hands[first : parted + 1, 2], settings.descent_m)
+            points = lift_events.turning_points(hands[first : parted + 1, 2], settings.descent_m)
             falls = [
                 pair for pair in pairwise(points) if hands[first + pair[1], 2] < hands[first + pair[0], 2]
             ]
             last_fall = falls[-1] if falls else None
         # Hands that part before they have gone down were not holding yet, or never together: only great descents count.
-        great = great_swings(hands[first:, 2], settings.descent_m, -1)
+        great = lift_events.great_swings(hands[first:, 2], settings.descent_m, -1)
         if last_fall is None and not great:
             raise NoEventError(
                 f"no deposit: the hands do not go down by {settings.descent_m:g} m (lifting.events.descent_m) after "
-                f"{self.begin:.2f} s, only by {greatest_rise(-hands[first:, 2]):.3f} m at most"
+                f"{self.begin:.2f} s, only by {lift_events.greatest_rise(-hands[first:, 2]):.3f} m at most"
             )
         top, bottom = (first + index for index in last_fall or great[-1])
         climb = derivative(hands, self.part.rate)[:, 2]
@@ -318,7 +302,7 @@ class _EventSearch:
         A deposit is a descent of `descent_m`, or of less if the object hardly goes down otherwise.
         """
         least = MIN_DESCENT_SHARE * self.settings.descent_m
-        ends = height[turning_points(height, least / 2)]
+        ends = height[lift_events.turning_points(height, least / 2)]
         falls = [high - low for high, low in pairwise(ends) if high > low] or [0.0]
         others = MIN_DESCENT_RATIO * max(falls[:-1], default=0.0)
         needed = float(np.clip(others, least, self.settings.descent_m))
@@ -358,7 +342,7 @@ class _EventSearch:
         """Return the time of the last local minimum of the wrists' speed before the descent, as in the thesis."""
         from scipy.signal import find_peaks
 
-        wrists = wrist_centre(self.part)
+        wrists = lift_events.wrist_centre(self.part)
         pace = None if wrists is None else speed(wrists, self.part.rate)[searched]
         if pace is None or not np.isfinite(pace).all():
             return None

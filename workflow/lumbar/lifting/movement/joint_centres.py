@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -197,22 +197,18 @@ def _require(recording: MarkerRecording, markers: Iterable[str]) -> None:
 
 @dataclass(frozen=True)
 class Pelvis:
-    """Axes and size of the pelvis; arrays of shape (n, 3)."""
+    """Size and axes, which are unit vectors, of the pelvis; arrays of shape (n, 3)."""
 
     origin: np.ndarray
     """Middle of the ASIS, metres."""
     forward: np.ndarray
-    """Unit vector."""
     up: np.ndarray
-    """Unit vector."""
     right: np.ndarray
-    """Unit vector."""
     width: float
     """Distance between the ASIS, median over time, metres."""
     depth: float
     """Distance of their middle from that of the PSIS, median over time, metres."""
     markers: tuple[str, ...]
-    """Markers from which it was computed."""
     filled: str
     """Text on frames that were filled; empty without any."""
 
@@ -229,17 +225,15 @@ class _InnerPoints:
 
     def locate(self, name: str, above: Mapping[str, TrunkPoint]) -> TrunkPoint:
         """Return a point by its name in `SKIN_MARKERS`; those above it on the spine are given."""
-        match name:
-            case "C7T1":
-                return self._cervical()
-            case "T12L1":
-                return self._thoracolumbar()
-            case "XIPHOID_LEVEL":
-                return self._xiphoid_level(above)
-            case "L4L5":
-                return self._fourth_lumbar(above)
-            case "L5S1":
-                return self._lumbosacral()
+        rules = {
+            "C7T1": self._cervical,
+            "T12L1": self._thoracolumbar,
+            "XIPHOID_LEVEL": partial(self._xiphoid_level, above),
+            "L4L5": partial(self._fourth_lumbar, above),
+            "L5S1": self._lumbosacral,
+        }
+        if name in rules:
+            return rules[name]()
         forward, up, _ = self.hip
         markers, source = self.pelvis.markers, f"{self.hips.title()} et al. {_HIP_YEARS[self.hips]}"
         if self.hips == "hara":

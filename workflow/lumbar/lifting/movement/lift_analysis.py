@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lumbar.base.errors import InputError, LumbarError, Problems
+from lumbar.lifting.movement import pendulum_states as pendulum
 from lumbar.lifting.movement.centre_of_mass import (
     COMS,
     CentreOfMass,
@@ -18,17 +19,7 @@ from lumbar.lifting.movement.cleaning import ISLAND, Gap, clean, frames_of_cutof
 from lumbar.lifting.movement.event_detection import find_events
 from lumbar.lifting.movement.events import ABSENT, DETECTED, Event
 from lumbar.lifting.movement.joint_centres import TrunkPoints, trunk_points
-from lumbar.lifting.movement.pendulum_states import (
-    PIVOTS,
-    THESIS_CHOICE,
-    MissingSamplesError,
-    PendulumChoice,
-    PendulumStates,
-    heading,
-    pendulum_states,
-    pivot_trajectory,
-    rotate,
-)
+from lumbar.lifting.movement.pendulum_states import THESIS_CHOICE, PendulumStates
 from lumbar.lifting.quality.body import THIGH, landmarks
 from lumbar.lifting.quality.findings import MarkerFinding
 from lumbar.records.markers import MarkerRecording
@@ -56,7 +47,6 @@ class AnalysedLift:
     events: dict[str, Event]
     table: SegmentTable
     points: TrunkPoints
-    """Ends of the segments."""
     centres: dict[str, CentreOfMass]
     pivot: np.ndarray | None
     """Shape (n, 3), metres; None if the recording lacks its markers."""
@@ -117,12 +107,15 @@ def analyse_lift(
     angle, without_frame = 0.0, None
     if settings.frame != "laboratory" and events["deposit_start"].time_s is not None:
         try:
-            angle = heading(smooth, events["deposit_start"].time_s)
+            angle = pendulum.heading(smooth, events["deposit_start"].time_s)
         except InputError as error:
             without_frame = str(error)
     if angle:
         smooth, complete = (
-            replace(one, positions={name: rotate(places, angle) for name, places in one.positions.items()})
+            replace(
+                one,
+                positions={name: pendulum.rotate(places, angle) for name, places in one.positions.items()},
+            )
             for one in (smooth, complete)
         )
         points = _points(smooth, subject, settings)
@@ -134,7 +127,7 @@ def analyse_lift(
     states, errors = _pendulums(smooth, centres, pivot, events, settings, "; ".join(reasons))
     for com, error in errors.items():
         missing[com] = str(error)
-        if isinstance(error, MissingSamplesError):
+        if isinstance(error, pendulum.MissingSamplesError):
             needed = _needed(points, table.ends_of(com), settings.pivot)
             ends = points.markers(table.ends_of(com))
             missing[com] += f"; {_reason_for_missing(smooth, needed, ends, error.frames, gaps, findings)}"
@@ -159,7 +152,9 @@ def _pendulums(
                 raise InputError(without)
             start, stop = events["deposit_start"].time_s, events["release"].time_s
             what = f"{recording.source}, {com}"
-            planar = pendulum_states(recording.time, position - pivot, start, stop, settings.points, what)
+            planar = pendulum.pendulum_states(
+                recording.time, position - pivot, start, stop, settings.points, what
+            )
         except LumbarError as error:
             errors[com] = error
         else:
@@ -192,7 +187,8 @@ def thesis_pendulums(
 
     None if the study's own choice is the thesis's.
     """
-    own, points, centres, events = PendulumChoice.of(settings), lift.points, lift.centres, lift.events
+    own, events = pendulum.PendulumChoice.from_settings(settings), lift.events
+    points, centres = lift.points, lift.centres
     if own == THESIS_CHOICE:
         return None
     if own.segment_ends != THESIS_CHOICE.segment_ends:
@@ -254,7 +250,7 @@ def recognised_unaliased(recording: MarkerRecording) -> str:
 
 def _needed(points: TrunkPoints, ends: Sequence[str], pivot: str) -> list[str]:
     """Return the markers that some ends of segments and the pivot are computed from."""
-    return list(dict.fromkeys([*PIVOTS[pivot], *points.markers([*ends, *PIVOTS[pivot]])]))
+    return list(dict.fromkeys([*pendulum.PIVOTS[pivot], *points.markers([*ends, *pendulum.PIVOTS[pivot]])]))
 
 
 def no_deposit(events: dict[str, Event]) -> str | None:
@@ -270,7 +266,7 @@ def _pivot(
 ) -> tuple[np.ndarray | None, str | None]:
     """Return the pivot's trajectory, or the reason why it is unknown."""
     try:
-        return pivot_trajectory(recording, points, pivot), None
+        return pendulum.pivot_trajectory(recording, points, pivot), None
     except InputError as error:
         return None, str(error)
 

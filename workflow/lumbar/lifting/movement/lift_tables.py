@@ -11,21 +11,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lumbar.base.errors import InputError
+from lumbar.lifting.movement import events as lift_events
 from lumbar.lifting.movement.centre_of_mass import COMS, head_centre, segment_centres, whole_body_centre
 from lumbar.lifting.movement.event_detection import TOES
-from lumbar.lifting.movement.events import (
-    DECLARED,
-    EVENTS,
-    IN_FILE,
-    WRISTS,
-    box_centre,
-    frames_with_box,
-    locate_load,
-    most_visible,
-    phases,
-    speed,
-    wrist_centre,
-)
 from lumbar.lifting.movement.joint_centres import INNER, MID_HIP, SIDES, limb_joints
 from lumbar.lifting.movement.pendulum_states import PendulumChoice
 
@@ -94,7 +82,7 @@ def body_frame(lift: AnalysedLift) -> tuple[pd.DataFrame, dict[str, str]]:
         located[WHOLE_BODY] = whole_body_centre(recording, points, lift.table)
     except InputError as error:
         missing[WHOLE_BODY] = str(error)
-    load, _ = locate_load(recording)
+    load, _ = lift_events.locate_load(recording)
     if load is None:
         missing[LOAD] = "no markers on the box and none on the wrists"
     else:
@@ -105,8 +93,8 @@ def body_frame(lift: AnalysedLift) -> tuple[pd.DataFrame, dict[str, str]]:
     exact = pd.DataFrame(
         {
             "time_s": recording.time,
-            "phase": phases(recording.time, lift.events),
-            "load_held": frames_with_box(recording.time, lift.events).astype(int),
+            "phase": lift_events.phases(recording.time, lift.events),
+            "load_held": lift_events.frames_with_box(recording.time, lift.events).astype(int),
         }
     )
     return pd.concat([exact, pd.DataFrame(rounded).round(DECIMALS)], axis=1), missing
@@ -125,7 +113,7 @@ def points_of(frame: pd.DataFrame) -> dict[str, np.ndarray]:
 
 def centres_frame(lift: AnalysedLift) -> pd.DataFrame:
     """Return the trajectories of all centres of mass over the whole recording, one row per sample and centre."""
-    phase = phases(lift.recording.time, lift.events)
+    phase = lift_events.phases(lift.recording.time, lift.events)
     pivot = np.full((len(lift.recording), 3), np.nan) if lift.pivot is None else lift.pivot
     parts = [
         (com, lift.recording.time, phase, *centre.position.T, *centre.position_with_box.T, *pivot.T)
@@ -163,15 +151,18 @@ def motion_frame(lift: AnalysedLift) -> pd.DataFrame:
 
     recording = lift.recording
     columns = {"time_s": recording.time}
-    hands = most_visible(recording, WRISTS)
+    hands = lift_events.most_visible(recording, lift_events.WRISTS)
     wrists = hands[0].lower() if len(hands) == 1 else "wrists"
-    for name, points in (("box", box_centre(recording)), (wrists, wrist_centre(recording))):
+    for name, points in (
+        ("box", lift_events.box_centre(recording)),
+        (wrists, lift_events.wrist_centre(recording)),
+    ):
         if points is not None:
             columns[f"{name}_height_m"] = points[:, 2]
-            columns[f"{name}_speed_m_s"] = speed(points, recording.rate)
+            columns[f"{name}_speed_m_s"] = lift_events.speed(points, recording.rate)
     for name in TOES:
         if name in recording:
-            columns[f"{name.lower()}_speed_m_s"] = speed(recording[name], recording.rate)
+            columns[f"{name.lower()}_speed_m_s"] = lift_events.speed(recording[name], recording.rate)
     return pd.DataFrame(columns)
 
 
@@ -185,7 +176,7 @@ def landmarks_frame(lift: AnalysedLift) -> pd.DataFrame:
     points |= {} if lift.pivot is None else {"PIVOT": lift.pivot}
     points |= {name: point.position for name, point in lift.points.points.items()}
     rows = []
-    for event in EVENTS:
+    for event in lift_events.EVENTS:
         time = lift.events[event].time_s
         if time is not None:
             at = int(np.abs(lift.recording.time - time).argmin())
@@ -215,7 +206,7 @@ def summary(
         "sex": subject.sex,
         "body_mass_kg": subject.mass_kg,
         "box_mass_kg": trial.box_mass_kg,
-        **vars(PendulumChoice.of(settings)),
+        **vars(PendulumChoice.from_settings(settings)),
         "frame": settings.frame,
         "heading_rad": lift.heading,
         "angle": "from straight up, to the right (lateral bending) or forward (flexion/extension)",
@@ -255,7 +246,7 @@ def assumptions(
         lines.append(f"{key} = {shown} is assumed" if key in values else f"{key} is assumed")
     if settings.segment_ends == INNER:
         lines += lift.points.list_skin_rules(lift.table.ends)
-    if locate_load(lift.recording)[1] == "hands":
+    if lift_events.locate_load(lift.recording)[1] == "hands":
         lines.append(
             "the box has no markers: the hands replace it, in its events and in the centres of mass with it; it is not known "
             "whether they hold anything"
@@ -263,7 +254,7 @@ def assumptions(
     lines += [
         f"marker {marker} is derived: {rule}" for marker, rule in sorted(lift.recording.derived.items())
     ]
-    origins = {DECLARED: "set by hand", IN_FILE: "taken from the file"}
+    origins = {lift_events.DECLARED: "set by hand", lift_events.IN_FILE: "taken from the file"}
     lines += [
         f"{name} is {origins[event.method]}: {event.how}"
         for name, event in lift.events.items()

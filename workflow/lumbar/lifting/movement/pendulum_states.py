@@ -27,7 +27,7 @@ class PendulumChoice:
     deposit_start: str
 
     @classmethod
-    def of(cls, settings: LiftingSettings) -> Self:
+    def from_settings(cls, settings: LiftingSettings) -> Self:
         """Return the choice of a study."""
         return cls(settings.pivot, settings.segment_ends, settings.events.deposit_start)
 

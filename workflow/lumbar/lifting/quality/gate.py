@@ -5,34 +5,9 @@ from pathlib import Path
 import numpy as np
 
 from lumbar.base.yaml_file import shipped_names
-from lumbar.lifting.quality.body import (
-    estimate_stature,
-    exchange_labels,
-    landmarks,
-    rightward,
-    side_exchanges,
-    side_pairs,
-)
-from lumbar.lifting.quality.displacement import (
-    displacements,
-    find_rigid_violations,
-    median_distance,
-    steadiest_mate,
-)
+from lumbar.lifting.quality import body, displacement
+from lumbar.lifting.quality import implausible_motion as motion
 from lumbar.lifting.quality.findings import ERROR, LEFT_OUT, NOTED, PROPOSED, Legend, MarkerFinding
-from lumbar.lifting.quality.implausible_motion import (
-    LABORATORY_M,
-    Exchange,
-    Leap,
-    find_frozen_intervals,
-    find_leaps,
-    find_positions_outside,
-    find_repeated_samples,
-    marker_at_landing,
-    missing_frames,
-    step_sizes,
-    take_exchanges,
-)
 
 _AT = shipped_names(Path(__file__).with_name("thresholds.yaml"), "gate")
 
@@ -70,18 +45,20 @@ def examine(
     """
     if not points:
         return []
-    legend = Legend(time, rate, {label: landmark for landmark, label in landmarks(points, meant).items()})
+    legend = Legend(
+        time, rate, {label: landmark for landmark, label in body.landmarks(points, meant).items()}
+    )
     wrong_unit = _unit(points, legend, height_m)
     if wrong_unit:
         return wrong_unit
-    findings, stepping = find_repeated_samples(points, legend)
-    for check in (find_positions_outside, find_frozen_intervals):
+    findings, stepping = motion.find_repeated_samples(points, legend)
+    for check in (motion.find_positions_outside, motion.find_frozen_intervals):
         new = check(points, legend)
         findings += new
         points = mask_findings(points, new)
     new, points = _leaps(points, legend)
-    findings += [*new, *find_rigid_violations(points, legend)]
-    stature, count = estimate_stature(_sampled(points), legend.named)
+    findings += [*new, *displacement.find_rigid_violations(points, legend)]
+    stature, count = body.estimate_stature(_sampled(points), legend.named)
     if height_m and count >= 2 and not 1 / _AT.other_stature < stature / height_m < _AT.other_stature:
         evidence = f"{count} lengths of the body are those of a person {stature:.2f} m tall; height_m is {height_m:g}"
         cause = "another person's recording, or a wrong height_m"
@@ -97,10 +74,10 @@ def unchecked_properties(
     """Return the properties that `examine` cannot compare with a body, with the reason; parameters as there."""
     if not points:
         return {}
-    named = {label: landmark for landmark, label in landmarks(points, meant).items()}
+    named = {label: landmark for landmark, label in body.landmarks(points, meant).items()}
     sampled = _sampled(points)
-    _, lengths = estimate_stature(sampled, named)
-    sides, depths = rightward(sampled, named)
+    _, lengths = body.estimate_stature(sampled, named)
+    sides, depths = body.rightward(sampled, named)
     reasons = {}
     if lengths < 2:
         reasons["stature"] = f"the labels name {'one length' if lengths else 'no length'} of a body"
@@ -143,8 +120,8 @@ def _unit(points: dict[str, np.ndarray], legend: Legend, height_m: float | None)
     far = np.median(
         np.concatenate([np.abs(places[np.isfinite(places)]).ravel() for places in sampled.values()])
     )
-    stature, count = estimate_stature(sampled, legend.named)
-    if far > LABORATORY_M and not 0 < stature < LABORATORY_M:
+    stature, count = body.estimate_stature(sampled, legend.named)
+    if far > motion.LABORATORY_M and not 0 < stature < motion.LABORATORY_M:
         cause = "no laboratory is so large: set markers.scale or markers.unit"
         return [legend.finding("unit", ERROR, f"coordinates of {far:.3g} m", cause)]
     if count >= 2:
@@ -184,22 +161,22 @@ def _leaps(
     """Find exchanged labels, leaps and spikes; return also the points with exchanges undone and leaps left out."""
     leaps, spikes = {}, {}
     for label, positions in points.items():
-        leaps[label], spikes[label] = find_leaps(positions, legend.rate)
+        leaps[label], spikes[label] = motion.find_leaps(positions, legend.rate)
     # Frames between which most markers leap, not counting exchanges.
-    missing, _ = missing_frames(points, take_exchanges(leaps)[1], legend)
+    missing, _ = motion.missing_frames(points, motion.take_exchanges(leaps)[1], legend)
     if missing:
-        _, leaps = missing_frames(points, leaps, legend)
-    exchanges, remaining = take_exchanges(leaps)
+        _, leaps = motion.missing_frames(points, leaps, legend)
+    exchanges, remaining = motion.take_exchanges(leaps)
     n_frames = len(legend.time)
     straight = points
     for exchange in exchanges:
         shorter, _ = exchange.intervals(n_frames)
-        straight = exchange_labels(straight, (exchange.first, exchange.second), shorter)
+        straight = body.exchange_labels(straight, (exchange.first, exchange.second), shorter)
     findings = missing + _displaced(straight, remaining, spikes, legend)
     straight = mask_findings(straight, findings)
-    sided, mirrored = side_exchanges(_sampled(straight), legend.named)
+    sided, mirrored = body.side_exchanges(_sampled(straight), legend.named)
     reversed_pairs = {frozenset(pair.labels) for pair in sided}
-    sides = {frozenset(pair) for pair in side_pairs(points, legend.named)}
+    sides = {frozenset(pair) for pair in body.side_pairs(points, legend.named)}
     # Exchanges whose other intervals are wrong: labels that are still wrong after the shorter ones are exchanged. Left and right
     # of several markers that change places simultaneously, such as both legs, are wrong together.
     still_wrong = [exchange for exchange in exchanges if exchange.pair in reversed_pairs]
@@ -210,7 +187,7 @@ def _leaps(
         if exchange in still_wrong or (exchange.pair in sides and exchange.frames in simultaneous)
     ]
     for pair in {*reversed_pairs, *(one.pair for one in flipped)}:
-        straight = exchange_labels(straight, tuple(pair))
+        straight = body.exchange_labels(straight, tuple(pair))
     changing = frozenset().union(*(one.pair for one in exchanges))
     for exchange in exchanges:
         shorter, longer = exchange.intervals(n_frames)
@@ -232,12 +209,17 @@ def _leaps(
 
 
 def _exchange_findings(
-    points, straight, exchange: Exchange, intervals: list[slice], changing: frozenset[str], legend: Legend
+    points,
+    straight,
+    exchange: motion.Exchange,
+    intervals: list[slice],
+    changing: frozenset[str],
+    legend: Legend,
 ) -> list[MarkerFinding]:
     """Return a finding per interval, with the distances to a third marker, which changes no place, with both labellings."""
     pair = (exchange.first, exchange.second)
     others = {one: points for one, points in _sampled(straight).items() if one not in changing - {pair[0]}}
-    mate = steadiest_mate(others, exchange.first)
+    mate = displacement.steadiest_mate(others, exchange.first)
     cause = (
         "their labels are exchanged in these frames, which are gaps of both until both are labelled again in the capture "
         "software"
@@ -246,8 +228,10 @@ def _exchange_findings(
     for frames in intervals:
         evidence = f"each leaps {exchange.distance * 1e3:.0f} mm to the place of the other"
         if mate:
-            typical = median_distance(straight, exchange.first, mate, slice(None)) * 1e3
-            here, swapped = (median_distance(points, label, mate, frames) * 1e3 for label in pair)
+            typical = displacement.median_distance(straight, exchange.first, mate, slice(None)) * 1e3
+            here, swapped = (
+                displacement.median_distance(points, label, mate, frames) * 1e3 for label in pair
+            )
             evidence += f"; {exchange.first} is {typical:.0f} mm from {mate}, here {here:.0f} mm"
             evidence += f", with labels exchanged {swapped:.0f} mm"
         findings.append(legend.finding("exchanged", PROPOSED, evidence, cause, pair, frames))
@@ -255,7 +239,7 @@ def _exchange_findings(
 
 
 def _displaced(
-    points, leaps: dict[str, list[Leap]], spikes: dict[str, list[slice]], legend: Legend
+    points, leaps: dict[str, list[motion.Leap]], spikes: dict[str, list[slice]], legend: Legend
 ) -> list[MarkerFinding]:
     """Return intervals after leaps that no exchange explains, and spikes; a single finding for a marker with many of them."""
     findings = []
@@ -267,9 +251,9 @@ def _displaced(
             cause = "a reflection, or two markers under one label"
             findings.append(legend.finding("restless", NOTED, evidence, cause, (label,)))
             continue
-        displaced, undecided = displacements(points, label, leaps, legend)
+        displaced, undecided = displacement.displacements(points, label, leaps, legend)
         for one in displaced:
-            other = marker_at_landing(one.leap, label, points)
+            other = motion.marker_at_landing(one.leap, label, points)
             cause = "another reflection under this label, or a marker that came off"
             if other:
                 cause = f"it is at the place of {other}: two labels were exchanged"
@@ -289,7 +273,7 @@ def _displaced(
     return findings
 
 
-def _format_leap(leap: Leap, legend: Legend) -> str:
+def _format_leap(leap: motion.Leap, legend: Legend) -> str:
     return f"leaps {leap.size * 1e3:.0f} mm at {legend.time[leap.first]:.2f} s"
 
 
@@ -297,7 +281,7 @@ def _jitter(points: dict[str, np.ndarray], legend: Legend) -> list[MarkerFinding
     """Return a finding per marker with noise, or a single one if most have it."""
     noise_mm = {}
     for label, positions in points.items():
-        size = step_sizes(positions)
+        size = motion.step_sizes(positions)
         typical = float(np.nanmedian(size)) if np.isfinite(size).any() else 0.0
         if typical > max(_AT.jitter_m, _AT.jerk_m_s3 / legend.rate**3):
             noise_mm[label] = _AT.rms_of_steps * typical * 1e3

@@ -137,9 +137,7 @@ class Exchange:
     """Two labels that change places at some frames and back at others."""
 
     first: str
-    """Label of one marker."""
     second: str
-    """Label of the other."""
     frames: tuple[int, ...]
     """First frames after each change."""
     distance: float

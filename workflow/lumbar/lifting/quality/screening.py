@@ -30,16 +30,12 @@ _MAX_GAPS = 5
 
 @dataclass(frozen=True)
 class OpenGap:
-    """The longest interval in which a marker is not seen, and its share of missing frames."""
+    """The longest interval in seconds in which a marker of the file is not seen, and its share of missing frames."""
 
     marker: str
-    """Label of the file."""
     missing_share: float
-    """Share of frames without the marker."""
     longest_s: float
-    """Length of the interval, seconds."""
     from_s: float
-    """Start of the interval, seconds."""
 
 
 @dataclass(frozen=True)
@@ -114,7 +110,6 @@ class Screening:
     """A screen for `lumbar.records.markers.read_markers` that keeps its findings."""
 
     height_m: float | None = None
-    """Stature of the subject."""
     aliases: Mapping[str, Alias | None] = field(default_factory=dict)
     """Aliases of the layout, which define the laboratory's labels."""
     refuse: bool = True

@@ -33,7 +33,6 @@ class ComparedLifts:
     published: pd.DataFrame
     """The thesis's Table 4.1."""
     source_label: str
-    """Source of the data."""
 
     @property
     def comparisons(self) -> list["BasinComparison"]:

@@ -29,16 +29,9 @@ from functools import cache
 import numpy as np
 from numpy.polynomial.polynomial import polyvander
 
+from lumbar.lifting.stability.funnel import sum_of_squares
 from lumbar.lifting.stability.funnel.exact_funnel import Funnels, boundary_growth
-from lumbar.lifting.stability.funnel.sum_of_squares import (
-    Certificate,
-    circle_map,
-    circle_maximum,
-    growth_polynomial,
-    harmonics,
-    harmonics_of_monomials,
-    monomials,
-)
+from lumbar.lifting.stability.funnel.sum_of_squares import Certificate, growth_polynomial, monomials
 from lumbar.lifting.stability.model.eqs_4_1_to_4_4_closed_loop import (
     ClosedLoops,
     NormalForm,
@@ -77,13 +70,13 @@ def level_factors(growth: np.ndarray, rate: np.ndarray, multiplier: np.ndarray) 
     padded = np.zeros_like(growth)
     padded[:, : multiplier.shape[1]] = multiplier
     # L·|z|² = L − L·(1 − |z|²). Nowhere negative: s is at most the quotient where L > 0, at least that where L < 0.
-    above = padded - multiplier @ circle_map(DEGREE).T - growth
+    above = padded - multiplier @ sum_of_squares.circle_map(DEGREE).T - growth
     above[:, 0] += rate
     largest, least = _least_quotient(above, padded), -_least_quotient(above, -padded)
     return np.where(np.isfinite(largest) & (largest > 0) & (least <= largest), largest, np.nan)
 
 
-_ON_CIRCLE = harmonics_of_monomials(DEGREE + 1).T @ harmonics(
+_ON_CIRCLE = sum_of_squares.harmonics_of_monomials(DEGREE + 1).T @ sum_of_squares.harmonics(
     DEGREE + 1, np.linspace(0.0, 2 * np.pi, 16, endpoint=False)
 )
 """From coefficients to values at points of the circle."""
@@ -159,7 +152,6 @@ class Alternation:
     after: tuple[Funnels, ...]
     """Funnels after each alternation, including the first and more than required (`EVIDENCE`)."""
     alternations: int
-    """Number of required alternations."""
     violation_share: np.ndarray
     """Shape (pendulums,): share of the knots before the last at which the final ρ̇ (forward difference) is below the
     largest V̇ on V = ρ with the true sine: there states leave."""
@@ -275,7 +267,7 @@ def _decrease(
         # A few values exclude nearly all knots without a multiplier.
         new = ~feasible & (growth @ _ON_CIRCLE <= allowed[..., None]).all(axis=-1)
         if new.any():
-            new[new] = circle_maximum(growth[new], DEGREE + 1) <= allowed[new]
+            new[new] = sum_of_squares.circle_maximum(growth[new], DEGREE + 1) <= allowed[new]
         result[new], feasible[new] = trial[new], True
         if feasible.all():
             break

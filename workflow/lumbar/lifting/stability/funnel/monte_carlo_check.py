@@ -24,7 +24,6 @@ class MonteCarloCheck:
     """Simulated starts and the number that left."""
 
     starts: int
-    """Starts per pendulum."""
     exits: np.ndarray
     """Shape (pendulums,): starts whose V exceeded ρ at any point checked."""
     share_high: np.ndarray

@@ -40,7 +40,6 @@ class Trajectory:
     """States of the pendulum of one COM, seen in one plane, while a box is deposited; equal only to itself."""
 
     subject: str
-    """Name of the lifter."""
     experience: str
     box_mass_kg: float
     com: str
@@ -59,7 +58,6 @@ class Trajectory:
     """Shape (samples,): θ̈0 in rad/s²."""
     mass_kg: float
     length_m: float
-    """Mean length of the pendulum."""
     mass_counted: str = "with_box"
     """``with_box`` if `mass_kg` includes the box, or ``without_box``."""
     clock: str = "real"
@@ -191,7 +189,6 @@ class Convention:
     segment_ends: str
     """``inner`` if the trunk's segments end inside the body, ``skin`` if at the markers."""
     deposit_start: str
-    """Rule for the start of the deposit."""
 
     def __str__(self) -> str:
         ends, start = f"{self.segment_ends} ends", f"from {self.deposit_start}"
