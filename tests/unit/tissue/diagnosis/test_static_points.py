@@ -1,4 +1,4 @@
-"""Tables of position and force without a clock: a mode of their own, in which laws of position alone are looked for."""
+"""Tables of position and force without a clock: only laws of position are searched."""
 
 import json
 import re
@@ -7,10 +7,7 @@ import numpy as np
 import pytest
 
 import lumbar
-from lumbar.base.errors import InputError
-from lumbar.cli import main
-from lumbar.tissue.diagnosis.selection.sentences import CONDITIONAL
-from lumbar.tissue.diagnosis.selection.thresholds import LEVEL
+from running import python
 
 POSITION = np.linspace(-2.0, 12.0, 25)
 STATIC = {"hardening_stiffness", "strain_softening", "quadratic_stiffness", "contact_loss", "saturation"}
@@ -30,18 +27,17 @@ def diagnose(path):
     return lumbar.diagnose(lumbar.read(path))
 
 
-def test_a_table_without_a_clock_is_diagnosed_by_laws_of_position_alone(tmp_path):
-    found = diagnose(write(tmp_path / "a.csv"))
-    assert (found.result.status, found.selected) == ("named", ("hardening_stiffness",))
-    (finding,) = found.result.findings
+def test_table_without_clock_is_diagnosed_by_laws_of_position(tmp_path):
+    diagnosis = diagnose(write(tmp_path / "a.csv"))
+    assert (diagnosis.result.status, diagnosis.selected) == ("named", ("hardening_stiffness",))
+    (finding,) = diagnosis.result.findings
     assert (finding.kind, finding.value, finding.unit) == ("static_points", 25.0, "1")
-    tried = {name for item in found.result.ranking for name in item.candidate.effects}
-    assert tried <= STATIC
-    cubic = next(item for item in found.model.parameters if item.name == "cubic_stiffness")
+    assert {name for item in diagnosis.result.ranking for name in item.candidate.effects} <= STATIC
+    cubic = next(item for item in diagnosis.model.parameters if item.name == "cubic_stiffness")
     assert cubic.low < 0.02 < cubic.high
 
 
-def test_the_order_of_points_says_nothing(tmp_path):
+def test_order_of_points_does_not_matter(tmp_path):
     order = np.random.default_rng(3).permutation(len(POSITION))
     lines = write(tmp_path / "a.csv").read_text().splitlines()
     shuffled = tmp_path / "b.csv"
@@ -52,25 +48,22 @@ def test_the_order_of_points_says_nothing(tmp_path):
 
 
 @pytest.mark.parametrize("times", [["0"] * 25, [""] * 25, ["7.5"] * 25])
-def test_times_that_are_equal_or_missing_are_no_clock(tmp_path, times):
+def test_equal_or_missing_times_are_not_a_clock(tmp_path, times):
     (record,) = lumbar.read(write(tmp_path / "a.csv", time=times))
     assert record.points and "25 points without a clock" in repr(record)
 
 
-def test_one_missing_time_is_no_table_of_points(tmp_path):
-    times = ["", *(f"{0.1 * number:.1f}" for number in range(1, 25))]
-    with pytest.raises(InputError, match=r"line 2.*time is nan"):
-        lumbar.read(write(tmp_path / "a.csv", time=times))
-
-
-def test_a_clock_under_another_name_is_not_overlooked(tmp_path):
-    path = write(tmp_path / "a.csv", time=[f"{0.1 * number:.1f}" for number in range(25)])
+def test_incomplete_or_renamed_clock_is_an_error(tmp_path):
+    times = [f"{0.1 * number:.1f}" for number in range(25)]
+    with pytest.raises(lumbar.InputError, match=r"line 2.*time is nan"):
+        lumbar.read(write(tmp_path / "a.csv", time=["", *times[1:]]))
+    path = write(tmp_path / "a.csv", time=times)
     path.write_text(path.read_text().replace("time_s", "seconds"))
-    with pytest.raises(InputError, match="no column 'time_s'; the header has seconds, position_mm, force_N"):
+    with pytest.raises(lumbar.InputError, match="no column 'time_s'"):
         lumbar.read(path)
 
 
-def test_nothing_is_missing_from_a_line_and_a_law_of_no_catalogue_is_unexplained(tmp_path):
+def test_line_is_adequate_and_unknown_law_is_unexplained(tmp_path):
     line = diagnose(write(tmp_path / "a.csv", law=np.zeros_like))
     wave = diagnose(write(tmp_path / "b.csv", law=lambda x: np.sin(1.2 * x)))
     assert (line.result.status, wave.result.status) == ("adequate", "unexplained")
@@ -78,64 +71,66 @@ def test_nothing_is_missing_from_a_line_and_a_law_of_no_catalogue_is_unexplained
 
 
 @pytest.mark.statistical
-def test_false_alarms_are_as_rare_as_said(tmp_path):
+def test_false_alarms_are_as_rare_as_stated(tmp_path):
     alarms = 0
     for seed in range(25):
-        found = diagnose(write(tmp_path / "a.csv", law=np.zeros_like, seed=seed)).result
-        alarms += bool(found.selected)
-        assert found.selected or all(item.p_value > LEVEL / 10 for item in found.ranking)
+        result = diagnose(write(tmp_path / "a.csv", law=np.zeros_like, seed=seed)).result
+        alarms += bool(result.selected)
+        assert result.selected or all(item.p_value > 0.001 for item in result.ranking)
     assert alarms <= 1
 
 
-def test_another_table_is_the_unseen_one(tmp_path):
+def test_second_table_is_the_unseen_one(tmp_path):
     write(tmp_path / "a.csv"), write(tmp_path / "b.csv", np.linspace(0.0, 9.0, 14), seed=2)
-    found = diagnose(tmp_path)
-    assert [item.name for item in found.result.experiment.tests] == ["b"]
-    assert found.selected == ("hardening_stiffness",)
+    diagnosis = diagnose(tmp_path)
+    assert [item.name for item in diagnosis.result.experiment.tests] == ["b"]
+    assert diagnosis.selected == ("hardening_stiffness",)
 
 
-def test_a_tool_that_meets_the_tissue_late_is_a_spring_with_contact(tmp_path):
+def test_late_contact_is_a_spring_with_contact(tmp_path):
     path = write(tmp_path / "a.csv", np.linspace(0, 12, 40), lambda x: 0.8 * (np.maximum(x, 5) - x) - 4.0)
-    found = diagnose(path).result
-    assert found.base.fit.structure.base.name == "LE-contact" and found.status == "adequate"
-    assert found.experiment.surface == pytest.approx(5.0, abs=0.2)
+    result = diagnose(path).result
+    assert result.base.fit.structure.base.name == "LE-contact" and result.status == "adequate"
+    assert result.experiment.surface == pytest.approx(5.0, abs=0.2)
 
 
-def test_what_is_saved_speaks_of_no_time(tmp_path):
-    found = diagnose(write(tmp_path / "a.csv"))
-    found.save(tmp_path / "out", pictures=True)
+def test_saved_page_has_no_quantities_of_time(tmp_path):
+    diagnose(write(tmp_path / "a.csv")).save(tmp_path / "out", pictures=True)
     page = re.sub(r"<(svg|style).*?</\1>", "", (tmp_path / "out/diagnosis.html").read_text(), flags=re.S)
-    assert page.count(CONDITIONAL) == 1
     assert "cubic stiffness" in page and not re.search(r"\bHz\b|free-run|mm/s|period", page)
     assert {"diagnosis.json", "refined.json", "ladder.csv"} <= {
         item.name for item in (tmp_path / "out").iterdir()
     }
 
 
-def test_what_needs_a_clock_refuses_points_in_words(tmp_path):
+@pytest.mark.parametrize(
+    "function",
+    [
+        lumbar.identify,
+        lumbar.propose,
+        lambda records: lumbar.refine(records, ["inertia"]),
+        lambda records: lumbar.diagnose(records, base="KB"),
+    ],
+)
+def test_functions_that_need_a_clock_reject_points(tmp_path, function):
     records = lumbar.read(write(tmp_path / "a.csv"))
-    for verb in (
-        lambda: lumbar.identify(records),
-        lambda: lumbar.refine(records, ["inertia"]),
-        lambda: lumbar.propose(records),
-        lambda: lumbar.diagnose(records, base="KB"),
-        lambda: lumbar.read(tmp_path / "a.csv", rate=10.0),
-    ):
-        with pytest.raises(InputError, match=r"clock"):
-            verb()
+    with pytest.raises(lumbar.InputError, match="clock"):
+        function(records)
 
 
-def test_tables_with_and_without_a_clock_are_not_mixed(tmp_path):
-    write(tmp_path / "a.csv")
+def test_points_have_no_rate_and_are_not_mixed_with_records(tmp_path):
+    with pytest.raises(lumbar.InputError, match="clock"):
+        lumbar.read(write(tmp_path / "a.csv"), rate=10.0)
     write(tmp_path / "b.csv", time=[f"{0.1 * number:.1f}" for number in range(25)])
-    with pytest.raises(InputError, match="b: has a clock"):
+    with pytest.raises(lumbar.InputError, match="b: has a clock"):
         diagnose(tmp_path)
 
 
-def test_explain_prints_every_step_and_the_deciding_one(tmp_path, capsys):
+def test_explain_prints_every_step_and_the_deciding_one(tmp_path):
     write(tmp_path / "a.csv")
-    assert main(["diagnose", str(tmp_path), "--output", str(tmp_path / "out"), "--explain"]) == 0
-    lines = capsys.readouterr().out.splitlines()
+    program = "from lumbar.cli import main; main()"
+    options = "diagnose", tmp_path, "--output", tmp_path / "out", "--explain"
+    lines = python("-c", program, *options).splitlines()
     steps = json.loads((tmp_path / "out/diagnosis.json").read_text())["steps"]
     assert [item["step"] for item in steps][:3] == ["prepare points", "choose the base", "select effects"]
     for item in steps:
