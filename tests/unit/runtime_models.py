@@ -6,12 +6,13 @@ import numpy as np
 from c_programs import CModel
 
 from lumbar.settings.runtime import RuntimeSettings
-from lumbar.tissue.effects.catalogue import CATALOGUES
+from lumbar.tissue.effects.catalogue import CATALOGUES, read_model_bases
 from lumbar.tissue.fmu.build.export_model import ExportModel, export_models, find_models
 from lumbar.tissue.fmu.build.package import export_fmus
 from lumbar.tissue.fmu.fmu_check import check_fmus
 from lumbar.tissue.models.fitted_model import read_models
 from lumbar.tissue.models.form import Effect
+from lumbar.tissue.models.model_entry import OWN_BASES
 from study_settings import changed
 
 TARGET = ["x86_64-linux"]
@@ -69,7 +70,8 @@ def selected(
 ) -> list[ExportModel]:
     """Models of this content that these settings export; its effects are the tissue's unless a catalogue is given."""
     catalogues = CATALOGUES if catalogue is None else {"tissue": catalogue}
-    return export_models(find_models(read_models(content, catalogues), settings), settings)
+    models = read_models(content, {**catalogues, OWN_BASES: read_model_bases(content)})
+    return export_models(find_models(models, settings), settings)
 
 
 def put(slave, reference: int, value: float) -> None:

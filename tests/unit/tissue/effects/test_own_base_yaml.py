@@ -1,4 +1,4 @@
-"""A base of a user's own, with several states: from equations to fit, diagnosis, refined model and FMU; and what is refused."""
+"""A user-defined base with several states: fit, diagnosis, refined model and FMU, and errors of its file."""
 
 import json
 import re
@@ -8,17 +8,10 @@ import numpy as np
 import pytest
 from c_programs import ON_LINUX
 from periodic_records import multisine, noise, record
-from runtime_models import SETTINGS, held_to_its_simulation
+from runtime_models import SETTINGS, held_to_its_simulation, selected
 from scipy.signal import StateSpace, lsim
 
 import lumbar
-from lumbar.base.errors import InputError
-from lumbar.records.record import Channel
-from lumbar.settings.improvement import ImprovementSettings
-from lumbar.settings.study_settings import StudySettings
-from lumbar.tissue.effects.catalogue import catalogues_with, read_base
-from lumbar.tissue.fmu.build.export_model import export_models, find_models
-from lumbar.tissue.models.fitted_model import read_models
 from study_settings import changed
 
 DRIVE = """
@@ -36,16 +29,15 @@ parameters:
   r: {name: mass_ratio, unit: "1", start: [0.2, 5], scale: one, points: 3}
 """
 TRUE = {"gain": 2.0, "motor_drag": 4.0, "twist_stiffness": 300.0, "mass_ratio": 0.5}
-ONE_EFFECT = StudySettings(improvement=ImprovementSettings(most_effects=1, propose_law=False))
+ONE_EFFECT = lumbar.StudySettings(improvement={"most_effects": 1, "propose_law": False})
 
 
 def speed_of_load(torque: np.ndarray, rate_Hz: float = 100.0) -> np.ndarray:
-    """By SciPy's matrix exponential, the torque in straight lines between samples."""
+    """Simulate by SciPy's matrix exponential, with straight lines of the torque between samples."""
     gain, drag, stiffness, ratio = TRUE.values()
     state = [[-drag, 0, -stiffness], [0, 0, ratio * stiffness], [1, -1, 0]]
     drive = StateSpace(state, [[1], [0], [0]], [[0, gain, 0]], [[0]])
-    _, found, _ = lsim(drive, torque, np.arange(len(torque)) / rate_Hz)
-    return found
+    return lsim(drive, torque, np.arange(len(torque)) / rate_Hz)[1]
 
 
 @pytest.fixture(scope="module")
@@ -56,13 +48,13 @@ def base(tmp_path_factory):
 
 
 def records(sensor=lambda speed: speed):
-    """Torque to what the load's tachometer reads, three periods and two."""
-    made = []
+    """Return records from torque to the load's tachometer, of three periods and of two."""
+    items = []
     for name, periods, seed in (("long", 3, 1), ("other", 2, 2)):
         torque = multisine(periods, 400, range(1, 40), seed)
         speed = speed_of_load(torque)
-        made.append(record(torque, sensor(speed) + 0.002 * noise(len(torque), seed + 5), name))
-    return made
+        items.append(record(torque, sensor(speed) + 0.002 * noise(len(torque), seed + 5), name))
+    return items
 
 
 @pytest.fixture(scope="module")
@@ -71,21 +63,19 @@ def refined(base):
 
 
 def test_parameters_of_user_defined_base_are_recovered(refined, base):
-    found = refined.model
     for name, value in TRUE.items():
-        parameter = found[name]
+        parameter = refined.model[name]
         assert parameter.low < value < parameter.high
         assert parameter.value == pytest.approx(value, rel=0.02)
-    assert "y = g*load, dmotor/dt = z - b*motor - k*twist" in str(found)
+    assert "y = g*load, dmotor/dt = z - b*motor - k*twist" in str(refined.model)
 
 
 @pytest.mark.nightly
 def test_missing_effect_is_named_with_user_defined_base(base):
     largest = 0.6 * np.abs(speed_of_load(multisine(3, 400, range(1, 40), 1))).max()
-    found = lumbar.diagnose(
-        records(lambda speed: largest * np.tanh(speed / largest)), base=str(base), settings=ONE_EFFECT
-    )
-    assert found.selected == ("saturation",)
+    saturated = records(lambda speed: largest * np.tanh(speed / largest))
+    diagnosis = lumbar.diagnose(saturated, base=str(base), settings=ONE_EFFECT)
+    assert diagnosis.selected == ("saturation",)
 
 
 def test_models_file_contains_user_defined_base(refined, tmp_path):
@@ -96,8 +86,9 @@ def test_models_file_contains_user_defined_base(refined, tmp_path):
     assert model == refined.model
     np.testing.assert_array_equal(model.simulate(records()[1]), refined.model.simulate(records()[1]))
     content["bases"]["two_masses"]["state"]["twist"] = "motor - lode"
-    with pytest.raises(InputError, match=r"bases\.two_masses: .*state\.twist.*unknown symbol lode"):
-        catalogues_with([], content)
+    (tmp_path / "changed.json").write_text(json.dumps(content), encoding="utf-8")
+    with pytest.raises(lumbar.InputError, match=r"bases\.two_masses: .*state\.twist.*unknown symbol lode"):
+        lumbar.load_models(tmp_path / "changed.json")
 
 
 @ON_LINUX
@@ -107,7 +98,7 @@ def test_user_defined_base_becomes_fmu(refined, zig_cache, tmp_path):
     chosen = changed(
         SETTINGS, models=["two_masses"], trained_on="long", estimator="output_error", moving_average_ms=0
     )
-    (model,) = export_models(find_models(read_models(content, catalogues_with([], content)), chosen), chosen)
+    (model,) = selected(content, chosen)
     held_to_its_simulation(model, tmp_path, zig_cache)
 
 
@@ -123,40 +114,39 @@ def test_user_defined_base_becomes_fmu(refined, zig_cache, tmp_path):
     ],
 )
 def test_problems_of_base_file_are_reported(old, new, words, tmp_path):
-    path = tmp_path / "own.yaml"
-    path.write_text(DRIVE.replace(old, new), encoding="utf-8")
-    with pytest.raises(InputError, match=re.compile(f"base own.yaml.*{words}", re.DOTALL)):
-        read_base(path)
+    (tmp_path / "own.yaml").write_text(DRIVE.replace(old, new), encoding="utf-8")
+    (tmp_path / "study.yaml").write_text("improvement: {base: own.yaml}", encoding="utf-8")
+    with pytest.raises(lumbar.InputError, match=re.compile(f"base own.yaml.*{words}", re.DOTALL)):
+        lumbar.load_settings(tmp_path / "study.yaml")
 
 
 def test_forward_fit_takes_load_as_input(refined, base):
-    """Of files that have the motion first: nothing is turned round, the load is the input."""
-    turned = []
+    """In files with the motion first, the load is the input and nothing is exchanged."""
+    motion_first = []
     for item in records():
         channels = {
-            "input": Channel(item["output"], "position", "mm"),
-            "output": Channel(item["input"], "force", "N"),
+            "input": lumbar.Channel(item["output"], "position", "mm"),
+            "output": lumbar.Channel(item["input"], "force", "N"),
         }
-        turned.append(replace(item, channels=channels))
-    forward = StudySettings(improvement=ImprovementSettings(forward=True))
-    found = lumbar.refine(turned, [], base=str(base), settings=forward).model
-    assert (found.input.quantity, found.output.quantity) == ("force", "position")
+        motion_first.append(replace(item, channels=channels))
+    forward = lumbar.StudySettings(improvement={"forward": True})
+    model = lumbar.refine(motion_first, [], base=str(base), settings=forward).model
+    assert (model.input.quantity, model.output.quantity) == ("force", "position")
     for name in TRUE:
-        assert found[name].value == pytest.approx(refined.model[name].value, rel=1e-9)
+        assert model[name].value == pytest.approx(refined.model[name].value, rel=1e-9)
 
 
-def test_settings_find_base_file_and_report_problems(base):
+@pytest.mark.parametrize(
+    ("base_key", "message"),
+    [
+        ("none.yaml", r"improvement\.base.*none\.yaml"),
+        ("KX", r'improvement\.base: found "KX"; allowed: auto, LE'),
+    ],
+)
+def test_settings_find_base_file_and_report_wrong_bases(base, base_key, message):
     study = base.with_name("study.yaml")
     study.write_text("improvement: {base: two_masses.yaml}", encoding="utf-8")
     assert lumbar.load_settings(study).improvement.base == str(base)
-    study.write_text("improvement: {base: none.yaml}", encoding="utf-8")
-    with pytest.raises(InputError, match=r"improvement\.base.*none\.yaml"):
+    study.write_text(f"improvement: {{base: {base_key}}}", encoding="utf-8")
+    with pytest.raises(lumbar.InputError, match=message):
         lumbar.load_settings(study)
-    study.write_text("improvement: {base: KX}", encoding="utf-8")
-    with pytest.raises(InputError, match=r'improvement\.base: found "KX"; allowed: auto, LE'):
-        lumbar.load_settings(study)
-
-
-def test_the_example_is_sound(project):
-    tanks = read_base(project / "examples" / "own_base" / "two_tanks.yaml")
-    assert dict(tanks.form.start) == {"upper": "upper_0", "lower": "lower_0"}

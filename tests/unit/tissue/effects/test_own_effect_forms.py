@@ -81,6 +81,8 @@ def test_examples_of_the_page_are_read(project, tmp_path):
     effect, base = re.findall(r"```yaml\n(.*?)```", page, re.DOTALL)
     assert catalogue_with([written(tmp_path, effect)])["own_friction"].forms[0].state
     assert len(read_base(written(tmp_path, base)).form.state) == 3
+    tanks = read_base(project / "examples" / "own_base" / "two_tanks.yaml")
+    assert dict(tanks.form.start) == {"upper": "upper_0", "lower": "lower_0"}
 
 
 @pytest.mark.parametrize(
