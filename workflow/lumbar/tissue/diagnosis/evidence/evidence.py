@@ -205,6 +205,13 @@ class Evidence:
     """The selected model with one of its effects in another mathematical form."""
 
 
+def machine_limits(machine: MachineSettings | None, experiment: Experiment) -> Kinematics | None:
+    """Return the limits of the machine in the input's unit; None if it is unknown or the input is not in mm."""
+    if machine is None or experiment.input_unit != "mm":
+        return None
+    return Kinematics(machine.displacement_mm, machine.velocity_mm_s, machine.acceleration_mm_s2)
+
+
 def gather_evidence(
     diagnosis: DiagnosisResult, settings: DiagnosisSettings, seed: int, machine: MachineSettings | None = None
 ) -> Evidence:
@@ -222,9 +229,6 @@ def gather_evidence(
     if settings.forward or experiment.points:
         # Ties and detectable effects are defined for prescribed motions only.
         return Evidence(remaining, None, None, [], threshold, null, [])
-    limits = None
-    if machine is not None and experiment.input_unit == "mm":
-        limits = Kinematics(machine.displacement_mm, machine.velocity_mm_s, machine.acceleration_mm_s2)
     other_forms = []
     for form in model.fit.structure.forms:
         effect = catalogue[form.effect]
@@ -235,7 +239,7 @@ def gather_evidence(
     return Evidence(
         remaining=remaining,
         ties=signal_angles(diagnosis),
-        separation=separating_excitation(diagnosis, limits),
+        separation=separating_excitation(diagnosis, machine_limits(machine, experiment)),
         detectable=detectable_effects(diagnosis, catalogue, null),
         threshold=threshold,
         null=null,
