@@ -53,7 +53,7 @@ class Units:
 
     def factor(self, unit: str) -> float:
         """By which a quantity of this unit grows."""
-        size = Dimension.of(KILOGRAMS.get(unit, unit))
+        size = Dimension.parse(KILOGRAMS.get(unit, unit))
         return self.motion**size.x * self.force**size.y * self.clock**size.s
 
 
