@@ -9,8 +9,6 @@ from fine_tissue import FINE, branch, experiment
 from periodic_records import multisine, noise, record, relaxing_force
 
 import lumbar
-from lumbar.settings.improvement import ImprovementSettings
-from lumbar.settings.study_settings import StudySettings
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData
 from lumbar.tissue.diagnosis.fitting.joint_fit import add, fit_base
@@ -20,32 +18,18 @@ from lumbar.tissue.diagnosis.selection.base_choice import better_base, find_base
 from lumbar.tissue.diagnosis.selection.candidate import Candidate, evaluate, sort_by_score
 from lumbar.tissue.diagnosis.selection.diagnose import diagnose
 from lumbar.tissue.diagnosis.selection.forward_selection import Selection
-from lumbar.tissue.diagnosis.selection.thresholds import TIED
-from lumbar.tissue.effects.catalogue import TISSUE
+from lumbar.tissue.diagnosis.selection.refine import refine
+from lumbar.tissue.diagnosis.selection.thresholds import (
+    TIED,
+    NullDistribution,
+    null_distribution,
+    number_of_forms,
+)
+from lumbar.tissue.effects.catalogue import CATALOGUES, PENDULUM, TISSUE
 from lumbar.tissue.models.bases import BASES
 from lumbar.tissue.models.motion import Motion
 from lumbar.tissue.models.structure import Structure
-
-TISSUES = {
-    "LE": lambda time, position, speed, step: 1.2 * position,
-    "KV": lambda time, position, speed, step: 1.2 * position + 0.05 * speed,
-    "Maxwell": lambda time, position, speed, step: 1.2 * branch(position, 0.3, step),
-    "KB": lambda time, position, speed, step: 1.2 * position + 0.8 * branch(position, 0.3, step),
-}
-
-
-@pytest.mark.parametrize("name", TISSUES)
-def test_a_tissue_without_effects_has_its_own_base_and_lacks_nothing(name):
-    found = diagnose(experiment(TISSUES[name]))
-    assert found.base.fit.structure.base.name == name
-    assert (found.status, found.selected, found.complete) == ("adequate", (), True)
-    assert found.base.fit.linear[0] == pytest.approx(1.2, rel=0.01)
-
-
-def test_a_base_that_is_named_is_taken_whatever_the_data_ask_for():
-    found = diagnose(experiment(TISSUES["KV"]), DiagnosisSettings(base="LE", most_effects=1))
-    assert found.base.fit.structure.base.name == "LE"
-    assert found.selected == ("viscous_damping",)
+from pendulum_experiments import make_pendulum_experiment, records_of
 
 
 @pytest.mark.parametrize("relaxation", [0.001, 0.004])
@@ -159,39 +143,42 @@ def test_a_zero_has_moved_where_a_record_begins_with_it():
     assert (finding.kind, finding.value, finding.unit) == ("apparent_zeros", 1.0, "N")
 
 
-@pytest.mark.statistical
-def test_a_relaxation_spectrum_is_no_moved_zero():
-    """Slow and fast strokes of a material that relaxes over decades of time: a free zero for each would hide what is missing."""
-    from scipy.signal import lfilter
-
-    def stroked(name: str, rate: float, shift: float = 0.0):
-        time = 0.01 * np.arange(round(40 / rate / 0.01))
-        position = 10 * (1 - np.abs(2 * ((time * rate / 20) % 1) - 1))
-        force = 0.1 * position + shift + 0.005 * noise(len(time), len(name))
-        for decay in np.exp(-0.01 / np.geomspace(0.1, 30, 8)):
-            force = force + 0.05 * lfilter([decay, -decay], [1, -decay], position)
-        return record(position, force, name)
-
-    settings = StudySettings(improvement=ImprovementSettings(propose_law=False))
-    for shift in (0.0, 1.0):
-        records = [stroked("slow", 1.0), stroked("middle", 3.0, shift), stroked("fast", 5.0, -shift)]
-        answer = lumbar.diagnose(records, train="slow", settings=settings).result
-        assert "hysteresis" not in answer.selected
-        assert ("force_offset" in [item.kind for item in answer.findings if item.record == "fast"]) == bool(
-            shift
-        )
+def test_p_values_of_the_null_table():
+    table = NullDistribution(np.sort(np.random.default_rng(1).chisquare(2, 2000)), 28)
+    assert table.p_value(-1.0) == 1.0
+    assert table.p_value(np.log(2) * 2) == pytest.approx(0.5, abs=0.04)
+    assert table.p_value(40.0) == pytest.approx(np.exp(-20), rel=0.5)
+    assert table.p_value(10.0, forms=56) == pytest.approx(2 * table.p_value(10.0))
+    assert len(null_distribution().ratios) >= 200
+    for system, catalogue in CATALOGUES.items():
+        # Of candidates that have come since, the probability grows in proportion.
+        assert 0.9 <= null_distribution(system).forms / number_of_forms(catalogue) <= 1
 
 
-@pytest.mark.nightly
-def test_a_position_that_is_read_late_passes_for_a_dashpot_and_is_named_beside_it():
-    """Of a spring k whose position is read τ late the force k z(t) is k p + kτ dp/dt of what is read: a viscosity of kτ."""
-    stiffness, late, samples, records = 0.8, 0.004, 500, []
-    for name, seed in (("multisine", 0), ("other", 3)):
-        true = multisine(8, samples, lines=np.arange(1, 4), seed=seed)
-        angle = 2j * np.pi * np.fft.rfftfreq(len(true), 0.01)
-        read = np.fft.irfft(np.fft.rfft(true) * np.exp(-angle * late), len(true))
-        records.append(record(read, stiffness * true + 0.005 * noise(len(true), seed + 20), name))
-    found = lumbar.diagnose(records, base="LE", train="multisine")
-    assert found.selected == ("viscous_damping",)
-    (viscosity,) = (item for item in found.result.ranking[0].estimates if item.effect == "viscous_damping")
-    assert viscosity.low < stiffness * late < viscosity.high
+@pytest.mark.parametrize(("floors", "after"), [(1.05, "adequate"), (1.15, "adequate"), (1.30, "unexplained")])
+def test_completeness_follows_status_of_refined_model(floors, after):
+    """A refined model whose unseen error is a given number of noise floors, and a catalogue without further effects."""
+
+    def stiffening(position):
+        return 0.6 * position + 0.01 * position**3
+
+    catalogue = {"hardening_stiffness": TISSUE["hardening_stiffness"]}
+    records = []
+    for seed, name in enumerate("ab"):
+        position = multisine(8, seed=seed)
+        records.append(record(position, stiffening(position) + 0.01 * noise(len(position), seed + 20), name))
+    settings = DiagnosisSettings(base="LE", catalogue=catalogue)
+    floor = diagnose(records, settings).experiment.floor.rms
+    other = np.sin(np.arange(len(records[1])) * 0.37) * np.sqrt(2 * (floors**2 - 1)) * floor
+    disturbed = records[1].with_values(output=records[1]["output"] + other)
+    found = diagnose([records[0], disturbed], settings)
+    assert found.model.test_rms / found.experiment.floor.rms == pytest.approx(floors, abs=0.03)
+    assert (found.refined_status, found.complete, found.further) == (after, after == "adequate", None)
+
+
+def test_refine_rejects_effect_without_its_channel():
+    measured = replace(PENDULUM["variable_length"], forms=PENDULUM["variable_length"].forms[:2])
+    settings = DiagnosisSettings(base="pendulum", catalogue={"variable_length": measured})
+    records = records_of(make_pendulum_experiment("drag", 0).records)
+    with pytest.raises(lumbar.InputError, match="records do not have: length"):
+        refine(records, ["variable_length"], settings)
