@@ -2,10 +2,13 @@
 
 from pathlib import Path
 
+import numpy as np
 import yaml
 
-from lumbar.tissue.effects.catalogue import TISSUE
+from lumbar.tissue.effects.catalogue import TISSUE, catalogues_with
 from lumbar.tissue.models.bases import BASES
+from lumbar.tissue.models.fitted_model import FittedModel
+from lumbar.twin.examples import example_records
 
 BASE_NUMBERS = {
     "LE": ([0.8], []),
@@ -22,6 +25,16 @@ def effect_entry(base: str, *keys: str, **more) -> dict:
     """Entry of a base with effects in these forms."""
     added = {key: FORM_NUMBERS[key] for key in keys}
     return {**entry_of_effects(base, added, TISSUE), **more}
+
+
+def records_of_effect(key: str) -> list:
+    """Return the example's motions on a Kelvin–Boltzmann tissue with one effect, and noise of 0.01 N."""
+    model = FittedModel.from_json(effect_entry("KB", key), catalogues_with([]))
+    records, random = [], np.random.default_rng(50)
+    for record in example_records():
+        force = model.simulate(record)
+        records.append(record.with_values(output=force + 0.01 * random.standard_normal(len(force))))
+    return records
 
 
 def entry_of_effects(base: str, added: dict[str, tuple[list, list]], catalogue) -> dict:

@@ -1,23 +1,19 @@
-"""A force read ahead of the position, which no effect's name stands for, or with it: then position noise counts as noise."""
+"""A force that leads the position is reported and is not an effect; the force of position noise counts as noise."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from diagnosing import diagnose
 from periodic_records import STEP, multisine, noise, record
 from scipy.signal import lfilter
-
-from lumbar.records.record import Record
-from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
-from lumbar.tissue.diagnosis.selection.candidate import is_adequate
-from lumbar.tissue.diagnosis.selection.diagnose import diagnose
 
 FINE = 10
 """Steps of the simulation per sample."""
 
 
-def leading(lead: int, branch: float = 0.8, hardening: float = 0.0, mass: float = 0.0) -> list[Record]:
-    """Spring 0.7 N/mm beside a branch of 0.2 s, the force read so many thousandths of a second before the position."""
+def leading(lead: int, branch: float = 0.8, hardening: float = 0.0, mass: float = 0.0) -> list:
+    """Return records of a spring of 0.7 N/mm and a branch of 0.2 s, with the force read `lead` ms before the position."""
     made = []
     for name, seed in (("one", 0), ("two", 3)):
         fine = multisine(5, 1000 * FINE, range(1, 60), seed)
@@ -34,9 +30,8 @@ def leading(lead: int, branch: float = 0.8, hardening: float = 0.0, mass: float 
     return made
 
 
-def leads(records, **settings) -> tuple:
-    found = diagnose(records, DiagnosisSettings(**settings))
-    return found, [item for item in found.findings if item.kind == "force_leads"]
+def lead_findings(found) -> list:
+    return [item for item in found.findings if item.kind == "force_leads"]
 
 
 @pytest.mark.nightly
@@ -50,17 +45,18 @@ def leads(records, **settings) -> tuple:
         ),
     ],
 )
-def test_a_force_that_leads_is_told_by_how_much_and_named_no_mechanism(lead, branch, hardening):
+def test_leading_force_is_reported_and_unexplained(lead, branch, hardening):
     """Milliseconds, at samples of 10 ms."""
-    found, (told,) = leads(leading(lead, branch, hardening))
-    assert told.value == pytest.approx(1e-3 * lead, abs=2e-4) and told.unit == "s"
+    found = diagnose(leading(lead, branch, hardening))
+    (finding,) = lead_findings(found)
+    assert finding.value == pytest.approx(1e-3 * lead, abs=2e-4) and finding.unit == "s"
     assert found.status == "unexplained"
 
 
 @pytest.mark.parametrize("mass", [0.0, 0.0004])
-def test_a_force_that_does_not_lead_is_not_said_to(mass):
-    found, told = leads(leading(0, mass=mass))
-    assert not told and found.selected == (("inertia",) if mass else ())
+def test_force_without_lead_is_not_reported(mass):
+    found = diagnose(leading(0, mass=mass))
+    assert not lead_findings(found) and found.selected == (("inertia",) if mass else ())
 
 
 def read_with_noise(sigma: float, **law):
@@ -76,28 +72,28 @@ def noisy(request):
     return diagnose(read_with_noise(request.param))
 
 
-def test_the_force_of_known_position_noise_within_the_band_is_nothing_missing(noisy):
+def test_force_of_position_noise_is_not_missing(noisy):
     experiment = noisy.experiment
     assert noisy.status == "adequate" and noisy.base.fit.structure.base.name == "KB"
-    assert not is_adequate(noisy.base, replace(experiment, position_noise_force=0.0))
+    assert noisy.base.test_rms > 1.1 * experiment.noise
     expected = (noisy.base.train_rms**2 - experiment.noise**2) ** 0.5
     assert experiment.position_noise_force == pytest.approx(expected, rel=0.35)
     assert experiment.extra_floor_rms >= experiment.position_noise_force > 0
 
 
-def test_an_effect_is_named_beside_it():
+def test_effect_is_named_in_addition_to_position_noise():
     found = diagnose(read_with_noise(0.02, branch=0.0, hardening=0.01))
     assert found.selected == ("hardening_stiffness",) and found.status == "named"
 
 
-def test_a_drift_that_may_be_a_wandering_zero_belongs_to_the_limit(noisy):
+def test_possible_wandering_zero_counts_as_noise(noisy):
     floor = noisy.experiment.floor
     size = 0.5 * floor.rms * (2.326 * (2 / floor.degrees_of_freedom) ** 0.5) ** 0.5
-    said = (("drift: the level changes", size),)
+    structured = (("drift: the level changes", size),)
     small = replace(noisy.experiment, position_noise_force=0.0)
-    wandering = replace(small, floor=replace(floor, structured=said, structured_rms=size))
+    wandering = replace(small, floor=replace(floor, structured=structured, structured_rms=size))
     sure = replace(
-        small, floor=replace(floor, structured=((said[0][0], floor.rms),), structured_rms=floor.rms)
+        small, floor=replace(floor, structured=((structured[0][0], floor.rms),), structured_rms=floor.rms)
     )
     assert (small.extra_floor_rms, wandering.extra_floor_rms, sure.extra_floor_rms) == (
         0.0,

@@ -1,13 +1,12 @@
-"""Mechanisms that act whatever the speed are named alone only where other rates show it; many relaxation times are one effect."""
+"""Rate-independent mechanisms are named only if several rates show it; a relaxation spectrum is one effect."""
 
 import numpy as np
 import pytest
+from diagnosing import diagnose
 from periodic_records import record
 from scipy.signal import lfilter
 
 import lumbar
-from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
-from lumbar.tissue.diagnosis.selection.diagnose import diagnose
 
 RATES = (0.01, 0.03, 0.05)
 """Strain per second."""
@@ -45,39 +44,41 @@ def spectrum(time, drive, shares, times):
     return found
 
 
-def alone(force, rates=RATES, base="LE"):
-    return diagnose(triangles(force, rates), DiagnosisSettings(base=base, most_effects=1))
+def diagnose_one_effect(force, rates=RATES):
+    return diagnose(triangles(force, rates), "LE", most_effects=1)
 
 
 def kinds(found):
     return [item.kind for item in found.findings]
 
 
-def test_hysteresis_at_several_rates_is_named_alone():
-    found = alone(lambda time, position: 0.3 * position + dahl(position, 0.5, 0.7))
+def test_hysteresis_at_several_rates_is_named():
+    found = diagnose_one_effect(lambda time, position: 0.3 * position + dahl(position, 0.5, 0.7))
     assert (found.status, found.selected) == ("named", ("hysteresis",))
     assert not {"other_rates_missed", "one_rate"} & set(kinds(found))
 
 
-def test_friction_that_follows_the_rate_is_not_named_hysteresis_alone():
+def test_rate_dependent_friction_is_not_named_hysteresis():
     def rated(time, position):
         speed = np.abs(np.diff(position)).max() / time[1]
         return 0.3 * position + dahl(position, 0.5 * (1 + 0.6 * np.log10(speed / 0.2)), 0.7)
 
-    found = alone(rated)
+    found = diagnose_one_effect(rated)
     assert found.status != "named"
     (finding,) = [item for item in found.findings if item.kind == "other_rates_missed"]
     assert finding.value == pytest.approx(5, rel=0.05)
 
 
-def test_at_one_rate_it_is_said_that_no_other_was_tried():
-    found = alone(lambda time, position: 0.3 * position + dahl(position, 0.5, 0.7), rates=(0.03, 0.031))
+def test_single_rate_is_reported():
+    found = diagnose_one_effect(
+        lambda time, position: 0.3 * position + dahl(position, 0.5, 0.7), rates=(0.03, 0.031)
+    )
     assert "hysteresis" in found.selected
     assert "one_rate" in kinds(found)
 
 
 @pytest.mark.nightly
-def test_a_rubber_of_large_strain_is_not_named_hysteresis_alone():
+def test_rubber_of_large_strain_is_not_named_hysteresis():
     """VHB 4910's peaks: 0.85, 1.05 and 1.13 N at 0.01, 0.03 and 0.05 per second, stretched to three times its length."""
     records, peaks = [], []
     for number, rate in enumerate(RATES):
@@ -90,11 +91,11 @@ def test_a_rubber_of_large_strain_is_not_named_hysteresis_alone():
         records.append(record(20 * strain, force, f"rate_{rate}", step=time[1]))
     assert peaks == pytest.approx([0.85, 1.05, 1.13], abs=0.02)
     for base in ("LE", "KB"):
-        found = diagnose(records, DiagnosisSettings(base=base, most_effects=2))
+        found = diagnose(records, base, most_effects=2)
         assert found.status != "named" or "hysteresis" not in found.selected
 
 
-def test_a_power_law_is_one_spectrum():
+def test_power_law_is_one_spectrum():
     """A springpot by 24 branches, denser and wider than the effect's own six."""
     times = np.geomspace(0.02, 400, 24)
 
