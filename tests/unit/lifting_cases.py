@@ -4,14 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from lumbar.interface.lift import Lift
-from lumbar.lifting.movement.lift_analysis import analyse_lift
+import lumbar
 from lumbar.lifting.stability.model.eqs_4_1_to_4_4_closed_loop import Pendulums, Weights, gather
 from lumbar.lifting.stability.model.pendulum_trajectories import Trajectory
+from lumbar.records.marker_file import RecordedEvent
 from lumbar.records.markers import MarkerRecording
-from lumbar.settings.lifting import LiftingSettings, TrialSettings
+from lumbar.settings.lifting import SubjectSettings, TrialSettings
 from lumbar.settings.stability import RegulatorSettings
-from lumbar.twin.lifting_recordings import true_movement
+from lumbar.twin.lifting_recordings import true_movement, write_lift
 from study_settings import study_settings
 
 GRAVITY = 9.81
@@ -79,24 +79,37 @@ ATHLETE = {
 }
 
 
+ANN = SubjectSettings(name="ann", sex="unknown", mass_kg=80.0, height_m=1.75, experience="unknown")
+
+
+def trial_of(mass_kg=15.0, events=None, **others) -> TrialSettings:
+    """A trial, with events set by hand (a mapping) or those of the file (``"file"``)."""
+    return TrialSettings.model_validate(
+        {"box_mass_kg": mass_kg, "markers": "lift.c3d", "events": events, **others}
+    )
+
+
+def mark(label, time, context="") -> RecordedEvent:
+    """An event in a recording's file."""
+    return RecordedEvent(label, context, time)
+
+
+def recording_of(positions, rate=100.0, name="lift", **others) -> MarkerRecording:
+    """A recording from time 0 under standard names; `others` are its further attributes."""
+    time = np.arange(len(next(iter(positions.values())))) / rate
+    return MarkerRecording(name, time, rate, dict(positions), source=f"{name}.c3d", **others)
+
+
 def true_recording(name) -> MarkerRecording:
     """Markers of a lift of the synthetic twin as they are, without noise or gap."""
-    movement = true_movement(study_settings().twin.lifting, name)
-    return MarkerRecording("lift", movement.time, 100.0, dict(movement.markers), source="lift.c3d")
+    return recording_of(true_movement(study_settings().twin.lifting, name).markers)
 
 
-def lift_of(recording, subject, mass=0.0, settings=None, name="lift") -> Lift:
-    """A recording analysed as the lift of a box of this mass in kg."""
-    settings = settings or LiftingSettings()
-    trial = TrialSettings(box_mass_kg=mass, markers="lift.c3d")
-    return Lift(
-        analyse_lift(replace(recording, name=name), subject, trial, settings),
-        subject,
-        trial,
-        settings,
-        "test",
-        None,
-    )
+def noisy_recording(name, seed, noise_mm, folder) -> MarkerRecording:
+    """A lift of the synthetic twin with noise and gaps, as it is read."""
+    twin = study_settings().twin.lifting.model_copy(update={"marker_noise_mm": noise_mm})
+    write_lift(twin, name, [seed], folder / "lift.c3d", None)
+    return lumbar.read(folder / "lift.c3d", layout=study_settings().lifting.markers)
 
 
 def without(recording, *parts) -> MarkerRecording:

@@ -15,8 +15,8 @@ from lumbar.lifting.movement import events as event_rules
 from lumbar.lifting.movement import lift_analysis as lifting
 from lumbar.lifting.movement import lift_tables
 from lumbar.lifting.movement.rigid_filling import BodyFilling
-from lumbar.lifting.quality.screening import QualitySheet, Screening, naming, read_screened
-from lumbar.records.markers import read_markers
+from lumbar.lifting.quality.screening import QualitySheet, Screening, naming, quality_sheet, read_screened
+from lumbar.records.markers import MarkerRecording, read_markers
 from lumbar.settings.lifting import LiftingSettings, SubjectSettings, TrialSettings
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 def lift(
-    markers: str | os.PathLike,
+    markers: MarkerRecording | str | os.PathLike,
     subject: SubjectSettings | str | os.PathLike,
     box_mass_kg: float | None = None,
     *,
@@ -38,8 +38,9 @@ def lift(
 
     Parameters
     ----------
-    markers : path
-        C3D, TRC, CSV or BVH file, also packed (``.gz``).
+    markers : path or MarkerRecording
+        C3D, TRC, CSV or BVH file, also packed (``.gz``). A recording from `lumbar.read`, changed or not, is analysed without
+        checks of its quality.
     subject : SubjectSettings or path
         Settings of the subject, or a file as in ``config/subjects``.
     box_mass_kg : float, optional
@@ -76,9 +77,11 @@ def lift(
         from lumbar.study.load_study import load_subject
 
         subject = load_subject(Path(subject))
-    lift_name, trial = _find_trial(subject, Path(markers), box_mass_kg, trial)
+    is_read = isinstance(markers, MarkerRecording)
+    file = Path(markers.source or markers.name) if is_read else Path(markers)
+    lift_name, trial = _find_trial(subject, file, box_mass_kg, trial)
     name, settings = name or lift_name, (settings or LiftingSettings()).of_trial(trial)
-    static = static or _static_file(subject, trial, Path(markers))
+    static = static or (None if is_read else _static_file(subject, trial, file))
     standing = None
     if static is not None:
         # A static trial is read by its own labels; it need not have all markers of a lift.
@@ -87,8 +90,12 @@ def lift(
         with naming(static):
             standing = read_markers(static, bare, minimum_frames=1, screen=screening).positions
     bodies = BodyFilling(settings, standing)
-    recording, sheet = read_screened(markers, settings.markers, name, subject.height_m, bodies)
-    sheet = replace(sheet, findings=(*sheet.findings, *bodies.findings))
+    if isinstance(markers, MarkerRecording):
+        recording = replace(markers, name=name)
+        sheet = quality_sheet(recording, recording.positions, ())
+    else:
+        recording, sheet = read_screened(markers, settings.markers, name, subject.height_m, bodies)
+        sheet = replace(sheet, findings=(*sheet.findings, *bodies.findings))
     analysed = lifting.analyse_lift(recording, subject, trial, settings, bodies.gaps, sheet.findings)
     return Lift(analysed, subject, trial, settings, data_label(source_label, [recording.source]), sheet)
 

@@ -6,20 +6,24 @@ import pytest
 from scipy import stats
 
 import lumbar
-from lumbar.base.errors import InputError
-from lumbar.lifting.measures.compare_groups import compare_means
-
-NAMES = ("expert", "novice")
 
 
-def by_person(values) -> pd.Series:
-    return pd.Series(values, index=[f"p{number}" for number in range(len(values))], dtype=float)
+def compare(*sides):
+    """Compare values by person: sides of experts and novices, or of the same people with 15 and 23 kg."""
+    rows = [
+        (f"{group}_{person}", group, box, "margin", "all", value)
+        for group, box, values in (*sides, ("novice", 99, [0.0]))
+        for person, value in enumerate(values)
+    ]
+    columns = ["person", "group", "box_mass_kg", "measure", "plane", "value"]
+    [comparison] = lumbar.compare_groups(pd.DataFrame(rows, columns=columns)).comparisons
+    return comparison.difference
 
 
 def test_groups_are_compared_by_welchs_test():
     rng = np.random.default_rng(1)
     first, second = rng.normal(3.0, 1.0, 6), rng.normal(2.0, 3.0, 9)
-    found = compare_means(by_person(first), by_person(second), paired=False, names=NAMES)
+    found = compare(("expert", 23, first), ("novice", 23, second))
     parts = first.var(ddof=1) / 6, second.var(ddof=1) / 9
     freedom = sum(parts) ** 2 / (parts[0] ** 2 / 5 + parts[1] ** 2 / 8)
     half_width = stats.t.ppf(0.975, freedom) * np.sqrt(sum(parts))
@@ -36,8 +40,8 @@ def test_groups_are_compared_by_welchs_test():
 
 
 def test_boxes_are_compared_within_the_persons_who_lifted_both():
-    before, after = by_person([3.0, 5.0, 4.0, 8.0, 99.0]), by_person([4.0, 5.5, 6.0, 9.0])
-    found = compare_means(after, before, paired=True, names=NAMES)
+    heavy, light = [3.0, 5.0, 4.0, 8.0, 99.0], [4.0, 5.5, 6.0, 9.0]
+    found = compare(("expert", 15, light), ("expert", 23, heavy))
     changes = np.array([1.0, 0.5, 2.0, 1.0])
     half_width = stats.t.ppf(0.975, 3) * changes.std(ddof=1) / 2
     assert found.difference == pytest.approx(changes.mean()) and found.persons == (4, 4)
@@ -45,19 +49,18 @@ def test_boxes_are_compared_within_the_persons_who_lifted_both():
         (changes.mean() - half_width, changes.mean() + half_width)
     )
     assert found.freedom == 3 and found.person_sd == pytest.approx(changes.std(ddof=1))
-    assert found.p_value == pytest.approx(stats.ttest_rel(after, before[:4]).pvalue)
+    assert found.p_value == pytest.approx(stats.ttest_rel(light, heavy[:4]).pvalue)
 
 
 def test_no_interval_without_persons_or_scatter():
-    two, five = by_person([1.0, 2.0]), by_person(range(5))
-    found = compare_means(two, five, paired=False, names=NAMES)
+    found = compare(("expert", 23, [1.0, 2.0]), ("novice", 23, range(5)))
     assert found.p_value is None and found.low is None and found.difference == pytest.approx(-0.5)
     assert found.remark == "no interval: 2 persons (expert), at least 3 are needed"
-    paired = compare_means(two, five, paired=True, names=NAMES)
-    assert paired.remark == "no interval: 2 persons (expert), at least 3 are needed"
-    alike = compare_means(by_person([1.0] * 4), by_person([2.0] * 4), paired=False, names=NAMES)
-    assert alike.remark == "no interval: all persons have the same value" and alike.p_value is None
-    assert compare_means(five, by_person([-1.0, -2.0, 0.0]), paired=False, names=NAMES).percent is None
+    paired = compare(("expert", 15, [1.0, 2.0]), ("expert", 23, range(5)))
+    assert paired.remark == "no interval: 2 persons (15 kg), at least 3 are needed"
+    constant = compare(("expert", 23, [1.0] * 4), ("novice", 23, [2.0] * 4))
+    assert constant.remark == "no interval: all persons have the same value" and constant.p_value is None
+    assert compare(("expert", 23, range(5)), ("novice", 23, [-1.0, -2.0, 0.0])).percent is None
 
 
 @pytest.fixture(scope="module")
@@ -127,12 +130,12 @@ def test_too_few_people_are_named_and_not_tested(table):
 
 
 def test_wrong_tables_are_refused(table, tmp_path):
-    with pytest.raises(InputError, match="no columns person"):
+    with pytest.raises(lumbar.InputError, match="no columns person"):
         lumbar.compare_groups(table.drop(columns="person"))
-    with pytest.raises(InputError, match="nobody is labelled 'trained'"):
+    with pytest.raises(lumbar.InputError, match="nobody is labelled 'trained'"):
         lumbar.compare_groups(table, groups=("trained", "novice"))
-    with pytest.raises(InputError, match="expert_0: a person of 2 groups"):
+    with pytest.raises(lumbar.InputError, match="expert_0: a person of 2 groups"):
         lumbar.compare_groups(pd.concat([table, table.head(1).assign(group="novice")]))
     (tmp_path / "broken.csv").write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(InputError, match=r"broken\.csv: not a table"):
+    with pytest.raises(lumbar.InputError, match=r"broken\.csv: not a table"):
         lumbar.compare_groups(tmp_path / "broken.csv")

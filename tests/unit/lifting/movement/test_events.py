@@ -1,36 +1,39 @@
-"""Events of a lift against movements whose events are known, and against recordings of people."""
+"""Events of a lift against movements with known events, and against recordings of people."""
 
 import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from lifting_cases import cut, without
+from lifting_cases import ANN, cut, mark, noisy_recording, recording_of, trial_of, without
 
-from lumbar.base.errors import InputError
-from lumbar.lifting.movement.cleaning import fill_gaps, filter_markers
-from lumbar.lifting.movement.event_detection import find_events
-from lumbar.lifting.movement.events import compare_with_file, lift_windows, phases
-from lumbar.records.marker_file import RecordedEvent
-from lumbar.records.markers import MarkerRecording, read_markers
-from lumbar.settings.layout import MarkerLayout
-from lumbar.settings.lifting import DeclaredEvents, EventLabels, EventSettings, TrialSettings
-from lumbar.twin.lifting_recordings import write_lift
-from study_settings import study_settings
+import lumbar
+from study_settings import changed, study_settings
 
 RATE = 100.0
 TIME = np.arange(0, 8, 1 / RATE)
-SETTINGS = EventSettings()
+LIFTING = lumbar.load_settings().lifting
 TRUE = {"lift_off": 2.0, "toe_off": 3.2, "deposit_start": 5.0, "release": 6.5}
+
+
+def lift_of(recording, by_hand=None, **rules):
+    return lumbar.lift(
+        recording, ANN, trial=trial_of(events=by_hand), settings=changed(LIFTING, events=rules)
+    )
+
+
+def events_of(recording, by_hand=None, **rules):
+    return lift_of(recording, by_hand, **rules).analysed.events
 
 
 @pytest.fixture(scope="module")
 def squat(shared):
-    """Floor pick-ups and squats of an athlete, 21 s, with hands and toes, filtered."""
+    """Floor pick-ups and squats of an athlete, 21 s, with hands and toes."""
     aliases = {"L_TOE": "LTOE", "R_TOE": "RTOE", "R_WRIST": "ROWR", "L_WRIST": "LOWR"}
-    layout = MarkerLayout(up="+y", forward="+z", check_axes=False, aliases=aliases)
-    file = shared / "real" / "lifting" / "athlete_floor_pickup_squats" / "squat.c3d"
-    return filter_markers(fill_gaps(read_markers(file, layout), 0.2)[0])
+    layout = lumbar.MarkerLayout(up="+y", forward="+z", check_axes=False, aliases=aliases)
+    return lumbar.read(
+        shared / "real" / "lifting" / "athlete_floor_pickup_squats" / "squat.c3d", layout=layout
+    )
 
 
 def moved(recording, axis, way, *names):
@@ -68,17 +71,18 @@ def scene(step=0.6, shuffle=0.0, hesitation=0.0, drop=0.25, leave=True, pause=Fa
         "L_TOE": toe,
         "R_TOE": np.tile([0.2, 0.0, 0.02], (len(TIME), 1)),
     }
+    trunk = {"C7": 1.5, "T12": 1.2, "L5": 1.0, "L_HIP": 0.9, "R_HIP": 0.9}
+    positions |= {name: np.tile([0.0, 0.0, height], (len(TIME), 1)) for name, height in trunk.items()}
     if seed is not None:
         rng = np.random.default_rng(seed)
         positions = {name: points + rng.normal(0, 5e-4, points.shape) for name, points in positions.items()}
-        return filter_markers(MarkerRecording("scene", TIME, RATE, positions, source="scene.c3d"), 6.0)
-    return MarkerRecording("scene", TIME, RATE, positions, source="scene.c3d")
+    return recording_of(positions, name="scene")
 
 
 @pytest.mark.parametrize("seed", [None, 1, 2, 3])
 @pytest.mark.parametrize("shuffle", [0.0, 0.15])
 def test_known_events_are_found(seed, shuffle):
-    events = find_events(scene(seed=seed, shuffle=shuffle), SETTINGS)
+    events = events_of(scene(seed=seed, shuffle=shuffle))
     assert {event.method for event in events.values()} == {"detected"}
     for name, true in TRUE.items():
         assert events[name].time_s == pytest.approx(true, abs=0.05), name
@@ -91,19 +95,15 @@ def test_known_events_are_found(seed, shuffle):
         *((f"{who}_23kg", 9, 3.0, 0.08) for who in ("expert", "novice")),
     ],
 )  # fmt: skip
-def test_the_twins_events_are_found_at_six_times_the_noise_too(tmp_path, lift, seed, noise_mm, off_s):
-    config, twin = study_settings().lifting, study_settings().twin.lifting
-    write_lift(
-        twin.model_copy(update={"marker_noise_mm": noise_mm}), lift, [seed], tmp_path / "lift.c3d", None
-    )
-    recording, _ = fill_gaps(read_markers(tmp_path / "lift.c3d", config.markers))
-    events = find_events(filter_markers(recording), config.events)
-    for name, true in vars(twin.lifts[lift].events_s).items():
-        assert events[name].time_s == pytest.approx(true, abs=off_s), name
+def test_events_of_the_twin_are_found_at_six_times_the_noise(tmp_path, lift, seed, noise_mm, off_s):
+    config = study_settings()
+    found = lumbar.lift(noisy_recording(lift, seed, noise_mm, tmp_path), ANN, 15.0, settings=config.lifting)
+    for name, true in vars(config.twin.lifting.lifts[lift].events_s).items():
+        assert found.analysed.events[name].time_s == pytest.approx(true, abs=off_s), name
 
 
 def box_set(value, kept=slice(None)):
-    """The scene with the box's markers, in some frames, where they are told."""
+    """The scene with the box's markers, in some frames, at a given place."""
     recording = scene()
     for name in ("BOX_1", "BOX_2"):
         recording[name][kept] = recording[name][0] if value == "at rest" else value
@@ -160,26 +160,23 @@ SCENES = {
 @pytest.mark.parametrize("name", SCENES)
 def test_events_of_a_scene_are_found_or_absent_with_a_reason(name):
     recording, otherwise = SCENES[name]
-    events = find_events(recording(), SETTINGS)
-    expected = TRUE | otherwise
+    lift = lift_of(recording())
+    events, expected = lift.analysed.events, TRUE | otherwise
     for event, true in expected.items():
         assert events[event].time_s == (true and pytest.approx(true, abs=0.06)), event
         assert true or (events[event].method == "absent" and events[event].how)
     if expected["lift_off"] and expected["release"]:
-        seen = list(dict.fromkeys(phases(TIME, events)))
-        assert seen == ["before", "lift", *["carry"] * bool(expected["toe_off"]), "deposit", "after"]
-
-
-def words_of(message):
-    return set(re.findall(r"[\w.]+\w", message))
+        phases = lift.body["phase"].unique().tolist()
+        assert phases == ["before", "lift", *["carry"] * bool(expected["toe_off"]), "deposit", "after"]
 
 
 def test_a_box_that_is_not_set_down_is_no_deposit():
-    events = find_events(scene(drop=0.02), SETTINGS)
-    assert events["deposit_start"].time_s is None
-    assert {"0.025", "0.019", "lifting.events.descent_m"} <= words_of(events["deposit_start"].how)
-    assert events["lift_off"].time_s == pytest.approx(2.0, abs=0.05)
-    assert set(phases(TIME, events)) == {"before", "lift", "carry", "after"}
+    lift = lift_of(scene(drop=0.02))
+    event = lift.analysed.events["deposit_start"]
+    assert event.time_s is None and "lifting.events.descent_m" in event.how
+    assert "needs 0.025 m" in event.how and "0.019 would give one" in event.how
+    assert lift.analysed.events["lift_off"].time_s == pytest.approx(2.0, abs=0.05)
+    assert set(lift.body["phase"]) == {"before", "lift", "carry", "after"}
 
 
 @pytest.mark.parametrize("drop", [0.046, 0.039])
@@ -187,53 +184,51 @@ def test_a_box_that_is_not_set_down_is_no_deposit():
 def test_a_small_descent_is_a_deposit_where_the_box_hardly_goes_down_otherwise(drop, bob, found):
     """Steps of 2 Hz move the box up and down while it is carried: what goes down hardly further than they is none."""
     steps = bob * np.sin(4 * np.pi * TIME) * (ramp(3.2, 3.4) - ramp(4.6, 4.9))
-    event = find_events(moved(scene(drop=drop), 2, steps, *CARRIED), SETTINGS)["deposit_start"]
+    event = events_of(moved(scene(drop=drop), 2, steps, *CARRIED))["deposit_start"]
     assert (event.time_s is not None) == found
     if found:
         assert event.earliest_s <= 5.0 + 0.02 and event.time_s == pytest.approx(5.2, abs=0.05)
     else:
-        assert {"0.05", "lifting.events.descent_m"} <= words_of(event.how)
+        assert "needs 0.05 m" in event.how and "lifting.events.descent_m" in event.how
 
 
 def test_an_event_set_by_hand_replaces_the_detected_one():
-    declared = DeclaredEvents(deposit_start_s=5.2, reason="hands regrip")
-    event = find_events(scene(), SETTINGS, declared)["deposit_start"]
+    event = events_of(scene(), {"deposit_start_s": 5.2, "reason": "hands regrip"})["deposit_start"]
     assert (event.time_s, event.method) == (5.2, "declared")
     assert event.detected_s == pytest.approx(5.0, abs=0.05)
     assert "hands regrip" in event.how
 
 
-def test_what_cannot_be_detected_can_be_declared():
+def test_events_that_cannot_be_detected_can_be_declared():
     bare = without(scene(), "BOX", "L_WRIST", "R_WRIST")
-    events = find_events(bare, SETTINGS)
-    assert {event.method for event in events.values()} == {"absent"}
-    events = find_events(bare, SETTINGS, DeclaredEvents(lift_off_s=2.0, release_s=6.5))
+    assert {event.method for event in events_of(bare).values()} == {"absent"}
+    events = events_of(bare, {"lift_off_s": 2.0, "release_s": 6.5})
     assert events["toe_off"].time_s == pytest.approx(3.2, abs=0.05)
     assert events["deposit_start"].method == "absent"
 
 
 @pytest.mark.parametrize(
-    ("declared", "words"),
+    ("declared", "problem"),
     [
         ({"lift_off_s": 99.0, "release_s": 6.5}, "the recording runs from 0 to 7.99 s"),
         ({"deposit_start_s": 7.0}, "release: 6.4.* is not after deposit_start at 7 s"),
         ({"toe_off_s": 1.0}, "toe_off: 1 s is not after lift_off"),
     ],
 )
-def test_events_out_of_order_are_refused(declared, words):
-    with pytest.raises(InputError, match=words):
-        find_events(scene(), SETTINGS, DeclaredEvents(**declared))
+def test_events_out_of_order_are_rejected(declared, problem):
+    with pytest.raises(lumbar.InputError, match=problem):
+        events_of(scene(), declared)
 
 
-def test_a_person_sets_a_box_on_a_shelf(shared, project):
+def test_a_person_sets_a_box_on_a_shelf(shared):
     """The box slides on its shelf from 1.60 s, rises by 0.26 m until 2.96 s and rests at 3.73 s (raw data, read by others).
 
     The wrists are slowest while it is swung upwards: there the thesis's rule finds the start of a deposit.
     """
     study = study_settings("studies/box_transfer.yaml").lifting
-    recording = read_markers(shared / "real" / "lifting" / "s2m_box_transfer" / "Vicon.c3d", study.markers)
-    recording, _ = fill_gaps(recording)
-    events = find_events(filter_markers(recording), study.events)
+    file = shared / "real" / "lifting" / "s2m_box_transfer" / "Vicon.c3d"
+    recording = lumbar.read(file, layout=study.markers)
+    events = lumbar.lift(recording, ANN, 6.0, settings=study).analysed.events
     lifted, deposit = events["lift_off"], events["deposit_start"]
     assert 2.0 <= lifted.time_s <= 2.2
     assert deposit.time_s == pytest.approx(2.96, abs=0.02)
@@ -244,95 +239,84 @@ def test_a_person_sets_a_box_on_a_shelf(shared, project):
 
 
 def test_the_thesis_starts_the_deposit_with_the_slowest_wrists():
-    """The box stands still for 0.05 s at 3.9 s of its way and at 5 s; both rules stand beside either start."""
-    by_descent = find_events(scene(pause=True), SETTINGS)["deposit_start"]
-    event = find_events(scene(pause=True), SETTINGS.model_copy(update={"deposit_start": "wrist_minimum"}))[
-        "deposit_start"
-    ]
+    """The box rests for 0.05 s at 3.9 s and at 5 s; an event has the start by both rules."""
+    by_descent = events_of(scene(pause=True))["deposit_start"]
+    event = events_of(scene(pause=True), deposit_start="wrist_minimum")["deposit_start"]
     assert event.time_s == event.thesis_s == by_descent.thesis_s
     assert event.descent_s == by_descent.descent_s == by_descent.time_s
-    by_hand = find_events(scene(pause=True), SETTINGS, DeclaredEvents(deposit_start_s=4.8))["deposit_start"]
+    by_hand = events_of(scene(pause=True), {"deposit_start_s": 4.8})["deposit_start"]
     assert (by_hand.time_s, by_hand.descent_s, by_hand.thesis_s) == (4.8, by_descent.time_s, event.time_s)
-    deep = SETTINGS.model_copy(update={"deposit_start": "wrist_minimum", "prominence_m_s": 2.0})
-    none = find_events(scene(pause=True), deep)["deposit_start"]
-    assert none.time_s is None and "lifting.events.prominence_m_s" in words_of(none.how)
+    none = events_of(scene(pause=True), deposit_start="wrist_minimum", prominence_m_s=2.0)["deposit_start"]
+    assert none.time_s is None and "lifting.events.prominence_m_s" in none.how
 
 
 def test_a_box_that_creeps_up_and_rises_no_further_is_lifted():
-    """It rises by just what makes a lift, and too slowly to be told from rest."""
+    """It rises by just what makes a lift, and too slowly to be distinguished from rest."""
     recording = scene()
     for name in ("BOX_1", "BOX_2"):
         recording[name][:, 1] = ramp(1.9, 5.0)
-        recording[name][:, 2] = 0.3 + (SETTINGS.rise_m + 0.001) * ramp(2.0, 4.5)
-    event = find_events(recording, SETTINGS)["lift_off"]
+        recording[name][:, 2] = 0.3 + (LIFTING.events.rise_m + 0.001) * ramp(2.0, 4.5)
+    event = events_of(recording)["lift_off"]
     assert event.earliest_s <= event.time_s < event.latest_s <= 4.7
 
 
 @pytest.mark.parametrize("seed", [None, 4, 5])
 @pytest.mark.parametrize("wrists", ["both", "right"])
-def test_without_a_box_the_hands_tell(seed, wrists):
+def test_hands_replace_a_box_without_markers(seed, wrists):
     bare = without(scene(seed=seed), "BOX", *(["L_WRIST"] if wrists == "right" else []))
-    events = find_events(bare, SETTINGS)
+    events = events_of(bare)
     for name, true in TRUE.items():
         assert events[name].time_s == pytest.approx(true, abs=0.1), name
 
 
 def test_hands_pick_up_from_the_floor_and_put_down_there(squat):
-    """Nothing but hands: the person bends to the floor until 1.4 s and again from 18.55 s on (raw data)."""
-    events = find_events(without(squat, "L_TOE", "R_TOE"), SETTINGS)
+    """Only hands: the person bends to the floor until 1.4 s and again from 18.55 s (raw data)."""
+    events = events_of(without(squat, "L_TOE", "R_TOE"))
     assert 1.0 < events["lift_off"].time_s < 1.6
     assert events["deposit_start"].time_s == pytest.approx(18.55, abs=0.2)
     assert 19.0 < events["release"].time_s < 20.6
 
 
-def test_a_box_that_is_lifted_again_is_asked_about_and_cut_while_it_waits():
-    once = scene()
-    twice = {name: np.concatenate([points, points]) for name, points in once.positions.items()}
-    again = replace(once, time=np.arange(2 * len(TIME)) / RATE, positions=twice)
-    [first, second] = lift_windows(again, SETTINGS)
-    assert first[0] == 0.0 and 8.0 < first[1] == second[0] < 10.0 and second[1] == again.time[-1]
-
-
-STEPS = (RecordedEvent("Foot Off", "Left", 0.5), RecordedEvent("Foot Off", "Right", 3.25))
+def test_a_box_that_is_lifted_twice_is_reported_with_windows():
+    twice = recording_of({name: np.concatenate([points] * 2) for name, points in scene().positions.items()})
+    how = events_of(twice)["release"].how
+    (start, middle), (again, end) = re.findall(r"\[([\d.]+), ([\d.]+)\]", how)
+    assert float(start) == 0.0 and 8.0 < float(middle) == float(again) < 10.0 and float(end) == 15.99
 
 
 @pytest.fixture(scope="module")
 def lift():
-    """True lift-off 2.0 s, toe-off 3.2 s, deposit 5.0 s, release 6.5 s; marked otherwise by somebody."""
+    """True lift-off 2.0 s, toe-off 3.2 s, deposit 5.0 s, release 6.5 s; marked otherwise in the file."""
+    steps = mark("Foot Off", 0.5, "Left"), mark("Foot Off", 3.25, "Right")
     marks = (
-        RecordedEvent("Lift-Off", "General", 1.9),
-        *STEPS,
-        RecordedEvent("Box_Release", "", 6.8),
-        RecordedEvent("Cough", "", 4.0),
-        RecordedEvent("Cough", "", 70.0),
+        mark("Lift-Off", 1.9, "General"),
+        *steps,
+        mark("Box_Release", 6.8),
+        mark("Cough", 4.0),
+        mark("Cough", 70.0),
     )
     return replace(scene(seed=1), events=marks)
 
 
-def test_the_files_events_stand_beside_ours_and_change_nothing(lift):
-    events = find_events(lift, SETTINGS)
-    alone = find_events(replace(lift, events=()), SETTINGS)
-    assert {name: event.time_s for name, event in events.items()} == {
-        name: event.time_s for name, event in alone.items()
-    }
+def test_events_of_the_file_are_compared_and_change_nothing(lift):
+    marked, unmarked = lift_of(lift), lift_of(replace(lift, events=()))
+    events = marked.analysed.events
+    assert [event.time_s for event in events.values()] == [
+        event.time_s for event in unmarked.analysed.events.values()
+    ]
     assert [event.file_s for event in events.values()] == [1.9, 3.25, None, 6.8]
-    lines = compare_with_file(lift, events, SETTINGS.labels)
-    early = events["toe_off"].time_s - 3.25
+    lines, early = str(marked).splitlines(), events["toe_off"].time_s - 3.25
     assert any(
         "toe_off 3.250 s (Right Foot Off)" in line and f"{-early:.3f} s earlier" in line for line in lines
     )
     assert sum("Cough at 4.00 s" in line for line in lines) == 1
     assert sum("outside 0.00 to 7.99 s" in line and "Cough at 70.00 s" in line for line in lines) == 1
-    assert compare_with_file(replace(lift, events=()), alone, SETTINGS.labels) == []
+    assert "events of the file" not in str(unmarked)
 
 
-@pytest.mark.parametrize("by", ["trial", "study"])
-def test_the_files_events_replace_ours_where_that_is_asked_for(lift, by):
-    trial = TrialSettings.model_validate(
-        {**TrialSettings(box_mass_kg=15.0, markers="lift.c3d").model_dump(mode="json"), "events": "file"}
-    )
-    settings = SETTINGS if by == "trial" else SETTINGS.model_copy(update={"taken_from": "file"})
-    events = find_events(lift, settings, trial.events if by == "trial" else None)
+@pytest.mark.parametrize(("trial", "study"), [("file", "detection"), (None, "file")])
+def test_events_of_the_file_replace_detected_ones_if_selected(lift, trial, study):
+    events = events_of(lift, trial, taken_from=study)
     assert {
         name: (event.time_s, event.method) for name, event in events.items() if name != "deposit_start"
     } == {"lift_off": (1.9, "file"), "toe_off": (3.25, "file"), "release": (6.8, "file")}
@@ -340,19 +324,19 @@ def test_the_files_events_replace_ours_where_that_is_asked_for(lift, by):
     assert events["release"].detected_s == pytest.approx(6.5, abs=0.05)
 
 
-def test_what_is_set_by_hand_goes_before_the_file(lift):
-    by_hand = DeclaredEvents(release_s=6.6, reason="seen on video")
-    release = find_events(lift, SETTINGS.model_copy(update={"taken_from": "file"}), by_hand)["release"]
+def test_events_set_by_hand_precede_those_of_the_file(lift):
+    release = events_of(lift, {"release_s": 6.6, "reason": "seen on video"}, taken_from="file")["release"]
     assert (release.time_s, release.method, release.file_s) == (6.6, "declared", 6.8)
 
 
-def test_a_files_events_that_leave_a_doubt_are_refused_and_only_told_otherwise(lift):
-    twice = replace(lift, events=(*lift.events, RecordedEvent("release", "", 7.0)))
-    with pytest.raises(InputError, match=r"release in the file: Box_Release at 6\.80 s, release at 7\.00 s"):
-        find_events(twice, SETTINGS, "file")
-    events = find_events(twice, SETTINGS)
-    assert events["release"].file_s is None and "window_s" in events["release"].file
-    with pytest.raises(InputError, match="holds 'Cough', and 1 outside"):
-        find_events(replace(lift, events=lift.events[-2:]), SETTINGS, "file")
-    own = SETTINGS.model_copy(update={"labels": EventLabels(deposit_start=("cough",))})
-    assert find_events(lift, own, "file")["deposit_start"].time_s == 4.0
+def test_ambiguous_events_of_the_file_are_rejected_only_if_selected(lift):
+    twice = replace(lift, events=(*lift.events, mark("release", 7.0)))
+    with pytest.raises(
+        lumbar.InputError, match=r"release in the file: Box_Release at 6\.80 s, release at 7\.00 s"
+    ):
+        events_of(twice, "file")
+    release = events_of(twice)["release"]
+    assert release.file_s is None and "window_s" in release.file
+    with pytest.raises(lumbar.InputError, match="holds 'Cough', and 1 outside"):
+        events_of(replace(lift, events=lift.events[-2:]), "file")
+    assert events_of(lift, "file", labels={"deposit_start": ["cough"]})["deposit_start"].time_s == 4.0
