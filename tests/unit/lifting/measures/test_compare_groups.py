@@ -16,7 +16,7 @@ def compare(*sides):
         for person, value in enumerate(values)
     ]
     columns = ["person", "group", "box_mass_kg", "measure", "plane", "value"]
-    [comparison] = lumbar.compare_groups(pd.DataFrame(rows, columns=columns)).comparisons
+    comparison, *_ = lumbar.compare_groups(pd.DataFrame(rows, columns=columns)).comparisons
     return comparison.difference
 
 
