@@ -1,12 +1,11 @@
 """Motion: position over time with its derivatives, path and reversals.
 
-Of one record (`Motion`), as a running loop knows it (`SampledMotion`), of several records (`JoinedMotions`), along several axes
-(`SpatialMotion`). `lumbar.tissue.models.parameter.SIGNALS` gives the symbols by which equations call its signals.
+`Motion` is that of one record, `SampledMotion` that of a running loop, `JoinedMotions` those of several records, `SpatialMotion`
+one along several axes. `lumbar.tissue.models.parameter.SIGNALS` defines the symbols of the signals in equations.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -23,7 +22,7 @@ SUBSTEPS = 4
 
 
 class ResultCache:
-    """Results that were computed from the data of one object, e.g. forces on a motion; the object owns it as a field."""
+    """Results computed from the data of one object, for example forces on a motion; the object owns it as a field."""
 
     def __init__(self) -> None:
         self._latest: dict[tuple[Hashable, bytes], Any] = {}
@@ -32,11 +31,10 @@ class ResultCache:
     def compute_at(self, name: Hashable, nonlinear: np.ndarray, compute: Callable[[], Any]) -> Any:
         """Return the result of `compute`, cached for the latest few nonlinear parameters: fits change one at a time."""
         key = name, np.asarray(nonlinear, dtype=float).tobytes()
-        latest = self._latest
-        result = latest.pop(key) if key in latest else compute()
-        latest[key] = result
-        if len(latest) > _MAX_LATEST:
-            del latest[next(iter(latest))]
+        result = self._latest.pop(key) if key in self._latest else compute()
+        self._latest[key] = result
+        if len(self._latest) > _MAX_LATEST:
+            del self._latest[next(iter(self._latest))]
         return result
 
     def compute_once(self, name: Hashable, compute: Callable[[], Any]) -> Any:
@@ -51,19 +49,17 @@ class Motion:
     """Evenly sampled position of the tool about the record's zero."""
 
     time: np.ndarray
-    """Shape (samples,): seconds since the record's start: history effects begin afresh in each record."""
+    """Seconds since the record's start, shape (samples,)."""
     position: np.ndarray
     """Shape (samples,)."""
     sampling_time: float
     """Seconds."""
     smooth: bool = True
-    """Whether the position is a smooth signal. A position behind play is not: its derivatives are differences instead of those of
-    a spline."""
+    """True for a smooth signal. A position behind play is not smooth: its derivatives are differences, not those of a spline."""
     channels: dict[str, np.ndarray] = field(default_factory=dict)
-    """Further measured signals by role, for effects that need them."""
+    """Additional measured signals by role, for effects that need them."""
     between: np.ndarray | None = None
-    """Shape (1 + (samples - 1) * `SUBSTEPS`,): position in steps between the samples, if it is not smooth but known
-    there."""
+    """Position in steps between the samples, shape (1 + (samples - 1) * `SUBSTEPS`,), if it is not smooth but known there."""
     interpolation: Callable[..., np.ndarray] | None = None
     """From times and the order of the derivative to the position between samples; None: the spline through them."""
     cache: ResultCache = field(init=False, repr=False, default_factory=ResultCache)
@@ -71,12 +67,9 @@ class Motion:
 
     @classmethod
     def of(cls, record: Record, role: str = "input", offset: float = 0.0) -> Motion:
-        """Return the motion of one channel of a record, counted from `offset`, with the further channels."""
-        channels = {
-            name: channel.values
-            for name, channel in record.channels.items()
-            if name not in (role, "input", "output")
-        }
+        """Return the motion of one channel of a record less `offset`, with the additional channels."""
+        others = record.channels.keys() - {role, "input", "output"}
+        channels = {name: channel.values for name, channel in record.channels.items() if name in others}
         time = record.time - record.time[0]
         return cls(time, record[role] - offset, record.sampling_time, channels=channels)
 
@@ -98,10 +91,10 @@ class Motion:
     @cached_property
     def velocities(self) -> np.ndarray:
         """First derivative at the sample before, halfway and at every sample, shape (3, samples); 0 at the first sample."""
-        found = np.zeros((3, len(self)))
+        velocities = np.zeros((3, len(self)))
         halfway = self._spline(self.time[:-1] + 0.5 * self.sampling_time, 1)
-        found[:, 1:] = self.velocity[:-1], halfway, self.velocity[1:]
-        return found
+        velocities[:, 1:] = self.velocity[:-1], halfway, self.velocity[1:]
+        return velocities
 
     @cached_property
     def acceleration(self) -> np.ndarray:
@@ -140,7 +133,6 @@ class Motion:
         inner = samples[1:-1]
         if not self.smooth or not len(inner):
             return turns, samples
-        # Vertex of the parabola through three samples, then one step of Newton's method for a velocity of 0.
         before, at, after = position[inner - 1], position[inner], position[inner + 1]
         vertex = 0.5 * (after - before) / (2 * at - before - after)
         time = self.time[inner] + self.sampling_time * np.clip(vertex, -1.0, 1.0)
@@ -149,11 +141,11 @@ class Motion:
             step = np.nan_to_num(speed / curvature, posinf=0.0, neginf=0.0) / self.sampling_time
         time = time - self.sampling_time * np.clip(step, -0.5, 0.5)
         extreme = self._spline(time)
-        # A rest, or a corner at which the spline does not pass the sample, turns at the sample itself.
-        rests = (before == at) & (position[np.maximum(inner - 2, 0)] == at)
-        beyond = ((extreme - at) * np.sign(2 * at - before - after) > 0) & ~rests
-        turns[1:-1] = np.where(beyond, extreme, at)
-        samples[1:-1] += beyond & (time > self.time[inner])
+        # A rest, or a corner at which the spline does not exceed the sample, turns at the sample itself.
+        is_rest = (before == at) & (position[np.maximum(inner - 2, 0)] == at)
+        is_extreme = ((extreme - at) * np.sign(2 * at - before - after) > 0) & ~is_rest
+        turns[1:-1] = np.where(is_extreme, extreme, at)
+        samples[1:-1] += is_extreme & (time > self.time[inner])
         return turns, samples
 
     @property
@@ -168,35 +160,23 @@ class Motion:
         return np.append(np.repeat(np.arange(len(samples) - 1), np.diff(samples)), len(samples) - 2)
 
     def delayed(self, delay: float) -> Motion:
-        """Motion `delay` seconds ago, at rest at its first position before the record began."""
+        """Return the motion `delay` seconds ago, at rest at its first position before the record began."""
+
+        def interpolate(time: np.ndarray, order: int = 0) -> np.ndarray:
+            values = self._spline(np.maximum(time - delay, 0.0), order)
+            return np.where(time >= delay, values, 0.0) if order else values
+
         past = self.time - delay
         channels = {name: np.interp(past, self.time, values) for name, values in self.channels.items()}
-        spline = self._spline
-
-        def delayed_spline(time: np.ndarray, order: int = 0) -> np.ndarray:
-            found = spline(np.maximum(time - delay, 0.0), order)
-            return np.where(time >= delay, found, 0.0) if order else found
-
-        return Motion(
-            self.time,
-            spline(np.maximum(past, 0.0)),
-            self.sampling_time,
-            channels=channels,
-            interpolation=delayed_spline,
-        )
+        position, step = interpolate(self.time), self.sampling_time
+        return Motion(self.time, position, step, channels=channels, interpolation=interpolate)
 
     def beginning(self, samples: int) -> Motion:
-        """The first samples of the motion."""
+        """Return the first samples of the motion."""
         channels = {name: values[:samples] for name, values in self.channels.items()}
         between = None if self.between is None else self.between[: 1 + (samples - 1) * SUBSTEPS]
-        return replace(
-            self,
-            time=self.time[:samples],
-            position=self.position[:samples],
-            channels=channels,
-            between=between,
-            interpolation=None,
-        )
+        time, position = self.time[:samples], self.position[:samples]
+        return type(self)(time, position, self.sampling_time, self.smooth, channels, between)
 
     @cached_property
     def finer(self) -> Motion:
@@ -206,18 +186,18 @@ class Motion:
         return Motion(time, self._spline(time), step, interpolation=self._spline)
 
     def replace_position(self, position: np.ndarray, between: np.ndarray | None = None) -> Motion:
-        """Motion with a position that is not smooth, on the same clock; `between` are its steps between the samples."""
+        """Return the motion with a position that is not smooth; `between` contains its steps between the samples."""
         return Motion(self.time, position, self.sampling_time, False, self.channels, between)
 
-    def through(self, moved: Callable[[Motion], np.ndarray]) -> Motion:
-        """Motion whose position is what `moved` makes of it and which is not smooth; on the same clock."""
+    def through(self, operator: Callable[[Motion], np.ndarray]) -> Motion:
+        """Return the motion with the position that an operator with corners computes from it."""
         if not self.smooth:
-            return self.replace_position(moved(self))
-        between = moved(self.finer)
+            return self.replace_position(operator(self))
+        between = operator(self.finer)
         return self.replace_position(between[::SUBSTEPS], between)
 
     def scale(self, kind: str) -> float:
-        """Size of a quantity, for starting values: see `lumbar.tissue.models.parameter.NonlinearParameter`."""
+        """Return the size of a quantity for starting values: see `lumbar.tissue.models.parameter.NonlinearParameter`."""
         return {
             "position": lambda: float(np.ptp(self.position) / 2),
             "speed": lambda: float(np.abs(self.velocity).max()),
@@ -232,17 +212,16 @@ class Motion:
 
 @dataclass(frozen=True, eq=False)
 class SampledMotion(Motion):
-    """Motion whose derivatives are backward differences, both 0 at the first sample.
+    """Motion with backward differences as derivatives, both 0 at the first sample.
 
-    Against the true derivative of a smooth motion the velocity is late by half a sample, the acceleration by a whole
-    one. Attributes are those of `Motion`.
+    The velocity of a smooth motion is late by half a sample, its acceleration by a whole one.
     """
 
     smooth: bool = False
 
     @classmethod
     def of_positions(cls, position: np.ndarray, sampling_time: float) -> SampledMotion:
-        """Motion through these positions, shape (samples,), from time 0 on."""
+        """Return the motion through these positions, shape (samples,), from time 0."""
         return cls(np.arange(len(position)) * sampling_time, position, sampling_time)
 
     @cached_property
@@ -256,22 +235,18 @@ class SampledMotion(Motion):
         return np.diff(self.velocity, prepend=0.0) / self.sampling_time
 
     def delayed(self, delay: float) -> SampledMotion:
-        """Motion `delay` seconds ago, in straight lines between samples, at rest before the first one."""
-        samples = delay / self.sampling_time
-        whole = math.floor(samples)
-        newer, older = (
-            np.concatenate([np.full(min(late, len(self)), self.position[0]), self.position[: -late or None]])
-            for late in (whole, whole + 1)
-        )
-        length = len(self)
-        return self.replace_position(newer[:length] + (samples - whole) * (older[:length] - newer[:length]))
+        """Return the motion `delay` seconds ago, in straight lines between samples, at rest before the first one."""
+        whole, fraction = divmod(delay / self.sampling_time, 1.0)
+        index = np.arange(len(self)) - int(whole)
+        newer, older = self.position[np.maximum(index, 0)], self.position[np.maximum(index - 1, 0)]
+        return self.replace_position(newer + fraction * (older - newer))
 
-    def through(self, moved: Callable[[Motion], np.ndarray]) -> SampledMotion:
-        """Motion whose position is what `moved` makes of the samples, on the same clock."""
-        return self.replace_position(moved(self))
+    def through(self, operator: Callable[[Motion], np.ndarray]) -> SampledMotion:
+        """Return the motion with the position that an operator computes from the samples."""
+        return self.replace_position(operator(self))
 
     def replace_position(self, position: np.ndarray, between: np.ndarray | None = None) -> SampledMotion:
-        """Motion with another position, on the same clock; a running loop knows nothing between the samples."""
+        """Return the motion with another position; a running loop knows nothing between the samples."""
         return SampledMotion(self.time, position, self.sampling_time)
 
 
@@ -284,7 +259,7 @@ class JoinedMotions:
     """Motions one after the other, each with its own clock, path and cache."""
 
     parts: tuple[Motion, ...]
-    """Sampled at the same interval."""
+    """Motions with equal sampling times."""
 
     def __len__(self) -> int:
         return sum(len(part) for part in self.parts)
@@ -302,16 +277,13 @@ class JoinedMotions:
 
     @property
     def channels(self) -> dict[str, np.ndarray]:
-        """Further channels that all records have."""
-        common = set.intersection(*(set(part.channels) for part in self.parts))
-        return {
-            name: np.concatenate([part.channels[name] for part in self.parts])
-            for name in self.parts[0].channels
-            if name in common
-        }
+        """Additional channels that all records have."""
+        first, *others = (part.channels for part in self.parts)
+        common = [name for name in first if all(name in other for other in others)]
+        return {name: np.concatenate([part.channels[name] for part in self.parts]) for name in common}
 
     def scale(self, kind: str) -> float:
-        """Largest size of a quantity in any of the records: see `lumbar.tissue.models.parameter.NonlinearParameter`."""
+        """Return the largest size of a quantity in any of the records, as `Motion.scale`."""
         return max(part.scale(kind) for part in self.parts)
 
     def split(self, signal: np.ndarray) -> list[np.ndarray]:
@@ -330,7 +302,7 @@ class SpatialMotion(JoinedMotions):
 
     @classmethod
     def of(cls, record: Record, rests: Sequence[float] = ()) -> Self:
-        """Motion of a record of several axes; positions are counted from `rests`, by default as recorded."""
+        """Return the motion of a record of several axes; positions are relative to `rests`, by default as recorded."""
         along = zip(record.axes, rests or [0.0] * len(record.axes), strict=True)
         parts = tuple(Motion.of(record.axis(axis), offset=rest) for axis, rest in along)
         return cls(parts, names=record.axes)
@@ -338,7 +310,7 @@ class SpatialMotion(JoinedMotions):
     time = cached_property(lambda self: self.parts[0].time)
 
     def along(self, axis: str) -> Motion:
-        """Motion along one axis."""
+        """Return the motion along one axis."""
         return self.parts[self.names.index(axis)]
 
     def each(self, change: Callable[[Motion], Motion]) -> Self:
@@ -361,11 +333,11 @@ class SpatialMotion(JoinedMotions):
         return {f"axis {name}": part.position for name, part in zip(self.names, self.parts, strict=True)}
 
     def delayed(self, delay: float) -> Self:
-        """Motion `delay` seconds ago, at rest at its first position before the record began."""
+        """Return the motion `delay` seconds ago, at rest at its first position before the record began."""
         return self.each(lambda part: part.delayed(delay))
 
     def scale(self, kind: str) -> float:
-        """Size of a quantity; speed and path are those in space, positions those along the axis of the largest range."""
+        """Return the size of a quantity: speed and path in space, a position along the axis of the largest range."""
         if kind == "path":
             return float(self.path[-1])
         if kind == "speed":
@@ -374,7 +346,7 @@ class SpatialMotion(JoinedMotions):
 
 
 def along_axes(motion: Motion | JoinedMotions) -> list[Motion | JoinedMotions]:
-    """Motions along the axes of a motion in space, or of several that are joined; of one axis itself."""
+    """Return the motions along the axes of a motion in space or of joined ones; a motion along one axis is its only one."""
     if isinstance(motion, SpatialMotion):
         return list(motion.parts)
     parts: tuple = getattr(motion, "parts", ())

@@ -27,7 +27,7 @@ _GREEK = {
 
 
 def symbol_latex(symbol: str) -> str:
-    """LaTeX of a symbol: what follows the first letter, a Greek name or an underscore is its index.
+    """Return the LaTeX of a symbol; everything after its first letter, Greek name or underscore is an index.
 
     Examples
     --------
@@ -36,16 +36,14 @@ def symbol_latex(symbol: str) -> str:
     """
     head, _, index = symbol.partition("_")
     if head not in _GREEK and len(head) > 1:
-        start = next(
-            (name for name in sorted(_GREEK, key=len, reverse=True) if head.startswith(name)), head[0]
-        )
+        start = max((name for name in _GREEK if head.startswith(name)), key=len, default=head[0])
         head, index = start, head[len(start) :] + index
     head = f"\\{head}" if head in _GREEK else head
     return head + (f"_{index}" if len(index) == 1 else f"_{{{index}}}" if index else "")
 
 
 def number_latex(text: str) -> str:
-    """LaTeX of a formatted number: powers of ten instead of an ``e``.
+    """Return the LaTeX of a formatted number, with powers of ten instead of an ``e``.
 
     Examples
     --------
@@ -60,9 +58,9 @@ def number_latex(text: str) -> str:
 
 
 def latex(expression: Expression, names: Mapping[str, str]) -> str:
-    """LaTeX in the part that matplotlib sets too.
+    """Return the LaTeX of an expression, in commands that matplotlib knows too.
 
-    `names` holds the LaTeX of symbols; that of others is derived.
+    `names` contains the LaTeX of symbols; that of other symbols is derived.
 
     Examples
     --------
@@ -70,12 +68,12 @@ def latex(expression: Expression, names: Mapping[str, str]) -> str:
     >>> latex(parse("Fc*tanh(v/vs)"), {})
     'F_c \\\\tanh(v/v_s)'
     """
-    return _Latex(names).text(expression, 0)
+    return _Latex(names).text(expression)
 
 
 _SUM, _SIGNED, _PRODUCT, _POWER, _ATOM = 1, 2, 3, 4, 5
 _POWER_OF_TEN = re.compile(r"10\^\{-?\d+\}$")
-_CALLED: dict[str, str] = shipped_yaml(Path(__file__).with_name("functions.yaml"))["latex"]
+_FUNCTIONS: dict[str, str] = shipped_yaml(Path(__file__).with_name("functions.yaml"))["latex"]
 _RELATIONS = {"<": "<", "<=": r"\leq", ">": ">", ">=": r"\geq"}
 _OPPOSITE = {"<": ">=", "<=": ">", ">": "<=", ">=": "<"}
 
@@ -84,102 +82,90 @@ class _Latex:
     def __init__(self, names: Mapping[str, str]):
         self.names = names
 
-    def text(self, expression: Expression, rank: int) -> str:
-        """LaTeX, in brackets where it binds less than `rank`."""
-        text, own = self._text(expression)
-        return f"({text})" if own < rank else text
+    def text(self, expression: Expression, rank: int = 0) -> str:
+        """Return the LaTeX, in brackets if it binds less than `rank`."""
+        text, bound = self._text(expression)
+        return f"({text})" if bound < rank else text
 
     def _text(self, expression: Expression) -> tuple[str, int]:
+        """Return the LaTeX and how strongly it binds."""
         match expression:
             case Number(value):
                 text = number_latex(f"{value:.12g}")
-                own = _PRODUCT if "cdot" in text else _POWER if "^" in text else _ATOM
-                return text, own if value >= 0 else _SUM
+                rank = _PRODUCT if "cdot" in text else _POWER if "^" in text else _ATOM
+                return text, rank if value >= 0 else _SUM
             case Symbol(name):
                 return self.names.get(name) or symbol_latex(name), _ATOM
             case Operation("+" | "-" as name, (left, right)):
                 below = _SUM if name == "+" else _PRODUCT
-                second = f"({self.text(right, 0)})" if _signed(right) else self.text(right, below)
+                second = f"({self.text(right)})" if _signed(right) else self.text(right, below)
                 return f"{self.text(left, _SUM)} {name} {second}", _SUM
             case Operation("neg", (operand,)):
                 return f"-{self.text(operand, _PRODUCT)}", _SIGNED
             case Operation("*"):
                 return self._product(expression), _PRODUCT
             case Operation("/", (above, below)):
-                return self._quotient(above, below)
+                # A numerator is read as one before a slash if it is a number, a symbol, |F|, or −z.
+                inner = above.operands[0] if isinstance(above, Operation) and above.name == "neg" else above
+                is_simple = isinstance(inner, Number | Symbol) or getattr(above, "name", "") == "abs"
+                if is_simple and isinstance(below, Number | Symbol):
+                    return f"{self.text(above, _SIGNED)}/{self.text(below, _ATOM)}", _PRODUCT
+                return rf"\frac{{{self.text(above)}}}{{{self.text(below)}}}", _ATOM
             case Operation("**", (base, exponent)):
                 raised = self._operand(exponent)
                 return self._base(base) + (f"^{raised}" if len(raised) == 1 else f"^{{{raised}}}"), _POWER
-            case Operation("where", operands):
-                return self._choice(*operands)  # type: ignore[arg-type]  # the first is a comparison
+            case Operation("where", (Operation() as condition, yes, no)):
+                # Iverson's brackets: 1 if the condition is true, 0 if not.
+                other = Operation(_OPPOSITE[condition.name], condition.operands)
+                terms = [
+                    f"[{self.text(case)}]"
+                    + (rf"\,{self.text(value, _PRODUCT)}" if value != Number(1.0) else "")
+                    for case, value in ((condition, yes), (other, no))
+                    if value != Number(0.0)
+                ]
+                return " + ".join(terms) or "0", _PRODUCT if len(terms) == 1 else _SUM
             case Operation("sum", (index, first, last, term)):
-                limits = [self.text(part, 0) for part in (index, first, last)]
+                limits = [self.text(part) for part in (index, first, last)]
                 return rf"\sum_{{{limits[0]}={limits[1]}}}^{{{limits[2]}}} {self.text(term, _PRODUCT)}", _SUM
             case Operation("hypot", operands):
-                return _CALLED["hypot"].format(*map(self._base, operands)), _ATOM
+                return _FUNCTIONS["hypot"].format(*map(self._base, operands)), _ATOM
             case Operation(name, (left, right)) if name in COMPARISONS:
-                return f"{self.text(left, 0)} {_RELATIONS[name]} {self.text(right, 0)}", 0
+                return f"{self.text(left)} {_RELATIONS[name]} {self.text(right)}", 0
             case Operation(name, operands):
-                own = _POWER if name == "exp" else _ATOM
-                return _CALLED[name].format(*map(self._operand, operands)), own
+                rank = _POWER if name == "exp" else _ATOM
+                return _FUNCTIONS[name].format(*map(self._operand, operands)), rank
 
     def _base(self, base: Expression) -> str:
-        """Base of a power; functions get brackets, for a power after a name is read as the name's."""
-        simple = isinstance(base, Number | Symbol) or base.name == "abs"
-        return self.text(base, _ATOM) if simple else f"({self.text(base, 0)})"
+        """Return the base of a power; functions get brackets, since a power after a name is read as that of the name."""
+        is_simple = isinstance(base, Number | Symbol) or base.name == "abs"
+        return self.text(base, _ATOM) if is_simple else f"({self.text(base)})"
 
     def _product(self, product: Operation) -> str:
-        """Factors side by side, numbers first; a sign stands before them all, and quotients are fractions."""
-        first, *others = sorted(
-            _factors(product),
-            key=lambda item: 0 if isinstance(item, Number) else 1 if item == Symbol("pi") else 2,
-        )
-        text, *factors = [self._factor(first, _SIGNED), *(self._factor(other, _PRODUCT) for other in others)]
-        for factor in factors:
+        """Return the factors side by side, numbers first, after a common sign; quotients are fractions."""
+        text = ""
+        order = {Number: 0, Symbol: 2, Operation: 2}
+        factors = sorted(_factors(product), key=lambda item: 1 if item == Symbol("pi") else order[type(item)])
+        for number, factor in enumerate(factors):
+            match factor:
+                case Operation("/", (above, below)):
+                    added = rf"\frac{{{self.text(above)}}}{{{self.text(below)}}}"
+                case _:
+                    added = self.text(factor, _PRODUCT if number else _SIGNED)
             # Two numbers side by side would read as one.
-            number = text[-1].isdigit() or _POWER_OF_TEN.search(text)
-            joint = r" \cdot " if number and factor[0].isdigit() else " "
-            text += joint + factor
+            is_number = number and (text[-1].isdigit() or _POWER_OF_TEN.search(text))
+            text += (r" \cdot " if is_number and added[0].isdigit() else " " * bool(number)) + added
         return text
 
-    def _factor(self, factor: Expression, rank: int) -> str:
-        match factor:
-            case Operation("/", operands):
-                return rf"\frac{{{self.text(operands[0], 0)}}}{{{self.text(operands[1], 0)}}}"
-        return self.text(factor, rank)
-
     def _operand(self, operand: Expression) -> str:
-        """Operand of a function; a sum over a symbol stays on the line."""
+        """Return the operand of a function; a quotient by a symbol stays on the line."""
         match operand:
             case Operation("/", (above, Number() | Symbol() as below)):
                 return f"{self.text(above, _SIGNED)}/{self.text(below, _ATOM)}"
-        return self.text(operand, 0)
-
-    def _quotient(self, above: Expression, below: Expression) -> tuple[str, int]:
-        # A numerator is read as one before a slash if it is a number, a symbol, |F|, or −z.
-        match above:
-            case Number() | Symbol() | Operation("abs") | Operation("neg", (Number() | Symbol(),)):
-                is_simple = True
-            case _:
-                is_simple = False
-        if is_simple and isinstance(below, Number | Symbol):
-            return f"{self.text(above, _SIGNED)}/{self.text(below, _ATOM)}", _PRODUCT
-        return rf"\frac{{{self.text(above, 0)}}}{{{self.text(below, 0)}}}", _ATOM
-
-    def _choice(self, condition: Operation, yes: Expression, no: Expression) -> tuple[str, int]:
-        """Iverson's brackets: 1 where they hold, 0 where not."""
-        zero = Number(0.0)
-        other = Operation(_OPPOSITE[condition.name], condition.operands)
-        terms = [
-            f"[{self.text(said, 0)}]" + ("" if chosen == Number(1.0) else rf"\,{self.text(chosen, _PRODUCT)}")
-            for said, chosen in ((condition, yes), (other, no))
-            if chosen != zero
-        ]
-        return " + ".join(terms) or "0", _PRODUCT if len(terms) == 1 else _SUM
+        return self.text(operand)
 
 
 def _signed(expression: Expression) -> bool:
-    """Whether the LaTeX of a term begins with a sign."""
+    """Return whether the LaTeX of a term begins with a sign."""
     match expression:
         case Number(value):
             return value < 0
@@ -191,7 +177,7 @@ def _signed(expression: Expression) -> bool:
 
 
 def _factors(expression: Expression) -> list[Expression]:
-    """Factors of a product and of the products in it."""
+    """Return the factors of a product and of the products in it."""
     match expression:
         case Operation("*", (left, right)):
             return [*_factors(left), *_factors(right)]
@@ -201,16 +187,16 @@ def _factors(expression: Expression) -> list[Expression]:
 TWO_PI = Operation("*", (Number(2.0), Symbol("pi")))
 
 
-def _without_two_pi(angle: Expression) -> Expression | None:
-    """An angle in turns, if 2π is a factor of it."""
+def _strip_two_pi(angle: Expression) -> Expression | None:
+    """Return an angle in turns if 2π is a factor of it, else None."""
     if angle == TWO_PI:
         return Number(1.0)
     match angle:
         case Operation("*", (left, right)):
-            if (rest := _without_two_pi(left)) is not None:
-                return multiply(rest, right)
-            if (rest := _without_two_pi(right)) is not None:
-                return multiply(left, rest)
+            first = _strip_two_pi(left)
+            second = _strip_two_pi(right) if first is None else None
+            if first is not None or second is not None:
+                return multiply(left if first is None else first, right if second is None else second)
     return None
 
 
@@ -226,7 +212,7 @@ PORTABLE = {name: f"portable_{name}" for name in ("expm1", "tanh", "sinh", "arct
 
 
 def portable(expression: Expression) -> Expression:
-    """The expression in operations whose bits are the same on every platform: what C computes.
+    """Return the expression in operations for C that give identical bits on every platform.
 
     Elementary functions become those of ``portable_math.h`` and of ``effect_forms.h``, whole powers products.
     """
@@ -237,7 +223,7 @@ def portable(expression: Expression) -> Expression:
             return Operation("portable_decay", (negate(portable(operand)),))
         case Operation("sin" | "cos" as name, (operand,)):
             wave = "portable_sine" if name == "sin" else "portable_cosine"
-            turns = _without_two_pi(operand) or divide(operand, Number(2 * math.pi))
+            turns = _strip_two_pi(operand) or divide(operand, Number(2 * math.pi))
             return Operation(wave, (portable(turns),))
         case Operation("hypot", operands):
             squares = [Operation("*", (side, side)) for side in map(portable, operands)]
@@ -251,31 +237,29 @@ _C_RANK = {"+": 1, "-": 1, "*": 2, "/": 2}
 
 
 def c_text(expression: Expression, names: Mapping[str, str], rank: int = 0) -> str:
-    """C99 for what `portable` returns, with the C names of the symbols; in brackets if it binds less than `rank`."""
+    """Return C99 of the result of `portable`, with the C names of the symbols; in brackets if it binds less than `rank`."""
     match expression:
         case Number(value):
-            text, own = repr(float(value)), 5 if value >= 0 else 1
+            text, bound = repr(float(value)), 5 if value >= 0 else 1
         case Symbol("pi"):
             return repr(math.pi)
         case Symbol(name):
             return names[name]
         case Operation("neg", (operand,)):
-            text, own = f"-{c_text(operand, names, 4)}", 3
+            text, bound = f"-{c_text(operand, names, 4)}", 3
         case Operation("**", (base, exponent)):
-            factor = c_text(base, names, 3)
-            text, own = " * ".join([factor] * whole_power(exponent)), 2
+            text, bound = " * ".join([c_text(base, names, 3)] * whole_power(exponent)), 2
         case Operation("where", (condition, yes, no)):
-            chosen = (c_text(part, names, 1) for part in (condition, yes, no))
-            return "({} ? {} : {})".format(*chosen)
+            return "({} ? {} : {})".format(*(c_text(part, names, 1) for part in (condition, yes, no)))
         case Operation(name, (left, right)) if name in _C_RANK:
             # The operand on the right keeps its brackets: C computes sums and products from the left.
-            own = _C_RANK[name]
-            text = f"{c_text(left, names, own)} {name} {c_text(right, names, own + 1)}"
+            bound = _C_RANK[name]
+            text = f"{c_text(left, names, bound)} {name} {c_text(right, names, bound + 1)}"
         case Operation(name, (left, right)) if name in COMPARISONS:
-            text, own = f"{c_text(left, names, 1)} {name} {c_text(right, names, 1)}", 1
+            text, bound = f"{c_text(left, names, 1)} {name} {c_text(right, names, 1)}", 1
         case Operation(name, operands):
             return f"{name}({', '.join(c_text(operand, names, 0) for operand in operands)})"
-    return f"({text})" if own < rank else text
+    return f"({text})" if bound < rank else text
 
 
 _ELEMENTS = {
@@ -283,16 +267,16 @@ _ELEMENTS = {
     "msubsup", "msup", "mtable", "mtd", "mtext", "mtr", "munder", "munderover",
 }  # fmt: skip
 _ATTRIBUTES = {"display", "displaystyle", "mathvariant", "scriptlevel", "stretchy", "width"}
-"""`_ELEMENTS`, `_ATTRIBUTES`: of MathML, that a page takes from an equation: none leads anywhere."""
+"""Elements and attributes of MathML that a page accepts from an equation: none of them is a link."""
 
 
 def equation_mathml(latex: str) -> str:
-    """Return an equation as a MathML element, which HTML holds as it does text.
+    """Return an equation as a MathML element for HTML.
 
     Parameters
     ----------
     latex : str
-        Mathematics, without dollar signs; may come from an untrusted file.
+        Mathematics without dollar signs; may come from an untrusted file.
 
     Raises
     ------

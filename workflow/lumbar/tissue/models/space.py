@@ -1,20 +1,18 @@
 """Bases of tissue in space: with a matrix for each stiffness and viscosity, or met at a plane surface.
 
-Each matrix of `SpatialBase` is symmetric and positive semidefinite. A force of the one-axis base, e.g. ``k_e*z``, becomes K z
-with K = Σ kᵢ Pᵢ, kᵢ ≥ 0 and Pᵢ projections that no motion gains energy from: a base is passive by construction, whatever a fit
-finds. How many kᵢ there are is the symmetry of the tissue (Lai, Rubin and Krempl, Introduction to Continuum Mechanics, 2010,
-chapter 5; here of the tool's forces):
+A force of the one-axis base of `SpatialBase`, for example ``k_e*z``, becomes K z with K = Σ kᵢ Pᵢ, kᵢ ≥ 0 and projections Pᵢ.
+K is symmetric and positive semidefinite, so that the base is passive for all parameters. The number of kᵢ depends on the symmetry
+of the tissue (Lai, Rubin and Krempl, Introduction to Continuum Mechanics, 2010, chapter 5; here for the tool's forces):
 
-- isotropic: one, the same in every direction;
+- isotropic: one for all directions;
 - transversely isotropic: one along an axis, one across it;
-- orthotropic: one along each of three axes at right angles, the same for all matrices;
-- full: the same with axes of its own for every matrix.
+- orthotropic: one along each of three perpendicular axes, which all matrices share;
+- full: one along each of three perpendicular axes, which differ between matrices.
 
 Axes are fitted as small rotations of a given frame.
 
-`PlaneContact` is a base for a tool that is not fastened to the tissue. Into the plane the force is that of a one-axis base with
-contact; along it friction grows with it: F = f(s) (n + μ tanh(|v_t|/v_s) v_t/|v_t|), s = n·z − d the depth, v_t the velocity
-along the plane. The normal n points to where the tissue is deeper.
+`PlaneContact` is a base for a free tool: F = f(s) (n + μ tanh(|v_t|/v_s) v_t/|v_t|), with the force f of a one-axis base with
+contact, the normal n into the tissue, the depth s = n·z − d and the velocity v_t along the plane.
 """
 
 from collections.abc import Mapping, Sequence
@@ -45,13 +43,13 @@ class Symmetry(StrEnum):
 
 
 MAX_ROTATION_RAD = 1.2
-"""By which axes may be rotated from the given frame."""
-_MAX_COUPLING = 0.5  # largest share of one channel's force that another one may read
-_MAX_SHIFT = 0.5  # share of the motion's range by which a plane may be moved from where it is given
+"""Largest rotation of axes from the given frame."""
+_MAX_COUPLING = 0.5  # largest fraction of one channel's force that another one may read
+_MAX_SHIFT = 0.5  # largest shift of a plane, relative to the motion's range
 
 
 def signed(name: str, unit: str, symbol: str, most: float) -> NonlinearParameter:
-    """A parameter of either sign that begins at 0, of at most this size."""
+    """Return a parameter of either sign that starts at 0, of at most this size."""
     ends = float(np.exp(-most)), float(np.exp(most))
     return NonlinearParameter(
         name, unit, "one", low=1.0, high=1.0, points=1, reach=ends, symbol=symbol, signed=True, decisive=True
@@ -59,47 +57,46 @@ def signed(name: str, unit: str, symbol: str, most: float) -> NonlinearParameter
 
 
 def turn(vector: np.ndarray) -> np.ndarray:
-    """Rotation matrix of a rotation vector in radians, (1,) in the plane or (3,) in space."""
-    if len(vector) == 1:
-        return scipy.linalg.expm(np.array([[0.0, -vector[0]], [vector[0], 0.0]]))
-    x, y, z = vector
-    return scipy.linalg.expm(np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]))
+    """Return the rotation matrix of a rotation vector in radians, (1,) in the plane or (3,) in space."""
+    x, y, z = vector if len(vector) == 3 else (0.0, 0.0, vector[0])
+    generator = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return scipy.linalg.expm(generator if len(vector) == 3 else generator[:2, :2])
 
 
 def is_rotation(numbers: Sequence[float], size: int) -> bool:
-    """Whether numbers, row by row, are a rotation matrix."""
+    """Return whether numbers, row by row, are a rotation matrix."""
     matrix = np.array(numbers, float).reshape(size, size)
     return bool(np.allclose(matrix @ matrix.T, np.eye(size), atol=1e-9) and np.linalg.det(matrix) > 0)
 
 
 @dataclass(frozen=True)
 class SpatialBase:
-    """A base of one axis, its symmetry in space, and the frames that its principal axes are turned from."""
+    """A base of one axis, its symmetry in space, and the frames from which its principal axes are rotated."""
 
     base: Base
-    """The base of one axis."""
+    """Base along one axis."""
     symmetry: Symmetry
     axes: tuple[str, ...]
     frames: tuple[tuple[float, ...], ...]
     """Rotation matrices, row by row, whose columns are principal axes: one, or one for every matrix of a full base."""
     free: bool = True
-    """Whether a fit rotates the axes; else they are those of the frames."""
+    """True if a fit rotates the axes; else they are those of the frames."""
 
     @property
     def turns(self) -> int:
-        """Angles that turn one frame: of an axis alone those about the other two."""
+        """Number of angles that rotate one frame; two if only one axis matters."""
         if self.symmetry is Symmetry.ISOTROPIC:
             return 0
         return 2 if self.symmetry is Symmetry.TRANSVERSE else len(self.axes) * (len(self.axes) - 1) // 2
 
     @cached_property
     def form(self) -> Form:
-        """The base's equation read in space."""
+        """The base's equation in space."""
         return self.base.form.in_space(self.axes)
 
     @property
-    def alike(self) -> dict[str, list[int]]:
-        """Principal axes along which a value is the same, by what its name ends with."""
+    def equal_axes(self) -> dict[str, list[int]]:
+        """Principal axes with equal values, by the suffix of the values' names."""
         first, *others = every = list(range(len(self.axes)))
         if self.symmetry is Symmetry.ISOTROPIC:
             return {"": every}
@@ -113,7 +110,7 @@ class SpatialBase:
         return tuple(
             replace(item, name=item.name + which, symbol=item.symbol + which)
             for item in self.base.linear
-            for which in self.alike
+            for which in self.equal_axes
         )
 
     @property
@@ -137,7 +134,7 @@ class SpatialBase:
         )
 
     def frames_at(self, nonlinear: np.ndarray) -> list[np.ndarray]:
-        """Principal axes, the columns of a matrix for every frame, at nonlinear parameters of the base."""
+        """Return the principal axes, the columns of a matrix for every frame, at nonlinear parameters of the base."""
         size = len(self.axes)
         given = [np.array(frame).reshape(size, size) for frame in self.frames]
         if not self.free or not self.turns:
@@ -148,21 +145,23 @@ class SpatialBase:
         return [frame @ turn(angle) for frame, angle in zip(given, angles, strict=True)]
 
     def columns(self, motion: Motion, nonlinear: np.ndarray) -> list[np.ndarray]:
-        """Forces along the axes, one after the other, of every linear parameter at size 1; each (axes × samples,)."""
-        own = nonlinear[: len(self.base.nonlinear)]
-        forces = motion.cache.compute_at(self.form.key, own, lambda: self.form.columns(motion, own))
-        found = []
+        """Return the forces along the axes of every linear parameter at size 1, one axis after the other."""
+        own_values = nonlinear[: len(self.base.nonlinear)]
+        forces = motion.cache.compute_at(
+            self.form.key, own_values, lambda: self.form.columns(motion, own_values)
+        )
+        columns = []
         for force, frame in zip(forces, cycle(self.frames_at(nonlinear)), strict=False):
             projected = frame.T @ force.reshape(len(frame), -1)
-            found += [(frame[:, axes] @ projected[axes]).ravel() for axes in self.alike.values()]
-        return found
+            columns += [(frame[:, axes] @ projected[axes]).ravel() for axes in self.equal_axes.values()]
+        return columns
 
     def matrices(self, linear: np.ndarray, nonlinear: np.ndarray) -> dict[str, np.ndarray]:
-        """Matrices by the name of the one-axis parameter, from parameters of the base."""
-        sizes = [len(axes) for axes in self.alike.values()]
+        """Return the matrices by the name of the one-axis parameter, from parameters of the base."""
+        sizes = [len(axes) for axes in self.equal_axes.values()]
         values = np.repeat(linear.reshape(-1, len(sizes)), sizes, axis=1)
-        found = zip(self.base.linear, values, cycle(self.frames_at(nonlinear)), strict=False)
-        return {item.name: frame * along @ frame.T for item, along, frame in found}
+        items = zip(self.base.linear, values, cycle(self.frames_at(nonlinear)), strict=False)
+        return {item.name: frame * along @ frame.T for item, along, frame in items}
 
     @cached_property
     def _c_step(self) -> CStep:
@@ -175,17 +174,18 @@ class SpatialBase:
             linear, nonlinear = (
                 np.array([parameters[item.name] for item in items]) for items in (self.linear, self.nonlinear)
             )
-            found = step.constants(parameters, sampling_time)
-            for name, matrix in self.matrices(linear, nonlinear).items():
-                for row, column in np.ndindex(matrix.shape):
-                    found[element(name, self.axes, row, column)] = float(matrix[row, column])
-            return found
+            elements = {
+                element(name, self.axes, row, column): float(matrix[row, column])
+                for name, matrix in self.matrices(linear, nonlinear).items()
+                for row, column in np.ndindex(matrix.shape)
+            }
+            return step.constants(parameters, sampling_time) | elements
 
         return replace(step, constants=constants)
 
     @cached_property
     def structural(self) -> Base:
-        """The base that structures are made of."""
+        """The base for structures."""
         form = replace(
             self.base.form,
             name=f"{self.symmetry} {self.base.name}",
@@ -198,7 +198,7 @@ class SpatialBase:
         return replace(self.base, form=form, spatial=self)
 
     def freeze(self, nonlinear: np.ndarray) -> "SpatialBase":
-        """Return the base with its frames rotated by these parameters; a fit keeps them fixed."""
+        """Return the base with frames that these parameters rotate and no fit changes."""
         return self.replace_frames(self.frames_at(nonlinear), free=False)
 
     def replace_frames(self, frames: Sequence[np.ndarray], free: bool = True) -> "SpatialBase":
@@ -207,20 +207,20 @@ class SpatialBase:
 
 
 def symmetric_base(base: Base, axes: tuple[str, ...]) -> Base:
-    """The base with any symmetric matrix, semidefinite or not: linear in its elements, to begin a search of axes with."""
+    """Return the base with any symmetric matrix, linear in its elements, with which a search of axes starts."""
     form, size = base.form.in_space(axes), len(axes)
     places = [(row, column) for row in range(size) for column in range(row, size)]
 
     def columns(motion: Motion, nonlinear: np.ndarray) -> list[np.ndarray]:
-        found = []
+        elements = []
         for force in motion.cache.compute_at(form.key, nonlinear, lambda: form.columns(motion, nonlinear)):
             vectors = force.reshape(size, -1)
             for row, column in places:
-                element = np.zeros_like(vectors)
-                element[row] = vectors[column]
-                element[column] = vectors[row]
-                found.append(element.ravel())
-        return found
+                forces = np.zeros_like(vectors)
+                forces[row] = vectors[column]
+                forces[column] = vectors[row]
+                elements.append(forces.ravel())
+        return elements
 
     linear = tuple(
         replace(item, name=f"{item.name}_{axes[row]}{axes[column]}", sign=0)
@@ -235,27 +235,24 @@ def symmetric_base(base: Base, axes: tuple[str, ...]) -> Base:
 def matrices_of(linear: np.ndarray, count: int, size: int) -> list[np.ndarray]:
     """Return the matrices of `symmetric_base` from the values of their elements."""
     rows, columns = np.triu_indices(size)
-    found = []
-    for values in linear.reshape(count, -1):
-        matrix = np.zeros((size, size))
-        matrix[rows, columns] = matrix[columns, rows] = values
-        found.append(matrix)
-    return found
+    matrices = np.zeros((count, size, size))
+    matrices[:, rows, columns] = matrices[:, columns, rows] = linear.reshape(count, -1)
+    return list(matrices)
 
 
 @dataclass(frozen=True)
 class PlaneContact:
-    """A base with contact, the plane that it is met at, and how far a fit may move that."""
+    """A base with contact at a plane that a fit may move."""
 
     base: Base
-    """The base of one axis, with contact."""
+    """Base along one axis, with contact."""
     axes: tuple[str, ...]
     frames: tuple[tuple[float, ...], ...]
     """One rotation matrix, row by row, whose first column is the normal."""
     depth: float
     """Position of the surface along the normal."""
     reach: float
-    """Length that a change of the depth is counted in."""
+    """Unit of a change of the depth, a length."""
 
     @property
     def linear(self) -> tuple[LinearParameter, ...]:
@@ -280,30 +277,32 @@ class PlaneContact:
 
     symmetry: ClassVar[str] = "plane"
     turning: ClassVar[tuple[NonlinearParameter, ...]] = ()
-    """Parameters that a model of it has no need of: none."""
+    """Optional parameters of a model: none."""
 
     def plane(self, nonlinear: np.ndarray) -> tuple[np.ndarray, float]:
-        """Normal and depth of the surface at nonlinear parameters of the base."""
+        """Return normal and depth of the surface at nonlinear parameters of the base."""
         frame = np.array(self.frames[0]).reshape(len(self.axes), -1)
         numbers = np.log(nonlinear[len(self.base.nonlinear) + 1 :])
         turns = numbers[:-1] if len(self.axes) == 2 else np.array([0.0, *numbers[:-1]])
         return (frame @ turn(turns))[:, 0], self.depth + self.reach * float(numbers[-1])
 
     def _pressed(self, motion: SpatialMotion, nonlinear: np.ndarray) -> Motion:
-        """Motion into the surface."""
+        """Return the motion into the surface."""
 
-        def pressed() -> Motion:
+        def project() -> Motion:
             normal, depth = self.plane(nonlinear)
             position = normal @ motion.position.reshape(len(self.axes), -1) - depth
             return Motion(motion.time, position, motion.sampling_time)
 
-        return motion.cache.compute_at("into the surface", nonlinear[len(self.base.nonlinear) + 1 :], pressed)
+        return motion.cache.compute_at("into the surface", nonlinear[len(self.base.nonlinear) + 1 :], project)
 
     def columns(self, motion: SpatialMotion, nonlinear: np.ndarray) -> list[np.ndarray]:
-        """Forces along the axes, one after the other, of every linear parameter at size 1."""
-        normal, _ = self.plane(nonlinear)
-        own, speed = nonlinear[: len(self.base.nonlinear)], nonlinear[len(self.base.nonlinear)]
-        into = self.base.form.columns(self._pressed(motion, nonlinear), own)
+        """Return the forces along the axes of every linear parameter at size 1, one axis after the other."""
+        normal, count = self.plane(nonlinear)[0], len(self.base.nonlinear)
+        into, speed = (
+            self.base.form.columns(self._pressed(motion, nonlinear), nonlinear[:count]),
+            nonlinear[count],
+        )
         velocity = motion.velocity.reshape(len(self.axes), -1)
         along = velocity - np.multiply.outer(normal, normal @ velocity)
         size = np.sqrt(np.sum(along**2, axis=0))
@@ -314,14 +313,14 @@ class PlaneContact:
         ]
 
     def touching(self, motion: SpatialMotion, nonlinear: np.ndarray) -> np.ndarray:
-        """Whether the tool touches the tissue, one axis after the other."""
+        """Return whether the tool touches the tissue, for one axis after the other."""
         assert self.base.touching is not None
-        own = nonlinear[: len(self.base.nonlinear)]
-        return np.tile(self.base.touching(self._pressed(motion, nonlinear), own), len(self.axes))
+        pressed = self._pressed(motion, nonlinear)
+        return np.tile(self.base.touching(pressed, nonlinear[: len(self.base.nonlinear)]), len(self.axes))
 
     @cached_property
     def structural(self) -> Base:
-        """The base that structures are made of."""
+        """The base for structures."""
         form = replace(
             self.base.form,
             name=f"{self.base.name} with a plane",
@@ -340,7 +339,7 @@ class PlaneContact:
 
 
 def frame_of(normal: np.ndarray) -> np.ndarray:
-    """A rotation matrix whose first column is this direction."""
+    """Return a rotation matrix with this direction as first column."""
     matrix = np.column_stack([normal, np.eye(len(normal))])
     frame = np.linalg.qr(matrix)[0][:, : len(normal)]
     frame *= np.sign(frame[:, 0] @ normal)
@@ -349,16 +348,16 @@ def frame_of(normal: np.ndarray) -> np.ndarray:
 
 
 def force_sensor_effects(axes: tuple[str, ...]) -> dict[str, Effect]:
-    """Return what the force sensor of several axes may do to the forces, by name: none of it is the tissue's."""
+    """Return the effects of the force sensor of several axes on the forces, by name; none of them is the tissue's."""
     size = len(axes)
     pairs = [(row, column) for row in range(size) for column in range(size) if row != column]
-    angles = axes if size == 3 else ("",)
 
-    def couplings(nonlinear: np.ndarray) -> np.ndarray:
+    def couple(nonlinear: np.ndarray) -> np.ndarray:
         matrix = np.eye(size)
         matrix[tuple(zip(*pairs, strict=True))] = np.log(nonlinear)
         return matrix
 
+    angles = axes if size == 3 else ("",)
     rotations = [signed(f"turn_{axis}".strip("_"), "rad", f"r_{axis}", MAX_ROTATION_RAD) for axis in angles]
     shares = [
         signed(f"share_of_{axes[j]}_in_{axes[i]}", "1", f"c_{axes[i]}{axes[j]}", _MAX_COUPLING)
@@ -371,7 +370,7 @@ def force_sensor_effects(axes: tuple[str, ...]) -> dict[str, Effect]:
         ),
         "crosstalk": (
             "A channel of the force sensor reads a share of the force along another axis.",
-            ("couplings", r"F \to (I + C) F", shares, couplings),
+            ("couplings", r"F \to (I + C) F", shares, couple),
         ),
     }
     effects = {}

@@ -53,7 +53,7 @@ def principal_axes(fit: Fit, experiment: Experiment) -> list[PrincipalAxis]:
     frames, cones, values = spatial.frames_at(nonlinear), _cones(fit, experiment), iter(known)
     rows = []
     for parameter, frame, cone in zip(spatial.base.linear, cycle(frames), cycle(cones or [()]), strict=False):
-        for (ending, axes), item in zip(spatial.alike.items(), values, strict=False):
+        for (ending, axes), item in zip(spatial.equal_axes.items(), values, strict=False):
             direction, cone_deg = None, None
             if len(axes) == 1:
                 direction = tuple(upward(frame[:, axes[0]]).tolist())
