@@ -264,7 +264,7 @@ def test_an_iteration_that_does_not_end_falls_back_to_steps():
     state, motion = equations(r="v*c*where(r > 0, -1, 1) + where(r > 0.1, -c, 0)"), straight(walk(4))
     known = {"c": 300.0, **state._between(motion)}
     found = state.trajectory(motion, {"c": 300.0})["r"]
-    np.testing.assert_array_equal(found, state.in_steps(known, len(motion) - 1)[0])
+    np.testing.assert_array_equal(found, state.solve_stepwise(known, len(motion) - 1)[0])
 
 
 @pytest.mark.parametrize(
@@ -301,7 +301,7 @@ def test_independent_equations_are_solved_separately():
     assert [part.names for part in state.apart] == [("q", "r"), ("u",), ("p",)]
     motion, values = straight(walk(3)), {"tau": 0.3}
     found = state.trajectory(motion, values)
-    together = state.in_steps({**values, **state._between(motion)}, len(motion) - 1)
+    together = state.solve_stepwise({**values, **state._between(motion)}, len(motion) - 1)
     assert list(found) == list(state.names)
     for path, reference in zip(found.values(), together, strict=True):
         assert path == pytest.approx(reference, abs=1e-9 * np.abs(reference).max())

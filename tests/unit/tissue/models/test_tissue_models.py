@@ -94,8 +94,12 @@ def test_maxwell_has_no_static_force_and_eq_3_3_has_one():
     [
         (models.KB, TransferFunction((3.0, -2.5), (1.0, 0.3)), r"pole is -0\.3"),
         (models.KB, TransferFunction((3.0, -2.5), (1.0, -1.1)), r"pole is 1\.1"),
-        (models.KB, TransferFunction((0.5, 0.5), (1.0, -0.5)), "springs and dashpots need more than 0"),
-        (models.KB, TransferFunction((3.0, -3.2), (1.0, -0.5)), "spring_stiffness is -0.4; springs"),
+        (models.KB, TransferFunction((0.5, 0.5), (1.0, -0.5)), "it must be above 0"),
+        (
+            models.KB,
+            TransferFunction((3.0, -3.2), (1.0, -0.5)),
+            "spring_stiffness is -0.4; it must be above 0",
+        ),
         (models.MAXWELL, TransferFunction((-3.0, 3.0), (1.0, -0.5)), "branch_stiffness is .*; springs"),
         (models.LE, TransferFunction((-1.0,)), "spring_stiffness is -1; springs"),
         (models.HO, TransferFunction((1.0, 0.2, 0.3), (1.0, 0.1, 0.1)), "black box"),

@@ -21,15 +21,15 @@ class Base:
     """A base model."""
 
     form: Form
-    """Its whole force, with the thesis's name: ``"KB"`` …."""
+    """Equation of the whole force; the form has the thesis's name, e.g. ``"KB"``."""
     system: str = "tissue"
     """``tissue`` or ``pendulum``, which decides the catalogue of effects."""
     sensor_zero: bool = True
-    """Whether the response is measured by a sensor with an unknown zero, so that every fit has a constant. A pendulum's moment
-    is computed; a constant in it would be physical."""
+    """True if the sensor of the response has an unknown zero, so that every fit has a constant. A pendulum's moment is computed;
+    a constant in it would be physical."""
     touching: Callable[[Any, np.ndarray], np.ndarray] | None = None
-    """For a tool that is not fastened to the tissue, which it meets at position 0 and never pulls: from motion and
-    nonlinear parameters to whether it touches, (samples,). Where it does not, effects add no force."""
+    """For a free tool, which meets the tissue at position 0 and never pulls: from motion and nonlinear parameters to whether it
+    touches, (samples,). Effects add force only in contact."""
     definition: Mapping | None = field(default=None, compare=False, repr=False)
     """Content of the file of a user-defined base."""
     spatial: Any = None
@@ -47,7 +47,7 @@ class Base:
 
     @property
     def nonlinear(self) -> tuple[NonlinearParameter, ...]:
-        """Its other parameters."""
+        """Other parameters."""
         return self.form.nonlinear
 
     @cached_property
@@ -57,72 +57,64 @@ class Base:
 
     @property
     def contact(self) -> bool:
-        """Whether the tool is not fastened to the tissue."""
+        """True if the tool is not fastened to the tissue."""
         return self.touching is not None
 
     @property
     def is_user_defined(self) -> bool:
-        """Whether it is user-defined, from any input to any response."""
+        """True if it is user-defined, from any input to any response."""
         return self.definition is not None
-
-    @property
-    def _response(self) -> str:
-        return "y" if self.is_user_defined else _RESPONSES[self.system]
 
     @property
     def text(self) -> str:
         """The equation in plain text."""
-        return f"{self._response} = {self.form.text}"
+        return f"{'y' if self.is_user_defined else _RESPONSES[self.system]} = {self.form.text}"
 
     @property
     def latex(self) -> str:
         """The equation in LaTeX."""
-        return f"{self._response} = {self.form.latex}"
+        return f"{'y' if self.is_user_defined else _RESPONSES[self.system]} = {self.form.latex}"
 
 
 def elongation(motion: Motion, nonlinear: np.ndarray) -> tuple[np.ndarray]:
-    """State of a Maxwell branch whose relaxation time is the only nonlinear parameter."""
+    """Return the state of a Maxwell branch with the relaxation time as only nonlinear parameter."""
     return (relaxation(motion, nonlinear[0]),)
 
 
-def _branch_meets(motion: Motion, nonlinear: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Dashpot of the branch of KB in contact, and whether the tool touches the tissue."""
+def _branch_contact(motion: Motion, nonlinear: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the force of KB in contact over its spring stiffness, and whether the tool touches the tissue."""
     ratio, time_constant = nonlinear
-    return motion.cache.compute_at(
-        "branch_meets", nonlinear, lambda: surface_of_branch(motion, 1.0 / (1.0 + ratio), time_constant)
-    )
+
+    def compute() -> tuple[np.ndarray, np.ndarray]:
+        dashpot, touching = surface_of_branch(motion, 1.0 / (1.0 + ratio), time_constant)
+        return touching * ((1.0 + ratio) * motion.position - ratio * dashpot), touching
+
+    return motion.cache.compute_at("branch in contact", nonlinear, compute)
 
 
-def _branch_in_contact(motion: Motion, nonlinear: np.ndarray) -> list[np.ndarray]:
-    dashpot, touching = _branch_meets(motion, nonlinear)
-    return [touching * ((1.0 + nonlinear[0]) * motion.position - nonlinear[0] * dashpot)]
+def _dashpot_contact(motion: Motion, nonlinear: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the force of KV in contact over its spring stiffness, and whether the tool touches the tissue."""
 
+    def compute() -> tuple[np.ndarray, np.ndarray]:
+        surface, touching = surface_of_dashpot(motion, nonlinear[0])
+        return touching * (surface + nonlinear[0] * motion.velocity), touching
 
-def _dashpot_meets(motion: Motion, nonlinear: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Surface of KV in contact, and whether the tool touches the tissue."""
-    return motion.cache.compute_at(
-        "dashpot_meets", nonlinear, lambda: surface_of_dashpot(motion, nonlinear[0])
-    )
-
-
-def _dashpot_in_contact(motion: Motion, nonlinear: np.ndarray) -> list[np.ndarray]:
-    surface, touching = _dashpot_meets(motion, nonlinear)
-    return [touching * (surface + nonlinear[0] * motion.velocity)]
+    return motion.cache.compute_at("dashpot in contact", nonlinear, compute)
 
 
 _HAND_WRITTEN = {
-    "KV-contact": HandWritten(columns=_dashpot_in_contact),
-    "KB-contact": HandWritten(columns=_branch_in_contact),
+    "KV-contact": HandWritten(columns=lambda motion, nonlinear: [_dashpot_contact(motion, nonlinear)[0]]),
+    "KB-contact": HandWritten(columns=lambda motion, nonlinear: [_branch_contact(motion, nonlinear)[0]]),
 }
 _TOUCHING: dict[str, Callable[[Any, np.ndarray], np.ndarray]] = {
     "LE-contact": lambda motion, nonlinear: motion.position > 0,
-    "KV-contact": lambda motion, nonlinear: _dashpot_meets(motion, nonlinear)[1],
-    "KB-contact": lambda motion, nonlinear: _branch_meets(motion, nonlinear)[1],
+    "KV-contact": lambda motion, nonlinear: _dashpot_contact(motion, nonlinear)[1],
+    "KB-contact": lambda motion, nonlinear: _branch_contact(motion, nonlinear)[1],
 }
 
 
 def _base(name: str, equation: str, parameters: Mapping, state: Mapping | None = None, **facts) -> Base:
-    """A base of ``bases.yaml``, with what is written by hand; states are those of a Maxwell branch."""
+    """Return a base of ``bases.yaml`` with its hand-written parts; states are those of a Maxwell branch."""
     linear, nonlinear = [], []
     for symbol, item in parameters.items():
         if "scale" in item:
@@ -143,16 +135,14 @@ def _base(name: str, equation: str, parameters: Mapping, state: Mapping | None =
     return Base(form, touching=_TOUCHING.get(name), **facts)
 
 
-BASES = {
-    name: _base(name, **said)
-    for name, said in shipped_yaml(Path(__file__).with_suffix(".yaml"))["bases"].items()
-}
+_DEFINITIONS = shipped_yaml(Path(__file__).with_suffix(".yaml"))["bases"]
+BASES = {name: _base(name, **definition) for name, definition in _DEFINITIONS.items()}
 """Base models by name.
 
-KB is the Kelvin–Boltzmann model: a spring parallel to a Maxwell branch. A tool that is not fastened to the tissue has the bases
-with ``-contact``: positions count from the surface that it meets. The pendulum is Eq. 4.1: M is the moment that the person exerts
-at the pivot, positive with the angle θ from the vertical (not centred). Its gravity moment has the sign that the data give:
-m g ℓ > 0 if θ counts from straight down (hanging, as published), −m g ℓ < 0 if it counts from straight up (inverted).
+KB is the Kelvin–Boltzmann model: a spring parallel to a Maxwell branch. Bases with ``-contact`` are for a free tool, with
+positions relative to the surface. The pendulum is Eq. 4.1: M is the moment that the subject exerts at the pivot, positive with
+the angle θ from the vertical (not centred). The data decide the sign of its gravity moment: m g ℓ > 0 if θ is measured from
+straight down (hanging, as published), −m g ℓ < 0 if from straight up (inverted).
 """
 
 

@@ -1,17 +1,16 @@
 """Expressions as trees, read from text by a strict whitelist and written as text.
 
-The text is Python's notation for formulas, read by `ast.parse` and never run: ``Fc*tanh(v/vs)``.
+The text is Python's notation for formulas, such as ``Fc*tanh(v/vs)``, read by `ast.parse` and never run.
 
-A tree keeps the order of operations in which it was written, so that NumPy and C round in the same way and numbers do not move
-with a new version of a library. Sympy is not used for that reason: ``sympify("2*pi*f*t")`` and its printers reorder terms and
-factors, and its import costs 0.8 s of CPU time, that of this module 0.05 s (sympy 1.14). The tests compare with sympy.
+A tree keeps the written order of operations, so that NumPy and C round equally and no new version of a library changes numbers.
+Sympy reorders terms and factors; the tests compare with it.
 """
 
 from __future__ import annotations
 
 import ast
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache, reduce
 
@@ -39,7 +38,6 @@ class Operation:
     name: str
     """``+ - * / **``, ``neg``, a comparison, or a name of `OPERANDS`."""
     operands: tuple[Expression, ...]
-    """Expressions."""
 
 
 Expression = Number | Symbol | Operation
@@ -47,11 +45,10 @@ OPERANDS = {
     "abs": 1, "sign": 1, "sqrt": 1, "exp": 1, "expm1": 1, "tanh": 1, "sinh": 1, "sin": 1, "cos": 1, "arctan": 1,
     "softplus": 1, "smoothstep": 1, "min": 2, "max": 2, "hypot": 2, "clip": 3, "where": 3, "sum": 4,
 }  # fmt: skip
-"""Functions and how many operands they take.
+"""Functions and their number of operands.
 
 softplus(x) is ln(1 + e^x), smoothstep(x) is 3x² − 2x³ between 0 and 1 and constant outside, clip(x, low, high) is x within
-its limits, where(condition, yes, no) chooses, sum(n, 1, 7, term) adds the terms for n from 1 to 7 with symbols ``A_n``
-called ``A_1`` ….
+its limits, where(condition, yes, no) selects, sum(n, 1, 7, term) adds the terms for n from 1 to 7, with ``A_n`` as ``A_1`` ….
 """
 VECTOR_NAMES = {"norm": "abs", "dot": "*"}
 """Other names of operations, for vectors."""
@@ -59,19 +56,19 @@ COMPARISONS = ("<", "<=", ">", ">=")
 
 
 def add(left: Expression, right: Expression) -> Expression:
-    """Sum, without a 0."""
+    """Return the sum, without a 0."""
     if left == Number(0.0):
         return right
     return left if right == Number(0.0) else Operation("+", (left, right))
 
 
 def subtract(left: Expression, right: Expression) -> Expression:
-    """Difference, without a 0 to subtract."""
+    """Return the difference, without a 0 to subtract."""
     return left if right == Number(0.0) else Operation("-", (left, right))
 
 
 def negate(operand: Expression) -> Expression:
-    """Negative, without two signs in a row."""
+    """Return the negative, without two signs in a row."""
     match operand:
         case Number(value):
             return Number(-value if value else 0.0)
@@ -83,7 +80,7 @@ def negate(operand: Expression) -> Expression:
 
 
 def multiply(left: Expression, right: Expression) -> Expression:
-    """Product, without factors 0, 1 and −1: all exact."""
+    """Return the product, without factors 0, 1 and −1: all exact."""
     for one, other in ((left, right), (right, left)):
         if one == Number(0.0) or one == Number(1.0):
             return one if one == Number(0.0) else other
@@ -93,36 +90,29 @@ def multiply(left: Expression, right: Expression) -> Expression:
 
 
 def divide(numerator: Expression, denominator: Expression) -> Expression:
-    """Quotient, without a denominator 1 or a numerator 0."""
+    """Return the quotient, without a denominator 1 or a numerator 0."""
     if numerator == Number(0.0) or denominator == Number(1.0):
         return numerator
     return Operation("/", (numerator, denominator))
 
 
 def power(base: Expression, exponent: Expression) -> Expression:
-    """Power, without the exponents 0 and 1."""
+    """Return the power, without the exponents 0 and 1."""
     if exponent == Number(0.0):
         return Number(1.0)
     return base if exponent == Number(1.0) else Operation("**", (base, exponent))
 
 
-_BUILD: dict[str, Callable[..., Expression]] = {
-    "+": add,
-    "-": subtract,
-    "*": multiply,
-    "/": divide,
-    "**": power,
-    "neg": negate,
-}
+_BUILD = {"+": add, "-": subtract, "*": multiply, "/": divide, "**": power, "neg": negate}
 
 
 def operation(name: str, *operands: Expression) -> Expression:
-    """Operation without what changes nothing: factors 1, terms 0."""
-    return _BUILD[name](*operands) if name in _BUILD else Operation(name, operands)
+    """Return an operation without neutral operands: factors 1, terms 0."""
+    return _BUILD[name](*operands) if name in _BUILD else Operation(name, operands)  # type: ignore[operator]
 
 
 def parts(expression: Expression) -> Iterator[Expression]:
-    """The expression and everything in it, operands first."""
+    """Yield all parts of an expression, operands first, and the expression itself."""
     if isinstance(expression, Operation):
         for operand in expression.operands:
             yield from parts(operand)
@@ -130,12 +120,12 @@ def parts(expression: Expression) -> Iterator[Expression]:
 
 
 def symbols(expression: Expression) -> set[str]:
-    """Names of the symbols in an expression, but ``pi``."""
+    """Return the names of the symbols in an expression except ``pi``."""
     return {part.name for part in parts(expression) if isinstance(part, Symbol)} - {"pi"}
 
 
 def substitute(expression: Expression, values: Mapping[str, Expression]) -> Expression:
-    """The expression with other expressions in place of symbols."""
+    """Return the expression with other expressions in place of symbols."""
     match expression:
         case Symbol(name):
             return values.get(name, expression)
@@ -145,7 +135,7 @@ def substitute(expression: Expression, values: Mapping[str, Expression]) -> Expr
 
 
 def expand_sums(expression: Expression) -> Expression:
-    """The expression with every ``sum`` written out, from its first term on."""
+    """Return the expression with the terms of every ``sum``."""
     match expression:
         case Operation("sum", (Symbol(index), Number(first), Number(last), term)):
             indexed = [name for name in symbols(term) if name.endswith(f"_{index}")]
@@ -160,7 +150,7 @@ def expand_sums(expression: Expression) -> Expression:
 
 
 def whole_power(exponent: Expression) -> int:
-    """Exponent of a power that is computed as a product; 0 of other powers."""
+    """Return the exponent of a power that is computed as a product; 0 for other powers."""
     if isinstance(exponent, Number) and exponent.value.is_integer() and 2 <= exponent.value <= 8:
         return int(exponent.value)
     return 0
@@ -170,7 +160,7 @@ _RANK = {"+": 1, "-": 1, "*": 2, "/": 2, "neg": 3, "**": 4}
 
 
 def to_text(expression: Expression, rank: int = 0) -> str:
-    """The expression as text that `parse` reads; in brackets if it binds less than `rank`."""
+    """Return the expression as text that `parse` reads; in brackets if it binds less than `rank`."""
     match expression:
         case Number(value):
             text = f"{value:g}" if float(f"{value:g}") == value else repr(value)
@@ -178,24 +168,21 @@ def to_text(expression: Expression, rank: int = 0) -> str:
         case Symbol(name):
             return name
         case Operation("neg", (operand,)):
-            text, own = f"-{to_text(operand, 3)}", 3
+            text, bound = f"-{to_text(operand, 3)}", 3
         case Operation("**", (base, exponent)):
-            text, own = f"{to_text(base, 5)}**{to_text(exponent, 3)}", 4
+            text, bound = f"{to_text(base, 5)}**{to_text(exponent, 3)}", 4
         case Operation(name, (left, right)) if name in _RANK:
-            own = _RANK[name]
-            gap = " " if own == 1 else ""
-            text = f"{to_text(left, own)}{gap}{name}{gap}{to_text(right, own + 1)}"
+            bound = _RANK[name]
+            gap = " " if bound == 1 else ""
+            text = f"{to_text(left, bound)}{gap}{name}{gap}{to_text(right, bound + 1)}"
         case Operation(name, (left, right)) if name in COMPARISONS:
-            text, own = f"{to_text(left, 1)} {name} {to_text(right, 1)}", 0
+            text, bound = f"{to_text(left, 1)} {name} {to_text(right, 1)}", 0
         case Operation(name, operands):
             return f"{name}({', '.join(to_text(operand, 0) for operand in operands)})"
-    return f"({text})" if own < rank else text
+    return f"({text})" if bound < rank else text
 
 
-MOST_CHARACTERS = 2000
-MOST_OPERATIONS = 400
-DEEPEST = 60
-MOST_TERMS = 32
+MAX_CHARACTERS, MAX_OPERATIONS, MAX_DEPTH, MAX_TERMS = 2000, 400, 60, 32
 """Limits of an expression: characters, operations and depth of the tree, terms of a sum."""
 _COMPARISONS = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">="}
 _OPERATORS = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.Pow: "**"}
@@ -204,47 +191,42 @@ _ALLOWED = f"numbers, symbols, + - * / ** ( ) and {', '.join(OPERANDS)}"
 
 @lru_cache(maxsize=1024)
 def parse(text: str) -> Expression:
-    """Read an expression.
-
-    Parameters
-    ----------
-    text : str
-        E.g. ``"Fc*tanh(v/vs)"``.
+    """Read an expression, for example ``"Fc*tanh(v/vs)"``.
 
     Raises
     ------
     InputError
-        For anything that is not on the whitelist, and for what exceeds the limits: never more than one message, with
-        the part of the text that it is about.
+        For the first part of the text that is not on the whitelist or exceeds the limits.
 
     Examples
     --------
     >>> parse("k3*z**3")
     Operation(name='*', operands=(Symbol(name='k3'), Operation(name='**', operands=(Symbol(name='z'), Number(value=3.0)))))
     """
-    if not text.strip():
-        raise InputError(f"{text!r} is no expression; e.g. Fc*tanh(v/vs)")
-    if len(text) > MOST_CHARACTERS:
-        raise InputError(f"{len(text)} characters; at most {MOST_CHARACTERS} are read")
+    text = " ".join(text.split())  # leading white space would be an indented line to Python
+    if not text:
+        raise InputError("'' is not an expression; write e.g. Fc*tanh(v/vs)")
+    if len(text) > MAX_CHARACTERS:
+        raise InputError(f"{len(text)} characters; at most {MAX_CHARACTERS} are read")
     try:
-        # White space about it would be an indented line to Python.
-        tree = ast.parse(" ".join(text.split()), mode="eval")
+        tree = ast.parse(text, mode="eval")
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
-        raise InputError(
-            f"{_shown(text)} cannot be read ({getattr(error, 'msg', 'too deep')}); allowed are {_ALLOWED}"
-        ) from error
-    read = _Reader(" ".join(text.split())).read(tree.body, 1)
+        reason = getattr(error, "msg", "too deep")
+        raise InputError(f"{_quote(text)} cannot be read ({reason}); allowed are {_ALLOWED}") from error
+    read = _Reader(text).read(tree.body, 1)
     if isinstance(read, Operation) and read.name in COMPARISONS:
-        raise InputError(f"{_shown(text)} is a comparison; it may stand in where(comparison, yes, no)")
+        raise InputError(
+            f"{_quote(text)} is a comparison, allowed as first operand of where(comparison, yes, no) only"
+        )
     return read
 
 
-def _shown(text: str) -> str:
+def _quote(text: str) -> str:
     return repr(text if len(text) < 80 else f"{text[:77]}…")
 
 
 class _Reader:
-    """Turns Python's syntax tree into an expression, node by node."""
+    """Converts Python's syntax tree into an expression, node by node."""
 
     def __init__(self, text: str):
         self.text = text
@@ -252,16 +234,22 @@ class _Reader:
 
     def read(self, node: ast.expr, depth: int) -> Expression:
         """Return the expression of a node, or raise the reason why it is not allowed."""
-        if depth > DEEPEST:
-            raise InputError(f"{_shown(self.text)} is nested more than {DEEPEST} deep")
+        if depth > MAX_DEPTH:
+            raise InputError(f"{_quote(self.text)} is nested more than {MAX_DEPTH} deep")
         match node:
             case ast.Constant(value=int() | float() as value) if not isinstance(value, bool):
-                return self._number(node, value)
+                try:
+                    number = float(value)
+                except OverflowError:
+                    number = math.inf
+                if not math.isfinite(number):
+                    raise self._error(node, "numbers are finite")
+                return Number(number)
             case ast.Name(id=name):
                 if name in OPERANDS:
-                    raise self._refused(node, f"the function {name} needs operands: {name}(…)")
+                    raise self._error(node, f"the function {name} needs operands: {name}(…)")
                 if not name.isascii() or name.startswith("_"):
-                    raise self._refused(node, "symbols are letters a to z, digits and _, with a letter first")
+                    raise self._error(node, "symbols are letters a to z, digits and _, with a letter first")
                 return Symbol(name)
             case ast.UnaryOp(op=ast.USub(), operand=operand):
                 return self._operation("neg", (operand,), depth)
@@ -270,60 +258,42 @@ class _Reader:
             case ast.Call(func=ast.Name(id=name), args=operands, keywords=[]):
                 return self._call(node, name, operands, depth)
             case ast.Compare(left=left, ops=[op], comparators=[right]) if type(op) in _COMPARISONS:
-                raise self._refused(node, "a comparison may only be the first operand of where()")
-        raise self._refused(node, f"allowed are {_ALLOWED}")
+                raise self._error(node, "a comparison may only be the first operand of where()")
+        raise self._error(node, f"allowed are {_ALLOWED}")
 
-    def _refused(self, node: ast.expr, allowed: str) -> InputError:
-        found = ast.get_source_segment(self.text, node) or self.text
-        return InputError(f"{_shown(found)} is not allowed; {allowed}")
-
-    def _number(self, node: ast.Constant, written: float) -> Number:
-        try:
-            value = float(written)
-        except OverflowError:
-            value = math.inf
-        if not math.isfinite(value):
-            raise self._refused(node, "numbers are finite")
-        return Number(value)
+    def _error(self, node: ast.expr, allowed: str) -> InputError:
+        source = ast.get_source_segment(self.text, node) or self.text
+        return InputError(f"{_quote(source)} is not allowed; {allowed}")
 
     def _operation(self, name: str, operands, depth: int) -> Operation:
         self.operations += 1
-        if self.operations > MOST_OPERATIONS:
-            raise InputError(f"{_shown(self.text)} has more than {MOST_OPERATIONS} operations")
+        if self.operations > MAX_OPERATIONS:
+            raise InputError(f"{_quote(self.text)} has more than {MAX_OPERATIONS} operations")
         return Operation(name, tuple(self.read(operand, depth + 1) for operand in operands))
 
     def _call(self, node: ast.Call, name: str, operands: list[ast.expr], depth: int) -> Operation:
         count = {**OPERANDS, "norm": 1, "dot": 2}.get(name)
         if count is None:
-            raise self._refused(node, f"functions are {', '.join((*OPERANDS, *VECTOR_NAMES))}")
+            raise self._error(node, f"functions are {', '.join((*OPERANDS, *VECTOR_NAMES))}")
         if len(operands) != count:
-            raise self._refused(node, f"{name} takes {count} operands and got {len(operands)}")
-        name = VECTOR_NAMES.get(name, name)
+            raise self._error(node, f"{name} takes {count} operands and got {len(operands)}")
         if name == "where":
-            return self._choice(operands, depth)
-        called = self._operation(name, operands, depth)
-        if name == "sum":
-            self._check_sum(node, called)
-        return called
-
-    def _choice(self, operands: list[ast.expr], depth: int) -> Operation:
-        match operands[0]:
-            case ast.Compare(left=left, ops=[op], comparators=[right]) if type(op) in _COMPARISONS:
-                condition = self._operation(_COMPARISONS[type(op)], (left, right), depth + 1)
-                chosen = self._operation("where", operands[1:], depth)
-                return Operation("where", (condition, *chosen.operands))
-        raise self._refused(operands[0], "where() begins with one comparison by < <= > >=")
-
-    def _check_sum(self, node: ast.Call, called: Operation) -> None:
-        index, first, last, term = called.operands
-        if not (
-            isinstance(index, Symbol)
-            and isinstance(first, Number)
-            and isinstance(last, Number)
-            and first.value.is_integer()
-            and last.value.is_integer()
-            and 0 <= last.value - first.value < MOST_TERMS
-            and not any(isinstance(part, Operation) and part.name == "sum" for part in parts(term))
-        ):
-            allowed = f"sum(n, 1, 7, term): whole limits, at most {MOST_TERMS} terms, no sum in a sum"
-            raise self._refused(node, allowed)
+            match operands[0]:
+                case ast.Compare(left=left, ops=[op], comparators=[right]) if type(op) in _COMPARISONS:
+                    condition = self._operation(_COMPARISONS[type(op)], (left, right), depth + 1)
+                    branches = self._operation("where", operands[1:], depth)
+                    return Operation("where", (condition, *branches.operands))
+            raise self._error(operands[0], "where() begins with one comparison by < <= > >=")
+        read = self._operation(VECTOR_NAMES.get(name, name), operands, depth)
+        match read:
+            case Operation("sum", (Symbol(), Number(first), Number(last), term)) if (
+                first.is_integer()
+                and last.is_integer()
+                and 0 <= last - first < MAX_TERMS
+                and not any(isinstance(part, Operation) and part.name == "sum" for part in parts(term))
+            ):
+                return read
+            case Operation("sum"):
+                allowed = f"sum(n, 1, 7, term): whole limits, at most {MAX_TERMS} terms, no sum in a sum"
+                raise self._error(node, allowed)
+        return read

@@ -1,9 +1,8 @@
 """Measured motion, filtered before it is differentiated.
 
-In forward records it is the channel from which a simulation estimates its start. Angles of a pendulum come from noisy markers,
-or rounded from a file. The second derivative multiplies noise by the square of its frequency: rounding to five decimals at
-100 Hz makes 0.14 rad/s², a millirad of noise 48 rad/s². The angle is therefore replaced by a quintic spline fitted by least
-squares, with knots as far apart as cross-validation allows.
+In forward records it is the channel from which a simulation estimates its start. Angles of a pendulum come from noisy markers or
+are rounded in a file. The second derivative multiplies noise by the square of its frequency: at 100 Hz a millirad of noise gives
+48 rad/s². The angle is therefore replaced by a quintic least-squares spline with knots chosen by cross-validation.
 """
 
 from dataclasses import replace
@@ -18,16 +17,16 @@ from lumbar.tissue.models.motion import JoinedMotions, Motion
 
 MEASURED = "measured_motion"
 """Role of the channel with the measured motion, from which a simulation estimates its start."""
-_BLOCKS = 8  # of a record, whose spectra are averaged
+_BLOCKS = 8  # of a record, with averaged spectra
 _MIN_POWER_RATIO = 4.0  # of the motion to the noise, at a frequency with visible motion
 _NOISE_SHARE = 0.25  # of the frequencies, the highest ones, that show the noise
-_ROOM = 1.5
+_CUTOFF_RATIO = 1.5  # of the cut-off to the highest frequency with visible motion
 _ORDER = 4
 _MAX_CUTOFF = 0.45  # cycles per sample; above it nothing is smoothed
 
 
 def add_measured_motion(record: Record) -> Record:
-    """Return the record with its filtered output as a further channel, from which a simulation estimates its start."""
+    """Return the record with its filtered output as an additional channel, from which a simulation estimates its start."""
     output = record.channels["output"]
     filtered = replace(output, values=remove_noise(output.values))
     return replace(record, channels={**record.channels, MEASURED: filtered})
@@ -36,22 +35,20 @@ def add_measured_motion(record: Record) -> Record:
 def remove_noise(signal: np.ndarray) -> np.ndarray:
     """Return a signal without the frequencies that show only noise, by a zero-phase Butterworth filter.
 
-    The highest quarter of the frequencies gives the level of the noise; a motion has little power there.
+    The noise level is the power in the highest quarter of the frequencies, where a motion has little power.
     """
     frequency, power = scipy.signal.welch(signal, nperseg=min(len(signal), max(len(signal) // _BLOCKS, 64)))
     noise = float(np.median(power[frequency > 0.5 * (1 - _NOISE_SHARE)]))
-    seen = np.flatnonzero(power > _MIN_POWER_RATIO * noise)
-    cut = _ROOM * float(frequency[seen[-1]]) if len(seen) else 0.0
+    visible = np.flatnonzero(power > _MIN_POWER_RATIO * noise)
+    cut = _CUTOFF_RATIO * float(frequency[visible[-1]]) if len(visible) else 0.0
     if not 0 < cut < _MAX_CUTOFF:
         return signal
     return scipy.signal.sosfiltfilt(scipy.signal.butter(_ORDER, 2 * cut, output="sos"), signal)
 
 
-SPACINGS = 2.0 * 1.4 ** np.arange(18)
-"""Distances of knots in samples that are tried. The first one leaves the angle unchanged."""
-FEWEST_KNOTS = 12
-_PAST_THE_LEAST = 2.0
-"""Once the error is above its least by this factor, the knots have become too far apart to follow the movement."""
+_KNOT_SPACINGS = 2.0 * 1.4 ** np.arange(18)  # samples; the first one leaves the angle unchanged
+_MIN_KNOTS = 12
+_MAX_ERROR_RATIO = 2.0  # to the least error; above it the knots are too far apart to follow the movement
 
 
 def for_base(record: Record, base: Base) -> Record:
@@ -60,7 +57,7 @@ def for_base(record: Record, base: Base) -> Record:
     Raises
     ------
     InputError
-        If a pendulum's angle goes beyond a full turn: no joint does, but degrees taken for radians do.
+        If a pendulum's angle exceeds a full turn: no joint reaches that, but degrees mistaken for radians do.
     """
     if base.system != "pendulum":
         return record
@@ -82,7 +79,7 @@ def smooth_angle(record: Record) -> Record:
     angle = record["input"]
     samples = np.arange(len(angle), dtype=float)
     best, least = None, np.inf
-    for spacing in SPACINGS[len(angle) / FEWEST_KNOTS > SPACINGS]:
+    for spacing in _KNOT_SPACINGS[len(angle) / _MIN_KNOTS > _KNOT_SPACINGS]:
         # Quintic spline with even knots, and its generalised cross-validation error.
         inner = np.linspace(0, samples[-1], max(int(len(angle) / spacing), 1) + 1)
         knots = np.concatenate([np.full(5, inner[0]), inner, np.full(5, inner[-1])])
@@ -90,17 +87,17 @@ def smooth_angle(record: Record) -> Record:
         coefficients = len(knots) - 6
         error = np.mean((values - angle) ** 2) / (1 - coefficients / len(angle)) ** 2
         if error < least:
-            best, least = (None if spacing == SPACINGS[0] else values), error
-        elif error > _PAST_THE_LEAST * least:
+            best, least = (None if spacing == _KNOT_SPACINGS[0] else values), error
+        elif error > _MAX_ERROR_RATIO * least:
             break
     return record if best is None else record.with_values(input=best)
 
 
-_MIN_JUMP = 0.1  # share of its range by which a held input typically jumps
+_MIN_JUMP = 0.1  # median jump of a held input, relative to its range
 
 
 def is_held(motion: Motion | JoinedMotions) -> bool:
-    """Whether an input is held between jumps, as a command of a few levels is; such an input has no derivatives."""
+    """Return whether an input is held between jumps, as a command of a few levels; such an input has no derivatives."""
     position = motion.position
     steps = np.abs(np.diff(position))
     moved = steps[steps > 0]

@@ -13,21 +13,21 @@ Scale = Literal["position", "speed", "path", "duration", "force", "time", "rate"
 """Quantities that set the size of a nonlinear parameter."""
 
 
-_TIME_SHARE = 0.2  # of sampling interval and duration: bounds of a time constant
+_TIME_SHARE = 0.2  # of sampling interval and duration, for the bounds of a time constant
 
 
 @dataclass(frozen=True)
 class Parameter:
-    """A quantity of an equation that a fit finds."""
+    """A quantity of an equation that is fitted."""
 
     name: str
-    """E.g. ``"coulomb_force"``."""
+    """For example ``"coulomb_force"``."""
     unit: str
-    """In terms of the output's unit ``{y}`` and the input's ``{x}``, e.g. ``"{y}/{x}^3"``."""
+    """Unit in terms of the output's unit ``{y}`` and the input's ``{x}``, e.g. ``"{y}/{x}^3"``."""
     symbol: str = field(default="", kw_only=True)
-    """Its symbol in equations, e.g. ``"Fc"``."""
+    """Symbol in equations, e.g. ``"Fc"``."""
     latex: str = field(default="", kw_only=True)
-    """LaTeX; by default it follows from the symbol: ``F_c``."""
+    """LaTeX; by default that of the symbol, e.g. ``F_c``."""
 
     @property
     def latex_symbol(self) -> str:
@@ -48,39 +48,39 @@ class NonlinearParameter(Parameter):
     """A positive parameter the force depends on otherwise."""
 
     scale: Scale
-    """Quantity that sets its size: ``position`` (half range), ``speed``, ``path``, ``duration``, ``force`` (largest of the
-    record), ``time`` (geometric mean of sampling interval and duration: 1 s where 100 s were sampled at 100 Hz), ``rate`` (its
-    inverse), ``sampling`` (interval), ``one``."""
+    """Quantity that sets its size: ``position`` (half range), ``speed``, ``path``, ``duration``, ``force`` (maximum of the
+    record), ``time`` (geometric mean of sampling interval and duration), ``rate`` (1/time), ``sampling`` (interval), ``one``."""
     low: float
+    """Lower end of the range of starting values, in that scale."""
     high: float
-    """`low`, `high`: range in which starting values are looked for, in that scale."""
+    """Upper end of this range."""
     points: int
     """Number of starting values, spaced evenly in the logarithm."""
     reach: tuple[float, float] = (0.1, 10.0)
     """Bounds of the fit, as factors of the ends of the range."""
     lines: float | None = None
-    """For frequencies: the fit stays within this many lines (1/duration) of its start."""
+    """For frequencies: the largest distance of the fit from its start, in lines (1/duration)."""
     follows_record: bool = field(default=False, kw_only=True)
-    """For time constants: the range of the fit reaches from a fifth of the sampling interval to a fifth of the record's
-    duration where these are beyond the parameter's own, and starting values from two intervals on."""
+    """For time constants: starting values from two sampling intervals or less, bounds of the fit down to a fifth of the interval
+    and up to a fifth of the record's duration."""
     signed: bool = field(default=False, kw_only=True)
-    """Whether it may have either sign: a fit then searches its exponential. For angles and couplings of channels."""
+    """True if it may have either sign, as angles and couplings of channels: a fit then searches its exponential."""
     decisive: bool = field(default=False, kw_only=True)
-    """Whether a value at the end of its range means that the mechanism is absent, or is another one."""
+    """True if a value at the end of its range means that the mechanism is absent or different."""
 
-    def decode(self, counted: float) -> float:
+    def decode(self, number: float) -> float:
         """Return its value, from the number that a fit searches."""
-        return float(np.log(counted)) if self.signed else counted
+        return float(np.log(number)) if self.signed else number
 
     def encode(self, value: float) -> float:
         """Return the number that a fit searches, from its value."""
         return float(np.exp(value)) if self.signed else value
 
     def grid(self, size: float, sampling_time: float | None = None) -> np.ndarray:
-        """Return the starting values for a scale of this size, and for records sampled so."""
+        """Return the starting values for a scale of this size and records with this sampling time."""
         low, points = self.low * size, self.points
         if self.follows_record and sampling_time and 2 * sampling_time < low:
-            # As dense as the range's own.
+            # Extend the range with the density of its own values.
             spacing = np.log(self.high / self.low) / max(self.points - 1, 1)
             points += int(np.ceil(np.log(low / (2 * sampling_time)) / spacing))
             low = 2 * sampling_time
@@ -89,7 +89,7 @@ class NonlinearParameter(Parameter):
     def bounds(
         self, size: float, sampling_time: float | None = None, duration: float | None = None
     ) -> tuple[float, float]:
-        """Return the bounds of the fit for a scale of this size, and for records of this sampling and duration."""
+        """Return the bounds of the fit for a scale of this size and records with this sampling time and duration."""
         low, high = self.low * self.reach[0] * size, self.high * self.reach[1] * size
         if self.follows_record and sampling_time and duration:
             low, high = min(low, _TIME_SHARE * sampling_time), max(high, _TIME_SHARE * duration)
@@ -98,18 +98,17 @@ class NonlinearParameter(Parameter):
 
 @dataclass(frozen=True)
 class Constant:
-    """A number that an equation calls by a symbol."""
+    """A number with a symbol in an equation."""
 
     symbol: str
     value: float
     unit: str
     latex: str = ""
-    """`symbol`, `unit`, `latex`: as for `Parameter`."""
     scale: str = ""
     """Quantity of the record that is its unit in a fit, see `NonlinearParameter`; empty for a fixed value. In another unit, the
-    force of a power law at 1 would be far from every motion, and not be determined."""
+    force of a power law at 1 would be far from every motion and not determined."""
     given: bool = False
-    """Whether the value replaces that of the catalogue: it is then written with a model."""
+    """True if the value replaces that of the catalogue: it is then written with a model."""
 
     @property
     def latex_symbol(self) -> str:
@@ -118,17 +117,17 @@ class Constant:
 
     @property
     def latex_unit(self) -> str:
-        """The unit as LaTeX; the input's and the output's own are called unit."""
+        """The unit as LaTeX, with ``unit`` for those of input and output."""
         unit = "unit" if self.unit in ("{x}", "{y}") else self.unit
         return unit.format(x="unit", y="unit").replace(" ", r"\,")
 
 
 @dataclass(frozen=True)
 class MotionSignal:
-    """A quantity that an equation calls by a symbol and that a motion gives."""
+    """A quantity of a motion with a symbol in equations."""
 
     meaning: str
-    """For reports and messages."""
+    """Text for reports and messages."""
     of: Callable[[Any], np.ndarray]
     """From a motion to the signal, shape (samples,)."""
     c_name: str = ""
@@ -136,15 +135,15 @@ class MotionSignal:
     latex: str = ""
     """LaTeX; empty if it is the symbol."""
     channel: str = ""
-    """Role of the further channel that it needs; empty if none."""
+    """Role of the additional channel that it needs; empty if none."""
 
 
 def _channel(role: str, latex: str, meaning: str) -> MotionSignal:
     return MotionSignal(meaning, lambda motion: motion.channels[role], latex=latex, channel=role)
 
 
-def _rate_of_length(motion) -> np.ndarray:
-    """First derivative of the length, by the same spline as the position's."""
+def _differentiate_length(motion) -> np.ndarray:
+    """Return the first derivative of the length, by a quintic spline as for the position."""
     return scipy.interpolate.make_interp_spline(motion.time, motion.channels["length"], k=5)(motion.time, 1)
 
 
@@ -166,11 +165,13 @@ SIGNALS = {
     ),
     "box_held": _channel("box_held", "h", "share of the box that the hands carry"),
     "length": _channel("length", r"\ell", "distance from the pivot to the centre of mass"),
-    "length_dot": MotionSignal("rate of the length", _rate_of_length, latex=r"\dot \ell", channel="length"),
+    "length_dot": MotionSignal(
+        "rate of the length", _differentiate_length, latex=r"\dot \ell", channel="length"
+    ),
     "pivot_acceleration_x": _channel("pivot_acceleration_x", r"\ddot x_p", "the pivot's to the front"),
     "pivot_acceleration_z": _channel("pivot_acceleration_z", r"\ddot z_p", "the pivot's upwards"),
 }
-"""By symbol. The pendulum's angle has names of its own for what a tissue knows as position."""
+"""Signals by symbol; the angle of the pendulum is its position."""
 AXES = ("x", "y", "z")
 """Names of axes in space."""
 VECTORS = ("z", "v", "a", "dz")

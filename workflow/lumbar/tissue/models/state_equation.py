@@ -1,14 +1,13 @@
-r"""States of a form that follow differential equations, for a position that is linear between samples.
+r"""Differential equations of the states of a form, for a position that is linear between samples.
 
 The step from sample to sample is the exponential Rosenbrock–Euler step (Hochbruck and Ostermann, Acta Numerica 19 (2010)
 209-286, section 2.4)::
 
     r⁺ = r + h φ₁(hJ) f(r),    φ₁(x) = (eˣ − 1)/x,    J = ∂f/∂r,
 
-exact where the equations are linear in the states and of second order elsewhere. Equations that know position, path or
-time themselves get a clock as one state more, which makes them autonomous. NumPy solves all samples at once by Newton's method
-(each iteration is linear in the states and solved as a banded system), or one state with a clock sample by sample; C takes one
-step per sample.
+exact for equations that are linear in the states and of second order for others. Equations in position, path or time get a clock
+as an additional state, which makes them autonomous. NumPy solves all samples together by Newton's method (each iteration is a
+banded linear system), or one state with a clock sample by sample; C computes one step per sample.
 """
 
 import math
@@ -39,20 +38,17 @@ MOST_STATES = 6
 """States of one form; with a clock, ``LARGEST_SYSTEM`` of ``effect_forms.h``."""
 STEP_SYMBOL = "sampling_time"
 """Symbol of the time from sample to sample in the equations of a step."""
-_MOST_ITERATIONS = 40
-_LARGEST_SLOPE = 50.0
-"""Exponent of what runs away in one step: beyond it nothing is known, and nothing overflows."""
+_MAX_ITERATIONS = 40
+_MAX_SLOPE = 50.0  # exponent of a state that diverges in one step; no larger one, so that nothing overflows
 _MIN_EXPONENT = 1e-4  # below it φ₂ is its series: a difference would have no digits left
-_TOLERANCE = 1e-13  # largest change in Newton's last iteration, as a share of the largest state
-_TERMS = (
-    14  # of φ₁'s series for matrices, halved until their norm is at most 1/2: it then ends below rounding
-)
+_TOLERANCE = 1e-13  # largest change in Newton's last iteration, relative to the largest state
+_TERMS = 14  # of φ₁'s series for matrices of a norm up to 1/2: the rest is below rounding
 _STEP = Symbol(STEP_SYMBOL)
 _ALONG = {f"_{axis}" for axis in AXES}
 
 
 def _step_of(position: str) -> str:
-    """Symbol of the change of a position from sample to sample."""
+    """Return the symbol of the change of a position from sample to sample."""
     return "d" + position if position[1:] in _ALONG else "dz"
 
 
@@ -61,13 +57,13 @@ _RATES: dict[str, Expression] = {
     "s": Operation("abs", (Symbol("dz"),)),
     "t": _STEP,
 }
-"""Change from sample to sample of what is linear in between."""
+"""Change from sample to sample of signals that are linear in between."""
 
 
 def phi1(x):
-    """(eˣ − 1)/x, 1 at 0."""
-    zero = np.equal(x, 0.0)
-    return np.where(zero, 1.0, np.expm1(x) / np.where(zero, 1.0, x))
+    """Return (eˣ − 1)/x, 1 at 0."""
+    is_zero = np.equal(x, 0.0)
+    return np.where(is_zero, 1.0, np.expm1(x) / np.where(is_zero, 1.0, x))
 
 
 STEP_FUNCTIONS = {**NUMPY, "phi1": phi1}
@@ -80,7 +76,7 @@ class StateEquation:
     slopes: Mapping[str, Expression]
     """Rate of change per second by state."""
     starts: Mapping[str, Expression] = field(default_factory=dict)
-    """Values when the motion begins, in parameters and the position there, by state; 0 of a state that is not named."""
+    """Start values by state, in parameters and the position at the start; 0 for other states."""
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -89,7 +85,7 @@ class StateEquation:
 
     @cached_property
     def apart(self) -> "list[StateEquation]":
-        """The equations in groups that know nothing of each other's states."""
+        """The equations in groups that are independent of each other's states."""
         groups: list[set[str]] = []
         for name, slope in self.slopes.items():
             known = {name} | (symbols(slope) & set(self.names))
@@ -107,23 +103,21 @@ class StateEquation:
 
     @cached_property
     def has_clock(self) -> bool:
-        """Whether an equation uses signals that change between two samples."""
+        """True if an equation uses signals that change between two samples."""
         return bool(self.signals & LINEAR)
 
     @cached_property
     def is_scalar(self) -> bool:
-        """Whether a step is one expression."""
+        """True if a step is one expression."""
         return len(self.slopes) == 1 and not self.has_clock
 
     @cached_property
     def is_linear(self) -> bool:
-        """Whether a step is linear in the states."""
+        """True if a step is linear in the states."""
         cells = [slope for row in self._jacobian for slope in row]
+        inner = (part for slope in self.slopes.values() for part in parts(slope))
         jumps = [
-            part
-            for slope in self.slopes.values()
-            for part in parts(slope)
-            if isinstance(part, Operation) and part.name in ("sign", *COMPARISONS)
+            part for part in inner if isinstance(part, Operation) and part.name in ("sign", *COMPARISONS)
         ]
         return not any(symbols(part) & set(self.names) for part in (*cells, *jumps))
 
@@ -134,8 +128,8 @@ class StateEquation:
     @cached_property
     def increments(self) -> list[Expression]:
         """Change in a step with constant slopes: h f, and 1 for the clock."""
-        found = [multiply(_STEP, slope) for slope in self.slopes.values()]
-        return [*found, Number(1.0)] if self.has_clock else found
+        clock: list[Expression] = [Number(1.0)] if self.has_clock else []
+        return [multiply(_STEP, slope) for slope in self.slopes.values()] + clock
 
     @cached_property
     def matrix(self) -> list[list[Expression]]:
@@ -152,7 +146,7 @@ class StateEquation:
 
     @cached_property
     def scalar_step(self) -> Expression:
-        """The state after a step, where it is one expression."""
+        """The state after a step, if it is one expression."""
         (name, slope), ((jacobian,),) = *self.slopes.items(), self._jacobian
         stretch = Operation("phi1", (multiply(_STEP, jacobian),))
         gain = _STEP if jacobian == Number(0.0) else multiply(_STEP, stretch)
@@ -170,45 +164,42 @@ class StateEquation:
     def trajectory(self, motion: OneMotion, values: Mapping[str, float]) -> dict[str, np.ndarray]:
         """States at every sample, each of shape (samples,), from parameters and constants by symbol."""
         if len(self.apart) > 1:
-            found = {
+            paths = {
                 name: path for part in self.apart for name, path in part.trajectory(motion, values).items()
             }
-            return {name: found[name] for name in self.names}
+            return {name: paths[name] for name in self.names}
         steps = len(motion.time) - 1
-        known, begin = {**values, **self._between(motion)}, self._begin(motion, values)
+        trees = [self.starts.get(name, Number(0.0)) for name in self.names]
+        places = {name: SIGNALS[name].of(motion)[0] for name in _positions(motion)}
+        with np.errstate(all="ignore"):
+            begin = np.array(Evaluator(trees, STEP_FUNCTIONS)({**values, **places}), float)
+        known = {**values, **self._between(motion)}
         one = len(self.names) == 1
         # With a clock, two of Newton's iterations take longer than all samples one by one.
         by_newton = self.is_linear or not (one and self.has_clock)
-        # Of several states one after the other takes far longer than an iteration: those found last are near.
+        # Several states step by step take far longer than an iteration: the last ones are a good guess.
         near = {} if one or self.is_linear else motion.cache.compute_once("states found last", dict)
         guesses = [near[self.names], None] if self.names in near else [None]
         tried = (self._newton(known, steps, begin, guess) for guess in guesses if by_newton)
         states = next((path for path in tried if path is not None), None)
         if states is None:
-            solve = self._one_by_one if one else self.in_steps
+            solve = self._solve_in_numbers if one else self.solve_stepwise
             states = solve(known, steps, begin=begin)
         if np.isfinite(states).all():
             near[self.names] = states
         return dict(zip(self.names, states, strict=True))
 
-    def _begin(self, motion: OneMotion, values: Mapping[str, float]) -> np.ndarray:
-        """States when the motion begins, shape (states,)."""
-        trees = [self.starts.get(name, Number(0.0)) for name in self.names]
-        known = {**values, **{name: SIGNALS[name].of(motion)[0] for name in _positions(motion)}}
-        with np.errstate(all="ignore"):
-            return np.array(Evaluator(trees, STEP_FUNCTIONS)(known), float)
-
     def _between(self, motion: OneMotion) -> dict[str, np.ndarray | float]:
-        """Signals at the beginning of every step."""
-        found: dict[str, np.ndarray | float] = {STEP_SYMBOL: motion.sampling_time}
+        """Return the signals at the beginning of every step."""
+        signals: dict[str, np.ndarray | float] = {STEP_SYMBOL: motion.sampling_time}
         for symbol in {*self.signals, *map(_step_of, _positions(motion))}:
             if symbol in STEADY:
                 part = motion.along(symbol[-1]) if isinstance(motion, SpatialMotion) else motion
                 step = part.increments[1:]
-                found[symbol] = step if symbol.startswith("d") else step / motion.sampling_time
+                signals[symbol] = step if symbol.startswith("d") else step / motion.sampling_time
             else:
-                found[symbol] = SIGNALS[symbol].of(motion)[:-1]
-        return found
+                signals[symbol] = SIGNALS[symbol].of(motion)[:-1]
+        return signals
 
     @cached_property
     def _step_evaluator(self) -> Evaluator:
@@ -217,16 +208,16 @@ class StateEquation:
         return Evaluator([*self.increments, *(cell for row in self.matrix for cell in row)], STEP_FUNCTIONS)
 
     def _step(self, values: Mapping, steps: int) -> tuple[np.ndarray, np.ndarray]:
-        """States after each step, shape (states, steps), and their slopes by those before it, (states, states, steps)."""
+        """Return the states after each step, (states, steps), and their slopes by those before it, (states, states, steps)."""
         cells = self._step_evaluator(values)
         if self.is_scalar:
             after, exponent = cells
             return np.broadcast_to(after, (1, steps)), np.broadcast_to(np.exp(exponent), (1, 1, steps))
         size, states = len(self.increments), len(self.names)
-        found = np.array([np.broadcast_to(value, steps) for value in cells], dtype=float)
-        increments = found[:size].T[..., None]
-        matrix = found[size:].reshape(size, size, steps).transpose(2, 0, 1)
-        stretch = _stretches(matrix, states)
+        numbers = np.array([np.broadcast_to(value, steps) for value in cells], dtype=float)
+        increments = numbers[:size].T[..., None]
+        matrix = numbers[size:].reshape(size, size, steps).transpose(2, 0, 1)
+        stretch = _phi1_of_steps(matrix, states)
         after = np.array([values[name] for name in self.names]) + (stretch @ increments)[:, :states, 0].T
         slopes = np.eye(size) + matrix @ stretch
         return after, slopes[:, :states, :states].transpose(1, 2, 0)
@@ -238,15 +229,12 @@ class StateEquation:
         begin: np.ndarray | float = 0.0,
         guess: np.ndarray | None = None,
     ) -> np.ndarray | None:
-        """States from the first sample on, shape (states, steps + 1); None if the iteration does not end.
-
-        `guess` has the same shape; without one they are where they begin.
-        """
+        """Return the states at all samples, shape (states, steps + 1), from a `guess`; None if the iteration does not end."""
         begin = np.broadcast_to(begin, len(self.names))
-        # Begin with states that do not move; linearise every step; solve all steps as one banded system.
+        # Begin with constant states; linearise every step; solve all steps as one banded system.
         states = np.repeat(begin[:, None], steps + 1, axis=1) if guess is None else guess
         with np.errstate(all="ignore"):
-            for _ in range(_MOST_ITERATIONS):
+            for _ in range(_MAX_ITERATIONS):
                 before = states[:, :-1]
                 after, slopes = self._step({**known, **dict(zip(self.names, before, strict=True))}, steps)
                 driven = after - np.einsum("ijk,jk->ik", slopes, before)
@@ -254,46 +242,46 @@ class StateEquation:
                     return None
                 driven[:, 0] += slopes[:, :, 0] @ begin
                 try:
-                    found = _recursion(slopes, driven)
+                    solved = _recursion(slopes, driven)
                 except np.linalg.LinAlgError:  # slopes so large that the system overflows
                     return None
-                if not np.isfinite(found).all():
+                if not np.isfinite(solved).all():
                     return None
-                found[:, 0] = begin
-                change = np.abs(found - states).max()
-                states = found
+                solved[:, 0] = begin
+                change = np.abs(solved - states).max()
+                states = solved
                 if self.is_linear or change <= _TOLERANCE * np.abs(states).max():
                     return states
         return None
 
-    def _one_by_one(self, known: Mapping, steps: int, begin: np.ndarray) -> np.ndarray:
-        """Solve for one state in plain numbers, sample by sample: forty times as fast as with arrays of one.
+    def _solve_in_numbers(self, known: Mapping, steps: int, begin: np.ndarray) -> np.ndarray:
+        """Solve for one state sample by sample in numbers, forty times as fast as with arrays of one.
 
-        With a clock the step is φ₁(x) h f + φ₂(x) g, x = hJ, where g is what the clock changes of h f.
+        With a clock the step is φ₁(x) h f + φ₂(x) g, x = hJ, with the derivative g of h f by the clock.
         """
         cells = [self.increments[0], *self.matrix[0]]
         evaluate = Evaluator(cells, MATH)
         constants = {name: float(value) for name, value in known.items() if not np.ndim(value)}
         series = {name: np.asarray(value).tolist() for name, value in known.items() if np.ndim(value)}
         (symbol,) = self.names
-        found = [state := float(begin[0])]
+        path = [state := float(begin[0])]
         for now in zip(*series.values(), strict=True) if series else repeat((), steps):
             try:
                 values = {**constants, **dict(zip(series, now, strict=True)), symbol: state}
                 added, slope, *by_clock = map(float, evaluate(values))
             except (OverflowError, ValueError):  # beyond the largest number; NumPy would return inf or nan
                 break
-            slope = min(slope, _LARGEST_SLOPE)
+            slope = min(slope, _MAX_SLOPE)
             first = math.expm1(slope) / slope if slope else 1.0
             second = (first - 1.0) / slope if abs(slope) > _MIN_EXPONENT else 0.5 + slope / 6
             state += first * added + (second * by_clock[0] if by_clock else 0.0)
-            found.append(state)
-        return np.array([found + [math.nan] * (steps + 1 - len(found))])
+            path.append(state)
+        return np.array([path + [math.nan] * (steps + 1 - len(path))])
 
-    def in_steps(self, known: Mapping, steps: int, begin: np.ndarray | float = 0.0) -> np.ndarray:
-        """Solve for the states step by step, shape (states, steps + 1), as C does.
+    def solve_stepwise(self, known: Mapping, steps: int, begin: np.ndarray | float = 0.0) -> np.ndarray:
+        """Solve for the states step by step as in C, shape (states, steps + 1).
 
-        `known` are parameters, and signals at the beginning of every step; `begin` are the states there.
+        `known` contains parameters, and signals at the beginning of every step; `begin` contains the start values.
         """
         states = np.zeros((len(self.names), steps + 1))
         states[:, 0] = begin
@@ -307,16 +295,16 @@ class StateEquation:
 
 
 def _positions(motion: OneMotion) -> tuple[str, ...]:
-    """Signals that are a position of the motion."""
+    """Return the signals that are a position of the motion."""
     if isinstance(motion, SpatialMotion):
         return tuple(f"z_{name}" for name in motion.names)
     return tuple(name for name in POSITIONS if name[1:] not in _ALONG)
 
 
-def _stretches(matrix: np.ndarray, states: int) -> np.ndarray:
-    """φ₁ of matrices, shape (steps, size, size), of `states` states and perhaps a clock.
+def _phi1_of_steps(matrix: np.ndarray, states: int) -> np.ndarray:
+    """Return φ₁ of matrices, shape (steps, size, size), of `states` states and perhaps a clock.
 
-    Linear equations have the same derivatives A by the states at every step. There φ₁([[A, c], [0, 0]]) =
+    Linear equations have constant derivatives A by the states. There φ₁([[A, c], [0, 0]]) =
     [[φ₁(A), φ₂(A) c], [0, 1]], and φ₂ is part of φ₁([[A, I], [0, 0]]) (Al-Mohy and Higham, SIAM J. Sci. Comput. 33 (2011)
     488-511, theorem 2.1), so that one matrix is enough.
     """
@@ -325,27 +313,27 @@ def _stretches(matrix: np.ndarray, states: int) -> np.ndarray:
         return _matrix_phi1(matrix)
     whole = np.zeros((1, 2 * states, 2 * states))
     whole[0, :states] = np.hstack([by_states[0], np.eye(states)])
-    both = _matrix_phi1(whole)[0, :states]
-    found = np.zeros_like(matrix)
-    found[:, :states, :states] = both[:, :states]
-    found[:, :states, states:] = both[:, states:] @ by_clock
-    found[:, states:, states:] = 1.0
-    return found
+    phi1_and_2 = _matrix_phi1(whole)[0, :states]
+    result = np.zeros_like(matrix)
+    result[:, :states, :states] = phi1_and_2[:, :states]
+    result[:, :states, states:] = phi1_and_2[:, states:] @ by_clock
+    result[:, states:, states:] = 1.0
+    return result
 
 
 def _matrix_phi1(matrix: np.ndarray) -> np.ndarray:
-    """φ₁ of matrices, shape (steps, size, size): series of a fraction, then doubled."""
+    """Return φ₁ of matrices, shape (steps, size, size), by the series of a fraction and doubling."""
     identity = np.eye(matrix.shape[-1])
     norm = np.abs(matrix).sum(axis=2).max(initial=0.0)
     halvings = max(0, int(np.ceil(np.log2(norm))) + 1) if np.isfinite(norm) and norm > 0 else 0
     small = matrix / 2.0**halvings
-    found = np.broadcast_to(identity, matrix.shape)
+    result = np.broadcast_to(identity, matrix.shape)
     for order in range(_TERMS, 1, -1):
-        found = identity + small @ found / order
+        result = identity + small @ result / order
     for _ in range(halvings):
-        found = 0.5 * (2 * identity + small @ found) @ found
+        result = 0.5 * (2 * identity + small @ result) @ result
         small = 2 * small
-    return found
+    return result
 
 
 def _recursion(slopes: np.ndarray, driven: np.ndarray) -> np.ndarray:

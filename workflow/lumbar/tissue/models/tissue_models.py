@@ -1,9 +1,8 @@
-"""The models of the thesis, defined once: mechanical analogue, equation, elements, discrete structure.
+"""Models of the thesis: mechanical analogue, equation, elements, discrete structure.
 
-Table 2.1, the schematics of Figure 3.2 and the identification all read these definitions. The continuous models are the
-bases of `lumbar.tissue.models.bases`, whose parameters they take; the thesis's elements (k, ν, γ, k1, k2, b) follow from them.
-A definition holds no data and no fit. A mechanical analogue is a network of springs and dashpots: forces add in parallel,
-displacements in series.
+Table 2.1, the schematics of Figure 3.2 and the identification use these definitions. The continuous models are the bases of
+`lumbar.tissue.models.bases`; the thesis's elements (k, ν, γ, k1, k2, b) follow from the parameters of the bases. A mechanical
+analogue is a network of springs and dashpots: forces add in parallel, displacements in series.
 """
 
 from __future__ import annotations
@@ -54,7 +53,7 @@ Network = Spring | Dashpot | Series | Parallel
 
 
 def describe_network(network: Network) -> str:
-    """Put the network into words, e.g. ``"(spring k1 parallel to dashpot b) in series with spring k2"``."""
+    """Describe a network, e.g. ``"(spring k1 parallel to dashpot b) in series with spring k2"``."""
     match network:
         case Spring(symbol):
             return f"spring {symbol}"
@@ -72,16 +71,10 @@ def describe_network(network: Network) -> str:
 
 @dataclass(frozen=True)
 class Element(Parameter):
-    """A derived parameter: what the thesis calls a combination of a base's parameters.
-
-    Attributes
-    ----------
-    name, unit, symbol, latex : str
-        As for `lumbar.tissue.models.parameter.Parameter`; the name, such as ``"k1"``, is the symbol.
-    """
+    """A derived parameter, e.g. ``"k1"``: the thesis's name of a combination of a base's parameters."""
 
     definition: str
-    """Its meaning."""
+    """Meaning."""
 
     @property
     def latex_symbol(self) -> str:
@@ -91,17 +84,18 @@ class Element(Parameter):
 
 @dataclass(frozen=True)
 class TissueModel:
-    """A tissue model as the thesis names it."""
+    """A tissue model of the thesis."""
 
     name: str
+    """Short name."""
     title: str
-    """`name`, `title`: short and full name."""
+    """Full name."""
     equation: str
     """Governing equation in plain text."""
     transfer: str
-    """The discrete transfer function in plain text."""
+    """Discrete transfer function in plain text."""
     base: Base | None = None
-    """The continuous model whose parameters it has; None for a model that has none."""
+    """Continuous model with the same parameters; None for a model without parameters."""
     elements: tuple[Element, ...] = ()
     """Derived parameters of the base."""
     relations: tuple[str, ...] = ()
@@ -109,17 +103,16 @@ class TissueModel:
     network: Network | None = None
     """Mechanical analogue; None for a black box."""
     structure: ArxStructure | None = None
-    """Free coefficients of the discrete transfer function; None where the structure is searched for (HO), fixed without a
-    fit (IL) or improper (KV)."""
+    """Free coefficients of the discrete transfer function; None if it is searched (HO), fixed (IL) or improper (KV)."""
     derive: Callable[..., dict[str, float]] | None = field(default=None, repr=False)
     """From the base's parameters by name to the values of `elements`."""
     references: str = ""
-    """Sources: names and years, and the thesis's own reference numbers in brackets."""
+    """Sources: names and years, with the thesis's reference numbers in brackets."""
     no_parameters_because: str = ""
-    """Why no parameters are recovered from the transfer function, where they are not."""
+    """Reason if no parameters are recovered from the transfer function."""
 
     def element_values(self, values: Mapping[str, float]) -> dict[str, float]:
-        """Values of the elements, from the base's parameters by name.
+        """Return the values of the elements, from the base's parameters by name.
 
         Raises
         ------
@@ -128,32 +121,30 @@ class TissueModel:
         """
         for name, value in values.items():
             if not value > 0:
-                raise NumericalError(
-                    f"{self.name}: {name} is {value:.4g}; springs and dashpots need more than 0"
-                )
+                raise NumericalError(f"{self.name}: {name} is {value:.4g}; it must be above 0")
         return self.derive(**values) if self.derive else {}
 
     def physical_parameters(
         self, transfer_function: TransferFunction, sampling_time: float
     ) -> dict[str, float]:
-        """Parameters of the base and elements of an identified model (ramp-invariant conversion, exact).
+        """Return the parameters of the base and the elements of an identified model (exact ramp-invariant conversion).
 
         Raises
         ------
         NumericalError
-            With the reason, where the transfer function has no mechanical counterpart.
+            With the reason, if the transfer function has no mechanical counterpart.
         """
         if self.structure is None or self.base is None:
             raise NumericalError(f"{self.name}: {self.no_parameters_because}")
-        found = undiscretise(transfer_function, sampling_time).base_parameters()
-        values = {item.name: found[item.name] for item in (*self.base.linear, *self.base.nonlinear)}
+        parameters = undiscretise(transfer_function, sampling_time).base_parameters()
+        values = {item.name: parameters[item.name] for item in (*self.base.linear, *self.base.nonlinear)}
         return {**values, **self.element_values(values)}
 
 
 def _kelvin_boltzmann_elements(
     spring_stiffness: float, branch_stiffness: float, relaxation_time: float
 ) -> dict[str, float]:
-    """Elements of the series form from those of the base: the same force from another arrangement of springs."""
+    """Return the elements of the series form, an arrangement of springs with the force of the base."""
     k2 = spring_stiffness + branch_stiffness  # stiffness against fast motion: the dashpot is locked
     k1 = spring_stiffness * k2 / branch_stiffness
     return {
@@ -166,15 +157,15 @@ def _kelvin_boltzmann_elements(
     }
 
 
-_SAID = shipped_yaml(Path(__file__).with_suffix(".yaml"))
+_DEFINITIONS = shipped_yaml(Path(__file__).with_suffix(".yaml"))
 
 
 def _model(name: str, **computed) -> TissueModel:
     """Return a model of ``tissue_models.yaml`` by its name, with the base of that name."""
-    said = _SAID["models"][name]
-    elements = tuple(Element(name, unit, definition) for name, unit, definition in said.pop("elements", ()))
-    relations = tuple(said.pop("relations", ()))
-    return TissueModel(name, base=BASES.get(name), elements=elements, relations=relations, **said, **computed)
+    fields = _DEFINITIONS["models"][name]
+    fields["elements"] = tuple(Element(*element) for element in fields.pop("elements", ()))
+    fields["relations"] = tuple(fields.pop("relations", ()))
+    return TissueModel(name, base=BASES.get(name), **fields, **computed)
 
 
 LE = _model(
@@ -214,12 +205,12 @@ IL = _model("IL", network=Spring("k"))
 
 MODELS = {model.name: model for model in (LE, MAXWELL, KV, KB, MW, HO, IL)}
 """Every model by its short name."""
-REFERENCES: tuple[str, ...] = tuple(_SAID["references"])
-"""References of the models of Table 2.1, in full; the thesis's numbers are those of its own list."""
+REFERENCES: tuple[str, ...] = tuple(_DEFINITIONS["references"])
+"""References of the models of Table 2.1, in full, with the numbers of the thesis's list."""
 TABLE_2_1 = (LE, MAXWELL, KV, KB)
 """The viscoelastic models of Table 2.1, in its order."""
 FIXED_STRUCTURE = (LE, MW, MAXWELL, KB)
-"""Models whose structure is given: only coefficients are identified."""
+"""Models with a given structure: only coefficients are identified."""
 
 
 def inverted_linear(force_max: float, travel: float) -> TransferFunction:
@@ -232,14 +223,10 @@ def inverted_linear(force_max: float, travel: float) -> TransferFunction:
 
 
 def higher_order_structures(order_max: int) -> list[ArxStructure]:
-    """Structures of Eq. 3.9 that the search for HO goes through.
-
-    Orders n = 2 … `order_max`, numerators up to z⁻ⁿ; biproper (current position enters) and strictly proper.
-    """
-    structures = []
-    for order in range(2, order_max + 1):
-        for last in range(order + 1):
-            structures.append(ArxStructure(order, tuple(range(last + 1))))
-        for last in range(1, order + 1):
-            structures.append(ArxStructure(order, tuple(range(1, last + 1))))
-    return structures
+    """Return the structures of Eq. 3.9 for the search of HO: orders 2 … `order_max`, biproper and strictly proper."""
+    return [
+        ArxStructure(order, tuple(range(first, last + 1)))
+        for order in range(2, order_max + 1)
+        for first in (0, 1)
+        for last in range(first, order + 1)
+    ]

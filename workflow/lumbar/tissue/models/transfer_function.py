@@ -18,7 +18,6 @@ class TransferFunction:
 
     numerator: tuple[float, ...]
     denominator: tuple[float, ...] = (1.0,)
-    """`numerator`, `denominator`: coefficients of z⁰, z⁻¹, z⁻², …"""
 
     def __post_init__(self):
         object.__setattr__(self, "numerator", tuple(map(float, self.numerator)))
@@ -33,28 +32,22 @@ class TransferFunction:
 
     @cached_property
     def stable(self) -> bool:
-        """Whether every coefficient is finite and every pole lies inside the unit circle."""
-        if not np.isfinite([*self.numerator, *self.denominator]).all():
-            return False
-        return bool((np.abs(self.poles) < 1.0).all())
+        """True if every coefficient is finite and every pole is inside the unit circle."""
+        is_finite = np.isfinite([*self.numerator, *self.denominator]).all()
+        return bool(is_finite and (np.abs(self.poles) < 1.0).all())
 
     @property
     def biproper(self) -> bool:
-        """Whether the present input acts at once, as direct feed-through; if not, it is strictly proper."""
+        """True with direct feed-through of the present input, false if strictly proper."""
         return self.numerator[0] != 0
 
     @property
     def static_gain(self) -> float:
-        """Output per unit of an input that is held forever, H(1)."""
+        """Output per unit of a constant input, H(1)."""
         return sum(self.numerator) / sum(self.denominator)
 
     def simulate(self, inputs: np.ndarray) -> np.ndarray:
-        """Free run: the output from the input alone, started from rest at the first input.
-
-        The system is taken to have been held at ``inputs[0]`` before the record begins, so that a record
-        which does not start at zero makes no transient.
-
-        Inputs and output have shape (samples,).
+        """Simulate the output from the input only, at rest at ``inputs[0]`` before the record; shape (samples,).
 
         Raises
         ------
@@ -66,14 +59,11 @@ class TransferFunction:
             raise NumericalError(
                 f"unstable transfer function (largest |pole| {largest:.4g}): it is not simulated"
             )
-        held = inputs[0]
-        return filtered(self.numerator, self.denominator, inputs - held) + self.static_gain * held
+        first = inputs[0]
+        return filtered(self.numerator, self.denominator, inputs - first) + self.static_gain * first
 
     def predict_one_step(self, inputs: np.ndarray, outputs: np.ndarray) -> np.ndarray:
-        """One-step-ahead prediction A x of Eq. 3.6: measured past outputs, no free run.
-
-        The predictions are of ``outputs[largest lag:]``, shape (samples − largest lag,).
-        """
+        """Predict ``outputs[largest lag:]`` one step ahead from measured past outputs: A x of Eq. 3.6."""
         lag = self.largest_lag
         count = len(inputs) - lag
         moving_average = (b * inputs[lag - j : lag - j + count] for j, b in enumerate(self.numerator))
@@ -84,14 +74,14 @@ class TransferFunction:
 
     @property
     def largest_lag(self) -> int:
-        """Samples of the past that the recursion needs."""
+        """Number of past samples in the recursion."""
         return max(len(self.numerator), len(self.denominator)) - 1
 
 
 def filtered(numerator: Sequence[float], denominator: Sequence[complex], inputs: np.ndarray) -> np.ndarray:
-    """Return the output of a transfer function from rest, the outputs substituted forward; all of shape (samples,).
+    """Return the output of a transfer function from rest by forward substitution; all of shape (samples,).
 
-    To rounding as `scipy.signal.lfilter`, whose import takes longer than most signals take here.
+    Equal to `scipy.signal.lfilter` up to rounding, but without its slow import.
     """
     forth, back = (np.asarray(side) / denominator[0] for side in (numerator, denominator))
     driven = forth[0] * inputs if len(forth) == 1 else np.convolve(forth, inputs)[: len(inputs)]
@@ -123,11 +113,8 @@ class StateSpace(NamedTuple):
 def observer_form(discrete: TransferFunction) -> StateSpace:
     """Return the observer canonical form (Eqs 3.17 and 3.18 of the thesis), i.e. direct form II transposed.
 
-    Its states are partial sums of the output, so that they have the size of the output; those of the controllable
-    canonical form, which `control.ss` makes of a transfer function, are inputs filtered by 1/denominator and grow large
-    where poles lie close to z = 1.
-
-    It has ``discrete.largest_lag`` states, trailing zeros left out.
+    Its states, partial sums of the output, have the size of the output; those of the controllable form of `control.ss` grow
+    large if poles are close to z = 1. It has ``discrete.largest_lag`` states, without trailing zeros.
     """
     b, a = aligned_coefficients(discrete)
     order = len(a) - 1
@@ -138,7 +125,7 @@ def observer_form(discrete: TransferFunction) -> StateSpace:
 
 
 def aligned_coefficients(discrete: TransferFunction) -> tuple[np.ndarray, np.ndarray]:
-    """Numerator and denominator of one length: as powers of z⁻¹ rising, and of z falling. Trailing zeros are left out."""
+    """Return numerator and denominator of one length, in rising powers of z⁻¹, without common trailing zeros."""
     parts = [np.trim_zeros(part, "b") for part in (discrete.numerator, discrete.denominator)]
     length = max(map(len, parts))
     numerator, denominator = (np.pad(np.array(part, dtype=float), (0, length - len(part))) for part in parts)
@@ -147,14 +134,14 @@ def aligned_coefficients(discrete: TransferFunction) -> tuple[np.ndarray, np.nda
 
 @dataclass(frozen=True)
 class ArxStructure:
-    """Which coefficients of H(z) are free."""
+    """Free coefficients of H(z)."""
 
     order: int
-    """Lags of the output, i.e. poles (n of Eq. 3.9)."""
+    """Number of lags of the output, i.e. of poles (n of Eq. 3.9)."""
     input_lags: tuple[int, ...]
     """Lags of the input, increasing; 0 makes the transfer function biproper."""
     zero_static_gain: bool = False
-    """Whether the numerator coefficients sum to zero, i.e. H(1) = 0: only changes of the input act."""
+    """True if the numerator coefficients sum to zero, i.e. H(1) = 0: only changes of the input act."""
 
     @property
     def parameter_count(self) -> int:
@@ -163,14 +150,13 @@ class ArxStructure:
 
     @property
     def largest_lag(self) -> int:
-        """Samples of the past that enter."""
+        """Number of past samples in the recursion."""
         return max(self.order, *self.input_lags)
 
     def combination(self, lag: int) -> np.ndarray:
-        """Matrix from free coefficients to those of the full regressor vector.
+        """Return the matrix from free coefficients to those of the full regressor vector y[k−1] … y[k−lag], u[k] … u[k−lag].
 
-        The result has shape (2·lag + 1, parameter_count); `lag` is the largest of the full vector (y[k−1] … y[k−lag],
-        u[k] … u[k−lag]). Multiplying the full regressor matrix by it gives the regressor matrix of this structure.
+        Its shape is (2·lag + 1, parameter_count); the full regressor matrix times it is that of this structure.
         """
         matrix = np.zeros((2 * lag + 1, self.parameter_count))
         np.fill_diagonal(matrix[: self.order, : self.order], 1.0)
@@ -184,14 +170,14 @@ class ArxStructure:
         return matrix
 
     def transfer_function(self, coefficients: np.ndarray) -> TransferFunction:
-        """Transfer function with these free coefficients."""
+        """Return the transfer function with these free coefficients."""
         lag = self.largest_lag
         full = self.combination(lag) @ coefficients
         numerator = full[lag : lag + max(self.input_lags) + 1]
         return TransferFunction(tuple(numerator), (1.0, *(-full[: self.order])))
 
     def coefficients(self, transfer_function: TransferFunction) -> np.ndarray:
-        """Free coefficients of a transfer function that has this structure.
+        """Return the free coefficients of a transfer function of this structure.
 
         Raises
         ------
@@ -210,10 +196,9 @@ class ArxStructure:
 
 
 def full_regressors(inputs: np.ndarray, outputs: np.ndarray, lag: int) -> np.ndarray:
-    """Regressor matrix of Eq. 3.6 with every lag up to `lag`.
+    """Return the regressor matrix of Eq. 3.6 with all lags up to `lag`, shape (samples − lag, 2·lag + 1).
 
-    The result has shape (samples − lag, 2·lag + 1): columns y[k−1] … y[k−lag], u[k] … u[k−lag]; rows k = lag … samples
-    − 1.
+    Columns are y[k−1] … y[k−lag], u[k] … u[k−lag]; rows are k = lag … samples − 1.
     """
     count = len(inputs) - lag
     columns = [outputs[lag - i : lag - i + count] for i in range(1, lag + 1)]
@@ -223,11 +208,7 @@ def full_regressors(inputs: np.ndarray, outputs: np.ndarray, lag: int) -> np.nda
 
 @dataclass(frozen=True)
 class FirstOrder:
-    """Coefficients of F + γ Ḟ = k x + ν ẋ.
-
-    Every model of Table 2.1 is a member of this family: linear elastic (ν = γ = 0), Maxwell (k = 0), Kelvin–Voigt
-    (γ = 0) and Kelvin–Boltzmann.
-    """
+    """Coefficients of F + γ Ḟ = k x + ν ẋ: linear elastic (ν = γ = 0), Maxwell (k = 0), Kelvin–Voigt (γ = 0) or KB."""
 
     k: float
     """Static stiffness, output unit per input unit."""
@@ -244,28 +225,24 @@ class FirstOrder:
         relaxation_time: float = 0.0,
         viscosity: float = 0.0,
     ) -> "FirstOrder":
-        """Coefficients of a base of `lumbar.tissue.models.bases` from its parameters; what it does not have is 0."""
+        """Return the coefficients of a base of `lumbar.tissue.models.bases`; parameters that it does not have are 0."""
         fast = spring_stiffness + branch_stiffness
         return cls(spring_stiffness, viscosity + fast * relaxation_time, relaxation_time)
 
     def base_parameters(self) -> dict[str, float]:
-        """Parameters of the bases LE, Maxwell and KB; a base takes those it has."""
+        """Return the parameters of the bases LE, Maxwell and KB together."""
         if not self.gamma:
             return {"spring_stiffness": self.k}
-        return {
-            "spring_stiffness": self.k,
-            "branch_stiffness": self.nu / self.gamma - self.k,
-            "relaxation_time": self.gamma,
-        }
+        branch = {"branch_stiffness": self.nu / self.gamma - self.k, "relaxation_time": self.gamma}
+        return {"spring_stiffness": self.k, **branch}
 
 
 def undiscretise(discrete: TransferFunction, sampling_time: float) -> FirstOrder:
-    """Continuous coefficients whose ramp-invariant form is `discrete`.
+    """Return the continuous coefficients with `discrete` as ramp-invariant form.
 
-    H(s) = ν/γ + (k − ν/γ)/(1 + γ s) becomes ν/γ + (k − ν/γ)(w z + w′)/(z − a) with a = exp(−T/γ): w weighs the present and
-    w′ the past position of a ramp. A testing machine moves in ramps from sample to sample, so that the ramp-invariant form
-    (triangle or first-order hold; Franklin, Powell and Workman, Digital Control of Dynamic Systems, 3rd ed., section 6.3.3)
-    reproduces the continuous force exactly at the samples.
+    H(s) = ν/γ + (k − ν/γ)/(1 + γ s) becomes ν/γ + (k − ν/γ)(w z + w′)/(z − a) with a = exp(−T/γ) and weights w, w′ of the
+    present and past position of a ramp. This form (first-order hold; Franklin, Powell and Workman, Digital Control of Dynamic
+    Systems, 3rd ed., section 6.3.3) is exact at the samples for a testing machine that moves in ramps between them.
 
     `discrete` is ``(b0 + b1 z⁻¹)/(1 − a z⁻¹)``, or the static gain ``b0``; `sampling_time` is in seconds.
 
