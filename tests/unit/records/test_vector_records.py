@@ -34,7 +34,7 @@ def test_columns_of_axes_are_read_in_any_order(tmp_path, case):
     assert list(record.channels) == [f"{side}_{axis}" for side in ("input", "output") for axis in axes]
     expected = np.stack([column(f"force_{axis}_N") for axis in axes])
     assert record.stacked("output") == pytest.approx(expected, abs=1e-8)
-    assert f"position {', '.join(axes)} (mm), force {', '.join(axes)} (N)" in record.in_words
+    assert f"position {', '.join(axes)} (mm), force {', '.join(axes)} (N)" in record.summary
     along = record.axis(axes[-1])
     assert along.axes == ()
     assert list(along.channels) == ["input", "output"]

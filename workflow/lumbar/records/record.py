@@ -1,4 +1,4 @@
-"""The validated record that every analysis works on, evenly sampled channels with units, and sets of such records."""
+"""Validated record for all analyses: evenly sampled channels with units; and sets of records."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from lumbar.base.errors import InputError, Problems
 from lumbar.settings.layout import AXES, SIDES
 
 CLOCK_TOLERANCE = 0.25
-"""How far a sample may lie from an even clock, as a share of the sampling interval."""
+"""Largest distance of a sample from an even clock, as a share of the sampling interval."""
 LARGEST = 1e100
-"""Largest size of a value: sums of the squares of such values are finite, and no quantity here comes near it."""
+"""Largest absolute value: sums of the squares of such values are finite."""
 LARGEST_IN = {"N": 1e6, "kN": 1e3, "mN": 1e9, "rad": 1e5, "deg": 1e7, "Nm": 1e6, "N m": 1e6, "N·m": 1e6}
 LARGEST_IN |= {"m": 1e3, "cm": 1e5, "mm": 1e6, "um": 1e9, "µm": 1e9}
-"""Largest size of a value by its unit: a thousand kilonewtons, a kilometre, ten thousand turns. No person, tissue or machine
-here comes near them; a lost decimal point does."""
+"""Largest absolute value by its unit: a thousand kilonewtons, a kilometre, ten thousand turns. Larger values come from lost
+decimal points."""
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class Channel:
     values: np.ndarray
     """Shape (samples,)."""
     quantity: str
-    """What was measured, e.g. ``"position"``."""
+    """Measured quantity, e.g. ``"position"``."""
     unit: str
     """Unit of the values, e.g. ``"mm"``."""
 
@@ -38,8 +38,10 @@ class Channel:
         return f"{self.quantity.capitalize()} ({self.unit})" if self.unit else self.quantity.capitalize()
 
 
-_STILL = 0.05
-"""Share of the largest range along an axis, up to which another axis hardly moves."""
+_MAX_STILL_SHARE = 0.05
+"""Range along an axis, as a share of the largest, up to which the axis does not move."""
+MIN_SAMPLES = 8
+"""Number of samples below which a record cannot be analysed."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -51,18 +53,18 @@ class Record:
     time: np.ndarray
     """Shape (samples,): seconds."""
     channels: dict[str, Channel]
-    """By role: ``"input"`` and ``"output"`` for a tissue test (position, force) and a joint (angle, moment), ``"input_x"`` and
-    so on for a tissue test of several axes, ``"position"`` for surgeon motion."""
+    """Channels by role: ``"input"`` and ``"output"`` for a tissue test (position, force) and a joint (angle, moment),
+    ``"input_x"`` and so on for a tissue test of several axes, ``"position"`` for surgeon motion."""
     source: str = ""
-    """File it was read from, for messages."""
+    """The file, for messages."""
     period: float | None = None
-    """Period of a periodic excitation in seconds, where it is known."""
+    """Period of a periodic excitation in seconds; None if unknown."""
     filled: tuple[int, ...] = ()
-    """Samples that were not recorded and are interpolated from their neighbours."""
+    """Samples that were not recorded, but interpolated."""
     points: bool = False
-    """Whether these are points of a static test, without a clock: `time` numbers them."""
+    """Whether these are points of a static test without a clock; `time` then numbers them."""
     trim: tuple[float, float] | None = None
-    """Start and stop of the part of the file that was read, in seconds of its clock; None for all of it."""
+    """Start and stop of the part of the file that was read, in seconds of its clock; None for the whole file."""
 
     def __getitem__(self, role: str) -> np.ndarray:
         """Values of the channel with this role."""
@@ -72,11 +74,10 @@ class Record:
         return len(self.time)
 
     def __repr__(self) -> str:
-        """What it is, in one line."""
-        return f"<Record {self.in_words}>"
+        return f"<Record {self.summary}>"
 
     @property
-    def in_words(self) -> str:
+    def summary(self) -> str:
         """Name, samples, clock and channels."""
         if self.points:
             return f"{self.name}: {len(self)} points without a clock; {self.quantities}"
@@ -85,60 +86,62 @@ class Record:
 
     @property
     def quantities(self) -> str:
-        """What was measured, with units: ``"position (mm), force (N)"``, ``"position x, y (mm), force x, y (N)"``."""
-        along = {self.roles(side)[0]: "".join(f", {axis}" for axis in self.axes)[1:] for side in SIDES}
-        told_before = {role for side in SIDES for role in self.roles(side)[1:]}
+        """Quantities with units: ``"position (mm), force (N)"``, ``"position x, y (mm), force x, y (N)"``."""
+        axes = "".join(f", {axis}" for axis in self.axes)[1:]
+        first, *rest = zip(*map(self.roles, SIDES), strict=True)
         return ", ".join(
-            f"{item.quantity}{along.get(role, '')} ({item.unit})"
+            f"{item.quantity}{axes if role in first else ''} ({item.unit})"
             for role, item in self.channels.items()
-            if role not in told_before
+            if not any(role in roles for roles in rest)
         )
 
     @property
     def axes(self) -> tuple[str, ...]:
-        """Axes of a record of several, ``("x", "y", "z")`` or two of them; empty for one axis."""
+        """Axes of a record of several axes, ``("x", "y", "z")`` or two of them; empty for one axis."""
         return tuple(axis for axis in AXES if f"input_{axis}" in self.channels)
 
     def roles(self, side: str) -> tuple[str, ...]:
-        """Roles of the ``"input"`` or the ``"output"``: one per axis."""
+        """Return the roles of the ``"input"`` or the ``"output"``, one per axis."""
         return tuple(f"{side}_{axis}" for axis in self.axes) or (side,)
 
     def along(self, role: str) -> Channel:
-        """Return a channel; one of several axes with its axis behind the quantity."""
-        found, axis = self.channels[role], role.rpartition("_")[2]
-        return replace(found, quantity=f"{found.quantity} {axis}") if axis in self.axes else found
+        """Return a channel; one of several axes has the axis in its quantity."""
+        channel, axis = self.channels[role], role.rpartition("_")[2]
+        if axis not in self.axes:
+            return channel
+        return Channel(channel.values, f"{channel.quantity} {axis}", channel.unit)
 
     def stacked(self, side: str) -> np.ndarray:
-        """Values of the ``"input"`` or the ``"output"``, shape (axes, samples); of one axis, shape (1, samples)."""
+        """Return the values of the ``"input"`` or the ``"output"``, shape (axes, samples); (1, samples) for one axis."""
         return np.stack([self[role] for role in self.roles(side)])
 
     def axis(self, name: str) -> Record:
-        """Return the record of one of several axes, with the channels that belong to none.
+        """Return the record of one of several axes, with the channels without an axis.
 
         Raises
         ------
         InputError
-            If it has no such axis.
+            If the record does not have the axis.
         """
         if name not in self.axes:
             raise InputError(f"{self.name}: no axis {name!r}; there are {', '.join(self.axes) or 'none'}")
-        along = {side: self.channels[f"{side}_{name}"] for side in SIDES}
+        axis = {side: self.channels[f"{side}_{name}"] for side in SIDES}
         every = {role for side in SIDES for role in self.roles(side)}
-        beside = {role: channel for role, channel in self.channels.items() if role not in every}
-        return replace(self, channels={**along, **beside})
+        others = {role: channel for role, channel in self.channels.items() if role not in every}
+        return replace(self, channels=axis | others)
 
     @property
     def widest(self) -> Record:
-        """The record of the axis that moves farthest; itself of one axis."""
+        """The record of the axis with the largest motion; a record of one axis itself."""
         if not self.axes:
             return self
         return self.axis(max(self.axes, key=lambda axis: float(np.ptp(self[f"input_{axis}"]))))
 
     @property
     def moving(self) -> tuple[str, ...]:
-        """Axes that move; of one that hardly does beside the others noise is all there is to see."""
+        """Axes that move; an axis with hardly any motion compared with the others shows only noise."""
         ranges = {axis: float(np.ptp(self[f"input_{axis}"])) for axis in self.axes}
-        return tuple(axis for axis, found in ranges.items() if found > _STILL * max(ranges.values()))
+        return tuple(axis for axis, size in ranges.items() if size > _MAX_STILL_SHARE * max(ranges.values()))
 
     @property
     def sampling_time(self) -> float:
@@ -147,7 +150,7 @@ class Record:
 
     @property
     def time_scale(self) -> float:
-        """Time that is short beside the record and long beside a step, s: the geometric mean of the step and all of them."""
+        """Geometric mean of the sampling interval and the duration, in seconds."""
         return self.sampling_time * float(np.sqrt(len(self)))
 
     @property
@@ -158,49 +161,53 @@ class Record:
     def between(self, start: float, stop: float) -> Record:
         """Return the part with ``start <= time < stop`` (seconds)."""
         keep = (self.time >= start - 1e-9) & (self.time < stop - 1e-9)
-        channels = {
-            role: replace(channel, values=channel.values[keep]) for role, channel in self.channels.items()
-        }
-        before = np.cumsum(keep) - 1
-        filled = tuple(int(before[sample]) for sample in self.filled if keep[sample])
-        return replace(self, time=self.time[keep], channels=channels, filled=filled)
+        number = np.cumsum(keep) - 1
+        filled = tuple(int(number[sample]) for sample in self.filled if keep[sample])
+        part = self.with_values(**{role: channel.values[keep] for role, channel in self.channels.items()})
+        return replace(part, time=self.time[keep], filled=filled)
 
     def with_values(self, **values: np.ndarray) -> Record:
         """Return the record with other values in the channels of these roles."""
-        changed = {role: replace(self.channels[role], values=found) for role, found in values.items()}
+        changed = {
+            role: Channel(item, self.channels[role].quantity, self.channels[role].unit)
+            for role, item in values.items()
+        }
         return replace(self, channels={**self.channels, **changed})
 
 
-MIN_SAMPLES = 8
-"""Fewest samples of a record that can be analysed."""
-
-
 def place_of(sample: int, lines: Sequence[int] | None) -> str:
-    """Name the place of a sample (counted from 0): its line in the file, or the sample where a file has no lines."""
+    """Return the place of a sample (counted from 0) for a message: its line in the file, or its number without lines."""
     return f"sample {sample + 1}" if lines is None else f"line {lines[sample]}"
 
 
 def check_record(
     record: Record, may_rest: Collection[str] = (), lines: Sequence[int] | None = None
 ) -> Record:
-    """Return `record` when it can be analysed, else raise with all reasons; channels of the roles `may_rest` may be constant.
+    """Return `record` if it can be analysed, else raise with all reasons.
 
-    One of several axes may rest, too.
+    Parameters
+    ----------
+    record : Record
+        The record.
+    may_rest : collection of str
+        Roles of channels that may be constant; some of several axes may be constant anyway.
+    lines : sequence of int, optional
+        Line of each sample in the file.
 
     Raises
     ------
     InputError
-        Too few samples, a value that is not finite or too large to compute with, time that does not increase or is not
-        even, a constant channel.
+        Too few samples, a value that is not finite or too large, time that does not increase or is not even, a constant
+        channel.
     """
     problems = Problems(record.source or record.name)
     if len(record.time) < MIN_SAMPLES:
         problems.add("", f"{len(record.time)} samples", f"at least {MIN_SAMPLES} are needed")
         problems.raise_if_any()
     series = {role: channel.values for role, channel in record.channels.items()}
-    with np.errstate(invalid="ignore"):  # values that are not finite are refused by themselves
-        resting = {role for role, values in series.items() if np.ptp(values) == 0}
-    alike = {role: roles for roles in map(record.roles, SIDES) for role in roles}
+    with np.errstate(invalid="ignore"):  # values that are not finite are reported separately
+        constant = {role for role, values in series.items() if np.ptp(values) == 0}
+    all_axes = {role: roles for roles in map(record.roles, SIDES) for role in roles}
     for name, values in {"time": record.time, **series}.items():
         unit = record.channels[name].unit if name in record.channels else ""
         largest = LARGEST_IN.get(unit, LARGEST)
@@ -212,54 +219,38 @@ def check_record(
                 f"{name} is {values[bad[0]]}",
                 f"every value must be a finite number, of at most {largest:g} {unit}".rstrip() + " in size",
             )
-        elif name != "time" and name not in may_rest and resting.issuperset(alike.get(name, (name,))):
+        elif name != "time" and name not in may_rest and constant.issuperset(all_axes.get(name, (name,))):
             problems.add(name, f"constant ({values[0]:g})", "a channel that does not move cannot be analysed")
     problems.raise_if_any()
-    _check_clock(record, problems, lines)
+    # The clock must increase and be even. Its steps may differ by the rounding of few digits, so samples are compared with
+    # an even clock.
+    time, steps = record.time, np.diff(record.time)
+    step = np.median(steps)
+    even = time[0] + record.sampling_time * np.arange(len(time))
+    if (steps <= 0).any():
+        first = int((steps <= 0).argmax())
+        problem = f"time {time[first + 1]:g} s after {time[first]:g} s"
+        problems.add(place_of(first + 1, lines), problem, "time must increase")
+    elif (np.abs(time - even)[1:] > CLOCK_TOLERANCE * step).any():
+        worst = int(np.abs(steps - step).argmax())
+        problem = f"step of {steps[worst]:g} s, while the median step is {step:g} s"
+        remedy = "records are sampled evenly: resample the recording or cut it before the gap"
+        problems.add(place_of(worst + 1, lines), problem, remedy)
     problems.raise_if_any()
     return record
-
-
-def _check_clock(record: Record, problems: Problems, lines: Sequence[int] | None) -> None:
-    steps = np.diff(record.time)
-    backward = np.flatnonzero(steps <= 0)
-    if backward.size:
-        first = int(backward[0])
-        problems.add(
-            place_of(first + 1, lines),
-            f"time {record.time[first + 1]:g} s after {record.time[first]:g} s",
-            "time must increase",
-        )
-        return
-    step = np.median(steps)
-    # A clock written with few digits steps unevenly by its rounding; what counts is how far a sample lies
-    # from where an even clock would have put it.
-    even = record.time[0] + record.sampling_time * np.arange(len(record.time))
-    uneven = np.flatnonzero(np.abs(record.time - even)[1:] > CLOCK_TOLERANCE * step)
-    if uneven.size:
-        worst = int(np.abs(steps - step).argmax())
-        problems.add(
-            place_of(worst + 1, lines),
-            f"step of {steps[worst]:g} s where the median step is {step:g} s",
-            "records are sampled evenly: resample the recording or cut it before the gap",
-        )
-
-
-def _quantities(record: Record) -> dict[str, str]:
-    return {role: f"{channel.quantity} in {channel.unit}" for role, channel in record.channels.items()}
 
 
 _MOTIONS, _LOADS = ("position", "displacement", "angle", "velocity"), ("force", "moment", "torque")
 
 
 def use_load_as_input(record: Record) -> Record:
-    """The record of a test that its load drove: the load is the input, wherever it stood in the file."""
+    """Return the record with the load as the input, if its quantities identify the load."""
     one, other = (record.channels[record.roles(side)[0]] for side in SIDES)
     return swap_input_and_output(record) if one.quantity in _MOTIONS and other.quantity in _LOADS else record
 
 
 def swap_input_and_output(record: Record) -> Record:
-    """The record with its output as the input."""
+    """Return the record with input and output swapped."""
     one, other = map(record.roles, SIDES)
     swapped = zip((*one, *other), (*other, *one), strict=True)
     return replace(
@@ -268,16 +259,15 @@ def swap_input_and_output(record: Record) -> Record:
 
 
 def require_clock(records: Iterable[Record]) -> None:
-    """Refuse points of a static test, with their names."""
+    """Raise if records are points of a static test, with their names."""
     if points := [record.name for record in records if record.points]:
         raise InputError(
-            f"{', '.join(points)}: points of a static test have no clock; lumbar diagnose fits static laws to them, and nothing "
-            "else can be told of them"
+            f"{', '.join(points)}: points of a static test have no clock; only lumbar diagnose reads them, and fits static laws"
         )
 
 
 def require_one_axis(records: Iterable[Record], what: str) -> None:
-    """Refuse records of several axes, with their names and what takes one axis."""
+    """Raise if records have several axes, with their names and the analysis `what` that needs one axis."""
     if several := [record.name for record in records if record.axes]:
         raise InputError(
             f"{', '.join(several)}: {what} takes records of one axis; compare, locate, diagnose, explore, refine and "
@@ -286,35 +276,34 @@ def require_one_axis(records: Iterable[Record], what: str) -> None:
 
 
 def require_same_units(records: list[Record]) -> None:
-    """Raise unless all records agree in quantity and unit of every channel.
+    """Raise unless all records have the same quantity and unit of every channel.
 
     Raises
     ------
     InputError
-        Naming the first record that differs, with both units.
+        With each record that differs from the first one, and both units.
     """
     problems = Problems("records")
-    expected = _quantities(records[0]) if records else {}
-    for record in records[1:]:
+    quantities = [
+        {role: f"{channel.quantity} in {channel.unit}" for role, channel in record.channels.items()}
+        for record in records
+    ]
+    for record, present in zip(records[1:], quantities[1:], strict=True):
         if record.axes != records[0].axes:
             one, other = (", ".join(item.axes) or "one axis" for item in (record, records[0]))
-            words = f"{one}, but {other} in {records[0].name}"
-            problems.add(record.name, words, "all records of a set need the same axes")
+            problem = f"{one}, but {other} in {records[0].name}"
+            problems.add(record.name, problem, "all records of a set need the same axes")
             continue
-        found = _quantities(record)
-        for role in sorted(expected.keys() | found.keys()):
-            if found.get(role) != expected.get(role):
-                problems.add(
-                    record.name,
-                    f"{role} is {found.get(role, 'missing')}, but {expected.get(role, 'missing')} in "
-                    f"{records[0].name}",
-                    "all records of a set need the same channels and units",
-                )
+        for role in sorted(quantities[0].keys() | present.keys()):
+            one, other = present.get(role, "missing"), quantities[0].get(role, "missing")
+            if one != other:
+                problem = f"{role} is {one}, but {other} in {records[0].name}"
+                problems.add(record.name, problem, "all records of a set need the same channels and units")
     problems.raise_if_any()
 
 
 class RecordSet(Sequence[Record]):
-    """Records that were made alike, one per excitation.
+    """Records of one setup, one per excitation.
 
     Raises
     ------
@@ -325,15 +314,12 @@ class RecordSet(Sequence[Record]):
     def __init__(self, records: Iterable[Record]):
         self._records = list(records)
         names = self.names
-        twice = sorted({name for name in names if names.count(name) > 1})
-        if twice:
-            raise InputError(
-                f"records share the name {', '.join(map(repr, twice))}: each needs one of its own"
-            )
+        if shared := sorted({name for name in names if names.count(name) > 1}):
+            raise InputError(f"records share the name {', '.join(map(repr, shared))}: rename all but one")
 
     @property
     def names(self) -> list[str]:
-        """Names of the records, in their order."""
+        """Names of the records in their order."""
         return [record.name for record in self._records]
 
     def __len__(self) -> int:
@@ -364,7 +350,7 @@ class RecordSet(Sequence[Record]):
                 raise InputError(f"no record {name!r}; there are {', '.join(self.names)}")
 
     def rows(self) -> list[dict]:
-        """What every record is: one dict per record, for tables."""
+        """Return a description of each record, for tables."""
         return [
             {
                 "record": record.name,
@@ -377,7 +363,7 @@ class RecordSet(Sequence[Record]):
         ]
 
     def __repr__(self) -> str:
-        lines = [f"  {record.in_words}" for record in self]
+        lines = [f"  {record.summary}" for record in self]
         return "\n".join([f"{len(self)} record{'s' * (len(self) != 1)}", *lines])
 
     def _repr_html_(self) -> str:
