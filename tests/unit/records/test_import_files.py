@@ -181,7 +181,7 @@ CHINESE = "试验机 3\n时间 [s],位移 [mm],力 [N]\n" + rows(",")
 def test_an_encoding_is_told_or_asked_for(tmp_path, encoding, text):
     path = tmp_path / "trial.txt"
     path.write_bytes(text.encode(encoding))
-    with pytest.raises(InputError, match=r"line 1 is not UTF-8 \(.*\); say .*--encoding gbk"):
+    with pytest.raises(InputError, match=r"line 1 is not UTF-8 \(.*\); give .*--encoding gbk"):
         lumbar.import_recordings(path)
     [one] = lumbar.import_recordings(path, encoding=encoding)
     np.testing.assert_allclose(one.record["input"], POSITION, atol=2e-5)

@@ -163,7 +163,7 @@ def commas(form: str) -> str:
         (with_lines({5: "0.03,1,1e307"}), {"columns": {"output": {"scale": 1e3}}}, ["line 5: output is inf"]),
         (
             text_of(TWICE, "t,z,f,f", "{:.6f},{:.6f},{:.6f},{:.6f}"), {},
-            ["output: column 'f' stands in columns 3 and 4; give the number of one of them"],
+            ["output: columns 3 and 4 have the name 'f'; give the number of one of them"],
         ),
     ],
 )  # fmt: skip

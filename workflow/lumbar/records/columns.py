@@ -1,4 +1,4 @@
-"""Reading column files (CSV, TXT, MAT; gzip too) through a layout: which column is what, in which unit.
+"""Reader of column files (CSV, TXT, MAT; also gzipped) with a layout, which gives meaning and unit of each column.
 
 A layout is `lumbar.settings.layout.ColumnLayout`; in a study's YAML::
 
@@ -43,8 +43,12 @@ from lumbar.settings.layout import AXES, SIDES, ColumnLayout, ColumnSettings
 
 TIME = "time"
 _SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0}
-_IN_STUDY = "  the study beside it says which columns the records of this folder have: --config {}"
-_ELSEWHERE = "  files of other columns, units, separators, decimal marks or encodings: lumbar import {} --output FOLDER"
+_MIN_ANNOUNCED_BYTES = 5_000_000
+"""Size from which the reading of a file is announced."""
+_MIN_PLAIN_BYTES = 50_000
+"""Size from which a file is first read as a plain table of numbers."""
+_WITH_STUDY = "  the study in this folder describes the columns of its records: --config {}"
+_WITHOUT_STUDY = "  files of other columns, units, separators, decimal marks or encodings: lumbar import {} --output FOLDER"
 
 
 def read_record(
@@ -59,17 +63,23 @@ def read_record(
 
     Parameters
     ----------
+    path : path
+        The file.
+    layout : ColumnLayout
+        Columns with their units.
+    name : str, optional
+        Name of the record; default that of the file.
     period : float, optional
         Period of the excitation in seconds.
     rate : float, optional
-        Resample to this rate in hertz, with an anti-aliasing filter. Default: leave as recorded.
+        Resample to this rate in hertz, with an anti-aliasing filter. Default: the recorded rate.
     trim : tuple of float, optional
-        Start and stop in seconds of the file's clock; what lies outside is not even checked.
+        Start and stop in seconds of the file's clock; samples outside are not checked.
 
     Raises
     ------
     InputError
-        With file, line or column, what was found and what is allowed; all problems of a file at once.
+        With all problems of the file: line or column, the wrong and the allowed value.
     """
     path = Path(path)
     size = require_file(path)
@@ -77,30 +87,30 @@ def read_record(
         if layout.format == "mat":
             raw, lines = _read_mat(path, layout), None
         else:
-            if size >= _ANNOUNCED_BYTES:
+            if size >= _MIN_ANNOUNCED_BYTES:
                 print(f"{path.name}: reading {size / 1e6:.0f} MB", file=sys.stderr, flush=True)
             raw, lines = read_readable(path, _read_text, layout)
     except InputError as error:
         study = path.parent / "study.yaml"
-        words, file = (_IN_STUDY, study) if study.is_file() else (_ELSEWHERE, path)
-        raise InputError(f"{error}\n{words.format(shlex.quote(str(file)))}") from error
-    # A role of an axis that the layout does not name is read as the layout's role of one axis.
+        hint, file = (_WITH_STUDY, study) if study.is_file() else (_WITHOUT_STUDY, path)
+        raise InputError(f"{error}\n{hint.format(shlex.quote(str(file)))}") from error
+    # A role of an axis that the layout does not have is read as the layout's role of one axis.
     columns = {role: layout.columns.get(role) or layout.columns[role[: -len("_x")]] for role in raw}
-    with np.errstate(over="ignore"):  # what overflows is refused below, with its place
+    with np.errstate(over="ignore"):  # `check_record` reports what overflows, with its place
         scaled = {
             role: raw[role] * float(column.scale) + float(column.offset) for role, column in columns.items()
         }
     time_unit = layout.columns[TIME].unit
     if time_unit not in _SECONDS:
         raise InputError(f"{path}: time is in {time_unit!r}; allowed are {', '.join(_SECONDS)}")
-    # Points of a static test have no clock: times are missing, or all are the same.
+    # Points of a static test have no clock: times are missing or equal.
     time = scaled.get(TIME)
     points = time is None or (len(time) > 1 and bool(np.isnan(time).all() or np.all(time == time[0])))
     if points:
         if rate is not None or trim is not None:
-            raise InputError(f"{path}: points without a clock have neither a rate nor a part in seconds")
+            raise InputError(f"{path}: points without a clock cannot be resampled or trimmed")
         if "input_x" in columns or "input_y" in columns:
-            raise InputError(f"{path}: points without a clock have one axis; several need times")
+            raise InputError(f"{path}: points without a clock must have one axis")
         scaled[TIME] = np.arange(float(len(next(iter(scaled.values())))))
     scaled[TIME] = scaled[TIME] * _SECONDS[time_unit]
     if trim is not None:
@@ -124,17 +134,10 @@ def read_record(
     return record
 
 
-_ANNOUNCED_BYTES = 5_000_000
-"""Size from which a file is announced."""
-_PLAIN_BYTES = 50_000
-"""Size from which a file is first tried as a plain table of numbers."""
-
-
 def _read_text(path: Path, layout: ColumnLayout) -> tuple[dict[str, np.ndarray], Sequence[int]]:
     """Return columns by role, and the line of each sample."""
-    dialect = Dialect(
-        None if layout.delimiter == "whitespace" else layout.delimiter, layout.decimal, layout.comment
-    )
+    delimiter = None if layout.delimiter == "whitespace" else layout.delimiter
+    dialect = Dialect(delimiter, layout.decimal, layout.comment)
     if dialect.decimal == dialect.delimiter:
         raise InputError(f"{path}: the layout has {dialect.decimal!r} both as delimiter and as decimal mark")
     rows = split_rows(stream_lines(path), dialect, str(path))
@@ -143,12 +146,12 @@ def _read_text(path: Path, layout: ColumnLayout) -> tuple[dict[str, np.ndarray],
         raise InputError(f"{path}: no data rows")
     header = first.cells if layout.header else None
     positions = _positions(path, layout.columns, header)
-    # A decimal comma or a missing cell would shift all columns after it.
+    # With a decimal comma or a missing cell, the columns after it would be wrong.
     by_name = any(isinstance(column.column, str) for column in layout.columns.values())
     width = len(first.cells) if header and by_name else None
     if header is None:
         rows = itertools.chain([first], rows)
-    if path.stat().st_size >= _PLAIN_BYTES:
+    if path.stat().st_size >= _MIN_PLAIN_BYTES:
         begins = first.line + (header is not None)
         lines = itertools.islice(stream_lines(path), begins - 1, None)
         plain = read_plain_numbers(lines, dialect, len(first.cells), begins)
@@ -165,24 +168,20 @@ def _positions(path: Path, columns: dict[str, ColumnSettings], header: list[str]
     """Return the position of each role's column, from 0."""
     problems = Problems(str(path))
     positions = {}
-    columns = _along_axes(columns, header or (), problems)
-    # A table of only these two has no clock; any further column might be the clock under another name.
+    columns = _expand_axes(columns, header or (), problems)
+    # A table of only these two columns has no clock; a further column might be the clock with another name.
     pair = {columns[role].column for role in ("input", "output") if role in columns}
     for role, column in columns.items():
         wanted = column.column
         if isinstance(wanted, int):
             positions[role] = wanted - 1
         elif header is None:
-            problems.add(
-                role, f"column {wanted!r} is a name, but the layout has no header", "give its number"
-            )
+            problem = f"column {wanted!r} is a name, but the layout has no header"
+            problems.add(role, problem, "give its number")
         elif header.count(wanted) > 1:
-            twice = [str(number) for number, name in enumerate(header, start=1) if name == wanted]
-            problems.add(
-                role,
-                f"column {wanted!r} stands in columns {' and '.join(twice)}",
-                "give the number of one of them",
-            )
+            numbers = [str(number) for number, name in enumerate(header, start=1) if name == wanted]
+            problem = f"columns {' and '.join(numbers)} have the name {wanted!r}"
+            problems.add(role, problem, "give the number of one of them")
         elif wanted in header:
             positions[role] = header.index(wanted)
         elif not column.optional and not (role == TIME and set(header) == pair):
@@ -194,27 +193,24 @@ def _positions(path: Path, columns: dict[str, ColumnSettings], header: list[str]
 def _read_mat(path: Path, layout: ColumnLayout) -> dict[str, np.ndarray]:
     from lumbar.records.child_process import read_in_child
 
-    content = read_in_child(_vectors_of_mat, path)
+    content = read_in_child(_read_mat_vectors, path)
     problems = Problems(str(path))
     values: dict[str, np.ndarray] = {}
-    names = list(content)
-    for role, column in _along_axes(layout.columns, names, problems).items():
+    for role, column in _expand_axes(layout.columns, list(content), problems).items():
         name = str(column.column)
-        if name not in content and column.optional:
-            continue
-        if name not in content:
-            problems.add(role, f"no variable {column.column!r}", f"the file has {', '.join(names)}")
-        elif content[name] is None:
-            problems.add(role, f"{column.column} is not a vector of real numbers")
-        else:
+        if content.get(name) is not None:
             values[role] = content[name].astype(float)
+        elif name in content:
+            problems.add(role, f"{column.column} is not a vector of real numbers")
+        elif not column.optional:
+            problems.add(role, f"no variable {column.column!r}", f"the file has {', '.join(content)}")
     if len({len(value) for value in values.values()}) > 1:
         problems.add("", "variables of different lengths", "time, input and output need one value per sample")
     problems.raise_if_any()
     return values
 
 
-def _vectors_of_mat(path: str) -> dict[str, np.ndarray | None]:
+def _read_mat_vectors(path: str) -> dict[str, np.ndarray | None]:
     """Return the vectors of real numbers in a MATLAB file by name; None for each other variable."""
     from lumbar.records.unpacking import load_matlab
 
@@ -226,10 +222,10 @@ def _vectors_of_mat(path: str) -> dict[str, np.ndarray | None]:
     }
 
 
-def _along_axes(
+def _expand_axes(
     columns: dict[str, ColumnSettings], header: Collection[str], problems: Problems
 ) -> dict[str, ColumnSettings]:
-    """Return columns by role, with an axis each for position and force if the header names axes.
+    """Return columns by role, one for each axis of position and force if the header has names with axes.
 
     Only names of quantity and unit, as in the default layout, may have an axis between the two.
     """
@@ -239,45 +235,44 @@ def _along_axes(
     are_named = all(item.column == f"{item.quantity}_{item.unit}" for item in single.values())
     if not are_named or {item.quantity for item in single.values()} != {"position", "force"}:
         return columns
-    # Names in the header by axis, whatever their unit; of two names for an axis, that with the layout's own unit.
-    found: dict[str, dict[str, str]] = {}
+    # Names in the header by axis, with any unit; of two names for an axis, the one with the layout's unit.
+    named: dict[str, dict[str, str]] = {}
     for side, column in single.items():
-        named = re.compile(rf"{column.quantity}_([{''.join(AXES)}])_(\S+)")
-        matches = [match for name in header if (match := named.fullmatch(name))]
+        pattern = re.compile(rf"{column.quantity}_([{''.join(AXES)}])_(\S+)")
+        matches = [match for name in header if (match := pattern.fullmatch(name))]
         matches.sort(key=lambda match: match[2] == column.unit)
-        found[side] = dict(sorted({match[1]: match[0] for match in matches}.items()))
-    if not any(found.values()):
+        named[side] = dict(sorted({match[1]: match[0] for match in matches}.items()))
+    if not any(named.values()):
         return columns
-    _check_axes(single, found, header, problems)
+    _check_axes(single, named, header, problems)
     expanded: dict[str, ColumnSettings] = {}
     for role, column in columns.items():
-        own = {
-            f"{role}_{axis}": column.model_copy(update={"column": name})
-            for axis, name in found.get(role, {}).items()
-        }
-        expanded |= own if role in single else {role: column}
+        if role not in single:
+            expanded[role] = column
+        for axis, name in named.get(role, {}).items():
+            expanded[f"{role}_{axis}"] = column.model_copy(update={"column": name})
     return expanded
 
 
 def _check_axes(
     single: dict[str, ColumnSettings],
-    found: dict[str, dict[str, str]],
+    named: dict[str, dict[str, str]],
     header: Collection[str],
     problems: Problems,
 ) -> None:
-    """Add mixed columns of one axis and of several, axes of one side only, a single axis and other units to `problems`."""
-    axes = sorted({axis for names in found.values() for axis in names})
+    """Add columns of one axis next to several, axes of one side only, a single axis and other units to `problems`."""
+    axes = sorted({axis for names in named.values() for axis in names})
     if len(axes) == 1:
         names = ", ".join(str(column.column) for column in single.values())
-        problems.add("", f"columns of {axes[0]} alone", f"a record has two or three axes, or one: {names}")
+        problems.add("", f"columns of {axes[0]} only", f"a record has two or three axes, or one: {names}")
+    example = next(name for names in named.values() for name in names.values())
     for side, column in single.items():
         if column.column in header:
-            beside = next(name for names in found.values() for name in names.values())
-            allowed = "one axis or several: give the columns that are not meant another name"
-            problems.add(str(column.column), f"stands beside {beside}", allowed)
+            allowed = "use one axis or several: rename the unused columns"
+            problems.add(str(column.column), f"is next to {example}", allowed)
         for axis in axes:
             wanted = f"{column.quantity}_{axis}_{column.unit}"
-            name = found[side].get(axis)
+            name = named[side].get(axis)
             if name is None:
                 allowed = f"position and force need the same axes: {', '.join(axes)}"
                 problems.add(wanted, "no such column", allowed)

@@ -1,8 +1,7 @@
-"""Numbers under a header: the one reader of text tables and of the cells of sheets.
+"""Reader of numbers under a header, for text tables and the cells of sheets.
 
-Lines (`stream_lines`, `decode_lines`) are split into rows of cells by a dialect (`split_rows`), and the cells of columns become
-numbers (`read_numbers`). What a header says depends on the format: its reader takes the cells of the header from the same rows.
-`read_plain_numbers` splits and converts a table of nothing but numbers in one pass, fifty times as fast.
+Lines (`stream_lines`, `decode_lines`) are split into rows of cells by a dialect (`split_rows`), and the cells of columns are
+converted to numbers (`read_numbers`). `read_plain_numbers` does both for a table of numbers only, fifty times as fast.
 """
 
 import codecs
@@ -25,20 +24,20 @@ ENCODINGS = "gbk (Chinese), shift_jis (Japanese), cp1251 (Cyrillic), cp1250 (Cen
 MAX_LINE_CHARACTERS = 1_000_000
 MAX_PLAIN_COLUMNS = 1000
 MAX_SHOWN_CHARACTERS = 60
-"""Characters of a cell that a message shows."""
+"""Characters of a cell in a message."""
 
 
 class Row(NamedTuple):
     """Cells of one row."""
 
     line: int
-    """Number of the line in the file, from 1; the first one if a cell in quotes spans several."""
+    """Number of the first line in the file, from 1."""
     cells: list[str]
 
 
 @dataclass(frozen=True)
 class Dialect:
-    """How the rows of a table are written."""
+    """Form of a table's rows."""
 
     delimiter: str | None = ","
     """One character; None for any blanks."""
@@ -46,7 +45,7 @@ class Dialect:
     comment: str | None = None
     """Beginning of lines that are skipped."""
     quotes_span_lines: bool = False
-    """Whether a cell in quotes may hold line breaks, as in answers of people; among numbers, an open quote is a mistake."""
+    """Whether a cell in quotes may contain line breaks, as in answers of a survey; in tables of numbers this is an error."""
 
     def split(self, line: str) -> list[str]:
         """Return the cells of one line. Quotes protect delimiters."""
@@ -70,7 +69,7 @@ class Dialect:
 
 @dataclass(frozen=True)
 class NumberTable:
-    """Numbers of rows, with the line of each."""
+    """Numbers of rows and their lines."""
 
     values: np.ndarray
     """Shape (rows, columns)."""
@@ -78,21 +77,20 @@ class NumberTable:
     """Line of each row in the file, from 1."""
 
     def require_sizes(self, source: str, largest: float, may_be_missing: bool) -> None:
-        """Raise unless all numbers are finite and of at most a size; NaN is allowed on request."""
+        """Raise unless the size of all numbers is at most `largest`; NaN may be allowed."""
         allowed = (np.abs(self.values) <= largest) | (may_be_missing & np.isnan(self.values))
         if not allowed.all():
             row, column = np.argwhere(~allowed)[0]
             raise InputError(
-                f"{source}: line {self.lines[row]}: {self.values[row, column]:g} in column {column + 1}; finite numbers of at "
-                f"most {largest:g} in size are needed"
+                f"{source}: line {self.lines[row]}: {self.values[row, column]:g} in column {column + 1}; finite numbers up to "
+                f"{largest:g} are needed"
             )
 
 
 def parse_number(text: str) -> float:
-    """Return the number in a text, as programs write numbers.
+    """Return the number in a text, also with Fortran's exponents.
 
-    Python's own ``float`` also takes ``1_000`` and the digits of other scripts, which are mistakes in a file. Fortran's
-    exponents are read.
+    Unlike Python's ``float``, reject ``1_000`` and the digits of other scripts, which are mistakes in a file.
 
     Raises
     ------
@@ -122,17 +120,18 @@ def stream_lines(path: Path) -> Iterator[str]:
     Raises
     ------
     InputError
-        The file holds other bytes, or a line of more than `MAX_LINE_CHARACTERS`.
+        The text is not UTF-8, or a line has more than `MAX_LINE_CHARACTERS`.
     """
     with path.open(encoding="utf-8-sig") as stream:
-        number = 0
         try:
-            while line := stream.readline(MAX_LINE_CHARACTERS + 1):
-                number += 1
+            for number in itertools.count(1):
+                line = stream.readline(MAX_LINE_CHARACTERS + 1)
                 if len(line) > MAX_LINE_CHARACTERS:
                     raise InputError(
                         f"{path}: line {number} has more than {MAX_LINE_CHARACTERS} characters; rows of numbers are needed"
                     )
+                if not line:
+                    return
                 yield line
         except UnicodeDecodeError as error:
             raise InputError(f"{path}: not UTF-8 text ({error}); save it as UTF-8") from error
@@ -145,10 +144,14 @@ def decode_lines(
 
     Parameters
     ----------
+    content : bytes
+        The text.
+    source : str
+        The file, for messages.
     encoding : str, optional
-        As Python names it. Default: UTF-16, UTF-8 or Windows-1252, whichever the bytes show.
+        Encoding by Python's name. Default: UTF-16, UTF-8 or Windows-1252, detected from the bytes.
     lenient : bool
-        Whether other bytes than those of western words are read as Windows-1252, too.
+        Whether other bytes than those of western text are also read as Windows-1252.
 
     Raises
     ------
@@ -156,9 +159,18 @@ def decode_lines(
         With the first line that cannot be decoded.
     """
     if encoding:
-        text = _decode_as(content, source, encoding)
+        try:
+            text = content.decode(encoding).removeprefix("\ufeff")
+        except UnicodeDecodeError as error:
+            line = len(_split_lines(content[: error.start].decode(encoding, "ignore")))
+            shown = ascii(content[error.start : error.start + 20])[1:]
+            raise InputError(
+                f"{source}: line {line} cannot be read by --encoding {encoding} ({shown})"
+            ) from error
     else:
-        text, encoding = _recognise(content, source, lenient)
+        text, encoding = _detect_encoding(content)
+        if encoding == "Windows-1252" and not lenient:
+            _check_western(text, content, source)
     return _split_lines(text.replace("\N{MINUS SIGN}", "-")), encoding
 
 
@@ -166,22 +178,11 @@ def _split_lines(text: str) -> list[str]:
     return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
 
 
-def _decode_as(content: bytes, source: str, encoding: str) -> str:
-    try:
-        return content.decode(encoding).removeprefix("\ufeff")
-    except UnicodeDecodeError as error:
-        before = _split_lines(content[: error.start].decode(encoding, "ignore"))
-        found = ascii(content[error.start : error.start + 20])[1:]
-        raise InputError(
-            f"{source}: line {len(before)} cannot be read by --encoding {encoding} ({found})"
-        ) from error
-
-
-def _recognise(content: bytes, source: str, lenient: bool) -> tuple[str, str]:
+def _detect_encoding(content: bytes) -> tuple[str, str]:
     """Return the text and its encoding."""
     if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return content.decode("utf-16", errors="replace"), "UTF-16"
-    # Of UTF-16 without a mark, every other byte of western text is zero.
+    # In UTF-16 without a mark, every second byte of western text is zero.
     beginning = content[:2000]
     for encoding, first in (("utf-16-le", 1), ("utf-16-be", 0)):
         if len(beginning) > 8 and beginning[first::2].count(0) > 0.4 * len(beginning):
@@ -189,20 +190,16 @@ def _recognise(content: bytes, source: str, lenient: bool) -> tuple[str, str]:
     try:
         return content.decode("utf-8-sig"), "UTF-8"
     except UnicodeDecodeError:
-        text = content.decode("cp1252", errors="replace")
-        if not lenient:
-            _check_western(text, content, source)
-        return text, "Windows-1252"
+        return content.decode("cp1252", errors="replace"), "Windows-1252"
 
 
-_NO_ASCII = re.compile(r"[^\x00-\x7f]+")
 _WESTERN = re.compile(r"[À-ÖØ-öø-ÿŒœŸ°±²³µ·×§®©€‘’“”–—…]|[äöüÄÖÜ]ß|éé|ç[ãõ]")
-"""Signs between ASCII letters in western words; two letters of other alphabets make longer or other runs."""
+"""Characters between ASCII letters in western words; two letters of other alphabets make longer or other runs."""
 
 
 def _check_western(text: str, content: bytes, source: str) -> None:
-    """Raise unless all signs beyond ASCII are those of western words in Windows-1252."""
-    for run in _NO_ASCII.finditer(text):
+    """Raise unless all characters beyond ASCII are those of western words in Windows-1252."""
+    for run in re.finditer(r"[^\x00-\x7f]+", text):
         before, after = text[: run.start()][-1:], text[run.end() :][:1]
         if _WESTERN.fullmatch(run[0]) and not (run[0] in "°²³" and before.isalpha() and after.isalpha()):
             continue
@@ -210,18 +207,23 @@ def _check_western(text: str, content: bytes, source: str) -> None:
         start = run.start() - len(lines[-1])
         line = re.split(rb"[\r\n]", content[start : start + 60])[0]
         raise InputError(
-            f"{source}: line {len(lines)} is not UTF-8 ({ascii(line)[1:]}); say what it is written in, as --encoding "
-            f"{ENCODINGS}"
+            f"{source}: line {len(lines)} is not UTF-8 ({ascii(line)[1:]}); give its encoding, as in --encoding {ENCODINGS}"
         )
 
 
 def split_rows(lines: Iterable[str], dialect: Dialect, source: str, first: int = 1) -> Iterator[Row]:
-    """Yield the rows of a table; blank lines and comments are skipped.
+    """Yield the rows of a table without blank lines and comments.
 
     Parameters
     ----------
+    lines : iterable of str
+        The lines.
+    dialect : Dialect
+        Form of the rows.
+    source : str
+        The file, for messages.
     first : int
-        Number of the first of these lines in the file.
+        Number of the first line in the file.
 
     Raises
     ------
@@ -262,10 +264,16 @@ def read_numbers(
 
     Parameters
     ----------
+    rows : iterable of Row
+        The rows.
     columns : mapping of str to int
-        Position from 0 by the name that messages give to the column.
+        Position from 0 by the column's name in messages.
+    source : str
+        The file, for messages.
+    dialect : Dialect
+        Form of the cells.
     width : int, optional
-        Cells of every row. Default: as in the first row. In a row with more or fewer, numbers are in the wrong columns.
+        Cells of every row; default that of the first row.
     may_be_empty : collection of str
         Names of columns in which an empty cell is NaN.
 
@@ -288,42 +296,41 @@ def read_numbers(
             )
             continue
         try:
-            values.extend([dialect.number(cells[position]) for position in positions])
+            numbers = [dialect.number(cells[position]) for position in positions]
         except ValueError:
-            for name, position in columns.items():
-                values.append(
-                    _number_or_problem(cells[position], name, line, dialect, may_be_empty, problems)
-                )
+            numbers = [np.nan] * len(positions)
+            for index, (name, position) in enumerate(columns.items()):
+                cell = cells[position]
+                try:
+                    numbers[index] = dialect.number(cell)
+                except ValueError:
+                    if cell or name not in may_be_empty:
+                        comma = " (is the comma a decimal sign?)" if "," in cell else ""
+                        shown = (
+                            cell if len(cell) <= MAX_SHOWN_CHARACTERS else cell[:MAX_SHOWN_CHARACTERS] + "…"
+                        )
+                        problems.add(f"line {line}", f"{name} is {shown!r}", f"a number is needed{comma}")
+        values.extend(numbers)
         lines.append(line)
     problems.raise_if_any()
     return NumberTable(np.array(values).reshape(len(lines), len(positions)), lines)
 
 
-def _number_or_problem(
-    cell: str, name: str, line: int, dialect: Dialect, may_be_empty: Collection[str], problems: Problems
-) -> float:
-    if not cell and name in may_be_empty:
-        return np.nan
-    try:
-        return dialect.number(cell)
-    except ValueError:
-        comma = " (is the comma a decimal sign?)" if "," in cell else ""
-        shown = cell if len(cell) <= MAX_SHOWN_CHARACTERS else cell[:MAX_SHOWN_CHARACTERS] + "…"
-        problems.add(f"line {line}", f"{name} is {shown!r}", f"a number is needed{comma}")
-        return np.nan
-
-
 def read_plain_numbers(
     lines: Iterable[str], dialect: Dialect, width: int, first: int = 1
 ) -> NumberTable | None:
-    """Return all columns of a table of nothing but finite numbers; None of any other, which is left to `read_numbers`.
+    """Return all columns of a table of finite numbers only; None of any other table, for `read_numbers`.
 
     Parameters
     ----------
+    lines : iterable of str
+        The lines.
+    dialect : Dialect
+        Form of the rows.
     width : int
-        Cells of every row. Wide tables are other ones: the numbers of all columns are kept.
+        Cells of every row; None is returned for more than `MAX_PLAIN_COLUMNS`.
     first : int
-        Number of the first of these lines in the file.
+        Number of the first line in the file.
     """
     lines, count = iter(lines), 0
     start = next(lines, "")
@@ -345,6 +352,6 @@ def read_plain_numbers(
         table = np.loadtxt(counted(), comments=None, delimiter=dialect.delimiter, ndmin=2)
     except (ValueError, OverflowError):
         return None
-    if table.shape != (count, width) or not np.isfinite(table).all():  # loadtxt passes over blank lines
+    if table.shape != (count, width) or not np.isfinite(table).all():  # loadtxt skips blank lines
         return None
     return NumberTable(table, range(first, first + count))
