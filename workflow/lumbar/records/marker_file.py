@@ -1,8 +1,7 @@
-"""What a marker file holds before its labels, unit and axes are translated, and which of its points a model computed.
+"""Content of a marker file with its own labels, unit and axes, and the distinction of measured and computed points.
 
-Plug-in Gait and its relatives store joint angles, forces, moments and powers as if they were points, and
-segment axes and the centre of mass as points too. Lists in the file say which (`POINT:TYPE_GROUPS` of the C3D
-user guide); where a file has none, the labels' endings do.
+Plug-in Gait and similar models store joint angles, forces, moments and powers, segment axes and the centre of mass as points.
+They are identified by lists in the file (`POINT:TYPE_GROUPS` of the C3D user guide), or by the endings of labels.
 """
 
 import re
@@ -17,21 +16,21 @@ from lumbar.records.number_table import Dialect, Row, read_numbers
 from lumbar.records.record import CLOCK_TOLERANCE, LARGEST
 
 RATES_HZ = (1e-3, 1e6)
-"""Rates of recording that are read."""
+"""Allowed frame rates."""
 
 
 class NoMarkersError(InputError):
-    """A table that holds something else than markers."""
+    """A table without markers."""
 
 
 @dataclass(frozen=True)
 class RecordedEvent:
-    """An event that somebody, or a program, marked in the recording."""
+    """An event that was marked in the recording by hand or by a program."""
 
     label: str
-    """As the file has it, e.g. ``"Foot Off"``."""
+    """Label in the file, e.g. ``"Foot Off"``."""
     context: str
-    """Side, e.g. ``"Left"``; empty where none is stated."""
+    """Side, e.g. ``"Left"``; empty if not stated."""
     time: float
     """Seconds on the recording's own clock."""
 
@@ -43,43 +42,41 @@ class RecordedEvent:
 
 @dataclass(frozen=True)
 class MarkerFile:
-    """Trajectories as a file states them: its own labels, unit and axes."""
+    """Trajectories with the labels, unit and axes of the file."""
 
     source: str
     """Path of the file, for messages."""
     time: np.ndarray
-    """Shape (n_frames,): seconds on the recording's own clock: the first frame need not be at 0."""
+    """Shape (n_frames,): seconds on the recording's own clock; the first frame need not be at 0."""
     rate: float
     """Frames per second."""
     unit: str
-    """Unit of length the file states; empty where it states none."""
+    """Unit of length in the file; empty if it states none."""
     positions: dict[str, np.ndarray]
-    """Shape (n_frames, 3): measured markers by label; NaN in all three coordinates where a marker was not seen."""
+    """Shape (n_frames, 3): measured markers by label; NaN in all three coordinates if a marker was not seen."""
     model_points: dict[str, np.ndarray] = field(default_factory=dict)
-    """Shape (n_frames, 3): points that a model computed and the file stores beside the markers (centre of mass, segment
-    axes): only read where an alias names them."""
+    """Shape (n_frames, 3): computed points in the file (centre of mass, segment axes), used only by aliases."""
     dropped: dict[str, str] = field(default_factory=dict)
-    """Labels that are not measured markers, with the reason. Holds the labels of `model_points` too."""
+    """Labels that are not measured markers, also those of `model_points`, with the reason."""
     events: tuple[RecordedEvent, ...] = ()
-    """In the order of time."""
+    """Events in the order of time."""
     notes: tuple[str, ...] = ()
-    """What the file contradicts itself in without harm to a coordinate."""
+    """Contradictions in the file that do not affect coordinates."""
     joints: bool = False
-    """Whether its points are joint centres, and no markers on the skin."""
+    """Whether the points are joint centres instead of markers on the skin."""
 
     @property
     def subjects(self) -> tuple[str, ...]:
-        """Prefixes of its labels, as in ``Subject:C7``."""
-        return tuple(
-            sorted({label.partition(":")[0] for label in (*self.positions, *self.dropped) if ":" in label})
-        )
+        """Prefixes of the labels, as in ``Subject:C7``."""
+        labels = (*self.positions, *self.dropped)
+        return tuple(sorted({label.partition(":")[0] for label in labels if ":" in label}))
 
 
 def mark_missing(points: np.ndarray) -> np.ndarray:
-    """Put NaN into all coordinates of every missing sample of points, shape (..., 3), and return them; a copy of integers.
+    """Set all coordinates of missing samples to NaN, in place unless points, shape (..., 3), are integers; return the points.
 
-    A sample is missing where a coordinate is not finite, or where all three are exactly zero: systems write
-    the origin for a marker they did not see, and a real marker is never there to the last bit.
+    A sample is missing if a coordinate is not finite, or if all three are exactly zero: systems write the origin for an unseen
+    marker, and a measured marker is never exactly there.
     """
     points = np.asarray(points, dtype=float)
     missing = ~np.isfinite(points).all(axis=-1) | (points == 0).all(axis=-1)
@@ -96,7 +93,7 @@ _ENDINGS = (
 _CENTRE_OF_MASS = re.compile(r"^(Cent(re|er)OfMass(Floor)?|CoM|COM)$")
 _UNLABELLED = re.compile(r"^(\*\d*|[CU]_\d+|uname\*?\d*|Unlabell?ed.*)$", re.IGNORECASE)
 _SEGMENT_AXES = "OALP"
-"""Last letters under which Plug-in Gait stores each segment's origin and the ends of its three axes."""
+"""Last letters of the labels of a segment's origin and the ends of its three axes in Plug-in Gait."""
 
 
 def split_points(
@@ -110,21 +107,23 @@ def split_points(
     events: tuple[RecordedEvent, ...] = (),
     notes: tuple[str, ...] = (),
 ) -> MarkerFile:
-    """Sort the points of a file into measured markers, computed points and what is left out.
+    """Sort the points of a file into measured markers, computed points and others, which are dropped.
 
     Parameters
     ----------
+    source, time, rate, unit, events, notes
+        Fields of `MarkerFile`.
     labels : list of str
         One per point.
     points : ndarray, shape (n_frames, n_points, 3)
-        NaN where missing.
+        NaN for missing samples.
     listed : dict of str to str, optional
-        Labels that the file itself lists as angles, forces, … with the reason.
+        Labels that the file lists as angles, forces, … with the reason.
     """
     listed = listed or {}
-    points = np.ascontiguousarray(points.swapaxes(0, 1))  # each trajectory in one piece
+    points = np.ascontiguousarray(points.swapaxes(0, 1))  # each trajectory contiguous
     counts = Counter(labels)
-    # Origin and ends of the three axes of a segment, as Plug-in Gait stores them.
+    # Origin and ends of the three axes of a segment of Plug-in Gait.
     stems = [label[:-1] for label in labels if label[-1:] == "O"]
     segments = [{stem + letter for letter in _SEGMENT_AXES} for stem in stems]
     axes = set().union(*(names for names in segments if names <= counts.keys()))
@@ -158,7 +157,7 @@ def read_frames(
     Raises
     ------
     InputError
-        With the lines of another width, or with a cell that is no number, or no plausible one.
+        With the lines of another width, or a cell that is no number or an implausible one.
     """
     columns = {f"column {position + 1}": position for position in range(width)}
     table = read_numbers(rows, columns, source, dialect, width, columns if may_be_missing else ())
@@ -167,21 +166,27 @@ def read_frames(
 
 
 def check_even(source: str, printed: np.ndarray, even: np.ndarray, rate: float, blur: float = 0.0) -> None:
-    """Raise if a frame is printed, shape (n_frames,) in seconds, at another time than on an even clock.
+    """Raise if printed times differ from an even clock.
 
     Parameters
     ----------
+    source : str
+        The file, for messages.
+    printed, even : ndarray, shape (n_frames,)
+        Printed times and those of the even clock, seconds.
+    rate : float
+        Frames per second.
     blur : float
-        Difference in seconds that is allowed beyond `CLOCK_TOLERANCE` of a frame.
+        Allowed difference in seconds in addition to `CLOCK_TOLERANCE` of a frame.
 
     Raises
     ------
     InputError
         With the frame that differs most.
     """
-    away = np.abs(printed - even)
-    worst = int(away.argmax())
-    if away[worst] > CLOCK_TOLERANCE / rate + blur:
+    difference = np.abs(printed - even)
+    worst = int(difference.argmax())
+    if difference[worst] > CLOCK_TOLERANCE / rate + blur:
         raise InputError(
             f"{source}: frame {worst + 1} is at {printed[worst]:g} s; at {rate:g} Hz it would be at {even[worst]:g} s: the "
             "clock is not even, the rate is another, or frames are missing"

@@ -1,21 +1,21 @@
-"""Marker recordings: C3D, TRC, CSV and BVH files as positions in metres under standard names.
+"""Marker recordings: C3D, TRC, CSV and BVH files as positions in metres with standard names.
 
-Axes are those of the thesis's chapter 4: x lateral (to the right), y forward, z up; right-handed. The layout
-is plain data from a study's YAML::
+Axes are those of chapter 4 of the thesis: x lateral (to the right), y forward, z up; right-handed. The layout in a study's
+YAML::
 
     unit: file                 # file, m, cm or mm
-    scale: 1.0                 # factor on the coordinates, where the unit that the file states is wrong
+    scale: 1.0                 # factor on the coordinates, if the unit in the file is wrong
     up: "+z"                   # axis of the file that points up
-    forward: "+y"              # axis of the file that points the way the person faces
+    forward: "+y"              # axis of the file in which the subject faces
     subject_prefix: strip      # strip, keep, or the subject's name
     aliases: {C7: [C7, CV7], L_WRIST: {mean: [LWRA, LWRB]}}
-    required: null             # names that must be found; null: every alias
+    required: null             # required names; null: every alias
     check_axes: true           # compare the axes with head-to-feet, heel-to-toe and left-to-right
-    rate_Hz: null              # frames per second, of a CSV file without times or where the file's are wrong
+    rate_Hz: null              # frames per second, if a CSV file has no times or the file's are wrong
 
-`lumbar.records.marker_aliases` explains the aliases. Standard names are C7, T12, L5 (the spine at L4/L5),
-MANUBRIUM, XIPHOID, SACRUM; SHOULDER, HIP (greater trochanter), WRIST, ANKLE, HEEL and TOE with L_ or R_
-before them; BOX_1, BOX_2 and so on for markers on the box.
+`lumbar.records.marker_aliases` explains the aliases. Standard names are C7, T12, L5 (the spine at L4/L5), MANUBRIUM, XIPHOID,
+SACRUM; SHOULDER, HIP (greater trochanter), WRIST, ANKLE, HEEL and TOE with the prefix L_ or R_; BOX_1, BOX_2 and so on for
+markers on the box.
 """
 
 import os
@@ -38,14 +38,14 @@ METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 _UNIT_NAMES = {unit: unit for unit in METRES} | dict.fromkeys(("meter", "meters", "metres"), "m")
 _UNIT_NAMES["millimeters"] = "mm"
 SPREAD_M = (0.02, 50.0)
-"""Plausible size of the cloud of all markers over a recording, in metres: a wrong unit lies far outside."""
-FARTHEST_M = 1e5
-"""Beyond what any unit makes of a laboratory: only bytes that stand elsewhere than they should make such a number."""
+"""Plausible extent of all markers in metres; a wrong unit leads to another one."""
+MAX_DISTANCE_M = 1e5
+"""Largest distance of a marker from the origin; only corrupt data are farther away, in any unit."""
 
 
 @dataclass(frozen=True, repr=False)
 class MarkerRecording:
-    """Marker trajectories of one person."""
+    """Marker trajectories of one subject."""
 
     name: str
     time: np.ndarray
@@ -53,35 +53,35 @@ class MarkerRecording:
     rate: float
     """Frames per second."""
     positions: dict[str, np.ndarray]
-    """Shape (n_frames, 3): metres; columns x lateral (right), y forward, z up. NaN where a marker was not seen."""
+    """Shape (n_frames, 3): metres; columns x lateral (right), y forward, z up. NaN if a marker was not seen."""
     source: str = ""
-    """File it was read from, for messages."""
+    """The file, for messages."""
     dropped: dict[str, str] = field(default_factory=dict)
-    """File labels left out, with the reason (angles, forces, computed points, never seen, label used twice)."""
+    """Omitted labels of the file, with the reason (angles, forces, computed points, never seen, duplicate label)."""
     derived: dict[str, str] = field(default_factory=dict)
-    """Markers the file does not hold, with the geometric rule they were computed by."""
+    """Markers that are computed from others, with the rule."""
     absent: dict[str, str] = field(default_factory=dict)
-    """Aliases that are not required and were not found, with the reason."""
+    """Optional aliases that are not in the file, with the reason."""
     unused: tuple[str, ...] = ()
-    """Markers of the file that no alias names."""
+    """Markers of the file without an alias."""
     events: tuple[RecordedEvent, ...] = ()
-    """Events that the file holds (C3D), in the order of time."""
+    """Events in the file (C3D), in the order of time."""
     notes: tuple[str, ...] = ()
-    """What the file contradicts itself in without harm to a coordinate."""
+    """Contradictions in the file that do not affect coordinates."""
     subjects: tuple[str, ...] = ()
-    """Prefixes, as in ``Subject:C7``, that were taken off the file's labels."""
+    """Prefixes, as in ``Subject:C7``, that were removed from the file's labels."""
     joints: bool = False
-    """Whether its points are joint centres, and no markers on the skin."""
+    """Whether the points are joint centres instead of markers on the skin."""
 
     def __getitem__(self, marker: str) -> np.ndarray:
-        """Positions of one marker, shape (n_frames, 3), in metres."""
+        """Return the positions of one marker, shape (n_frames, 3), in metres."""
         if marker not in self.positions:
             reason = self.absent.get(marker, "no alias of that name")
             raise InputError(f"{self.source or self.name}: no marker {marker} ({reason})")
         return self.positions[marker]
 
-    def at(self, frames: slice | np.ndarray) -> "MarkerRecording":
-        """Return the recording at these frames alone."""
+    def select_frames(self, frames: slice | np.ndarray) -> "MarkerRecording":
+        """Return the recording of some frames."""
         positions = {name: points[frames] for name, points in self.positions.items()}
         return replace(self, time=self.time[frames], positions=positions)
 
@@ -108,24 +108,23 @@ def read_markers(
     Parameters
     ----------
     path : path
-        The suffix decides: ``.c3d``, ``.trc``, ``.csv`` or ``.bvh``, each also packed (``.gz``).
+        A file with the ending ``.c3d``, ``.trc``, ``.csv`` or ``.bvh``, also gzipped (``.gz``).
     layout : MarkerLayout, optional
         See the module's description. Without aliases every marker keeps its label.
+    name : str, optional
+        Name of the recording; default that of the file.
     minimum_frames : int
         1 accepts a static pose of one frame; a trajectory needs at least 2.
-    repair : callable, optional
-        Takes all markers by their labels in the file (metres, standard axes) and the time, and returns them mended:
-        before rules derive further points from them.
     screen : callable, optional
-        Given the measured markers of the file, by label, in metres and standard axes, with time and rate,
-        returns those to go on with, NaN where they are not to be used, and why: one is made by
-        `lumbar.lifting.quality.screening`.
+        Takes the measured markers by label (metres, standard axes), the time and the rate; returns the markers with NaN for
+        samples that must not be used, and the omitted labels with the reason, see `lumbar.lifting.quality.screening`.
+    repair : callable, optional
+        Takes the screened markers by label and the time; returns repaired ones, from which rules derive further points.
 
     Raises
     ------
     InputError
-        A file that is broken, cut short or contradicts itself; a unit, prefix, marker or axis that does not
-        fit.
+        A broken, truncated or contradictory file; a unit, prefix, marker or axis that does not fit.
     """
     from lumbar.records.marker_aliases import KEEP, resolve_aliases, select_subject
     from lumbar.records.marker_axes import check_axes, rotation_to_standard
@@ -145,15 +144,15 @@ def read_markers(
         )
     unit = layout.scale * metres_per_unit(file.source, file.unit, layout.unit)
     rotation = rotation_to_standard(layout.up, layout.forward)
-    # Axes are exchanged and turned round, in place: a product of matrices takes ten times as long, a copy the memory again.
+    # Axes are swapped and inverted in place: a matrix product is ten times slower, and a copy doubles the memory.
     order, factors = np.abs(rotation).argmax(axis=1), unit * rotation.sum(axis=1)
     points, model_points = dict(file.positions), file.model_points
     for values in (*points.values(), *model_points.values()):
         values[:] = values[:, order] * factors
     if screen is not None:
-        points, left_out = screen(points, file.time, file.rate)
+        points, omitted = screen(points, file.time, file.rate)
         points = {label: values for label, values in points.items() if not np.isnan(values).all()}
-        file = replace(file, dropped=file.dropped | left_out)
+        file = replace(file, dropped=file.dropped | omitted)
     _check_spread(points, file)
     if repair is not None:
         points = repair(points, file.time)
@@ -196,7 +195,14 @@ def _read_file(path: Path, layout: MarkerLayout) -> MarkerFile:
 
 
 def metres_per_unit(source: str, unit: str, declared: str) -> float:
-    """Return the factor to metres; a declared unit must not contradict the one the file states.
+    """Return the factor to metres.
+
+    Parameters
+    ----------
+    source, unit : str
+        The file, for messages, and its unit; empty if it states none.
+    declared : str
+        Unit of the layout, which must not contradict the file, or ``file``.
 
     Raises
     ------
@@ -204,30 +210,28 @@ def metres_per_unit(source: str, unit: str, declared: str) -> float:
         No unit is known, or the two differ.
     """
     stated = _UNIT_NAMES.get(unit.strip().lower())
-    if declared == "file":
-        if stated is None:
-            found = f"states the unit {unit!r}" if unit.strip() else "states no unit"
-            raise InputError(f"{source}: the file {found}; set markers.unit to {', '.join(METRES)}")
-        return METRES[stated]
-    if stated is not None and stated != declared:
+    if declared == "file" and stated is None:
+        problem = f"states the unit {unit!r}" if unit.strip() else "states no unit"
+        raise InputError(f"{source}: the file {problem}; set markers.unit to {', '.join(METRES)}")
+    if declared != "file" and stated not in (None, declared):
         raise InputError(
             f"{source}: the file states {unit!r} but markers.unit is {declared!r}; set markers.unit to file"
         )
-    return METRES[declared]
+    return METRES[declared if declared != "file" else str(stated)]
 
 
 def _check_spread(points: dict[str, np.ndarray], file: MarkerFile) -> None:
-    """Raise when the markers fill a space no person at work fills: the unit is wrong."""
+    """Raise if the extent of the markers is implausible, because of a wrong unit or corrupt data."""
     if not points:
         raise InputError(
             f"{file.source}: no marker was ever seen; left out: {', '.join(file.dropped) or 'nothing'}"
         )
     for label, values in points.items():
-        far = np.flatnonzero((np.abs(values) > FARTHEST_M).any(axis=1))
-        if far.size:
+        is_far = (np.abs(values) > MAX_DISTANCE_M).any(axis=1)
+        if is_far.any():
             raise InputError(
-                f"{file.source}: {label} lies {np.nanmax(np.abs(values)):.3g} m away, first in frame {far[0] + 1}; at most "
-                f"{FARTHEST_M:g} m are read: bytes were inserted, lost or changed; copy or export it again"
+                f"{file.source}: {label} is {np.nanmax(np.abs(values)):.3g} m away, first in frame {is_far.argmax() + 1}, more "
+                f"than {MAX_DISTANCE_M:g} m: bytes were inserted, lost or changed; copy or export it again"
             )
     if len(points) < 2:
         return
@@ -235,6 +239,6 @@ def _check_spread(points: dict[str, np.ndarray], file: MarkerFile) -> None:
     spread = float(np.ptp(centres, axis=0).max())
     if not SPREAD_M[0] <= spread <= SPREAD_M[1]:
         raise InputError(
-            f"{file.source}: the markers lie {spread:.3g} m apart, outside {SPREAD_M[0]:g} to "
-            f"{SPREAD_M[1]:g} m; the file states the unit {file.unit or 'nothing'!r}: set markers.unit"
+            f"{file.source}: the markers extend over {spread:.3g} m, outside {SPREAD_M[0]:g} to {SPREAD_M[1]:g} m; the file "
+            f"states the unit {file.unit or 'nothing'!r}: set markers.unit"
         )

@@ -103,7 +103,7 @@ class _EventSearch:
         self.part = self.points = None
         if points is not None and np.isfinite(points).any():
             visible = runs(np.isfinite(points).all(axis=1))
-            self.part = recording.at(max(visible, key=lambda run: run.stop - run.start))
+            self.part = recording.select_frames(max(visible, key=lambda run: run.stop - run.start))
             self.points = lift_events.locate_load(self.part)[0]
 
     def detect(self, name: str) -> Event:

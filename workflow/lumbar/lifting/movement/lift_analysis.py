@@ -226,7 +226,7 @@ def cut_to_window(
             f"{smooth.source}: window_s {start:g} to {stop:g} s holds {inside.sum()} frames of the recording, which runs "
             f"from {smooth.time[0]:g} to {smooth.time[-1]:g} s; more than {shortest} are needed"
         )
-    return smooth.at(inside)
+    return smooth.select_frames(inside)
 
 
 def _require_content(recording: MarkerRecording, events: dict[str, Event], missing: dict[str, str]) -> None:
