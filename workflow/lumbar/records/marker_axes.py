@@ -1,4 +1,4 @@
-"""The axes of a marker file: turned to x lateral (right), y forward, z up, and compared with the body."""
+"""Axes of a marker file: rotation to x lateral (right), y forward, z up, and comparison with the body."""
 
 import numpy as np
 
@@ -9,7 +9,7 @@ _UPPER = ("C7", "T12", "MANUBRIUM", "XIPHOID", "L_SHOULDER", "R_SHOULDER", "SACR
 _FEET = ("L_ANKLE", "R_ANKLE", "L_HEEL", "R_HEEL", "L_TOE", "R_TOE")
 _TRUNK_TOP = ("C7", "MANUBRIUM", "XIPHOID", "L_SHOULDER", "R_SHOULDER")
 _PELVIS = ("SACRUM", "L5", "L_HIP", "R_HIP", "L_ASIS", "R_ASIS", "L_PSIS", "R_PSIS")
-_SIDES = ("SHOULDER", "HIP", "ANKLE", "HEEL", "TOE")
+_SIDES = tuple((f"L_{part}", f"R_{part}") for part in ("SHOULDER", "HIP", "ANKLE", "HEEL", "TOE"))
 _FEET_PAIRS = (("L_HEEL", "L_TOE"), ("R_HEEL", "R_TOE"))
 _PELVIS_PAIRS = (("SACRUM", "L_ASIS"), ("SACRUM", "R_ASIS"), ("L_PSIS", "L_ASIS"), ("R_PSIS", "R_ASIS"))
 _FACING = (
@@ -18,12 +18,14 @@ _FACING = (
     (_PELVIS_PAIRS, "the front of the pelvis is ahead of its back"),
     ((("C7", "MANUBRIUM"), ("C7", "XIPHOID")), "the chest is ahead of the back"),
 )
-"""Pairs of which the second lies ahead of the first, the surest first, with words for them."""
-_LEVEL = 0.7
-"""Share of a vector that must be level for it to say where a body faces."""
-_CLEARLY = 2.0
-"""How much longer than along the declared axis a segment must be along another one to contradict it. A bent
-trunk or a turned foot stays below."""
+"""Pairs of a rear and a front marker with a description, the most reliable first."""
+_FRONT = (*_PELVIS_PAIRS, ("C7", "MANUBRIUM"), *_FEET_PAIRS)
+"""Pairs of a rear and a front marker of trunk and feet."""
+_MIN_LEVEL_SHARE = 0.7
+"""Horizontal share of a vector that shows where a body faces."""
+_MIN_CONTRADICTION = 2.0
+"""Smallest ratio of the length along another axis to that along the declared axis that contradicts it; a bent trunk or a
+rotated foot stays below."""
 
 
 def axis_vector(axis: str) -> np.ndarray:
@@ -34,7 +36,7 @@ def axis_vector(axis: str) -> np.ndarray:
 
 
 def rotation_to_standard(up: str, forward: str) -> np.ndarray:
-    """Rotation matrix, shape (3, 3), from a file's axes to x lateral (right), y forward, z up.
+    """Return the rotation matrix, shape (3, 3), from a file's axes to x lateral (right), y forward, z up.
 
     Parameters
     ----------
@@ -52,155 +54,139 @@ def rotation_to_standard(up: str, forward: str) -> np.ndarray:
     return np.array([np.cross(forward_vector, up_vector), forward_vector, up_vector])
 
 
-def upright(positions: dict[str, np.ndarray]) -> np.ndarray | None:
-    """Vector, shape (3,) in metres, from feet to trunk or from pelvis to shoulders; None without such markers."""
-    upward = _segment(positions, _FEET, _UPPER)
-    return _segment(positions, _PELVIS, _TRUNK_TOP) if upward is None else upward
+def check_axes(positions: dict[str, np.ndarray], layout: MarkerLayout, source: str, remark: str = "") -> None:
+    """Raise if the markers contradict the declared axes.
 
-
-def check_axes(
-    positions: dict[str, np.ndarray], layout: MarkerLayout, source: str, seen_by: str = ""
-) -> None:
-    """Raise when the markers contradict the declared axes.
-
-    Three directions are compared, each by the median over the frames that show it, and only where the markers exist: feet to
-    trunk (or pelvis to shoulders) is up; heel or ankle to toe, or else the back to the front of pelvis or trunk, is forward;
-    left to right is lateral.
+    Three directions are compared, each by the median over the frames with its markers: feet to trunk (or pelvis to shoulders)
+    is up; heel or ankle to toe, or else the back to the front of pelvis or trunk, is forward; left to right is lateral.
 
     Parameters
     ----------
     positions : dict of str to ndarray, shape (n_frames, 3)
-        Under standard names, turned by the declared axes.
+        Markers by standard name, rotated by the declared axes.
+    layout : MarkerLayout
+        The declared axes.
+    source, remark : str
+        The file, and a remark on the markers, for messages.
 
     Raises
     ------
     InputError
-        Naming the axis of the file along which the body really lies.
+        With the correct axis of the file.
     """
     problems = Problems(source)
     rotation = rotation_to_standard(layout.up, layout.forward)
-    upward = upright(positions)
+    upward = _upward(positions)
     if upward is not None and _contradicts(upward, 2):
-        found = file_axis(upward, rotation)
-        words = f"{layout.up}, but the body stands along {found}{seen_by}"
-        problems.add("markers.up", words, f'set up: "{found}"')
+        axis = _file_axis(upward, rotation)
+        problem = f"{layout.up}, but the body stands along {axis}{remark}"
+        problems.add("markers.up", problem, f'set up: "{axis}"')
         problems.raise_if_any()
-    facing, words = facing_by(positions)
+    facing, description = _facing(positions)
     if facing is not None and _contradicts(facing, 1):
-        found = file_axis(facing, rotation)
-        problems.add(
-            "markers.forward",
-            f"{layout.forward}, but {words} along {found}{seen_by}",
-            f'set forward: "{found}" (or check_axes: false where the person turns)',
-        )
+        axis = _file_axis(facing, rotation)
+        problem = f"{layout.forward}, but {description} along {axis}{remark}"
+        remedy = f'set forward: "{axis}" (or check_axes: false if the person turns around)'
+        problems.add("markers.forward", problem, remedy)
         problems.raise_if_any()
-    widths = [_segment(positions, (f"L_{part}",), (f"R_{part}",)) for part in _SIDES]
-    across = [width for width in widths if width is not None]
+    across = _segments(positions, _SIDES)
     if across and _contradicts(np.mean(across, axis=0) * [1, 1, 0], 0):
-        facing = np.cross([0.0, 0.0, 1.0], np.mean(across, axis=0))
-        problems.add(
-            "markers",
-            f"the right side of the body is not to the right of the left side{seen_by}",
-            _sides_advice(facing, _pointing_forward(positions), layout),
-        )
+        # Either the labels are swapped or forward is wrong; the front of the body may decide.
+        faces = _file_axis(np.cross([0.0, 0.0, 1.0], np.mean(across, axis=0)), rotation)
+        ahead = _segments(positions, _FRONT)
+        front = _file_axis(np.sum(ahead, axis=0) * [1, 1, 0], rotation) if ahead else None
+        remedy = f'set forward: "{faces}"'
+        if front == layout.forward:
+            remedy = "left and right labels are swapped"
+        elif front != faces:
+            remedy += ", unless left and right labels are swapped"
+        problem = f"the right side of the body is not to the right of the left side{remark}"
+        problems.add("markers", problem, f"{remedy} (check_axes: false skips this check)")
     problems.raise_if_any()
 
 
-def facing_by(positions: dict[str, np.ndarray]) -> tuple[np.ndarray | None, str]:
-    """Level vector, shape (3,), to where the body faces, and words for what shows it; None where no markers do.
-
-    Feet are asked first, then the pelvis, then the chest. A trunk that is bent so far that its front points down tells nothing.
-    """
-    for pairs, words in _FACING:
-        vectors = [_segment(positions, (back,), (front,)) for back, front in pairs]
-        found = [vector for vector in vectors if vector is not None]
-        level = np.sum(found, axis=0) * [1, 1, 0] if found else np.zeros(3)
-        if found and np.linalg.norm(level) > _LEVEL * np.linalg.norm(np.sum(found, axis=0)):
-            return level, words
-    return None, ""
-
-
 def uncheckable_axes(positions: dict[str, np.ndarray]) -> list[str]:
-    """Which of the declared axes cannot be compared with the body by these markers."""
-    sides = any(_segment(positions, (f"L_{part}",), (f"R_{part}",)) is not None for part in _SIDES)
-    told = {"up": upright(positions) is not None, "forward": sides or facing_by(positions)[0] is not None}
-    return [axis for axis, known in told.items() if not known]
-
-
-def _sides_advice(facing: np.ndarray, ahead: list[np.ndarray], layout: MarkerLayout) -> str:
-    """Say whether labels are swapped or forward is wrong, as far as the body's front tells."""
-    skip = "(check_axes: false skips this check)"
-    rotation = rotation_to_standard(layout.up, layout.forward)
-    faces = file_axis(facing, rotation)
-    front = file_axis(np.sum(ahead, axis=0) * [1, 1, 0], rotation) if ahead else None
-    if front == layout.forward:
-        return f"left and right labels are swapped {skip}"
-    if front == faces:
-        return f'set forward: "{faces}" {skip}'
-    return f'set forward: "{faces}", unless left and right labels are swapped {skip}'
-
-
-_FRONT = (*_PELVIS_PAIRS, ("C7", "MANUBRIUM"), *_FEET_PAIRS)
-"""Pairs of which the second lies in front of the first."""
-
-
-def _pointing_forward(positions: dict[str, np.ndarray]) -> list[np.ndarray]:
-    """Vectors from the back to the front of trunk and feet, by the markers that exist."""
-    found = [_segment(positions, (back,), (front,)) for back, front in _FRONT]
-    return [vector for vector in found if vector is not None]
+    """Return the declared axes that cannot be compared with the body, because markers are missing."""
+    has_forward = bool(_segments(positions, _SIDES)) or _facing(positions)[0] is not None
+    checkable = {"up": _upward(positions) is not None, "forward": has_forward}
+    return [axis for axis, is_checkable in checkable.items() if not is_checkable]
 
 
 def find_axes(positions: dict[str, np.ndarray]) -> tuple[str, str] | None:
-    """Return the signed axes of a file along which the body stands and faces, up and forward; None if the markers do not tell.
+    """Return the signed axes of a file along which the body stands and faces, up and forward.
+
+    None if markers are missing: feet or a trunk, and left and right, heel and toe, or back and front.
 
     Parameters
     ----------
     positions : dict of str to ndarray, shape (n_frames, 3)
-        Under standard names, in the axes of the file.
-
-    The markers tell if there are feet or a trunk, and left and right, heel and toe, or back and front.
+        Markers by standard name, in the axes of the file.
     """
-    upward = upright(positions)
+    upward = _upward(positions)
     if upward is None:
         return None
-    up = file_axis(upward, np.eye(3))
+    up = _file_axis(upward, np.eye(3))
     vertical = axis_vector(up)
-    across = [_segment(positions, (f"L_{part}",), (f"R_{part}",)) for part in (*_SIDES, "ASIS", "PSIS")]
-    facing = [np.cross(vertical, vector) for vector in across if vector is not None]
-    facing += _pointing_forward(positions)
+    across = _segments(positions, (*_SIDES, ("L_ASIS", "R_ASIS"), ("L_PSIS", "R_PSIS")))
+    facing = [np.cross(vertical, vector) for vector in across] + _segments(positions, _FRONT)
     if not facing:
         return None
-    return up, file_axis(np.sum(facing, axis=0) * (vertical == 0), np.eye(3))
+    return up, _file_axis(np.sum(facing, axis=0) * (vertical == 0), np.eye(3))
+
+
+def _upward(positions: dict[str, np.ndarray]) -> np.ndarray | None:
+    """Return the vector, shape (3,) in metres, from feet to trunk or from pelvis to shoulders; None without such markers."""
+    upward = _segment(positions, _FEET, _UPPER)
+    return _segment(positions, _PELVIS, _TRUNK_TOP) if upward is None else upward
+
+
+def _facing(positions: dict[str, np.ndarray]) -> tuple[np.ndarray | None, str]:
+    """Return the horizontal vector, shape (3,), in which the body faces, and its description; None without markers.
+
+    Feet are used first, then the pelvis, then the chest, unless they point too far down, as the front of a bent trunk.
+    """
+    for pairs, description in _FACING:
+        vectors = _segments(positions, pairs)
+        total = np.sum(vectors, axis=0) if vectors else np.zeros(3)
+        level = total * [1, 1, 0]
+        if vectors and np.linalg.norm(level) > _MIN_LEVEL_SHARE * np.linalg.norm(total):
+            return level, description
+    return None, ""
+
+
+def _segments(positions: dict[str, np.ndarray], pairs: tuple[tuple[str, str], ...]) -> list[np.ndarray]:
+    """Return the median vectors of the pairs of markers that exist."""
+    vectors = (_segment(positions, (start,), (end,)) for start, end in pairs)
+    return [vector for vector in vectors if vector is not None]
 
 
 def _segment(
     positions: dict[str, np.ndarray], start: tuple[str, ...], end: tuple[str, ...]
 ) -> np.ndarray | None:
-    """Median vector from the mean of `start` to the mean of `end` markers; None where they are in no frame together.
+    """Return the median vector from the mean of `start` to the mean of `end` markers; None if no frame has both.
 
-    The difference is taken within each frame: a person who walks is elsewhere where one marker is hidden and another
-    is seen.
+    The difference is computed within each frame, because different markers may be hidden while a subject walks.
     """
     ends = []
     for names in (start, end):
         present = np.array([positions[name] for name in names if name in positions])
         if not present.size:
             return None
-        seen = np.isfinite(present).all(axis=2, keepdims=True)
-        count = seen.sum(axis=0)
-        ends.append(np.where(seen, present, 0.0).sum(axis=0) / np.where(count, count, np.nan))
+        is_seen = np.isfinite(present).all(axis=2, keepdims=True)
+        count = is_seen.sum(axis=0)
+        ends.append(np.where(is_seen, present, 0.0).sum(axis=0) / np.where(count, count, np.nan))
     vectors = ends[1] - ends[0]
     together = np.isfinite(vectors).all(axis=1)
     return np.median(vectors[together], axis=0) if together.any() else None
 
 
 def _contradicts(vector: np.ndarray, axis: int) -> bool:
-    """Whether `vector` clearly does not point along the positive `axis`."""
-    return bool(np.abs(vector).max() > _CLEARLY * vector[axis])
+    """Return whether a vector clearly does not point along the positive `axis`."""
+    return bool(np.abs(vector).max() > _MIN_CONTRADICTION * vector[axis])
 
 
-def file_axis(vector: np.ndarray, rotation: np.ndarray) -> str:
-    """Return the signed axis of the file along which a vector in standard axes mostly lies."""
+def _file_axis(vector: np.ndarray, rotation: np.ndarray) -> str:
+    """Return the signed axis of the file closest to a vector in standard axes."""
     in_file = rotation.T @ vector
     largest = int(np.abs(in_file).argmax())
     return f"{'+' if in_file[largest] > 0 else '-'}{'xyz'[largest]}"
