@@ -79,31 +79,17 @@ class _YamlReader:
 
     def read(self, node, path: tuple = ()) -> Any:
         from yaml import MappingNode, ScalarNode
-        from yaml.constructor import ConstructorError
-
-        def add_problem(problem: str, allowed: str = "") -> None:
-            self.problems.add(self.file.place(path), problem, allowed)
 
         self.entries += 1
         if self.entries > MAX_ENTRIES or len(path) > MAX_DEPTH:
             raise _TooLargeError
         if id(node) in self.visited and not self.anchors:
-            return add_problem("an alias", "anchors are not read here; write it out")
+            return self.add_problem(path, "an alias", "anchors are not read here; write it out")
         self.visited.add(id(node))
         if isinstance(node, ScalarNode):
-            # Checked before the conversion: its time grows with the square of the number of digits.
-            if node.tag in _NUMBER_TAGS and len(node.value) > _MAX_DIGITS:
-                return add_problem(
-                    f"a number of {len(node.value)} digits", f"numbers have at most {_MAX_DIGITS} digits"
-                )
-            try:
-                return self.loader.construct_object(node)
-            except ConstructorError as error:
-                return add_problem(str(error.problem))
-            except (LookupError, AttributeError):  # the constructor of a tag that the text does not fit
-                return add_problem(f"{node.value[:40]!r} under the tag {node.tag!r}", "leave the tag out")
+            return self.read_scalar(node, path)
         if node.tag not in _PLAIN_TAGS:
-            return add_problem(f"tag {node.tag!r}", "tags are not read here")
+            return self.add_problem(path, f"tag {node.tag!r}", "tags are not read here")
         if isinstance(node, MappingNode):
             return self.read_mapping(node, path)
         content = []
@@ -111,6 +97,24 @@ class _YamlReader:
             self.file.lines[*path, number] = item.start_mark.line + 1
             content.append(self.read(item, (*path, number)))
         return content
+
+    def add_problem(self, path: tuple, problem: str, allowed: str = "") -> None:
+        self.problems.add(self.file.place(path), problem, allowed)
+
+    def read_scalar(self, node, path: tuple) -> Any:
+        from yaml.constructor import ConstructorError
+
+        # Checked before the conversion: its time grows with the square of the number of digits.
+        if node.tag in _NUMBER_TAGS and len(node.value) > _MAX_DIGITS:
+            problem = f"a number of {len(node.value)} digits"
+            return self.add_problem(path, problem, f"numbers have at most {_MAX_DIGITS} digits")
+        try:
+            return self.loader.construct_object(node)
+        except ConstructorError as error:
+            return self.add_problem(path, str(error.problem))
+        except (LookupError, AttributeError):  # the constructor of a tag that the text does not fit
+            problem = f"{node.value[:40]!r} under the tag {node.tag!r}"
+            return self.add_problem(path, problem, "leave the tag out")
 
     def read_mapping(self, node, path: tuple) -> dict:
         first: dict[Any, int] = {}
@@ -178,10 +182,8 @@ def read_yaml(path: Path, problems: Problems, name: str | None = None, anchors: 
         reader = _YamlReader(loader, name, problems, anchors)
         node = loader.get_single_node()
         content = reader.read(node) if node is not None else {}
-    except InputError as error:
-        problems.add(name, str(error).removeprefix(f"{path}: "))
-    except OSError as error:
-        problems.add(name, str(error.strerror))
+    except (InputError, OSError) as error:
+        problems.add(name, getattr(error, "strerror", None) or str(error).removeprefix(f"{path}: "))
     except UnicodeDecodeError as error:
         line = raw.count(b"\n", 0, error.start) + 1
         problem = f"byte 0x{raw[error.start]:02x} is not UTF-8"

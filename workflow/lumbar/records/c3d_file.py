@@ -39,11 +39,13 @@ def c3d_markers(content: dict[str, Any], source: str) -> MarkerFile:
     if points.shape != (len(time), len(labels), 3):
         raise ValueError(f"{source}: {points.shape} coordinates, {len(time)} times, {len(labels)} labels")
     events = tuple(RecordedEvent(*event) for event in content["events"])
-    return split_points(source, **content | {"events": events, "notes": tuple(content["notes"])})
+    rate, unit, notes = content["rate"], content["unit"], tuple(content["notes"])
+    file = MarkerFile(source, time, rate, unit, events=events, notes=notes)
+    return split_points(file, labels, points, content["listed"])
 
 
 def c3d_content(path: str | os.PathLike) -> dict[str, Any]:
-    """Return numbers and texts of a C3D file, also a gzipped one, as arguments of `split_points`.
+    """Return numbers and texts of a C3D file, also a gzipped one, for `c3d_markers`.
 
     Raises
     ------

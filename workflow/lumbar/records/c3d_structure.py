@@ -212,6 +212,12 @@ def _read_parameters(
                 f"its own contents end at {stop} and the section at {end}"
             )
         position = body + offset
+    return _name_parameters(groups, entries, notes)
+
+
+def _name_parameters(
+    groups: dict[int, str], entries: list[tuple[int, str, list]], notes: list[str]
+) -> dict[str, list]:
     if orphans := sorted({name for group, name, _ in entries if group not in groups}):
         notes.append(f"the parameters {', '.join(orphans)} belong to no group and were left out")
     parameters: dict[str, list] = {}

@@ -56,7 +56,7 @@ def read_in_child(read: Callable[..., Any], source: str | os.PathLike, content: 
     large = f"{source}: its {size / 1e6:.2g} MB"
     paths = [str(Path(__file__).parents[2]), *filter(None, sys.path)]  # not the working directory
     call = [read.__module__, read.__name__, str(source), content is not None]
-    request = json.dumps([paths, [*call, MEMORY, SECONDS, MAX_ANSWER_BYTES]])
+    request = json.dumps([paths, [call, [MEMORY, SECONDS, MAX_ANSWER_BYTES]]])
     command = [sys.executable, "-I", "-S", "-c", _START.format(__name__), request]
     threads = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
     with TemporaryFile() as output:
@@ -100,10 +100,18 @@ def _load_answer(output) -> list:
     )
 
 
-def answer(
-    module: str, name: str, source: str, has_content: bool, memory: int, seconds: int, max_bytes: int
-) -> None:
-    """Run as the child: call a function within limits, and write its result or error to the standard output."""
+def answer(call: tuple[str, str, str, bool], limits: tuple[int, int, int]) -> None:
+    """Run as the child: call a function within limits, and write its result or error to the standard output.
+
+    Parameters
+    ----------
+    call : tuple
+        Module and name of the function, the file, and whether its content is on the standard input.
+    limits : tuple of int
+        Bytes of memory, seconds of processor time and bytes of the answer.
+    """
+    module, name, source, has_content = call
+    memory, seconds, max_bytes = limits
     with suppress(ImportError, OSError, ValueError):  # Windows has no limits, macOS none of memory
         import resource
 

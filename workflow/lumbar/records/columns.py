@@ -82,18 +82,7 @@ def read_record(
         With all problems of the file: line or column, the wrong and the allowed value.
     """
     path = Path(path)
-    size = require_file(path)
-    try:
-        if layout.format == "mat":
-            raw, lines = _read_mat(path, layout), None
-        else:
-            if size >= _MIN_ANNOUNCED_BYTES:
-                print(f"{path.name}: reading {size / 1e6:.0f} MB", file=sys.stderr, flush=True)
-            raw, lines = read_readable(path, _read_text, layout)
-    except InputError as error:
-        study = path.parent / "study.yaml"
-        hint, file = (_WITH_STUDY, study) if study.is_file() else (_WITHOUT_STUDY, path)
-        raise InputError(f"{error}\n{hint.format(shlex.quote(str(file)))}") from error
+    raw, lines = _read_file(path, layout)
     # A role of an axis that the layout does not have is read as the layout's role of one axis.
     columns = {role: layout.columns.get(role) or layout.columns[role[: -len("_x")]] for role in raw}
     with np.errstate(over="ignore"):  # `check_record` reports what overflows, with its place
@@ -132,6 +121,21 @@ def read_record(
     if rate is not None:
         record = resample(record, rate)
     return record
+
+
+def _read_file(path: Path, layout: ColumnLayout) -> tuple[dict[str, np.ndarray], Sequence[int] | None]:
+    """Return columns by role, and the line of each sample; None without lines."""
+    size = require_file(path)
+    try:
+        if layout.format == "mat":
+            return _read_mat(path, layout), None
+        if size >= _MIN_ANNOUNCED_BYTES:
+            print(f"{path.name}: reading {size / 1e6:.0f} MB", file=sys.stderr, flush=True)
+        return read_readable(path, _read_text, layout)
+    except InputError as error:
+        study = path.parent / "study.yaml"
+        hint, file = (_WITH_STUDY, study) if study.is_file() else (_WITHOUT_STUDY, path)
+        raise InputError(f"{error}\n{hint.format(shlex.quote(str(file)))}") from error
 
 
 def _read_text(path: Path, layout: ColumnLayout) -> tuple[dict[str, np.ndarray], Sequence[int]]:

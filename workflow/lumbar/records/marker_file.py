@@ -7,7 +7,7 @@ They are identified by lists in the file (`POINT:TYPE_GROUPS` of the C3D user gu
 import re
 from collections import Counter
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -52,7 +52,7 @@ class MarkerFile:
     """Frames per second."""
     unit: str
     """Unit of length in the file; empty if it states none."""
-    positions: dict[str, np.ndarray]
+    positions: dict[str, np.ndarray] = field(default_factory=dict)
     """Shape (n_frames, 3): measured markers by label; NaN in all three coordinates if a marker was not seen."""
     model_points: dict[str, np.ndarray] = field(default_factory=dict)
     """Shape (n_frames, 3): computed points in the file (centre of mass, segment axes), used only by aliases."""
@@ -97,22 +97,14 @@ _SEGMENT_AXES = "OALP"
 
 
 def split_points(
-    source: str,
-    time: np.ndarray,
-    rate: float,
-    unit: str,
-    labels: list[str],
-    points: np.ndarray,
-    listed: dict[str, str] | None = None,
-    events: tuple[RecordedEvent, ...] = (),
-    notes: tuple[str, ...] = (),
+    file: MarkerFile, labels: list[str], points: np.ndarray, listed: dict[str, str] | None = None
 ) -> MarkerFile:
     """Sort the points of a file into measured markers, computed points and others, which are dropped.
 
     Parameters
     ----------
-    source, time, rate, unit, events, notes
-        Fields of `MarkerFile`.
+    file : MarkerFile
+        The file without its points.
     labels : list of str
         One per point.
     points : ndarray, shape (n_frames, n_points, 3)
@@ -146,7 +138,7 @@ def split_points(
             dropped[label] = "never seen"
         else:
             positions[label] = values
-    return MarkerFile(source, time, rate, unit, positions, model_points, dropped, events, notes)
+    return replace(file, positions=positions, model_points=model_points, dropped=dropped)
 
 
 def read_frames(

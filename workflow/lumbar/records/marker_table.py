@@ -1,15 +1,14 @@
-"""Markers in tables (CSV): one row per frame, three columns per marker, under one line of names or two.
+"""Markers in tables (CSV): one row per frame, three columns per marker, with one or two lines of names.
 
-Either each column says marker and axis, or the first line names markers and the second axes::
+Either each column names marker and axis, or the first line names markers and the second axes::
 
     time_s,C7_x,C7_y,C7_z,SACRUM_x,…          ,C7,,,SACRUM,,
     0.00,12.1,853.0,1450.2,…                   time_s,x,y,z,x,y,z
 
-Cells are separated by commas, semicolons (then with a decimal point or comma) or tabs. Times are in seconds, or in the unit
-behind their name (``time_ms``, ``Time (ms)``); without them the layout's ``rate_Hz`` is needed. A unit of
-length may stand behind the axis (``C7_x_mm``, ``C7 X [mm]``), else the layout's ``unit`` is needed. An empty cell
-is a missing sample. Tables of Vicon Nexus, Motive and Qualisys Track Manager (TSV) are recognised by their first cell and
-read by their published layouts.
+Cells are separated by commas, semicolons (then with a decimal point or comma) or tabs. Times are in seconds or in the unit
+after their name (``time_ms``, ``Time (ms)``); without times the layout's ``rate_Hz`` is needed. A unit of length may follow the
+axis (``C7_x_mm``, ``C7 X [mm]``), otherwise the layout's ``unit`` is needed. An empty cell is a missing sample. Tables of Vicon
+Nexus, Motive and Qualisys Track Manager (TSV) are recognised by their first cell and read by their published layouts.
 """
 
 import os
@@ -18,6 +17,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import takewhile
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -38,62 +38,8 @@ _FRAME = re.compile(r"^(frame|frame#|index|sample)$", re.IGNORECASE)
 _COORDINATE = re.compile(
     r"^(?P<marker>.*?)[\s_.:-]+(?P<axis>[xyz])(?:[\s_]*[\[(]?(?P<unit>mm|cm|m)[\])]?)?$", re.IGNORECASE
 )
-_LONGEST_NAME = 1000
-"""Characters of a column's name."""
-
-
-def read_marker_table(path: str | os.PathLike, rate: float | None = None) -> MarkerFile:
-    """Read markers from a CSV file.
-
-    Parameters
-    ----------
-    rate : float, optional
-        Frames per second, if the file has no times; with times, they must agree.
-
-    Raises
-    ------
-    InputError
-        A header that names no marker with its three axes, a row of another length, a cell that is no number, a clock
-        that is missing or not even.
-    """
-    path = Path(path)
-    lines, _ = decode_lines(path.read_bytes(), str(path), lenient=True)
-    # The first sign of the first lines that can be a delimiter is the delimiter.
-    beginning = [line for line in lines if line.strip()][:3]
-    delimiter = next((sign for line in beginning for sign in "\t;," if sign in line), None)
-    if delimiter is None:
-        raise InputError(
-            f"{path}: its first line has neither tab, semicolon nor comma; a table of markers has a column for every "
-            "coordinate"
-        )
-    dialect = Dialect(delimiter, "," if delimiter == ";" else ".")
-    rows = [row for row in split_rows(lines, dialect, str(path)) if any(row.cells)]
-    table = _vendor_table(path, rows) or _plain_table(path, rows)
-    markers = _columns(path, table.header)
-    frames = read_frames(table.rows, len(table.header), str(path), dialect)
-    rate = rate or table.rate
-    if markers.time is None:
-        if rate is None:
-            raise InputError(
-                f"{path}: no column of times (time_s); set markers.rate_Hz to the frames per second"
-            )
-        time = np.arange(len(frames)) / rate
-    else:
-        time, rate = even_clock(path, frames[:, markers.time] * markers.seconds, rate)
-    used = {column for columns in markers.coordinates.values() for column in columns}
-    others = [name for column, name in enumerate(table.header) if column not in used and name]
-    others = [name for name in others if not (_TIME.match(name) or _FRAME.match(name))]
-    return split_points(
-        source=str(path),
-        time=time,
-        rate=rate,
-        unit=markers.unit or table.unit,
-        labels=list(markers.coordinates),
-        points=mark_missing(
-            np.stack([frames[:, columns] for columns in markers.coordinates.values()], axis=1)
-        ),
-        notes=(f"columns that are no coordinates were left out: {', '.join(others)}",) if others else (),
-    )
+_MAX_NAME_CHARACTERS = 1000
+_UNITS = {"Meters": "m", "Centimeters": "cm", "Millimeters": "mm"}
 
 
 @dataclass(frozen=True)
@@ -104,11 +50,108 @@ class _Table:
     rows: Sequence[Row]
     unit: str = ""
     rate: float | None = None
-    """Frames per second; None if a column has the times."""
+    """Frames per second; None if there is a column of times."""
 
 
-def _plain_table(path: Path, rows: Sequence[Row]) -> _Table:
-    """Return a table under one line of names or two."""
+def read_marker_table(path: str | os.PathLike, rate: float | None = None) -> MarkerFile:
+    """Read markers from a CSV file.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+    rate : float, optional
+        Frames per second, if the file has no times; with times, they must agree.
+
+    Raises
+    ------
+    InputError
+        A header without a marker with its three axes, a row of another length, a cell that is no number, a clock that is
+        missing or not even.
+    """
+    path = Path(path)
+    lines, _ = decode_lines(path.read_bytes(), str(path), lenient=True)
+    # The delimiter is the first character in the first lines that can be one.
+    beginning = [line for line in lines if line.strip()][:3]
+    delimiter = next((sign for line in beginning for sign in "\t;," if sign in line), None)
+    if delimiter is None:
+        raise InputError(
+            f"{path}: its first line has neither tab, semicolon nor comma; a table of markers has a column for every "
+            "coordinate"
+        )
+    dialect = Dialect(delimiter, "," if delimiter == ";" else ".")
+    rows = [row for row in split_rows(lines, dialect, str(path)) if any(row.cells)]
+    table = _split_header(path, rows)
+    columns = _find_columns(path, table.header)
+    frames = read_frames(table.rows, len(table.header), str(path), dialect)
+    rate = rate or table.rate
+    if columns.time is not None:
+        times, rate = _even_clock(path, frames[:, columns.time] * columns.seconds, rate)
+    elif rate is not None:
+        times = np.arange(len(frames)) / rate
+    else:
+        raise InputError(f"{path}: no column of times (time_s); set markers.rate_Hz to the frames per second")
+    points = np.stack([frames[:, axes] for axes in columns.markers.values()], axis=1)
+    notes = f"columns that are no coordinates were left out: {', '.join(columns.others)}"
+    unit = columns.unit or table.unit
+    file = MarkerFile(str(path), times, rate, unit, notes=(notes,) if columns.others else ())
+    return split_points(file, list(columns.markers), mark_missing(points))
+
+
+class _Columns(NamedTuple):
+    """Positions of columns, from 0, and names of the others."""
+
+    markers: dict[str, list[int]]
+    """Columns of x, y and z by marker."""
+    unit: str
+    """Unit of length; empty if the header has none."""
+    time: int | None
+    seconds: float
+    """Seconds of one unit of the time."""
+    others: list[str]
+
+
+def _find_columns(path: Path, header: list[str]) -> _Columns:
+    problems = Problems(str(path))
+    markers: dict[str, dict[str, int]] = {}
+    units, others = set(), []
+    times: list[tuple[int | None, float]] = []
+    for column, name in enumerate(header):
+        if match := _TIME.match(name):
+            times.append((column, 1e-3 if match[1].lower() == "ms" else 1.0))
+        elif len(name) <= _MAX_NAME_CHARACTERS and (match := _COORDINATE.match(name)):
+            axes = markers.setdefault(match["marker"], {})
+            units.add((match["unit"] or "").lower())
+            if axes.setdefault(match["axis"].lower(), column) != column:
+                problems.add(name, "duplicate", "every coordinate has one column")
+        elif name and not _FRAME.match(name):
+            others.append(name)
+    for marker, axes in markers.items():
+        if len(axes) < 3:
+            problems.add(marker, f"has the columns {', '.join(sorted(axes))}", "x, y and z are needed")
+    if not markers:
+        listed = ", ".join(header[:12])
+        raise NoMarkersError(
+            f"{path}: no column of a marker among {listed}; names such as C7_x, C7_y, C7_z are needed"
+        )
+    if len(units) > 1:
+        problems.add("", f"units {', '.join(sorted(units))} in the header", "all columns need the same")
+    problems.raise_if_any()
+    coordinates = {marker: [axes[axis] for axis in "xyz"] for marker, axes in markers.items()}
+    return _Columns(coordinates, units.pop(), *[*times, (None, 1.0)][0], others)
+
+
+def _split_header(path: Path, rows: Sequence[Row]) -> _Table:
+    """Return a vendor's table, recognised by its first cell, or a table with one or two lines of names."""
+    vendor, read = _VENDORS.get(rows[0].cells[0], ("", None)) if rows else ("", None)
+    if read is not None:
+        try:
+            return read(rows)
+        except (ArithmeticError, LookupError, ValueError, StopIteration) as error:
+            raise InputError(
+                f"{path}: begins as an export of {vendor}, but its format differs ({type(error).__name__}: {error}); export it "
+                "again"
+            ) from error
     if len(rows) < 3:
         raise InputError(f"{path}: {len(rows)} lines; a line of names and two frames are needed")
     first, second = rows[0].cells, rows[1].cells
@@ -118,7 +161,7 @@ def _plain_table(path: Path, rows: Sequence[Row]) -> _Table:
 
 
 def _join_names(markers: list[str], axes: list[str]) -> list[str]:
-    """Return names as ``C7_x`` from two lines; the first one names each marker once."""
+    """Return names as ``C7_x`` from two lines; the first line has each marker once."""
     names, marker = [], ""
     for column, axis in enumerate(axes):
         marker = (markers[column] if column < len(markers) else "") or marker
@@ -126,106 +169,33 @@ def _join_names(markers: list[str], axes: list[str]) -> list[str]:
     return names
 
 
-@dataclass(frozen=True)
-class _Columns:
-    """Positions of columns, from 0."""
+def _even_clock(path: Path, printed: np.ndarray, declared: float | None) -> tuple[np.ndarray, float]:
+    """Return the times of an even clock, shape (n_frames,) in seconds, and its rate, checked against printed times.
 
-    coordinates: dict[str, list[int]]
-    """Of x, y and z by marker."""
-    unit: str
-    """Unit of length; empty if the header has none."""
-    time: int | None
-    seconds: float
-    """One unit of the time."""
-
-
-def _columns(path: Path, header: list[str]) -> _Columns:
-    """Return the columns of times and markers."""
-    problems = Problems(str(path))
-    markers: dict[str, dict[str, int]] = {}
-    units = set()
-    time, seconds = None, 1.0
-    for column, name in enumerate(header):
-        if found := _TIME.match(name):
-            if time is None:
-                time, seconds = column, 1e-3 if found.group(1).lower() == "ms" else 1.0
-        elif len(name) <= _LONGEST_NAME and (found := _COORDINATE.match(name)):
-            axes = markers.setdefault(found["marker"], {})
-            units.add((found["unit"] or "").lower())
-            if axes.setdefault(found["axis"].lower(), column) != column:
-                problems.add(name, "stands twice", "every coordinate has one column")
-    for marker, axes in markers.items():
-        if len(axes) < 3:
-            problems.add(marker, f"has the columns {', '.join(sorted(axes))}", "x, y and z are needed")
-    if not markers:
-        raise NoMarkersError(
-            f"{path}: no column of a marker among {', '.join(header[:12])}; names such as C7_x, C7_y, C7_z are needed"
-        )
-    if len(units) > 1:
-        problems.add("", f"units {', '.join(sorted(units))} in the header", "all columns need the same")
-    problems.raise_if_any()
-    coordinates = {name: [axes[axis] for axis in "xyz"] for name, axes in markers.items()}
-    return _Columns(coordinates, units.pop(), time, seconds)
-
-
-def even_clock(path: Path, printed: np.ndarray, declared: float | None) -> tuple[np.ndarray, float]:
-    """Return the instants of an even clock and its rate, checked against the printed times.
-
-    Parameters
-    ----------
-    printed : ndarray, shape (n_frames,)
-        Seconds.
-    declared : float or None
-        ``markers.rate_Hz``, with which they must agree.
-
-    Raises
-    ------
-    InputError
-        A frame without a time, a clock that does not run forward, or not evenly.
+    A declared rate (``markers.rate_Hz``) must agree.
     """
     if not np.isfinite(printed).all():
         raise InputError(f"{path}: frame {int((~np.isfinite(printed)).argmax()) + 1} has no time")
     span = printed[-1] - printed[0]
     if not span > 0:
         raise InputError(f"{path}: time runs from {printed[0]:g} to {printed[-1]:g} s; it must increase")
+    frames = np.arange(len(printed))
     rate = (len(printed) - 1) / span
     whole = round(rate)
-    # Times that are printed with few digits still tell a whole rate.
-    if (
-        whole
-        and np.abs(printed - printed[0] - np.arange(len(printed)) / whole).max() * whole <= CLOCK_TOLERANCE
-    ):
+    # A whole rate is detected even if the times are printed with few digits.
+    if whole and np.abs(printed - printed[0] - frames / whole).max() * whole <= CLOCK_TOLERANCE:
         rate = float(whole)
     if declared is not None and not np.isclose(declared, rate, rtol=1e-2):
         raise InputError(
             f"{path}: its times run at {rate:g} Hz, but markers.rate_Hz is {declared:g}; set it to null"
         )
-    even = printed[0] + np.arange(len(printed)) / rate
+    even = printed[0] + frames / rate
     check_even(str(path), printed, even, rate)
     return even, rate
 
 
-_UNITS = {"Meters": "m", "Centimeters": "cm", "Millimeters": "mm"}
-
-
-def _vendor_table(path: Path, rows: Sequence[Row]) -> _Table | None:
-    """Return an export, recognised by its first cell; None of another table.
-
-    Raises
-    ------
-    InputError
-        The rest is not the vendor's layout, or the number of frames is not the announced one.
-    """
-    vendor, read = _VENDORS.get(rows[0].cells[0], ("", None)) if rows else ("", None)
-    try:
-        return read and read(rows)
-    except (ArithmeticError, LookupError, ValueError, StopIteration) as error:
-        reason = f"begins as an export of {vendor}, and is none further on ({type(error).__name__}: {error})"
-        raise InputError(f"{path}: {reason}; export it again") from error
-
-
 def _nexus(rows: Sequence[Row]) -> _Table:
-    """Rate, markers, axes, units, then frames up to the next section."""
+    """Read rate, markers, axes, units, then frames up to the next section."""
     begins = next(place for place, row in enumerate(rows) if row.cells[0] == "Trajectories") + 1
     (rate, *_), markers, axes, units = (row.cells for row in rows[begins : begins + 4])
     header = ["time_s", *(name if name[-2:-1] == "_" else "" for name in _join_names(markers, axes)[1:])]
@@ -238,7 +208,7 @@ def _nexus(rows: Sequence[Row]) -> _Table:
 
 
 def _motive(rows: Sequence[Row]) -> _Table:
-    """Facts in pairs, lines that say what each column is, then frames; bones and rigid bodies are left out."""
+    """Read facts in pairs, lines that describe each column, then frames; bones and rigid bodies are omitted."""
     facts = dict(zip(rows[0].cells[::2], rows[0].cells[1::2], strict=False))
     begins = next(place for place, row in enumerate(rows) if row.cells[0] == "Frame")
     described = {row.cells[1]: row.cells for row in rows[1:begins]}
@@ -255,7 +225,7 @@ def _motive(rows: Sequence[Row]) -> _Table:
 
 
 def _qualisys(rows: Sequence[Row]) -> _Table:
-    """Facts by name, perhaps a line of names, then frames in millimetres, with their numbers and times or without."""
+    """Read facts by name, optionally a line of names, then frames in millimetres, with or without numbers and times."""
     facts = {row.cells[0]: row.cells[1:] for row in rows if row.cells[0][:1].isalpha()}
     labels = [label for label in facts["MARKER_NAMES"] if label]
     frames = [row for row in rows if not row.cells[0][:1].isalpha()]
@@ -266,9 +236,9 @@ def _qualisys(rows: Sequence[Row]) -> _Table:
 
 
 def _trim(rows: Sequence[Row], width: int, announced: str = "") -> list[Row]:
-    """Return rows without empty cells beyond the columns."""
+    """Return rows without the empty cells after the last column."""
     if not rows or (announced and int(announced) != len(rows)):
-        raise ValueError(f"{announced or 'some'} frames are announced, {len(rows)} are there")
+        raise ValueError(f"{announced or 'some'} frames are announced, the file has {len(rows)}")
     return [Row(line, [*cells[:width], *filter(None, cells[width:])]) for line, cells in rows]
 
 

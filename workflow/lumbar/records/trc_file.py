@@ -1,9 +1,8 @@
-"""TRC marker files (OpenSim, Cortex): text with five header lines, its cells separated by tabs or commas.
+"""TRC marker files (OpenSim, Cortex): text with five header lines and cells separated by tabs or commas.
 
-Files in the field are irregular: ``Times`` for ``Time``, one to three tabs between names, doubled tabs in the header, an
-extra tab before or after every row, trajectories without a name, a clock that does not start at 0. What must hold
-is checked: every row has as many cells as all others and three per marker, the counts of the header are those of the
-file, and the clock runs evenly at the rate stated.
+Common irregularities are accepted: ``Times`` for ``Time``, one to three tabs between names, doubled tabs in the header, an
+extra tab before or after every row, trajectories without a name, a clock that does not start at 0. All rows must have three
+cells per marker, the counts of the header must be those of the file, and the clock must be even with the stated rate.
 """
 
 import os
@@ -33,37 +32,30 @@ def read_trc(path: str | os.PathLike) -> MarkerFile:
     Raises
     ------
     InputError
-        Not a TRC file, a header that contradicts the data, a row that is cut short or has lost a cell, a clock that is
-        not even.
+        Not a TRC file, a header that contradicts the data, a truncated row or one without a cell, a clock that is not even.
     """
     path = Path(path)
     lines, _ = decode_lines(path.read_bytes(), str(path), lenient=True)
-    header = _header(path, lines)
-    labels = _labels(path, header.names, header.n_markers)
+    header = _read_header(path, lines)
+    labels = _read_labels(path, header.names, header.n_markers)
     # Frames, without the header's fifth line (X1, Y1, Z1 and so on).
     dialect = Dialect(header.delimiter)
     rows = [row for row in split_rows(lines[4:], dialect, str(path), first=5) if any(row.cells)]
     rows = [row for row in rows if next(filter(None, row.cells)).upper() not in ("X1", "X")]
     if not rows:
         raise InputError(f"{path}: no data rows")
-    columns = _columns(path, rows, 2 + 3 * len(labels), len(labels))
+    columns = _find_columns(path, rows, 2 + 3 * len(labels), len(labels))
     rows = [Row(row.line, row.cells[columns]) for row in rows]
     frames = read_frames(rows, 2 + 3 * len(labels), str(path), dialect)
     _check_frames(path, frames, rows, header)
-    # Instants of the frames at the stated rate, checked against the printed ones.
+    # Times of the frames at the stated rate, compared with the printed ones. A printed time is off by half its last digit; a
+    # rate printed with few digits drifts over a recording.
     steps = np.arange(len(frames)) / header.rate
     even = np.median(frames[:, 1] - steps) + steps
-    # A printed instant is off by half its last digit; a rate printed with few digits drifts over a recording.
     decimals = min(max(len(row.cells[1].partition(".")[2]) for row in rows), 300)
     check_even(str(path), frames[:, 1], even, header.rate, 10.0**-decimals / 2 + _RATE_TOLERANCE * steps[-1])
-    return split_points(
-        source=str(path),
-        time=even,
-        rate=header.rate,
-        unit=header.unit,
-        labels=labels,
-        points=mark_missing(frames[:, 2:].reshape(len(frames), len(labels), 3)),
-    )
+    points = mark_missing(frames[:, 2:].reshape(len(frames), len(labels), 3))
+    return split_points(MarkerFile(str(path), even, header.rate, header.unit), labels, points)
 
 
 @dataclass(frozen=True)
@@ -72,13 +64,13 @@ class _Header:
     n_frames: float
     n_markers: int
     unit: str
-    """Empty if the file states none."""
+    """Unit of length; empty if the file states none."""
     names: list[str]
     """Cells of line 4 after the time."""
     delimiter: str
 
 
-def _header(path: Path, lines: list[str]) -> _Header:
+def _read_header(path: Path, lines: list[str]) -> _Header:
     """Return the keys of lines 2 and 3 and the names of line 4."""
     if len(lines) < 4 or not lines[0].startswith("PathFileType"):
         raise InputError(
@@ -97,33 +89,25 @@ def _header(path: Path, lines: list[str]) -> _Header:
     problems = Problems(f"{path}, lines 2 and 3")
     numbers = {}
     for key, (low, high) in {"DataRate": RATES_HZ, "NumFrames": (1, 1e9), "NumMarkers": (1, 1e5)}.items():
-        if key not in stated:
-            problems.add("", f"no {key}")
-            continue
         try:
             numbers[key] = parse_number(stated[key])
+            if not low <= numbers[key] <= high:
+                problems.add(key, stated[key], f"a positive number is needed, {low:g} to {high:g}")
+        except KeyError:
+            problems.add("", f"no {key}")
         except ValueError:
             problems.add(key, repr(stated[key]), "a number is needed")
-            continue
-        if not low <= numbers[key] <= high:
-            problems.add(key, stated[key], f"a positive number is needed, {low:g} to {high:g}")
     problems.raise_if_any()
     if names[1:2] == [""]:
         names.pop(1)  # doubled
     if not names[0].startswith("Frame") or len(names) < 3 or not names[1].startswith("Time"):
         raise InputError(f"{path}, line 4: starts with {names[:2]}; Frame# and Time are needed")
-    return _Header(
-        rate=numbers["DataRate"],
-        n_frames=numbers["NumFrames"],
-        n_markers=int(numbers["NumMarkers"]),
-        unit=stated.get("Units", ""),
-        names=names[2:],
-        delimiter=delimiter,
-    )
+    unit, n_markers = stated.get("Units", ""), int(numbers["NumMarkers"])
+    return _Header(numbers["DataRate"], numbers["NumFrames"], n_markers, unit, names[2:], delimiter)
 
 
-def _labels(path: Path, cells: list[str], n_markers: int) -> list[str]:
-    """One label per marker; empty for a trajectory without a name, which is known by a gap above its three columns."""
+def _read_labels(path: Path, cells: list[str], n_markers: int) -> list[str]:
+    """Return one label per marker; empty for a trajectory without a name, which has an empty cell above its columns."""
     named = [cell for cell in cells if cell]
     if not named:
         raise InputError(f"{path}, line 4: no marker names after Frame# and Time")
@@ -133,22 +117,22 @@ def _labels(path: Path, cells: list[str], n_markers: int) -> list[str]:
     if len(named) < n_markers and [cell for cell in above if cell] == named:
         return above + [""] * (n_markers - len(above))
     raise InputError(
-        f"{path}: NumMarkers: {n_markers}; line 4 names {len(named)} markers; trajectories without a name are read "
-        "where each name stands above the first of its three columns"
+        f"{path}: NumMarkers: {n_markers}; line 4 names {len(named)} markers; trajectories without a name are read if each name "
+        "is above the first of its three columns"
     )
 
 
 def _check_frames(path: Path, frames: np.ndarray, rows: list[Row], header: _Header) -> None:
-    """Raise if a frame has no time, a column is missing, or the file has another number of frames than it states."""
+    """Raise if a frame has no time, a column is missing, or the number of frames differs from the stated one."""
     has_time = np.isfinite(frames[:, :2]).all(axis=1)
     if not has_time.all():
         raise InputError(f"{path}: line {rows[int(has_time.argmin())].line}: no time")
-    # A marker that is never there with all three coordinates: the columns are shifted.
-    seen = np.isfinite(frames[:, 2:]).reshape(len(frames), -1, 3)
-    torn = seen.any(axis=(0, 2)) & ~seen.all(axis=2).any(axis=0)
-    if torn.any():
+    # If no frame of a marker has all three coordinates, the columns are shifted.
+    is_seen = np.isfinite(frames[:, 2:]).reshape(len(frames), -1, 3)
+    is_torn = is_seen.any(axis=(0, 2)) & ~is_seen.all(axis=2).any(axis=0)
+    if is_torn.any():
         raise InputError(
-            f"{path}: marker {int(torn.argmax()) + 1} has one or two coordinates and never three; a column is missing"
+            f"{path}: marker {int(is_torn.argmax()) + 1} has one or two coordinates and never three; a column is missing"
         )
     if header.n_frames != len(frames):
         raise InputError(
@@ -156,17 +140,17 @@ def _check_frames(path: Path, frames: np.ndarray, rows: list[Row], header: _Head
         )
 
 
-def _columns(path: Path, rows: list[Row], width: int, n_markers: int) -> slice:
-    """Return which cells of a row hold the frame's number, its time and the markers.
+def _find_columns(path: Path, rows: list[Row], width: int, n_markers: int) -> slice:
+    """Return the cells of a row with the frame's number, its time and the markers.
 
-    An extra delimiter before or after the numbers adds an empty cell to every row. A row that differs from the
-    others lost or gained a cell, and from there on its numbers belong to other markers.
+    An extra delimiter before or after the numbers adds an empty cell to every row. In a row with another number of cells than
+    most, numbers are under the wrong markers.
     """
-    usual = Counter(len(row.cells) for row in rows).most_common(1)[0][0]
-    first, last = 0, usual
-    if usual > width and not any(row.cells[0] for row in rows):
+    common = Counter(len(row.cells) for row in rows).most_common(1)[0][0]
+    first, last = 0, common
+    if common > width and not any(row.cells[0] for row in rows):
         first = 1
-    while last - first > width and not any(row.cells[last - 1] for row in rows if len(row.cells) == usual):
+    while last - first > width and not any(row.cells[last - 1] for row in rows if len(row.cells) == common):
         last -= 1
     if last - first != width:
         raise InputError(
@@ -174,13 +158,9 @@ def _columns(path: Path, rows: list[Row], width: int, n_markers: int) -> slice:
             "markers (NumMarkers)"
         )
     problems = Problems(str(path), most=MAX_PROBLEMS)
-    for place, cells in rows:
-        if len(cells) != usual:
-            problems.add(
-                f"line {place}",
-                f"{len(cells)} cells",
-                f"{usual} are needed, as in the other rows: a cell was lost or added, and the numbers after it stand "
-                "under other markers",
-            )
+    remedy = f"{common} are needed, as in the other rows: a cell was lost or added, and later numbers are under other markers"
+    for line, cells in rows:
+        if len(cells) != common:
+            problems.add(f"line {line}", f"{len(cells)} cells", remedy)
     problems.raise_if_any()
     return slice(first, last)

@@ -3,6 +3,7 @@
 import re
 import unicodedata
 from collections.abc import Collection, Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -166,64 +167,70 @@ def find_roles(
     InputError
         With all that is missing, the candidates, and the option that chooses each.
     """
-    chosen: dict[str, tuple[RawColumn, str]] = {}
+    chosen: dict[str, tuple[RawColumn, str] | None] = {}
     problems: dict[str, str] = {}
-    missing: list[str] = []
     used = set(excluded)
     for role in wanted:
-        request, _ = requests[role]
-        if role == "time" and request == NONE:
+        if role == "time" and requests[role][0] == NONE:
             continue
         try:
-            if request:
-                choice = select_column(table.columns, request, role)
-            else:
-                choice = _find_by_name(_free_columns(table, requests, used, role), role)
-            if choice is None:
-                missing.append(role)
-                continue
-            column = choice[0]
-            if column.number in used:
-                raise InputError(f"--{role}: {column.label} already has a role")
-            used.add(column.number)
-            require_unique_name(column, request, table, role)
-            chosen[role] = choice
+            chosen[role] = _choose_column(table, requests, used, role)
         except InputError as error:
             problems[role] = str(error)
-    rate_problem = ""  # of a table without a column of time
-    try:
-        stated_time(0, rate, table.rates, table.source)
-    except InputError as error:
-        rate_problem = str(error).removeprefix(f"{table.source}: ")
-    # Columns without names take the remaining roles in order.
-    nameless = [
-        column for column in _free_columns(table, requests, used) if not column.name and not column.unit
-    ]
-    remaining = missing
-    if len(nameless) != len(remaining) and not rate_problem:
-        remaining = [role for role in missing if role != "time"]
-    if remaining != ["time"] and len(nameless) == len(remaining):
-        reason = f"by its order: columns without names are {', '.join(remaining)}"
-        chosen |= {role: (column, reason) for role, column in zip(remaining, nameless, strict=True)}
-    for role in missing:
-        if role == "time" and role not in chosen and rate_problem:
-            problems[role] = rate_problem
-        elif role != "time" and role not in chosen:
-            labels = ", ".join(column.label for column in _free_columns(table, requests, used, role))
-            problems[role] = (
-                f"no column says that it is {role}; choose by --{role} NAME or NUMBER among {labels}, and give --{role}-unit "
-                "if the file does not say it"
-            )
+    missing = [role for role, choice in chosen.items() if choice is None]
+    chosen |= _choose_by_order(table, _free_columns(table, requests, used), missing, rate)
     roles: dict[str, Role] = {}
-    for role in (role for role in wanted if role in chosen):
-        column, reason = chosen[role]
+    for role, choice in chosen.items():
         try:
-            roles[role] = assign_unit(column, role, requests[role][1], reason)
+            if choice is not None:
+                roles[role] = assign_unit(choice[0], role, requests[role][1], choice[1])
+            elif role != "time":
+                labels = ", ".join(column.label for column in _free_columns(table, requests, used, role))
+                raise InputError(
+                    f"no column says that it is {role}; choose by --{role} NAME or NUMBER among {labels}, and give "
+                    f"--{role}-unit if the file does not say it"
+                )
+            else:
+                stated_time(0, rate, table.rates, table.source)  # raises if the rate is unknown
         except InputError as error:
-            problems[role] = str(error)
+            problems[role] = str(error).removeprefix(f"{table.source}: ")
     if problems:
         raise ambiguity_error(table, [problems[role] for role in wanted if role in problems])
     return roles
+
+
+def _choose_column(
+    table: RawTable, requests: Requests, used: set[int], role: str
+) -> tuple[RawColumn, str] | None:
+    """Return the column that the user or its name gives a role, and the reason; None without candidates."""
+    request, _ = requests[role]
+    if request:
+        choice = select_column(table.columns, request, role)
+    else:
+        choice = _find_by_name(_free_columns(table, requests, used, role), role)
+    if choice is None:
+        return None
+    column, _ = choice
+    if column.number in used:
+        raise InputError(f"--{role}: {column.label} already has a role")
+    used.add(column.number)
+    require_unique_name(column, request, table, role)
+    return choice
+
+
+def _choose_by_order(
+    table: RawTable, columns: list[RawColumn], missing: list[str], rate: float | None
+) -> dict[str, tuple[RawColumn, str]]:
+    """Return columns without name and unit for the missing roles in order, if their numbers agree."""
+    nameless = [column for column in columns if not column.name and not column.unit]
+    if len(nameless) != len(missing):
+        with suppress(InputError):
+            stated_time(0, rate, table.rates, table.source)
+            missing = [role for role in missing if role != "time"]  # the rate is known
+    if missing == ["time"] or len(nameless) != len(missing):
+        return {}
+    reason = f"by its order: columns without names are {', '.join(missing)}"
+    return {role: (column, reason) for role, column in zip(missing, nameless, strict=True)}
 
 
 def _free_columns(

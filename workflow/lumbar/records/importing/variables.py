@@ -182,35 +182,18 @@ def _hdf5_variables(source: str, content: bytes) -> dict[str, Any]:
     units: dict[str, str] = {}
     size = 0
 
-    def read_attributes(item) -> dict[str, np.ndarray]:
-        """Return the attributes of one value, by name."""
-        single = [name for name in item.attrs if math.prod(item.attrs.get_id(name).shape or ()) == 1]
-        return {name: np.asarray(item.attrs[name]) for name in single}
-
     def collect(path: str, item) -> None:
         nonlocal size
-        is_data = isinstance(item, h5py.Dataset)
-        if is_data:
-            # Before its values are read: they may be in another file, or larger than the limit.
-            creation = item.id.get_create_plist()
-            if creation.get_external_count() or creation.get_layout() == h5py.h5d.VIRTUAL:
-                raise InputError(_ELSEWHERE.format(source=source, path=path))
-            size += max(8, item.dtype.itemsize) * max(item.size or 0, math.prod(item.chunks or ()))
+        size += _hdf5_size(path, item, source)
         check_size(size, len(content), source)
-        attributes = read_attributes(item)
+        attributes = _hdf5_attributes(item)
         arrays.update({f"{path}/{name}": value for name, value in attributes.items()})
-        if not is_data or path.startswith("#"):  # MATLAB's internal groups
-            return
-        for name in item.dtype.names or [None]:
-            # Other kinds may be large, or refer to other files.
-            if (item.dtype[name] if name else item.dtype).kind in "fiu":
-                values = np.squeeze(item[name] if name else item[()])
-                is_wide = values.ndim == 2 and values.shape[1] > values.shape[0]
-                arrays[f"{path}/{name}" if name else path] = values.T if is_wide else values
-        for name, value in attributes.items():
-            if name.casefold() in ("unit", "units"):
-                unit = value.item()
-                units.setdefault(path, unit.decode() if isinstance(unit, bytes) else str(unit))
+        if isinstance(item, h5py.Dataset) and not path.startswith("#"):  # MATLAB's internal groups
+            arrays.update(_hdf5_values(path, item))
+            for name, value in attributes.items():
+                if name.casefold() in ("unit", "units"):
+                    unit = value.item()
+                    units.setdefault(path, unit.decode() if isinstance(unit, bytes) else str(unit))
 
     try:
         with h5py.File(io.BytesIO(content), "r") as file:
@@ -218,10 +201,37 @@ def _hdf5_variables(source: str, content: bytes) -> dict[str, Any]:
             if linked:
                 raise InputError(_ELSEWHERE.format(source=source, path=linked))
             file.visititems(collect)
-            arrays.update(read_attributes(file))
+            arrays.update(_hdf5_attributes(file))
     except InputError:
         raise
     except Exception as error:  # a broken file causes errors of many kinds
         raise InputError(f"{source}: a broken HDF5 file ({error})") from error
     numbers = {path: values for path, values in arrays.items() if values.dtype.kind in "fiu"}
     return {"arrays": numbers, "units": units}
+
+
+def _hdf5_size(path: str, item, source: str) -> int:
+    """Return the stated size of an item in bytes, at least that of a chunk; raise if its values are in another file."""
+    import h5py
+
+    if not isinstance(item, h5py.Dataset):
+        return 0
+    creation = item.id.get_create_plist()
+    if creation.get_external_count() or creation.get_layout() == h5py.h5d.VIRTUAL:
+        raise InputError(_ELSEWHERE.format(source=source, path=path))
+    return max(8, item.dtype.itemsize) * max(item.size or 0, math.prod(item.chunks or ()))
+
+
+def _hdf5_values(path: str, item) -> Iterator[tuple[str, np.ndarray]]:
+    """Yield the numbers of an item and its fields by path; other kinds may be large, or refer to other files."""
+    for name in item.dtype.names or [None]:
+        if (item.dtype[name] if name else item.dtype).kind in "fiu":
+            values = np.squeeze(item[name] if name else item[()])
+            is_wide = values.ndim == 2 and values.shape[1] > values.shape[0]
+            yield f"{path}/{name}" if name else path, values.T if is_wide else values
+
+
+def _hdf5_attributes(item) -> dict[str, np.ndarray]:
+    """Return the attributes with one value, by name."""
+    single = [name for name in item.attrs if math.prod(item.attrs.get_id(name).shape or ()) == 1]
+    return {name: np.asarray(item.attrs[name]) for name in single}
