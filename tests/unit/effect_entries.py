@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import yaml
+from periodic_records import record
 
 from lumbar.tissue.effects.catalogue import TISSUE, catalogues_with
 from lumbar.tissue.models.bases import BASES
@@ -27,13 +28,25 @@ def effect_entry(base: str, *keys: str, **more) -> dict:
     return {**entry_of_effects(base, added, TISSUE), **more}
 
 
+def base_model(base: str = "KB") -> FittedModel:
+    """Return a base with known parameters and without effects."""
+    return FittedModel.from_json(effect_entry(base), catalogues_with([]))
+
+
+def record_of_model(model: FittedModel, position: np.ndarray, error, name: str = "multisine"):
+    """Return a record of a model's force and an error, a function of position, velocity and time."""
+    made = record(position, np.zeros(len(position)), name)
+    error = error(position, np.gradient(position, made.sampling_time), made.time)
+    return made.with_values(output=model.simulate(made) + error)
+
+
 def records_of_effect(key: str) -> list:
     """Return the example's motions on a Kelvin–Boltzmann tissue with one effect, and noise of 0.01 N."""
     model = FittedModel.from_json(effect_entry("KB", key), catalogues_with([]))
     records, random = [], np.random.default_rng(50)
-    for record in example_records():
-        force = model.simulate(record)
-        records.append(record.with_values(output=force + 0.01 * random.standard_normal(len(force))))
+    for item in example_records():
+        force = model.simulate(item)
+        records.append(item.with_values(output=force + 0.01 * random.standard_normal(len(force))))
     return records
 
 

@@ -42,12 +42,12 @@ def test_blind_experiments_have_their_effects(case, labels, name):
 def test_all_blind_experiments_have_their_effects(blind, labels):
     """One effect is named, both of two are found; what explains everything leaves noise."""
     for name, label in labels.items():
-        found, hidden = blind[name], label["effects"]
-        assert set(found.selected) == set(hidden), name
-        assert len(hidden) > 1 or found.status == ("named" if hidden else "adequate"), name
-        assert (found.refined_status, found.complete, found.further) == ("adequate", True, None), name
-        assert found.experiment.floor.rms == pytest.approx(label["noise_rms_N"], rel=0.1)
-        assert not hidden or found.ranking[0].p_value <= 0.01, name
+        result, hidden = blind[name], label["effects"]
+        assert set(result.selected) == set(hidden), name
+        assert len(hidden) > 1 or result.status == ("named" if hidden else "adequate"), name
+        assert (result.refined_status, result.complete, result.further) == ("adequate", True, None), name
+        assert result.experiment.floor.rms == pytest.approx(label["noise_rms_N"], rel=0.1)
+        assert not hidden or result.ranking[0].p_value <= 0.01, name
     assert {len(label["effects"]) for label in labels.values()} == {0, 1, 2}
     ratio = [blind[name].model.test_rms / label["noise_rms_N"] for name, label in labels.items()]
     assert np.median(ratio) <= 1.05 and max(ratio) <= 1.25
@@ -68,16 +68,16 @@ def test_json_has_contract_keys(case):
 
 
 def test_result_lists_steps_and_deciding_step(case):
-    found = case("case_03")
-    assert [item["step"] for item in found.to_json()["steps"]] == [item.step for item in found.steps]
-    assert [item.step for item in found.steps][:5] == [
+    result = case("case_03")
+    assert [item["step"] for item in result.to_json()["steps"]] == [item.step for item in result.steps]
+    assert [item.step for item in result.steps][:5] == [
         "repair sensor faults",
         "estimate the noise floor",
         "check direction and signs",
         "choose the base",
         "select effects",
     ]
-    assert found.decided_by.step == "find ties" and found.decided_by.status == found.status == "named"
+    assert result.decided_by.step == "find ties" and result.decided_by.status == result.status == "named"
 
 
 def test_exchanged_channels_with_a_sensor_fault_are_reported_and_saved(shared, tmp_path):
@@ -133,8 +133,8 @@ def springs(stiffness: dict[str, np.ndarray | float]) -> list:
 
 
 def findings_of(records, kind: str, **settings):
-    found = diagnose(records, "LE", "a", most_effects=1, **settings)
-    return [item for item in found.findings if item.kind == kind]
+    result = diagnose(records, "LE", "a", most_effects=1, **settings)
+    return [item for item in result.findings if item.kind == kind]
 
 
 def test_model_that_misses_unseen_records_is_fitted_to_them():
@@ -171,16 +171,16 @@ TISSUES = {
 
 @pytest.mark.parametrize("name", TISSUES)
 def test_tissue_without_effects_is_adequate_with_its_base(name):
-    found = diagnose(experiment(TISSUES[name]))
-    assert found.base.fit.structure.base.name == name
-    assert (found.status, found.selected, found.complete) == ("adequate", (), True)
-    assert found.base.fit.linear[0] == pytest.approx(1.2, rel=0.01)
+    result = diagnose(experiment(TISSUES[name]))
+    assert result.base.fit.structure.base.name == name
+    assert (result.status, result.selected, result.complete) == ("adequate", (), True)
+    assert result.base.fit.linear[0] == pytest.approx(1.2, rel=0.01)
 
 
 def test_given_base_is_used():
-    found = diagnose(experiment(TISSUES["KV"]), "LE", most_effects=1)
-    assert found.base.fit.structure.base.name == "LE"
-    assert found.selected == ("viscous_damping",)
+    result = diagnose(experiment(TISSUES["KV"]), "LE", most_effects=1)
+    assert result.base.fit.structure.base.name == "LE"
+    assert result.selected == ("viscous_damping",)
 
 
 @pytest.mark.statistical
@@ -206,16 +206,16 @@ def test_relaxation_spectrum_does_not_move_zeros():
 
 @pytest.mark.nightly
 def test_late_position_is_named_as_viscous_damping():
-    """Of a spring k whose position is read τ late the force k z(t) is k p + kτ dp/dt of what is read: a viscosity of kτ."""
+    """For a spring k with a position p that is read τ late, the force is k p + kτ dp/dt: a viscosity of kτ."""
     stiffness, late, samples, records = 0.8, 0.004, 500, []
     for name, seed in (("multisine", 0), ("other", 3)):
         true = multisine(8, samples, lines=np.arange(1, 4), seed=seed)
         angle = 2j * np.pi * np.fft.rfftfreq(len(true), 0.01)
         read = np.fft.irfft(np.fft.rfft(true) * np.exp(-angle * late), len(true))
         records.append(record(read, stiffness * true + 0.005 * noise(len(true), seed + 20), name))
-    found = diagnose(records, "LE", "multisine")
-    assert found.selected == ("viscous_damping",)
-    (viscosity,) = (item for item in found.ranking[0].estimates if item.effect == "viscous_damping")
+    result = diagnose(records, "LE", "multisine")
+    assert result.selected == ("viscous_damping",)
+    (viscosity,) = (item for item in result.ranking[0].estimates if item.effect == "viscous_damping")
     assert viscosity.low < stiffness * late < viscosity.high
 
 
@@ -233,21 +233,21 @@ def test_model_that_explains_little_is_unexplained(pole):
     def foreign(time, position, speed, seed):
         return 0.02 * position + np.repeat(noise(len(time) // FINE, seed + 40, pole), FINE)
 
-    found = diagnose(single_shots(foreign))
-    explained = 1 - (found.base.test_rms / np.std(found.experiment.tests[0].force)) ** 2
+    result = diagnose(single_shots(foreign))
+    explained = 1 - (result.base.test_rms / np.std(result.experiment.tests[0].force)) ** 2
     assert explained < 0.06
-    assert found.experiment.floor is None
-    assert (found.status, found.selected) == ("unexplained", ())
-    assert found.complete is None
+    assert result.experiment.floor is None
+    assert (result.status, result.selected) == ("unexplained", ())
+    assert result.complete is None
 
 
 def test_right_model_without_noise_floor_is_adequate():
     def relaxing(time, position, speed, seed):
         return 1.2 * position + 0.8 * branch(position, 0.3, 0.02)
 
-    found = diagnose(single_shots(relaxing))
-    assert found.experiment.floor is None
-    assert (found.status, found.selected) == ("adequate", ())
+    result = diagnose(single_shots(relaxing))
+    assert result.experiment.floor is None
+    assert (result.status, result.selected) == ("adequate", ())
 
 
 def test_small_second_effect_is_found():
@@ -258,25 +258,25 @@ def test_small_second_effect_is_found():
         force = 1.2 * position + 0.02 * speed + 0.09 * np.tanh(speed / 2)
         force = force + 1.4e-3 * np.gradient(speed, time)
         made.append(sampled(name, 0.01, position, force, 0.01, seed))
-    found = diagnose(made)
-    assert found.base.test_rms > 100 * 0.01
-    assert set(found.selected) == {"inertia", "coulomb_friction"}
-    assert found.complete
-    assert found.model.test_rms == pytest.approx(0.01, rel=0.1)
+    result = diagnose(made)
+    assert result.base.test_rms > 100 * 0.01
+    assert set(result.selected) == {"inertia", "coulomb_friction"}
+    assert result.complete
+    assert result.model.test_rms == pytest.approx(0.01, rel=0.1)
 
 
 def test_held_back_part_of_record_continues_path():
-    """A spring that wears with the path: a clock that began anew would find it whole again."""
+    """A spring wears with the path; a path that restarted would have it whole again."""
     _time, position, _ = sines(5, 40.0, 0.02, 3.0, 0.0417)
     path = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(position)))])
     force = (1.5 - 0.5 * (1 - np.exp(-path / 150.0))) * position
-    found = diagnose([sampled("only", 0.02, position, force, 0.02, 5)])
-    (held_back,) = found.experiment.tests
-    assert len(found.experiment.training.force) == 1400
+    result = diagnose([sampled("only", 0.02, position, force, 0.02, 5)])
+    (held_back,) = result.experiment.tests
+    assert len(result.experiment.training.force) == 1400
     assert held_back.force.size >= 600
-    assert (found.status, found.selected) == ("named", ("softening",))
-    assert found.model.test_rms == pytest.approx(0.02, rel=0.1)
-    wear = {item.name: item for item in found.ranking[0].estimates}
+    assert (result.status, result.selected) == ("named", ("softening",))
+    assert result.model.test_rms == pytest.approx(0.02, rel=0.1)
+    wear = {item.name: item for item in result.ranking[0].estimates}
     assert {"stiffness_lost", "share_lost"} & set(wear)  # of a spring alone they are the same
     assert wear["path_constant"].low < 150.0 < wear["path_constant"].high
 
@@ -351,11 +351,11 @@ def test_rounded_angle_is_not_an_effect():
 )
 def test_pendulum_masses_and_distances_are_estimated(effect, names):
     experiment, diagnosis = diagnosed(effect, 2, 16.0)
-    found = {item.name: item for item in diagnosis.ranking[0].estimates}
+    result = {item.name: item for item in diagnosis.ranking[0].estimates}
     for name, truth in names.items():
-        spread = (found[name].high - found[name].low) / 2
-        assert abs(found[name].value - experiment.truth[truth]) < 2 * spread
-        assert spread < 0.2 * found[name].value
+        spread = (result[name].high - result[name].low) / 2
+        assert abs(result[name].value - experiment.truth[truth]) < 2 * spread
+        assert spread < 0.2 * result[name].value
 
 
 def test_refined_pendulum_is_read_back_from_its_file(tmp_path):

@@ -40,14 +40,14 @@ READINGS = [*product(permutations(range(3)), product((1, -1), repeat=3))]
     ],
 )
 def test_every_other_reading_is_told_with_the_columns_that_take_it_back(order, signs):
-    found = told(misread(order, signs))
-    columns = yaml.safe_load(found.sentence.partition("\n")[2])["tissue"]["layout"]["columns"]
+    result = told(misread(order, signs))
+    columns = yaml.safe_load(result.sentence.partition("\n")[2])["tissue"]["layout"]["columns"]
     for axis, name in enumerate("xyz"):
         column = columns[f"output_{name}"]
         at = order.index(axis)
         assert column["column"] == f"force_{'xyz'[at]}_N"
         assert column.get("scale", 1.0) == signs[at]
-    assert found.value > 90
+    assert result.value > 90
 
 
 @pytest.mark.parametrize("axes", ["xyz", "xz"])
@@ -57,9 +57,9 @@ def test_channels_as_they_should_be_are_not_accused(axes):
 
 
 def test_no_effect_is_named_beside_them():
-    found = diagnose([misread((0, 1, 2), (1, 1, -1))], DiagnosisSettings())
-    assert (found.status, found.selected) == ("unexplained", ())
-    assert found.orientation.kind == "force_channels"
+    result = diagnose([misread((0, 1, 2), (1, 1, -1))], DiagnosisSettings())
+    assert (result.status, result.selected) == ("unexplained", ())
+    assert result.orientation.kind == "force_channels"
 
 
 def test_a_channel_that_is_dead_is_named():

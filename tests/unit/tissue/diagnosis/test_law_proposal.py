@@ -1,4 +1,4 @@
-"""A law is proposed if one is missing: right, judged unseen, can be added, never made of noise."""
+"""A law is proposed if one is missing: correct, judged on unseen records, usable as an effect, never from noise."""
 
 import json
 from dataclasses import replace
@@ -40,16 +40,17 @@ STEP, TAU, NOISE = 0.01, 0.15, 0.02
 
 
 def sines(seconds: float, seed: int, size: float = 4.0, even: bool = True) -> np.ndarray:
-    """Position of a multisine up to 4 Hz with a period of 5 s, or of lines that never repeat."""
+    """Return the position of a multisine up to 4 Hz with a period of 5 s, or of lines that never repeat."""
     random = np.random.default_rng(seed)
     lines = np.arange(1, 21) * 0.2 if even else random.uniform(0.1, 4, 25)
     time = np.arange(round(seconds / STEP)) * STEP
-    found = np.cos(2 * np.pi * np.outer(time, lines) + random.uniform(0, 2 * np.pi, len(lines))) @ lines**-0.6
-    return size * found / np.abs(found).max()
+    phase = random.uniform(0, 2 * np.pi, len(lines))
+    wave = np.cos(2 * np.pi * np.outer(time, lines) + phase) @ lines**-0.6
+    return size * wave / np.abs(wave).max()
 
 
 def tissue(position: np.ndarray) -> np.ndarray:
-    """Force of a spring beside a Maxwell branch, at rest when it begins."""
+    """Return the force of a spring and a Maxwell branch, at rest in the beginning."""
     decay = np.exp(-STEP / TAU)
     increments = np.diff(position, prepend=position[0])
     return 0.5 * position + 0.8 * lfilter([TAU / STEP * (1 - decay)], [1, -decay], increments)
@@ -78,22 +79,19 @@ def experiment(added, seed: int = 0) -> tuple[Experiment, Candidate]:
     return prepared, evaluate(fit_base(Structure(BASES["KB"]), prepared.training), prepared)
 
 
-def nothing(position: np.ndarray, velocity: np.ndarray) -> np.ndarray:
-    """No force."""
+def nothing(position, velocity):
     return np.zeros_like(position)
 
 
-def depth_friction(position: np.ndarray, velocity: np.ndarray) -> np.ndarray:
-    """Dry friction that grows with the depth of a needle."""
+def depth_friction(position, velocity):
     return 0.25 * np.maximum(position, 0) * np.tanh(velocity / 2.0)
 
 
-def cogging(position: np.ndarray, velocity: np.ndarray) -> np.ndarray:
-    """Magnets every 2.5 mm."""
+def cogging(position, velocity):
     return 0.3 * np.sin(2 * np.pi * position / 2.5 + 0.4)
 
 
-FEW = (
+FEW = [
     "friction",
     "friction_push",
     "viscous_z",
@@ -102,7 +100,7 @@ FEW = (
     "cogging",
     "branch_z",
     "saturating",
-)
+]
 """Terms of a library that is quick to search."""
 
 
@@ -110,10 +108,10 @@ def terms(*names: str):
     return tuple(item for item in library() if item.name in names)
 
 
-def error(found, position: np.ndarray, added) -> float:
+def error(result, position: np.ndarray, added) -> float:
     """RMS on a new record, beyond its noise."""
     one = record("new", position, added, 99)
-    return float(np.std((found.simulate(Motion.of(one)) - one["output"])[50:])) / NOISE
+    return float(np.std((result.simulate(Motion.of(one)) - one["output"])[50:])) / NOISE
 
 
 @pytest.fixture(scope="module")
@@ -122,7 +120,7 @@ def needle():
     return propose(prepared, base, terms=terms(*FEW))
 
 
-def test_friction_along_a_needle_is_found(needle):
+def test_friction_along_a_needle_is_proposed(needle):
     assert needle.form.equation == "k_1*max(z, 0)*tanh(v/v_s)"
     assert needle.law.fit.linear[-1] == pytest.approx(0.25, rel=0.03)
     assert needle.law.term_parameters[0] == pytest.approx(2.0, rel=0.1)
@@ -130,14 +128,14 @@ def test_friction_along_a_needle_is_found(needle):
     assert needle.share_removed > 0.95
 
 
-def test_it_holds_on_a_new_excitation_and_on_a_larger_one(needle):
+def test_law_predicts_new_and_larger_excitations(needle):
     assert error(needle.base.fit, sines(10, 50, even=False), depth_friction) > 5
     assert error(needle.law.fit, sines(10, 50, even=False), depth_friction) < 1.1
     assert error(needle.law.fit, sines(10, 51, size=6.0, even=False), depth_friction) < 1.25
     assert needle.extrapolation.holds
 
 
-def test_the_file_is_an_effect_that_refines_the_model_as_well(needle, tmp_path):
+def test_file_of_law_is_an_effect(needle, tmp_path):
     path = tmp_path / "needle.yaml"
     path.write_text(effect_text(needle, "needle", "a test"), encoding="utf-8")
     effect = load_effects(path)["needle"]
@@ -151,25 +149,25 @@ def test_the_file_is_an_effect_that_refines_the_model_as_well(needle, tmp_path):
     assert refined.path[-1].test_rms == pytest.approx(needle.law.candidate.test_rms, rel=0.02)
 
 
-def test_a_force_that_repeats_along_the_position_is_found():
+def test_cogging_is_proposed():
     prepared, base = experiment(cogging)
-    found = propose(prepared, base, terms=terms(*FEW))
-    assert [item.name for item in found.terms] == ["cogging"]
-    assert found.law.term_parameters[0] == pytest.approx(2.5, rel=0.01)
-    assert error(found.law.fit, sines(10, 52, size=6.0, even=False), cogging) < 1.2
+    result = propose(prepared, base, terms=terms(*FEW))
+    assert [item.name for item in result.terms] == ["cogging"]
+    assert result.law.term_parameters[0] == pytest.approx(2.5, rel=0.01)
+    assert error(result.law.fit, sines(10, 52, size=6.0, even=False), cogging) < 1.2
 
 
-def test_nothing_is_proposed_where_nothing_is_missing():
-    """With the gate, and with the search let loose on noise: a cheap part of the benchmark's count."""
+def test_no_law_without_missing_force():
+    """With the check for a remaining error, and with a search on noise: a small part of the benchmark."""
     for seed in range(0, 40, 10):
         prepared, base = experiment(nothing, seed)
-        found = propose(prepared, base)
-        assert not found.is_needed and found.law is None
+        result = propose(prepared, base)
+        assert not result.is_needed and result.law is None
         blind = replace(prepared, floor=None)
         assert blind.floor is None and propose(blind, base, terms=terms(*FEW[:6])).law is None
 
 
-def test_no_law_that_feeds_energy_in_or_runs_away():
+def test_active_and_unbounded_laws_are_detected():
     prepared, base = experiment(nothing)
     viscous = base.fit.structure.with_form(form_of(terms("viscous")))
     fitted = fit(viscous, prepared.training, base.fit.nonlinear)
@@ -178,13 +176,13 @@ def test_no_law_that_feeds_energy_in_or_runs_away():
     assert least_work(driven, prepared.training) < -0.01
     assert not is_dissipative(driven, prepared.training)
     steep = base.fit.structure.with_form(form_of(terms("position_expm1")))
-    found = fit(steep, prepared.training, np.append(base.fit.nonlinear, 1.0))
-    assert stays_bounded(found, prepared)
-    runaway = replace(found, linear=np.abs(found.linear), nonlinear=np.array([base.fit.nonlinear[0], 0.4]))
+    result = fit(steep, prepared.training, np.append(base.fit.nonlinear, 1.0))
+    assert stays_bounded(result, prepared)
+    runaway = replace(result, linear=np.abs(result.linear), nonlinear=np.array([base.fit.nonlinear[0], 0.4]))
     assert not stays_bounded(runaway, prepared)
 
 
-def test_choices_and_confirmation_look_at_different_seconds():
+def test_choices_and_tests_use_different_seconds():
     prepared, _ = experiment(nothing)
     first, second = alternate(prepared)
     for one, other, whole in zip(first.tests, second.tests, prepared.tests, strict=True):
@@ -194,7 +192,7 @@ def test_choices_and_confirmation_look_at_different_seconds():
         assert sorted(both) == sorted(whole.trim(whole.force))
 
 
-def test_an_exponential_that_is_a_straight_line_becomes_one():
+def test_straight_exponential_becomes_a_line():
     prepared, base = experiment(lambda z, v: (0.5 + 0.12 * z) * np.tanh(v / 2))
     search = Search(alternate(prepared)[0], terms("friction", "friction_exp", "friction_z"))
     laws = search.laws(base)
@@ -206,9 +204,9 @@ def test_an_exponential_that_is_a_straight_line_becomes_one():
     assert ({item.name for item in law.terms}, law.shared) == ({"friction", "friction_z"}, True)
 
 
-def test_the_command_writes_an_effect_named_after_its_file(run, tmp_path, monkeypatch, needle):
-    found = ProposedLaw(needle, TISSUE, "needle tests")
-    monkeypatch.setattr("lumbar.propose", lambda *_, **__: found)
+def test_command_writes_effect_named_after_its_file(run, tmp_path, monkeypatch, needle):
+    result = ProposedLaw(needle, TISSUE, "needle tests")
+    monkeypatch.setattr("lumbar.propose", lambda *_, **__: result)
     folder = write_records(tmp_path / "tests", records(depth_friction), "%.8f")
     out = run.done("propose", folder, "--output", tmp_path / "law.yaml", "--picture", tmp_path / "law")
     assert "max(z, 0)*tanh(v/v_s)" in out
@@ -228,7 +226,7 @@ def diagnosed():
     return search(records(depth_friction), settings)
 
 
-def test_a_likeness_of_the_law_is_not_what_is_missing(diagnosed, monkeypatch):
+def test_effects_that_imitate_the_law_are_unexplained(diagnosed, monkeypatch):
     monkeypatch.setattr("lumbar.tissue.diagnosis.law.proposal.library", lambda: terms(*FEW))
     assert diagnosed.selected == ("depth_dependent_damping",)
     assert diagnosed.status == "named"
@@ -242,7 +240,7 @@ def test_a_likeness_of_the_law_is_not_what_is_missing(diagnosed, monkeypatch):
     assert result.findings[-1].value < 0.5 * diagnosed.model.test_rms
 
 
-def test_no_law_is_looked_for_where_the_catalogue_goes_on_or_records_are_turned(diagnosed):
+def test_no_law_if_effects_suffice_or_records_are_exchanged(diagnosed):
     turned = Finding("direction", "force in, motion out", 0.0, "")
     noise = diagnosed.experiment.floor.rms
     whole = replace(diagnosed.model, train_rms=noise, test_rms=noise)
@@ -255,19 +253,19 @@ def test_no_law_is_looked_for_where_the_catalogue_goes_on_or_records_are_turned(
         )
 
 
-def test_terms_are_chosen_at_a_lower_rate_and_the_law_is_fitted_to_every_sample(monkeypatch):
+def test_law_is_chosen_at_lower_rate_and_fitted_to_all_samples(monkeypatch):
     monkeypatch.setattr(f"{__name__}.STEP", 0.001)
     prepared, base = experiment(cogging)
     lower = thin(prepared)
     assert lower.training.motion.sampling_time == pytest.approx(0.003)
     assert np.array_equal(lower.tests[0].force, prepared.tests[0].force[::3])
-    found = propose(prepared, base, terms=terms("cogging", "position_z3"))
-    assert [item.name for item in found.terms] == ["cogging"]
-    assert found.law.candidate.test_rms < 1.05 * NOISE
-    assert found.law.fit.squared_error > 0.9 * NOISE**2 * prepared.training.size  # of all its samples
+    result = propose(prepared, base, terms=terms("cogging", "position_z3"))
+    assert [item.name for item in result.terms] == ["cogging"]
+    assert result.law.candidate.test_rms < 1.05 * NOISE
+    assert result.law.fit.squared_error > 0.9 * NOISE**2 * prepared.training.size  # of all its samples
 
 
-def test_the_diagnosis_proposes_by_itself_unless_it_is_told_not_to(tmp_path, diagnosed, needle):
+def test_diagnosis_saves_and_removes_its_law(tmp_path, diagnosed, needle):
     diagnosis = Diagnosis(
         records(depth_friction),
         DiagnosisSettings("KB"),
@@ -279,20 +277,20 @@ def test_the_diagnosis_proposes_by_itself_unless_it_is_told_not_to(tmp_path, dia
     diagnosis.save(tmp_path, pictures=False)
     effect = load_effects(tmp_path / "proposed_law.yaml")["proposed_law"]
     assert effect.forms[0].equation == needle.form.equation
-    said = json.loads((tmp_path / "diagnosis.json").read_text(encoding="utf-8"))
-    assert [item["kind"] for item in said["findings"]][-1] == "proposed_law"
+    content = json.loads((tmp_path / "diagnosis.json").read_text(encoding="utf-8"))
+    assert [item["kind"] for item in content["findings"]][-1] == "proposed_law"
     replace(diagnosis, result=replace(diagnosis.result, proposal=None)).save(tmp_path, pictures=False)
     assert not (tmp_path / "proposed_law.yaml").exists()
 
 
-def test_a_law_is_for_tissue():
+def test_pendulum_has_no_law():
     diagnosis = SimpleNamespace(settings=SimpleNamespace(base="pendulum", system="pendulum"))
     with pytest.raises(InputError, match="no passive force"):
         Diagnosis.propose(diagnosis)
 
 
-def test_a_part_that_snaps_through_is_found_and_extrapolates():
-    """Its own simulation in fine steps; the spring that carries it is part of the base's."""
+def test_snap_through_is_proposed():
+    """A separate simulation in fine steps; the carrying spring is part of the base's."""
     fine = 20
 
     def snapping(position, velocity):
@@ -305,10 +303,10 @@ def test_a_part_that_snaps_through_is_found_and_extrapolates():
         return 0.5 * (position - np.array(places)[::fine])
 
     prepared, base = experiment(snapping)
-    found = propose(prepared, base, terms=terms("snap_through", "position_z3", "friction", "odd_bump"))
-    assert [item.name for item in found.terms] == ["snap_through"]
-    assert found.law.candidate.test_rms < 1.1 * NOISE
-    assert error(found.law.fit, 1.2 * sines(20, 5), snapping) < 1.3
+    result = propose(prepared, base, terms=terms("snap_through", "position_z3", "friction", "odd_bump"))
+    assert [item.name for item in result.terms] == ["snap_through"]
+    assert result.law.candidate.test_rms < 1.1 * NOISE
+    assert error(result.law.fit, 1.2 * sines(20, 5), snapping) < 1.3
 
 
 def two_steps(position, velocity):
@@ -316,8 +314,8 @@ def two_steps(position, velocity):
     return 0.5 * np.tanh((position - 1.2) / 0.25) + 0.35 * np.tanh((position + 1.5) / 0.2)
 
 
-def test_a_law_of_no_catalogue_is_left_without_a_formula():
+def test_law_outside_the_library_has_no_formula():
     prepared, base = experiment(two_steps)
-    found = propose(prepared, base, terms=terms("friction", "viscous_z"))
-    assert found.law is None and found.is_needed
-    assert not found.is_imitated
+    result = propose(prepared, base, terms=terms("friction", "viscous_z"))
+    assert result.law is None and result.is_needed
+    assert not result.is_imitated

@@ -26,26 +26,26 @@ def term(name: str):
 @pytest.mark.parametrize(
     "unit", ["{y}", "{y}/{x}", "{y} s/{x}", "{y} s^2/{x}", "{y}/{x}^1.5", "1", "s", "1/s"]
 )
-def test_a_unit_is_written_as_it_is_read(unit):
+def test_unit_is_written_as_it_is_read(unit):
     assert Dimension.parse(unit).unit == unit
 
 
-def test_units_follow_from_what_a_force_is_made_of():
+def test_dimension_of_a_force():
     known = {**OF_SIGNALS, "c": Dimension.parse("{y} s^2/{x}^2"), "d": Dimension.parse("{x}")}
     assert dimension(parse("c*v*abs(v)*exp(-z/d)"), known) == FORCE
     assert dimension(parse("where(z > d, 0, c*max(v, 0)**2)"), known) == FORCE
 
 
 @pytest.mark.parametrize(
-    ("text", "found"),
+    ("text", "message"),
     [
         ("z + v", "do not go together"),
         ("tanh(v)", "has a unit"),
         ("where(z > v, z, 0)", "do not go together"),
     ],
 )
-def test_unlike_things_are_not_added_or_compared(text, found):
-    with pytest.raises(InputError, match=found):
+def test_different_dimensions_are_rejected(text, message):
+    with pytest.raises(InputError, match=message):
         dimension(parse(text), OF_SIGNALS)
 
 
@@ -58,7 +58,7 @@ def check_dimensions(item):
         assert dimension(parse(rate), known) in (None, known[name] * Dimension(s=-1)), (name, rate)
 
 
-def test_every_term_is_dimensionally_sound_and_a_form_can_be_made_of_it():
+def test_every_term_is_dimensionally_valid_and_makes_a_form():
     for item in library():
         check_dimensions(item)
         form = form_of((item,))
@@ -83,7 +83,7 @@ def test_states_solved_term_by_term_are_those_of_the_whole_form():
         np.testing.assert_allclose(one, other, atol=1e-9)
 
 
-def test_symbols_of_several_terms_are_kept_apart_or_shared():
+def test_symbols_of_terms_are_distinct_or_shared():
     terms = term("friction"), term("friction_z")
     assert form_of(terms).equation == "F_1*tanh(v/v_s) + k_2*z*tanh(v/v_s2)"
     assert form_of(terms, shared=True).equation == "F_1*tanh(v/v_s) + k_2*z*tanh(v/v_s)"
@@ -93,13 +93,13 @@ def test_symbols_of_several_terms_are_kept_apart_or_shared():
     assert other.state == (("q2", "v - q2/tau_2"),)
 
 
-def test_a_bridge_holds_on_the_way_out_until_it_tears():
+def test_adhesion_pulls_until_it_tears():
     """The switching state against a walk through the samples."""
     motion = standard_motion(0.5)
     held, expected = False, []
     for z in motion.position:
         held = True if z > 0 else False if z < -0.4 else held
         expected.append(z if held and -0.4 <= z < 0 else 0.0)
-    (found,) = form_of((term("adhesion"),)).columns(motion, np.array([0.4]))
-    assert np.mean(np.abs(found - expected) > 0.02) < 0.01
-    assert found.min() < -0.35
+    (result,) = form_of((term("adhesion"),)).columns(motion, np.array([0.4]))
+    assert np.mean(np.abs(result - expected) > 0.02) < 0.01
+    assert result.min() < -0.35

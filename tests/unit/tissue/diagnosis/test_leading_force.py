@@ -30,8 +30,8 @@ def leading(lead: int, branch: float = 0.8, hardening: float = 0.0, mass: float 
     return made
 
 
-def lead_findings(found) -> list:
-    return [item for item in found.findings if item.kind == "force_leads"]
+def lead_findings(result) -> list:
+    return [item for item in result.findings if item.kind == "force_leads"]
 
 
 @pytest.mark.nightly
@@ -47,16 +47,16 @@ def lead_findings(found) -> list:
 )
 def test_leading_force_is_reported_and_unexplained(lead, branch, hardening):
     """Milliseconds, at samples of 10 ms."""
-    found = diagnose(leading(lead, branch, hardening))
-    (finding,) = lead_findings(found)
+    result = diagnose(leading(lead, branch, hardening))
+    (finding,) = lead_findings(result)
     assert finding.value == pytest.approx(1e-3 * lead, abs=2e-4) and finding.unit == "s"
-    assert found.status == "unexplained"
+    assert result.status == "unexplained"
 
 
 @pytest.mark.parametrize("mass", [0.0, 0.0004])
 def test_force_without_lead_is_not_reported(mass):
-    found = diagnose(leading(0, mass=mass))
-    assert not lead_findings(found) and found.selected == (("inertia",) if mass else ())
+    result = diagnose(leading(0, mass=mass))
+    assert not lead_findings(result) and result.selected == (("inertia",) if mass else ())
 
 
 def read_with_noise(sigma: float, **law):
@@ -82,8 +82,8 @@ def test_force_of_position_noise_is_not_missing(noisy):
 
 
 def test_effect_is_named_in_addition_to_position_noise():
-    found = diagnose(read_with_noise(0.02, branch=0.0, hardening=0.01))
-    assert found.selected == ("hardening_stiffness",) and found.status == "named"
+    result = diagnose(read_with_noise(0.02, branch=0.0, hardening=0.01))
+    assert result.selected == ("hardening_stiffness",) and result.status == "named"
 
 
 def test_possible_wandering_zero_counts_as_noise(noisy):

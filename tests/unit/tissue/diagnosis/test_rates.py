@@ -14,48 +14,48 @@ RATES = (0.01, 0.03, 0.05)
 
 def triangles(force, rates=RATES, amplitude=5.0, noise=0.004, cycles=4, samples=800):
     """Records of triangles at constant strokes, one for each rate (cycles per second)."""
-    found = []
+    result = []
     for number, rate in enumerate(rates):
         time = np.arange(samples) * cycles / rate / samples
         phase = (rate * time) % 1.0
         position = amplitude * (1 - 4 * np.abs(((phase + 0.25) % 1.0) - 0.5))
         values = force(time, position) + noise * np.random.default_rng(number).standard_normal(samples)
-        found.append(record(position, values, f"rate_{rate}", step=time[1]))
-    return found
+        result.append(record(position, values, f"rate_{rate}", step=time[1]))
+    return result
 
 
 def dahl(position, limit, distance):
     """Dahl's friction, straight between samples."""
-    state, found = 0.0, [0.0]
+    state, result = 0.0, [0.0]
     for step in np.diff(position):
         direction = np.sign(step)
         state = direction + (state - direction) * np.exp(-abs(step) / distance)
-        found.append(limit * state)
-    return np.array(found)
+        result.append(limit * state)
+    return np.array(result)
 
 
 def spectrum(time, drive, shares, times):
     """Sum of Maxwell branches, exact for a drive that is straight between samples."""
-    step, found = time[1], np.zeros(len(time))
+    step, result = time[1], np.zeros(len(time))
     for share, constant in zip(shares, times, strict=True):
         decay = np.exp(-step / constant)
         gain = -np.expm1(-step / constant) * constant / step
-        found += share * lfilter([gain], [1, -decay], np.diff(drive, prepend=drive[0]))
-    return found
+        result += share * lfilter([gain], [1, -decay], np.diff(drive, prepend=drive[0]))
+    return result
 
 
 def diagnose_one_effect(force, rates=RATES):
     return diagnose(triangles(force, rates), "LE", most_effects=1)
 
 
-def kinds(found):
-    return [item.kind for item in found.findings]
+def kinds(result):
+    return [item.kind for item in result.findings]
 
 
 def test_hysteresis_at_several_rates_is_named():
-    found = diagnose_one_effect(lambda time, position: 0.3 * position + dahl(position, 0.5, 0.7))
-    assert (found.status, found.selected) == ("named", ("hysteresis",))
-    assert not {"other_rates_missed", "one_rate"} & set(kinds(found))
+    result = diagnose_one_effect(lambda time, position: 0.3 * position + dahl(position, 0.5, 0.7))
+    assert (result.status, result.selected) == ("named", ("hysteresis",))
+    assert not {"other_rates_missed", "one_rate"} & set(kinds(result))
 
 
 def test_rate_dependent_friction_is_not_named_hysteresis():
@@ -63,18 +63,18 @@ def test_rate_dependent_friction_is_not_named_hysteresis():
         speed = np.abs(np.diff(position)).max() / time[1]
         return 0.3 * position + dahl(position, 0.5 * (1 + 0.6 * np.log10(speed / 0.2)), 0.7)
 
-    found = diagnose_one_effect(rated)
-    assert found.status != "named"
-    (finding,) = [item for item in found.findings if item.kind == "other_rates_missed"]
+    result = diagnose_one_effect(rated)
+    assert result.status != "named"
+    (finding,) = [item for item in result.findings if item.kind == "other_rates_missed"]
     assert finding.value == pytest.approx(5, rel=0.05)
 
 
 def test_single_rate_is_reported():
-    found = diagnose_one_effect(
+    result = diagnose_one_effect(
         lambda time, position: 0.3 * position + dahl(position, 0.5, 0.7), rates=(0.03, 0.031)
     )
-    assert "hysteresis" in found.selected
-    assert "one_rate" in kinds(found)
+    assert "hysteresis" in result.selected
+    assert "one_rate" in kinds(result)
 
 
 @pytest.mark.nightly
@@ -91,8 +91,8 @@ def test_rubber_of_large_strain_is_not_named_hysteresis():
         records.append(record(20 * strain, force, f"rate_{rate}", step=time[1]))
     assert peaks == pytest.approx([0.85, 1.05, 1.13], abs=0.02)
     for base in ("LE", "KB"):
-        found = diagnose(records, base, most_effects=2)
-        assert found.status != "named" or "hysteresis" not in found.selected
+        result = diagnose(records, base, most_effects=2)
+        assert result.status != "named" or "hysteresis" not in result.selected
 
 
 def test_power_law_is_one_spectrum():
@@ -112,6 +112,6 @@ def test_power_law_is_one_spectrum():
         position -= position[0]
         values = springpot(time, position) + 0.005 * random.standard_normal(samples)
         records.append(record(position, values, f"noise_{number}", step=step))
-    found = lumbar.refine(records, ["relaxation_spectrum"], base="LE")
-    base, model = found.path
+    result = lumbar.refine(records, ["relaxation_spectrum"], base="LE")
+    base, model = result.path
     assert model.test_rms < 3 * 0.005 < 0.1 * base.test_rms

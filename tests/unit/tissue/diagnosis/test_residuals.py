@@ -1,10 +1,9 @@
-"""What is left of a record: compared, told apart from noise, parted into shares, and judged adequate."""
+"""Parts of a comparison: bootstrap intervals, rejected simulations, and the nonlinear share of an error."""
 
 import numpy as np
-import pandas as pd
 import pytest
 from numpy.testing import assert_allclose
-from periodic_records import multisine, noise, noisy_record, record, relaxing_force
+from periodic_records import multisine, noise, record, relaxing_force
 from scipy.signal import lfilter
 
 from lumbar.base.errors import InputError, NumericalError
@@ -16,7 +15,6 @@ from lumbar.tissue.diagnosis.residuals.compare import (
     RESAMPLES,
     block_groups,
     compare_record,
-    comparison_table,
 )
 from lumbar.tissue.identification.metrics import fit_ratio, mean_residual, variance_accounted_for
 from lumbar.tissue.models.bases import BASES
@@ -29,42 +27,7 @@ def aperiodic(size: int, sigma: float, seed: int, pole: float = 0.0):
     return record(position, force + sigma * noise(size, seed + 1, pole), "noise"), force
 
 
-def test_values_follow_their_definitions():
-    test, force = aperiodic(3000, 0.3, 1)
-    found = compare_record(test, force, start=0.5)
-    measured, residual = test["output"][50:], (test["output"] - force)[50:]
-    assert found.samples == 2950
-    assert found.rms.value == pytest.approx(np.sqrt(np.mean(residual**2)))
-    assert found.vaf.value == pytest.approx(100 * (1 - np.var(residual) / np.var(measured)))
-    assert found.fit.value == pytest.approx(100 * (1 - np.sqrt(np.mean(residual**2)) / np.std(measured)))
-    assert found.mean_residual.value == pytest.approx(np.mean(np.abs(residual)))
-    for estimate in (found.rms, found.vaf, found.fit, found.mean_residual):
-        assert estimate.low < estimate.value < estimate.high
-    assert found.explainable_rms is None and found.is_noise is None
-
-
-def test_noise_and_what_could_be_explained_add_up():
-    test = noisy_record(10, 0.3, 1)
-    force = relaxing_force(test["input"])
-    wrong = force + 0.4 * test["input"] / np.std(test["input"])
-    found = compare_record(test, wrong, noise_floor(test))
-    assert found.floor_from == "multisine"
-    assert found.explainable_rms == pytest.approx(0.4, rel=0.03)
-    assert found.rms.value**2 == pytest.approx(found.explainable_rms**2 + found.floor.rms**2)
-    variance = np.var(test["output"][50:])
-    assert found.explainable_percent == pytest.approx(100 * 0.16 / variance, rel=0.06)
-    assert found.explainable_vaf == pytest.approx(100 * (1 - 0.16 / (variance - 0.09)), abs=0.03)
-    assert not found.is_noise
-
-
-def test_the_true_model_leaves_noise():
-    test = noisy_record(10, 0.3, 2)
-    found = compare_record(test, relaxing_force(test["input"]), noise_floor(test))
-    assert found.is_noise
-    assert found.explainable_vaf > 99.9
-
-
-def test_periods_that_repeat_an_error_are_no_new_evidence():
+def test_repeated_error_does_not_narrow_intervals():
     """Ten periods of the same error tell no more about another excitation than one."""
     position = multisine(10, seed=4)
     force = relaxing_force(position)
@@ -78,7 +41,7 @@ def test_periods_that_repeat_an_error_are_no_new_evidence():
 
 
 @pytest.mark.parametrize(("size", "period"), [(1000, None), (4950, 500), (37, None), (700, 500)])
-def test_groups_hold_every_sample_once_and_keep_phases_together(size, period):
+def test_groups_contain_every_sample_and_keep_phases(size, period):
     groups = block_groups([noise(size, 1, 0.9)], period)
     assert sorted(np.concatenate(groups)) == list(range(size))
     assert len(groups) >= 8
@@ -88,9 +51,9 @@ def test_groups_hold_every_sample_once_and_keep_phases_together(size, period):
             assert np.ptp(phases) == len(phases) - 1
 
 
-def test_intervals_are_those_of_the_figures_of_resampled_records():
+def test_intervals_match_resampled_records():
     test, force = aperiodic(1000, 0.3, 1)
-    found = compare_record(test, force, start=0.0, seed=3)
+    result = compare_record(test, force, start=0.0, seed=3)
     measured, residual = test["output"], test["output"] - force
     groups = block_groups([residual, measured - measured.mean()], None)
     draws = np.random.default_rng(3).integers(len(groups), size=(RESAMPLES, len(groups)))
@@ -101,11 +64,11 @@ def test_intervals_are_those_of_the_figures_of_resampled_records():
         ("mean_residual", mean_residual),
     ):
         resampled = [figure(measured[samples], force[samples]) for samples in chosen]
-        interval = getattr(found, name)
+        interval = getattr(result, name)
         assert [interval.low, interval.high] == pytest.approx(np.quantile(resampled, [0.025, 0.975]))
 
 
-def test_what_cannot_be_compared_is_refused():
+def test_invalid_simulations_are_rejected():
     test, force = aperiodic(1000, 0.3, 1)
     with pytest.raises(InputError, match="simulation of shape"):
         compare_record(test, force[:-1])
@@ -118,23 +81,6 @@ def test_what_cannot_be_compared_is_refused():
         compare_record(record(test["input"], np.zeros(1000)), np.zeros(1000))
 
 
-def test_the_table_holds_what_was_found(tmp_path):
-    test = noisy_record(10, 0.3, 1)
-    floor, other = noise_floor(test), aperiodic(1000, 0.3, 5)
-    found = [
-        compare_record(test, relaxing_force(test["input"]), floor),
-        compare_record(other[0], other[1], floor, "multisine"),
-    ]
-    comparison_table(found, "synthetic twin").write(tmp_path / "compare")
-    table = pd.read_csv(tmp_path / "compare.csv")
-    assert list(table["record"]) == ["multisine", "noise"]
-    assert list(table["noise_floor_from"]) == ["multisine", "multisine"]
-    assert table["rms"].tolist() == pytest.approx([item.rms.value for item in found])
-    assert table["vaf_percent"].tolist() == pytest.approx([item.vaf.value for item in found])
-    alone = comparison_table([compare_record(other[0], other[1])], "synthetic twin")
-    assert alone.frame["noise_floor_rms"].isna().all()
-
-
 def share(force, base: str = "KB", periods: int = 8, lines=None):
     """Share of a base's error on a multisine, whose force is a function of its position."""
     position = multisine(periods, lines=lines)
@@ -144,22 +90,22 @@ def share(force, base: str = "KB", periods: int = 8, lines=None):
     return nonlinear_share(experiment, fit_base(Structure(BASES[base]), experiment.training))
 
 
-def test_what_is_left_of_a_linear_material_of_higher_order_is_linear():
+def test_linear_material_leaves_linear_error():
     assert share(relaxing_force, base="LE") < 0.02
     assert share(lambda z: lfilter([0.5, -0.6, 0.3], [1.0, -1.5, 0.7], z)) < 0.02
 
 
-def test_an_even_force_is_all_distortion():
+def test_even_force_is_distortion():
     """Between odd lines the square of the motion falls on even ones only."""
     odd = np.arange(1, 51, 2)
     assert share(lambda z: relaxing_force(z) + 0.02 * z**2, lines=odd) > 0.9
 
 
-def test_friction_leaves_more_distortion_than_linear_dynamics_do():
+def test_friction_leaves_distortion():
     assert share(lambda z: relaxing_force(z) + 0.3 * np.sign(np.gradient(z))) > 0.3
 
 
-def test_none_where_nothing_repeats_few_lines_are_excited_or_only_noise_is_left():
+def test_nonlinear_share_is_unknown_without_enough_lines():
     assert share(lambda z: 0.7 * z) is None
     assert share(relaxing_force, base="LE", lines=[1, 4, 9, 16]) is None
     once = multisine(1, samples=4000)
@@ -168,7 +114,7 @@ def test_none_where_nothing_repeats_few_lines_are_excited_or_only_noise_is_left(
 
 
 def test_distortion_is_estimated_without_bias():
-    """Noise of power 1 beside a smooth response, at lines that the input excites and at those it does not."""
+    """Noise of power 1 added to a smooth response, at lines that the input excites and at those it does not."""
     random = np.random.default_rng(0)
     lines = np.arange(2001)
     excited = lines[1:1500:2]

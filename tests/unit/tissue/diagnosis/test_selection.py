@@ -1,4 +1,4 @@
-"""Which base, which effects in which order, whether thresholds are those of null experiments, and what a verdict's words mean."""
+"""Parts of a selection: base, order of candidates, thresholds of null experiments, shares and zeros."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -33,7 +33,7 @@ from pendulum_experiments import make_pendulum_experiment, records_of
 
 
 @pytest.mark.parametrize("relaxation", [0.001, 0.004])
-def test_a_fast_relaxation_is_found_where_the_sampling_shows_it(relaxation):
+def test_fast_relaxation_is_fitted(relaxation):
     """At 5 kHz a relaxation time of 1 ms is five samples; it must not rest on a bound of 8 ms."""
 
     def fast(time, position, speed, step):
@@ -62,17 +62,17 @@ def moved_mass(ripple: float) -> tuple[Experiment, Candidate]:
     return prepared, evaluate(add(bare, TISSUE["inertia"].forms[0], prepared.training), prepared)
 
 
-def test_a_branch_takes_the_place_of_a_dashpot_where_it_explains_what_is_left():
+def test_branch_replaces_dashpot_if_it_explains_the_rest():
     prepared, model = moved_mass(ripple=0.0)
     assert better_base(model, prepared) == "KB"
 
 
-def test_a_branch_that_explains_little_of_what_is_left_does_not_take_the_place_of_a_dashpot():
-    """Its likelihood is larger, but a ripple is left by both: a dashpot knows the mass of slow motion, m − bτ."""
+def test_branch_that_explains_little_does_not_replace_dashpot():
+    """Its likelihood is larger, but both leave a ripple; with a dashpot the mass is that of slow motion, m − bτ."""
     prepared, model = moved_mass(ripple=0.3)
     bare = fit_base(Structure(BASES["KB"]), prepared.training)
-    beside = evaluate(add(bare, TISSUE["inertia"].forms[0], prepared.training), prepared)
-    assert beside.score < model.score - TIED
+    rival = evaluate(add(bare, TISSUE["inertia"].forms[0], prepared.training), prepared)
+    assert rival.score < model.score - TIED
     assert better_base(model, prepared) is None
     assert model.fit.linear[2] == pytest.approx(MASS - DAMPING * LAG, rel=0.1)
 
@@ -82,15 +82,15 @@ def candidate(score, *effects):
 
 
 @pytest.mark.parametrize("sign", [-1, 1])
-def test_scores_equal_to_rounding_are_ordered_by_name(sign):
+def test_equal_scores_are_ordered_by_name(sign):
     scores = (-1000.0 + sign * 1e-5, -1000.0, -1000.5)
-    found = sort_by_score([candidate(score, name) for score, name in zip(scores, "bac", strict=True)])
-    assert [item.effects[0] for item in found] == ["c", "a", "b"]
+    result = sort_by_score([candidate(score, name) for score, name in zip(scores, "bac", strict=True)])
+    assert [item.effects[0] for item in result] == ["c", "a", "b"]
 
 
 @pytest.fixture(scope="module")
-def found():
-    """Coulomb friction, found beside noise of 0.05."""
+def result():
+    """Diagnosis of Coulomb friction with noise of 0.05."""
     records = []
     for name, seed in (("multisine", 0), ("other", 3)):
         position = multisine(8, seed=seed)
@@ -99,23 +99,23 @@ def found():
     return diagnose(records, DiagnosisSettings(train="multisine", most_effects=1))
 
 
-def test_a_share_is_one_of_the_base_s_own_error(found):
-    """Where the noise is unknown nothing is taken off: the best model of all is no measure."""
+def test_removed_share_refers_to_base_error(result):
+    """If the noise is unknown, nothing is subtracted."""
     settings = DiagnosisSettings(catalogue=TISSUE)
-    known = Selection(found.experiment, found.base, settings, singles=[])
-    blind = Selection(replace(found.experiment, floor=None), found.base, settings, singles=[])
-    before, after, floor = found.base.test_rms, found.model.test_rms, found.experiment.noise
-    assert blind.share_removed(found.model) == pytest.approx(1 - after**2 / before**2)
-    assert known.share_removed(found.model) == pytest.approx((before**2 - after**2) / (before**2 - floor**2))
+    known = Selection(result.experiment, result.base, settings, singles=[])
+    blind = Selection(replace(result.experiment, floor=None), result.base, settings, singles=[])
+    before, after, floor = result.base.test_rms, result.model.test_rms, result.experiment.noise
+    assert blind.share_removed(result.model) == pytest.approx(1 - after**2 / before**2)
+    assert known.share_removed(result.model) == pytest.approx((before**2 - after**2) / (before**2 - floor**2))
 
 
-def test_no_name_from_a_fit_that_has_not_converged(found):
-    stopped = replace(found.model, fit=replace(found.model.fit, converged=False))
-    selection = Selection(found.experiment, found.base, DiagnosisSettings(catalogue=TISSUE), singles=[])
+def test_fit_without_convergence_names_nothing(result):
+    stopped = replace(result.model, fit=replace(result.model.fit, converged=False))
+    selection = Selection(result.experiment, result.base, DiagnosisSettings(catalogue=TISSUE), singles=[])
     assert selection.status(stopped, [], 0.99) == "unexplained"
-    selection.selected_path = [found.base, stopped]
+    selection.selected_path = [result.base, stopped]
     settled = selection.fitted_path()[-1]
-    assert settled.fit.converged and settled.test_rms == pytest.approx(found.model.test_rms, rel=1e-6)
+    assert settled.fit.converged and settled.test_rms == pytest.approx(result.model.test_rms, rel=1e-6)
 
 
 def judged(*errors: np.ndarray):
@@ -132,7 +132,7 @@ def judged(*errors: np.ndarray):
     )
 
 
-def test_a_zero_has_moved_where_a_record_begins_with_it():
+def test_zero_moved_if_record_begins_with_it():
     white = 0.1 * np.random.default_rng(1).standard_normal((2, 1000))
     moved = judged(white[0] + 0.5, white[1] - 0.3)
     assert zeros_moved(moved)
@@ -171,9 +171,9 @@ def test_completeness_follows_status_of_refined_model(floors, after):
     floor = diagnose(records, settings).experiment.floor.rms
     other = np.sin(np.arange(len(records[1])) * 0.37) * np.sqrt(2 * (floors**2 - 1)) * floor
     disturbed = records[1].with_values(output=records[1]["output"] + other)
-    found = diagnose([records[0], disturbed], settings)
-    assert found.model.test_rms / found.experiment.floor.rms == pytest.approx(floors, abs=0.03)
-    assert (found.refined_status, found.complete, found.further) == (after, after == "adequate", None)
+    result = diagnose([records[0], disturbed], settings)
+    assert result.model.test_rms / result.experiment.floor.rms == pytest.approx(floors, abs=0.03)
+    assert (result.refined_status, result.complete, result.further) == (after, after == "adequate", None)
 
 
 def test_refine_rejects_effect_without_its_channel():

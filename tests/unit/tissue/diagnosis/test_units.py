@@ -33,8 +33,8 @@ def diagnose_forward(records, train):
 
 @pytest.mark.parametrize("key", ["hardening_stiffness/power", "coulomb_friction/coulomb"])
 def test_verdict_is_invariant_to_units(key):
-    found = check_alike(diagnose_tissue, records_of_effect(key), SLOW)
-    assert (found.status, found.selected) == ("named", (key.split("/")[0],))
+    result = check_alike(diagnose_tissue, records_of_effect(key), SLOW)
+    assert (result.status, result.selected) == ("named", (key.split("/")[0],))
 
 
 @pytest.mark.nightly
