@@ -1,7 +1,7 @@
-"""Code that no equation of the catalogue expresses, by the names that its YAML files use.
+"""Code that the YAML files of the catalogue name, because no equation expresses it; files of users cannot.
 
 Closed forms of states, hand-written simulation and C code, starting values of a search, and contradictions of a record to an
-effect. A user's YAML cannot name them: it is data and runs nothing.
+effect.
 """
 
 from collections.abc import Mapping
@@ -92,82 +92,80 @@ _BY_HAND = {
 
 
 def strongest_lines(motion: Motion, residual: np.ndarray) -> list[np.ndarray]:
-    """Frequencies (Hz) at which the residual has its strongest lines, strongest first.
+    """Return the frequencies (Hz) of the strongest lines of the residual, strongest first.
 
-    Zero-padded periodogram with a Hann window. Trends (below 1.5 cycles per record) are left out; lines of a model
-    error that repeats with a periodic input are left out by keeping away from the input's own strong lines.
+    Trends (below 1.5 cycles per record) are left out. Lines near strong lines of the input count less, because the error of a
+    model repeats with a periodic input.
     """
     frequency, power = _periodogram(residual, motion.sampling_time)
     _, excitation = _periodogram(motion.position, motion.sampling_time)
     resolution = 1.0 / (len(residual) * motion.sampling_time)
     power[frequency < 1.5 * resolution] = 0.0
-    peaks = np.flatnonzero((power[1:-1] > power[:-2]) & (power[1:-1] >= power[2:])) + 1
+    peaks = _peaks(power)
     if not len(peaks):
         return [np.array([2 * resolution])]
-    # How far a line stands out where the input is weak counts, not its height alone.
     weight = power[peaks] / (1e-3 * excitation.max() + excitation[peaks])
     by_weight = peaks[np.argsort(-weight)[:_MAX_LINES]]
     by_power = peaks[np.argsort(-power[peaks])[:1]]
     return [np.array([frequency[peak]]) for peak in dict.fromkeys([*by_weight, *by_power])]
 
 
+def _peaks(power: np.ndarray) -> np.ndarray:
+    """Return the indices of local maxima."""
+    return np.flatnonzero((power[1:-1] > power[:-2]) & (power[1:-1] >= power[2:])) + 1
+
+
 def _periodogram(signal: np.ndarray, sampling_time: float) -> tuple[np.ndarray, np.ndarray]:
-    """Frequencies (Hz) and power of a signal about its mean, with a Hann window and zero-padding."""
+    """Return the frequencies (Hz) and the power of a signal about its mean, with a Hann window and zero-padding."""
     padded = 8 * len(signal)
     power = np.abs(np.fft.rfft((signal - signal.mean()) * np.hanning(len(signal)), padded)) ** 2
     return np.fft.rfftfreq(padded, sampling_time), power
 
 
 def interval_starts(motion: Motion, residual: np.ndarray, carriers: list[np.ndarray]) -> list[np.ndarray]:
-    """Start and stop (s) of the interval in which two carriers explain most of the residual, jointly with the base.
+    """Return start and stop (s) of the interval in which two carriers explain most of the residual, jointly with the base.
 
-    The base of Eq. 4.1 is refitted for every interval: sums over an interval are differences of cumulative sums.
-
-    The list holds this one pair; residual and both carriers have shape (samples,).
+    The base of Eq. 4.1 is refitted for every interval: sums over an interval are differences of cumulative sums. The list holds
+    this one pair; residual and both carriers have shape (samples,).
     """
     base = np.stack([motion.acceleration, motion.velocity, np.sin(motion.position)])
     carrier = np.stack(carriers)
     edges = np.linspace(0, len(motion), min(_MAX_EDGES, len(motion) // 4) + 1).astype(int)
-    cross = _cumulative(base[:, None] * carrier, edges)
-    square = _cumulative(carrier[:, None] * carrier, edges)
-    right = _cumulative(carrier * residual, edges)
     first, last = np.triu_indices(len(edges), k=2)
-    cross, square, right = (item[..., last] - item[..., first] for item in (cross, square, right))
+
+    def interval_sums(values: np.ndarray) -> np.ndarray:
+        total = np.concatenate([np.zeros((*values.shape[:-1], 1)), np.cumsum(values, axis=-1)], axis=-1)
+        total = total[..., edges]
+        return total[..., last] - total[..., first]
+
+    cross = interval_sums(base[:, None] * carrier)
     inverse = np.linalg.pinv(base @ base.T, hermitian=True)
-    square = square - np.einsum("abn,ac,cdn->bdn", cross, inverse, cross)
-    right = right - np.einsum("abn,ac,c->bn", cross, inverse, base @ residual)
+    square = interval_sums(carrier[:, None] * carrier) - np.einsum("abn,ac,cdn->bdn", cross, inverse, cross)
+    right = interval_sums(carrier * residual) - np.einsum("abn,ac,c->bn", cross, inverse, base @ residual)
     determinant = square[0, 0] * square[1, 1] - square[0, 1] ** 2
     gain = (
         square[1, 1] * right[0] ** 2 - 2 * square[0, 1] * right[0] * right[1] + square[0, 0] * right[1] ** 2
     )
-    # An interval that is all but the whole record leaves the base nothing to differ from.
-    sound = determinant > 1e-6 * square[0, 0] * square[1, 1]
-    gain = np.where(sound, gain / np.where(sound, determinant, 1.0), 0.0)
-    best = int(gain.argmax())
+    # For an interval of nearly the whole record the carriers do not differ from the base.
+    is_regular = determinant > 1e-6 * square[0, 0] * square[1, 1]
+    best = int(np.where(is_regular, gain / np.where(is_regular, determinant, 1.0), 0.0).argmax())
     times = edges[[first[best], last[best]]] * motion.sampling_time
     return [np.maximum(times, motion.sampling_time)]
 
 
-def _cumulative(values: np.ndarray, edges: np.ndarray) -> np.ndarray:
-    """Sum up to every edge over the last axis."""
-    total = np.concatenate([np.zeros((*values.shape[:-1], 1)), np.cumsum(values, axis=-1)], axis=-1)
-    return total[..., edges]
-
-
 def modulation_starts(motion: Motion, residual: np.ndarray, carriers: list[np.ndarray]) -> list[np.ndarray]:
-    """Frequencies (Hz) at which the residual holds a carrier that swells and fades, strongest first.
+    """Return the frequencies (Hz) at which the residual contains a modulated carrier, strongest first.
 
-    Peaks of the spectrum of residual times carrier (the correlation with the modulated carrier), with a Hann window and
-    zero-padding; a modulation of fewer than one and a half cycles per record is not an oscillation.
+    Peaks of the spectrum of residual times carrier; a modulation of fewer than 1.5 cycles per record is not an oscillation.
     """
     lowest = 1.5 / (len(residual) * motion.sampling_time)
-    found = []
+    frequencies = []
     for carrier in carriers:
         frequency, power = _periodogram(residual * carrier, motion.sampling_time)
-        peaks = np.flatnonzero((power[1:-1] > power[:-2]) & (power[1:-1] >= power[2:])) + 1
+        peaks = _peaks(power)
         peaks = peaks[(frequency[peaks] >= lowest) & (frequency[peaks] <= _MAX_MODULATION_HZ)]
-        found += list(frequency[peaks[np.argsort(-power[peaks])[:_MAX_LINES]]])
-    return [np.array([value]) for value in dict.fromkeys(found)] or [np.array([2 * lowest])]
+        frequencies += list(frequency[peaks[np.argsort(-power[peaks])[:_MAX_LINES]]])
+    return [np.array([value]) for value in dict.fromkeys(frequencies)] or [np.array([2 * lowest])]
 
 
 _STARTS = {
@@ -186,8 +184,7 @@ _STARTS = {
 
 _MAX_SHARE_BEYOND = 0.01  # of the samples that are beyond a limit
 _MIN_CYCLES, _CERTAIN_CYCLES = 2.0, 5.0
-"""Cycles of a disturbance in a record: with fewer it is a drift; below the second number its line must stand out of the
-spectrum."""
+"""Cycles of a disturbance in a record: with fewer it is a drift; below the second number its line must exceed the spectrum."""
 _MIN_LINE_POWER = 30.0
 """Power of such a line, relative to the level of a wandering zero at its frequency."""
 _LEFT_OUT_LINES = 2.5
@@ -196,19 +193,18 @@ _MIN_LINES_APART = 0.5  # lines (1/duration) from a disturbance to the excitatio
 
 
 def _describe_excess(values, force: np.ndarray, noise: float, phrase: str) -> str:
-    """Sentence on the share of the samples beyond a fitted limit; "" if there are few."""
+    """Return a sentence on the share of the samples beyond a fitted limit, or an empty text if there are few."""
     share = float(np.mean(force > 1.02 * values["limit"] + 3 * noise))
     return f"{100 * share:.1f} % of the samples {phrase} its limit" if share > _MAX_SHARE_BEYOND else ""
 
 
 def _is_line_visible(motion: Motion, force: np.ndarray, at: float) -> bool:
-    """Whether a force has a line at a frequency that neither a linear tissue nor a wandering zero explains."""
+    """Return whether a force has a line at a frequency that neither a linear tissue nor a wandering zero explains."""
     columns = [np.ones(len(motion)), motion.position, motion.velocity]
     columns += [relaxation(motion, share * motion.scale("time")) for share in (0.1, 1.0, 10.0)]
     known = np.column_stack(columns)
-    frequency, power = _periodogram(
-        force - known @ np.linalg.lstsq(known, force, rcond=1e-10)[0], motion.sampling_time
-    )
+    residual = force - known @ np.linalg.lstsq(known, force, rcond=1e-10)[0]
+    frequency, power = _periodogram(residual, motion.sampling_time)
     lines = (frequency - at) * motion.time[-1]
     around = (np.abs(lines) > _LEFT_OUT_LINES) & (frequency > 0) & (frequency < 4 * at)
     # A random walk's power falls with the square of the frequency.
@@ -216,8 +212,8 @@ def _is_line_visible(motion: Motion, force: np.ndarray, at: float) -> bool:
     return bool(power[np.argmin(np.abs(lines))] > _MIN_LINE_POWER * level)
 
 
-def _no_disturbance(values, motion, force, noise, period) -> str:
-    """Few cycles are a drift, or a zero that wanders; a line of the excitation's own grid is the model's error."""
+def _refute_disturbance(values, motion, force, noise, period) -> str:
+    """Reject a disturbance with few cycles (a drift or wandering zero) and one that repeats with the excitation (model error)."""
     frequency, duration = values["frequency"], float(motion.time[-1])
     cycles = frequency * duration
     if cycles < _MIN_CYCLES or (cycles < _CERTAIN_CYCLES and not _is_line_visible(motion, force, frequency)):
@@ -234,7 +230,7 @@ _CONTRADICTIONS = {
     "below_adhesion": lambda values, motion, force, noise, period: _describe_excess(
         values, -force, noise, "pull more than"
     ),
-    "no_disturbance": _no_disturbance,
+    "no_disturbance": _refute_disturbance,
 }
 HOOKS: Mapping[str, Mapping[str, Any]] = {
     "solution": _SOLUTIONS,
@@ -242,4 +238,4 @@ HOOKS: Mapping[str, Mapping[str, Any]] = {
     "starts": _STARTS,
     "contradiction": _CONTRADICTIONS,
 }
-"""By key of a form in YAML and name."""
+"""Code by the key of a form in YAML and by name."""

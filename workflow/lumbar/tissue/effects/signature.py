@@ -1,4 +1,4 @@
-"""The signature of an effect's force: its form simulated on a standard motion together with a standard base."""
+"""The signature of an effect: its form simulated on a standard motion together with a standard base."""
 
 from dataclasses import dataclass
 from itertools import islice, product
@@ -13,7 +13,7 @@ from lumbar.tissue.models.structure import Structure
 
 @dataclass(frozen=True)
 class Standard:
-    """A base with the parameters of its picture, in arbitrary units."""
+    """A base with parameters for pictures, in arbitrary units."""
 
     base: str
     linear: tuple[float, ...]
@@ -26,11 +26,11 @@ STANDARDS = {
 }
 """Base of the pictures by system."""
 SHARE = 0.3
-"""RMS of the force that a pictured effect adds, as a share of the tissue's own."""
+"""RMS of the force that a pictured effect adds, relative to that of the base."""
 RATES = (0.5, 2.0)
 """Frequencies of the standard motion, Hz."""
 AXES = {"tissue": ("Position", "force"), "pendulum": ("Angle", "moment")}
-"""By system: what is moved, and what answers."""
+"""Names of input and output by system."""
 _SAMPLING_TIME = 0.01
 _DURATION = 12.0
 _MAX_CORNERS = 32  # of the box of nonlinear parameters, at which an equation is tried
@@ -46,9 +46,9 @@ class Signature:
     motion: Motion
     """A sine of amplitude 1 whose size grows over the first cycle."""
     base: np.ndarray
-    """Shape (samples,): force of the tissue alone."""
+    """Force of the base, shape (samples,)."""
     force: np.ndarray
-    """Shape (samples,): with the effect."""
+    """Force with the effect, shape (samples,)."""
 
     @property
     def added_force(self) -> np.ndarray:
@@ -62,23 +62,22 @@ class Signature:
 
 
 def standard_motion(frequency: float) -> Motion:
-    """Sine of amplitude 1 that grows from rest over its first cycle."""
+    """Return a sine of amplitude 1 that grows from rest over its first cycle."""
     time = _SAMPLING_TIME * np.arange(round(_DURATION / _SAMPLING_TIME))
     size = np.minimum(time * frequency, 1.0)
     return Motion(time, size * np.sin(2 * np.pi * frequency * time), _SAMPLING_TIME)
 
 
 def pictured_form(effect: Effect) -> Form | None:
-    """First form of an effect that the standard motion can show; None where all need further channels."""
+    """Return the first form of an effect that needs no further channels, or None."""
     return next((form for form in effect.forms if not form.channels), None)
 
 
 def signatures(effect: Effect, form: Form | None = None, system: str = "tissue") -> list[Signature]:
     """Simulate an effect, by default in its first form that needs no further channel, at the standard rates.
 
-    Nonlinear parameters are taken from the middle of their starting range, linear ones so that the effect adds `SHARE`
-    of the base's RMS at the lower rate; of forms without linear parameters the starting value that comes
-    nearest to it is taken.
+    Nonlinear parameters are in the middle of their starting range, linear ones have the size with which the effect adds `SHARE`
+    of the base's RMS at the lower rate; for forms without linear parameters the nearest starting value is used.
     """
     form, standard = form or pictured_form(effect), STANDARDS[system]
     bare = Structure(BASES[standard.base])
@@ -86,40 +85,29 @@ def signatures(effect: Effect, form: Form | None = None, system: str = "tissue")
     motions = [standard_motion(frequency) for frequency in RATES]
     own = np.array(standard.linear), np.array(standard.nonlinear)
     bases = [bare.simulate(motion, *own) for motion in motions]
-    linear, nonlinear = _pictured(structure, form, standard, motions[0], bases[0])
+    motion, base, target = motions[0], bases[0], SHARE * _rms(bases[0])
+
+    def scale(kind: str) -> float:
+        return float(np.abs(base).max()) if kind == "force" else motion.scale(kind)
+
+    linear = own[0]
+    if form.place is Place.PARALLEL:
+        middle = np.array([np.sqrt(item.low * item.high) * scale(item.scale) for item in form.nonlinear])
+        nonlinear = np.concatenate([standard.nonlinear, middle])
+        columns = np.array(form.columns(motion, middle)).T
+        signs = np.array([item.sign or 1 for item in form.linear], dtype=float)
+        sizes = signs / np.maximum([_rms(column) for column in columns.T], 1e-300)
+        linear = np.concatenate([linear, target / _rms(columns @ sizes) * sizes])
+    else:
+        points = product(*(item.grid(scale(item.scale)) for item in form.nonlinear))
+        candidates = [np.array([*standard.nonlinear, *point]) for point in points]
+        nonlinear = min(
+            candidates, key=lambda item: abs(_rms(structure.simulate(motion, linear, item) - base) - target)
+        )
     return [
         Signature(rate, motion, base, structure.simulate(motion, linear, nonlinear))
         for rate, motion, base in zip(RATES, motions, bases, strict=True)
     ]
-
-
-def _pictured(
-    structure: Structure, form: Form, standard: Standard, motion: Motion, base: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Linear and nonlinear parameters of the picture."""
-    wanted = SHARE * _rms(base)
-    if form.place is Place.PARALLEL:
-        middle = [
-            np.sqrt(shape.low * shape.high) * _scale(shape.scale, motion, base) for shape in form.nonlinear
-        ]
-        nonlinear = np.concatenate([standard.nonlinear, middle])
-        directions = np.array([linear_parameter.sign or 1 for linear_parameter in form.linear], dtype=float)
-        columns = np.array(form.columns(motion, np.array(middle))).T
-        sizes = directions / np.maximum([_rms(column) for column in columns.T], 1e-300)
-        scale = wanted / _rms(columns @ sizes)
-        return np.concatenate([standard.linear, scale * sizes]), nonlinear
-    best = None
-    for point in product(*(shape.grid(_scale(shape.scale, motion, base)) for shape in form.nonlinear)):
-        nonlinear = np.array([*standard.nonlinear, *point])
-        force = structure.simulate(motion, np.array(standard.linear), nonlinear)
-        distance = abs(_rms(force - base) - wanted)
-        if best is None or distance < best[0]:
-            best = (distance, nonlinear)
-    return np.array(standard.linear), best[1]
-
-
-def _scale(kind: str, motion: Motion, base: np.ndarray) -> float:
-    return float(np.abs(base).max()) if kind == "force" else motion.scale(kind)
 
 
 def _rms(values: np.ndarray) -> float:
@@ -127,31 +115,28 @@ def _rms(values: np.ndarray) -> float:
 
 
 def numerical_problems(form: Form) -> list[tuple[str, str]]:
-    """Numbers that are not finite on a standard motion, and parameters that do nothing there."""
+    """Return values that are not finite on a standard motion, and parameters without influence there."""
     if form.channels:
         return []
     motion = standard_motion(_FREQUENCY_HZ)
-    # such a constant says where a parameter acts, which may be nowhere within the sine
-    may_lie_beyond = any("{x}" in constant.unit for constant in form.constants)
-    force = 2 * motion.position
+    # A constant in units of the input may limit the range in which a parameter acts, which the sine may not reach.
+    has_range = any("{x}" in constant.unit for constant in form.constants)
     ends = [item.grid(1.0)[[0, -1]] for item in form.nonlinear]
     for point in islice(product(*ends), _MAX_CORNERS):
         nonlinear = np.array(point)
         with np.errstate(all="ignore"):
             if form.place is Place.OUTPUT:
-                found = [form.output_transform(force, motion, nonlinear)]
+                columns = [form.output_transform(2 * motion.position, motion, nonlinear)]
             else:
-                found = form.columns(motion, nonlinear)
-        for values, item in zip(found, form.linear or (None,), strict=True):
+                columns = form.columns(motion, nonlinear)
+        for values, item in zip(columns, form.linear or (None,), strict=True):
             wrong = np.flatnonzero(~np.isfinite(values))
-            given = ", ".join(
-                f"{item.name} = {value:g}" for item, value in zip(form.nonlinear, point, strict=True)
-            )
             if len(wrong):
                 at = motion.time[wrong[0]], motion.position[wrong[0]], motion.velocity[wrong[0]]
-                said = "is {} at t = {:.3g}, z = {:.3g}, v = {:.3g}".format(values[wrong[0]], *at)
-                said += f", {given}" if given else ""
-                return [(said, "it must be finite for every position and velocity")]
-            if item and not values.any() and not may_lie_beyond:
+                problem = "is {} at t = {:.3g}, z = {:.3g}, v = {:.3g}".format(values[wrong[0]], *at)
+                named = zip(form.nonlinear, point, strict=True)
+                problem = ", ".join([problem, *(f"{item.name} = {value:g}" for item, value in named)])
+                return [(problem, "it must be finite for every position and velocity")]
+            if item and not values.any() and not has_range:
                 return [(f"{item.name} has no influence on a sine of amplitude 1", "it must have one")]
     return []

@@ -6,8 +6,8 @@ one; if a sign is inverted, only the integral is negative. A spring takes no ene
 decides.
 """
 
-from dataclasses import dataclass
 from itertools import chain, combinations
+from typing import Any
 
 import numpy as np
 
@@ -45,67 +45,52 @@ _BAND_POWER = 0.95
 _SAMPLES_PER_CYCLE = 8
 
 
-@dataclass(frozen=True)
-class _Pair:
-    """Dimensionless relations of input and output of one record: see `_measure_pair`."""
-
-    energy: float
-    swapped_energy: float
-    blocks: np.ndarray
-    swapped_blocks: np.ndarray
-    roughness: float
-    correlation: float
-    passive_share: float
-    inverted_share: float
-    jump: float
-    response_jump: float
-    held: bool
-
-
 def direction_or_sign(experiment: Experiment, layout: ColumnLayout | None = None) -> Finding | None:
     """Report exchanged input and output or an inverted sign of records of a tissue, if it is significant.
 
     The finding has the kind ``direction`` or ``sign``; its sentence ends with the lines to put into the study's YAML, in
     the `layout` that the records were read with, by default that of the project. A pendulum's gravity may have either sign.
     """
-    pairs = [
-        _measure_pair(record.drop_history(record.motion.position), record.drop_history(record.force))
+    measures = [
+        _measure(record.drop_history(record.motion.position), record.drop_history(record.force))
         for record in (*experiment.training.records, *experiment.tests)
     ]
-    layout = layout or TissueSettings().layout
+    columns = (layout or TissueSettings().layout).columns
     position, force = experiment.input_quantity, experiment.output_quantity
-    reason, value = "", 0.0
-    swapped, roughness = (_median(pairs, name) for name in ("swapped_energy", "roughness"))
-    sigmas = _standard_errors([pair.swapped_blocks for pair in pairs])
+    jump, swapped, roughness = (_median(measures, name) for name in ("jump", "swapped_energy", "roughness"))
+    reason, value = "", roughness
     if all(
-        pair.held and pair.jump > _MIN_COMMAND_JUMP and pair.response_jump < _MAX_RESPONSE_JUMP
-        for pair in pairs
+        item["held"] and item["jump"] > _MIN_COMMAND_JUMP and item["response_jump"] < _MAX_RESPONSE_JUMP
+        for item in measures
     ):
-        value = _median(pairs, "jump")
+        value = jump
         reason = (
-            f"the {position} jumps between levels, by {100 * value:.0f} % of its range from one sample to the next, and the "
+            f"the {position} jumps between levels, by {100 * jump:.0f} % of its range from one sample to the next, and the "
             f"{force} follows it smoothly: a command moves like this, a position does not"
         )
-    elif sigmas > _MIN_SIGMAS and swapped > _MIN_ENERGY and roughness > _ROUGHER:
-        value = roughness
+    elif (
+        swapped > _MIN_ENERGY
+        and roughness > _ROUGHER
+        and _standard_errors(measures, "swapped_blocks") > _MIN_SIGMAS
+    ):
         reason = (
             f"the {position} has {roughness:.2g} times the detail of the {force}, and if it were the motion, the material would "
             "give off energy instead of absorbing it (or the output passes a sensor that is slower than the motion)"
         )
     if reason:
-        columns = columns_yaml(input=layout.columns["output"], output=layout.columns["input"])
+        exchanged = columns_yaml(input=columns["output"], output=columns["input"])
         sentence = (
             f"Input and output seem to be exchanged: {reason}. A tissue's input is its motion and its output the force. If the "
             "test was driven by the force (force in, motion out), use --forward, or put this into the study's YAML:\n"
-            f"{_FORWARD}\nIf only the columns are exchanged, put this there instead:\n{columns}"
+            f"{_FORWARD}\nIf only the columns are exchanged, put this there instead:\n{exchanged}"
         )
         return Finding("direction", sentence, value, "")
-    reason, value = _inverted_sign(pairs, position, force)
+    reason, value = _inverted_sign(measures, position, force)
     if not reason:
         return None
     sentence = (
         f"The sign of the {force} seems to be inverted: {reason}. The force is positive along the motion of the tool; if it is "
-        f"the force on the tool, put this into the study's YAML:\n{columns_yaml(output=layout.columns['output'].other_sign)}"
+        f"the force on the tool, put this into the study's YAML:\n{columns_yaml(output=columns['output'].other_sign)}"
     )
     return Finding("sign", sentence, value, "")
 
@@ -113,17 +98,17 @@ def direction_or_sign(experiment: Experiment, layout: ColumnLayout | None = None
 def inverted_sign_reason(record: Record) -> str:
     """Return why the force of a record of position and force has an inverted sign, or an empty text."""
     channels = record.channels["input"], record.channels["output"]
-    pair = _measure_pair(*(channel.values for channel in channels))
-    return _inverted_sign([pair], *(channel.quantity for channel in channels))[0]
+    measures = _measure(*(channel.values for channel in channels))
+    return _inverted_sign([measures], *(channel.quantity for channel in channels))[0]
 
 
-def _inverted_sign(pairs: list[_Pair], position: str, force: str) -> tuple[str, float]:
+def _inverted_sign(measures: list[dict[str, Any]], position: str, force: str) -> tuple[str, float]:
     """Return the reason and the deciding number if a sign is inverted, else an empty text and 0."""
     energy, roughness, correlation, passive, inverted = (
-        _median(pairs, name)
+        _median(measures, name)
         for name in ("energy", "roughness", "correlation", "passive_share", "inverted_share")
     )
-    is_given = _standard_errors([pair.blocks for pair in pairs]) < -_MIN_SIGMAS and energy < -_MIN_ENERGY
+    is_given = _standard_errors(measures, "blocks") < -_MIN_SIGMAS and energy < -_MIN_ENERGY
     is_detailed = roughness < _MUCH_SMOOTHER or (roughness < _SMOOTHER and correlation < _MAX_LAG_CORRELATION)
     if is_given and (is_detailed or (roughness < _ROUGHER and correlation < -_MAX_LAG_CORRELATION)):
         reason = "over the records the material gives off energy instead of absorbing it"
@@ -134,11 +119,19 @@ def _inverted_sign(pairs: list[_Pair], position: str, force: str) -> tuple[str, 
     return "", 0.0
 
 
-def _median(pairs: list[_Pair], name: str) -> float:
-    return float(np.median([getattr(pair, name) for pair in pairs]))
+def _median(measures: list[dict[str, Any]], name: str) -> float:
+    return float(np.median([item[name] for item in measures]))
 
 
-def _measure_pair(position: np.ndarray, force: np.ndarray) -> _Pair:
+def _standard_errors(measures: list[dict[str, Any]], name: str) -> float:
+    """Return the mean energy of the blocks of all records relative to its standard error."""
+    energies = np.concatenate([item[name] for item in measures])
+    spread = float(np.std(energies, ddof=1)) / np.sqrt(len(energies))
+    return float(energies.mean()) / spread if spread > 0 else 0.0
+
+
+def _measure(position: np.ndarray, force: np.ndarray) -> dict[str, Any]:
+    """Return dimensionless relations of input and output of one record."""
     jump, response_jump = (
         float(np.abs(np.diff(signal)).max() / np.ptp(signal)) for signal in (position, force)
     )
@@ -148,19 +141,19 @@ def _measure_pair(position: np.ndarray, force: np.ndarray) -> _Pair:
     speed, rate = np.gradient(first), np.gradient(second)
     first, second = first - first.mean(), second - second.mean()
     passive, inverted = _passive_shares(second, first, speed)
-    return _Pair(
-        energy=_correlation(second, speed),
-        swapped_energy=_correlation(first, rate),  # with input and output exchanged
-        blocks=_block_energies(second * speed),
-        swapped_blocks=_block_energies(first * rate),
-        roughness=_detail(first, speed) / _detail(second, rate),
-        correlation=_correlation(first, second),
-        passive_share=passive,  # of the output that a spring, a damper and a mass explain
-        inverted_share=inverted,  # of the inverted output
-        jump=jump,  # largest step of the input as a share of its range
-        response_jump=response_jump,  # largest step of the output
-        held=bool(np.mean(np.diff(position) == 0) > _MIN_RESTING_SHARE),  # the input is a zero-order hold
-    )
+    return {
+        "energy": _correlation(second, speed),
+        "swapped_energy": _correlation(first, rate),  # with input and output exchanged
+        "blocks": _block_energies(second * speed),
+        "swapped_blocks": _block_energies(first * rate),
+        "roughness": _detail(first, speed) / _detail(second, rate),
+        "correlation": _correlation(first, second),
+        "passive_share": passive,  # of the output that a spring, a damper and a mass explain
+        "inverted_share": inverted,  # of the inverted output
+        "jump": jump,  # largest step of the input as a share of its range
+        "response_jump": response_jump,  # largest step of the output
+        "held": bool(np.mean(np.diff(position) == 0) > _MIN_RESTING_SHARE),  # the input is a zero-order hold
+    }
 
 
 def _smooth(signal: np.ndarray, window: int) -> np.ndarray:
@@ -206,13 +199,6 @@ def _block_energies(power: np.ndarray) -> np.ndarray:
     """Return the mean power in each block of a record, relative to its root mean square."""
     size = max(float(np.sqrt(np.mean(power**2))), 1e-300)
     return np.array([block.mean() / size for block in np.array_split(power, _BLOCKS)])
-
-
-def _standard_errors(blocks: list[np.ndarray]) -> float:
-    """Return the mean energy of the blocks of all records relative to its standard error."""
-    energies = np.concatenate(blocks)
-    spread = float(np.std(energies, ddof=1)) / np.sqrt(len(energies))
-    return float(energies.mean()) / spread if spread > 0 else 0.0
 
 
 def columns_yaml(**columns: ColumnSettings) -> str:
