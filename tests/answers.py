@@ -1,4 +1,4 @@
-"""Answers of the diagnosis to records whose truth is known: what it says, or how it failed, and how long it took."""
+"""Answers of the diagnosis to records with a known truth: its result or error, and the time it took."""
 
 import os
 import time
@@ -14,36 +14,40 @@ from running import PROJECT
 
 JUDGEMENTS = {
     "right": "the right answer, whole",
-    "tied": "the right answer is among those that are said to be indistinguishable",
-    "part": "nothing false, but of the right answer something is not told",
-    "flagged": "no answer, and it says so: unexplained, or incomplete",
-    "WRONG": "confidently wrong: a false name, or said to be adequate or complete",
-    "refused": "an error that says what to change",
-    "crash": "an error that the library does not mean to raise",
+    "tied": "the right answer is among those that are reported as indistinguishable",
+    "part": "nothing false, but a part of the right answer is missing",
+    "flagged": "no answer, but reported as unexplained or incomplete",
+    "WRONG": "confidently wrong: a false name, or reported as adequate or complete",
+    "refused": "an input error or numerical error",
+    "crash": "any other error",
 }
 RIGHT = ("right", "tied")
 """Judgements that count as right."""
 
 
 def surprise(name: str, judgement: str, why: str, recorded: str) -> str:
-    """Words for an answer to a case that is better or worse than recorded; empty where it is as recorded.
+    """Return a message if an answer is better or worse than recorded, else an empty text.
 
-    `judgement` is a key of `JUDGEMENTS`, `recorded` today's judgement and reason where it is not right, empty where it is.
+    `judgement` is a key of `JUDGEMENTS`; `recorded` is the known judgement and reason, empty if that is right.
     """
     known = recorded.split(":")[0]
     if judgement in RIGHT:
-        return f"{name} is {judgement} now: take it off what is not yet right ({recorded})" if known else ""
+        return (
+            f"{name} is {judgement} now: remove it from the list of wrong answers ({recorded})"
+            if known
+            else ""
+        )
     if known and (judgement == "WRONG") == (known == "WRONG"):
         return ""
     return f"{name} was {recorded or 'right'}, and is {judgement} now: {why}"
 
 
 SHARED = Path(os.environ.get("LUMBAR_SHARED", PROJECT.parent / "shared"))
-"""Folder of recordings for tests: beside the project, or where LUMBAR_SHARED says."""
+"""Folder of recordings for tests: that of LUMBAR_SHARED, by default next to the project."""
 
 
 def absent(folder: Path, suite: str) -> str:
-    """Words for a folder that is not there; empty where it is."""
+    """Return a message if a folder does not exist, else an empty text."""
     if folder.is_dir():
         return ""
     return f"no recordings in {folder}: get those of tests/{suite}/README.md, and set LUMBAR_SHARED to the folder above"
@@ -51,15 +55,16 @@ def absent(folder: Path, suite: str) -> str:
 
 @dataclass(frozen=True)
 class Answer:
-    """What a diagnosis said of one set of records."""
+    """Answer of a diagnosis to one set of records."""
 
     document: dict = field(default_factory=dict)
-    """``diagnosis.json``, and under ``settled`` whether a tie comes with an experiment that settles it; empty without result."""
+    """``diagnosis.json``; ``settled`` is true if a tie comes with an experiment that settles it. Empty after an error."""
     refusal: str = ""
+    """Message of an input error or numerical error."""
     crash: str = ""
-    """Words of an error that the library means to raise, and of one that it does not."""
+    """Message of any other error."""
     seconds: float = 0.0
-    """Wall clock of reading and diagnosing."""
+    """Wall-clock time of reading and diagnosing."""
 
     @property
     def verdict(self) -> str:
@@ -71,17 +76,17 @@ class Answer:
 
     @property
     def alternatives(self) -> set[str]:
-        """Effects of the tied sets; what several together would replace stands in one entry, joined by ``+``."""
+        """Effects of the tied sets; an entry with ``+`` is a set of several effects."""
         return {name for entry in self.document.get("tied_with", ()) for name in entry.split("+")}
 
     @property
     def findings(self) -> list[str]:
-        """Kinds of what is true of the records and is no physical effect."""
+        """Kinds of the findings, which are properties of the records."""
         return [item["kind"] for item in self.document.get("findings", ())]
 
     @property
     def unfinished(self) -> bool:
-        """Whether it says of its own model that something is left."""
+        """True if it reports that its own model is incomplete."""
         return self.document["complete"] is False or self.document["verdict_after"] != "adequate"
 
     @property
@@ -106,5 +111,6 @@ def ask(read: Callable[[], tuple[list, dict[str, Any]]]) -> Answer:
         return Answer(refusal=" ".join(str(error).split()), seconds=time.perf_counter() - start)
     except Exception as error:  # a crash of one case is a result of the suite, not its end
         last = traceback.extract_tb(error.__traceback__)[-1]
-        words = f"{type(error).__name__} at {Path(last.filename).name}:{last.lineno}: {' '.join(str(error).split())}"
-        return Answer(crash=words, seconds=time.perf_counter() - start)
+        message = " ".join(str(error).split())
+        crash = f"{type(error).__name__} at {Path(last.filename).name}:{last.lineno}: {message}"
+        return Answer(crash=crash, seconds=time.perf_counter() - start)

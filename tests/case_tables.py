@@ -1,4 +1,4 @@
-"""Tables of cases that stand in a YAML file beside their tests: what is given, and the words that are said of it."""
+"""Tables of cases in a YAML file with the name of a test module."""
 
 from pathlib import Path
 from typing import Any
@@ -7,5 +7,5 @@ import yaml
 
 
 def cases(test: str, name: str) -> Any:
-    """Return a table of the file beside a test module, whose ``__file__`` is given."""
+    """Return a table of the YAML file of a test module with this ``__file__``."""
     return yaml.safe_load(Path(test).with_suffix(".yaml").read_text(encoding="utf-8"))[name]

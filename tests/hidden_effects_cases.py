@@ -1,4 +1,4 @@
-"""What several tests of the hidden effects share: diagnoses and motions of recorded files."""
+"""Diagnoses and motions of recorded files for several tests of the hidden effects."""
 
 import numpy as np
 from scipy.interpolate import make_interp_spline

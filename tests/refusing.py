@@ -1,12 +1,12 @@
-"""The words in which something is refused."""
+"""The message of an input error."""
 
 import pytest
 
 from lumbar.base.errors import InputError
 
 
-def refusal(action, *given, **how) -> str:
-    """Do what is refused; return what is said."""
+def refusal(action, *arguments, **keywords) -> str:
+    """Call a function that must raise an input error; return its message."""
     with pytest.raises(InputError) as caught:
-        action(*given, **how)
+        action(*arguments, **keywords)
     return str(caught.value)

@@ -2,7 +2,7 @@
 
     python tests/hard_effects/ask_cases.py [--only f,g,a00] [--markdown docs/tissue/acceptance.md] [--json FILE]
 
-Ends with status 1 where an answer is not what ``not_yet.toml`` says that it is today, for better or worse.
+The exit status is 1 if an answer is better or worse than recorded in ``not_yet.toml``.
 """
 
 import sys
@@ -24,7 +24,7 @@ FAMILIES = {
     "f": "other linear tissues",
     "g": "contact: palpation, holds, cycles, needles",
     "i": "laws in no catalogue",
-    "j": "pairs that the records cannot tell apart",
+    "j": "pairs that the records do not distinguish",
     "k": "nothing hidden, under noise and faults",
 }
 
@@ -36,11 +36,9 @@ def main() -> int:
     for case, label in run.wanted(read_labels(run.folder)).items():
         answer = ask_case(run.folder / case)
         judgement, why = judge(label, answer)
-        truth = f"{label.tag}, hidden {'+'.join(label.hidden) or '-'}" + (
-            f", fault {label.fault}" if label.fault else ""
-        )
-        told = f"{answer.verdict}: {'+'.join(answer.selected) or '-'}, findings {', '.join(answer.findings) or '-'}"
-        print(f"{case} {judgement:8} {truth} | {told} | {answer.seconds:.1f} s {why}", flush=True)
+        truth = f"{label.tag}, hidden {'+'.join(label.hidden) or '-'}, fault {label.fault or '-'}"
+        result = f"{answer.verdict}: {'+'.join(answer.selected) or '-'}, findings {', '.join(answer.findings) or '-'}"
+        print(f"{case} {judgement:8} {truth} | {result} | {answer.seconds:.1f} s {why}", flush=True)
         judged.append((label.family, judgement))
         run.keep(case, answer, judgement, why, NOT_YET.get(case, ""))
     table = _table(judged)
@@ -50,11 +48,10 @@ def main() -> int:
 
 def _table(judged: list[tuple[str, str]]) -> list[str]:
     lines = [f"| family | cases | {' | '.join(JUDGEMENTS)} |", "|---" * (len(JUDGEMENTS) + 2) + "|"]
-    for family, words in [*FAMILIES.items(), ("all", "")]:
-        own = [item[1] for item in judged if family in (item[0], "all")]
-        counts = Counter(own)
+    for family, title in [*FAMILIES.items(), ("all", "")]:
+        counts = Counter(judgement for member, judgement in judged if family in (member, "all"))
         numbers = " | ".join(str(counts[name] or "") for name in JUDGEMENTS)
-        lines.append(f"| {family}{': ' if words else ''}{words} | {len(own)} | {numbers} |")
+        lines.append(f"| {family}{': ' if title else ''}{title} | {counts.total()} | {numbers} |")
     return lines
 
 

@@ -1,4 +1,4 @@
-"""Whether an answer to a labelled case is the one that the table of README.md asks for."""
+"""Judgement of answers to labelled cases by the table of README.md."""
 
 import json
 import re
@@ -24,11 +24,11 @@ FINDINGS = {
     "force_zero": "force_(offset|zero)",
     "springpot": "linear",
 }
-"""What the kind of a finding must hold, as regular expressions, to tell each fault."""
+"""Regular expression of the kind of finding that reports each fault."""
 NOT_YET = tomllib.loads(Path(__file__).with_name("not_yet.toml").read_text("utf-8"))
-"""Judgement and reason of the cases that are not right today."""
-UNSEEABLE = 0.25
-"""Residual over noise of an effect that adds 3 % to the error: to call the base adequate is no mistake then."""
+"""Judgement and reason of the cases with wrong answers."""
+MIN_VISIBLE = 0.25
+"""Ratio of residual and noise of an effect that adds 3 % to the error; below it the base may be called adequate."""
 
 
 @dataclass(frozen=True)
@@ -47,26 +47,24 @@ class Label:
 
     @property
     def permitted(self) -> set[str]:
-        """Names that are not wrong; above the surface, contact may be an effect as well as part of the base."""
+        """Names that are not wrong; in palpation contact may also be a part of the base."""
         contact = {"contact_loss"} if self.tag.startswith("palpation") else set()
         return {*self.hidden, *self.allowed, *contact}
 
     @property
     def other_tissue(self) -> bool:
-        """Whether the linear tissue underneath has more branches than the base."""
+        """True if the linear tissue has more branches than the base."""
         return self.fault == "springpot" or (self.family == "f" and bool(self.allowed))
 
 
 def read_labels(folder: Path) -> dict[str, Label]:
-    """Labels by case."""
-    return {
-        name: Label(**entry)
-        for name, entry in sorted(json.loads((folder / "labels.json").read_text()).items())
-    }
+    """Return the labels by case."""
+    labels = json.loads((folder / "labels.json").read_text())
+    return {name: Label(**labels[name]) for name in sorted(labels)}
 
 
 def ask_case(folder: Path) -> Answer:
-    """Diagnose one case, with its own settings where it has some."""
+    """Diagnose one case, with its own settings if it has some."""
     return ask(partial(_read, folder))
 
 
@@ -79,45 +77,32 @@ def _read(folder: Path):
 
 
 def judge(label: Label, answer: Answer) -> tuple[str, str]:
-    """Judgement of an answer (`answers.JUDGEMENTS`) and the reason in a few words."""
+    """Return the judgement of an answer (`answers.JUDGEMENTS`) and a short reason."""
     if answer.crash or answer.refusal:
         return ("crash", answer.crash) if answer.crash else ("refused", answer.refusal)
-    if label.family == "i":
-        return _judge_stranger(answer)
-    if label.kind == "tie":
-        return _judge_pair(label, answer)
+    if label.family == "i":  # a law outside the catalogue
+        if answer.verdict != "unexplained" and not answer.unfinished:
+            return "WRONG", "claims to have explained a law that no catalogue has"
+        return ("right", "") if "proposed_law" in answer.findings else ("part", "no law is proposed")
+    if label.kind == "tie":  # effects that the records cannot distinguish
+        if answer.verdict == "tied" and set(label.hidden) <= {*answer.selected, *answer.alternatives}:
+            return ("right", "") if answer.document["settled"] else ("part", "no experiment that settles it")
+        judgement, why = _judge_names(label, answer)
+        return judgement, why or "named without a tie"
     judgement, why = _judge_names(label, answer) if label.hidden else _judge_linear(label, answer)
-    if judgement in ("right", "tied") and label.fault and not _told(label, answer):
-        return "part", f"{label.fault} is no finding"
+    if judgement in ("right", "tied") and label.fault and not set(answer.selected) & set(label.allowed):
+        reported = any(re.search(FINDINGS[label.fault], kind) for kind in answer.findings)
+        return (judgement, why) if reported else ("part", f"{label.fault} is not reported")
     return judgement, why
 
 
-def _judge_stranger(answer: Answer) -> tuple[str, str]:
-    """A law that no catalogue has."""
-    if answer.verdict != "unexplained" and not answer.unfinished:
-        return "WRONG", "claims to have explained a law that no catalogue has"
-    proposed = "proposed_law" in answer.findings
-    return ("right", "") if proposed else ("part", "no law is proposed")
-
-
-def _judge_pair(label: Label, answer: Answer) -> tuple[str, str]:
-    """A pair that the records cannot tell apart."""
-    if answer.verdict == "tied" and set(label.hidden) <= {*answer.selected, *answer.alternatives}:
-        return ("right", "") if answer.document["settled"] else ("part", "no experiment that settles it")
-    judgement, why = _judge_names(label, answer)
-    return judgement, why or "named without a tie"
-
-
 def _judge_linear(label: Label, answer: Answer) -> tuple[str, str]:
-    """No effect is hidden: a linear tissue, perhaps with a fault of a sensor."""
+    """Judge the answer to a linear tissue, perhaps with a fault of a sensor."""
     linear = any("linear" in kind for kind in answer.findings)
     false = sorted(set(answer.selected) - label.permitted)
     if answer.verdict == "unexplained":
-        return (
-            ("right", "linear dynamics")
-            if label.other_tissue and linear
-            else ("flagged", _unexplained(answer))
-        )
+        is_right = label.other_tissue and linear
+        return ("right", "linear dynamics") if is_right else ("flagged", _unexplained(answer))
     if false:
         return "WRONG", f"accuses {', '.join(false)}"
     if label.other_tissue and answer.verdict == "adequate" and not linear:
@@ -126,10 +111,10 @@ def _judge_linear(label: Label, answer: Answer) -> tuple[str, str]:
 
 
 def _judge_names(label: Label, answer: Answer) -> tuple[str, str]:
-    """One or several effects are hidden."""
+    """Judge the answer to one or several hidden effects."""
     hidden, selected = set(label.hidden), set(answer.selected)
     if answer.verdict == "adequate":
-        weak = max(label.residual_over_noise) <= UNSEEABLE
+        weak = max(label.residual_over_noise) <= MIN_VISIBLE
         return ("flagged", "weaker than can be seen") if weak else ("WRONG", "called adequate")
     if answer.verdict == "unexplained":
         return "flagged", _unexplained(answer)
@@ -146,9 +131,3 @@ def _judge_names(label: Label, answer: Answer) -> tuple[str, str]:
 def _unexplained(answer: Answer) -> str:
     candidate = f", best candidate {', '.join(answer.selected)}" if answer.selected else ""
     return f"unexplained{candidate}"
-
-
-def _told(label: Label, answer: Answer) -> bool:
-    """Whether the fault is told: as a finding, or by an effect of the measurement chain that is the same."""
-    by_name = set(answer.selected) & set(label.allowed)
-    return bool(by_name) or any(re.search(FINDINGS[label.fault], kind) for kind in answer.findings)

@@ -36,8 +36,8 @@ def make_with_truth(name: str, seed: int = 1) -> tuple[dict[str, np.ndarray], di
     records = {}
     for record, motion in motions.items():
         position, force = motion.position[::OVERSAMPLING], clean[record]
-        told = force + zero + noise * rng.standard_normal(force.shape)
-        records[record] = np.column_stack([np.arange(len(force)) / RATE_HZ, position, told])
+        measured = force + zero + noise * rng.standard_normal(force.shape)
+        records[record] = np.column_stack([np.arange(len(force)) / RATE_HZ, position, measured])
     truth |= {"case": name, "seed": seed, "noise_N": noise.tolist(), "zero_N": zero.tolist()}
     truth |= {key: case[key] for key in ("base", "symmetry", "unexcited", "expected") if key in case}
     truth["records"] = {record: shares(truth, motions[record], clean[record]) for record in motions}
@@ -218,7 +218,7 @@ def draw_limits(rng: np.random.Generator, truth: dict, motion: Motion) -> dict:
 
 def shares(truth: dict, motion: Motion, clean: np.ndarray) -> dict:
     """RMS of the force, and shares of it: noise by axis, each effect and fault of the sensor, samples clipped by axis."""
-    told = {
+    result = {
         "force_rms_N": rms(clean).tolist(),
         "noise": (truth["noise_N"] / rms(clean)).tolist(),
         "effects": {},
@@ -231,11 +231,11 @@ def shares(truth: dict, motion: Motion, clean: np.ndarray) -> dict:
         without[truth["sensor_fault"]] = truth | {"sensor": np.eye(clean.shape[1])}
     for effect, other in without.items():
         missing = clean - space_tissue.measured_force(other, motion)[::OVERSAMPLING]
-        told["effects"][effect] = float(np.linalg.norm(rms(missing)) / np.linalg.norm(rms(clean)))
+        result["effects"][effect] = float(np.linalg.norm(rms(missing)) / np.linalg.norm(rms(clean)))
     if "saturation" in truth["effects"]:
         limits = [np.inf if limit is None else limit for limit in truth["effects"]["saturation"]["Fs"]]
-        told["clipped"] = np.mean(np.abs(clean) >= np.array(limits), axis=0).tolist()
-    return told
+        result["clipped"] = np.mean(np.abs(clean) >= np.array(limits), axis=0).tolist()
+    return result
 
 
 def main() -> None:
@@ -251,10 +251,12 @@ def main() -> None:
         parser.error(f"--only: no case {', '.join(sorted(unknown))}; there are {', '.join(CASES)}")
     for name in wanted:
         truth = write(options.folder, name, options.seed)
-        for record, told in truth["records"].items():
-            noise = " ".join(f"{100 * share:.2f}" for share in told["noise"])
-            effects = ", ".join(f"{effect} {100 * share:.1f} %" for effect, share in told["effects"].items())
-            print(f"{name:24} {record:10} noise {noise} % {effects} {told.get('clipped', '')}", flush=True)
+        for record, row in truth["records"].items():
+            noise = " ".join(f"{100 * share:.2f}" for share in row["noise"])
+            effects = ", ".join(
+                f"{effect} {100 * share:.1f} %" for effect, share in shares["effects"].items()
+            )
+            print(f"{name:24} {record:10} noise {noise} % {effects} {row.get('clipped', '')}", flush=True)
 
 
 if __name__ == "__main__":

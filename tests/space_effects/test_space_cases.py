@@ -1,28 +1,25 @@
-"""Hidden effects in three axes are told for what they are, whatever the tissue's symmetry and the sensor's axes."""
+"""Hidden effects in three axes are named correctly for every symmetry of the tissue and for rotated sensors."""
 
 import pytest
-from ask_cases import CASES, SETTINGS, ask, held, is_right, records_of
+from ask_cases import CASES, ask, interval_checks, is_right, records_of
 
-from lumbar.tissue.diagnosis.selection.diagnose import diagnose
-from lumbar.tissue.diagnosis.spatial.spatial_diagnosis import refine
+import lumbar
 
-FAST = "hardening"
-"""The case that is asked with the fast tests."""
-
-
+QUICK = "hardening"
+"""The case of the fast tests."""
 _ASKED = [*((name, 1) for name in CASES), ("saturation", 3)]
-"""Cases and seeds: with the last one every channel clips at a limit of its own."""
+"""Cases and seeds; with the last seed every channel clips at its own limit."""
 
 
 @pytest.mark.parametrize(
     ("name", "seed"),
-    [pytest.param(*item, marks=[] if item[0] == FAST else pytest.mark.nightly) for item in _ASKED],
+    [pytest.param(*item, marks=[] if item[0] == QUICK else pytest.mark.nightly) for item in _ASKED],
 )
-def test_a_case_is_told_right(name, seed):
+def test_hidden_effects_are_named_with_covering_intervals(name, seed):
     answer, truth = ask(name, seed)
-    assert is_right(CASES[name]["expected"], answer), answer.words
-    outside = [key for key, inside in held(answer, truth) if not inside]
-    # Parameters of one fit are wide of the truth together, of a frame and a tissue in it most.
+    assert is_right(CASES[name]["expected"], answer), answer.summary
+    outside = [key for key, is_inside in interval_checks(answer, truth) if not is_inside]
+    # The errors of parameters of one fit are correlated, most of all those of a frame and a tissue.
     assert len(outside) <= 4, outside
 
 
@@ -30,14 +27,14 @@ def test_a_case_is_told_right(name, seed):
 @pytest.mark.parametrize(
     ("base", "seed"), [("LE", 2), ("LE", 4), ("KV", 2), ("KB", 2), ("KB", 13), ("KB", 14)]
 )
-def test_friction_makes_its_tissue_no_richer(base, seed, monkeypatch):
-    # Records on which friction's form, slightly wrong when unseen, is mopped up by a dashpot, by axes and by another form.
+def test_friction_does_not_make_the_tissue_richer(base, seed, monkeypatch):
+    # On these unseen records a slightly wrong form of friction is compensated by a dashpot, by axes and by another form.
     case = {"base": base, "symmetry": "isotropic", "effects": ["coulomb_friction"]}
     monkeypatch.setitem(CASES, "isotropic_coulomb", case)
     records, _ = records_of("isotropic_coulomb", seed)
-    told = diagnose(records, SETTINGS).model
-    refined = refine(records, ["coulomb_friction"], SETTINGS)[1][-1]
-    for model in (told, refined):
+    diagnosed = lumbar.diagnose(records, train="multisine").result.model
+    refined = lumbar.refine(records, ["coulomb_friction"], train="multisine").path[-1]
+    for model in (diagnosed, refined):
         assert model.fit.structure.base.name == f"isotropic {base}"
-        # Which of its forms: where starting values are equally good rounding decides.
+        # The form is not checked: if starting values are equally good, rounding decides.
         assert model.effects == ("coulomb_friction",)
