@@ -1,4 +1,4 @@
-"""Linear dynamics of any order from the records alone, and which way round records are."""
+"""Linear dynamics of any order, and detection of exchanged channels and inverted signs."""
 
 import numpy as np
 import pytest
@@ -10,10 +10,7 @@ from scipy.signal import butter, cheby1, cheby2, freqs, lfilter, lsim
 import lumbar
 from column_files import write_columns
 from lumbar.records.columns import read_record
-from lumbar.records.record import Record, RecordSet
-from lumbar.settings.improvement import ImprovementSettings
 from lumbar.settings.layout import ColumnLayout, ColumnSettings
-from lumbar.settings.study_settings import StudySettings
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData, decimate
 from lumbar.tissue.diagnosis.fitting.joint_fit import fit_base
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment, prepare
@@ -33,7 +30,7 @@ SIGMA = 0.002
 
 
 def base_of(prepared):
-    """The base of the linear dynamics of records."""
+    """Return the base of the linear dynamics of records."""
     model = linear_dynamics(prepared)
     return linear_base(model.poles, model.held)
 
@@ -83,8 +80,8 @@ def late(s):
 
 def recorded(
     impedance, sigma: float = SIGMA, step: float = 0.01, extra=lambda position: 0.0, clock: float = 1.0
-) -> list[Record]:
-    """A training record and two unseen ones; `extra` is added to the force; what takes a second is told to take `clock`."""
+) -> list[lumbar.Record]:
+    """Return a training record and two unseen ones with an additional force; a second has the duration `clock`."""
     records = []
     for name, seed, seconds in (("training", 1, 60.0), ("second", 2, 20.0), ("third", 3, 20.0)):
         position = motion(seed, seconds, step)
@@ -105,17 +102,16 @@ def base_candidate(prepared, name: str = "KB"):
 @pytest.mark.parametrize("impedance", [two_branches, springpot, chebyshev, resonances, late])
 def test_linear_materials_are_recovered_to_the_noise(impedance):
     prepared = experiment(impedance)
-    found = linear_dynamics(prepared)
-    assert found.train_rms < 1.03 * SIGMA
-    assert found.test_rms < 1.15 * SIGMA
+    dynamics = linear_dynamics(prepared)
+    assert dynamics.train_rms < 1.03 * SIGMA
+    assert dynamics.test_rms < 1.15 * SIGMA
     base = base_candidate(prepared)
     assert base.train_rms > 3 * SIGMA
-    assert unseen_improvement(base, evaluate(found, prepared), prepared) > 4
+    assert unseen_improvement(base, evaluate(dynamics, prepared), prepared) > 4
 
 
 @pytest.mark.parametrize("impedance", [two_branches, chebyshev, resonances])
-def test_dynamics_of_higher_order_are_a_base_with_an_equation(impedance):
-    """Fitted anew as a base they leave as little, and their transfer function is the material's own."""
+def test_dynamics_of_higher_order_have_the_equation_of_the_material(impedance):
     prepared = experiment(impedance)
     base = base_of(prepared)
     model = fit_candidate(base, prepared)
@@ -124,23 +120,22 @@ def test_dynamics_of_higher_order_are_a_base_with_an_equation(impedance):
     content = refined_document([model], prepared, "")
     (known,) = read_models(content, catalogues_with([], content))
     frequency = np.array([0.3, 1.0, 2.0, 4.0])
-    found = known.to_control()(2j * np.pi * frequency)
-    assert_allclose(found, impedance(2j * np.pi * frequency), rtol=0.03)
+    s = 2j * np.pi * frequency
+    assert_allclose(known.to_control()(s), impedance(s), rtol=0.03)
 
 
-def test_dynamics_without_an_equation_are_no_base():
+def test_delayed_dynamics_have_no_base():
     assert base_of(experiment(late)) is None
 
 
 @pytest.mark.nightly
 @pytest.mark.parametrize("law", [False, True])
-def test_the_best_linear_model_is_told_kept_and_exported(law, tmp_path):
-    settings = StudySettings(improvement=ImprovementSettings(propose_law=law))
-    records = RecordSet(recorded(resonances))
-    found = lumbar.diagnose(records, base="KB", train="training", settings=settings)
-    assert found.result.status == "unexplained"
-    assert found.result.linear.fit.structure.base.name == "linear_dynamics"
-    found.save(tmp_path, pictures=False)
+def test_best_linear_model_is_reported_saved_and_exported(law, tmp_path):
+    settings = lumbar.StudySettings(improvement={"propose_law": law})
+    diagnosis = lumbar.diagnose(recorded(resonances), base="KB", train="training", settings=settings)
+    assert diagnosis.result.status == "unexplained"
+    assert diagnosis.result.linear.fit.structure.base.name == "linear_dynamics"
+    diagnosis.save(tmp_path, pictures=False)
     models = lumbar.load_models(tmp_path / "refined.json")
     assert models[0].name == "linear_dynamics" and models[1].name == "KB"
     assert "linear_dynamics" in (tmp_path / "diagnosis.html").read_text()
@@ -151,18 +146,18 @@ def test_the_best_linear_model_is_told_kept_and_exported(law, tmp_path):
     assert len(written) == 2
 
 
-def test_a_delay_of_minutes_is_found_in_records_of_a_slow_clock():
-    found = linear_dynamics(experiment(late, clock=4096.0))
-    assert found.kind == "delayed"
-    assert found.poles.delay == pytest.approx(0.023 * 4096, rel=0.02)
+def test_delay_of_minutes_is_found_with_a_slow_clock():
+    dynamics = linear_dynamics(experiment(late, clock=4096.0))
+    assert dynamics.kind == "delayed"
+    assert dynamics.poles.delay == pytest.approx(0.023 * 4096, rel=0.02)
 
 
-def test_a_base_that_is_right_is_not_made_any_larger():
+def test_dynamics_of_the_true_base_have_its_order():
     prepared = experiment(lambda s: 0.5 + 0.9 * s / (s + 1 / 0.15))
-    found, base = linear_dynamics(prepared), base_candidate(prepared)
-    assert found.order == 1
-    assert found.test_rms < 1.05 * SIGMA
-    assert unseen_improvement(evaluate(found, prepared), base, prepared) < 2
+    dynamics, base = linear_dynamics(prepared), base_candidate(prepared)
+    assert dynamics.order == 1
+    assert dynamics.test_rms < 1.05 * SIGMA
+    assert unseen_improvement(evaluate(dynamics, prepared), base, prepared) < 2
 
 
 @pytest.mark.parametrize(
@@ -170,37 +165,34 @@ def test_a_base_that_is_right_is_not_made_any_larger():
     [lambda z: 0.02 * z**3, lambda z: 0.1 * z**2, lambda z: 0.3 * np.tanh(np.gradient(z, 0.01) / 2.0)],
     ids=["cubic", "quadratic", "friction"],
 )
-def test_no_order_explains_a_nonlinear_force_on_unseen_motion(force):
+def test_nonlinear_force_is_not_explained_on_unseen_motion(force):
     prepared = experiment(lambda s: 0.5 + 0.9 * s / (s + 1 / 0.15), extra=force)
-    found, base = linear_dynamics(prepared), base_candidate(prepared)
-    assert found.test_rms > 10 * SIGMA
-    assert found.train_rms < 1.001 * base.train_rms
+    dynamics, base = linear_dynamics(prepared), base_candidate(prepared)
+    assert dynamics.test_rms > 10 * SIGMA
+    assert dynamics.train_rms < 1.001 * base.train_rms
 
 
-def test_a_spring_is_not_blown_up_by_a_pole_slower_than_the_record():
-    """On a record that begins at 0 they cancel; the third begins elsewhere."""
+def test_spring_and_slow_pole_do_not_cancel():
     prepared = experiment(lambda s: 0.5 + 0 * s, extra=lambda z: 0.01 * z**3)
     elsewhere = record(motion(9)[300:2300], motion(9)[300:2300], "elsewhere")
-    found = linear_dynamics(prepared)
-    assert np.abs(found.simulate(Motion.of(elsewhere))).max() < 10 * np.abs(elsewhere["output"]).max()
+    dynamics = linear_dynamics(prepared)
+    assert np.abs(dynamics.simulate(Motion.of(elsewhere))).max() < 10 * np.abs(elsewhere["output"]).max()
 
 
-def test_one_sine_asks_for_no_more_than_it_shows():
-    """Mass, spring and constant are told apart by no sine that starts at 0; they would err on any other motion."""
+def test_single_sine_determines_few_parameters():
     position = 2 * np.sin(2 * np.pi * 0.5 * np.arange(0, 30, 0.01))
     test = motion(4)
     records = [
         record(z, response(lambda s: 0.5 + 0.9 * s / (s + 1 / 0.15), z) + SIGMA * noise(len(z), 5), name)
         for z, name in ((position, "sine"), (test, "test"))
     ]
-    found = linear_dynamics(prepare(records, train="sine"))
-    assert found.poles.direct == 2
-    assert found.order <= 1
-    assert found.test_rms < 6 * SIGMA
+    dynamics = linear_dynamics(prepare(records, train="sine"))
+    assert dynamics.poles.direct == 2
+    assert dynamics.order <= 1
+    assert dynamics.test_rms < 6 * SIGMA
 
 
-def test_dynamics_before_and_after_a_saturation():
-    """Wiener–Hammerstein: a third order comes as near as the best of all linear models, here an FIR of 80 taps."""
+def test_wiener_hammerstein_system_is_fitted_as_well_as_by_an_fir():
     random = np.random.default_rng(0)
     low = butter(6, 0.4)
     excitation = lfilter(*low, random.standard_normal(20_000))
@@ -214,12 +206,12 @@ def test_dynamics_before_and_after_a_saturation():
     taps = np.column_stack([delayed, np.ones(len(delayed))])[80:14_000]
     solution = np.linalg.lstsq(taps, output[80:14_000])[0]
     best = float(np.std(delayed[14_200:] @ solution[:-1] + solution[-1] - output[14_200:]))
-    found = linear_dynamics(prepared)
-    assert found.test_rms < 1.05 * best
-    assert found.test_rms < 0.5 * base_candidate(prepared, "KV").test_rms
+    dynamics = linear_dynamics(prepared)
+    assert dynamics.test_rms < 1.05 * best
+    assert dynamics.test_rms < 0.5 * base_candidate(prepared, "KV").test_rms
 
 
-def test_a_held_command_is_answered_by_a_discrete_model():
+def test_held_command_gives_a_discrete_model():
     """Two levels, changed at random: a third-order discrete response."""
     numerator, denominator = [0.0, 0.1, 0.05], np.poly([0.9, 0.8 + 0.3j, 0.8 - 0.3j])
     records = []
@@ -227,36 +219,34 @@ def test_a_held_command_is_answered_by_a_discrete_model():
         command = np.repeat(np.sign(np.random.default_rng(seed).standard_normal(size // 5)), 5)
         output = lfilter(numerator, denominator, command - command[0])
         records.append(record(command, output + SIGMA * noise(size, seed), name))
-    found = linear_dynamics(prepare(records))
-    assert found.order == 3
-    assert found.test_rms < 1.1 * SIGMA
-    assert found.train_rms < 1.05 * SIGMA
+    dynamics = linear_dynamics(prepare(records))
+    assert dynamics.order == 3
+    assert dynamics.test_rms < 1.1 * SIGMA
+    assert dynamics.train_rms < 1.05 * SIGMA
 
 
-def test_long_records_are_fitted_at_a_lower_rate_and_err_at_the_full_one():
+def test_long_records_are_fitted_at_a_lower_rate():
     prepared = experiment(two_branches, step=0.001)
     assert len(decimate(prepared.training).force) < len(prepared.training.force) / 5
-    found = linear_dynamics(prepared)
-    assert len(found.errors(prepared.training)) == prepared.training.size
-    assert found.test_rms < 1.05 * SIGMA
-    assert found.train_rms == pytest.approx(SIGMA, rel=0.03)
+    dynamics = linear_dynamics(prepared)
+    assert len(dynamics.errors(prepared.training)) == prepared.training.size
+    assert dynamics.test_rms < 1.05 * SIGMA
+    assert dynamics.train_rms == pytest.approx(SIGMA, rel=0.03)
 
 
-def test_records_that_are_fitted_together_begin_each_anew():
+def test_joint_records_start_from_rest_each():
     parts = [experiment(two_branches), experiment(two_branches, 1.01 * SIGMA)]
-    joined = prepare([*_named(parts[0], "a"), *_named(parts[1], "b")], train=["training a", "second b"])
+    records = [
+        record(item.motion.position, item.force, f"{item.name} {suffix}")
+        for part, suffix in zip(parts, "ab", strict=True)
+        for item in (part.training, *part.tests)
+    ]
+    joined = prepare(records, train=["training a", "second b"])
     assert linear_dynamics(joined).test_rms < 1.05 * SIGMA
 
 
-def _named(prepared, suffix):
-    return [
-        record(item.motion.position, item.force, f"{item.name} {suffix}")
-        for item in (prepared.training, *prepared.tests)
-    ]
-
-
 @pytest.mark.parametrize("delay", [0.0, 0.013])
-def test_slopes_are_those_of_the_force(delay):
+def test_slopes_are_derivatives_of_the_force(delay):
     poles = Poles(np.array([4.0]), np.array([[9.0, 14.0], [1.0, 90.0]]), delay)
     position = motion(1)
     moved = Motion(np.arange(len(position)) * 0.01, position, 0.01)
@@ -272,7 +262,7 @@ def test_slopes_are_those_of_the_force(delay):
         assert_allclose(slopes[:, index], expected, atol=2e-3 * np.abs(expected).max())
 
 
-def test_poles_are_stable_wherever_they_are_put():
+def test_poles_are_reflected_to_stable_ones():
     poles = Poles.from_places(np.array([3.0, -0.5, 2 + 7j, 2 - 7j, -4.0]))
     assert poles.order == 5
     assert (poles.rates > 0).all()
@@ -285,8 +275,8 @@ STEP = 0.01
 TIME = np.arange(0, 60, STEP)
 
 
-def found(*pairs, layout=None):
-    """Finding in records, each (position, force) or (position, force, step)."""
+def finding(*pairs, layout=None):
+    """Return the finding in records, each (position, force) or (position, force, step)."""
     records = []
     for position, force, *step in pairs:
         step = step[0] if step else STEP
@@ -295,20 +285,7 @@ def found(*pairs, layout=None):
 
 
 def kind(*pairs) -> str | None:
-    finding = found(*pairs)
-    return None if finding is None else finding.kind
-
-
-def flipped(pairs):
-    return [(position, -force, *step) for position, force, *step in pairs]
-
-
-def exchanged(pairs):
-    return [(force, position, *step) for position, force, *step in pairs]
-
-
-def assert_recognised(pairs):
-    assert (kind(*pairs), kind(*flipped(pairs)), kind(*exchanged(pairs))) == (None, "sign", "direction")
+    return getattr(finding(*pairs), "kind", None)
 
 
 def drive(seed: int = 0) -> np.ndarray:
@@ -327,13 +304,16 @@ COMPLIANCES = {
 
 
 @pytest.mark.parametrize("name", COMPLIANCES)
-def test_materials_driven_by_a_force(name, seed=1):
-    force = drive(seed)
+def test_sign_and_direction_of_materials_driven_by_a_force(name):
+    force = drive(1)
     position = lsim(COMPLIANCES[name], force, TIME)[1]
-    assert_recognised([(position + 0.002 * np.std(position) * noise(len(TIME), seed), force)])
+    position = position + 0.002 * np.std(position) * noise(len(TIME), 1)
+    assert kind((position, force)) is None
+    assert kind((position, -force)) == "sign"
+    assert kind((force, position)) == "direction"
 
 
-def test_a_spring_of_the_other_sign_is_told_from_a_mass():
+def test_inverted_spring_is_distinguished_from_a_mass():
     position = drive(5)
     acceleration = np.gradient(np.gradient(position, STEP), STEP)
     assert kind((position, -0.7 * position)) == "sign"
@@ -341,8 +321,8 @@ def test_a_spring_of_the_other_sign_is_told_from_a_mass():
     assert kind((position, 0.01 * acceleration + 0.01 * np.gradient(position, STEP))) is None
 
 
-def test_a_mass_that_is_moved_from_place_to_place_keeps_its_sign():
-    """A carriage on a rack: force while it gains speed, friction while it moves, one move or there and back."""
+def test_mass_moved_from_place_to_place_keeps_its_sign():
+    """A carriage on a rack: a force of acceleration and friction, in one direction or there and back."""
     speed = (
         np.interp(TIME, [5, 5.5, 40, 40.5], [0, 1, 1, 0]),
         np.interp(TIME, [1, 2, 3, 4, 5, 6], [0, 8, 0, 0, -8, 0]),
@@ -354,18 +334,18 @@ def test_a_mass_that_is_moved_from_place_to_place_keeps_its_sign():
         assert kind(pair) is None
 
 
-def test_a_force_that_comes_late_is_no_sign():
-    """A spring behind 20 ms gives energy, as far as the record shows."""
+def test_delayed_force_is_not_an_inverted_sign():
+    """A spring with a delay of 20 ms seems to give off energy."""
     position = drive(6)
     assert kind((position[2:], 0.7 * position[:-2])) is None
 
 
-def test_a_command_of_two_levels_is_no_position():
+def test_command_of_two_levels_is_not_a_position():
     command = np.repeat(np.sign(np.random.default_rng(0).standard_normal(len(TIME) // 20)), 20)
     speed = np.abs(lsim(([1.0], [0.02, 0.2, 1.0]), command, TIME)[1])
-    finding = found((command, speed))
-    assert finding.kind == "direction" and finding.value > 0.9
-    assert kind((command, 0.8 * command)) is None, "a stiff tissue that is stepped jumps with its position"
+    result = finding((command, speed))
+    assert result.kind == "direction" and result.value > 0.9
+    assert kind((command, 0.8 * command)) is None  # the force of a stiff tissue jumps with its position
 
 
 RIGHT = ColumnLayout(
@@ -377,33 +357,33 @@ RIGHT = ColumnLayout(
 )
 
 
-def with_columns(layout, **columns):
+def change_columns(layout, **columns):
     return layout.model_copy(update={"columns": {**layout.columns, **columns}})
 
 
 @pytest.mark.parametrize(
     "wrong",
     [
-        with_columns(RIGHT, input=RIGHT.columns["output"], output=RIGHT.columns["input"]),
-        with_columns(RIGHT, output=RIGHT.columns["output"].model_copy(update={"scale": -0.5})),
+        change_columns(RIGHT, input=RIGHT.columns["output"], output=RIGHT.columns["input"]),
+        change_columns(RIGHT, output=RIGHT.columns["output"].model_copy(update={"scale": -0.5})),
     ],
     ids=["direction", "sign"],
 )
-def test_the_lines_of_yaml_turn_the_records_round(tmp_path, wrong):
+def test_lines_of_yaml_correct_the_records(tmp_path, wrong):
     force = drive(7)
     position = lsim(COMPLIANCES["kelvin_voigt"], force, TIME)[1]
     file = tmp_path / "record.csv"
     write_columns(file, **{"t [s]": TIME, "u: force": 2 * force, "z": position + 2})
     record = read_record(file, wrong)
-    told = found((record["input"], record["output"]), layout=wrong).sentence
-    lines = yaml.safe_load(told[told.index("\ntissue:") :])["tissue"]["layout"]["columns"]
+    sentence = finding((record["input"], record["output"]), layout=wrong).sentence
+    lines = yaml.safe_load(sentence[sentence.index("\ntissue:") :])["tissue"]["layout"]["columns"]
     columns = {role: ColumnSettings(**column) for role, column in lines.items()}
-    turned = read_record(file, with_columns(wrong, **columns))
-    np.testing.assert_allclose(turned["input"], position, atol=1e-12)
-    np.testing.assert_allclose(turned["output"], force, atol=1e-12)
+    corrected = read_record(file, change_columns(wrong, **columns))
+    assert_allclose(corrected["input"], position, atol=1e-12)
+    assert_allclose(corrected["output"], force, atol=1e-12)
 
 
-def test_no_finding_in_any_labelled_experiment(shared):
+def test_labelled_experiments_have_no_such_finding(shared):
     for folder in sorted(
         [*(shared / "hidden_effects").glob("case_*"), *(shared / "hard_effects").glob("*/records")]
     ):

@@ -1,4 +1,4 @@
-"""LaTeX, NumPy and C of every form say the same: LaTeX by sympy, C compiled and run."""
+"""LaTeX, NumPy and C of every form agree: LaTeX by sympy, C compiled and run."""
 
 import re
 import string
@@ -38,7 +38,7 @@ _SUM = re.compile(r"\\sum_\{n=(\d+)\}\^\{(\d+)\} \((.*)\)$")
 
 
 def latex_names(parameters, states) -> dict[str, str]:
-    """Symbol by its LaTeX: parameters, constants, states and signals."""
+    """Return the symbols by LaTeX: parameters, constants, states and signals."""
     names = {item.latex or symbol_latex(item.symbol): item.symbol for item in parameters}
     names |= {symbol_latex(state): state for state in states}
     for symbol, signal in SIGNALS.items():
@@ -47,7 +47,7 @@ def latex_names(parameters, states) -> dict[str, str]:
 
 
 def read_latex(text: str, names: dict[str, str]) -> sympy.Expr:
-    """The expression of one side of an equation, in sympy's symbols."""
+    """Return one side of an equation in sympy's symbols."""
     if found := _SUM.match(text):
         first, last, term = found.groups()
         terms = (_numbered(term, number) for number in range(int(first), int(last) + 1))
@@ -78,7 +78,7 @@ def read_latex(text: str, names: dict[str, str]) -> sympy.Expr:
 
 
 def _unambiguous(read) -> sympy.Expr:
-    """The reading in which every letter of a function is one."""
+    """Return the reading in which every letter of a function is a function."""
     letters = {sympy.Symbol(letter) for letter, _ in _FUNCTIONS.values()}
     readings = {item for item in getattr(read, "children", [read]) if not item.free_symbols & letters}
     assert len(readings) == 1, read
@@ -90,7 +90,7 @@ def _numbered(term: str, number: int) -> str:
 
 
 def constant_of(text: str) -> tuple[str, float]:
-    """LaTeX and value of a line like ``g = 9.81\\,\\mathrm{m/s^2}``."""
+    """Return LaTeX and value of a line like ``g = 9.81\\,\\mathrm{m/s^2}``."""
     name, value = re.fullmatch(r"(.+) = ([^\\]+)\\,\\mathrm\{.+\}", text).groups()
     return name, float(value)
 
@@ -107,13 +107,13 @@ EVERY_FORM = {
 HAND_WRITTEN = {
     "hysteresis/elastoplastic", "hysteresis/iwan", "delay/pure", "backlash/play",
 }  # fmt: skip
-"""What no equation says."""
+"""Forms without an equation."""
 CONTACTS = {"base/KV-contact", "base/KB-contact"}
-"""Bases of a tool that leaves the tissue: no equation says when, and no FMU holds them."""
+"""Bases of a tool that leaves the tissue: they have no equation and no FMU."""
 EQUATIONS = {key: form for key, form in EVERY_FORM.items() if key not in HAND_WRITTEN | CONTACTS}
 CLOSED_FORMS = {"hysteresis/bouc_wen", "hysteresis/bouc_wen_general"}
 STEPPED = HAND_WRITTEN | CLOSED_FORMS
-"""Whose C code is written by hand; Bouc–Wen's are the closed forms of their equations."""
+"""Forms with hand-written C code; those of Bouc–Wen are closed forms of their equations."""
 ON_OUTPUT = [key for key in FORM_NUMBERS if FORMS[key].place is Place.OUTPUT]
 OTHERS = [key for key in FORM_NUMBERS if key not in {*ON_OUTPUT, *STEPPED}]
 STRUCTURES = [
@@ -131,11 +131,11 @@ WITH_HAND_WRITTEN = [
 
 @pytest.fixture(scope="module")
 def c_folder(tmp_path_factory):
-    """Return one folder for all models: what they have in common is compiled once."""
+    """Return one folder for all models: common parts are compiled a single time."""
     return tmp_path_factory.mktemp("models")
 
 
-def test_what_is_written_by_hand_is_known():
+def test_list_of_hand_written_forms_is_complete():
     assert {key for key, form in EVERY_FORM.items() if form.hand_written} == HAND_WRITTEN | CONTACTS
     assert {key for key, form in EVERY_FORM.items() if form.c_solution} == CLOSED_FORMS
     assert set(FORM_NUMBERS) == set(FORMS)
@@ -143,8 +143,8 @@ def test_what_is_written_by_hand_is_known():
     assert {key for key, form in EVERY_FORM.items() if not form.channels} - in_c == CONTACTS
 
 
-def in_expressions(model, positions: np.ndarray, functions: dict) -> np.ndarray:
-    """A model's response from the very trees that its C code is printed from, on the C library's functions."""
+def evaluate_expressions(model, positions: np.ndarray, functions: dict) -> np.ndarray:
+    """Return a model's response from the expression trees of its C code, on the functions of the C library."""
     motion = SampledMotion.of_positions(positions, model.sampling_time)
     force = np.zeros(len(positions))
     with np.errstate(over="ignore"):
@@ -169,9 +169,9 @@ def in_expressions(model, positions: np.ndarray, functions: dict) -> np.ndarray:
 
 
 def _states(state, motion, values, functions) -> dict[str, np.ndarray]:
-    """States step by step; each is on its own and begins at 0."""
+    """Return the states step by step; they are not coupled and start at 0."""
     signals = {"v": motion.velocity, "dz": motion.increments}
-    found = {}
+    states = {}
     for part in state.apart:
         (name,) = part.names
         step = Evaluator([portable(part.scalar_step)], functions)
@@ -179,8 +179,8 @@ def _states(state, motion, values, functions) -> dict[str, np.ndarray]:
         for k in range(1, len(motion)):
             now = {symbol: signal[k : k + 1] for symbol, signal in signals.items()}
             path += step({**values, STEP_SYMBOL: motion.sampling_time, **now, name: path[-1]})
-        found[name] = np.concatenate(path)
-    return found
+        states[name] = np.concatenate(path)
+    return states
 
 
 @ON_LINUX
@@ -188,28 +188,27 @@ def _states(state, motion, values, functions) -> dict[str, np.ndarray]:
 def test_c_code_is_its_expression_bit_for_bit(structure, functions, zig_cache, c_folder):
     model = exported(effect_entry(*structure))
     inputs = random_motion(3000, seed=4)
-    found = CModel(model, c_folder, zig_cache).response(inputs)
-    expected = in_expressions(model.dynamics, inputs, functions)
+    response = CModel(model, c_folder, zig_cache).response(inputs)
+    expected = evaluate_expressions(model.dynamics, inputs, functions)
     assert not np.any((np.abs(expected) < NEGLIGIBLE) & (expected != 0))
-    np.testing.assert_array_equal(found, expected)
+    np.testing.assert_array_equal(response, expected)
     plain = model.dynamics.response(inputs)
-    np.testing.assert_allclose(found, plain, rtol=0, atol=1e-12 * max(1.0, np.abs(plain).max()))
+    np.testing.assert_allclose(response, plain, rtol=0, atol=1e-12 * max(1.0, np.abs(plain).max()))
 
 
 @ON_LINUX
 @pytest.mark.parametrize("structure", WITH_HAND_WRITTEN, ids="+".join)
-def test_c_code_by_hand_is_the_catalogues_simulation(structure, zig_cache, c_folder):
-    """Both are written by hand, in different ways: NumPy from reversal to reversal, C sample by sample."""
+def test_hand_written_c_code_equals_the_simulation(structure, zig_cache, c_folder):
+    """NumPy goes from reversal to reversal, C from sample to sample."""
     model = exported(effect_entry(*structure))
     inputs = random_motion(3000, seed=4)
-    found = CModel(model, c_folder, zig_cache).response(inputs)
+    response = CModel(model, c_folder, zig_cache).response(inputs)
     plain = model.dynamics.response(inputs)
-    np.testing.assert_allclose(found, plain, rtol=0, atol=1e-12 * max(1.0, np.abs(plain).max()))
+    np.testing.assert_allclose(response, plain, rtol=0, atol=1e-12 * max(1.0, np.abs(plain).max()))
 
 
 @pytest.mark.parametrize("form", EQUATIONS.values(), ids=lambda form: form.key)
-def test_latex_is_the_simulation(form):
-    """What sympy reads in the LaTeX gives the numbers of the columns, and the rates of the states."""
+def test_latex_gives_the_columns_and_rates(form):
     equation = form.parsed_equation
     items = (*form.linear, *form.nonlinear, *form.constants)
     names = latex_names(items, [name for name, _ in form.state])
@@ -225,24 +224,24 @@ def test_latex_is_the_simulation(form):
         given[item.symbol] = np.full(40, getattr(item, "value", 0.8))
     for name in ("t", "s", "box_held", "length"):
         given[name] = np.abs(given[name])
-    assert _of(read_latex(force, names), given) == pytest.approx(
+    assert _evaluate(read_latex(force, names), given) == pytest.approx(
         _total(equation, given), rel=1e-11, abs=1e-12
     )
     for line, (name, slope) in zip(rates, equation.slopes.items(), strict=True):
         left, right = line.split(" = ")
         assert left == rf"\dot {name}"
-        found = _of(read_latex(right, names), given)
-        assert found == pytest.approx(Evaluator([slope])(given)[0], rel=1e-11, abs=1e-12)
+        rate = _evaluate(read_latex(right, names), given)
+        assert rate == pytest.approx(Evaluator([slope])(given)[0], rel=1e-11, abs=1e-12)
 
 
-def _of(reading: sympy.Expr, given: dict) -> np.ndarray:
+def _evaluate(reading: sympy.Expr, given: dict) -> np.ndarray:
     used = sorted(map(str, reading.free_symbols))
     compute = sympy.lambdify([sympy.Symbol(name, real=True) for name in used], reading, "numpy")
     return np.broadcast_to(compute(*(given[name] for name in used)), 40)
 
 
 def _total(equation, given: dict) -> np.ndarray:
-    """The columns times their parameters; of an output form what it makes of the force."""
+    """Return the sum of columns times parameters, or the output of an output form."""
     columns = Evaluator(equation.columns)(given)
     if equation.transforms:
         return columns[0]

@@ -1,4 +1,4 @@
-"""The catalogue: complete, each form what its equation says; operators against brute force, equations and closed forms."""
+"""The catalogue is complete and each form follows its equation; operators against fine steps, equations and closed forms."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -74,14 +74,14 @@ EQUATIONS = {
 
 
 @pytest.mark.parametrize("key", EQUATIONS)
-def test_columns_against_the_equation_with_exact_derivatives(key, motion):
+def test_columns_equal_the_equation_with_exact_derivatives(key, motion):
     form = next(form for form in FORMS if form.key == key)
     slow, fast, time = 2 * np.pi * 0.7, 2 * np.pi * 2.3, motion.time
     velocity = 3 * slow * np.cos(slow * time) - fast * np.sin(fast * time)
     acceleration = -3 * slow**2 * np.sin(slow * time) - fast**2 * np.cos(fast * time)
     expected = EQUATIONS[key](motion.position, velocity, acceleration, time, middle(form))
-    for found, wanted in zip(form.columns(motion, middle(form)), expected, strict=True):
-        assert np.abs(found - wanted)[10:-10].max() < 2e-3 * np.abs(wanted).max()
+    for column, exact in zip(form.columns(motion, middle(form)), expected, strict=True):
+        assert np.abs(column - exact)[10:-10].max() < 2e-3 * np.abs(exact).max()
 
 
 def test_output_forms_limit_force_without_overflow(motion):
@@ -99,7 +99,7 @@ def test_output_forms_limit_force_without_overflow(motion):
     assert np.allclose(limited("saturation/rounded", 6.0, 5.0)[:-2], expected)
 
 
-def test_iwans_elements_slide_one_after_the_other():
+def test_elements_of_iwan_slide_one_after_the_other():
     """Pushed from rest, stiffness falls by one element's share whenever it begins to slide."""
     position = np.linspace(0, 4, 401)
     form = next(form for form in FORMS if form.key == "hysteresis/iwan")
@@ -134,7 +134,7 @@ def test_user_defined_effect_in_python(tmp_path):
 
 
 @pytest.mark.parametrize(("system", "name"), [("tissue", "effects"), ("pendulum", "pendulum_effects")])
-def test_the_pages_of_the_catalogues_say_what_the_definitions_say(project, system, name):
+def test_pages_of_the_catalogues_are_up_to_date(project, system, name):
     from generate.effects_reference import effects_page
 
     page = project / "docs" / "tissue" / f"{name}.md"
@@ -151,7 +151,7 @@ FOLDER = Path(catalogue.__file__).parent
 FILES = sorted(FOLDER.glob("*/*.yaml"))
 
 
-def test_every_file_of_the_catalogue_is_in_it():
+def test_catalogue_contains_every_file():
     for name in ("tissue", "pendulum", "motion_sensor"):
         effects = getattr(catalogue, name.upper())
         files = {path.stem: path for path in (FOLDER / name).glob("*.yaml")}
@@ -161,7 +161,7 @@ def test_every_file_of_the_catalogue_is_in_it():
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: f"{path.parent.name}/{path.stem}")
 def test_catalogue_files_pass_checks_of_user_files(path):
-    """Strictly, with each key once and every equation tried; only hooks are not for them."""
+    """Only hooks are not allowed in user files."""
     problems = Problems("catalogue")
     strict = read_yaml(path, problems, anchors=False)
     problems.raise_if_any()
@@ -226,7 +226,7 @@ OPERATORS = {
 
 @pytest.mark.parametrize("name", OPERATORS)
 @pytest.mark.parametrize("seed", range(3))
-def test_a_smooth_motion_turns_between_its_samples(name, seed):
+def test_smooth_motion_turns_between_its_samples(name, seed):
     sampled, fine = band_limited(seed)
     truth = OPERATORS[name](fine)[::FINE]
     apart = Motion(sampled.time, sampled.position, STEP, smooth=False)
@@ -235,7 +235,7 @@ def test_a_smooth_motion_turns_between_its_samples(name, seed):
     assert abs(within.mean()) < 1e-3 * np.abs(truth).mean()
 
 
-def test_a_branch_behind_play_follows_what_moves_between_samples():
+def test_branch_with_play_follows_the_motion_between_samples():
     sampled, fine = band_limited(3)
     truth = relaxation(Motion(fine.time, play(fine, 0.4), fine.sampling_time, smooth=False), 0.1)[::FINE]
     error = relaxation(sampled.through(lambda motion: play(motion, 0.4)), 0.1) - truth
@@ -243,7 +243,7 @@ def test_a_branch_behind_play_follows_what_moves_between_samples():
     assert np.sqrt(np.mean(error**2)) < 0.3 * np.sqrt(np.mean(coarse**2))
 
 
-def test_rests_and_corners_of_a_machine_are_no_turns_between_samples():
+def test_rests_and_corners_are_not_turns_between_samples():
     ramps = np.concatenate([np.arange(50), np.full(30, 50.0), 50 - np.arange(50), np.arange(20)])
     motion = Motion(np.arange(len(ramps)) * STEP, ramps, STEP)
     np.testing.assert_allclose(motion.turns, ramps[motion.reversals], atol=1e-12)
@@ -283,7 +283,7 @@ def extended(experiment: Experiment, *names: str, effect: str = "hysteresis") ->
     return extend(base, {effect.name: effect}, experiment)
 
 
-def test_the_loop_of_the_benchmark_is_found_with_its_parameters():
+def test_loop_of_the_benchmark_is_found_with_its_parameters():
     """w = (γ − δ)/2γ = 1.1875 for γ = 0.8, δ = −1.1, beyond what a quadratic energy admits."""
     experiment = experiment_of("bouc_wen_general", 0.6, 1.1875)
     best = extended(experiment)[0]
@@ -294,14 +294,13 @@ def test_the_loop_of_the_benchmark_is_found_with_its_parameters():
 
 
 @pytest.mark.parametrize("form", ["dahl", "bouc_wen"])
-def test_a_simple_loop_is_not_generalised(form):
-    found = extended(experiment_of(form, 0.6))
-    assert found[0].fit.structure.forms[0].name == form
-    assert all(not item.fit.structure.forms[0].general for item in found)
+def test_simple_loop_is_not_generalised(form):
+    candidates = extended(experiment_of(form, 0.6))
+    assert candidates[0].fit.structure.forms[0].name == form
+    assert all(not item.fit.structure.forms[0].general for item in candidates)
 
 
-def test_a_general_loop_that_removes_less_than_half_of_the_rest_is_not_taken():
-    """Of an elastoplastic loop it leaves less than Dahl's, as any curve with a parameter more."""
+def test_general_loop_with_a_small_gain_is_not_selected():
     experiment = experiment_of("elastoplastic", 0.6)
     simple, general = (extended(experiment, name)[0] for name in ("dahl", "bouc_wen_general"))
     noise = experiment.floor.rms
@@ -313,7 +312,7 @@ def test_a_general_loop_that_removes_less_than_half_of_the_rest_is_not_taken():
     } == {"dahl"}
 
 
-def test_stribecks_friction_is_taken_where_breaking_away_shows():
+def test_stribeck_friction_is_selected_if_it_is_visible():
     weak = extended(experiment_of("coulomb", 0.5), effect="coulomb_friction")
     assert weak[0].fit.structure.forms[0].name == "coulomb"
     assert all(not item.fit.structure.forms[0].general for item in weak)

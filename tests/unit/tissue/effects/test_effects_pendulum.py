@@ -54,8 +54,8 @@ def base_linear(sign, inertia=CENTRAL + MASS * LENGTH**2, gravity=MASS * 9.81 * 
     return [inertia, DAMPING, sign * gravity]
 
 
-def assert_alike(found, expected):
-    assert np.abs(found - expected)[AWAY_FROM_ENDS].max() < 2e-6 * np.abs(expected).max()
+def assert_close(moment, expected):
+    assert np.abs(moment - expected)[AWAY_FROM_ENDS].max() < 2e-6 * np.abs(expected).max()
 
 
 SIGNS = pytest.mark.parametrize(("name", "sign"), [("hanging", 1.0), ("inverted", -1.0)])
@@ -68,8 +68,8 @@ def simulated(key, linear, nonlinear=(), base=None, sign=1.0, forms=FORMS):
 
 
 @SIGNS
-def test_the_base_is_the_rigid_pendulum(name, sign):
-    assert_alike(simulated("", [], sign=sign), newton(name == "hanging"))
+def test_base_is_the_rigid_pendulum(name, sign):
+    assert_close(simulated("", [], sign=sign), newton(name == "hanging"))
 
 
 @SIGNS
@@ -80,13 +80,13 @@ def test_box_and_varying_length_follow_gravity(name, sign, gravity):
     forms = {form.key: form for item in catalogue.values() for form in item.forms}
     box = Mass(15.0, constant(0.5), lambda time: (time > 4) * (time < 12) * 1.0)
     base = base_linear(sign, gravity=MASS * gravity * LENGTH)
-    found = simulated(f"hand_load/measured_{name}", [15.0], [0.5], base, forms=forms)
-    assert_alike(found, newton(hanging, box=box, gravity=gravity))
+    moment = simulated(f"hand_load/measured_{name}", [15.0], [0.5], base, forms=forms)
+    assert_close(moment, newton(hanging, box=box, gravity=gravity))
     guessed = simulated(f"hand_load/interval_{name}", [15.0], [0.5, 4.0, 12.0], base, forms=forms)
     settled = (np.abs(TIME - 4) > 0.1) & (np.abs(TIME - 12) > 0.1)
-    assert np.allclose(guessed[settled], found[settled], atol=1e-9)
+    assert np.allclose(guessed[settled], moment[settled], atol=1e-9)
     key, base = f"variable_length/measured_{name}", base_linear(sign, CENTRAL, 0.0)
-    assert_alike(simulated(key, [MASS], (), base, forms=forms), newton(hanging, stretched, gravity=gravity))
+    assert_close(simulated(key, [MASS], (), base, forms=forms), newton(hanging, stretched, gravity=gravity))
 
 
 def test_gravity_must_be_positive():
@@ -96,13 +96,13 @@ def test_gravity_must_be_positive():
     assert catalogue_with([], "pendulum") == PENDULUM
 
 
-def test_a_length_in_proportion_to_the_angle():
+def test_length_in_proportion_to_the_angle():
     share = 0.3
-    found = simulated(
+    moment = simulated(
         "variable_length/linear_in_angle",
         [2 * MASS * LENGTH**2 * share, MASS * LENGTH**2 * share**2, MASS * 9.81 * LENGTH * share],
     )
-    assert_alike(found, newton(length=lambda time: LENGTH * (1 + share * angle(time))))
+    assert_close(moment, newton(length=lambda time: LENGTH * (1 + share * angle(time))))
 
 
 @pytest.mark.parametrize("share", [1e-4, -1e-4])
@@ -117,30 +117,30 @@ def test_first_order_forms_match_newton(share):
 
     inertia, gravity = MASS * LENGTH**2, MASS * 9.81 * LENGTH
     squared = FORMS["variable_length/quadratic_in_angle"].columns(MOTION, np.zeros(0))
-    assert_alike(
+    assert_close(
         np.stack(squared, axis=1) @ [2 * inertia, gravity], difference(lambda time: angle(time) ** 2)
     )
     turning = FORMS["variable_length/oscillating"].columns(MOTION, np.array([0.4]))
     for phase, chosen in ((0.0, [2 * inertia, 0, gravity, 0]), (np.pi / 2, [0, 2 * inertia, 0, gravity])):
         expected = difference(lambda time, phase=phase: np.sin(2 * np.pi * 0.4 * time + phase))
-        assert_alike(np.stack(turning, axis=1) @ chosen, expected)
+        assert_close(np.stack(turning, axis=1) @ chosen, expected)
 
 
 @SIGNS
-def test_a_pivot_that_moves(name, sign):
+def test_moving_pivot(name, sign):
     hanging, first_moment = name == "hanging", MASS * LENGTH
     both = simulated(f"moving_pivot/measured_{name}", [first_moment], sign=sign)
-    assert_alike(both, newton(hanging, pivot=(pivot_x, pivot_z)))
+    assert_close(both, newton(hanging, pivot=(pivot_x, pivot_z)))
     along = simulated("moving_pivot/measured_horizontal", [first_moment], sign=sign)
-    assert_alike(along, newton(hanging, pivot=(pivot_x, constant(0.0))))
+    assert_close(along, newton(hanging, pivot=(pivot_x, constant(0.0))))
     up = simulated("moving_pivot/measured_vertical", [sign * first_moment], sign=sign)
-    assert_alike(up, newton(hanging, pivot=(constant(0.0), pivot_z)))
+    assert_close(up, newton(hanging, pivot=(constant(0.0), pivot_z)))
     largest = -first_moment * 0.03 * (2 * np.pi * 0.6) ** 2
     swaying = simulated("moving_pivot/swaying", [largest, 0.0], [0.6], sign=sign)
-    assert_alike(swaying, along)
+    assert_close(swaying, along)
     largest = -sign * first_moment * 0.02 * (2 * np.pi * 0.5) ** 2
     heaving = simulated("moving_pivot/heaving", [0.0, largest], [0.5], sign=sign)
-    assert_alike(heaving, up)
+    assert_close(heaving, up)
 
 
 @pytest.mark.parametrize(
@@ -160,8 +160,8 @@ def test_a_pivot_that_moves(name, sign):
 def test_moments_of_the_joint(key, nonlinear, law):
     columns = FORMS[key].columns(MOTION, np.array(nonlinear))
     expected = law(angle(TIME), rate(angle, TIME))
-    for found, wanted in zip(columns, expected, strict=True):
-        assert_alike(found, wanted)
+    for moment, law_moment in zip(columns, expected, strict=True):
+        assert_close(moment, law_moment)
 
 
 def test_channels_follow_the_motion():
@@ -174,7 +174,7 @@ def test_channels_follow_the_motion():
 
 
 def residual_of(added):
-    """Return what the base leaves of an added moment."""
+    """Return the residual of an added moment after a fit of the base."""
     columns = np.stack(BASES["pendulum"].form.columns(MOTION, np.zeros(0)), axis=1)
     return added - columns @ np.linalg.lstsq(columns, added, rcond=None)[0]
 
@@ -183,5 +183,5 @@ def residual_of(added):
 def test_interval_of_load_is_found(grasp, release):
     carriers = [MOTION.acceleration, np.sin(MOTION.position)]
     added = (grasp < TIME) * (release > TIME) * (3 * carriers[0] + 60 * carriers[1])
-    (found,) = interval_starts(MOTION, residual_of(added), carriers)
-    assert found == pytest.approx([max(grasp, 0.01), release], abs=0.13)
+    (interval,) = interval_starts(MOTION, residual_of(added), carriers)
+    assert interval == pytest.approx([max(grasp, 0.01), release], abs=0.13)
