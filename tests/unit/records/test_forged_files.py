@@ -115,7 +115,7 @@ def test_all_forged_files_and_hundreds_changed_at_random(tmp_path):
 def test_names_without_end_in_a_header_take_no_time(tmp_path):
     path = tmp_path / "sheet.csv"
     path.write_text("a," * 450_000 + "\n" + "1," * 450_000 + "\n")
-    with pytest.raises(InputError, match=r"sheet\.csv, header: 'a' stands twice|sheet\.csv, header: '', 'a'"):
+    with pytest.raises(InputError, match=r"sheet\.csv, header: duplicate ('', )?'a'"):
         lumbar.read(path, "survey")
 
 

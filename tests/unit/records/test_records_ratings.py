@@ -32,7 +32,7 @@ def written(tmp_path, *lines):
 def test_answers_are_read_in_the_order_of_the_layout(tmp_path):
     ratings = read_ratings(written(tmp_path, *GOOD), LAYOUT)
     assert ratings.participants == ("a", "b", "c")
-    assert ratings.of("HO").tolist() == [3, 4, 2]
+    assert ratings.scores_of("HO").tolist() == [3, 4, 2]
     assert ratings.counts().tolist() == [[1, 1, 0, 0, 1], [0, 2, 0, 1, 0], [0, 1, 1, 1, 0]]
     assert ratings.picks().tolist() == [1, 1, 1]
     assert ratings.groups["clinician"].tolist() == [True, False, True]
@@ -57,7 +57,7 @@ def test_all_problems_are_found_at_once(tmp_path):
         "line 2: best is 'KX'; allowed: IL, KB, HO",
         "line 2: clinician is 'perhaps'",
         "line 2: years is '10'; allowed: <5, >=5",
-        "line 4: who is 'a'; this participant stands in an earlier line too",
+        "line 4: who is 'a'; this participant is also in an earlier line",
         "line 5: 4 cells; the header has 7",
         "line 6: who is empty; fill it in",
         "line 7: rating_HO is 'six'",
@@ -81,7 +81,7 @@ def test_missing_columns_are_named_beside_wrong_cells(tmp_path):
         (b"", "empty; a header with who"),
         ((HEADER + "\n").encode(), "0 participants"),
         ((HEADER + "\n" + GOOD[0] + "\n").encode(), "1 participants"),
-        (HEADER.replace("rating_KB", "rating_IL").encode() + b"\n", "stands twice"),
+        (HEADER.replace("rating_KB", "rating_IL").encode() + b"\n", "duplicate 'rating_IL'"),
         (HEADER.encode() + b'\n"a,1,2,3', "line 2: 1 cells; the header has 7"),
         (HEADER.encode() + b"\n\xff\xfe,1", "not UTF-8 text"),
     ],
@@ -101,7 +101,7 @@ def test_answer_in_quotes_may_span_lines(tmp_path):
 def test_contradictory_layouts(tmp_path):
     path = written(tmp_path, *GOOD)
     twice = LAYOUT.model_copy(update={"models": LAYOUT.models[:1] * 3})
-    assert "IL stands twice" in refusal(read_ratings, path, twice)
+    assert "duplicate IL" in refusal(read_ratings, path, twice)
     assert "column 'rating_IL' is used twice" in refusal(read_ratings, path, twice)
     assert "experience_levels" in refusal(
         read_ratings, path, LAYOUT.model_copy(update={"experience_levels": ()})

@@ -1,22 +1,23 @@
-"""Read the answers of a survey: one row per participant, with declared columns, checked as a whole.
+"""Answers of a survey: one row per participant, with declared columns, all checked.
 
 A layout is `lumbar.settings.survey.RatingsLayout`; in a study's YAML::
 
     delimiter: ","
-    participant: participant            # column that names the participant
+    participant: participant            # column of the participants' names
     models:                             # rating questions, in the order of the tables
       - {name: IL, column: IL}
       - {name: MW, column: MW}
     scale_points: 5                     # ratings are 1, 2, ..., scale_points
-    best: best                          # column that holds the name of the model picked as the best
+    best: best                          # column of the model that was picked as the best
     yes_no: [clinician, palpation]      # columns that describe the participants
     experience: experience              # column of a single choice, or null
     experience_levels: ["<5", "5-20", ">20"]
-    source: source                      # column that says where an answer comes from, or null
+    source: source                      # column of the origin of an answer, or null
 """
 
 import os
 from collections import Counter
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -28,7 +29,7 @@ from lumbar.records.number_table import Dialect, split_rows, stream_lines
 from lumbar.settings.survey import RatingsLayout
 
 NOT_REAL = "reconstructed_not_real"
-"""Value of the source column that marks answers nobody gave."""
+"""Value of the source column of reconstructed answers."""
 _YES = ("1", "yes", "true")
 _NO = ("0", "no", "false")
 
@@ -38,7 +39,7 @@ class Ratings:
     """Answers of all participants."""
 
     participants: tuple[str, ...]
-    """Names or codes, in the order of the file."""
+    """Names or codes in the order of the file."""
     models: tuple[str, ...]
     """Rated models, in the order of the tables."""
     scores: np.ndarray
@@ -46,34 +47,34 @@ class Ratings:
     scale_points: int
     """Number of points of the Likert scale."""
     best: tuple[str, ...]
-    """The model that each participant picked as the best."""
+    """Best model by each participant."""
     groups: dict[str, np.ndarray]
     """Shape (participants,): answers to the yes/no questions."""
     experience: tuple[str, ...] = ()
-    """Level of each participant; empty where it was not asked."""
+    """Level of each participant; empty without the question."""
     experience_levels: tuple[str, ...] = ()
-    """All levels that could be chosen, in order."""
+    """All possible levels in order."""
     sources: tuple[str, ...] = ()
-    """Distinct values of the source column, sorted; empty where there is none."""
+    """Distinct values of the source column, sorted; empty without the column."""
 
     def __len__(self) -> int:
         return len(self.participants)
 
-    def of(self, model: str) -> np.ndarray:
-        """All ratings of one model, shape (participants,)."""
+    def scores_of(self, model: str) -> np.ndarray:
+        """Return all ratings of one model, shape (participants,)."""
         return self.scores[:, self.models.index(model)]
 
     def counts(self) -> np.ndarray:
-        """How often each rating was given: shape (models, scale_points)."""
+        """Return the number of each rating, shape (models, scale_points)."""
         points = np.arange(1, self.scale_points + 1)
         return (self.scores.T[:, :, None] == points).sum(axis=1)
 
     def picks(self) -> np.ndarray:
-        """How often each model was picked as the best: shape (models,)."""
+        """Return how often each model was the best, shape (models,)."""
         return np.array([self.best.count(model) for model in self.models])
 
     def label(self, source_label: str, not_real: str) -> str:
-        """Where the answers come from, on every table and figure: `not_real` first where the file marks them so."""
+        """Return the source label of tables and figures, with `not_real` before that of reconstructed answers."""
         return f"{not_real}, {source_label}" if NOT_REAL in self.sources else source_label
 
 
@@ -83,23 +84,22 @@ def read_ratings(path: str | os.PathLike, layout: RatingsLayout) -> Ratings:
     Raises
     ------
     InputError
-        With the line and column of every problem of the file: a missing column, an empty cell, a rating that
-        is no whole number of the scale, an unknown model or level, a participant in two lines, a line of
-        another length, fewer than two participants.
+        With line and column of every problem: a missing column, an empty cell, a rating that is no whole number of the scale,
+        an unknown model or level, a participant in two lines, a line of another length, fewer than two participants.
     """
     path = Path(path)
-    _check_layout(layout)
+    optional = filter(None, (layout.experience, layout.source))
+    models = [model.column for model in layout.models]
+    columns = [layout.participant, *models, layout.best, *layout.yes_no, *optional]
+    _check_layout(layout, columns)
     require_file(path)
-    columns = _columns(layout)
     dialect = Dialect(layout.delimiter, quotes_span_lines=True)
     rows = [row for row in split_rows(stream_lines(path), dialect, str(path)) if any(row.cells)]
     if not rows:
         raise InputError(f"{path}: empty; a header with {', '.join(columns)} is needed")
     header = rows[0].cells
-    if doubled := sorted(name for name, count in Counter(header).items() if count > 1):
-        raise InputError(
-            f"{path}, header: {', '.join(map(repr, doubled))} stands twice; name columns differently"
-        )
+    if shared := _duplicates(header):
+        raise InputError(f"{path}, header: duplicate {', '.join(map(repr, shared))}; rename these columns")
     problems = Problems(str(path))
     for column in columns:
         if column not in header:
@@ -117,29 +117,20 @@ def read_ratings(path: str | os.PathLike, layout: RatingsLayout) -> Ratings:
     return _ratings(list(answers.values()), layout)
 
 
-def _check_layout(layout: RatingsLayout) -> None:
-    """Contradictions inside the layout that a schema cannot see."""
+def _duplicates(names: Iterable[str]) -> list[str]:
+    return sorted(name for name, count in Counter(names).items() if count > 1)
+
+
+def _check_layout(layout: RatingsLayout, columns: list[str]) -> None:
+    """Raise if the layout contradicts itself."""
     problems = Problems("survey.layout")
-    names = [model.name for model in layout.models]
-    for name in sorted({name for name in names if names.count(name) > 1}):
-        problems.add("models", f"{name} stands twice", "each model has one column")
-    columns = _columns(layout)
-    for column in sorted({column for column in columns if columns.count(column) > 1}):
-        problems.add("", f"column {column!r} is used twice", "each answer has a column of its own")
+    for name in _duplicates(model.name for model in layout.models):
+        problems.add("models", f"duplicate {name}", "each model has one column")
+    for column in _duplicates(columns):
+        problems.add("", f"column {column!r} is used twice", "each answer has its own column")
     if layout.experience and not layout.experience_levels:
         problems.add("experience_levels", "missing", "list the levels that could be chosen")
     problems.raise_if_any()
-
-
-def _columns(layout: RatingsLayout) -> list[str]:
-    optional = [layout.experience, layout.source]
-    return [
-        layout.participant,
-        *(model.column for model in layout.models),
-        layout.best,
-        *layout.yes_no,
-        *(column for column in optional if column),
-    ]
 
 
 def _validate(
@@ -156,18 +147,18 @@ def _validate(
     for line, cells in answers.items():
         for column in columns:
             cell = cells[column].lower() if column in layout.yes_no else cells[column]
-            found = f"{column} is {cell!r}" if cell else f"{column} is empty"
+            problem = f"{column} is {cell!r}" if cell else f"{column} is empty"
             if column in allowed and cell not in allowed[column]:
-                problems.add(f"line {line}", found, f"allowed: {', '.join(allowed[column])}")
+                problems.add(f"line {line}", problem, f"allowed: {', '.join(allowed[column])}")
             elif not cell:
-                problems.add(f"line {line}", found, "fill it in")
+                problems.add(f"line {line}", problem, "fill it in")
             elif column == layout.participant and cell in participants:
-                problems.add(f"line {line}", found, "this participant stands in an earlier line too")
+                problems.add(f"line {line}", problem, "this participant is also in an earlier line")
         participants.add(cells.get(layout.participant, ""))
 
 
 def _ratings(rows: list[dict[str, str]], layout: RatingsLayout) -> Ratings:
-    """Build the record from rows that have passed every check."""
+    """Return the ratings of valid rows."""
     experience, source = layout.experience, layout.source
     return Ratings(
         participants=tuple(row[layout.participant] for row in rows),

@@ -163,7 +163,7 @@ def test_friedman_and_kendall_on_a_worked_example():
 
 
 def test_superiority_counts_all_pairs_of_ratings(ratings):
-    a, b = ratings.of("IL"), ratings.of("KB")
+    a, b = ratings.scores_of("IL"), ratings.scores_of("KB")
     brute = np.mean([(x > y) + 0.5 * (x == y) for x in a for y in b])
     counts = dict(zip(ratings.models, ratings.counts(), strict=True))
     assert vargha_delaney(counts["IL"], counts["KB"]) == pytest.approx(brute, rel=1e-12)

@@ -227,7 +227,7 @@ def compare_pairs(ratings: Ratings, confidence: float, resamples: int, seed: int
 
     Both ways to treat zero differences are computed: none is wrong, and a result that hangs on one is none.
     """
-    differences = {pair: ratings.of(pair[0]) - ratings.of(pair[1]) for pair in pairs(ratings)}
+    differences = {pair: ratings.scores_of(pair[0]) - ratings.scores_of(pair[1]) for pair in pairs(ratings)}
     ranked, dropped = ([signed_rank_test(item, zeros) for item in differences.values()] for zeros in ZEROS)
     adjusted, adjusted_dropped = (
         holm(np.array([test.p_value for test in tests])) for tests in (ranked, dropped)

@@ -76,12 +76,16 @@ def mann_whitney(ratings: Ratings) -> np.ndarray:
 
     p_values = []
     for a, b in pairs(ratings):
-        both = np.concatenate([ratings.of(a), ratings.of(b)])
+        both = np.concatenate([ratings.scores_of(a), ratings.scores_of(b)])
         if np.ptp(both) == 0:
             p_values.append(1.0)
             continue
         result = mannwhitneyu(
-            ratings.of(a), ratings.of(b), alternative="two-sided", method="asymptotic", use_continuity=True
+            ratings.scores_of(a),
+            ratings.scores_of(b),
+            alternative="two-sided",
+            method="asymptotic",
+            use_continuity=True,
         )
         p_values.append(float(result.pvalue))
     return np.array(p_values)
@@ -109,7 +113,7 @@ def table_3_2(ratings: Ratings, source_label: str) -> Table:
     counts, participants = ratings.counts(), len(ratings)
     columns: dict[str, list] = {
         "model": list(ratings.models),
-        "median": [float(np.median(ratings.of(model))) for model in ratings.models],
+        "median": [float(np.median(ratings.scores_of(model))) for model in ratings.models],
         "mode": [modes(row) for row in counts],
         "mode_count": counts.max(axis=1).tolist(),
         "best_percent": (100 * ratings.picks() / participants).tolist(),
