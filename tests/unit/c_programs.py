@@ -54,6 +54,28 @@ def loader_program(source: Path, target: str, folder: Path, cache: Path) -> Path
     return program
 
 
+def compile_object(source: Path, target: str, folder: Path, cache: Path) -> Path:
+    """Compile one C file for a target, with warnings as errors."""
+    flags = ["-std=c99", "-c", "-Wall", "-Wextra", "-Werror", "-target", TARGETS[target].triple]
+    zig_cc([*flags, str(source), "-o", f"{source.stem}.o"], folder, cache)
+    return folder / f"{source.stem}.o"
+
+
+def library_path(fmu: Path, target: str) -> Path:
+    """Return the place of the library for a target in an unzipped FMU for FMI 3.0."""
+    platform, (source, *_) = TARGETS[target], (fmu / "binaries").glob("*/*")
+    return fmu / "binaries" / platform.fmi3 / f"{source.stem}{platform.suffix}"
+
+
+def add_library(fmu: Path, target: str, cache: Path) -> None:
+    """Compile the sources of an unzipped FMU for one more target."""
+    path = library_path(fmu, target)
+    path.parent.mkdir()
+    library = fmu / "sources" / path.name
+    compile_library([library.parent / name for name in C_FILES], library, target, cache)
+    shutil.move(library, path)
+
+
 def write_sources(model: ExportModel, folder: Path) -> list[str]:
     """Write a model's C sources and return the names of those to compile."""
     folder.mkdir(parents=True, exist_ok=True)

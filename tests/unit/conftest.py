@@ -7,7 +7,7 @@ from unittest import mock
 import numpy as np
 import pytest
 from effect_entries import effect_entry
-from runtime_models import SETTINGS, TARGET, models_json, selected
+from runtime_models import SETTINGS, export, models_json, selected
 
 from running import ZIG_CACHE
 from study_settings import changed, study_settings
@@ -49,17 +49,16 @@ def fmu_models():
 
 
 @pytest.fixture(scope="session")
-def fmu_folder(fmu_models, zig_cache, made_once):
+def fmu_folder(fmu_models, made_once):
     """Return a folder with the FMUs of the shared models and of one with an effect and an awkward name."""
-    from lumbar.tissue.fmu.build.package import export_fmus
 
-    def export(folder):
-        export_fmus(fmu_models, folder, "synthetic twin", TARGET, zig_cache)
+    def make(folder):
+        export(fmu_models, folder)
         awkward = models_json(effect_entry("KB", "coulomb_friction/coulomb"))
         chosen = selected(awkward, changed(SETTINGS, models=["KB+coulomb_friction"], moving_average_ms=0))
-        export_fmus(chosen, folder, "A & B <lab>", TARGET, zig_cache)
+        export(chosen, folder, "A & B <lab>")
 
-    return made_once("fmu", export)[0]
+    return made_once("fmu", make)[0]
 
 
 @pytest.fixture

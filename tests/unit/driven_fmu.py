@@ -162,13 +162,13 @@ def modes(fmu: DrivenFmu) -> list[bool]:
     return [False, True] if fmu.version == 3 and fmu.description.coSimulation.hasEventMode else [False]
 
 
-def told_meaning(root: Element) -> dict | None:
-    """Return what the annotation of a model description holds; None where there is none that can be read."""
+def read_annotation(root: Element) -> dict | None:
+    """Return the annotation of a model description; None if there is none that can be read."""
     element = root.find(f"VendorAnnotations/Tool[@name='{ANNOTATION}']/Meaning")
     if element is not None:
         return {key: _value(text) for key, text in element.attrib.items()}
-    told = _value(root.findtext(f"Annotations/Annotation[@type='{ANNOTATION}']", ""))
-    return told if isinstance(told, dict) else None
+    meaning = _value(root.findtext(f"Annotations/Annotation[@type='{ANNOTATION}']", ""))
+    return meaning if isinstance(meaning, dict) else None
 
 
 def _value(text: str):

@@ -5,7 +5,7 @@ import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator
 
 import numpy as np
-from driven_fmu import DrivenFmu, DrivenInstance, Motion, modes, told_meaning
+from driven_fmu import DrivenFmu, DrivenInstance, Motion, modes, read_annotation
 
 from lumbar.tissue.fmu.conventions import REFERENCE, WITHOUT_EVENT_MODE, along_axes, slow_push
 
@@ -57,7 +57,7 @@ def check_reference(fmu: DrivenFmu) -> Iterator[str]:
 
 def check_sign(fmu: DrivenFmu) -> Iterator[str]:
     """A push is answered by a force of the sign that the description calls resisting."""
-    told = told_meaning(ElementTree.parse(fmu.folder / "modelDescription.xml").getroot()) or {}
+    told = read_annotation(ElementTree.parse(fmu.folder / "modelDescription.xml").getroot()) or {}
     inward = Motion(fmu).about_rest(along_axes(slow_push(fmu.sampling_time), fmu.axes))
     start = fmu.numbered("start")
     rest = start.get(f"{fmu.ports[1]}_offset", start.get(f"{fmu.ports[1]}_offset[1]", 0.0))

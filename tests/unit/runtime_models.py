@@ -1,18 +1,22 @@
 """Models and settings for the tests of the FMU export."""
 
+import zipfile
 from collections.abc import Mapping
+from pathlib import Path
 
 import numpy as np
 from c_programs import CModel
+from effect_entries import COMBINATIONS, effect_entry
 
 from lumbar.settings.runtime import RuntimeSettings
 from lumbar.tissue.effects.catalogue import CATALOGUES, read_model_bases
 from lumbar.tissue.fmu.build.export_model import ExportModel, export_models, find_models
 from lumbar.tissue.fmu.build.package import export_fmus
-from lumbar.tissue.fmu.fmu_check import check_fmus
+from lumbar.tissue.fmu.fmu_check import check_fmus, simulate_fmu
 from lumbar.tissue.models.fitted_model import read_models
 from lumbar.tissue.models.form import Effect
 from lumbar.tissue.models.model_entry import OWN_BASES
+from running import ZIG_CACHE
 from study_settings import changed
 
 TARGET = ["x86_64-linux"]
@@ -74,6 +78,44 @@ def selected(
     return export_models(find_models(models, settings), settings)
 
 
+HIGH_ORDER = entry("HO", [0.0, 5.0, -8.0, 3.5], [1.0, 0.1, -0.2, 0.05])
+"""As in the default study: a sample late, and with poles that no continuous model has."""
+DEVICE = changed(SETTINGS, rate_Hz=1000.0, moving_average_ms=3.0, start="first_position")
+"""The defaults of the export."""
+
+
+def device_models(*names: str, **settings) -> list[ExportModel]:
+    """Return some of the shared models, of one of high order, and of one with effects, at 1 kHz."""
+    entries = [item for item in models_json()["models"] if item["name"] != "HO"]
+    content = models_json(*entries, HIGH_ORDER, effect_entry(*COMBINATIONS[0]))
+    return selected(content, changed(DEVICE, models=list(names), **settings))
+
+
+def export(
+    models: list[ExportModel], folder: Path, label: str = "synthetic twin", targets=TARGET, **options
+) -> list[Path]:
+    """Write the FMUs of models, by default for x86-64 Linux."""
+    return export_fmus(models, folder, label, targets, ZIG_CACHE, **options)
+
+
+def contents(path: Path) -> dict[str, bytes]:
+    """Return the files of an FMU by their paths."""
+    with zipfile.ZipFile(path) as archive:
+        return {name: archive.read(name) for name in archive.namelist()}
+
+
+def unzipped(path: Path, folder: Path) -> Path:
+    """Unzip an FMU into a folder, and return this."""
+    with zipfile.ZipFile(path) as archive:
+        archive.extractall(folder)
+    return folder
+
+
+def forces_of(path: Path, positions: np.ndarray) -> np.ndarray:
+    """Return the forces of an FMU at these positions, with event mode in FMI 3.0."""
+    return simulate_fmu(path, positions)
+
+
 def put(slave, reference: int, value: float) -> None:
     """Set a variable of an FMI 2.0 or 3.0 instance."""
     setter = slave.setReal if hasattr(slave, "setReal") else slave.setFloat64
@@ -102,12 +144,12 @@ def random_motion(samples: int, seed: int) -> np.ndarray:
     return 0.5 + walk[held]
 
 
-def held_to_its_simulation(model: ExportModel, folder, cache) -> None:
-    """C code sample by sample against the effects' own simulation; then both FMUs through fmpy."""
+def check_simulation(model: ExportModel, folder, cache) -> None:
+    """Compare C code sample by sample with the effects' own simulation; then check both FMUs through fmpy."""
     walk = np.cumsum(np.random.default_rng(3).standard_normal(800)) * 0.1
     expected = model.dynamics.response(walk)
-    found = CModel(model, folder / "c", cache).response(walk)
-    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12 * np.abs(expected).max())
-    export_fmus([model], folder, "own", TARGET, cache)
+    compiled = CModel(model, folder / "c", cache).response(walk)
+    np.testing.assert_allclose(compiled, expected, rtol=0, atol=1e-12 * np.abs(expected).max())
+    export([model], folder)
     for check in check_fmus([model], folder, 200, seed=5):
         assert check.largest_output > 0.1

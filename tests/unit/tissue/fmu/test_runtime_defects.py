@@ -10,23 +10,15 @@ from xml.etree import ElementTree
 
 import pytest
 from c_programs import ON_LINUX
-from runtime_models import TARGET
+from fmpy.validation import validate_fmu
+from runtime_models import contents, export
 from spatial_models import FIVE, spatial_export
-
-from lumbar.base.errors import InputError
-from lumbar.tissue.fmu.build.package import export_fmus, write_fmu
-from lumbar.tissue.fmu.fmu_check import schema_problems, validate_new_files
 
 pytestmark = ON_LINUX
 DESCRIPTION = "modelDescription.xml"
 
 VDMCHECK = os.environ.get("VDMCHECK2", "")
 """Folder of VDMCheck2, as tests/get_vdmcheck.sh makes it."""
-
-
-def contents(path: Path) -> dict[str, bytes]:
-    with zipfile.ZipFile(path) as archive:
-        return {name: archive.read(name) for name in archive.namelist()}
 
 
 def numbers(attributes: dict[str, str], key: str) -> list[float]:
@@ -69,13 +61,13 @@ def faults(files: dict[str, bytes]) -> list[str]:
 @pytest.mark.parametrize("name", ["IL", "MW", "KB", "HO", "KB+coulomb_friction"])
 def test_exported_files_have_no_fault(name, version, fmu_folder):
     path = fmu_folder / f"{name}_fmi{version}.fmu"
-    assert schema_problems(path) == []
+    assert validate_fmu(str(path)) == []
     assert faults(contents(path)) == []
 
 
-def test_files_of_several_axes_have_no_fault(zig_cache, tmp_path):
-    for path in export_fmus([spatial_export(FIVE)], tmp_path, "own", TARGET, zig_cache):
-        assert schema_problems(path) == []
+def test_files_of_several_axes_have_no_fault(tmp_path):
+    for path in export([spatial_export(FIVE)], tmp_path):
+        assert validate_fmu(str(path)) == []
         assert faults(contents(path)) == []
 
 
@@ -88,7 +80,7 @@ def replaced(before: str, after: str, path: str = DESCRIPTION):
     return change
 
 
-def without_a_source(files: dict[str, bytes]) -> None:
+def remove_source(files: dict[str, bytes]) -> None:
     del files["sources/fmi2.c"]
 
 
@@ -99,39 +91,26 @@ MISSED = {
         replaced('modelIdentifier="KB"', 'modelIdentifier="KC"'),
         "another model identifier",
     ),
-    "missing source": (without_a_source, "no such source"),
+    "missing source": (remove_source, "no such source"),
     "nominal of zero": (replaced('nominal="1.0"', 'nominal="0.0"'), "nominal not above 0"),
     "negative step": (replaced('stepSize="0.01"', 'stepSize="-0.01"'), "stepSize: not above 0"),
 }
-"""Faults that fmpy misses, at least in one version, and words of the sentence that reports each."""
+"""Faults that fmpy misses, at least in one version, and a part of the message of each."""
 
 
 @pytest.mark.parametrize("version", [2, 3])
 @pytest.mark.parametrize("fault", MISSED)
 def test_a_seeded_fault_is_found(fault, version, fmu_folder):
-    change, words = MISSED[fault]
+    change, message = MISSED[fault]
     files = contents(fmu_folder / f"KB_fmi{version}.fmu")
     change(files)
-    assert any(words in sentence for sentence in faults(files))
+    assert any(message in sentence for sentence in faults(files))
 
 
 def test_a_negative_internal_step_is_found(fmu_folder):
     files = contents(fmu_folder / "KB_fmi3.fmu")
     replaced('fixedInternalStepSize="0.01"', 'fixedInternalStepSize="-0.01"')(files)
     assert "fixedInternalStepSize: not above 0" in faults(files)
-
-
-def test_an_export_with_an_invalid_file_is_removed(fmu_folder, tmp_path):
-    paths = [tmp_path / f"KB_fmi{version}.fmu" for version in (2, 3)]
-    for path in paths:
-        write_fmu(path, contents(fmu_folder / path.name))
-    validate_new_files(paths)
-    files = contents(paths[1])
-    replaced("generationTool", "generatedBy")(files)
-    write_fmu(paths[1], files)
-    with pytest.raises(InputError, match=r"KB_fmi3\.fmu: .*generatedBy"):
-        validate_new_files(paths)
-    assert not any(path.exists() for path in paths)
 
 
 def vdmchecked(path: Path) -> list[str]:
@@ -151,7 +130,9 @@ def test_vdmcheck_finds_nothing_in_valid_files_and_something_in_broken_ones(fmu_
         assert vdmchecked(fmu_folder / f"{model}_fmi2.fmu") == []
     files = contents(fmu_folder / "KB_fmi2.fmu")
     MISSED["start above max"][0](files)
-    write_fmu(tmp_path / "KB_fmi2.fmu", files)
+    with zipfile.ZipFile(tmp_path / "KB_fmi2.fmu", "w") as archive:
+        for name, content in files.items():
+            archive.writestr(name, content)
     assert vdmchecked(tmp_path / "KB_fmi2.fmu")
 
 

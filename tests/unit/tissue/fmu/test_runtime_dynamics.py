@@ -1,4 +1,4 @@
-"""The dynamics of an FMU: discretised anew against its first-order hold, and refusals."""
+"""The dynamics of an FMU: discretised again against its first-order hold, and rejected rates."""
 
 import numpy as np
 import pytest
@@ -22,15 +22,15 @@ MODELS = {
 
 @pytest.mark.parametrize("name", MODELS)
 @pytest.mark.parametrize("ratio", [2, 10])
-def test_straight_lines_give_the_same_forces_at_the_old_instants(name, ratio):
+def test_straight_lines_give_equal_forces_at_the_old_instants(name, ratio):
     model = LinearModel(*map(tuple, MODELS[name]))
     faster = resample_model(model, 0.01, 0.01 / ratio)
     slow = np.cumsum(np.random.default_rng(3).standard_normal(200))
     slow[0] = 0.0
     fast = np.interp(np.arange(199 * ratio + 1) / ratio, np.arange(200), slow)
     expected = lfilter(model.numerator, model.denominator, slow)
-    found = lfilter(faster.numerator, faster.denominator, fast)[::ratio]
-    np.testing.assert_allclose(found, expected, atol=1e-9 * np.abs(expected).max())
+    forces = lfilter(faster.numerator, faster.denominator, fast)[::ratio]
+    np.testing.assert_allclose(forces, expected, atol=1e-9 * np.abs(expected).max())
 
 
 DELAYED = {
@@ -42,7 +42,7 @@ DELAYED = {
 
 @pytest.mark.parametrize("name", DELAYED)
 @pytest.mark.parametrize(("old", "new"), [(1, 10), (1, 3), (2, 5), (100, 781)])
-def test_a_delay_stays_what_it_is_in_seconds(name, old, new):
+def test_delay_keeps_its_duration(name, old, new):
     """Whole samples or not: exact for straight lines with corners where instants of both rates meet."""
     model = LinearModel(*map(tuple, DELAYED[name]))
     faster = resample_model(model, 0.01, 0.01 * old / new)
@@ -53,10 +53,10 @@ def test_a_delay_stays_what_it_is_in_seconds(name, old, new):
     fast = np.interp(np.arange(11 * new + 1) / new, np.arange(12), corners)
     padded = [*model.denominator, *[0.0] * (len(model.numerator) - len(model.denominator))]
     _, expected = dlsim((model.numerator, padded, 0.01), slow)
-    found = faster.response(fast)
+    forces = faster.response(fast)
     whole = faster.transfer_function
-    np.testing.assert_allclose(lfilter(whole.numerator, whole.denominator, fast), found, atol=1e-12)
-    np.testing.assert_allclose(found[::new], expected[::old, 0], atol=1e-10 * np.abs(expected).max())
+    np.testing.assert_allclose(lfilter(whole.numerator, whole.denominator, fast), forces, atol=1e-12)
+    np.testing.assert_allclose(forces[::new], expected[::old, 0], atol=1e-10 * np.abs(expected).max())
 
 
 @pytest.mark.parametrize(
@@ -67,38 +67,38 @@ def test_a_delay_stays_what_it_is_in_seconds(name, old, new):
         ([1.0, 0.3, 0.2], [1.0, -0.5]),
     ],
 )
-def test_models_without_a_continuous_counterpart_are_themselves_at_their_own_instants(numerator, denominator):
+def test_models_without_a_continuous_counterpart_run_in_phases(numerator, denominator):
     """For any positions, and whichever new sample the old clock begins at; against dlsim."""
     model = LinearModel(tuple(numerator), tuple(denominator), name="HO")
     faster = resample_model(model, 0.01, 0.001)
     assert faster.phases == 10
     positions = np.random.default_rng(5).standard_normal(500)
-    found = faster.response(positions)
+    forces = faster.response(positions)
     whole = faster.transfer_function
-    np.testing.assert_allclose(lfilter(whole.numerator, whole.denominator, positions), found, atol=1e-10)
+    np.testing.assert_allclose(lfilter(whole.numerator, whole.denominator, positions), forces, atol=1e-10)
     # scipy's polynomials are of z, the model's of 1/z: both need the same length.
     longest = max(len(numerator), len(denominator))
     system = [[*part, *[0.0] * (longest - len(part))] for part in (numerator, denominator)]
     for begin in (0, 3, 9):
         _, expected = dlsim((*system, 0.01), positions[begin::10])
-        np.testing.assert_allclose(found[begin::10], expected[:, 0], atol=1e-12)
+        np.testing.assert_allclose(forces[begin::10], expected[:, 0], atol=1e-12)
     assert faster.largest_pole == pytest.approx(model.largest_pole**0.1)
 
 
 @pytest.mark.parametrize(
-    ("numerator", "denominator", "wanted", "words"),
+    ("numerator", "denominator", "wanted", "message"),
     [
         ([1.0, 0.3], [1.0, 0.35], 0.003, "KB.*0 or negative.*its own 100 Hz"),
         ([1.9, -1.2], [1.0, -0.45], 0.02, "50 is slower than the 100 Hz"),
     ],
 )
-def test_rates_that_cannot_be_are_named(numerator, denominator, wanted, words):
+def test_impossible_rates_are_rejected(numerator, denominator, wanted, message):
     model = LinearModel(tuple(numerator), tuple(denominator), name="KB")
-    with pytest.raises(NumericalError, match=words):
+    with pytest.raises(NumericalError, match=message):
         resample_model(model, 0.01, wanted)
 
 
-def test_rate_of_the_configuration_is_that_of_the_fmu():
+def test_fmu_has_the_rate_of_the_settings():
     content = models_json(entry("KB", [1.9, -1.2], [1.0, -0.45]), entry("IL", [-0.125], [1.0]))
     kb, gain = selected(content, changed(SETTINGS, models=["KB", "IL"], rate_Hz=1000, moving_average_ms=3.0))
     assert kb.sampling_time == gain.sampling_time == 0.001

@@ -2,22 +2,23 @@
 
 import math
 import re
+from itertools import product
 from pathlib import Path
 
 import numpy as np
 import pytest
 from c_programs import ON_LINUX
 from effect_entries import BASE_NUMBERS, FORM_NUMBERS, effect_entry, entry_of_effects, parameter
-from runtime_models import SETTINGS, TARGET, exported, held_to_its_simulation, models_json, selected
+from runtime_models import SETTINGS, check_simulation, export, exported, models_json, selected
 
 from case_tables import cases
 from lumbar.base.errors import InputError, NumericalError
-from lumbar.tissue.effects import catalogue
 from lumbar.tissue.effects.catalogue import CATALOGUES, TISSUE, catalogue_with
 from lumbar.tissue.fmu.build.effect_model import effect_model
-from lumbar.tissue.fmu.build.package import export_fmus
 from lumbar.tissue.models import bases as base_models
 from lumbar.tissue.models.fitted_model import FittedModel
+from lumbar.tissue.models.motion import Motion
+from lumbar.tissue.models.structure import Structure
 from study_settings import changed
 
 
@@ -28,32 +29,22 @@ def test_elementary_functions_are_those_of_the_c_library(functions):
     values = np.concatenate(
         [generator.uniform(-40, 40, 4000), generator.normal(0, 1e-3, 4000), [0.0, 700.0, -700.0]]
     )
-    for name, standard in (
-        ("expm1", math.expm1),
-        ("tanh", math.tanh),
-        ("sinh", math.sinh),
-        ("arctan", math.atan),
-    ):
-        for value in values.tolist():
-            expected = standard(value)
-            assert abs(functions[f"portable_{name}"](value) - expected) <= 2.5 * math.ulp(expected), (
-                name,
-                value,
-            )
+    standard = {"expm1": math.expm1, "tanh": math.tanh, "sinh": math.sinh, "arctan": math.atan}
+    for (name, function), value in product(standard.items(), values.tolist()):
+        expected = function(value)
+        assert abs(functions[f"portable_{name}"](value) - expected) <= 2.5 * math.ulp(expected), (name, value)
     for value in values.tolist():
-        expected = max(value, 0.0) + math.log1p(math.exp(-abs(value)))
+        expected, turn = (
+            max(value, 0.0) + math.log1p(math.exp(-abs(value))),
+            math.tau * (value - round(value)),
+        )
         assert functions["portable_softplus"](value) == pytest.approx(expected, rel=4e-16, abs=2e-16)
-        assert functions["portable_sine"](value) == pytest.approx(
-            math.sin(math.tau * (value - round(value))), abs=5e-16
-        )
-        assert functions["portable_cosine"](value) == pytest.approx(
-            math.cos(math.tau * (value - round(value))), abs=5e-16
-        )
+        assert functions["portable_sine"](value) == pytest.approx(math.sin(turn), abs=5e-16)
+        assert functions["portable_cosine"](value) == pytest.approx(math.cos(turn), abs=5e-16)
     for value in (10.0 ** generator.uniform(-6, 12, 4000)).tolist():
         assert functions["portable_log"](value) == pytest.approx(math.log(value), rel=5e-16, abs=1e-16)
-    for base, exponent in zip(
-        10.0 ** generator.uniform(-6, 4, 3000), generator.uniform(1, 4, 3000), strict=True
-    ):
+    bases, exponents = 10.0 ** generator.uniform(-6, 4, 3000), generator.uniform(1, 4, 3000)
+    for base, exponent in zip(bases, exponents, strict=True):
         assert functions["portable_power"](base, exponent) == pytest.approx(base**exponent, rel=1e-14)
     assert functions["portable_power"](0.0, 1.5) == 0.0
     assert functions["portable_expm1"](800.0) == math.inf
@@ -66,34 +57,34 @@ def response(structure, inputs, sampling_time=0.01):
     return effect_model(model, sampling_time).response(np.asarray(inputs, dtype=float))
 
 
-def with_effect(effect: str, form: str) -> dict:
+def entry_with(effect: str, form: str) -> dict:
     return {"structure": {"effects": [{"effect": effect, "form": form}]}}
 
 
 @pytest.mark.parametrize(
-    ("change", "words"),
+    ("change", "message"),
     [
         *cases(__file__, "not_exported"),
-        (with_effect("inertia", "mass"), r"inertia\.mass: missing"),
-        (with_effect("ageing", "log"), "unknown effect 'ageing'.*coulomb_friction.*effect_files"),
-        (with_effect("hysteresis", "preisach"), "unknown form 'preisach'.*dahl"),
-        (with_effect("base", "KB"), "unknown effect 'base'"),
+        (entry_with("inertia", "mass"), r"inertia\.mass: missing"),
+        (entry_with("ageing", "log"), "unknown effect 'ageing'.*coulomb_friction.*effect_files"),
+        (entry_with("hysteresis", "preisach"), "unknown form 'preisach'.*dahl"),
+        (entry_with("base", "KB"), "unknown effect 'base'"),
         ({"parameters": [parameter("spring_stiffness", 1.0)] * 2}, "spring_stiffness: it is repeated"),
     ],
 )
-def test_entries_that_cannot_be_exported_are_named(change, words):
-    with pytest.raises(InputError, match=re.compile(words, re.DOTALL)):
+def test_entries_that_cannot_be_exported_are_rejected(change, message):
+    with pytest.raises(InputError, match=re.compile(message, re.DOTALL)):
         exported({**effect_entry("KB"), **change})
 
 
-def test_numbers_that_cannot_run_are_named():
+def test_numbers_that_cannot_run_are_rejected():
     with pytest.raises(InputError, match=r"delay\.\w+: 0; a number above 0"):
         exported(entry_of_effects("KB", {"delay/pure": ([], [0.0])}, TISSUE))
     with pytest.raises(InputError, match=r"delay/pure: keeps 901 numbers at 100 Hz; at most 256"):
         exported(entry_of_effects("KB", {"delay/pure": ([], [9.0])}, TISSUE))
 
 
-def test_overflow_is_an_error_and_no_number():
+def test_overflow_is_an_error():
     with pytest.raises(NumericalError, match="overflow"):
         response(("LE", "hardening_stiffness/exponential"), [0.0, 1e6])
 
@@ -128,47 +119,31 @@ A backward difference is half a sample late; relaxations, the delay, play and hy
 where the catalogue has a spline through all samples, later ones included; output forms see that difference in the base."""
 
 
-def forms():
-    return {form.key: form for effect in catalogue.TISSUE.values() for form in effect.forms}
-
-
+@pytest.fixture(scope="module")
 def motion():
-    from lumbar.tissue.models.motion import Motion
-
     time = np.arange(4000) * SAMPLING_TIME
-    position = sum(
-        linear_parameter * np.sin(2 * np.pi * frequency * time + phase)
-        for linear_parameter, frequency, phase in ((1.0, 0.5, 0.3), (0.4, 1.7, 1.1), (0.15, 4.0, 2.0))
-    )
+    waves = ((1.0, 0.5, 0.3), (0.4, 1.7, 1.1), (0.15, 4.0, 2.0))
+    position = sum(size * np.sin(2 * np.pi * frequency * time + phase) for size, frequency, phase in waves)
     return Motion(time, position, SAMPLING_TIME)
 
 
 @pytest.mark.parametrize("key", FORM_NUMBERS)
-def test_forces_are_those_of_the_catalogue(key):
-    from lumbar.tissue.models.structure import Structure
-
-    moved, (linear, nonlinear) = motion(), BASE_NUMBERS["KB"]
-    bare = Structure(base_models.BASES["KB"])
-    numbers = [
-        np.array([*base, *own]) for base, own in zip((linear, nonlinear), FORM_NUMBERS[key], strict=True)
-    ]
-    bare_force = bare.simulate(moved, np.array(linear), np.array(nonlinear))
-    expected = bare.with_form(forms()[key]).simulate(moved, *numbers) - bare_force
-    found, bare_found = (
-        effect_model(
-            FittedModel.from_json(effect_entry("KB", *keys), catalogue.CATALOGUES), SAMPLING_TIME
-        ).response(moved.position)
-        for keys in ((key,), ())
-    )
-    np.testing.assert_allclose(bare_found[FROM:], bare_force[FROM:], atol=1e-4 * np.abs(bare_force).max())
+def test_forces_are_those_of_the_catalogue(key, motion):
+    bare, base_numbers = Structure(base_models.BASES["KB"]), BASE_NUMBERS["KB"]
+    form = next(form for effect in TISSUE.values() for form in effect.forms if form.key == key)
+    numbers = [np.array([*base, *added]) for base, added in zip(base_numbers, FORM_NUMBERS[key], strict=True)]
+    bare_force = bare.simulate(motion, *map(np.array, base_numbers))
+    expected = bare.with_form(form).simulate(motion, *numbers) - bare_force
+    forces, bare_forces = (response(("KB", *keys), motion.position, SAMPLING_TIME) for keys in ((key,), ()))
+    np.testing.assert_allclose(bare_forces[FROM:], bare_force[FROM:], atol=1e-4 * np.abs(bare_force).max())
     share = np.abs(expected)[FROM:].max()
-    assert share > 1e-3, "the effect must be felt in this motion"
-    error = np.abs(found - bare_found - expected)[FROM:].max()
+    assert share > 1e-3, "the effect must be perceptible in this motion"
+    error = np.abs(forces - bare_forces - expected)[FROM:].max()
     assert error <= ACCURACY.get(key, 1e-9) * share, (error, share)
 
 
 WRITTEN = Path(__file__).with_name("written_effects.txt").read_text(encoding="utf-8")
-"""Effects at all three places, with memory and constants; one equation that would end the comment it stands in."""
+"""Effects at all three places, with memory and constants; one equation that would end the comment around it."""
 
 
 def exported_with(catalogue, *effects, **settings):
@@ -180,10 +155,10 @@ def exported_with(catalogue, *effects, **settings):
 
 @ON_LINUX
 @pytest.mark.parametrize(("form", "amplitude", "nonlinear"), [("sphere", 0.7, []), ("power", 0.4, [1.7])])
-def test_the_example_becomes_an_fmu(form, amplitude, nonlinear, project, zig_cache, tmp_path):
+def test_example_becomes_an_fmu(form, amplitude, nonlinear, project, zig_cache, tmp_path):
     catalogue = catalogue_with([project / "examples" / "own_effect" / "hertzian_contact.py"])
     model = exported_with(catalogue, ("hertzian_contact", form, [amplitude], nonlinear))
-    held_to_its_simulation(model, tmp_path, zig_cache)
+    check_simulation(model, tmp_path, zig_cache)
     depth = np.array([0.0, -2.0, 0.5])
     bare = exported_with(catalogue).dynamics.response(depth)
     added = amplitude * np.array([0.0, 0.0, 0.5 ** (nonlinear or [1.5])[0]])
@@ -201,7 +176,7 @@ def test_effects_with_memory_at_every_place_become_an_fmu(rate, zig_cache, tmp_p
         ("coulomb_friction", "coulomb", [0.8], [0.7]),
         ("rectified", "size", [], []),
     )
-    held_to_its_simulation(exported_with(catalogue, *effects, rate_Hz=rate), tmp_path, zig_cache)
+    check_simulation(exported_with(catalogue, *effects, rate_Hz=rate), tmp_path, zig_cache)
 
 
 def rewritten(tmp_path, old: str, new: str):
@@ -211,30 +186,30 @@ def rewritten(tmp_path, old: str, new: str):
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "words"),
+    ("old", "new", "message"),
     cases(__file__, "lacking"),
 )
-def test_what_the_file_lacks_is_named(old, new, words, tmp_path):
+def test_incomplete_files_are_rejected(old, new, message, tmp_path):
     catalogue = rewritten(tmp_path, old, new)
     effects = (
         ("lag", "first_order", [], [0.05]),
         ("creep", "mean", [0.3], []),
         ("rectified", "size", [], []),
     )
-    with pytest.raises(InputError, match=re.compile(words, re.DOTALL)):
+    with pytest.raises(InputError, match=re.compile(message, re.DOTALL)):
         exported_with(catalogue, *effects)
 
 
-def test_a_comment_may_name_functions_that_code_may_not_call(tmp_path):
+def test_comment_may_name_functions_that_code_may_not_call(tmp_path):
     catalogue = rewritten(tmp_path, '"fabs(force)"', '"fabs(force)", "// not tanh(force) /* sin(x) */"')
     assert exported_with(catalogue, ("rectified", "size", [], []))
 
 
-def test_code_that_does_not_compile_leaves_no_fmu(zig_cache, tmp_path):
+def test_code_that_does_not_compile_leaves_no_fmu(tmp_path):
     catalogue = rewritten(tmp_path, "fabs(force)", "fabs(strength)")
     model = exported_with(catalogue, ("rectified", "size", [], []))
     folder = tmp_path / "fmu"
     folder.mkdir()
     with pytest.raises(InputError, match=r"(?s)compiling for x86_64-linux failed.*strength"):
-        export_fmus([model], folder, "own", TARGET, zig_cache)
+        export([model], folder)
     assert not list(folder.iterdir())

@@ -1,37 +1,152 @@
-"""The loaders of examples/haptic_runtime: compiled, run on exported FMUs at any rate, and misused."""
+"""FMUs on every platform, in the loaders of examples/haptic_runtime, and in fmusim: the same forces, and answers to misuse."""
 
+import csv
 import json
 import os
 import re
 import shutil
 import subprocess
-import zipfile
 from pathlib import Path
 
+import fmpy
 import numpy as np
 import pytest
-from c_programs import ON_LINUX, WINE, loader_program, with_wine, zig_cc
-from runtime_models import RANGE, TARGET
-from spatial_models import FIVE, spatial_export
+from c_programs import (
+    ON_LINUX,
+    WINE,
+    add_library,
+    compile_object,
+    library_path,
+    loader_program,
+    with_wine,
+    write_sources,
+)
+from effect_entries import COMBINATIONS, effect_entry
+from runtime_models import RANGE, TARGET, contents, entry, export, exported, unzipped
+from spatial_models import FIVE, integrated, spatial_export
 
-from lumbar.tissue.fmu.build.compiler import TARGETS, compile_library
-from lumbar.tissue.fmu.build.package import export_fmus
-from lumbar.tissue.fmu.build.sources import C_FILES
+from patience import PATIENCE_S
 from running import PROJECT
 
 pytestmark = ON_LINUX
+HERE = Path(__file__).parents[2]
 LOADERS = PROJECT / "examples" / "haptic_runtime"
 STUBS = PROJECT / "tests" / "loaders"
 UNITY = LOADERS / "unity"
+QEMU = shutil.which("qemu-aarch64")
+ARM_LIBRARIES = Path("/usr/aarch64-linux-gnu")
+LINUX = TARGET[0]
+FMUSIM = Path(os.environ.get("LUMBAR_IMPORTERS", "absent")) / "bin" / "fmusim"
+"""Made by tests/get_fmusim.sh."""
 with_mono = pytest.mark.skipif(
     shutil.which("mcs") is None or shutil.which("mono") is None,
     reason="no C# compiler: apt-get install mono-mcs mono-runtime libmono-system-xml4.0-cil",
 )
 with_cpp = pytest.mark.skipif(shutil.which("g++") is None, reason="no C++ compiler: apt-get install g++")
+with_gcc = pytest.mark.skipif(
+    shutil.which("gcc") is None, reason="no gcc with sanitizers: apt-get install gcc libc6-dev"
+)
+with_qemu = pytest.mark.skipif(
+    QEMU is None or not ARM_LIBRARIES.is_dir(),
+    reason="no qemu-aarch64 or no C library for it: apt-get install qemu-user libc6-arm64-cross",
+)
+with_fmusim = pytest.mark.skipif(
+    not FMUSIM.exists(),
+    reason="no fmusim: apt-get install cargo, put its sources into LUMBAR_SHARED/importers/fmusim, then "
+    "tests/get_fmusim.sh FOLDER and set LUMBAR_IMPORTERS=FOLDER",
+)
+NONLINEAR = effect_entry(
+    "KB", "coulomb_friction/stribeck", "hysteresis/dahl", "softening/path", "periodic_disturbance/sine"
+)
+EFFECTS = effect_entry(*COMBINATIONS[1])
+
+
+def platform_models():
+    """KB, a static gain, and a model with effects."""
+    linear = {"moving_average_ms": 0, "output_limit": 1e9}
+    kb = exported(entry("KB", [1.9, -1.2], [1.0, -0.45]), **linear)
+    return [kb, exported(entry("gain", [1.0], [1.0]), **linear), exported(NONLINEAR)]
 
 
 @pytest.fixture(scope="module")
-def unzipped(fmu_folder, tmp_path_factory, zig_cache):
+def run_client(zig_cache, tmp_path_factory):
+    """Return a function that runs a mode of fmu_client.c on one of the platform's models."""
+    built = {}
+
+    def run(target: str, mode: str, name: str, *arguments, before=()) -> str:
+        if target not in built:
+            folder = built[target] = tmp_path_factory.mktemp(target)
+            for path in export(platform_models(), folder, targets=[target], versions=["3.0"]):
+                unzipped(path, folder / path.stem)
+            loader_program(HERE / "fmu_client.c", target, folder, zig_cache)
+        folder = built[target]
+        fmu = folder / f"{name}_fmi3"
+        token = fmpy.read_model_description(str(fmu)).instantiationToken
+        program = next(
+            path for path in folder.iterdir() if path.stem == "fmu_client" and path.suffix in ("", ".exe")
+        )
+        environment = {**os.environ, "WINEPREFIX": str(folder / "wine"), "WINEDEBUG": "-all"}
+        command = [*before, program, mode, library_path(fmu, target), token, *map(str, arguments)]
+        done = subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
+        assert done.returncode == 0, done.stderr
+        return done.stdout.strip()
+
+    return run
+
+
+@pytest.mark.parametrize("name", ["KB", NONLINEAR["name"]])
+@pytest.mark.parametrize(
+    ("target", "before"),
+    [
+        pytest.param("x86_64-windows", [WINE], marks=[pytest.mark.nightly, with_wine]),
+        pytest.param("aarch64-linux", [QEMU, "-L", ARM_LIBRARIES], marks=with_qemu),
+    ],
+)
+def test_forces_on_other_platforms_are_those_on_linux(target, before, name, run_client):
+    expected = run_client(LINUX, "hash", name, 200_000)
+    assert run_client(target, "hash", name, 200_000, before=before) == expected
+
+
+@pytest.mark.parametrize("step", [pytest.param("0.01", marks=pytest.mark.nightly), "0.001"])
+def test_no_sample_of_ten_million_is_mistimed(step, run_client):
+    """A client that sums up steps of 10 ms and 1 ms; a mistimed sample has the force of another one."""
+    assert run_client(LINUX, "mistimed", "gain", 10_000_000, step) == "0"
+
+
+@pytest.mark.parametrize("name", ["KB", NONLINEAR["name"]])
+def test_eight_instances_in_threads_are_equal(name, run_client):
+    assert run_client(LINUX, "threads", name, 50_000) == "0"
+
+
+SANITIZED = ["-std=c99", "-g", "-O1", "-Wall", "-Wextra", "-Werror"]
+SANITIZED += ["-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
+
+
+@with_gcc
+@pytest.mark.parametrize(
+    "kind",
+    ["linear", *(pytest.param(kind, marks=pytest.mark.nightly) for kind in ("effects", "space"))],
+)
+def test_misuse_is_rejected_and_sanitizers_find_no_fault(kind, tmp_path):
+    """Address and undefined-behaviour sanitizers of gcc: another compiler than the FMUs are built with.
+
+    First every misuse with the status that it should give, of scalars, then calls in any order with any values.
+    """
+    guarded = spatial_export(FIVE, device_damping=2.0, output_rate_limit=500.0)
+    linear, _, effects = platform_models()
+    files = write_sources({"linear": linear, "effects": effects, "space": guarded}[kind], tmp_path)
+    shutil.copy(HERE / "fmu_misuse.c", tmp_path)
+    command = ["gcc", *SANITIZED, "fmu_misuse.c", *files, "-lm", "-o", "misuse"]
+    subprocess.run(command, cwd=tmp_path, check=True, capture_output=True)
+    for arguments in ([], ["random", "1", "200000"], ["random", "2", "200000"])[kind == "space" :]:
+        done = subprocess.run(
+            [tmp_path / "misuse", *arguments], capture_output=True, text=True, check=False, timeout=PATIENCE_S
+        )
+        assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+
+
+@pytest.fixture(scope="module")
+def fmus(fmu_folder, tmp_path_factory):
     """Return a folder with unzipped FMUs: KB for FMI 3.0, ``old`` for FMI 2.0, ``empty`` without a library, ``space``."""
     folder = tmp_path_factory.mktemp("unzipped")
     for name, file in (
@@ -40,12 +155,10 @@ def unzipped(fmu_folder, tmp_path_factory, zig_cache):
         ("empty", "KB_fmi3"),
         ("effects", "KB+coulomb_friction_fmi3"),
     ):
-        with zipfile.ZipFile(fmu_folder / f"{file}.fmu") as archive:
-            archive.extractall(folder / name)
+        unzipped(fmu_folder / f"{file}.fmu", folder / name)
     shutil.rmtree(folder / "empty" / "binaries")
-    (made, *_) = export_fmus([spatial_export(FIVE)], folder, "own", TARGET, zig_cache, versions=["3.0"])
-    with zipfile.ZipFile(made) as archive:
-        archive.extractall(folder / "space")
+    (made,) = export([spatial_export(FIVE)], folder, versions=["3.0"])
+    unzipped(made, folder / "space")
     return folder
 
 
@@ -55,10 +168,10 @@ def player(zig_cache, tmp_path_factory):
     program = loader_program(
         LOADERS / "play_fmu.c", "x86_64-linux", tmp_path_factory.mktemp("player"), zig_cache
     )
-    return lambda *arguments: played([program], *arguments)
+    return lambda *arguments: run_player([program], *arguments)
 
 
-def played(command: list, folder: Path, rows, *parameters: str, environment=None) -> np.ndarray:
+def run_player(command: list, folder: Path, rows, *parameters: str, environment=None) -> np.ndarray:
     """Forces that a player prints for rows of time and position, or for a file of them."""
     file = rows
     if not isinstance(rows, Path):
@@ -91,31 +204,25 @@ def csharp_player(tmp_path_factory):
     subprocess.run(
         ["mcs", "-warn:4", "-warnaserror", f"-out:{program}", "-r:System.Xml", *sources], check=True
     )
-    return lambda *arguments: played(["mono", program], *arguments)
+    return lambda *arguments: run_player(["mono", program], *arguments)
 
 
 @pytest.fixture(scope="module")
-def windows_player(unzipped, zig_cache, tmp_path_factory):
+def windows_player(fmus, zig_cache, tmp_path_factory):
     """Return the same for the loader in C as a program of Windows."""
-    platform = TARGETS["x86_64-windows"]
-    for fmu in (unzipped / "KB", unzipped / "effects", unzipped / "space"):
-        (native,) = (fmu / "binaries" / "x86_64-linux").iterdir()
-        library = fmu / "sources" / f"{native.stem}{platform.suffix}"
-        compile_library([library.parent / name for name in C_FILES], library, "x86_64-windows", zig_cache)
-        place = fmu / "binaries" / platform.fmi3
-        place.mkdir()
-        shutil.move(library, place / library.name)
+    for name in ("KB", "effects", "space"):
+        add_library(fmus / name, "x86_64-windows", zig_cache)
     folder = tmp_path_factory.mktemp("windows")
     program = loader_program(LOADERS / "play_fmu.c", "x86_64-windows", folder, zig_cache)
     environment = {**os.environ, "WINEPREFIX": str(folder / "wine"), "WINEDEBUG": "-all"}
-    # Wine's first run makes its folder, and says so.
+    # Wine's first run makes its folder and reports it.
     subprocess.run([WINE, program], env=environment, check=False, capture_output=True)
-    return lambda *arguments: played([WINE, program], *arguments, environment=environment)
+    return lambda *arguments: run_player([WINE, program], *arguments, environment=environment)
 
 
 @pytest.mark.parametrize("name", ["KB", "effects", "space"])
-def test_the_embedded_reference_is_played(name, unzipped, player):
-    folder = unzipped / name
+def test_the_embedded_reference_is_run_player(name, fmus, player):
+    folder = fmus / name
     forces = player(folder, folder / "resources" / "reference_input.csv")
     expected = signal(folder, "output")[:, 1:].squeeze()
     np.testing.assert_allclose(forces, expected, atol=1e-13)
@@ -130,9 +237,9 @@ def test_the_embedded_reference_is_played(name, unzipped, player):
         pytest.param("windows_player", marks=[pytest.mark.nightly, with_wine]),
     ],
 )
-def test_loaders_and_platforms_give_the_same_bits(other, name, unzipped, player, request):
+def test_loaders_and_platforms_give_the_same_bits(other, name, fmus, player, request):
     """Under the reference, and under walks at rates that are the model's, faster, slower and uneven; parameters too."""
-    folder, generator, other = unzipped / name, np.random.default_rng(7), request.getfixturevalue(other)
+    folder, generator, other = fmus / name, np.random.default_rng(7), request.getfixturevalue(other)
     reference = folder / "resources" / "reference_input.csv"
     np.testing.assert_array_equal(other(folder, reference), player(folder, reference))
     for step in (0.01, 0.001, 0.03, None):
@@ -146,9 +253,7 @@ def test_loaders_and_platforms_give_the_same_bits(other, name, unzipped, player,
 
 @pytest.mark.parametrize("target", ["x86_64-windows", "aarch64-linux", "aarch64-darwin"])
 def test_loaders_compile_for_other_platforms(target, zig_cache, tmp_path):
-    flags = ["-c", "-Wall", "-Wextra", "-Werror", "-target", TARGETS[target].triple]
-    zig_cc(["-std=c99", *flags, str(LOADERS / "play_fmu.c"), "-o", "play.o"], tmp_path, zig_cache)
-    assert (tmp_path / "play.o").stat().st_size > 1000
+    assert compile_object(LOADERS / "play_fmu.c", target, tmp_path, zig_cache).stat().st_size > 1000
 
 
 def cpp_program(source: Path, folder: Path) -> Path:
@@ -160,25 +265,25 @@ def cpp_program(source: Path, folder: Path) -> Path:
 
 
 @with_cpp
-def test_the_loader_in_cpp_answers_right_and_wrong_use(unzipped, player, tmp_path):
+def test_cpp_loader_answers_right_and_wrong_use(fmus, player, tmp_path):
     program = cpp_program(STUBS / "use_loader.cpp", tmp_path)
-    command = [program, unzipped / "KB", "KB.so", unzipped / "old", unzipped / "empty"]
+    command = [program, fmus / "KB", "KB.so", fmus / "old", fmus / "empty"]
     done = subprocess.run(command, capture_output=True, text=True, check=True)
     assert done.stderr == ""
-    said = [line.partition(": ")[::2] for line in done.stdout.splitlines()]
-    answers = dict(said)
+    lines = [line.partition(": ")[::2] for line in done.stdout.splitlines()]
+    answers = dict(lines)
     numbers = [RANGE[name] for name in ("lowest", "highest", "speed", "lowest_Hz", "highest_Hz")]
     assert answers["described"] == " ".join(f"{value:g}" for value in (0.01, 1, 1, *numbers))
     assert answers["in range"] == "1 0"
-    first, second = player(unzipped / "KB", [[0.0, 0.0], [0.01, 1.0]])
+    first, second = player(fmus / "KB", [[0.0, 0.0], [0.01, 1.0]])
     assert [float(item) for item in answers["forces"].split()] == [first, second, second]
     again = answers["again"].split()
     assert ([float(again[0]), float(again[1])], again[2:]) == ([first, second], ["limit", "5"])
-    assert [answer for key, answer in said if key == "loaded"] == ["1", "0"]
-    assert [answer for key, answer in said if key == "log"] == [
+    assert [answer for key, answer in lines if key == "loaded"] == ["1", "0"]
+    assert [answer for key, answer in lines if key == "log"] == [
         "fmi3SetFloat64: the value is outside min and max; not set."
     ]
-    for key, words in (
+    for key, message in (
         ("back", "-1.01 s since the last step"),
         ("pause", "2.99 s since the last step"),
         ("no time", "the time is not finite"),
@@ -191,31 +296,31 @@ def test_the_loader_in_cpp_answers_right_and_wrong_use(unzipped, player, tmp_pat
         ("FMI 2.0", "unzip <model>_fmi3.fmu"),
         ("no library", "no library for this platform (x86_64-linux)"),
     ):
-        assert words in answers[key], key
+        assert message in answers[key], key
 
 
 @with_cpp
-def test_the_chai3d_example_presses_into_tissue(unzipped, player, tmp_path):
+def test_chai3d_example_presses_into_tissue(fmus, player, tmp_path):
     """Against a stub of CHAI3D's headers: 200 ticks of 1 ms, forces out of the tissue within what the device can do."""
     program = cpp_program(LOADERS / "chai3d_tissue.cpp", tmp_path)
-    done = subprocess.run([program, unzipped / "KB"], capture_output=True, text=True, check=True)
+    done = subprocess.run([program, fmus / "KB"], capture_output=True, text=True, check=True)
     *forces, released, closed = (line.split()[-1] for line in done.stdout.splitlines())
     time = np.arange(200) * 0.001
     depth = 2.0 * np.sin(0.01 * np.arange(200))
-    expected = player(unzipped / "KB", np.column_stack([time, depth]), "force_limit=8")
+    expected = player(fmus / "KB", np.column_stack([time, depth]), "force_limit=8")
     np.testing.assert_allclose([float(force) for force in forces], expected, atol=1e-12)
     assert expected.max() > 1.0
     assert (float(released), closed) == (0.0, "closed")
-    done = subprocess.run([program, unzipped / "space"], capture_output=True, text=True, check=True)
+    done = subprocess.run([program, fmus / "space"], capture_output=True, text=True, check=True)
     sent = np.array([line.split() for line in done.stdout.splitlines()[:-2]], dtype=float)
     moved = np.column_stack([np.sin(0.02 * np.arange(200)), np.zeros(200), -depth])
-    expected = player(unzipped / "space", np.column_stack([time, moved]), "force_limit=8")
+    expected = player(fmus / "space", np.column_stack([time, moved]), "force_limit=8")
     np.testing.assert_allclose(sent, -expected, atol=1e-12)
     assert np.abs(expected).max(axis=0).min() > 0.1
 
 
 @with_mono
-def test_the_unity_package_answers_right_and_wrong_use(unzipped, player, tmp_path):
+def test_unity_package_answers_right_and_wrong_use(fmus, player, tmp_path):
     """Against stubs of Unity, with its symbol defined: sample, haptic thread, errors, a comma as decimal sign."""
     program = tmp_path / "unity.exe"
     sources = [*UNITY.rglob("*.cs"), STUBS / "UnityStubs.cs", STUBS / "UseUnityPackage.cs"]
@@ -228,18 +333,18 @@ def test_the_unity_package_answers_right_and_wrong_use(unzipped, player, tmp_pat
         "-r:System.Xml",
     ]
     subprocess.run(["mcs", *flags, *sources], check=True)
-    command = ["mono", program, unzipped, "KB.so", unzipped / "old", unzipped / "empty"]
+    command = ["mono", program, fmus, "KB.so", fmus / "old", fmus / "empty"]
     done = subprocess.run(command, capture_output=True, text=True, check=True)
     assert done.stderr == ""
     lines = done.stdout.splitlines()
     frames = np.array([line.split()[1:] for line in lines if line.startswith("frame ")], dtype=float)
     rows = np.column_stack([3.0 + 0.02 * np.arange(100), -1000.0 * frames[:, 0]])
-    np.testing.assert_array_equal(frames[:, 1], player(unzipped / "KB", rows))
+    np.testing.assert_array_equal(frames[:, 1], player(fmus / "KB", rows))
     np.testing.assert_allclose(frames[:, 2], frames[:, 1], rtol=1e-6)
     frames = np.array([line.split()[1:] for line in lines if line.startswith("space ")], dtype=float)
     rows = np.column_stack([3.0 + 0.02 * np.arange(100), 1000.0 * frames[:, :3]])
-    np.testing.assert_allclose(frames[:, 3:], -player(unzipped / "space", rows), rtol=1e-6, atol=1e-6)
-    first, second = player(unzipped / "KB", [[0.0, 0.0], [0.01, 1.0]], "gain=2")
+    np.testing.assert_allclose(frames[:, 3:], -player(fmus / "space", rows), rtol=1e-6, atol=1e-6)
+    first, second = player(fmus / "KB", [[0.0, 0.0], [0.01, 1.0]], "gain=2")
     answers = {line.split()[0]: line for line in lines}
     assert answers["callback"] == "callback True True"
     assert answers["again"] == f"again {first:.17g} {second:.17g} 2 5"
@@ -252,7 +357,7 @@ def test_the_unity_package_answers_right_and_wrong_use(unzipped, player, tmp_pat
     assert [line for line in lines if line.startswith("log: ")] == [
         "log: fmi3SetFloat64: the value is outside min and max; not set."
     ]
-    for start, words in (
+    for start, message in (
         (
             "too much",
             "ArgumentOutOfRangeException: modelDescription.xml does not allow this value of force_limit",
@@ -265,10 +370,10 @@ def test_the_unity_package_answers_right_and_wrong_use(unzipped, player, tmp_pat
         ("several axes", "InvalidOperationException: the model has several axes"),
         ("no library", "DllNotFoundException: the FMU has no library for x86_64-linux"),
     ):
-        assert any(line.startswith(f"{start} {words}") for line in lines), start
+        assert any(line.startswith(f"{start} {message}") for line in lines), start
 
 
-def test_the_unity_package_is_one():
+def test_unity_package_is_complete():
     """Unity ignores files of an installed package that have no .meta file, and samples that it does not list."""
     package = json.loads((UNITY / "package.json").read_text())
     assert re.fullmatch(r"[a-z0-9-]+(\.[a-z0-9-]+)+", package["name"])
@@ -283,3 +388,64 @@ def test_the_unity_package_is_one():
     ]
     identities = [re.search(r"guid: ([0-9a-f]{32})", Path(f"{path}.meta").read_text())[1] for path in shown]
     assert len(set(identities)) == len(shown) == 5
+
+
+def fmusim(fmu: Path, folder: Path, *options: str, step: str = "0.01") -> list:
+    """Forces that fmusim, the FMI project's own simulator, records for the file's reference input, one per instant."""
+    unzipped(fmu, folder)
+    inputs, outputs = folder / "resources" / "reference_input.csv", folder / "forces.csv"
+    with inputs.open() as file:
+        end = list(csv.DictReader(file))[-1]["time"]
+    command = [FMUSIM, "simulate", "--input-file", inputs, "--output-file", outputs, "--stop-time", end]
+    command += ["--output-interval", step, *options, fmu]
+    done = subprocess.run([*map(str, command)], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    with outputs.open() as file:  # at an event it records before and after: the last row of an instant counts
+        return list({row["time"]: recorded_force(row) for row in csv.DictReader(file)}.values())
+
+
+def recorded_force(row: dict[str, str]):
+    """Force of a recorded row: a number, or the vector of an array or of scalars."""
+    values = " ".join(text for name, text in row.items() if name.partition("[")[0] == "force").split()
+    return float(values[0]) if len(values) == 1 else list(map(float, values))
+
+
+@with_fmusim
+@pytest.mark.parametrize(
+    ("version", "options", "reference"),
+    [
+        (2, [], "reference_output"),
+        (3, [], "reference_output_without_event_mode"),
+        (3, ["--event-mode-used"], "reference_output"),
+        (3, ["--event-mode-used", "--early-return-allowed"], "reference_output"),
+    ],
+)
+@pytest.mark.parametrize("name", ["IL", "MW", "KB", "HO", "KB+coulomb_friction", EFFECTS["name"]])
+def test_fmusim_validates_and_reads_the_embedded_references(
+    name, version, options, reference, fmu_folder, tmp_path
+):
+    fmu = fmu_folder / f"{name}_fmi{version}.fmu"
+    if name == EFFECTS["name"]:  # input and output forms with memory
+        fmu = next(
+            path for path in export([exported(EFFECTS)], tmp_path) if path.stem.endswith(f"fmi{version}")
+        )
+    subprocess.run([FMUSIM, "validate", fmu], check=True, capture_output=True)
+    rows = contents(fmu)[f"resources/{reference}.csv"].decode().splitlines()[1:]
+    read, expected = fmusim(fmu, tmp_path, *options), [float(row.split(",")[1]) for row in rows]
+    assert read == pytest.approx(expected, rel=0, abs=1e-11)
+    assert max(map(abs, expected)) > 1.0
+
+
+@with_fmusim
+@pytest.mark.parametrize(("version", "options"), [(2, []), (3, []), (3, ["--event-mode-used"])])
+def test_fmusim_reads_vectors_of_an_independent_integration(version, options, tmp_path):
+    export([spatial_export(FIVE)], tmp_path)
+    (fmu,) = tmp_path.glob(f"*_fmi{version}.fmu")
+    subprocess.run([FMUSIM, "validate", fmu], check=True, capture_output=True)
+    read = np.array(fmusim(fmu, tmp_path, *options, step="0.001"))
+    cells = (tmp_path / "resources" / "reference_input.csv").read_text().replace(",", " ").splitlines()[1:]
+    expected = integrated(np.array([row.split()[1:] for row in cells], dtype=float), 1e-3)
+    if not options:
+        expected = np.concatenate([expected[:1], expected[:-1]])
+    assert np.abs(expected).max() > 1.0
+    assert np.abs(read - expected).max() <= 1e-12 * np.abs(expected).max()
