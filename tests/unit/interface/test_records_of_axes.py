@@ -1,14 +1,11 @@
-"""What verbs make of records of several axes: a page of the diagnosis that can be repeated, or words of refusal."""
+"""Functions on records of several axes: the diagnosis and its page, or an error."""
 
 import pytest
 
 import lumbar
-from lumbar.base.errors import InputError
-from lumbar.settings.improvement import ImprovementSettings
-from lumbar.settings.study_settings import StudySettings
 from space_records import FRICTION, POSITION, TIME, record, record_of
 
-SETTINGS = StudySettings(improvement=ImprovementSettings(base="LE", most_effects=1))
+SETTINGS = lumbar.StudySettings(improvement=lumbar.ImprovementSettings(base="LE", most_effects=1))
 
 
 @pytest.fixture(scope="module")
@@ -17,7 +14,7 @@ def diagnosis():
 
 
 @pytest.mark.nightly
-def test_the_page_tells_axes_effect_pictures_and_how_to_repeat_it(diagnosis, tmp_path):
+def test_page_shows_axes_effect_and_pictures(diagnosis, tmp_path):
     assert diagnosis.selected == ("coulomb_friction",)
     diagnosis.save(tmp_path)
     page = (tmp_path / "diagnosis.html").read_text(encoding="utf-8")
@@ -28,7 +25,7 @@ def test_the_page_tells_axes_effect_pictures_and_how_to_repeat_it(diagnosis, tmp
     assert {"location.csv", "comparison.svg", "refined.json", "principal_axes.csv"} <= written
 
 
-def test_a_robot_may_count_from_its_foot(diagnosis, tmp_path):
+def test_positions_may_count_from_a_distant_origin(diagnosis, tmp_path):
     moved = record(FRICTION)
     foot = dict(zip("xyz", (300.0, -450.0, 120.0), strict=True))
     moved = moved.with_values(**{f"input_{axis}": moved[f"input_{axis}"] + at for axis, at in foot.items()})
@@ -43,22 +40,24 @@ def test_a_robot_may_count_from_its_foot(diagnosis, tmp_path):
     assert not diagnosis.model.rests
 
 
-@pytest.mark.parametrize("verb", ["identify", "propose"])
-def test_verbs_of_one_axis_say_which_take_several(verb):
-    with pytest.raises(InputError, match=f"multisine: {verb} takes records of one axis; compare, locate"):
-        getattr(lumbar, verb)([record(FRICTION)])
-
-
-def test_a_diagnosis_in_space_has_no_page_to_look_around_in_and_no_law(diagnosis):
+@pytest.mark.parametrize("function", ["identify", "propose"])
+def test_functions_of_one_axis_reject_several(function):
     with pytest.raises(
-        InputError, match=r"records of several axes: .*; save and to_html show what was found"
+        lumbar.InputError, match=f"multisine: {function} takes records of one axis; compare, locate"
+    ):
+        getattr(lumbar, function)([record(FRICTION)])
+
+
+def test_spatial_diagnosis_has_no_interactive_page_and_no_law(diagnosis):
+    with pytest.raises(
+        lumbar.InputError, match=r"records of several axes: .*; save and to_html show what was found"
     ):
         diagnosis.page()
-    with pytest.raises(InputError, match="propose takes records of one axis"):
+    with pytest.raises(lumbar.InputError, match="propose takes records of one axis"):
         diagnosis.propose()
 
 
-def test_an_effect_along_an_axis_that_was_not_recorded_is_refused(tmp_path):
+def test_effect_along_an_unrecorded_axis_is_rejected(tmp_path):
     own = tmp_path / "y_spring.yaml"
     parameter = '{name: cubic_stiffness, unit: "{y}/{x}^3"}'
     form = f"{{name: cubic, equation: ky*z_y**2*z, parameters: {{ky: {parameter}}}}}"
@@ -67,5 +66,5 @@ def test_an_effect_along_an_axis_that_was_not_recorded_is_refused(tmp_path):
         update={"improvement": SETTINGS.improvement.model_copy(update={"effect_files": (str(own),)})}
     )
     flat = record_of("flat", TIME, POSITION[:2], record(FRICTION).stacked("output")[:2], "xz")
-    with pytest.raises(InputError, match="y_spring: needs another axis than x, z"):
+    with pytest.raises(lumbar.InputError, match="y_spring: needs another axis than x, z"):
         lumbar.refine([flat], ["y_spring"], settings=settings)

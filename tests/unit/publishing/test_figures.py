@@ -1,4 +1,4 @@
-"""Figures: the same bytes at every run, in the house's style, and each shows the numbers that it is given."""
+"""Figures: the same bytes at every run, and each shows the numbers that it is given."""
 
 import base64
 import re
@@ -10,15 +10,13 @@ import numpy as np
 import pytest
 from periodic_records import STEP, noise, noisy_record, record, relaxing_force
 
-from lumbar.lifting.movement import lift_analysis as lifting
-from lumbar.lifting.movement import lift_tables
+import lumbar
 from lumbar.publishing.figures.comparison_figures import default_segment, record_comparison_figure
 from lumbar.publishing.figures.lifting_figures import events_figure, pendulum_figure, segments_figure
 from lumbar.publishing.figures.location_figures import location_figure
 from lumbar.publishing.figures.style import house_style, new_figure, save
 from lumbar.publishing.figures.survey_figures import best_picks_figure, likert_figure
 from lumbar.publishing.figures.tissue_figures import analogue_picture
-from lumbar.records.markers import read_markers
 from lumbar.settings.stability import PendulumSettings
 from lumbar.tissue.diagnosis.noise.noise_floor import noise_floor
 from lumbar.tissue.diagnosis.residuals.compare import compare_record
@@ -66,19 +64,12 @@ def test_notebook_keeps_its_style_and_windows(tmp_path):
     assert (tmp_path / "figure.svg").read_bytes() != (tmp_path / "own.svg").read_bytes()
 
 
-@pytest.fixture
-def figure():
-    drawn, axes = new_figure()
+@house_style
+def test_saved_files_are_those_of_savefig(tmp_path):
+    figure, axes = new_figure()
     axes.plot([0, 1])
     axes.set_title("office, (a)", fontweight="bold")
     axes.set_xlabel(r"Stiffness $k_\mathrm{e}$ in N·mm$^{-1}$")
-    yield drawn
-    plt.close(drawn)
-
-
-@house_style
-def test_saved_files_are_those_of_savefig(figure, tmp_path):
-    axes = figure.axes[0]
     axes.pcolormesh([1, 10, 100], [0, 0.5, 1], [[1, 2], [3, 4]], rasterized=True)
     axes.set_xscale("log")
     save(figure, tmp_path / "saved", "")
@@ -90,10 +81,6 @@ def test_saved_files_are_those_of_savefig(figure, tmp_path):
         saved = (tmp_path / f"saved.{ending}").read_bytes()
         assert saved == (tmp_path / f"plain.{ending}").read_bytes()
     assert b"/Type3" not in saved
-
-
-def texts(axis):
-    return [text.get_text() for text in axis.texts]
 
 
 @pytest.mark.parametrize("points", [2, 4, 5, 7])
@@ -114,7 +101,7 @@ def test_bars_of_a_model_add_up_and_diverge_at_the_middle(points):
         assert ends[-1] <= axes.get_xlim()[1] + 1e-9
 
 
-def test_intervals_stand_where_they_should():
+def test_intervals_end_at_the_given_shares():
     picks = {
         "KB": {"percent": 40.0, "wilson_percent": [30.0, 51.0], "goodman_percent": [25.0, 57.0]},
         "HO": {"percent": 60.0, "wilson_percent": [49.0, 70.0], "goodman_percent": [43.0, 75.0]},
@@ -130,30 +117,20 @@ def test_intervals_stand_where_they_should():
 
 @pytest.fixture(scope="module")
 def drawn(twin_lift):
-    settings, subject = study_settings().lifting, subject_settings("novice")
-    trial, recording = subject.trials[0], read_markers(twin_lift("novice_23kg"), settings.markers)
-    lift = lifting.analyse_lift(recording, subject, trial, settings)
-    return {
-        "motion": lift_tables.motion_frame(lift),
-        "centres": lift_tables.centres_frame(lift),
-        "states": lift_tables.states_frame(lift.states),
-        "landmarks": lift_tables.landmarks_frame(lift),
-        "body": lift_tables.body_frame(lift)[0],
-        "events": {name: event.as_dict() for name, event in lift.events.items()},
-        "summary": lift_tables.summary(lift, subject, trial, settings),
-    }
+    subject, settings = subject_settings("novice"), study_settings().lifting
+    lift = lumbar.lift(twin_lift("novice_23kg"), subject, trial=subject.trials[0], settings=settings)
+    files = dict(lift.files())
+    frames = {name: files[f"{name}.csv"] for name in ("motion", "landmarks", "body")}
+    more = {"states": lift.states, "events": lift.events, "summary": files["pendulum.json"]}
+    return {**frames, **more, "centres": files["com.csv"]}
 
 
-def vertical_lines(axis):
-    return sorted(float(line.get_xdata()[0]) for line in axis.lines if len(set(line.get_xdata())) == 1)
-
-
-def test_every_event_stands_in_every_panel(drawn):
-    figure = events_figure(drawn)
+def test_every_event_is_in_every_panel(drawn):
     events = drawn["events"]
     times = sorted([*(event["time_s"] for event in events.values()), events["deposit_start"]["thesis_s"]])
-    for axis in figure.axes:
-        assert vertical_lines(axis) == pytest.approx(times)
+    for axis in events_figure(drawn).axes:
+        vertical = [line.get_xdata() for line in axis.lines if len(set(line.get_xdata())) == 1]
+        assert sorted(float(place[0]) for place in vertical) == pytest.approx(times)
 
 
 def test_table_2_1_shows_the_analogues_and_every_reference_it_names(tmp_path):
@@ -205,7 +182,8 @@ def test_figure_4_2_draws_the_segments_between_the_markers_and_the_ends_in_use(d
                 assert np.isclose(piece, places.loc[marker].to_numpy(float)).all(axis=1).any()
         for marker in ("L_HIP", "R_HIP"):
             assert np.isclose(pieces[2], places.loc[marker].to_numpy(float)).all(axis=1).any()
-    assert "manubrium" in texts(front) and "manubrium" not in texts(back) and "sacrum" in texts(back)
+    names = [[text.get_text() for text in axis.texts] for axis in (front, back)]
+    assert "manubrium" in names[0] and "manubrium" not in names[1] and "sacrum" in names[1]
     assert front.xaxis_inverted() and not back.xaxis_inverted()
     bands = [line.get_xydata() for line in side.lines if line.get_linewidth() == 7]
     for band, pair in zip(bands, [("C7T1", "T12L1"), ("T12L1", "L4L5"), ("L4L5", "MID_HIP")], strict=True):

@@ -1,0 +1,95 @@
+"""The interactive page of a diagnosis: its numbers, its sentences, and one file with the same bytes."""
+
+import json
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import lumbar
+
+
+@pytest.fixture(scope="module")
+def html(page):
+    return page.to_html()
+
+
+def test_every_model_is_drawn_as_its_fit_simulates_it(diagnosis, page):
+    drawn = {model.key: model for model in page.models}
+    ranked = {"+".join(sorted(item.candidate.effects)) for item in diagnosis.result.ranking}
+    assert {"base", "coulomb_friction"} | ranked == {
+        key for key, model in drawn.items() if model.group == "with effects"
+    }
+    for key, model in zip(("base", "coulomb_friction"), diagnosis.models, strict=True):
+        for record in diagnosis.records:
+            simulated = model.simulate(record)
+            assert np.allclose(drawn[key].values[record.name], simulated, rtol=1e-5, atol=1e-6)
+            first = min(50, len(record) // 20)
+            measured = record["output"][first:]
+            vaf = 100 * (1 - np.var(measured - simulated[first:]) / np.var(measured))
+            assert drawn[key].merits[record.name]["vaf"] == pytest.approx(vaf)
+
+
+def test_thesis_models_equal_those_of_identify(page, example_records):
+    settings = lumbar.StudySettings(tissue={"bootstrap": {"resamples": 100}})
+    identification = lumbar.identify(example_records, "multisine", settings=settings)
+    drawn = {model.key: model for model in page.models}
+    other = example_records["other"]
+    for estimator in ("arx", "output_error"):
+        for name in ("KB", "HO"):
+            simulated = identification.get(name, estimator).simulate(other)
+            assert np.allclose(drawn[f"{name}:{estimator}"].values["other"], simulated, rtol=1e-5, atol=1e-6)
+    first = min(50, len(other) // 20)
+    unseen = (other["output"] - identification["KB"].simulate(other))[first:]
+    assert drawn["KB:arx"].test_rms == pytest.approx(np.sqrt(np.mean(unseen**2)))
+    assert drawn["IL:given"].group.endswith("given")
+
+
+def test_samples_know_the_nearest_reversal(page):
+    """After a reversal the motion goes in the direction that the sample knows, before it in the other."""
+    columns = page.records[0].columns
+    near = np.flatnonzero(np.abs(columns["since"]) > 0.04)
+    moving = np.sign(np.gradient(columns["position"]))[near]
+    agrees = moving == np.sign(columns["since"][near]) * columns["turned"][near]
+    assert near.size > 100 and np.mean(agrees) > 0.95
+
+
+def test_spectrum_of_white_error_is_flat_and_has_its_variance(page):
+    """The selected model leaves white noise of 0.01 N at 50 Hz: its density is 0.01·√(2/50) N/√Hz at all frequencies."""
+    model = next(item for item in page.models if item.key == "coulomb_friction")
+    record = next(item for item in page.records if item.name == "multisine")
+    density = model.density["multisine"]
+    assert np.sqrt(np.mean(density[:-1] ** 2)) == pytest.approx(0.01 * np.sqrt(2 / 50), rel=0.1)
+    assert np.median(record.noise) == pytest.approx(0.01 * np.sqrt(2 / 50), rel=0.15)
+
+
+def test_page_is_one_file_with_the_same_bytes(page, html):
+    assert len(html) < 8e6
+    elements = re.sub(r"<script.*?</script>", "", html, flags=re.S)  # what these load is tested in a browser
+    assert not re.search(r'(src|href)\s*=\s*["\'](https?:)?//', elements)
+    assert replace(page).to_html() == html
+
+
+def test_script_has_models_errors_and_sentences(diagnosis, html):
+    data = re.search(r'<script type="application/json" id="page-data">(.*?)</script>', html, flags=re.S)
+    content = json.loads(data[1])
+    assert content["selected"] == ["coulomb_friction"]
+    assert content["models"]["coulomb_friction"]["test_rms"] == diagnosis.result.model.test_rms
+    located = content["models"]["base"]["located"]["other"]
+    assert {located["headline"], *located["views"].values()} == set(diagnosis.reports[1].location.sentences)
+    assert content["noise_rms"] == diagnosis.result.experiment.floor.rms
+
+
+def test_source_label_is_shown_and_not_run(html):
+    assert "a lab" in html and "</script><script>alert(1)" not in html
+    assert "alert(1)" in html
+
+
+def test_long_records_are_thinned_and_the_page_says_so(page):
+    thinned, columns = replace(page, max_values=20000), len(page.models) + 6
+    assert thinned.step > 1
+    samples = sum(len(record.columns["time"]) for record in thinned.records)
+    assert samples * columns <= 20000 * 1.01 + columns * len(thinned.records)
+    assert thinned.models[1].merits == page.models[1].merits
+    assert f"Every {thinned.step}th sample is drawn" in thinned.to_html()
