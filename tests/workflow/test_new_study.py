@@ -53,7 +53,7 @@ def test_what_was_found_is_written_down(laboratory):
     assert "#   broken.trc: " in text
     assert "BOX_8: arriere_gauche" in text
     assert "pivot: hip" in text
-    with pytest.raises(InputError, match=r"my_lab\.yaml: already there, and not written over"):
+    with pytest.raises(InputError, match=r"my_lab\.yaml: exists and is not overwritten"):
         found.save(laboratory[0])
 
 

@@ -189,7 +189,7 @@ class Comparisons(ModelReports):
         return record_comparison_figure(report.record, report.values, comparisons, self.model.name)
 
     def files(self) -> Iterator[tuple[str, Any]]:
-        """The table ``compare`` and a picture per record."""
+        """Yield the table ``compare`` and a picture per record."""
         yield "compare", self.table
         for report in self.reports:
             yield f"comparison_{report.record.name}", self.figure(report.record.name)
@@ -236,7 +236,7 @@ class Locations(ModelReports):
         return files
 
     def files(self) -> Iterator[tuple[str, Any]]:
-        """The table ``location`` and a picture per record and axis."""
+        """Yield the table ``location`` and a picture per record and axis."""
         yield "location", self.table
         for name, file in self._pictures.items():
             yield file, self.figure(name)

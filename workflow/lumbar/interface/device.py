@@ -79,6 +79,7 @@ def export_fmu(
     model : FittedModel, iterable of FittedModel or path
         Result of `identify`, `refine` or `diagnose`; or a file ``models.json`` or ``refined.json``.
     folder : path
+        Folder of the written files.
     names : iterable of str, optional
         For a file: models to export. Default: those of the settings, or the last one of an error ladder.
     trained_on : str, optional

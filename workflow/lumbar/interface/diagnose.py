@@ -162,7 +162,7 @@ class SpatialDiagnosis(Diagnosis):
 
     @property
     def no_page_reason(self) -> str:
-        """Reason why there is no interactive page: it shows models of one axis only."""
+        """Reason for the missing interactive page: it shows models of one axis."""
         return "records of several axes: one can look around in models of one axis"
 
     def complete_html(self) -> str:

@@ -132,7 +132,7 @@ class Diagnosis:
         """
         if self.settings.system != "tissue":
             raise InputError(
-                f"base {self.settings.base}: laws are proposed for tissue; a person's moment is no passive force"
+                f"base {self.settings.base}: laws are proposed for tissue; a subject's moment is not a passive force"
             )
         from lumbar.tissue.diagnosis.law.proposal import propose
 
@@ -180,8 +180,8 @@ class Diagnosis:
 
     @property
     def no_page_reason(self) -> str:
-        """Reason why there is no interactive page; empty if there is one."""
-        return f"{_STATIC}: there is no motion to look around in" if self.result.experiment.points else ""
+        """Reason for a missing interactive page; empty if the page exists."""
+        return f"{_STATIC}: an interactive page needs motion" if self.result.experiment.points else ""
 
     def page(self, pictures: Mapping[str, Path] | None = None, thesis: bool = True) -> ExplorerPage:
         """Return the interactive page: every fitted model with every record.
@@ -223,6 +223,7 @@ class Diagnosis:
         Parameters
         ----------
         folder : path
+            Folder of the files; it is created if needed.
         pictures : bool
             Draw comparison, location, ladder and signatures too, write the tables ``compare`` and ``location``, and show the
             thesis's models on the page; takes a few seconds more.

@@ -178,7 +178,7 @@ class Inspected:
     axes: str
     """Axes that point up and forward."""
     pipeline: tuple[bool, str]
-    """Whether the pipeline analyses it as a lift; the detected events, or the reason why not."""
+    """True if the pipeline analyses it as a lift, with the detected events; else False and the reason."""
     points: dict[str, np.ndarray]
     """Shape (n_frames, 3): measured markers by the file's labels; metres, x to the right, y forward, z up."""
     time: np.ndarray

@@ -305,4 +305,6 @@ def _static_file(subject: SubjectSettings, trial: TrialSettings, markers: Path) 
         if place.is_file():
             return place
     expected = " or ".join(map(str, dict.fromkeys(places)))
-    raise InputError(f"subject.static of {subject.name} is {subject.static}, and there is no file {expected}")
+    raise InputError(
+        f"subject.static of {subject.name} is {subject.static}: no such file; expected {expected}"
+    )

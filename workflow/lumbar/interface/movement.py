@@ -109,18 +109,18 @@ class Measures(Result):
         yield "movement_course.csv", self.instants.assign(data=self.source_label)
 
     def __str__(self) -> str:
-        named = self.values[self.values["measure"].map(lambda name: MEASURES[name].headline)]
+        headlines = self.values[self.values["measure"].map(lambda name: MEASURES[name].headline)]
         lines: list[str] = []
         absent: dict[str, list[str]] = {}
-        for row in named.drop_duplicates("measure").itertuples():
+        for row in headlines.drop_duplicates("measure").itertuples():
             if row.reason:
                 absent.setdefault(row.reason, []).append(row.measure)
                 continue
             phase = WINDOWS[MEASURES[row.measure].phase]
             lines.append(f"{row.measure}: {row.value:.3g} {row.unit} ({row.safer} is safer; {phase})")
         lines += [f"{', '.join(measures)}: none ({reason})" for reason, measures in absent.items()]
-        words = {word for reason in absent for word in re.findall(r"\w+", reason)}
-        unfilled = ", ".join(sorted(words & set(ALIASES)))
+        named = {name for reason in absent for name in re.findall(r"\w+", reason)}
+        unfilled = ", ".join(sorted(named & set(ALIASES)))
         if unfilled:
             lines.append(f"if the file has {unfilled}, name their labels in lifting.markers.aliases")
         return "\n".join([*lines, *self.course.notes])
@@ -157,6 +157,8 @@ def measure_person(
         Marker file of every lift.
     trials : mapping of str to TrialSettings
         Trials by the same names.
+    subject, lifting, stability
+        Settings of the subject, of the pipeline, and of pendulum and measures.
     static : path, optional
         Marker file of a static trial.
     source_label : str

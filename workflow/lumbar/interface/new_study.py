@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import os
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from pydantic import TypeAdapter
 
@@ -51,7 +51,7 @@ class MarkerSet:
     axes: tuple[str, str] | None
     """Axes by `lumbar.records.marker_axes.find_axes`."""
     joints: bool = False
-    """Whether the file holds joint centres, and no markers on the skin."""
+    """True if the file has joint centres instead of markers on the skin."""
 
 
 def marker_set(recording: MarkerRecording) -> MarkerSet:
@@ -107,25 +107,19 @@ def _rank(name: str, term: Alias) -> tuple[int, int]:
     return (1, defaults.index(term)) if term in defaults else (2, 0)
 
 
-def format_alias(term: Alias | tuple[Alias, ...]) -> str:
-    """Return an alias in YAML on one line.
+def format_yaml(value: Alias | tuple[Alias, ...]) -> str:
+    """Return a text, an alias or several aliases in YAML on one line.
 
     Examples
     --------
-    >>> format_alias(("SACR", MeanOfMarkers(mean=("LPSI", "RPSI"))))
+    >>> format_yaml(("SACR", MeanOfMarkers(mean=("LPSI", "RPSI"))))
     '[SACR, {mean: [LPSI, RPSI]}]'
     """
-    if isinstance(term, str):
-        # Words such as NO and ON are not text in YAML.
-        plain = re.fullmatch(r"[A-Za-z_]\w+", term) and term.lower() not in ("no", "on", "off", "yes", "null")
-        return term if plain else json.dumps(term, ensure_ascii=False)
-    if isinstance(term, tuple):
-        return f"[{', '.join(map(format_alias, term))}]"
-    if isinstance(term, MeanOfMarkers):
-        return f"{{mean: [{', '.join(map(format_alias, term.mean))}]}}"
-    if isinstance(term, OffsetPoint):
-        return f"{{from: {format_alias(term.start)}, offset_m: {list(term.offset_m)}}}"
-    return f"{{between: [{', '.join(map(format_alias, term.between))}], share: {term.share:g}}}"
+    import yaml
+
+    plain: Any = TypeAdapter(Any).dump_python(value, mode="json", by_alias=True)
+    style = {"default_flow_style": True, "allow_unicode": True, "sort_keys": False, "width": 1000}
+    return yaml.safe_dump([plain], **style).strip()[1:-1]  # quoted as inside a list
 
 
 _SCHEMA = "# yaml-language-server: $schema=../../workflow/lumbar/study/study.schema.json"
@@ -267,11 +261,7 @@ def _read(path: Path, folder: Path, study: str) -> FolderRecording | None:
 
 
 def _render(file: str, **values) -> str:
-    def quoted(text: str) -> str:
-        is_plain = re.fullmatch(r"[A-Za-z_./][\w./-]*", text)
-        return text if is_plain else json.dumps(text, ensure_ascii=False)
-
-    return template(f"interface/{file}").render(schema=_SCHEMA, fill_in=FILL_IN, quoted=quoted, **values)
+    return template(f"interface/{file}").render(schema=_SCHEMA, fill_in=FILL_IN, quoted=format_yaml, **values)
 
 
 def _alias_lines(sets: Sequence[MarkerSet]) -> list[str]:
@@ -283,7 +273,7 @@ def _alias_lines(sets: Sequence[MarkerSet]) -> list[str]:
     aliases = {name: tuple(sorted(terms, key=partial(_rank, name))) for name, terms in joined.items()}
     joints, lines = all(item.joints for item in sets), []
     for name, terms in aliases.items():
-        text = format_alias(terms if len(terms) > 1 else terms[0])
+        text = format_yaml(terms if len(terms) > 1 else terms[0])
         reasons = [_REASONS[name, term] for term in terms if (name, term) in _REASONS]
         condition = "not measured" if len(reasons) == len(terms) else "if not measured"
         comments = [f"{condition}: {'; '.join(reasons)}"] if reasons else []

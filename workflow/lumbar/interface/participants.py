@@ -94,7 +94,7 @@ class Survey(Result):
         return {"survey_likert": likert, "survey_best_picks_figure": picks}
 
     def files(self) -> Iterator[tuple[str, Any]]:
-        """The tables, ``survey.json`` and the figures."""
+        """Yield the tables, ``survey.json`` and the figures."""
         yield from self.analysis.tables.items()
         yield "survey.json", self.analysis.results
         yield from self.figures().items()

@@ -78,7 +78,7 @@ def compare_groups(
     unknown = [group for group in (first, second) if group not in set(table["group"])]
     if unknown:
         names = " or ".join(map(repr, unknown))
-        raise InputError(f"groups: nobody is labelled {names}; there are: {', '.join(labels)}")
+        raise InputError(f"groups: no subject is labelled {names}; labels: {', '.join(labels)}")
     comparisons = tuple(compare_people(table, (first, second)))
     return PeopleCompared(comparisons, (first, second), data_label(source_label, sources))
 

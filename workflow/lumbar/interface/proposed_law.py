@@ -36,7 +36,7 @@ class ProposedLaw:
 
     @property
     def found(self) -> bool:
-        """Whether a law is proposed."""
+        """True if a law is proposed."""
         return self.proposal.law is not None
 
     @property

@@ -157,8 +157,7 @@ class Refinement(Result):
 
     def files(self) -> Iterator[tuple[str, Any]]:
         """``refined.json``, every model of the path, ready for export, and ``ladder``, its picture."""
-        document = refinement.refined_document(self.path, self.experiment, self.source_label)
-        yield "refined.json", document
+        yield "refined.json", refinement.refined_document(self.path, self.experiment, self.source_label)
         yield "ladder", self.figure()
 
     def figure(self) -> Figure:

@@ -132,7 +132,7 @@ def test_too_few_people_are_named_and_not_tested(table):
 def test_wrong_tables_are_refused(table, tmp_path):
     with pytest.raises(lumbar.InputError, match="no columns person"):
         lumbar.compare_groups(table.drop(columns="person"))
-    with pytest.raises(lumbar.InputError, match="nobody is labelled 'trained'"):
+    with pytest.raises(lumbar.InputError, match="no subject is labelled 'trained'"):
         lumbar.compare_groups(table, groups=("trained", "novice"))
     with pytest.raises(lumbar.InputError, match="expert_0: a person of 2 groups"):
         lumbar.compare_groups(pd.concat([table, table.head(1).assign(group="novice")]))

@@ -66,7 +66,7 @@ window.lumbar = (() => {
     remember();
   }
 
-  // The path that was set aside, beside the models that are chosen.
+  // The path that was set aside, with the chosen models.
   function besides(data) {
     const nothing = aside === null;
     const output = nothing ? data.measured.map(() => NaN) : data[keyOf(aside)];
@@ -78,7 +78,7 @@ window.lumbar = (() => {
       for (const item of renderers) if (item.name === dataset.curve) item.setv({ visible: checked }, { sync: false });
   }
 
-  // What is shown stands in the address: a reload, a bookmark or a link that is sent shows it again.
+  // The address contains the state of the page: a reload, a bookmark or a link restores it.
   function remember() {
     const chosen = {
       path: added.join("+") || "base", aside: aside === null ? "" : aside.join("+") || "base",

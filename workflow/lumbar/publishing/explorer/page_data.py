@@ -42,7 +42,7 @@ class RecordData:
     record: Record
     """Record with the base's input and output."""
     is_training: bool
-    """Whether models were fitted to it."""
+    """True if models were fitted to it."""
     first: int
     """First sample that counts in errors."""
     rows: np.ndarray | None
@@ -168,8 +168,9 @@ def simulate_candidate(
     candidate: Candidate, experiment: Experiment, records: Sequence[RecordData], step: int
 ) -> ModelData:
     """Simulate the base with effects on every record; every `step`-th sample is drawn."""
-    seen = [item.record for item in records]
-    simulate = simulation(seen, candidate.fit, experiment.surface, experiment.session)
+    simulate = simulation(
+        [item.record for item in records], candidate.fit, experiment.surface, experiment.session
+    )
     return ModelData(
         model_key(candidate.effects),
         candidate.effects,

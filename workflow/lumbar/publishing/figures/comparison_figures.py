@@ -129,8 +129,7 @@ def _draw_shares(axis, comparisons: list[Comparison]) -> None:
         axis.bar(places, left, 0.55, label="noise and error of the model", **_NOISE)
     axis.errorbar(places, left, bars, fmt="none", color="black", capsize=2, linewidth=0.8)
     for place, item, top in zip(places, comparisons, high, strict=True):
-        text = f"VAF\n{item.vaf.value:.4g} %"
-        note(axis, text, (place, top), (0, 3), ha="center", fontsize=6.5)
+        note(axis, f"VAF\n{item.vaf.value:.4g} %", (place, top), (0, 3), ha="center", fontsize=6.5)
     axis.set_xlim(-0.6, len(comparisons) - 0.4)
     axis.set_xticks(places, [item.record.replace("_", " ") for item in comparisons])
     if max(len(item.record) for item in comparisons) * len(comparisons) > 30:
@@ -179,6 +178,7 @@ def draw_error_bars(axes, errors: dict[str, list[float]], texts: list[str], floo
     Parameters
     ----------
     axes : matplotlib.axes.Axes
+        Axes to draw in.
     errors : dict of str to list of float
         Training errors, then unseen errors, by label.
     texts : list of str

@@ -122,8 +122,8 @@ def _mark_events(axes, events: dict) -> None:
                 axis.axvspan(event["earliest_s"], event["latest_s"], color="#cccccc", zorder=0.5)
             if event["thesis_s"] is not None:
                 axis.axvline(event["thesis_s"], color=_GREY, linewidth=1.2, linestyle=":")
-        words = f"{label}{' (set by hand)' if by_hand else ''}\n{event['time_s']:.2f} s"
-        note(axes[0], words, (event["time_s"], 1.0), (0, 3), ha="center", **on_top)
+        text = f"{label}{' (set by hand)' if by_hand else ''}\n{event['time_s']:.2f} s"
+        note(axes[0], text, (event["time_s"], 1.0), (0, 3), ha="center", **on_top)
     thesis = events["deposit_start"]["thesis_s"]
     if thesis is not None:
         upwards = {"ha": "right", "va": "top", "rotation": 90, "color": _GREY, **on_top}

@@ -43,7 +43,7 @@ def location_figure(location: Location) -> Figure:
     _draw_reversals(axes[2], views["reversals"].table, unit)
     label_panels(axes)
     for name, axis in zip(("time", "depth", "reversals"), axes, strict=True):
-        # The title gives the share, or that there is no relation; it says nothing about the error's size.
+        # The title is the share, or "no relation"; the error's size is not in it.
         title = percent(location.shares[name])
         if location.p_values[name] >= SIGNIFICANT:
             title = "all repeats" if name == "time" and residual.folding is not None else "no relation"
@@ -105,7 +105,12 @@ def _draw_reversals(axis, table: dict[str, np.ndarray], unit: str) -> None:
 def spatial_comparison_figure(report: SpatialReport, model: str) -> Figure:
     """Draw measured and simulated force along every axis over a typical segment of a record, and what the model leaves.
 
-    `model` is its name as it is to stand in the legend.
+    Parameters
+    ----------
+    report : SpatialReport
+        Comparison on one record.
+    model : str
+        Name of the model in the legend.
     """
     widest = max(report.axes, key=lambda item: item.comparison.rms.value)
     segment = default_segment(widest.record, widest.values, widest.comparison.start)
@@ -161,9 +166,9 @@ def spatial_location_figure(report: SpatialReport) -> Figure:
     maps = below.subplots(1, 2, subplot_kw={"projection": projection})
     draw = _draw_sphere if len(residual.axes) == 3 else _draw_circle
     for panel, (title, label, values, colours, low, high) in zip(maps, drawn, strict=True):
-        found = draw(panel, values, residual.axes, cmap=colours, vmin=low, vmax=high)
+        cells = draw(panel, values, residual.axes, cmap=colours, vmin=low, vmax=high)
         panel.set_title(title)
-        below.colorbar(found, ax=panel, label=label, shrink=0.75)
+        below.colorbar(cells, ax=panel, label=label, shrink=0.75)
     return figure
 
 
@@ -198,11 +203,11 @@ def _draw_path(panel, residual: SpatialResidual, pair: tuple[int, int]) -> LineC
 
 
 def _draw_sphere(panel, values: np.ndarray, axes: tuple[str, ...], **look):
-    """Map of the sphere, equal in area: the last axis points up, the first to the middle."""
+    """Draw a map of the sphere, equal in area: the last axis points up, the first to the middle."""
     turn = np.linspace(-np.pi, np.pi, TURNS + 1)
     height = np.arcsin(np.linspace(-1, 1, BANDS * _STEPS + 1))
-    cells = np.ma.masked_invalid(np.repeat(values.reshape(BANDS, TURNS), _STEPS, axis=0))
-    found = panel.pcolormesh(turn, height, cells, edgecolors="face", linewidth=0.2, **look)
+    shown = np.ma.masked_invalid(np.repeat(values.reshape(BANDS, TURNS), _STEPS, axis=0))
+    cells = panel.pcolormesh(turn, height, shown, edgecolors="face", linewidth=0.2, **look)
     panel.set(xticks=[], yticks=[])
     quarter = np.pi / 2
     places = ((-quarter, 0), (0, 0), (quarter, 0), (0, 0.85 * quarter), (0, -0.85 * quarter))
@@ -212,15 +217,15 @@ def _draw_sphere(panel, values: np.ndarray, axes: tuple[str, ...], **look):
     ):
         panel.text(*place, name, ha="center", va="center", size=7, bbox=_ON_WHITE)
     panel.grid(visible=False)
-    return found
+    return cells
 
 
 def _draw_circle(panel, values: np.ndarray, axes: tuple[str, ...], **look):
-    """Ring of the plane's directions."""
+    """Draw a ring of the plane's directions."""
     turn = np.linspace(0, 2 * np.pi, len(values) + 1)
-    found = panel.pcolormesh(turn, [0.55, 1.0], np.ma.masked_invalid(values[None]), **look)
+    cells = panel.pcolormesh(turn, [0.55, 1.0], np.ma.masked_invalid(values[None]), **look)
     first, second = axes
     panel.set_xticks(np.arange(4) * np.pi / 2, [f"+{first}", f"+{second}", f"−{first}", f"−{second}"])
     panel.set(yticks=[], ylim=(0, 1))
     panel.grid(visible=False)
-    return found
+    return cells

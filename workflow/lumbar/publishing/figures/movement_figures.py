@@ -173,6 +173,8 @@ def quality_figure(
 
     Parameters
     ----------
+    sheet : QualitySheet
+        Report on the recording.
     points : dict of str to ndarray, shape (n_frames, 3)
         Measured markers by the file's labels; metres, z up.
     time : ndarray, shape (n_frames,)

@@ -136,5 +136,5 @@ def _draw_simulation(axis) -> None:
         _write(axis, 1.39, 1.05 if height > 0.75 else 0.45, words, color=color)
 
 
-def _write(axis, x: float, y: float, words: str, **look) -> None:
-    axis.text(x, y, words, **({"ha": "center", "va": "center", "fontsize": 7.5} | look))
+def _write(axis, x: float, y: float, text: str, **look) -> None:
+    axis.text(x, y, text, **({"ha": "center", "va": "center", "fontsize": 7.5} | look))

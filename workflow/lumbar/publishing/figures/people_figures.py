@@ -69,9 +69,9 @@ def _sorted_rows(known: Sequence[GroupComparison]) -> tuple[list[tuple[str, str]
     for item in known:
         effects.setdefault((item.measure, item.plane), []).append(_effect(item)[0])
     sided = {(item.measure, item.plane): bool(item.safer) for item in known}
-    kept = sorted(effects, key=lambda row: -np.abs(effects[row]).mean())[:MAX_ROWS]
-    ordered = sorted(kept, key=lambda row: (not sided[row], -np.mean(effects[row])))
-    return ordered, len(effects) - len(kept)
+    drawn = sorted(effects, key=lambda row: -np.abs(effects[row]).mean())[:MAX_ROWS]
+    ordered = sorted(drawn, key=lambda row: (not sided[row], -np.mean(effects[row])))
+    return ordered, len(effects) - len(drawn)
 
 
 def _effect(item: GroupComparison) -> np.ndarray:

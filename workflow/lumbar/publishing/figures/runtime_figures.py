@@ -35,6 +35,7 @@ def fmu_force_figure(
     time : numpy.ndarray, shape (samples,)
         Seconds.
     inputs : numpy.ndarray, shape (samples,)
+        Position of the push.
     outputs : dict of tuple (str, str) to numpy.ndarray, each of shape (samples,)
         By model and FMI version, ``"2.0"`` or ``"3.0"``.
     detail : str
@@ -67,21 +68,21 @@ def fmu_force_figure(
 
 
 @house_style
-def z_width_figure(found: ZWidth, device: DeviceSettings) -> Figure:
+def z_width_figure(result: ZWidth, device: DeviceSettings) -> Figure:
     """Draw the damping that models need against the rate, and the Z-width of the device."""
     figure, (needed, width) = new_figure(DOUBLE_COLUMN, 3.0, ncols=2)
-    for name, damping in found.needed.items():
+    for name, damping in result.needed.items():
         known = np.isfinite(damping)
         marker = {"marker": model_look(name)["marker"]} if known.sum() == 1 else {}
-        needed.loglog(found.rates[known], damping[known], label=name, **model_line(name), **marker)
+        needed.loglog(result.rates[known], damping[known], label=name, **model_line(name), **marker)
     needed.axhline(device.damping_N_s_m, color="#000000", linewidth=0.8)
-    words, at = f"the device: {device.damping_N_s_m:g} N·s/m", (found.rates[0], device.damping_N_s_m)
+    words, at = f"the device: {device.damping_N_s_m:g} N·s/m", (result.rates[0], device.damping_N_s_m)
     note(needed, words, at, (0, -3), va="top", fontsize=7)
     needed.set(xlabel="Rate of the model (Hz)", ylabel="Damping needed (N·s/m)")
     needed.legend(ncols=3, loc="lower center", bbox_to_anchor=(0.5, 1.02))
-    for colour, (rate, (passive, stable)) in zip(SERIES, found.stiffness.items(), strict=False):
-        width.loglog(found.damping, stable, color=colour, label=f"stable, {rate:.4g} Hz")
-        width.loglog(found.damping, passive, color=colour, linestyle="--", label=f"passive, {rate:.4g} Hz")
+    for colour, (rate, (passive, stable)) in zip(SERIES, result.stiffness.items(), strict=False):
+        width.loglog(result.damping, stable, color=colour, label=f"stable, {rate:.4g} Hz")
+        width.loglog(result.damping, passive, color=colour, linestyle="--", label=f"passive, {rate:.4g} Hz")
     width.axvline(device.damping_N_s_m, color="#000000", linewidth=0.8)
     width.set(xlabel="Damping of the device (N·s/m)", ylabel="Largest stiffness (N/m)")
     look = {"xycoords": ("data", "axes fraction"), "ha": "right", "va": "top", "fontsize": 7}

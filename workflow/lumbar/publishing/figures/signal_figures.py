@@ -106,6 +106,7 @@ def excitation_figure(signals: Sequence[Signal], band: float, note: str) -> Figu
     Parameters
     ----------
     signals : sequence of Signal
+        Signals of the testing machine.
     band : float
         Upper end of the excited band in Hz.
     note : str

@@ -246,6 +246,7 @@ def method_comparison_figure(
     funnels : pandas.DataFrame
         ``funnel.csv`` of the lift; the thesis's method and the best V are computed on the same pendulums.
     settings : StabilitySettings
+        Regulator, goal set, methods and knots.
     who : str
         Subject and box, for the titles.
     """

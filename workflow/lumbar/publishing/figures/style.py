@@ -56,7 +56,7 @@ def _label_unlabelled_panels(figure) -> None:
         axes.set_title(f"$\\mathbf{{({letter})}}$ {title}" if title else f"({letter})", loc=place, **look)
 
 
-def _set_missing_glyphs_as_formulas(figure) -> None:
+def _use_math_font_fallback(figure) -> None:
     """Mark letters that the font lacks as formulas in texts with a formula: matplotlib has no other fallback in these."""
     known = set.intersection(*(set(get_font(path).get_charmap()) for path in _FONTS))
     for text in figure.findobj(Text):
@@ -77,14 +77,14 @@ def head_room(axes, share: float) -> None:
     axes.set_ylim(bottom, top + share * (top - bottom))
 
 
-def note(axes, words: str, at: tuple, offset: tuple[float, float], **look) -> None:
-    """Write words near a position in the axes, `offset` points from it."""
-    axes.annotate(words, at, xytext=offset, textcoords="offset points", **look)
+def note(axes, text: str, at: tuple, offset: tuple[float, float], **look) -> None:
+    """Write a text near a position in the axes, `offset` points from it."""
+    axes.annotate(text, at, xytext=offset, textcoords="offset points", **look)
 
 
-def show_placeholder(axes, words: str, **look) -> None:
+def show_placeholder(axes, text: str, **look) -> None:
     """Write in the middle of empty axes why nothing is drawn."""
-    axes.text(0.5, 0.5, words, transform=axes.transAxes, ha="center", **look)
+    axes.text(0.5, 0.5, text, transform=axes.transAxes, ha="center", **look)
 
 
 def mark_noise_floor(axes, rms: float, linewidth: float = 0.8) -> None:
@@ -142,21 +142,21 @@ def save(figure, stem: str | os.PathLike, source_label: str, who: str = "") -> N
         Subject and box, if the figure shows one lift; written before `source_label`.
     """
     stem = Path(stem)
-    words = f"Data: {source_label}" if source_label else "Drawing without data"
-    words = f"{SHOWS}{who}. {words}" if who else words
+    description = f"Data: {source_label}" if source_label else "Drawing without data"
+    description = f"{SHOWS}{who}. {description}" if who else description
     if source_label:
         note_of_figure = figure.get_supxlabel()
-        below = f"{note_of_figure}\n{words}" if note_of_figure else words
+        below = f"{note_of_figure}\n{description}" if note_of_figure else description
         figure.supxlabel(below, x=0.995, ha="right", fontsize=6, color="#555555")
     _label_unlabelled_panels(figure)
-    _set_missing_glyphs_as_formulas(figure)
+    _use_math_font_fallback(figure)
     _settle_layout(figure)
     dpi = figure.dpi
     with replacing(stem.with_name(f"{stem.name}.svg")) as svg:
-        FigureCanvasSVG(figure).print_svg(svg, metadata={"Date": None, "Description": words})
+        FigureCanvasSVG(figure).print_svg(svg, metadata={"Date": None, "Description": description})
     figure.dpi = dpi
     with replacing(stem.with_name(f"{stem.name}.pdf")) as pdf:
         FigureCanvasPdf(figure).print_pdf(
-            pdf, metadata={"CreationDate": None, "ModDate": None, "Subject": words}
+            pdf, metadata={"CreationDate": None, "ModDate": None, "Subject": description}
         )
     figure.dpi = dpi

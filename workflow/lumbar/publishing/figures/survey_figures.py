@@ -24,6 +24,8 @@ def likert_figure(models: Sequence[str], counts: np.ndarray, labels: Sequence[st
 
     Parameters
     ----------
+    models : sequence of str
+        Names of the models.
     counts : numpy.ndarray of int, shape (models, points)
         Number of answers by point, from the least to the greatest agreement.
     labels : sequence of str

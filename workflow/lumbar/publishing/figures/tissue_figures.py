@@ -106,8 +106,7 @@ def analogue_picture(model: TissueModel) -> str:
 def _draw_model(axis, model: TissueModel, tallest: float) -> None:
     if model.network is None:
         box = {"boxstyle": "square,pad=0.9", "facecolor": INK, "edgecolor": INK}
-        words = "$H(z)$\nblack box"
-        axis.text(0, -tallest / 2, words, color="white", bbox=box, **_CENTRED)
+        axis.text(0, -tallest / 2, "$H(z)$\nblack box", color="white", bbox=box, **_CENTRED)
         axis.plot([0, 0], [0, -tallest], color=INK, linewidth=_LINE, zorder=0)
     else:
         rod = (tallest - network_size(model.network)[1]) / 2

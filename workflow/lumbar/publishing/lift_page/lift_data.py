@@ -71,6 +71,7 @@ def body_columns(lift: LiftTables, frames: slice) -> dict[str, np.ndarray]:
     Parameters
     ----------
     lift : LiftTables
+        Body, pivot and states of the lift.
     frames : slice
         Drawn frames.
 
@@ -114,6 +115,8 @@ def balance_columns(course: pd.DataFrame, share: float, frames: slice) -> dict[s
         See `lumbar.lifting.measures.course.course_of_lift`.
     share : float
         Share of the base that people use.
+    frames : slice
+        Drawn frames.
 
     Returns
     -------
@@ -152,7 +155,7 @@ class PushedPendulum:
     level: np.ndarray
     """Shape (knots,): ρ of the exact funnel of the loop without limits."""
     binds: bool
-    """Whether the torque reaches its limits in that funnel."""
+    """True if the torque reaches its limits in that funnel."""
 
     @property
     def key(self) -> str:

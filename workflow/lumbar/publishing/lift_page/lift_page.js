@@ -1,4 +1,4 @@
-// What the page of a lift does: goes through time, shows a pendulum's funnel, pushes it and tells what becomes of it.
+// The page of a lift: play the recording, show a pendulum's funnel, push the pendulum and show its path.
 "use strict";
 window.lumbarLift = (() => {
   const page = JSON.parse(document.getElementById("page-data").textContent);
@@ -11,7 +11,7 @@ window.lumbarLift = (() => {
   let pictures; // Bokeh's document
   let columns = {}; // of the body, frame by frame
   let time = 0;
-  let playing = 0; // number of the animation's next frame; 0 while it stands still
+  let playing = 0; // number of the animation's next frame; 0 while it is stopped
   let loop = null; // pendulum that is shown, null where it has no funnel
   let push = null; // {knot, state, limited, path}
   let outlines = []; // simulated, per knot
@@ -146,7 +146,7 @@ window.lumbarLift = (() => {
       : "The margin of stability is not known here: a marker is not seen, or no foot stands.";
   }
 
-  // Show all of these values, and some room beside them.
+  // Show all of these values, with a margin.
   function fit(picture, values, room) {
     const [low, high] = [Math.min(...values), Math.max(...values)];
     const more = room * (high - low) || 1;

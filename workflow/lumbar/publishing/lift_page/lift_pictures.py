@@ -112,8 +112,8 @@ def _draw_margin(picture: figure) -> None:
     phases = _source("phases", "start", "stop", "shade", "phase")
     grey = {"fill_color": GREY, "fill_alpha": "shade", "line_color": None}
     picture.vstrip(x0="start", x1="stop", source=phases, level="underlay", **grey)
-    words = {"text": "phase", "text_font_size": "11px", "text_color": MEASURED, "name": "ink phases"}
-    picture.add_layout(LabelSet(x="start", y=2, x_offset=3, y_units="screen", source=phases, **words))
+    label = {"text": "phase", "text_font_size": "11px", "text_color": MEASURED, "name": "ink phases"}
+    picture.add_layout(LabelSet(x="start", y=2, x_offset=3, y_units="screen", source=phases, **label))
     picture.add_layout(Span(dimension="width", location=0, line_color=GREY, line_dash=[4, 3]))
     margins = _source("margins", "time", "margin")
     picture.line("time", "margin", source=margins, color=SERIES[3], line_width=1.8)

@@ -26,6 +26,7 @@ def diagnosis_page(
     Parameters
     ----------
     diagnosis : DiagnosisResult
+        Status and base.
     headline : str
         The verdict in one sentence.
     sections : mapping of str to list of markupsafe.Markup
@@ -50,8 +51,8 @@ def evidence_sections(
 
     Parameters
     ----------
-    diagnosis : DiagnosisResult
-    evidence : Evidence
+    diagnosis, evidence
+        Result and evidence.
     catalogue : dict of str to Effect
         Source of mechanisms and experiments.
     pictures : mapping of str to pathlib.Path

@@ -37,12 +37,13 @@ def draw_pictures(
     Parameters
     ----------
     diagnosis : DiagnosisResult
+        Path, ranking, law and linear dynamics.
     reports : sequence of ResidualReport or SpatialReport
         Those of the base model.
     catalogue : dict of str to Effect
         Catalogue of one axis, along which signatures are drawn.
-    folder : pathlib.Path
-    source_label : str
+    folder, source_label
+        Folder of the files; origin of the data.
 
     Returns
     -------

@@ -81,7 +81,7 @@ class Entry:
     """One table, picture or page of the report."""
 
     key: str
-    """Its anchor in the page, as in ``#key``."""
+    """Anchor in the page, as in ``#key``."""
     artefact: Artefact
     title: str
     caption: str
@@ -105,7 +105,7 @@ class Entry:
     cells: "CellComparison | None" = None
     """The thesis's table compared with this run's."""
     missing: bool = False
-    """Whether it was not made."""
+    """True if it was not made."""
 
 
 @dataclass(frozen=True)
@@ -251,7 +251,7 @@ SHOWN_WITH = {
 }
 """Artefact with which a claim is shown, by its evidence; other evidence is the table of that name."""
 CELLS = {"table_3_1": 2, "table_3_2": 1}
-"""How many parts of a claim's name select the row, by table: ``table_3_1.<record>.<model>.<column>``. Table 4.1 has the
+"""Number of parts of a claim's name that select the row, by table: ``table_3_1.<record>.<model>.<column>``. Table 4.1 has the
 published values among its columns."""
 
 

@@ -44,7 +44,7 @@ def recordings(results: Path) -> list[dict]:
             sheet = sheets.get(entry["file"].rpartition("/")[2], {})
             missing, markers = sheet.get("missing_share"), entry.get("markers")
             findings = [
-                f"{_readable(item['kind'])} ({item['outcome']}): {', '.join(item['markers']) or 'all markers'} from "
+                f"{_spell_out(item['kind'])} ({item['outcome']}): {', '.join(item['markers']) or 'all markers'} from "
                 f"{item['start_s']:.2f} s for {item['length_s']:.2f} s: {item['evidence']}"
                 for item in sheet.get("findings", ())
             ]
@@ -62,49 +62,49 @@ def recordings(results: Path) -> list[dict]:
     return rows
 
 
-def _readable(name: str) -> str:
+def _spell_out(name: str) -> str:
     """Return a name of files and settings as text."""
     return name.replace("_", " ")
 
 
 def troubles(results: Path) -> list[Trouble]:
     """Return what fails, then what warns."""
-    found = [
-        Trouble(FAILS if "(error)" in finding else WARNS, _readable(item["name"]), finding)
+    every = [
+        Trouble(FAILS if "(error)" in finding else WARNS, _spell_out(item["name"]), finding)
         for item in recordings(results)
         for finding in item["findings"]
     ]
     for part in (_lift_troubles, _diagnosis_troubles, _basin_troubles, _fmu_troubles):
-        found += part(results)
+        every += part(results)
     # Warnings that stages wrote to their logs.
     for path in sorted((results / "logs").rglob("*.log")):
         stage = path.relative_to(results / "logs").with_suffix("")
         if stage.parts[0] not in _REPORTED_BY_FILES:
             warnings = _WARNING.findall(path.read_text(encoding="utf-8"))
-            found += [Trouble(WARNS, _readable(stage.as_posix()), text.strip()) for text in warnings]
-    return sorted(dict.fromkeys(found), key=lambda item: item.grade != FAILS)
+            every += [Trouble(WARNS, _spell_out(stage.as_posix()), text.strip()) for text in warnings]
+    return sorted(dict.fromkeys(every), key=lambda item: item.grade != FAILS)
 
 
 def _lift_troubles(results: Path) -> Iterator[Trouble]:
     for path in sorted(results.glob("lifting/*/pendulum.json")):
         facts = read_json(path)
-        lift = _readable(facts["lift"])
+        lift = _spell_out(facts["lift"])
         if facts.get("no_deposit"):
             yield Trouble(FAILS, lift, f"no deposit: {facts['no_deposit']}")
         for name, reason in facts.get("missing", {}).items():
-            yield Trouble(FAILS, lift, f"no {_readable(name)}: {reason}")
+            yield Trouble(FAILS, lift, f"no {_spell_out(name)}: {reason}")
         for assumption in facts.get("assumptions", ()):
             yield Trouble(WARNS, lift, f"assumed: {assumption}")
 
 
 def _diagnosis_troubles(results: Path) -> Iterator[Trouble]:
     for path in sorted(results.glob("improvement/*/diagnosis.json")):
-        where, diagnosis = f"diagnosis of {_readable(path.parent.name)}", read_json(path)
+        where, diagnosis = f"diagnosis of {_spell_out(path.parent.name)}", read_json(path)
         if diagnosis["verdict"] == "unexplained":
             yield Trouble(FAILS, where, "something is missing, and no effect of the catalogue explains it")
         if diagnosis["verdict"] == "tied":
             tied = [*diagnosis["selected"], *diagnosis["tied_with"]]
-            names = ", ".join(_readable(name).replace("+", " and ") for name in tied)
+            names = ", ".join(_spell_out(name).replace("+", " and ") for name in tied)
             yield Trouble(WARNS, where, f"these cannot be distinguished on these records: {names}")
         if diagnosis["complete"] is False:
             yield Trouble(WARNS, where, "the error that is left is above 1.2 times the noise floor")
@@ -116,8 +116,8 @@ def _diagnosis_troubles(results: Path) -> Iterator[Trouble]:
 
 def _basin_troubles(results: Path) -> Iterator[Trouble]:
     for row in _rows(results / "stability" / "failures.csv").itertuples():
-        lift = _readable(f"{row.subject} {row.box_mass_kg:g} kg, {row.com}, {row.plane}")
-        yield Trouble(FAILS, lift, f"{_readable(row.basin)}: {_PENDULUM.sub('', row.reason)}")
+        lift = _spell_out(f"{row.subject} {row.box_mass_kg:g} kg, {row.com}, {row.plane}")
+        yield Trouble(FAILS, lift, f"{_spell_out(row.basin)}: {_PENDULUM.sub('', row.reason)}")
     areas = _rows(results / "stability" / "boa.csv")
     if areas.empty:
         return
