@@ -1,6 +1,7 @@
 """Lifts, trials and pendulums that several tests share."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
@@ -11,8 +12,12 @@ from lumbar.records.marker_file import RecordedEvent
 from lumbar.records.markers import MarkerRecording
 from lumbar.settings.lifting import SubjectSettings, TrialSettings
 from lumbar.settings.stability import RegulatorSettings
-from lumbar.twin.lifting_recordings import true_movement, write_lift
+from lumbar.twin.examples import example_lift
+from lumbar.twin.lifter import simulate
+from lumbar.twin.lifting_recordings import true_movement, write_lift, write_markers
 from study_settings import study_settings
+
+__all__ = ["example_lift", "simulate", "true_movement"]
 
 GRAVITY = 9.81
 WEIGHTS = Weights.from_settings(RegulatorSettings(control_weight=1e-3))
@@ -87,6 +92,22 @@ def trial_of(mass_kg=15.0, events=None, **others) -> TrialSettings:
     return TrialSettings.model_validate(
         {"box_mass_kg": mass_kg, "markers": "lift.c3d", "events": events, **others}
     )
+
+
+def write_recording(path, positions, rate=100.0, subject="ann") -> Path:
+    """Write markers in metres to a C3D file."""
+    write_markers(path, positions, rate, subject)
+    return path
+
+
+def hide(positions, frames, *labels) -> dict[str, np.ndarray]:
+    """Markers, some of which are not seen in some frames."""
+    return {
+        label: np.where(np.isin(np.arange(len(points)), np.r_[frames])[:, None], np.nan, points)
+        if label in labels
+        else points
+        for label, points in positions.items()
+    }
 
 
 def mark(label, time, context="") -> RecordedEvent:

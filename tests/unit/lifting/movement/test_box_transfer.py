@@ -3,15 +3,9 @@
 import ezc3d
 import numpy as np
 import pytest
+from lifting_cases import hide, trial_of, write_recording
 
 import lumbar
-from lumbar.base.errors import InputError
-from lumbar.lifting.movement.lift_analysis import analyse_lift
-from lumbar.lifting.movement.lift_tables import summary
-from lumbar.records.markers import read_markers
-from lumbar.settings.layout import MarkerLayout
-from lumbar.settings.lifting import TrialSettings
-from lumbar.twin.lifting_recordings import write_markers
 from study_settings import changed, study_settings, subject_settings
 
 
@@ -42,35 +36,29 @@ def test_t12_lies_where_a_static_trial_with_the_whole_spine_has_it(study, shared
     assert rule.share == pytest.approx(share_along(t10, sacrum, points["T12"]), abs=0.005)
 
 
-def test_the_recording_becomes_pendulums_that_say_what_was_assumed(study, shared):
+def test_pendulums_of_the_recording_list_their_assumptions(study, shared):
     settings, subject = study
-    recording = read_markers(shared / "real" / "lifting" / "s2m_box_transfer" / "Vicon.c3d", settings.markers)
-    trial = subject.trials[0]
-    lift = analyse_lift(recording, subject, trial, settings)
-    facts = summary(lift, subject, trial, settings)
-    said = " ".join(facts["assumptions"])
+    file = shared / "real" / "lifting" / "s2m_box_transfer" / "Vicon.c3d"
+    lift = lumbar.lift(lumbar.read(file, layout=settings.markers), subject, settings=settings)
+    assumptions = " ".join(lift.facts["assumptions"])
     for assumed in ("mass_kg = 60", "box_mass_kg = 6", "C7", "T12", "L5", "L_HIP", "R_HIP"):
-        assert assumed in said
-    assert facts["pivot"] == "hip"
+        assert assumed in assumptions
+    assert lift.facts["pivot"] == "hip"
     # The line of the two ASIS, seen from above, is the person's own lateral axis.
-    across = np.nanmean(
-        raw(recording.source)["Daphnee:ASISr"] - raw(recording.source)["Daphnee:ASISl"], axis=0
-    )
+    points = raw(file)
+    across = np.nanmean(points["Daphnee:ASISr"] - points["Daphnee:ASISl"], axis=0)
     standing = np.arctan2(across[0], across[1])
-    assert abs(facts["heading_rad"]) == pytest.approx(abs(standing), abs=0.2)
-    for (com, plane), states in lift.states.items():
-        assert 0.1 < states.length.mean() < 0.6, (com, plane)
-        assert np.abs(states.angle).max() < 1.0
-        assert np.abs(states.angular_velocity).max() < 1.5
-
-
-RATE = 100.0
+    assert abs(lift.facts["heading_rad"]) == pytest.approx(abs(standing), abs=0.2)
+    for (com, plane), states in lift.states.groupby(["com", "plane"]):
+        assert 0.1 < states["length_m"].mean() < 0.6, (com, plane)
+        assert states["angle_rad"].abs().max() < 1.0
+        assert states["angular_velocity_rad_s"].abs().max() < 1.5
 
 
 @pytest.fixture(scope="module")
 def points(shared):
     path = shared / "real" / "lifting" / "s2m_box_transfer" / "Vicon.c3d"
-    return read_markers(path, MarkerLayout(check_axes=False)).positions
+    return lumbar.read(path, layout=lumbar.MarkerLayout(check_axes=False)).positions
 
 
 @pytest.fixture
@@ -78,38 +66,28 @@ def lift_of(tmp_path):
     settings, person = study_settings("studies/box_transfer.yaml").lifting, subject_settings("box_transfer")
 
     def lifted(markers, static=None, **changes):
-        write_markers(tmp_path / "trial.c3d", markers, RATE, "ann")
+        file, static_file = write_recording(tmp_path / "trial.c3d", markers), tmp_path / "static.c3d"
+        subject = {"trials": (trial_of(6.0, markers="trial.c3d"),)}
         if static is not None:
-            write_markers(tmp_path / "static.c3d", static, RATE, "ann")
-        named = None if static is None else "static.c3d"
-        person_ = person.model_copy(
-            update={"trials": (TrialSettings(box_mass_kg=6.0, markers="trial.c3d"),), "static": named}
-        )
-        return lumbar.lift(tmp_path / "trial.c3d", person_, settings=changed(settings, **changes))
+            subject["static"] = write_recording(static_file, static).name
+        return lumbar.lift(file, person.model_copy(update=subject), settings=changed(settings, **changes))
 
     return lifted
 
 
-def hidden(points, labels, frames):
-    seen = {label: values.copy() for label, values in points.items()}
-    for label in labels:
-        seen[label][frames] = np.nan
-    return seen
-
-
 @pytest.mark.parametrize(("larger", "same_person"), [(1.0, True), (1.15, False)])
 def test_the_shape_of_another_person_s_static_trial_fills_no_gap(points, lift_of, larger, same_person):
-    gappy = hidden(points, ["PSISl"], slice(250, 350))
+    gappy = hide(points, slice(250, 350), "PSISl")
     noise = np.random.default_rng(1).normal(0, 2e-4, (60, 3))
     static = {label: larger * np.nanmean(values[:50], axis=0) + noise for label, values in points.items()}
     found = lift_of(gappy, static)
     methods = [gap.method for gap in found.analysed.gaps if gap.marker == "PSISl" and gap.filled]
     assert methods and all(("shape from the static trial" in method) == same_person for method in methods)
-    said = [finding for finding in found.quality.findings if finding.kind == "static"]
-    assert len(said) == (not same_person)
+    findings = [finding for finding in found.quality.findings if finding.kind == "static"]
+    assert len(findings) == (not same_person)
 
 
-def test_samples_that_are_held_are_no_jitter(points, lift_of):
+def test_repeated_samples_are_not_reported_as_jitter(points, lift_of):
     """Written at twice the cameras' rate: cameras that see badly would be another cause, and a false one."""
     held = {label: np.repeat(values[::2], 2, axis=0)[: len(values)] for label, values in points.items()}
     (finding,) = lift_of(held).quality.findings
@@ -118,6 +96,6 @@ def test_samples_that_are_held_are_no_jitter(points, lift_of):
     assert (finding.kind, finding.markers) == ("held", ("STER",))
 
 
-def test_a_gap_that_stays_ends_the_lift_where_that_is_asked_for(points, lift_of):
-    with pytest.raises(InputError, match=r"C7: not seen for 0\.5 s from 3\.000 s"):
-        lift_of(hidden(points, ["T10"], slice(300, 350)), gaps={"longer": "error"})
+def test_open_gap_stops_the_lift_if_selected(points, lift_of):
+    with pytest.raises(lumbar.InputError, match=r"C7: not seen for 0\.5 s from 3\.000 s"):
+        lift_of(hide(points, slice(300, 350), "T10"), gaps={"longer": "error"})

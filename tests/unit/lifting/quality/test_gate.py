@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 from quality_corruptions import CORRUPTIONS, Trunk, changed, corrupted, exchanged
 
+import lumbar
 from lumbar.lifting.quality.body import side_pairs
 from lumbar.lifting.quality.displacement import find_rigid_violations
-from lumbar.lifting.quality.findings import Legend
+from lumbar.lifting.quality.findings import REMEDIES, Legend
 from lumbar.lifting.quality.gate import examine
-from lumbar.records.markers import read_markers
-from lumbar.settings.layout import MarkerLayout
 
 CHAIR = Trunk("Clavical", "Sternum", "V_Sacral")
 RECORDINGS = {
@@ -42,8 +41,8 @@ def recordings(request, twin_lift):
             else:
                 path = request.getfixturevalue("shared") / "real" / "lifting" / name
                 up, trunk = RECORDINGS[name]
-            layout = MarkerLayout(up=up, forward="+x", check_axes=False)
-            made[name] = read_markers(path, layout), trunk
+            layout = lumbar.MarkerLayout(up=up, forward="+x", check_axes=False)
+            made[name] = lumbar.read(path, layout=layout), trunk
         return made[name]
 
     return read
@@ -134,13 +133,13 @@ def test_noise_of_all_markers_is_one_finding(recordings):
     assert [least, largest] == pytest.approx([np.sqrt(3) * 5] * 2, rel=0.1)
 
 
-LAYOUT = MarkerLayout(up="+z", forward="+x", check_axes=False)
+LAYOUT = lumbar.MarkerLayout(up="+z", forward="+x", check_axes=False)
 DRIFT = 30
 
 
 @pytest.fixture(scope="module")
 def box_transfer(shared):
-    return read_markers(shared / "real" / "lifting" / "s2m_box_transfer" / "Vicon.c3d", LAYOUT)
+    return lumbar.read(shared / "real" / "lifting" / "s2m_box_transfer" / "Vicon.c3d", layout=LAYOUT)
 
 
 def drifted(recording, label, start, direction=(1.0, 0.0, 0.0)):
@@ -152,7 +151,7 @@ def drifted(recording, label, start, direction=(1.0, 0.0, 0.0)):
 
 def test_frames_wrong_in_a_real_recording_are_left_out_and_no_others(shared):
     """Of RSK1 its distance to RSK2 is 103 to 111 mm but in frames 137 to 166, where it grows to 157 mm."""
-    recording = read_markers(shared / "real" / "c3d_edge" / "01_intel_int.c3d", LAYOUT)
+    recording = lumbar.read(shared / "real" / "c3d_edge" / "01_intel_int.c3d", layout=LAYOUT)
     found = {
         finding.markers: finding.frames
         for finding in examine(recording.positions, recording.time, recording.rate)
@@ -262,3 +261,13 @@ def test_coarse_numbers_are_not_frozen(recordings, decimals):
     recording, _ = recordings("s2m_box_transfer/Vicon.c3d")
     points = {label: np.round(positions, decimals) for label, positions in recording.positions.items()}
     assert examine(points, recording.time, recording.rate) == []
+
+
+def test_every_kind_of_finding_is_explained(project):
+    lifting = project / "workflow" / "lumbar" / "lifting"
+    sources = [*(lifting / "quality").glob("*.py"), lifting / "movement" / "rigid_filling.py"]
+    text = "".join(path.read_text(encoding="utf-8") for path in sources)
+    assert [kind for kind in REMEDIES if text.count(f'"{kind}"') < 2] == []
+    page = (project / "docs" / "lifting" / "quality.md").read_text(encoding="utf-8")
+    explained = r"^\| `([a-z ]+)` \| (?:error|left|proposed|noted)[^|]*\| [^|]+\| [^|]+\|$"
+    assert set(REMEDIES) == set(re.findall(explained, page, re.MULTILINE))

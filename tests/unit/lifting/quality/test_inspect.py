@@ -1,19 +1,14 @@
 """``lumbar inspect``, and what silent corruption does to a trial: stopped with one sentence, or gone on without the stretch."""
 
 import json
-import re
 
 import numpy as np
 import pytest
+from lifting_cases import write_recording
 from quality_corruptions import changed, exchanged
 
 import lumbar
 from column_files import write_columns
-from lumbar.base.errors import InputError
-from lumbar.lifting.quality.findings import REMEDIES
-from lumbar.records.markers import read_markers
-from lumbar.settings.layout import MarkerLayout
-from lumbar.twin.lifting_recordings import write_markers
 from study_settings import study_settings, subject_settings
 
 RATE = 100.0
@@ -27,12 +22,12 @@ def lift_file(twin_lift):
 @pytest.fixture(scope="module")
 def points(lift_file):
     """Markers of the expert's lift, as the file holds them."""
-    recording = read_markers(lift_file, MarkerLayout(check_axes=False))
+    recording = lumbar.read(lift_file, layout=lumbar.MarkerLayout(check_axes=False))
     assert recording.rate == RATE
     return recording.positions
 
 
-def test_the_numbers_of_gaps_are_those_of_the_file(lift_file, points):
+def test_gaps_are_those_of_the_file(lift_file, points):
     found = lumbar.inspect(lift_file)
     missing = {label: np.isnan(positions[:, 0]).mean() for label, positions in points.items()}
     assert {gap.marker: gap.missing_share for gap in found.sheet.gaps} == {
@@ -41,18 +36,19 @@ def test_the_numbers_of_gaps_are_those_of_the_file(lift_file, points):
     assert found.sheet.missing_share == pytest.approx(np.mean(list(missing.values())))
 
 
-def test_what_stops_the_pipeline_is_told_and_does_not_stop_inspection(points, tmp_path):
-    write_markers(tmp_path / "tenfold.c3d", {label: 0.1 * p for label, p in points.items()}, 100, "expert")
+def test_error_of_the_pipeline_is_reported_and_does_not_stop_inspection(points, tmp_path):
+    write_recording(
+        tmp_path / "tenfold.c3d", {label: 0.1 * p for label, p in points.items()}, subject="expert"
+    )
     found = lumbar.inspect(tmp_path / "tenfold.c3d", height_m=1.75)
     assert [finding.kind for finding in found.sheet.findings] == ["unit"]
-    analysed, words = found.pipeline
-    assert not analysed
-    assert "set markers.scale to 10" in words
+    is_analysed, reason = found.pipeline
+    assert not is_analysed and "set markers.scale to 10" in reason
 
 
 def test_the_command_prints_draws_and_names_files_that_cannot_be_read(points, tmp_path, run):
     frozen = tmp_path / "frozen.c3d"
-    write_markers(frozen, changed(points, "C7", slice(300, 400), points["C7"][300]), 100, "expert")
+    write_recording(frozen, changed(points, "C7", slice(300, 400), points["C7"][300]), subject="expert")
     status, out, err = run("inspect", frozen, "--height", "1.75", "--picture", tmp_path / "frozen.svg")
     assert (status, err) == (0, "")
     assert "left out: frozen: C7, 3.00 to 4.00 s" in out
@@ -69,13 +65,13 @@ def test_the_command_prints_draws_and_names_files_that_cannot_be_read(points, tm
 def test_a_record_of_force_and_position_is_sent_to_the_diagnosis(tmp_path):
     n = np.arange(300)
     write_columns(tmp_path / "record.csv", time_s=n / 100, position_mm=np.sin(n / 9), force_N=np.cos(n / 7))
-    with pytest.raises(InputError, match=r"lumbar diagnose .* examines records"):
+    with pytest.raises(lumbar.InputError, match=r"lumbar diagnose .* examines records"):
         lumbar.inspect(tmp_path / "record.csv")
 
 
-def test_what_could_not_be_checked_is_said(lift_file, points, tmp_path):
+def test_unchecked_properties_are_listed(lift_file, points, tmp_path):
     renamed = {f"Q{index}": positions for index, positions in enumerate(points.values())}
-    write_markers(tmp_path / "renamed.c3d", renamed, 100, "expert")
+    write_recording(tmp_path / "renamed.c3d", renamed, subject="expert")
     text = str(lumbar.inspect(tmp_path / "renamed.c3d", height_m=1.75))
     assert "findings: none in what could be checked" in text
     (line,) = [line for line in text.splitlines() if line.startswith("not checked: ")]
@@ -85,18 +81,18 @@ def test_what_could_not_be_checked_is_said(lift_file, points, tmp_path):
     assert list(lumbar.inspect(lift_file).sheet.unchecked) == ["stature"]
 
 
-def test_a_picture_in_another_format_is_refused_before_anything_is_read(tmp_path, run):
+def test_other_picture_format_is_rejected_before_reading(tmp_path, run):
     err = run.refused("inspect", tmp_path / "absent.c3d", "--picture", tmp_path / "x.png")
     assert "pictures are written as .svg or .pdf" in err
     assert "absent.c3d" not in err
 
 
-def test_a_marker_that_stands_still_throughout_turns_no_axis(shared, tmp_path):
+def test_motionless_marker_does_not_affect_axes(shared, tmp_path):
     """C7 left behind at the first frame: it is left out, and up and forward are told by the others."""
     path = shared / "real" / "lifting" / "ktk_pig_com_oracle" / "gait.c3d"
-    points = read_markers(path, MarkerLayout(check_axes=False)).positions
+    points = lumbar.read(path, layout=lumbar.MarkerLayout(check_axes=False)).positions
     points["C7"] = np.tile(points["C7"][0], (len(points["C7"]), 1))
-    write_markers(tmp_path / "walk.c3d", points, 100, "ann")
+    write_recording(tmp_path / "walk.c3d", points, subject="ann")
     found = lumbar.inspect(tmp_path / "walk.c3d")
     assert found.axes == "up +z, forward +y"
     assert [(finding.kind, finding.markers) for finding in found.sheet.findings] == [("frozen", ("C7",))]
@@ -106,9 +102,9 @@ def test_a_marker_that_stands_still_throughout_turns_no_axis(shared, tmp_path):
 def lift_of(tmp_path):
     """Write markers and analyse them as the expert's lift."""
 
-    def analyse(markers, rate=RATE, **layout):
+    def analyse(markers, **layout):
         path = tmp_path / "expert_23kg.c3d"
-        write_markers(path, markers, rate, subject="expert")
+        write_recording(path, markers, subject="expert")
         settings = study_settings().lifting
         settings = settings.model_copy(update={"markers": settings.markers.model_copy(update=layout)})
         return lumbar.lift(path, subject_settings("expert"), 23, settings=settings)
@@ -116,14 +112,14 @@ def lift_of(tmp_path):
     return analyse
 
 
-def test_a_wrong_unit_stops_the_trial_and_the_key_named_mends_it(points, lift_of):
+def test_wrong_unit_stops_the_trial_and_the_named_key_corrects_it(points, lift_of):
     tenfold = {label: 10 * positions for label, positions in points.items()}
-    said = r"expert_23kg\.c3d: unit: .* 18\.\d m.* 1\.75.*markers\.scale to 0\.1"
-    with pytest.raises(InputError, match=said):
+    problem = r"expert_23kg\.c3d: unit: .* 18\.\d m.* 1\.75.*markers\.scale to 0\.1"
+    with pytest.raises(lumbar.InputError, match=problem):
         lift_of(tenfold)
-    mended, untouched = lift_of(tenfold, scale=0.1), lift_of(points)
-    assert mended.quality.findings == untouched.quality.findings == ()
-    np.testing.assert_allclose(mended.states["length_m"], untouched.states["length_m"], rtol=1e-5)
+    corrected, untouched = lift_of(tenfold, scale=0.1), lift_of(points)
+    assert corrected.quality.findings == untouched.quality.findings == ()
+    np.testing.assert_allclose(corrected.states["length_m"], untouched.states["length_m"], rtol=1e-5)
 
 
 def test_a_short_freeze_becomes_a_gap_that_is_filled_and_reported(points, lift_of, tmp_path):
@@ -143,29 +139,19 @@ def test_a_short_freeze_becomes_a_gap_that_is_filled_and_reported(points, lift_o
     assert (sheet["n_frames"], sheet["rate_Hz"], len(sheet["markers"])) == (950, 100.0, len(points))
 
 
-def test_labels_exchanged_throughout_are_proposed_and_an_alias_mends_them(points, lift_of):
+def test_exchanged_labels_are_proposed_and_an_alias_corrects_them(points, lift_of):
     swapped = exchanged(points, "L_SHOULDER", "R_SHOULDER", slice(None))
-    unmended = lift_of(swapped)
-    (finding,) = unmended.quality.findings
+    uncorrected = lift_of(swapped)
+    (finding,) = uncorrected.quality.findings
     assert (finding.outcome, set(finding.markers)) == ("proposed", {"L_SHOULDER", "R_SHOULDER"})
-    assert "L_SHOULDER" not in unmended.analysed.recording
+    assert "L_SHOULDER" not in uncorrected.analysed.recording
     aliases = study_settings().lifting.markers.aliases
-    mended = lift_of(swapped, aliases=aliases | {"L_SHOULDER": "R_SHOULDER", "R_SHOULDER": "L_SHOULDER"})
-    assert mended.quality.findings == ()
-    assert mended.states.equals(lift_of(points).states)
+    corrected = lift_of(swapped, aliases=aliases | {"L_SHOULDER": "R_SHOULDER", "R_SHOULDER": "L_SHOULDER"})
+    assert corrected.quality.findings == ()
+    assert corrected.states.equals(lift_of(points).states)
 
 
-def test_every_kind_of_finding_is_explained(project):
-    lifting = project / "workflow" / "lumbar" / "lifting"
-    sources = [*(lifting / "quality").glob("*.py"), lifting / "movement" / "rigid_filling.py"]
-    text = "".join(path.read_text(encoding="utf-8") for path in sources)
-    assert [kind for kind in REMEDIES if text.count(f'"{kind}"') < 2] == []
-    page = (project / "docs" / "lifting" / "quality.md").read_text(encoding="utf-8")
-    explained = r"^\| `([a-z ]+)` \| (?:error|left|proposed|noted)[^|]*\| [^|]+\| [^|]+\|$"
-    assert set(REMEDIES) == set(re.findall(explained, page, re.MULTILINE))
-
-
-def test_what_the_checks_leave_out_of_the_deposit_is_no_gap_to_be_filled(points, lift_of):
+def test_frames_left_out_of_the_deposit_are_not_reported_as_gaps(points, lift_of):
     """C7 and T12 change places for 0.35 s: the reason names that and its remedy; gaps of the file have another."""
     frames = slice(630, 665)
     found = lift_of(exchanged(points, "C7", "T12", frames))
@@ -183,8 +169,8 @@ def test_what_the_checks_leave_out_of_the_deposit_is_no_gap_to_be_filled(points,
     assert "(exchanged)" in both and "not seen in the file: MANUBRIUM: raise" in both
 
 
-def test_a_finding_concerns_what_follows_from_its_marker_by_a_rule(points, lift_of):
-    rules = MarkerLayout.model_validate(
+def test_finding_concerns_markers_derived_by_a_rule(points, lift_of):
+    rules = lumbar.MarkerLayout.model_validate(
         {"aliases": {"L5": {"between": ["T12", "SACRUM"], "share": 0.7}}}
     ).aliases
     frozen = changed(points, "T12", slice(300, 340), points["T12"][300])
