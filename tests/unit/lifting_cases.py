@@ -10,14 +10,14 @@ from lumbar.lifting.stability.model.eqs_4_1_to_4_4_closed_loop import Pendulums,
 from lumbar.lifting.stability.model.pendulum_trajectories import Trajectory
 from lumbar.records.marker_file import RecordedEvent
 from lumbar.records.markers import MarkerRecording
-from lumbar.settings.lifting import SubjectSettings, TrialSettings
+from lumbar.settings.lifting import ALIASES, SubjectSettings, TrialSettings
 from lumbar.settings.stability import RegulatorSettings
 from lumbar.twin.examples import example_lift
 from lumbar.twin.lifter import simulate
 from lumbar.twin.lifting_recordings import true_movement, write_lift, write_markers
 from study_settings import study_settings
 
-__all__ = ["example_lift", "simulate", "true_movement"]
+__all__ = ["ALIASES", "example_lift", "simulate", "true_movement"]
 
 GRAVITY = 9.81
 WEIGHTS = Weights.from_settings(RegulatorSettings(control_weight=1e-3))
