@@ -41,7 +41,7 @@ TOLERANCES = (1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
 
 
 class Written:
-    """Step 1 as one writes it, through cvxpy and any of its solvers: stands in for `Certificate`."""
+    """Step 1 written with cvxpy for any of its solvers; it replaces `Certificate`."""
 
     def __init__(self, solver: str, **options):
         import cvxpy as cp
@@ -69,13 +69,13 @@ class Written:
 
 def deposits(results: Path) -> list[Trajectory]:
     """Return the trajectories of the default study in the thesis's wording."""
-    found = []
+    trajectories = []
     for path in sorted((results / "lifting").glob("*/pendulum.csv")):
         facts = read_json(path.with_suffix(".json"))
         facts["experience"] = facts["subject"]  # the twin's two people are called so
         in_thesis = pd.read_csv(path.with_name("thesis_pendulum.csv"))
-        found += LiftStates(pd.read_csv(path), facts, in_thesis).trajectories(THESIS)[0]
-    return found
+        trajectories += LiftStates(pd.read_csv(path), facts, in_thesis).trajectories(THESIS)[0]
+    return trajectories
 
 
 def differences(items: list[Trajectory], areas: np.ndarray) -> np.ndarray:
@@ -88,45 +88,47 @@ def differences(items: list[Trajectory], areas: np.ndarray) -> np.ndarray:
     return np.array([row[plane] for row in rows for plane in PLANES])
 
 
-def row_of(items: list[Trajectory], solver: str, tolerance: float, found: Alternation) -> dict:
-    """Return what one way gives."""
-    cells = {number: differences(items, found.after[number - 1].mean_area) for number in (1, 2, ALTERNATIONS)}
-    row = {"solver": solver, "tolerance": tolerance, "knots": len(found.funnels.level)}
+def row_of(items: list[Trajectory], solver: str, tolerance: float, result: Alternation) -> dict:
+    """Return the results of one solver as a row."""
+    cells = {
+        number: differences(items, result.after[number - 1].mean_area) for number in (1, 2, ALTERNATIONS)
+    }
+    row = {"solver": solver, "tolerance": tolerance, "knots": len(result.funnels.level)}
     for number, values in cells.items():
         row |= {
             f"lowest_after_{number}_percent": values.min(),
             f"highest_after_{number}_percent": values.max(),
         }
-    jumped = (found.jumps != 1).any(axis=0)
-    row |= {"basins_that_jump": int(jumped.sum()), "knots_that_jump": int((found.jumps != 1).sum())}
+    jumped = (result.jumps != 1).any(axis=0)
+    row |= {"basins_that_jump": int(jumped.sum()), "knots_that_jump": int((result.jumps != 1).sum())}
     row |= {
-        "largest_jump": found.jumps.max(),
+        "largest_jump": result.jumps.max(),
         "cells_moved_by_jumps": int((np.abs(cells[2] - cells[1]) > 0.05).sum()),
     }
-    row["mean_area_after_1"] = " ".join(f"{area:.4g}" for area in found.after[0].mean_area)
+    row["mean_area_after_1"] = " ".join(f"{area:.4g}" for area in result.after[0].mean_area)
     return row | {"where": "; ".join(np.array([item.label for item in items])[jumped])}
 
 
-def ways(knots: int) -> list[tuple[str, float, int, Callable[[], object]]]:
-    """Solver, tolerance, knots and what makes the solver of step 1."""
-    own = [
+def solvers(knots: int) -> list[tuple[str, float, int, Callable[[], object]]]:
+    """Return solver, tolerance, knots and the function that makes the solver of step 1."""
+    certificates = [
         ("Clarabel", tolerance, knots, lambda t=tolerance: Certificate(DEGREE, t)) for tolerance in TOLERANCES
     ]
-    own += [
+    certificates += [
         ("Clarabel", ACCURACY, number, lambda: Certificate(DEGREE, ACCURACY))
         for number in (max(10, knots // 9), knots // 3, 2 * knots - 1)
     ]
     clarabel = dict.fromkeys(("tol_gap_abs", "tol_gap_rel", "tol_feas"), ACCURACY)
     scs = dict.fromkeys(("eps_abs", "eps_rel"), ACCURACY)
     return [
-        *own,
+        *certificates,
         ("Clarabel through cvxpy", ACCURACY, knots // 3, lambda: Written("CLARABEL", **clarabel)),
         ("SCS through cvxpy", ACCURACY, knots // 3, lambda: Written("SCS", **scs)),
     ]
 
 
 def main() -> None:
-    """Print a row per way as it is found, then write all of them."""
+    """Print a row per solver as soon as it is known, then write all rows."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--knots", type=int, default=1000)
     parser.add_argument("--output", type=Path, default=PROJECT / "results/benchmarks/alternation.csv")
@@ -140,13 +142,13 @@ def main() -> None:
     settings = StabilitySettings()
     options = {**vars(settings.thesis_method), "alternations": 2}
     loops: dict[int, ClosedLoops] = {}
-    for solver, tolerance, knots, make in ways(arguments.knots):
+    for solver, tolerance, knots, make in solvers(arguments.knots):
         # Euler's method keeps the thesis's step with fewer knots of ρ: they are taken evenly from its own.
         points = max(knots, arguments.knots)
         if points not in loops:
             loops[points] = close_loops(items, THESIS.sign, settings.model_copy(update={"knots": points}))
-        found = alternate(loops[points], **{**options, "knots": knots}, certificate=make())
-        rows.append(row_of(items, solver, tolerance, found))
+        alternation = alternate(loops[points], **{**options, "knots": knots}, certificate=make())
+        rows.append(row_of(items, solver, tolerance, alternation))
         print(*(f"{name}: {value}" for name, value in rows[-1].items()), sep=", ", flush=True)
     arguments.output.parent.mkdir(parents=True, exist_ok=True)
     write_csv(arguments.output, pd.DataFrame(rows))

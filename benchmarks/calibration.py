@@ -29,7 +29,7 @@ from calibration_records import (
     KnownEffect,
     effect_experiment,
     null_records,
-    only_form,
+    single_form_catalogue,
 )
 from calibration_tables import coverage, coverage_lines, null_lines
 from lumbar.base.errors import LumbarError
@@ -78,17 +78,17 @@ def null_row(condition: str, number: int) -> dict:
 def interval_rows(known: KnownEffect, colour: str, number: int) -> list[dict]:
     """Fit base and effect, and compare every interval with the truth; one row without a parameter where the fit is refused."""
     experiment = effect_experiment(known, colour, number)
-    settings = DiagnosisSettings(base="KB", catalogue=only_form(known))
-    own = {"effect": known.effect, "noise": colour, "number": number}
+    settings = DiagnosisSettings(base="KB", catalogue=single_form_catalogue(known))
+    parameters = {"effect": known.effect, "noise": colour, "number": number}
     try:
-        found = refined_fit(experiment.records, [known.effect], settings).parameters
+        estimated = refined_fit(experiment.records, [known.effect], settings).parameters
     except LumbarError as error:
-        return [{**own, "refused": str(error)}]
-    fitted = [item for item in found if not item.derived]
-    truth = as_ordered(experiment.truth, fitted)
+        return [{**parameters, "refused": str(error)}]
+    fitted = [item for item in estimated if not item.derived]
+    truth = order_branches(experiment.truth, fitted)
     return [
         {
-            **own,
+            **parameters,
             "owner": item.effect,
             "parameter": item.name,
             "true": truth[item.effect, item.name],
@@ -101,12 +101,12 @@ def interval_rows(known: KnownEffect, colour: str, number: int) -> list[dict]:
     ]
 
 
-def as_ordered(
+def order_branches(
     truth: dict[tuple[str, str], float], fitted: list[FittedParameter]
 ) -> dict[tuple[str, str], float]:
-    """The true values, those of the two Maxwell branches exchanged where the base has come to be the slower one.
+    """Return the true values, with the two Maxwell branches exchanged if the base became the slower one.
 
-    The two are alike: nothing tells which is the base's.
+    Nothing determines which of the two branches is that of the base.
     """
     values = {(item.effect, item.name): item.value for item in fitted}
     own, other = ("", "relaxation_time"), ("second_relaxation", "relaxation_time")

@@ -21,8 +21,8 @@ from lumbar.twin.tool_motion import RATE_HZ, ToolMotion, draw_motions
 from lumbar.twin.two_hidden_effects import Tissue, log_uniform, maxwell_force
 
 PERIODS = {"clock skew": 6}
-"""Of 10 s in the training record; a skew takes five periods to be told. The unseen record is 10 s of noise in the same band, 0.1
-to 5 Hz."""
+"""Numbers of periods of 10 s in the training record; a skew needs five periods to be detected. The unseen record is 10 s of noise
+in the same band, 0.1 to 5 Hz."""
 _FEW_PERIODS = 3
 NOISE_SHARE = (0.005, 0.03)
 """RMS of the force's noise in that of the force."""
@@ -47,10 +47,10 @@ def _tissue(rng: np.random.Generator) -> Tissue:
 
 def _motions(rng: np.random.Generator, periods: int = _FEW_PERIODS) -> list[ToolMotion]:
     """Training and unseen motion."""
-    found = draw_motions(
+    motions = draw_motions(
         rng, rng.uniform(3, 8), float(rng.choice([0.0, -0.5])), bool(rng.integers(2)), periods
     )
-    return [found["multisine"], found["noise"]]
+    return [motions["multisine"], motions["noise"]]
 
 
 def _linear_force(kind: str, tissue: Tissue, motion: ToolMotion) -> np.ndarray:
@@ -63,7 +63,7 @@ def _linear_force(kind: str, tissue: Tissue, motion: ToolMotion) -> np.ndarray:
 
 
 def _unit_noise(kind: str, rng: np.random.Generator, samples: int) -> np.ndarray:
-    """Noise of variance 1; hum comes beside white noise of variance 1."""
+    """Return noise of variance 1; hum is added to white noise of variance 1."""
     if kind == "heavy tails":
         return rng.standard_t(3, samples) / np.sqrt(3)
     white = rng.standard_normal(samples)
@@ -205,7 +205,7 @@ class Experiment:
 
 
 def effect_experiment(known: KnownEffect, colour: str, seed: int) -> Experiment:
-    """Kelvin–Boltzmann tissue with an effect; position without noise, force with noise of a colour and a zero of its own.
+    """Kelvin–Boltzmann tissue with an effect; position without noise, force with coloured noise and an offset.
 
     Parameters
     ----------
@@ -216,7 +216,7 @@ def effect_experiment(known: KnownEffect, colour: str, seed: int) -> Experiment:
     """
     rng = np.random.default_rng([20262, KNOWN.index(known), COLOURS.index(colour), seed])
     tissue, motions = _tissue(rng), _motions(rng)
-    scales, form = Scales.of(motions[0], tissue), form_named(known.label)
+    scales, form = Scales.measure(motions[0], tissue), form_named(known.label)
     rms = log_uniform(rng, *NOISE_SHARE) * scales.force
     wanted = log_uniform(rng, *EFFECT_OVER_NOISE) * rms
     effect: HiddenEffect = calibrated(form, form.draw(rng, scales), wanted, motions[0], tissue, scales)
@@ -230,12 +230,12 @@ def effect_experiment(known: KnownEffect, colour: str, seed: int) -> Experiment:
         ("", "branch_stiffness"): tissue.relaxing,
         ("", "relaxation_time"): tissue.relaxation_s,
     }
-    own = known.truth(effect.strength, effect.shape)
-    return Experiment(records, truth | {(known.effect, name): value for name, value in own.items()})
+    shape = known.truth(effect.strength, effect.shape)
+    return Experiment(records, truth | {(known.effect, name): value for name, value in shape.items()})
 
 
-def only_form(known: KnownEffect) -> dict[str, Effect]:
-    """Catalogue of this effect in its form alone."""
+def single_form_catalogue(known: KnownEffect) -> dict[str, Effect]:
+    """Return a catalogue with only this form of the effect."""
     from dataclasses import replace
 
     return {known.effect: replace(CATALOGUE[known.effect], forms=(known.form,))}

@@ -1,4 +1,4 @@
-"""Shares and their tables for `calibration.py`: false alarms by condition, and how often intervals hold the truth."""
+"""Shares and their tables for `calibration.py`: false alarms by condition, and the coverage of intervals."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ CONFIDENCE = 0.95
 WHITE, COLOURED = "white", "coloured"
 
 
-def in_percent(successes: int, trials: int) -> str:
-    """Share with Wilson's interval, in words."""
-    found = share_with_interval(successes, trials, CONFIDENCE)
-    low, high = found["low_percent"], found["high_percent"]
-    return f"{found['share_percent']:.1f} % ({low:.1f}–{high:.1f})"
+def format_share(successes: int, trials: int) -> str:
+    """Format a share with Wilson's interval."""
+    interval = share_with_interval(successes, trials, CONFIDENCE)
+    low, high = interval["low_percent"], interval["high_percent"]
+    return f"{interval['share_percent']:.1f} % ({low:.1f}–{high:.1f})"
 
 
 def null_lines(nulls: pd.DataFrame) -> list[str]:
@@ -41,11 +41,11 @@ def null_lines(nulls: pd.DataFrame) -> list[str]:
 def named_share(nulls: pd.DataFrame) -> str:
     """Number of experiments in which an effect is named, with the share's interval."""
     count = int((nulls["named"] != "").sum())
-    return f"{count}: {in_percent(count, len(nulls))}"
+    return f"{count}: {format_share(count, len(nulls))}"
 
 
 def coverage(intervals: pd.DataFrame) -> pd.DataFrame:
-    """How many intervals of each parameter hold its true value, under white, coloured and any noise.
+    """Return the coverage of the intervals of each parameter under white, coloured and any noise.
 
     Parameters
     ----------
@@ -83,7 +83,9 @@ def coverage_lines(covered: pd.DataFrame) -> list[str]:
     ]
     for (owner, parameter), own in covered.groupby(["owner", "parameter"], sort=False):
         by_noise = own.set_index("noise")
-        shares = [in_percent(*by_noise.loc[noise, ["held", "count"]].astype(int)) for noise in by_noise.index]
+        shares = [
+            format_share(*by_noise.loc[noise, ["held", "count"]].astype(int)) for noise in by_noise.index
+        ]
         whole = by_noise.loc["all"]
         lines.append(
             f"| {parameter_words(owner, parameter)} | {whole['count']} | {' | '.join(shares)} | {whole['bias']:+.2f} |"
@@ -92,5 +94,5 @@ def coverage_lines(covered: pd.DataFrame) -> list[str]:
 
 
 def parameter_words(owner: str, parameter: str) -> str:
-    """What a parameter belongs to, and the parameter where it has another name, in words."""
+    """Format the owner of a parameter, and the parameter if it has another name."""
     return (parameter if owner == parameter else f"{owner or 'base'}: {parameter}").replace("_", " ")

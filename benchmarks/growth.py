@@ -62,10 +62,10 @@ def cost(task: Callable[[], object]) -> tuple[float, float]:
             os._exit(status)
     os.close(write)
     with os.fdopen(read) as stream:
-        told = stream.read()
+        output = stream.read()
     if os.waitpid(child, 0)[1]:
-        raise ChildProcessError("a task failed: why stands above")
-    seconds, memory = map(float, told.split())
+        raise ChildProcessError("a task failed: see the error above")
+    seconds, memory = map(float, output.split())
     return seconds, memory
 
 
@@ -86,12 +86,12 @@ def grow(
     )
 
 
-def exponent(found: Sequence[tuple[int, float, float]], column: int) -> str:
-    """Slope between the last two sizes in a plot with two logarithmic axes; none where either is too small to say."""
-    if len(found) < 2:
+def exponent(rows: Sequence[tuple[int, float, float]], column: int) -> str:
+    """Return the slope between the last two sizes in a log-log plot, or an empty text if a value is too small."""
+    if len(rows) < 2:
         return "-"
-    first, second = found[-2][0], found[-1][0]
-    low, high = found[-2][column], found[-1][column]
+    first, second = rows[-2][0], rows[-1][0]
+    low, high = rows[-2][column], rows[-1][column]
     smallest = (0.02, 1.0)[column - 1]
     return f"{math.log(high / low) / math.log(second / first):.2f}" if min(low, high) > smallest else "-"
 

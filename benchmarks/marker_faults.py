@@ -1,7 +1,7 @@
 """Faults put into real marker recordings: how many are named, and what is found in valid ones.
 
 The recordings are those that config/studies and tests/unit/lifting/quality name, and two walks and a dance of BTKData's
-C3DSamples (c3d_edge), in the folder real of LUMBAR_SHARED or of shared beside the project.
+C3DSamples (c3d_edge), in the folder real of LUMBAR_SHARED, by default of the folder shared next to the project.
 
 python benchmarks/marker_faults.py [--seed 1] [--markdown docs/lifting/quality.md]
 """
@@ -107,17 +107,17 @@ def alarms(rng: np.random.Generator) -> tuple[int, list[str]]:
 
 
 def findings_of(points: Points, rate: float) -> list[MarkerFinding]:
-    """What is found in a recording."""
+    """Findings in a recording."""
     time = np.arange(len(next(iter(points.values())))) / rate
     return examine(points, time, rate)
 
 
 def trunk_markers(points: Points) -> list[str]:
     """Labels of the markers of the pelvis, and of one at the top."""
-    found = landmarks(points)
+    markers = landmarks(points)
     pelvis = [f"{side}_{name}" for side in "LR" for name in ("ASIS", "PSIS")]
-    top = next(name for name in ("C7", "T1", "MANUBRIUM") if name in found)
-    return [found[name] for name in (top, *pelvis, "SACRUM") if name in found]
+    top = next(name for name in ("C7", "T1", "MANUBRIUM") if name in markers)
+    return [markers[name] for name in (top, *pelvis, "SACRUM") if name in markers]
 
 
 def cases(points: Points, rate: float, rng: np.random.Generator) -> Iterator[Case]:
@@ -163,21 +163,21 @@ def _jumps(points: Points, rate: float, label: str, rng: np.random.Generator) ->
 
 def verdict(case: Case) -> str:
     """named, other (another finding, too or instead), said (the part of a jump cannot be seen) or missed."""
-    found = findings_of(case.points, case.rate)
-    if not found:
+    findings = findings_of(case.points, case.rate)
+    if not findings:
         return "missed"
-    right = {(item.kind, frozenset(item.markers)) for item in found} == {
+    right = {(item.kind, frozenset(item.markers)) for item in findings} == {
         (case.expected[0], frozenset(case.expected[1]))
     }
-    right = right and all(item.outcome == case.outcome for item in found)
+    right = right and all(item.outcome == case.outcome for item in findings)
     if case.frames is not None:
         first, stop = case.frames.start - 5, case.frames.stop + 5
-        right = right and all(first <= item.frames.start < item.frames.stop <= stop for item in found)
+        right = right and all(first <= item.frames.start < item.frames.stop <= stop for item in findings)
     if (
         not right
-        and len(found) == 1
-        and found[0].markers == case.expected[1]
-        and MAJORITY in found[0].evidence
+        and len(findings) == 1
+        and findings[0].markers == case.expected[1]
+        and MAJORITY in findings[0].evidence
     ):
         return "said"
     return "named" if right else "other"

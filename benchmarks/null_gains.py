@@ -130,14 +130,14 @@ def main() -> None:
     shipped = Path(thresholds.__file__).with_name(f"null_distribution_{system}.json")
     if options.output is None and options.experiments < (least := len(read_json(shipped)["gains"])):
         parser.error(
-            f"--experiments {options.experiments}: the shipped {shipped.name} holds {least}; ask for as many or name an --output"
+            f"--experiments {options.experiments}: the shipped {shipped.name} has {least}; request more or give an --output"
         )
     with ProcessPoolExecutor(options.cores) as pool:
-        gains = [pool.submit(largest_gain, options.base, seed) for seed in range(options.experiments)]
-        found = sorted(round(gain.result(), 4) for gain in track(gains, "null experiments"))
+        tasks = [pool.submit(largest_gain, options.base, seed) for seed in range(options.experiments)]
+        gains = sorted(round(task.result(), 4) for task in track(tasks, "null experiments"))
     content = {"schema": "lumbar.null_gains/1", "forms": len(forms_of(options.base)), "base": options.base}
-    write_json(options.output or shipped, {**content, "gains": found})
-    print(f"quantiles 50, 90, 99 %: {np.quantile(found, [0.5, 0.9, 0.99])}")
+    write_json(options.output or shipped, {**content, "gains": gains})
+    print(f"quantiles 50, 90, 99 %: {np.quantile(gains, [0.5, 0.9, 0.99])}")
 
 
 if __name__ == "__main__":

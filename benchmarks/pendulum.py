@@ -31,13 +31,13 @@ FIRST_SEED = 1000
 
 def plans(seeds: int, strengths: list[float]) -> list[tuple]:
     """Effect, seed, strength, whether further columns are recorded, whether the training record repeats."""
-    found = []
+    rows = []
     for effect, columns, periodic in product(EFFECTS, (True, False), (True, False)):
         if columns or effect in MEASURABLE:
             numbers = range(FIRST_SEED, FIRST_SEED + seeds)
-            found += [(effect, seed, value, columns, periodic) for seed in numbers for value in strengths]
+            rows += [(effect, seed, value, columns, periodic) for seed in numbers for value in strengths]
     nulls = range(FIRST_SEED, FIRST_SEED + 5 * seeds)
-    return found + [("", seed, 0.0, True, periodic) for seed in nulls for periodic in (True, False)]
+    return rows + [("", seed, 0.0, True, periodic) for seed in nulls for periodic in (True, False)]
 
 
 def examine(plan: tuple) -> dict:

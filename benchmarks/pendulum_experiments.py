@@ -9,7 +9,7 @@ from lumbar.records.record import Channel, Record
 from lumbar.twin.hip_moment import AT_REST, Mass, Signal, Swing, acceleration, constant, rate
 
 EFFECTS = ("hand_load", "passive_stiffness", "coulomb_friction", "variable_length", "moving_pivot", "drag")
-"""What may be hidden, by the names of DESIGN."""
+"""Effects that may be hidden."""
 SAMPLING_TIME = 0.01
 PERIOD, PERIODS = 8.0, 8
 
@@ -22,7 +22,7 @@ class PendulumExperiment:
     """Columns (`time_s`, `angle_rad`, `moment_Nm` and further ones) of every record by its name."""
     effect: str
     variant: str
-    """What is hidden; empty where nothing is."""
+    """Name of the hidden effect, or empty."""
     noise_rms: float
     """N·m."""
     truth: dict[str, float]
@@ -31,7 +31,7 @@ class PendulumExperiment:
 
 @dataclass
 class _Hidden:
-    """What an effect changes in the swing, adds to the moment, and which columns it lets be measured."""
+    """Changes of the swing, additional moment and measured columns of an effect."""
 
     variant: str = ""
     length: Signal | None = None
@@ -71,11 +71,11 @@ def make_pendulum_experiment(
         time = np.arange(round(duration / SAMPLING_TIME)) * SAMPLING_TIME
         moment = _moment(time, angle, body, hidden)
         if not noise:
-            left = _left_by_the_pendulum(time, angle, moment)
+            left = _pendulum_residual(time, angle, moment)
             noise = left / strength if effect else draw.uniform(0.005, 0.1) * moment.std()
         measured = moment + noise * draw.standard_normal(len(time))
-        beside = {key: signal(time) for key, signal in hidden.columns.items()}
-        records[name] = {"time_s": time, "angle_rad": angle(time), "moment_Nm": measured, **beside}
+        additional = {key: signal(time) for key, signal in hidden.columns.items()}
+        records[name] = {"time_s": time, "angle_rad": angle(time), "moment_Nm": measured, **additional}
     return PendulumExperiment(records, effect, hidden.variant, noise, {"body_kg": body["kg"], **hidden.truth})
 
 
@@ -105,7 +105,7 @@ def _moment(time: np.ndarray, angle: Signal, body: dict, hidden: _Hidden) -> np.
     return moment
 
 
-def _left_by_the_pendulum(time, angle, moment) -> float:
+def _pendulum_residual(time, angle, moment) -> float:
     columns = np.stack([acceleration(angle, time), rate(angle, time), np.sin(angle(time))], axis=1)
     return float(np.std(moment - columns @ np.linalg.lstsq(columns, moment, rcond=None)[0]))
 
@@ -120,15 +120,15 @@ def _hand_load(body, draw, columns) -> _Hidden:
     grasp, release = draw.uniform(2, 8), draw.uniform(13, 18)
     takes = draw.uniform(0.05, 0.2)
 
-    def held(time):
+    def box_share(time):
         rising = np.clip((time - grasp) / takes, 0, 1) - np.clip((time - release) / takes, 0, 1)
         return np.sin(0.5 * np.pi * rising) ** 2
 
     mass, distance = draw.uniform(5, 20), draw.uniform(0.3, 0.6)
     return _Hidden(
         "box",
-        box=Mass(mass, constant(distance), held),
-        columns={"box_held": held} if columns else {},
+        box=Mass(mass, constant(distance), box_share),
+        columns={"box_held": box_share} if columns else {},
         truth={"box_kg": mass, "box_m": distance},
     )
 

@@ -47,7 +47,7 @@ def error(fit, one: Record) -> float:
 
 
 def law_row(name: str, make, seed: int = 0) -> dict:
-    """Look for one law and try what is found on records that nothing has seen."""
+    """Search one law and test the proposal on unused records."""
     random = np.random.default_rng(seed)
     clean = {one: simulate(make(), motion) for one, motion in motions().items()}
     alone = record("multisine", *clean["multisine"])
@@ -57,21 +57,25 @@ def law_row(name: str, make, seed: int = 0) -> dict:
         one: record(one, time, position, force + noise * random.standard_normal(len(force)))
         for one, (time, position, force) in clean.items()
     }
-    seen = [records[one] for one in ("multisine", "chirp", "noise")]
-    found = diagnose(seen).propose().proposal
-    row = {"law": name, "catalogue": "+".join(found.before.effects), "formula": "", "marked": ""}
-    if found.law is not None:
-        form = found.form
+    measured = [records[one] for one in ("multisine", "chirp", "noise")]
+    diagnosis = diagnose(measured).propose().proposal
+    row = {"law": name, "catalogue": "+".join(diagnosis.before.effects), "formula": "", "marked": ""}
+    if diagnosis.law is not None:
+        form = diagnosis.form
         row["formula"] = "; ".join([form.equation, *(f"{symbol}' = {rate}" for symbol, rate in form.state)])
-        row["on"] = "+".join(["KB", *found.law.start.effects])
+        row["on"] = "+".join(["KB", *diagnosis.law.start.effects])
         row["marked"] = (
-            "" if found.extrapolation is None else "holds" if found.extrapolation.holds else "does not"
+            ""
+            if diagnosis.extrapolation is None
+            else "holds"
+            if diagnosis.extrapolation.holds
+            else "does not"
         )
     else:
-        row["formula"] = "; ".join(["none", *(refused for _, refused in found.tried)])
+        row["formula"] = "; ".join(["none", *(refused for _, refused in diagnosis.tried)])
     for one in ("fresh", "larger", "faster"):
-        row[f"{one}_before"] = round(error(found.before.fit, records[one]) / noise, 2)
-        after = found.before.fit if found.law is None else found.law.fit
+        row[f"{one}_before"] = round(error(diagnosis.before.fit, records[one]) / noise, 2)
+        after = diagnosis.before.fit if diagnosis.law is None else diagnosis.law.fit
         row[f"{one}_after"] = round(error(after, records[one]) / noise, 2)
     return row
 
@@ -110,10 +114,10 @@ def null_proposes(seed: int, forced: bool) -> tuple[str, int]:
     experiment = prepare(null_records(np.random.default_rng(seed)))
     base = evaluate(fit_base(Structure(BASES["KB"]), experiment.training), experiment)
     if forced:
-        found = law_proposal.search_law(law_proposal.Proposal(experiment, base, base), library())
+        proposals = law_proposal.search_law(law_proposal.Proposal(experiment, base, base), library())
     else:
-        found = law_proposal.propose(experiment, base)
-    return (found.form.equation if found.law else ""), len(found.tried)
+        proposals = law_proposal.propose(experiment, base)
+    return (proposals.form.equation if proposals.law else ""), len(proposals.tried)
 
 
 def main(arguments: list[str] | None = None) -> None:

@@ -51,9 +51,9 @@ print(statistics.median(taken))
 
 
 DEVICE = changed(SETTINGS, rate_Hz=1000.0, moving_average_ms=3.0, start="first_position")
-"""What is exported by default."""
+"""Default models of an export."""
 DAMPING = 2.75
-"""Of a passive model's device, N s/m."""
+"""Viscosity of the device of a passive model, N s/m."""
 IN_SPACE = "orthotropic_KB"
 LIMITS_NS = {"model_linear.c": 60, FIVE_EFFECTS["name"]: 150, IN_SPACE: 400}
 """Median of one set, step and get, by source or by name of the model."""
@@ -89,7 +89,7 @@ def printed(program: Path, mode: str, folder: Path, model, *arguments) -> list[f
 
 
 def c_client(program: Path, folder: Path, exported: list) -> list[tuple]:
-    """Times of one set, step and get in ns, the clock's own cost taken off.
+    """Times of one set, step and get in ns, without that of reading the clock.
 
     The same steps are replayed: the fastest replay's median counts, the slowest's says how noisy the machine is. What
     interrupts a step does not do so in every replay: each step's least time is the FMU's own.
@@ -131,9 +131,9 @@ def passivity(program: Path, folder: Path, steps: int) -> list[tuple]:
         unit = model.units.position * model.resistance
         for gain, label in ((0, ""), (model.settings.gain_limit, ", switched")):
             arguments = (steps, model.sampling_time, unit, DAMPING, gain)
-            found = printed(program, "passive", folder, model, *arguments)
+            margins = printed(program, "passive", folder, model, *arguments)
             what = f"passive, {model.name}{label}, given out beyond taken in"
-            rows.append((what, -min(found[:3]), "J", 1e-12))
+            rows.append((what, -min(margins[:3]), "J", 1e-12))
     return rows
 
 

@@ -1,4 +1,4 @@
-"""How often sound sensors are accused, and from what size on each fault is told.
+"""False alarms of healthy sensors, and the size from which each fault is detected.
 
 python benchmarks/sensor_faults.py [--records 1000] [--repeats 5]
 """
@@ -42,7 +42,7 @@ def false_alarms(count: int) -> None:
 
 
 def detected(repeats: int) -> None:
-    """Print from what size on a fault is told, by kind of motion, with what else is told beside it."""
+    """Print the size from which a fault is detected by kind of motion, and other findings."""
     for fault, sizes in SIZES.items():
         for kind, seconds in (("multisine", 100.0), ("shot", 20.0), ("chirp", 10.0), ("smooth_hold", 30.0)):
             cells = []

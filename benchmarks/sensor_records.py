@@ -168,18 +168,18 @@ def tissue_record(
     elif fault == "steps":
         x = np.round(x / size) * size
     elif fault == "held":
-        x = _held(x, rng, size)
+        x = _hold_samples(x, rng, size)
     elif fault == "held_force":
-        f = _held(f, rng, size)
-    kept = np.ones(count, dtype=bool)
+        f = _hold_samples(f, rng, size)
+    samples = np.ones(count, dtype=bool)
     if fault == "dropped":
-        kept[rng.choice(np.arange(30, count - 30), max(round(size * count), 1), replace=False)] = False
-    x, f = (np.array([float(f"{value:.7g}") for value in values[kept]]) for values in (x, f))
+        samples[rng.choice(np.arange(30, count - 30), max(round(size * count), 1), replace=False)] = False
+    x, f = (np.array([float(f"{value:.7g}") for value in values[samples]]) for values in (x, f))
     channels = {"input": Channel(x, "position", "mm"), "output": Channel(f, "force", "N")}
     return Record(f"{kind} {effect} {noise}", np.arange(len(x)) * (1 / rate), channels)
 
 
-def _held(values: np.ndarray, rng: np.random.Generator, share: float) -> np.ndarray:
+def _hold_samples(values: np.ndarray, rng: np.random.Generator, share: float) -> np.ndarray:
     """Values of which a share is replaced by the one before, three in a row."""
     held = values.copy()
     for start in rng.choice(

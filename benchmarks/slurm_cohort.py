@@ -258,10 +258,10 @@ def compare_object_store(work: Path, moto_server: Path) -> tuple[int, list[str]]
             Path(item.key).relative_to(PREFIX, "results"): item.get()["Body"].read()
             for item in bucket.objects.filter(Prefix=f"{PREFIX}/results/")
         }
-    found = {str(name): content for name, content in objects.items() if not NOT_COMPARED & set(name.parts)}
+    stored = {str(name): content for name, content in objects.items() if not NOT_COMPARED & set(name.parts)}
     expected = results_on_disk(disk / "results")
     left = results_on_disk(store / "results")
-    return len(expected), differing(expected, found) + [f"{name} (also on the disk)" for name in left]
+    return len(expected), differing(expected, stored) + [f"{name} (also on the disk)" for name in left]
 
 
 def main() -> int:

@@ -69,11 +69,11 @@ def checked(part: tuple) -> np.ndarray:
     """Exits of exact and overstated basins of some trajectories (one process of the pool)."""
     trajectories, settings, starts, seed = part
     loops = close_loops(trajectories, settings.pendulum.sign, settings)
-    found = funnel_variants(loops, settings.goal_level, negative_control=1.0)
+    funnels = funnel_variants(loops, settings.goal_level, negative_control=1.0)
     return np.array(
         [
-            monte_carlo_check(loops, found.exact, starts, [seed]).exits,
-            monte_carlo_check(loops, found.negative_control, 500, [seed]).exits,
+            monte_carlo_check(loops, funnels.exact, starts, [seed]).exits,
+            monte_carlo_check(loops, funnels.negative_control, 500, [seed]).exits,
         ]
     )
 
@@ -98,8 +98,8 @@ def exact_method(trajectories, settings, starts: int) -> None:
     report("largest change of area from N to 2N, %", change, "<= 0.1", change <= 0.1)
     for other in SIGNS:
         loops = close_loops(trajectories, other, settings)
-        found = funnel_variants(loops, goal, settings.proof.margin_1_s)
-        largest, smaller = found.exact, found.with_margin
+        variants = funnel_variants(loops, goal, settings.proof.margin_1_s)
+        largest, smaller = variants.exact, variants.with_margin
         start = time.process_time()
         share = proved_share(loops, smaller)
         seconds = time.process_time() - start

@@ -34,7 +34,7 @@ def best_time(function: Callable[[], object], repeats: int = 5) -> float:
 
 
 def default_study() -> None:
-    """Run the default study from scratch on two cores, compiler cache in place; print time and memory of every rule."""
+    """Run the complete default study on two cores with a filled compiler cache; print time and memory of every rule."""
     from running import copy_project
 
     with tempfile.TemporaryDirectory() as folder:

@@ -1,7 +1,7 @@
 """Tissue tests with laws that are in no catalogue, simulated at 2 kHz and recorded at 100 Hz; nothing here is the library's.
 
-A Kelvin–Boltzmann tissue (spring beside a Maxwell branch) and one law more, each written as its mechanism is, with states of its
-own advanced step by step.
+A Kelvin–Boltzmann tissue (spring and parallel Maxwell branch) and one more law, each written as its mechanism, with its own
+states that are advanced step by step.
 """
 
 from __future__ import annotations

@@ -40,7 +40,7 @@ def form_named(label: str) -> HiddenForm:
     Raises
     ------
     InputError
-        If there is none.
+        If the form does not exist.
     """
     for form in (*SINGLE, *OUTSIDE_FORMS):
         if form.label == label:

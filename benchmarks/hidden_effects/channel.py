@@ -28,7 +28,7 @@ def clipped(motion, force, strength):
     return np.clip(force, -strength, strength)
 
 
-def rounded_clip(motion, force, strength, sharpness):
+def soft_clip(motion, force, strength, sharpness):
     """Saturation with a rounded knee."""
     return force / (1 + np.abs(force / strength) ** sharpness) ** (1 / sharpness)
 
@@ -91,7 +91,7 @@ FORMS = (
         "saturation",
         "rounded",
         "sensor",
-        rounded_clip,
+        soft_clip,
         "N",
         lambda s, sharpness: (4 * s.peak, 0.5 * s.force),
         lambda rng, s: {"sharpness": rng.uniform(4.0, 10.0)},

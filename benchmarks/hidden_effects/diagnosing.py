@@ -22,7 +22,7 @@ def read_folder(folder: str | os.PathLike) -> list[Record]:
     Raises
     ------
     InputError
-        If there is none, or one cannot be analysed.
+        If a record is missing or cannot be analysed.
     """
     files = sorted(Path(folder).glob("*.csv"))
     if not files:

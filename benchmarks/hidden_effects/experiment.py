@@ -24,7 +24,7 @@ _GOLDEN = 0.6180339887498949
 
 @dataclass(frozen=True)
 class Plan:
-    """What an experiment will hold."""
+    """Plan of an experiment."""
 
     name: str
     """Folder, e.g. ``"single_0007"``: the kind and the number that seeds it."""
@@ -45,7 +45,7 @@ class HiddenExperiment:
     records: dict[str, np.ndarray]
     """Shape (samples, 3): time (s), position (mm), force (N) by record name."""
     label: dict
-    """Truth, as it stands in ``labels.json``."""
+    """Truth, as in ``labels.json``."""
 
 
 def plan_batch(kind: str, part: int, settings: HiddenEffectsSettings) -> list[Plan]:
@@ -83,7 +83,7 @@ def make_experiment(plan: Plan, settings: HiddenEffectsSettings) -> HiddenExperi
     tissue, motions = draw_test(rng, settings)
     noise = _draw_noise_settings(rng, settings)
     multisine = motions["multisine"]
-    scales = Scales.of(multisine, tissue)
+    scales = Scales.measure(multisine, tissue)
     noise_rms = noise.pop("share") * scales.force
     low, high = settings.residual_over_noise
     wanted = noise_rms * low * (high / low) ** plan.level

@@ -26,7 +26,7 @@ class Scales:
     force: float
     """RMS of the multisine's force, N."""
     peak: float
-    """Its largest magnitude, N."""
+    """Largest magnitude of this force, N."""
     elastic: float
     relaxing: float
     relaxation_s: float
@@ -37,8 +37,8 @@ class Scales:
     """Duration of the multisine, s."""
 
     @classmethod
-    def of(cls, motion: ToolMotion, tissue: Tissue) -> Scales:
-        """Measure them on the multisine."""
+    def measure(cls, motion: ToolMotion, tissue: Tissue) -> Scales:
+        """Return the scales of the multisine."""
         force = tissue.force(motion)
         return cls(
             amplitude=float(np.abs(motion.position).max()),
@@ -61,10 +61,10 @@ class HiddenForm:
     mechanism: str
     """Name in the catalogue, or `OUTSIDE`."""
     name: str
-    """Of the form, unique within the mechanism."""
+    """Name of the form, unique within the mechanism."""
     place: str
     """``"mount"``: ``act(motion, strength, **shape)`` returns the motion that reaches the tissue. ``"tissue"``:
-    ``act(motion, tissue, strength, **shape)`` returns a force beside the tissue's. ``"sensor"``: ``act(motion, force,
+    ``act(motion, tissue, strength, **shape)`` returns an additional force. ``"sensor"``: ``act(motion, force,
     strength, **shape)`` returns what becomes of the whole force."""
     act: Callable
     unit: str
@@ -119,7 +119,7 @@ class HiddenEffect:
 def simulate(motion: ToolMotion, tissue: Tissue, effects: list[HiddenEffect]) -> np.ndarray:
     """Noise-free force on the simulation's grid, newtons.
 
-    The motion passes the mount, the tissue answers with its own force and those beside it, and the sensor
+    The motion passes the mount, the tissue answers with its own force and parallel forces, and the sensor
     records the sum: effects act at these three places, in the given order within each.
     """
     placed = {
@@ -129,8 +129,10 @@ def simulate(motion: ToolMotion, tissue: Tissue, effects: list[HiddenEffect]) ->
     for effect in placed["mount"]:
         motion = effect.form.act(motion, effect.strength, **effect.shape)
     force = tissue.force(motion)
-    beside = [effect.form.act(motion, tissue, effect.strength, **effect.shape) for effect in placed["tissue"]]
-    for extra in beside:
+    parallel = [
+        effect.form.act(motion, tissue, effect.strength, **effect.shape) for effect in placed["tissue"]
+    ]
+    for extra in parallel:
         force = force + extra
     for effect in placed["sensor"]:
         force = effect.form.act(motion, force, effect.strength, **effect.shape)

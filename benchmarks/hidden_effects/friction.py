@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from hidden_effects.form import HiddenForm, additive
-from hidden_effects.rate_independent import bouc_wen, dahl, play, rounded_play, stop
+from hidden_effects.rate_independent import bouc_wen, dahl, play, smooth_play, stop
 from lumbar.twin.two_hidden_effects import log_uniform
 
 
@@ -52,7 +52,7 @@ def iwan(motion, tissue, strength, yields_mm):
     return strength * np.mean([stop(motion.position, length) / length for length in yields_mm], axis=0)
 
 
-def _behind(motion, position):
+def _follow_with_gap(motion, position):
     """Motion behind the mount; play has corners, so speed and acceleration are differences."""
     velocity = np.gradient(position, motion.step)
     return replace(
@@ -62,12 +62,12 @@ def _behind(motion, position):
 
 def sharp_play(motion, strength):
     """A gap of ±strength between tool and tissue."""
-    return _behind(motion, play(motion.position, strength))
+    return _follow_with_gap(motion, play(motion.position, strength))
 
 
 def gradual_play(motion, strength, rounding):
     """A gap whose flanks yield a little; the rounding is a share of the half gap."""
-    return _behind(motion, rounded_play(motion.position, strength, rounding * strength))
+    return _follow_with_gap(motion, smooth_play(motion.position, strength, rounding * strength))
 
 
 def _smoothing(rng, scales):

@@ -39,7 +39,7 @@ def draw_noise(
     shape = 1 / np.sqrt(np.maximum(frequency, 0.1))
     shape[0] = 0.0
     # White noise has |spectrum|² = samples per line: normalise by the shape's mean square over all lines, each
-    # but the last of which stands for two.
+    # but the last one counts for two.
     count = np.full(len(shape), 2.0)
     count[0] = 1.0
     if samples % 2 == 0:

@@ -43,7 +43,7 @@ def play(position: np.ndarray, half_gap: float) -> np.ndarray:
     return position - stop(position, half_gap)
 
 
-def rounded_play(position: np.ndarray, half_gap: float, rounding: float) -> np.ndarray:
+def smooth_play(position: np.ndarray, half_gap: float, rounding: float) -> np.ndarray:
     """Play whose flanks engage gradually.
 
     The share 1/(1 + exp(−(lag − half_gap)/rounding)) of every movement is passed on, lag being how far the

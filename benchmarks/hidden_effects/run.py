@@ -3,8 +3,8 @@
     python benchmarks/hidden_effects/run.py            the whole benchmark: hundreds of effects, a thousand without any
     python benchmarks/hidden_effects/run.py --quick    one experiment of each form and pair
 
-Everything stands in results/hidden_effects. What a run that was ended has made, another goes on from; so does a larger
-benchmark from a smaller one, while neither the ranges of the experiments nor the code has changed.
+All results are in results/hidden_effects. A run continues an interrupted one, and a larger benchmark a smaller one, if neither
+the ranges of the experiments nor the code has changed.
 """
 
 from __future__ import annotations
@@ -51,13 +51,13 @@ class Batch:
     """Experiments that one process makes and diagnoses; the truth stands apart from their recordings."""
 
     folder: Path
-    """Of all results."""
+    """Folder of all results."""
     kind: str
     part: int
 
     @property
     def name(self) -> str:
-        """Of the folder and of both files."""
+        """Name of the folder and of both files."""
         return f"{self.kind}_{self.part:02d}"
 
     @property
@@ -76,7 +76,7 @@ class Batch:
         return self.folder / "diagnoses" / f"{self.name}.json"
 
     def done(self, settings: HiddenEffectsSettings) -> bool:
-        """Whether an earlier run has diagnosed these very experiments."""
+        """Return whether an earlier run has diagnosed the same experiments."""
         plans = plan_batch(self.kind, self.part, settings)
         return self.diagnoses.is_file() and read_json(self.diagnoses).keys() == {plan.name for plan in plans}
 

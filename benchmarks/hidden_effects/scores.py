@@ -23,15 +23,15 @@ RIGHT = {"single": {NAMED}, "pair": {NAMED}, "outside": {UNEXPLAINED}, "null": {
 """Outcomes that count as right for each kind of experiment."""
 OUTCOMES = {
     NAMED: "named exactly the hidden effects",
-    TIED: "the hidden effects are among those that cannot be told apart",
-    EXTRA: "named the hidden effects and others beside them",
+    TIED: "the hidden effects are among those that cannot be distinguished",
+    EXTRA: "named the hidden effects and others",
     PARTLY: "named some of the hidden effects and not all",
     WRONG: "named none of the hidden effects",
     INCOMPLETE: "named what resembles the hidden effect, and said that something is left that the catalogue does not "
     "explain",
     UNEXPLAINED: "said that something is missing that the catalogue does not explain",
     MISSED: "called the base model adequate although an effect is hidden",
-    QUIET: "called the base model adequate, rightly",
+    QUIET: "correctly called the base model adequate",
     ACCUSED: "claimed that something is missing although nothing is hidden",
     FAILED: "reported that it reached no result",
 }
@@ -68,7 +68,7 @@ def outcome(kind: str, hidden: list[str], diagnosis: dict) -> str:
     truth = set(hidden)
     if selected == truth and verdict == "named":
         return NAMED
-    # What several effects together would replace stands in one entry, joined by "+".
+    # An entry with "+" is a set of several effects.
     alternatives = {name for entry in diagnosis["tied_with"] for name in entry.split("+")}
     if verdict == "tied" and truth <= selected | alternatives:
         return TIED
@@ -158,9 +158,9 @@ _MISTAKES = (TIED, EXTRA, PARTLY, WRONG, INCOMPLETE, UNEXPLAINED, MISSED, ACCUSE
 def _groups(frame: pd.DataFrame, strong: float):
     """Yield the groups of the accuracy table: name and rows."""
     for kind, words in (("single", "one effect"), ("pair", "two effects")):
-        own = frame[frame["kind"] == kind]
-        yield f"{words}, ≥ {strong:g} × noise", own[own["residual_over_noise"] >= strong]
-        yield f"{words}, < {strong:g} × noise", own[own["residual_over_noise"] < strong]
+        members = frame[frame["kind"] == kind]
+        yield f"{words}, ≥ {strong:g} × noise", members[members["residual_over_noise"] >= strong]
+        yield f"{words}, < {strong:g} × noise", members[members["residual_over_noise"] < strong]
     single = frame[(frame["kind"] == "single") & (frame["residual_over_noise"] >= strong)]
     for colour in sorted(frame["noise_colour"].unique()):
         yield f"one effect, ≥ {strong:g} × noise, {colour}", single[single["noise_colour"] == colour]
@@ -172,7 +172,7 @@ def _groups(frame: pd.DataFrame, strong: float):
 
 
 def accuracy_table(frame: pd.DataFrame, settings: HiddenEffectsSettings) -> Table:
-    """How often the diagnosis is right, by kind, strength and colour of the noise.
+    """Return the share of right diagnoses by kind, strength and colour of the noise.
 
     Parameters
     ----------
@@ -227,17 +227,17 @@ def _median(values: pd.Series) -> float | None:
 
 
 def forms_table(frame: pd.DataFrame, settings: HiddenEffectsSettings) -> Table:
-    """How often each mathematical form is named for what it is, and from which strength each mechanism is."""
+    """Return the share of right names by mathematical form, and the strength from which each mechanism is named."""
     import pandas as pd
 
     strong, confidence, rows = settings.strong_residual_over_noise, settings.confidence, []
     hidden = frame[frame["kind"].isin(["single", "outside"]) & (frame["residual_over_noise"] >= strong)]
-    # Experiments stand in the catalogue's order; what is outside it comes last.
+    # Experiments are in the catalogue's order; those outside it come last.
     for form, group in hidden.sort_values("kind", ascending=False, kind="stable").groupby(
         "forms", sort=False
     ):
         mistakes = group.loc[~group["right"], ["verdict", "selected"]]
-        said = [
+        named = [
             row.selected if row.verdict in ("named", "tied") else row.verdict for row in mistakes.itertuples()
         ]
         rows.append(
@@ -247,7 +247,7 @@ def forms_table(frame: pd.DataFrame, settings: HiddenEffectsSettings) -> Table:
                 "count": len(group),
                 "right": int(group["right"].sum()),
                 **share_with_interval(int(group["right"].sum()), len(group), confidence),
-                "instead": ", ".join(sorted(set(said))) or "–",
+                "instead": ", ".join(sorted(set(named))) or "–",
             }
         )
     return Table(
@@ -273,7 +273,7 @@ def forms_table(frame: pd.DataFrame, settings: HiddenEffectsSettings) -> Table:
             "share_percent": "right / count",
             "low_percent": f"lower end of Wilson's {100 * confidence:g} % interval of the share",
             "high_percent": "upper end of it",
-            "instead": "what was said where it was not right",
+            "instead": "what was named where it was not right",
         },
         source_label=SYNTHETIC_TWIN,
         decimals={"share_percent": 1, "low_percent": 1, "high_percent": 1},
@@ -284,22 +284,22 @@ _UNNAMED = ("unexplained", "adequate", FAILED)
 
 
 def confusion(frame: pd.DataFrame, mechanisms: list[str]) -> pd.DataFrame:
-    """Count what was said (columns) of what was hidden (rows); experiments with two effects are left out.
+    """Count answers (columns) by hidden effect (rows); experiments with two effects are left out.
 
-    Columns hold the first effect selected; where the hidden effect was one of several that cannot be told apart,
+    Columns hold the first effect selected; if the hidden effect was one of several that cannot be distinguished,
     ``tied``. An effect named in a verdict ``unexplained`` counts as unexplained.
     """
     import pandas as pd
 
-    own = frame[frame["kind"] != "pair"]
-    said = own["selected"].str.split("+").str[0]
-    said = said.mask(own["outcome"] == TIED, "tied")
-    said = said.mask(own["verdict"].isin(_UNNAMED), own["verdict"])
-    hidden = own["effects"].replace("", "nothing")
+    members = frame[frame["kind"] != "pair"]
+    answers = members["selected"].str.split("+").str[0]
+    answers = answers.mask(members["outcome"] == TIED, "tied")
+    answers = answers.mask(members["verdict"].isin(_UNNAMED), members["verdict"])
+    hidden = members["effects"].replace("", "nothing")
     rows = [*mechanisms, "outside", "nothing"]
-    others = sorted(set(said) - {*mechanisms, "tied", *_UNNAMED})
-    failed = [FAILED] if (said == FAILED).any() else []
+    others = sorted(set(answers) - {*mechanisms, "tied", *_UNNAMED})
+    failed = [FAILED] if (answers == FAILED).any() else []
     columns = [*mechanisms, *others, "tied", "unexplained", "adequate", *failed]
-    counted = pd.crosstab(hidden, said)
+    counted = pd.crosstab(hidden, answers)
     counted = counted.reindex(index=rows, columns=columns, fill_value=0)
     return counted.rename_axis(index="hidden", columns=None).reset_index()

@@ -10,10 +10,10 @@ from lumbar.twin.two_hidden_effects import TissueTestRanges
 
 @dataclass(frozen=True)
 class HiddenEffectsSettings(TissueTestRanges):
-    """Those of a quick run; ``run.WHOLE`` are those of the whole benchmark."""
+    """Settings of a quick run; ``run.WHOLE`` are those of the whole benchmark."""
 
     seed: int = 2718
-    """Of all experiments; each depends on it and on its own kind and number."""
+    """Seed of all experiments; each depends on it and on its kind and number."""
     experiments_per_form: int = 1
     """Experiments of each mathematical form of the catalogue's mechanisms."""
     experiments_per_pair: int = 1
@@ -25,9 +25,9 @@ class HiddenEffectsSettings(TissueTestRanges):
     slices: int = 4
     """Batches over which one experiment of each form, pair or outside form is spread."""
     nulls_per_batch: int = 10
-    """How many of these one batch holds."""
+    """Number of these experiments in one batch."""
     keep_recordings: bool = True
-    """Whether the recordings stay after they are diagnosed (0.3 MB per experiment)."""
+    """True if the recordings are kept after their diagnosis (0.3 MB per experiment)."""
     residual_over_noise: tuple[float, float] = (1.5, 26.0)
     """Range of strengths, even in the logarithm: RMS that the best Kelvin–Boltzmann model leaves of the noise-free
     multisine, over the RMS of the noise."""
@@ -36,13 +36,13 @@ class HiddenEffectsSettings(TissueTestRanges):
     noise_colours: dict[str, float] = field(
         default_factory=lambda: {"white": 3.0, "autoregressive": 1.0, "flicker": 1.0}
     )
-    """How often each colour of the noise occurs, as weights."""
+    """Weights of the colours of the noise."""
     autoregressive_correlation: tuple[float, float] = (0.3, 0.8)
     """Range of the correlation of neighbouring samples of autoregressive noise."""
     strong_residual_over_noise: float = 4.0
     """Residual over noise from which an effect counts as strong in the scores."""
     confidence: float = 0.95
-    """Of all intervals of the scores."""
+    """Confidence of all intervals of the scores."""
 
     def __post_init__(self):
         """Refuse ranges that do not run upward, and noise of no colour.
@@ -70,4 +70,4 @@ DRAWN = (
     "noise_colours",
     "autoregressive_correlation",
 )
-"""What an experiment hangs on: how many there are, and how they are scored, does not change a single one."""
+"""Settings that change an experiment; the number of experiments and their scoring do not."""

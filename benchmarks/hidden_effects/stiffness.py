@@ -39,7 +39,7 @@ def one_sided(motion, tissue, strength):
     return strength * np.maximum(motion.position, 0.0)
 
 
-def rounded_one_sided(motion, tissue, strength, radius_mm):
+def smooth_one_sided(motion, tissue, strength, radius_mm):
     """Additional spring in one direction, engaging gradually."""
     return 0.5 * strength * (motion.position + np.hypot(motion.position, radius_mm) - radius_mm)
 
@@ -54,23 +54,23 @@ def contact_lost_gradually(motion, force, strength, width_N):
     return width_N * np.logaddexp(0.0, (force + strength) / width_N) - strength
 
 
-def _lost_stiffness(motion, tissue, share):
+def _softened_stiffness(motion, tissue, share):
     return -share * tissue.elastic * motion.position
 
 
 def softening_by_path(motion, tissue, strength, path_mm):
     """Stiffness at rest falls exponentially with the path travelled."""
-    return _lost_stiffness(motion, tissue, strength * -np.expm1(-motion.path / path_mm))
+    return _softened_stiffness(motion, tissue, strength * -np.expm1(-motion.path / path_mm))
 
 
 def softening_to_floor(motion, tissue, strength, path_mm):
     """Stiffness at rest falls linearly with the path travelled, then stays."""
-    return _lost_stiffness(motion, tissue, strength * np.minimum(motion.path / path_mm, 1.0))
+    return _softened_stiffness(motion, tissue, strength * np.minimum(motion.path / path_mm, 1.0))
 
 
 def softening_by_time(motion, tissue, strength, time_s):
     """Stiffness at rest falls exponentially with time."""
-    return _lost_stiffness(motion, tissue, strength * -np.expm1(-motion.time / time_s))
+    return _softened_stiffness(motion, tissue, strength * -np.expm1(-motion.time / time_s))
 
 
 def softening_of_all(motion, force, strength, path_mm):
@@ -133,9 +133,9 @@ FORMS = (
     ),
     HiddenForm(
         "quadratic_stiffness",
-        "rounded_one_sided",
+        "smooth_one_sided",
         "tissue",
-        rounded_one_sided,
+        smooth_one_sided,
         "N/mm",
         additive(lambda s, radius_mm: 0.5 * s.amplitude),
         lambda rng, s: {"radius_mm": s.amplitude * rng.uniform(0.1, 0.4)},

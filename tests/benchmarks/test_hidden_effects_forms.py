@@ -11,7 +11,7 @@ from hidden_effects.catalogue import OUTSIDE_FORMS, SINGLE, form_named
 from hidden_effects.diagnosing import diagnose_folders
 from hidden_effects.experiment import make_experiment, plan_batch, write_experiments
 from hidden_effects.form import HiddenEffect, Scales, simulate
-from hidden_effects.rate_independent import bouc_wen, dahl, rounded_play
+from hidden_effects.rate_independent import bouc_wen, dahl, smooth_play
 from hidden_effects.scores import outcome
 from hidden_effects.settings import HiddenEffectsSettings
 from hidden_effects_cases import diagnosis, recorded_motion
@@ -56,19 +56,19 @@ def integrate(motion: ToolMotion, slope, start: float = 0.0) -> np.ndarray:
             (0.8, 1.5, 0.8),
             lambda s, z, v: v * (1 - np.abs(s) ** 1.5 * (0.8 * np.sign(v * s) + 0.2)) / 0.8,
         ),
-        (rounded_play, (0.6, 0.05), lambda s, z, v: v / (1 + np.exp(-(np.sign(v) * (z - s) - 0.6) / 0.05))),
+        (smooth_play, (0.6, 0.05), lambda s, z, v: v / (1 + np.exp(-(np.sign(v) * (z - s) - 0.6) / 0.05))),
     ],
 )
 def test_operators_solve_their_differential_equations(operator, given, slope):
     motion = smooth_motion()
-    expected = integrate(motion, slope, start=motion.position[0] if operator is rounded_play else 0.0)
+    expected = integrate(motion, slope, start=motion.position[0] if operator is smooth_play else 0.0)
     assert np.allclose(operator(motion.position, *given), expected, atol=3e-3)
 
 
 @pytest.mark.parametrize("form", [*SINGLE, *OUTSIDE_FORMS], ids=lambda form: form.label)
 def test_every_form_is_weak_at_its_weakest_and_deterministic(form):
     motion = draw_motions(np.random.default_rng(2), 5.0, 0.0, schroeder=True, periods=2)["multisine"]
-    scales = Scales.of(motion, TISSUE)
+    scales = Scales.measure(motion, TISSUE)
     shape = form.draw(np.random.default_rng(7), scales)
     assert shape == form.draw(np.random.default_rng(7), scales)
     weak = simulate(motion, TISSUE, [HiddenEffect(form, form.strength(scales, shape, 0.0), shape)])

@@ -22,11 +22,11 @@ def dahl_state(motion: Motion, distance_mm: float) -> np.ndarray:
     """State r of r' = (v - |v| r)/d, r(0) = 0, exact for steps along a line."""
     steps = np.diff(motion.position, axis=0)
     lengths = np.linalg.norm(steps, axis=1, keepdims=True)
-    kept = np.exp(-lengths / distance_mm)
-    gained = steps / np.maximum(lengths, 1e-300) * (1 - kept)
+    decay = np.exp(-lengths / distance_mm)
+    gained = steps / np.maximum(lengths, 1e-300) * (1 - decay)
     state = np.zeros_like(motion.position)
     for n in range(len(steps)):
-        state[n + 1] = kept[n] * state[n] + gained[n]
+        state[n + 1] = decay[n] * state[n] + gained[n]
     return state
 
 

@@ -89,7 +89,7 @@ def one_sine(name: str, seed: int, seconds: float):
 def tied_experiment(label: str, strength: float, seed: int):
     """Records of single sines with a hidden effect, tied by construction; the effect and the noise."""
     motion, other = one_sine("sine", seed, 60.0), one_sine("other_sine", seed + 10, 20.0)
-    scales = Scales.of(motion, TRUE_TISSUE)
+    scales = Scales.measure(motion, TRUE_TISSUE)
     noise, form = 0.01 * scales.force, form_named(label)
     shape = form.draw(np.random.default_rng(seed), scales)
     effect = calibrated(form, shape, strength * noise, motion, TRUE_TISSUE, scales)
