@@ -4,6 +4,8 @@ A motion is a cubic spline through points four times as dense as the samples; th
 and one more effect, integrated on those points, so that samples can be taken at any time.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
@@ -127,29 +129,33 @@ def _noise(kind: str, rng: np.random.Generator, time: np.ndarray, size: float) -
     return size * white
 
 
-def tissue_record(
-    kind: str,
-    effect: str = "none",
-    noise: str = "white",
-    *,
-    seed: int = 1,
-    seconds: float = 20.0,
-    rate: float = 100.0,
-    highest: float = 5.0,
-    fault: str = "",
-    size: float = 0.0,
-    quiet: float = 0.02,
-) -> Record:
-    """One record, of `MOTIONS`, `EFFECTS` and `NOISES`; no fault where empty.
+@dataclass(frozen=True)
+class Plan:
+    """Sampling of a record and the fault of its sensor."""
 
-    `highest` frequency of the motion and `rate` are in Hz; `size` is the fault's: mm RMS, mm, s RMS, ratio of the clocks less
-    one, or share of the samples; `quiet` the noise of the force, in its RMS.
-    """
-    rng = np.random.default_rng(seed)
-    count = round(seconds * rate)
+    seconds: float = 20.0
+    rate: float = 100.0
+    """Samples per second."""
+    highest: float = 5.0
+    """Highest frequency of the motion in Hz."""
+    fault: str = ""
+    """Name of the fault, or empty."""
+    size: float = 0.0
+    """Size of the fault: mm RMS, mm, s RMS, ratio of the clocks minus one, or share of the samples."""
+    quiet: float = 0.02
+    """RMS of the noise of the force relative to that of the force."""
+
+
+def tissue_record(
+    kind: str, effect: str = "none", noise: str = "white", *, seed: int = 1, **fields
+) -> Record:
+    """Return one record with a motion, effect and noise of `MOTIONS`, `EFFECTS` and `NOISES`; `fields` are those of `Plan`."""
+    rng, plan = np.random.default_rng(seed), Plan(**fields)
+    rate, fault, size = plan.rate, plan.fault, plan.size
+    count = round(plan.seconds * rate)
     dense = np.arange(-DENSE, (count + 1) * DENSE + 1) / (DENSE * rate)
     amplitude = rng.uniform(2.0, 10.0)
-    moved = amplitude * motion(kind, rng, dense - dense[0], highest)
+    moved = amplitude * motion(kind, rng, dense - dense[0], plan.highest)
     answer = _force(effect, dense - dense[0], moved)
     position, force = CubicSpline(dense, moved), CubicSpline(dense, answer)
     at = np.arange(count) / rate
@@ -157,7 +163,7 @@ def tissue_record(
     x = position(np.clip(at + late, dense[0], dense[-1]))
     elapsed = at * (1 + size) if fault == "skew" else at + (late if fault == "shared_jitter" else 0.0)
     f = force(np.clip(elapsed, dense[0], dense[-1]))
-    f = f + _noise(noise, rng, at, quiet * np.std(answer))
+    f = f + _noise(noise, rng, at, plan.quiet * np.std(answer))
     if noise == "coarse":
         f = np.round(f / (0.02 * np.std(answer))) * 0.02 * np.std(answer)
     if fault == "noise":

@@ -209,11 +209,13 @@ def examine_claims(claims: list[Claim], results: Results, synthetic: bool, sourc
     Parameters
     ----------
     claims : list of Claim
+        Claims in the order of the rows.
     results : dict
         Results of the run by name.
     synthetic : bool
         True if these are the twin's.
     source_label : str
+        Source of the data.
 
     Returns
     -------

@@ -89,6 +89,7 @@ def usable_effects(
     Parameters
     ----------
     catalogue : mapping of str to Effect
+        Effects by name.
     available : collection of str
         Roles of the channels of every record.
     scale : callable

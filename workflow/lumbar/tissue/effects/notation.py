@@ -304,9 +304,11 @@ def read_entry(file: YamlFile, kind: type[Kind], problems: Problems, taken: Coll
     Parameters
     ----------
     file : YamlFile
+        Content with its lines.
     kind : type
         Class of the entry.
     problems : Problems
+        Problems found so far.
     taken : collection of str
         Names that it may not have.
 

@@ -45,9 +45,11 @@ def identify(
     Parameters
     ----------
     training : Record
+        Record to fit.
     tests : list of Record
         Records with another excitation; in the order of `Scores.tests`.
     settings : TissueSettings
+        Search, ridge coefficients and bootstrap.
     seed : int
         Seed of the bootstrap.
 
@@ -118,7 +120,9 @@ def inverted_model(
     Parameters
     ----------
     training : Record
+        Record whose channels the model has.
     tests : list of Record
+        Other records with errors.
     settling_s : float or None
         Seconds at the start that do not count; None follows the records.
     force_max, travel : float

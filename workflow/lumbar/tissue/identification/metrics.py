@@ -129,7 +129,9 @@ def block_bootstrap(
     block_rows : int
         Rows per block, longer than the residuals' correlation.
     resamples : int
+        Number of resamples.
     rng : numpy.random.Generator
+        Source of the draws.
     alpha : float
         Ridge coefficient.
 

@@ -44,6 +44,7 @@ def fit_output_error(
     Parameters
     ----------
     structure : ArxStructure
+        Orders and lags.
     inputs, outputs : numpy.ndarray, shape (samples,)
         Demeaned signals.
     starts : list of TransferFunction

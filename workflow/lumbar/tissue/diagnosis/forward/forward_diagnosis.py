@@ -287,6 +287,7 @@ def refine_forward(
     effects : dict of str to Effect
         Effects by name.
     settings : DiagnosisSettings
+        Base, training records and known effects.
 
     Returns
     -------

@@ -58,6 +58,7 @@ def choose_base(
     Parameters
     ----------
     experiment : Experiment
+        Prepared records of several axes.
     axes : tuple of str
         Names of the axes of the records.
     kinds : sequence of str

@@ -86,6 +86,7 @@ def spatial_reports(model: FittedModel, experiment: Experiment, seed: int) -> li
     model : FittedModel
         Work is reported along its principal axes, if it has any.
     experiment : Experiment
+        Prepared records of several axes.
     seed : int
         Seed of the intervals.
 
