@@ -1,6 +1,7 @@
 """Settings of the project's own studies, for tests: as the workflow reads them, changed where a test wants it."""
 
 from functools import cache
+from pathlib import Path
 from typing import Any, TypeVar
 
 import lumbar
@@ -10,6 +11,7 @@ from lumbar.settings.lifting import SubjectSettings
 from lumbar.settings.section import Section
 from lumbar.settings.study_settings import StudySettings
 from lumbar.settings.validation import Origins, overlay, validate
+from lumbar.study.load_study import load_study
 from running import PROJECT
 
 Kind = TypeVar("Kind", bound=Section)
@@ -31,6 +33,13 @@ def study_settings(*files: str) -> StudySettings:
     settings = validate(study_config(*files), StudySettings, Origins(problems))
     problems.raise_if_any()
     return settings
+
+
+def artefact_paths(config: dict, root: Path, chapters: tuple[str, ...] = ()) -> list[str]:
+    """Return the files of the artefacts of these chapters (default: all), below the study's results."""
+    study = load_study(config, root)
+    made = [item for item in study.artefacts if not chapters or item.chapter in chapters]
+    return [path for artefact in made for path in artefact.paths(study.lifts)]
 
 
 @cache

@@ -11,7 +11,7 @@ import yaml
 from column_files import write_columns, write_records
 from generate.thesis_items import DOCS
 from lumbar.cli.command import build_parser, command_names
-from lumbar.twin.examples import example_lift, example_records
+from twin_examples import example_lift, example_records
 
 PROJECT = DOCS.parent
 PAGES = {

@@ -16,8 +16,8 @@ from test_code_blocks import PAGES, blocks
 
 import lumbar
 from column_files import write_columns, write_records
-from lumbar.twin.examples import example_lift, example_records
 from running import PROJECT, ZIG_CACHE, copy_project, snakemake
+from twin_examples import example_lift, example_records
 
 pytestmark = pytest.mark.nightly
 

@@ -5,8 +5,8 @@ import re
 import pytest
 import yaml
 
+import lumbar
 from generate.thesis_items import DOCS, anchor
-from lumbar.settings.lifting import ALIASES
 
 PROJECT = DOCS.parent
 GENERATED = {"gallery.md", "thesis.md", "tissue/effects.md", "tissue/pendulum_effects.md"}
@@ -102,6 +102,7 @@ def abbreviations(text: str) -> set[str]:
 @pytest.mark.parametrize("name", TEXTS)
 def test_abbreviations_stand_in_the_glossary(name):
     glossary = set(re.findall(r"\b[A-Z][A-Z\d]+\b", (DOCS / "glossary.md").read_text(encoding="utf-8")))
-    parts_of_markers = {part for marker in ALIASES for part in marker.split("_")}
+    markers = lumbar.StudySettings().lifting.markers.aliases
+    parts_of_markers = {part for marker in markers for part in marker.split("_")}
     known = {*" ".join(ELSEWHERE.values()).split(), *parts_of_markers}
     assert abbreviations(TEXTS[name].read_text(encoding="utf-8")) - glossary - known == set()

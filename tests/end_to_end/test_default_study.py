@@ -10,8 +10,8 @@ import pandas as pd
 import pytest
 import yaml
 
-from lumbar.study.load_study import load_study
 from running import ZIG_CACHE, copy_project, snakemake
+from study_settings import artefact_paths
 
 # Wall-clock readings differ between runs; everything else is compared byte for byte.
 VOLATILE = ("logs", "benchmarks")
@@ -102,9 +102,7 @@ def expected_artefacts(folder: Path, chapters: tuple[str, ...] = ()) -> list[Pat
     run = json.loads((results(folder) / "run_environment.json").read_text(encoding="utf-8"))
     assert run["versions"]["python"]
     config = yaml.safe_load((results(folder) / "run_config.yaml").read_text(encoding="utf-8"))
-    study = load_study(config, root=folder)
-    made = [item for item in study.artefacts if not chapters or item.chapter in chapters]
-    return [results(folder) / path for artefact in made for path in artefact.paths(study.lifts)]
+    return [results(folder) / path for path in artefact_paths(config, folder, chapters)]
 
 
 def test_every_artefact_is_there(folder, chapters):

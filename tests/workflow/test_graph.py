@@ -5,9 +5,10 @@ import json
 
 import pytest
 
-from lumbar.study.artefacts import CHAPTERS
+import lumbar
 from running import copy_project, snakemake
 
+CHAPTERS = lumbar.StudySettings.model_json_schema()["properties"]["chapters"]["items"]["enum"]
 DEFAULT_CHAPTERS = [name for name in CHAPTERS if name != "population"]
 
 

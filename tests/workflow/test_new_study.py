@@ -7,12 +7,6 @@ import shutil
 import pytest
 
 import lumbar
-from lumbar.base.errors import InputError
-from lumbar.interface.new_study import marker_set, new_study
-from lumbar.records.markers import read_markers
-from lumbar.settings.layout import MarkerLayout
-from lumbar.settings.lifting import SubjectSettings
-from lumbar.study.load_study import load_settings
 from running import copy_project, snakemake
 
 FILLED = {
@@ -42,7 +36,7 @@ def laboratory(shared, tmp_path_factory):
     shutil.copy(shared / "real" / "lifting" / "s2m_box_transfer" / "Vicon.c3d", folder / "shelf 1.c3d")
     (folder / "broken.trc").write_text("no markers", encoding="utf-8")
     project = copy_project(tmp_path_factory.mktemp("project"))
-    found = new_study(folder)
+    found = lumbar.new_study(folder)
     return project, found, found.save(project)
 
 
@@ -53,7 +47,7 @@ def test_what_was_found_is_written_down(laboratory):
     assert "#   broken.trc: " in text
     assert "BOX_8: arriere_gauche" in text
     assert "pivot: hip" in text
-    with pytest.raises(InputError, match=r"my_lab\.yaml: exists and is not overwritten"):
+    with pytest.raises(lumbar.InputError, match=r"my_lab\.yaml: exists and is not overwritten"):
         found.save(laboratory[0])
 
 
@@ -91,10 +85,10 @@ REAL = (
 
 
 @pytest.mark.parametrize(("name", "up", "forward"), REAL)
-def test_marker_sets_and_axes_of_real_recordings_are_recognised(shared, name, up, forward):
+def test_marker_sets_and_axes_of_real_recordings_are_recognised(shared, tmp_path, name, up, forward):
     """Axes as their READMEs and the studies of the project state them, or the walking direction."""
-    path = shared / "real" / "lifting" / name
-    found = marker_set(read_markers(path, MarkerLayout(check_axes=False, subject_prefix="keep")))
+    shutil.copy(shared / "real" / "lifting" / name, tmp_path)
+    found = lumbar.new_study(tmp_path).recordings[0].set
     assert found.axes == (up, forward)
     if "sts" not in name:
         assert {"C7", "T12", "L5", "SACRUM", "R_WRIST"} <= set(found.aliases)
@@ -108,13 +102,13 @@ def test_every_real_recording_is_analysed_with_the_study_written_for_it(shared, 
     folder = tmp_path / "one"
     folder.mkdir()
     shutil.copy(shared / "real" / "lifting" / name, folder)
-    study, _ = new_study(folder).save(tmp_path)
+    study, _ = lumbar.new_study(folder).save(tmp_path)
     fill_in(study)
-    settings = load_settings(study).lifting
-    ann = SubjectSettings(name="ann", sex="female", mass_kg=61.0, height_m=1.68, experience="novice")
+    settings = lumbar.load_settings(study).lifting
+    ann = lumbar.SubjectSettings(name="ann", sex="female", mass_kg=61.0, height_m=1.68, experience="novice")
     file = next(folder.iterdir())
     if "sts" in name:
-        with pytest.raises(InputError, match=r"neither an event of a lift nor a centre of mass"):
+        with pytest.raises(lumbar.InputError, match=r"neither an event of a lift nor a centre of mass"):
             lumbar.lift(file, ann, 6.0, settings=settings)
         return
     lift = lumbar.lift(file, ann, 6.0, settings=settings)

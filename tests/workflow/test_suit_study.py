@@ -7,10 +7,7 @@ import pytest
 from test_new_study import fill_in
 
 import lumbar
-from lumbar.interface.new_study import new_study
 from lumbar.records.markers import read_markers
-from lumbar.settings.lifting import SubjectSettings
-from lumbar.study.load_study import load_settings
 
 # By joint: the one before it, where it lies from there (left, up and forward, cm), how far it turns (degrees) where the person
 # bends down, and while the box is held upright.
@@ -57,14 +54,12 @@ def suit(path):
 def test_a_suits_lift_becomes_pendulums_of_its_own_joints(tmp_path):
     (file := tmp_path / "lab" / "lift.bvh").parent.mkdir()
     suit(file)
-    study, _ = new_study(file.parent).save(tmp_path)
+    study, _ = lumbar.new_study(file.parent).save(tmp_path)
     assert not re.search("SACRUM|ASIS", study.read_text())
     fill_in(study)
     study.write_text(study.read_text().replace("unit: FILL_IN", "unit: cm"))
-    settings, ann = (
-        load_settings(study).lifting,
-        SubjectSettings(name="ann", sex="male", mass_kg=75.0, height_m=1.75, experience="novice"),
-    )
+    settings = lumbar.load_settings(study).lifting
+    ann = lumbar.SubjectSettings(name="ann", sex="male", mass_kg=75.0, height_m=1.75, experience="novice")
     lift = lumbar.lift(file, ann, 10.0, settings=settings).analysed
     assert lift.events["deposit_start"].time_s == pytest.approx(5.3, abs=0.3) and lift.states
     assert set(lift.centres) == {"thorax", "abdomen", "pelvis"}

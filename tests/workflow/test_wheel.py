@@ -8,8 +8,8 @@ import sys
 import pytest
 
 from column_files import write_records
-from lumbar.twin.examples import example_records
 from running import PROJECT, ZIG_CACHE
+from twin_examples import example_records
 
 pytestmark = pytest.mark.nightly
 PACKED = ("pyproject.toml", "README.md", "LICENSE", "workflow")

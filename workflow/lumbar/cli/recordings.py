@@ -112,9 +112,7 @@ def run_inspect(options) -> None:
 
 def run_new_study(options) -> None:
     """Inspect the recordings, write the files, print what to fill in."""
-    from lumbar.interface.new_study import new_study
-
-    study = new_study(options.folder, options.name)
+    study = lumbar.new_study(options.folder, options.name)
     study.save(options.project)
     print(study)
 

@@ -197,6 +197,16 @@ def new_study(folder: str | os.PathLike, name: str | None = None) -> NewStudy:
     ------
     InputError
         If no marker file can be read.
+
+    Examples
+    --------
+    >>> import lumbar
+    >>> from pathlib import Path
+    >>> from lumbar.twin.examples import example_lift
+    >>> Path("my_lab").mkdir()
+    >>> subject = example_lift(Path("my_lab/lift.c3d"))
+    >>> list(lumbar.new_study("my_lab").files)
+    ['config/studies/my_lab.yaml', 'config/subjects/my_lab.yaml']
     """
     folder = Path(folder)
     if not folder.is_dir():
