@@ -44,7 +44,7 @@ def keys(section: Key, defaults: dict, prefix: str = "") -> Iterator[tuple[str, 
                     kind, value if isinstance(value, dict) else _defaults(kind), f"{prefix}{name}."
                 )
             elif kind.schema.get("type") in ("array", "object"):
-                mark, entry = "[]" if kind.schema["type"] == "array" else ".*", kind.at(0)
+                mark, entry = "[]" if kind.schema["type"] == "array" else ".*", kind.find(0)
                 if "$ref" in entry.schema:
                     yield from keys(entry, _defaults(entry.types[0]), f"{prefix}{name}{mark}.")
 
@@ -85,7 +85,7 @@ _HEAD = ["| key | allowed | default | meaning |", "|---|---|---|---|"]
 
 def pages() -> dict[str, str]:
     """Return the Markdown page of every section of a study by its file name, and an index of them."""
-    study, defaults = Key.of(StudySettings), defaults_of(StudySettings)
+    study, defaults = Key.from_class(StudySettings), defaults_of(StudySettings)
     texts, index, top_level = {}, [], []
     for name in study.keys:
         section = StudySettings.model_fields[name].annotation
@@ -95,7 +95,7 @@ def pages() -> dict[str, str]:
             top_level.append(name)
             continue
         meaning = " ".join((section.__doc__ or "").split())
-        rows = _rows(Key.of(section), defaults[name] or defaults_of(section), f"{name}.")
+        rows = _rows(Key.from_class(section), defaults[name] or defaults_of(section), f"{name}.")
         texts[f"{name}.md"] = "\n".join([f"# {name}", "", meaning, _defined(section), "", *_HEAD, *rows, ""])
         index.append(f"- [{name}]({name}.md): {meaning}")
     top = [row for row in _rows(study, defaults, "") if row.split("`")[1].split(".")[0] in top_level]

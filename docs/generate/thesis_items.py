@@ -97,7 +97,7 @@ def computing() -> dict[str, list[equation_index.Entry]]:
 @cache
 def default_values() -> dict[str, Any]:
     """Return the default of every configuration key."""
-    return {path: value for path, _, value in keys(Key.of(StudySettings), defaults_of(StudySettings))}
+    return {path: value for path, _, value in keys(Key.from_class(StudySettings), defaults_of(StudySettings))}
 
 
 @cache

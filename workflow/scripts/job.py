@@ -92,7 +92,7 @@ def _typed_parameters(main, params) -> dict:
 
     from pydantic import TypeAdapter
 
-    from lumbar.settings.section import without_defaults
+    from lumbar.settings.section import remove_defaults
 
     kinds = {name: kind for name, kind in get_type_hints(main).items() if name != "return"}
     given = {name: value for name, value in params.items() if name != "code"}
@@ -101,5 +101,5 @@ def _typed_parameters(main, params) -> dict:
             f"the rule passes {', '.join(sorted(given))}; the job takes {', '.join(sorted(kinds))}"
         )
     return {
-        name: without_defaults(TypeAdapter(kind).validate_python(given[name])) for name, kind in kinds.items()
+        name: remove_defaults(TypeAdapter(kind).validate_python(given[name])) for name, kind in kinds.items()
     }

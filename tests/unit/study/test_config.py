@@ -342,7 +342,7 @@ def test_the_sheet_of_artefacts_is_checked(tmp_path):
 
 
 def test_every_key_has_a_meaning():
-    assert [path for path, key, _ in keys(Key.of(StudySettings), {}) if not key.meaning] == []
+    assert [path for path, key, _ in keys(Key.from_class(StudySettings), {}) if not key.meaning] == []
 
 
 def test_plain_data_come_back_as_the_settings_they_were():

@@ -80,7 +80,7 @@ def lift(
     is_read = isinstance(markers, MarkerRecording)
     file = Path(markers.source or markers.name) if is_read else Path(markers)
     lift_name, trial = _find_trial(subject, file, box_mass_kg, trial)
-    name, settings = name or lift_name, (settings or LiftingSettings()).of_trial(trial)
+    name, settings = name or lift_name, (settings or LiftingSettings()).settings_for_trial(trial)
     static = static or (None if is_read else _static_file(subject, trial, file))
     standing = None
     if static is not None:

@@ -18,16 +18,33 @@ BaseFile = Annotated[str, Field(pattern=r".\.ya?ml$")]
 
 
 def is_data(file: str) -> bool:
-    """Return whether a name is that of a YAML file, which is data and runs no code."""
+    """Return whether a file is YAML, which is data and runs no code.
+
+    Parameters
+    ----------
+    file : str
+        Name of the file.
+    """
     return file.endswith((".yaml", ".yml"))
 
 
 def system_of(base: str) -> Literal["tissue", "pendulum"]:
-    """Return the system that a base models; that of a user-defined base is called tissue too."""
+    """Return the system that a base models; a user-defined base models a tissue.
+
+    Parameters
+    ----------
+    base : str
+        Name of a base, or a YAML file.
+
+    Raises
+    ------
+    InputError
+        If the base is unknown.
+    """
     if base not in BASE_NAMES and not is_data(base):
-        meant = did_you_mean(base, BASE_NAMES)
+        suggestion = did_you_mean(base, BASE_NAMES)
         raise InputError(
-            f"unknown base model {base!r}{meant}; known are {', '.join(BASE_NAMES)} and files, BASE.yaml"
+            f"unknown base model {base!r}{suggestion}; known are {', '.join(BASE_NAMES)} and files, BASE.yaml"
         )
     return "pendulum" if base == "pendulum" else "tissue"
 
@@ -41,7 +58,7 @@ class RecordSetSettings(Section):
     """Base model of this set, instead of improvement.base. lifting.moment_layout reads the records of a
     pendulum, tissue.layout all others."""
     session: bool | None = None
-    """Whether the records of this set are parts of one session, instead of improvement.session."""
+    """true: the records of this set are parts of one session; replaces improvement.session."""
     train: str | Unique[str] | None = None
     """Record of this set to fit on, or a list of records, instead of improvement.train."""
     effects: Unique[str] | None = None
@@ -65,7 +82,7 @@ class ImprovementSettings(Section):
     train: str | Unique[str] | None = None
     """Record to fit on, or a list of records to fit on together; null takes the longest."""
     forward: bool = False
-    """Whether tissue tests have the force as input and the motion as output (load-controlled tests). Models are
+    """true: tissue tests have the force as input and the motion as output (load-controlled tests). Models are
     then simulated from force to motion; errors have the unit of the motion."""
     session: bool = False
     """true: the records are consecutive parts of one session; each begins in the state (path, time, relaxation,
@@ -82,7 +99,7 @@ class ImprovementSettings(Section):
     most_effects: int = Field(3, ge=1, le=5)
     """Largest number of effects that a diagnosis adds."""
     propose_law: bool = True
-    """Whether to search a short formula for the error that effects of the catalogue leave in a tissue test;
+    """true: search a short formula for the error that effects of the catalogue leave in a tissue test;
     takes seconds to two minutes."""
 
     @property

@@ -226,7 +226,13 @@ class LiftingSettings(Section):
     points: int = Field(1000, ge=10, le=100000)
     """Number of instants to which a cubic spline resamples the deposit; the real time is kept."""
 
-    def of_trial(self, trial: TrialSettings) -> "LiftingSettings":
-        """Return the settings with the axis that the subject faces in a trial."""
+    def settings_for_trial(self, trial: TrialSettings) -> "LiftingSettings":
+        """Return the settings with the axis that the subject faces in a trial.
+
+        Parameters
+        ----------
+        trial : TrialSettings
+            Trial of the subject; without an axis the study's is kept.
+        """
         forward = trial.forward or self.markers.forward
         return self.model_copy(update={"markers": self.markers.model_copy(update={"forward": forward})})

@@ -71,17 +71,26 @@ class Section(BaseModel):
     )
 
     def __getattr__(self, name: str) -> Any:
-        """Raise for a key that `without_defaults` removed."""
+        """Raise for a key that `remove_defaults` removed."""
         if name in type(self).model_fields:
             key = f"{type(self).__name__}.{name}"
             raise TypeError(f"the rule does not pass {key}: name it among the keys that its job needs")
         return super().__getattr__(name)  # type: ignore[misc]
 
 
-def without_defaults(value: Value) -> Value:
+def remove_defaults(value: Value) -> Value:
     """Remove the default of every key that was not given, in place: reading such a key raises a `TypeError`.
 
     A job gets only some keys of a section. None of the others may enter its result by its default.
+
+    Parameters
+    ----------
+    value : Section, dict, list, tuple or plain value
+        Sections in it, at any depth, lose their defaults.
+
+    Returns
+    -------
+    The same object.
     """
     entries: Iterable = ()
     if isinstance(value, Section):
@@ -93,20 +102,25 @@ def without_defaults(value: Value) -> Value:
     elif isinstance(value, list | tuple):
         entries = value
     for entry in entries:
-        without_defaults(entry)
+        remove_defaults(entry)
     return value
 
 
 def unit_of(name: str) -> str | None:
     """Return the unit that the last words of a key's name give.
 
+    Parameters
+    ----------
+    name : str
+        Name of a key.
+
     Examples
     --------
     >>> unit_of("noise_rms_mm"), unit_of("knots")
     ('mm', None)
     """
-    words = name.split("_")
-    ends = ("_".join(words[first:]) for first in range(1, len(words)))
+    parts = name.split("_")
+    ends = ("_".join(parts[first:]) for first in range(1, len(parts)))
     return next((UNITS[end] for end in ends if end in UNITS), None)
 
 

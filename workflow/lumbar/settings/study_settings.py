@@ -73,7 +73,15 @@ class StudySettings(Section):
 
 
 def record_layout(settings: StudySettings, base: str) -> tuple[ColumnLayout, float | None]:
-    """Return the layout of a base model's records, and the rate (Hz) to which they are resampled."""
+    """Return the layout of a base model's records, and the rate (Hz) to which they are resampled.
+
+    Parameters
+    ----------
+    settings : StudySettings
+        Settings of the study.
+    base : str
+        Name of a base, or a YAML file.
+    """
     if system_of(base) == "pendulum":
         return settings.lifting.moment_layout, None
     return settings.tissue.layout, settings.tissue.rate_Hz

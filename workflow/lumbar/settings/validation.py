@@ -28,7 +28,13 @@ Data = TypeVar("Data")
 
 @cache
 def adapter_of(kind: Any) -> TypeAdapter:
-    """Return Pydantic's adapter of a class; it is built once."""
+    """Return Pydantic's adapter of a class; it is built once.
+
+    Parameters
+    ----------
+    kind : type
+        Class that Pydantic validates.
+    """
     return TypeAdapter(kind)
 
 
@@ -43,8 +49,14 @@ class Key:
 
     @classmethod
     @cache
-    def of(cls, kind: Any) -> "Key":
-        """Return a whole section, or another class that Pydantic validates, as a key."""
+    def from_class(cls, kind: Any) -> "Key":
+        """Return a whole section as a key.
+
+        Parameters
+        ----------
+        kind : type
+            Section, or another class that Pydantic validates.
+        """
         schema = adapter_of(kind).json_schema()
         return cls(schema, schema.get("$defs", {}))
 
@@ -92,7 +104,7 @@ class Key:
         if "properties" in schema:
             return "{" + ", ".join(schema["properties"]) + "}"
         if schema["type"] in ("array", "object"):
-            inner = self.at(0)
+            inner = self.find(0)
             entry = inner.allowed if inner else "any value"
             if schema["type"] == "object":
                 return f"names, each with {entry}"
@@ -108,8 +120,14 @@ class Key:
         unit = self.unit if schema["type"] in ("number", "integer") else ""
         return " ".join(filter(None, [_TYPES[schema["type"]], limits, unit]))
 
-    def at(self, *path: Any) -> "Key | None":
-        """Return the key to which a path leads, e.g. ``("records", 0, "file")``, if there is one."""
+    def find(self, *path: Any) -> "Key | None":
+        """Return the key at a path, if there is one.
+
+        Parameters
+        ----------
+        *path : str or int
+            Keys and numbers of entries, e.g. ``"records", 0, "file"``.
+        """
         if not path:
             return self
         part, *rest = path
@@ -122,7 +140,7 @@ class Key:
             elif schema.get("type") == "array" and isinstance(part, int):
                 entries = schema.get("prefixItems") or [schema["items"]]
                 below = Key(entries[min(part, len(entries) - 1)], self.definitions, kind.unit)
-        return None if below is None else below.at(*rest)
+        return None if below is None else below.find(*rest)
 
     @property
     def rule(self) -> str:
@@ -131,7 +149,20 @@ class Key:
 
 
 def overlay(base: dict, upper: dict) -> dict:
-    """Merge as Snakemake does: mappings merge, lists and scalars replace."""
+    """Merge two configurations as Snakemake does: mappings merge, lists and scalars replace.
+
+    Parameters
+    ----------
+    base : dict
+        Configuration below.
+    upper : dict
+        Configuration whose values win.
+
+    Returns
+    -------
+    dict
+        A new mapping.
+    """
     merged = dict(base)
     for key, value in upper.items():
         below = merged.get(key)
@@ -150,10 +181,20 @@ class Origins:
     def __init__(self, problems: Problems, files: Sequence[YamlFile] = (), merged: dict | None = None):
         self.problems, self.files, self.merged = problems, files, merged
 
-    def add(self, key: str | tuple, found: str, allowed: str) -> None:
-        """Add a problem at a key, given by its name or the path to it."""
+    def add(self, key: str | tuple, fault: str, allowed: str) -> None:
+        """Add a problem at a key.
+
+        Parameters
+        ----------
+        key : str or tuple
+            Name of the key, e.g. ``"tissue.rate_Hz"``, or the path to it.
+        fault : str
+            What is wrong there.
+        allowed : str
+            What is allowed.
+        """
         path = parse_key_path(key) if isinstance(key, str) else key
-        self.problems.add(self.place(path), found, allowed)
+        self.problems.add(self.place(path), fault, allowed)
 
     def place(self, path: tuple, value: Any = _ANY) -> str:
         """Return file, line and key of a place, as far as a file has it; else ``--config``, if it was given there.
@@ -174,7 +215,7 @@ class Origins:
             for file in reversed(with_key):
                 # A mapping outside of lists is merged key by key from all files.
                 merged = isinstance(value, dict) and not any(isinstance(key, int) for key in part)
-                if value is _ANY or merged or _at(file.content, part) == value:
+                if value is _ANY or merged or _get_item(file.content, part) == value:
                     return f"{file.path}, line {file.lines[part]}: {name}"
             given = self.files and self.merged is not None and _value(self.merged, part, _ANY) is not _ANY
             if given or with_key:
@@ -182,7 +223,7 @@ class Origins:
         return f"{self.files[0].path}: {name}" if len(self.files) == 1 and self.merged is None else name
 
 
-def _at(content: Any, path: tuple) -> Any:
+def _get_item(content: Any, path: tuple) -> Any:
     for part in path:
         content = content[part]
     return content
@@ -190,7 +231,7 @@ def _at(content: Any, path: tuple) -> Any:
 
 def _value(content: Any, path: tuple, absent: Any) -> Any:
     try:
-        return _at(content, path)
+        return _get_item(content, path)
     except (KeyError, IndexError, TypeError):
         return absent
 
@@ -209,7 +250,7 @@ def validate(content: dict, kind: type[Kind], origins: Origins) -> Kind | None:
     """
     unfilled = _unfilled_paths(content)
     for path in unfilled:
-        key = Key.of(kind).at(*path)
+        key = Key.from_class(kind).find(*path)
         origins.add(path, f"{FILL_IN}: still to be filled in", key.rule if key else "")
     merged = overlay(_remove_other_axes(defaults_of(kind), content), content)
     checked = check_types(merged, kind, origins, unfilled)
@@ -219,13 +260,22 @@ def validate(content: dict, kind: type[Kind], origins: Origins) -> Kind | None:
 def check_types(content: Any, kind: type[Data], origins: Origins, known: Sequence[tuple] = ()) -> Data | None:
     """Return plain data as an object of a class that Pydantic validates; None if there are problems.
 
-    `known` are paths to values that are not reported again.
+    Parameters
+    ----------
+    content : dict or list
+        Plain data.
+    kind : type
+        Class that Pydantic validates.
+    origins : Origins
+        Collects every wrong key and value.
+    known : sequence of tuple
+        Paths to values that are not reported again.
     """
     try:
         adapter: TypeAdapter[Data] = adapter_of(kind)  # type: ignore[arg-type]
         return adapter.validate_json(json.dumps(content, default=_to_plain), strict=True)
     except ValidationError as error:
-        whole = Key.of(kind)  # type: ignore[arg-type]
+        whole = Key.from_class(kind)  # type: ignore[arg-type]
         faults: dict[tuple, Any] = {}
         for item in error.errors(include_url=False):
             fault = _explain(whole, content, item)
@@ -252,7 +302,13 @@ def _unfilled_paths(content: Any, path: tuple = ()) -> list[tuple]:
 
 
 def defaults_of(section: type[Section]) -> dict[str, Any]:
-    """Return the defaults of the keys of a section that have one, as plain data."""
+    """Return the defaults of the keys of a section that have one, as plain data.
+
+    Parameters
+    ----------
+    section : type
+        Class of a section.
+    """
     return to_jsonable_python(
         {
             item.alias or name: item.get_default(call_default_factory=True)
@@ -288,29 +344,29 @@ def _explain(whole: Key, content: Any, error: Mapping[str, Any]) -> _Fault:
     kind, place = error["type"], tuple(error["loc"])
     path, value = _find_value(content, place)
     if kind in ("extra_forbidden", "unexpected_keyword_argument") and path == place:
-        section = whole.at(*path[:-1])
+        section = whole.find(*path[:-1])
         known = section.keys if section else {}
         return _Fault(path, f"unknown key{did_you_mean(path[-1], known)}", f"allowed: {', '.join(known)}")
     if place and place[-1] == "[key]":
-        names = whole.at(*path[:-1])
+        names = whole.find(*path[:-1])
         return _Fault(path, f"{path[-1]!r} is not a valid name", names.rule if names else "")
     if kind == "missing" and (*path, place[-1]) == place:
-        path, found = place, "missing"
+        path, fault = place, "missing"
     elif kind == "value_error":
-        found = str(error["ctx"]["error"])
+        fault = str(error["ctx"]["error"])
     elif kind == "too_long" and isinstance(value, list):
-        found = f"found {len(value)} entries"
+        fault = f"found {len(value)} entries"
     else:
-        found = f"found {_abbreviate(value)}"
-        found += ", which is not finite" if kind == "finite_number" else ""
-    key = whole.at(*path)
+        fault = f"found {_abbreviate(value)}"
+        fault += ", which is not finite" if kind == "finite_number" else ""
+    key = whole.find(*path)
     if key is None:
-        return _Fault(path, found, "")
+        return _Fault(path, fault, "")
     hint = ""
-    if isinstance(value, str) and found.startswith("found"):
-        found += did_you_mean(value, [word for each in key.types for word in each.schema.get("enum", ())])
+    if isinstance(value, str) and fault.startswith("found"):
+        fault += did_you_mean(value, [word for each in key.types for word in each.schema.get("enum", ())])
         hint = _number_hint(value, key)
-    return _Fault(path, found, key.rule + hint, kind == "too_short")
+    return _Fault(path, fault, key.rule + hint, kind == "too_short")
 
 
 def _find_value(content: Any, place: tuple) -> tuple[tuple, Any]:

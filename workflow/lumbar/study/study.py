@@ -194,7 +194,7 @@ def _lift_readings(study: Study) -> list[dict]:
     moments = {"chapter": "lifting", "set": "hip moments", "reader": "columns", "layout": moment}
     plan = []
     for name, lift in study.lifts.items():
-        markers = lifting.of_trial(lift.trial).markers.model_dump(mode="json")
+        markers = lifting.settings_for_trial(lift.trial).markers.model_dump(mode="json")
         path = study.recording(lift.trial.markers)
         plan.append({"chapter": "lifting", "reader": "markers", "path": path, "layout": markers})
         if lift.trial.hip_moment:
