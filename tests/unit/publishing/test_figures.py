@@ -19,8 +19,9 @@ from lumbar.publishing.figures.survey_figures import best_picks_figure, likert_f
 from lumbar.publishing.figures.tissue_figures import analogue_picture
 from lumbar.settings.stability import PendulumSettings
 from lumbar.tissue.diagnosis.noise.noise_floor import noise_floor
+from lumbar.tissue.diagnosis.residuals.candidate_causes import rank_causes
 from lumbar.tissue.diagnosis.residuals.compare import compare_record
-from lumbar.tissue.diagnosis.residuals.locate import locate
+from lumbar.tissue.diagnosis.residuals.locate import Location, residual_after
 from lumbar.tissue.identification.model_tables import table_2_1
 from lumbar.tissue.models.tissue_models import REFERENCES, TABLE_2_1
 from study_settings import study_settings, subject_settings
@@ -231,7 +232,8 @@ def test_the_default_segment_is_typical():
 
 def test_location_has_three_panels_with_what_was_found(tests):
     periodic, simulated = tests[0]
-    location = locate(periodic, simulated, noise_floor(periodic))
+    residual = residual_after(periodic, simulated, noise_floor(periodic))
+    location = Location.of_residual(periodic.name, residual, rank_causes([residual]))
     figure = location_figure(location)
     time, depth, turning = figure.axes
     for axis in figure.axes:

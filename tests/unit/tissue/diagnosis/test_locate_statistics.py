@@ -12,7 +12,7 @@ from lumbar.interface.reading import read
 from lumbar.tissue.diagnosis.fitting.preparation import prepare
 from lumbar.tissue.diagnosis.noise.noise_floor import noise_floor
 from lumbar.tissue.diagnosis.residuals.candidate_causes import cross_correlation, rank_causes
-from lumbar.tissue.diagnosis.residuals.locate import locate, residual_of
+from lumbar.tissue.diagnosis.residuals.locate import Location, residual_after, residual_of
 from lumbar.tissue.diagnosis.residuals.motion_diagnostics import reversals
 from lumbar.tissue.diagnosis.residuals.residual import steady_velocity
 from lumbar.tissue.diagnosis.residuals.time_frequency import (
@@ -23,6 +23,11 @@ from lumbar.tissue.diagnosis.residuals.time_frequency import (
     line_classes,
     mann_kendall_p,
 )
+
+
+def locate(record, simulated, *noise, **start):
+    residual = residual_after(record, simulated, *noise, **start)
+    return Location.of_residual(record.name, residual, rank_causes([residual]))
 
 
 def test_lines_are_found_and_classed():
@@ -68,7 +73,7 @@ def test_mann_kendall_agrees_with_kendalls_tau():
 
 def test_cross_correlation_is_the_sum_it_says():
     test = noisy_record(6, 0.3, 2)
-    residual = locate(test, relaxing_force(test["input"]), noise_floor(test)).residual
+    residual = residual_after(test, relaxing_force(test["input"]), noise_floor(test))
     signal = residual.position - residual.position.mean()
     result = cross_correlation(residual, signal)
     scale = np.sqrt(np.sum(residual.values**2) * np.sum(signal**2))

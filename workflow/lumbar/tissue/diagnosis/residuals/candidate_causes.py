@@ -11,6 +11,8 @@ leaves a linear part whatever is missing. So linear dynamics are fitted once to 
 together with them: its share of the rest distinguishes it from them.
 """
 
+from __future__ import annotations
+
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -72,9 +74,8 @@ def causes_view(residual: Residual) -> View:
     kind: z² is related to z³ unless the motion is mirrored about zero. Linear dynamics are position, velocity and relaxations of
     the position with eight time constants.
 
-    Columns ``function``, ``lag`` (s, of the input's past), ``correlation`` and ``limit`` (95 % under noise only). Numbers:
-    p-value of every function, ``p even``, ``p odd``, ``linear_share`` (beyond chance, 0 unless significant) and ``linear_p``.
-    The p-value is that of the correlations.
+    Numbers: ``p even``, ``p odd``, ``linear_share`` (beyond chance, 0 unless significant) and ``linear_p``. The p-value is that
+    of the correlations.
     """
     linear = _orthonormal(linear_columns(residual, relaxation_times([residual])))
     covariance = residual.covariance(linear.T)
@@ -96,35 +97,27 @@ def causes_view(residual: Residual) -> View:
             f"{format_share(share)} of the {residual.error_name} of this record ({probability(linear_p)}); {rest}"
         )
     functions = {name: values - values.mean() for name, values in _functions(residual).items()}
-    columns, p_values = [], {}
+    correlations = {}
     for name, signal in functions.items():
         if name not in LINEAR_FUNCTIONS:
             others = ODD_FUNCTIONS if name in EVEN_FUNCTIONS else EVEN_FUNCTIONS
             basis = _orthonormal(np.column_stack([linear, *(functions[other] for other in others)]))
             signal = signal - basis @ (basis.T @ signal)
-        correlation = cross_correlation(residual, signal)
-        p_values[name] = correlation.p_value
-        columns += [
-            (name, lag * residual.sampling_time, value, correlation.limit)
-            for lag, value in zip(correlation.lags, correlation.values, strict=True)
-        ]
-    names = ("function", "lag", "correlation", "limit")
-    table = {key: np.array(column) for key, column in zip(names, zip(*columns, strict=True), strict=True)}
-    p_value = _bonferroni(p_values, p_values)
-    numbers = {"linear_share": share if linear_p < SIGNIFICANT else 0.0, "linear_p": linear_p}
-    numbers |= {f"p {name}": value for name, value in p_values.items()}
-    numbers |= {
-        "p even": _bonferroni(p_values, EVEN_FUNCTIONS),
-        "p odd": _bonferroni(p_values, ODD_FUNCTIONS),
+        correlations[name] = cross_correlation(residual, signal)
+    p_value = _smallest_p(correlations, correlations)
+    numbers = {
+        "linear_share": share if linear_p < SIGNIFICANT else 0.0,
+        "linear_p": linear_p,
+        "p even": _smallest_p(correlations, EVEN_FUNCTIONS),
+        "p odd": _smallest_p(correlations, ODD_FUNCTIONS),
     }
-    correlated = _correlation_sentence(table, p_values, p_value)
-    sentence = f"Candidate causes: {linear_sentence}. {correlated}"
-    return View("candidate causes", None, p_value, sentence, table, numbers)
+    sentence = f"Candidate causes: {linear_sentence}. {_correlation_sentence(correlations, p_value)}"
+    return View("candidate causes", None, p_value, sentence, numbers=numbers)
 
 
-def _bonferroni(p_values: Mapping[str, float], names: Collection[str]) -> float:
-    """Return the probability that the smallest of some p-values is due to chance."""
-    return min(1.0, len(names) * min(p_values[name] for name in names))
+def _smallest_p(correlations: Mapping[str, CrossCorrelation], names: Collection[str]) -> float:
+    """Return the probability that the smallest p-value of some correlations is due to chance (Bonferroni)."""
+    return min(1.0, len(names) * min(correlations[name].p_value for name in names))
 
 
 def relaxation_times(residuals: Sequence[Residual]) -> np.ndarray:
@@ -201,16 +194,16 @@ def cross_correlation(residual: Residual, signal: np.ndarray) -> CrossCorrelatio
     return CrossCorrelation(lags, covariance / scale, limit, chi_square_p(covariance, together, 1e-3))
 
 
-def _correlation_sentence(table: dict[str, np.ndarray], p_values: Mapping[str, float], p_value: float) -> str:
+def _correlation_sentence(correlations: Mapping[str, CrossCorrelation], p_value: float) -> str:
     if p_value >= SIGNIFICANT:
         return f"No correlation with a function of the input is significant ({probability(p_value)})."
     # The largest correlation of every kind of function that is significant.
     largest = []
     for kind, (names, meaning) in _KINDS.items():
-        if _bonferroni(p_values, names) < SIGNIFICANT:
-            mine = np.isin(table["function"], names)
-            top = int(np.argmax(np.abs(table["correlation"][mine])))
-            largest.append((table["correlation"][mine][top], table["function"][mine][top], kind, meaning))
+        if _smallest_p(correlations, names) < SIGNIFICANT:
+            values = {name: max(correlations[name].values, key=abs) for name in names}
+            name = max(names, key=lambda item: abs(values[item]))
+            largest.append((values[name], name, kind, meaning))
     largest.sort(key=lambda item: -abs(item[0]))
     weak = _WEAK_RATIO * abs(largest[0][0])
     strong = ", ".join(
@@ -222,9 +215,8 @@ def _correlation_sentence(table: dict[str, np.ndarray], p_values: Mapping[str, f
         f"{kind} ({value:+.2f} with {name})" for value, name, kind, _ in largest if abs(value) <= weak
     )
     faint = f"; weakly also with {faint}" if faint else ""
-    return (
-        f"The error correlates with {strong}{faint}; noise alone stays below {np.median(table['limit']):.2g}."
-    )
+    limit = np.median([item.limit for item in correlations.values()])
+    return f"The error correlates with {strong}{faint}; noise alone stays below {limit:.2g}."
 
 
 _PATH_SHARES = np.linspace(0, 1, 9)

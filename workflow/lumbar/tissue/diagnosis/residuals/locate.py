@@ -32,62 +32,32 @@ from lumbar.tissue.identification.metrics import settling_time
 from lumbar.tissue.models.measured_motion import for_base
 from lumbar.tissue.models.motion import Motion
 
-VIEWS = (time_view, frequency_view, motion_view, reversal_view, causes_view)
 ALL_BUT_NOISE = 1.05
 """Ratio of error to noise floor below which the error hardly exceeds it."""
 
 
-def locate(
-    record: Record,
-    simulated: np.ndarray,
-    floor: NoiseFloor | None = None,
-    floor_from: str = "",
-    start: float = 0.0,
-) -> Location:
-    """Locate the error of a free-run simulation.
-
-    Parameters
-    ----------
-    record : Record
-        Measured record.
-    simulated : numpy.ndarray, shape (samples,)
-        Free run over the whole record.
-    floor : NoiseFloor, optional
-        Noise of this record, or of another one with the same set-up.
-    floor_from : str
-        Name of the record that `floor` comes from; default this one.
-    start : float
-        Seconds at the beginning that do not count.
-
-    Returns
-    -------
-    Location
+def residual_of(record: Record, simulated: np.ndarray, experiment: Experiment) -> Residual:
+    """Return the residual of a simulation of a record, shape (samples,), after the settling time.
 
     Raises
     ------
     InputError
         If the simulation does not fit the record, is not finite, or nothing is left after the settling time.
     """
-    residual = _residual(record, simulated, floor, floor_from, start)
-    return Location.of_residual(record.name, residual, rank_causes([residual]))
-
-
-def residual_of(record: Record, simulated: np.ndarray, experiment: Experiment) -> Residual:
-    """Return the residual of a simulation of a record after the settling time; raise as `locate` does."""
     start = settling_time(record, experiment.settling_s)
     noise = experiment.floor, experiment.floor_from
-    return _residual(record, simulated, *noise, start, rest=experiment.rest[0])
+    return residual_after(record, simulated, *noise, start, rest=experiment.rest[0])
 
 
-def _residual(
+def residual_after(
     record: Record,
     simulated: np.ndarray,
-    floor: NoiseFloor | None,
-    floor_from: str,
-    start: float,
+    floor: NoiseFloor | None = None,
+    floor_from: str = "",
+    start: float = 0.0,
     rest: float = 0.0,
 ) -> Residual:
-    """Return the residual after `start` seconds, with positions counted from `rest`."""
+    """Return the residual after `start` seconds, with positions counted from `rest`; `floor_from` names the floor's record."""
     first = settling_samples(record, simulated, start)
     folding = None
     if floor is not None and floor_from in ("", record.name):
@@ -124,7 +94,9 @@ class Location:
     @classmethod
     def of_residual(cls, record: str, residual: Residual, causes: Sequence[Cause]) -> Location:
         """Return all views of a record's residual; the causes are those of all records."""
-        views = [view(residual) for view in VIEWS]
+        views = [
+            view(residual) for view in (time_view, frequency_view, motion_view, reversal_view, causes_view)
+        ]
         return cls(record, residual, {view.name: view for view in views}, tuple(causes))
 
     @property
@@ -163,14 +135,9 @@ class Location:
         return floor is not None and self.residual.variance < (ALL_BUT_NOISE * floor.rms) ** 2
 
     @property
-    def offset(self) -> float:
-        """Mean error, in the output's unit."""
-        return float(np.mean(self.residual.values))
-
-    @property
     def offset_share(self) -> float:
         """Share of the explainable error that is a constant offset."""
-        return self.residual.share(self.offset**2)
+        return self.residual.share(float(np.mean(self.residual.values)) ** 2)
 
     @property
     def headline(self) -> str:
@@ -178,7 +145,8 @@ class Location:
         residual, floor = self.residual, self.residual.floor
         unit, rms = residual.unit, np.sqrt(residual.variance)
         error = f"{self.record}: the error is {rms:.3g} {unit}"
-        constant = f"a constant offset of {self.offset:+.3g} {unit} is {percent(self.offset_share)} of it"
+        offset = np.mean(residual.values)
+        constant = f"a constant offset of {offset:+.3g} {unit} is {percent(self.offset_share)} of it"
         constant = f"; {constant}" if self.offset_share > 0.05 else ""
         if self.is_noise and floor is None:
             return f"{error}; no view distinguishes it from noise of the same spectrum{constant}."

@@ -241,10 +241,5 @@ def reversal_view(residual: Residual) -> View:
             f"{format_share(average.share)} of the {residual.error_name} ({chance}); the error along the motion changes by "
             f"{change:+.3g} ± {2 * deviation:.2g} {residual.unit} within {half * residual.sampling_time:.2g} s of them{end}"
         )
-    numbers = {
-        "reversals": int(turns.size),
-        "change": change,
-        "change_deviation": deviation,
-        "opposed": opposed,
-    }
+    numbers = {"change": change, "opposed": opposed}
     return View("reversals", average.significant_share, average.p_value, sentence, table, numbers)

@@ -231,8 +231,8 @@ class View:
     """Probability of such a view under noise only."""
     sentence: str
     """The view in plain English, with numbers."""
-    table: dict[str, np.ndarray]
-    """Columns of equal length, as drawn."""
+    table: dict[str, np.ndarray] = field(default_factory=dict)
+    """Columns of equal length, for views that are drawn."""
     numbers: dict = field(default_factory=dict)
     """Single figures behind the sentence."""
 

@@ -27,7 +27,7 @@ _BAND_POWER = 0.998
 
 
 def time_view(residual: Residual) -> View:
-    """Return RMS and mean of the residual by period or window, with tests for a trend of each.
+    """Return RMS and mean of the residual by period or window.
 
     Columns ``start``, ``stop`` (s), ``rms``, ``mean`` and ``deviation`` of the mean under noise.
     """
@@ -51,7 +51,6 @@ def time_view(residual: Residual) -> View:
         "mean": average.mean,
         "deviation": average.deviation,
     }
-    numbers = {"level_slope": slope, "level_p": slope_p, "rms_trend_p": rms_p}
     unit, word = residual.unit, "window" if residual.folding is None else "period"
     trend = "no trend" if rms_p > 0.05 else "rising" if rms[-1] > rms[0] else "falling"
     spread = f"RMS from {rms.min():.3g} to {rms.max():.3g} {unit} over {count} {word}{'s' * (count != 1)}"
@@ -66,12 +65,11 @@ def time_view(residual: Residual) -> View:
             level += ", as for any smooth error" if average.share == 0 else ""
         unknown = "The input does not repeat, so time cannot be separated from the input at that time."
         sentence = f"Along time: {spread}; {level}. {unknown}"
-        return View("time", average.significant_share, average.p_value, sentence, table, numbers)
+        return View("time", average.significant_share, average.p_value, sentence, table)
     share, p_value = _not_repeating(residual)
-    numbers |= {"not_repeating_share": share}
     if p_value >= SIGNIFICANT:
         sentence = f"Along time: the error repeats with the input; {spread}. Nothing depends on time alone."
-        return View("time", 0.0, p_value, sentence, table, numbers)
+        return View("time", 0.0, p_value, sentence, table)
     level, change = "", slope * (residual.time[-1] - residual.time[0])
     if slope_p < SIGNIFICANT:
         level = f", its level changes by {change:+.3g} {unit} over the record"
@@ -79,7 +77,7 @@ def time_view(residual: Residual) -> View:
         f"Along time: {percent(share)} of the {residual.error_name} does not repeat with the input{level}; {spread}. This part "
         "depends on time or history: a drift, a changing stiffness, or a disturbance at another frequency."
     )
-    return View("time", share, p_value, sentence, table, numbers)
+    return View("time", share, p_value, sentence, table)
 
 
 def time_edges(residual: Residual) -> np.ndarray:
@@ -147,11 +145,7 @@ def line_classes(excited: np.ndarray, count: int) -> np.ndarray:
 
 
 def frequency_view(residual: Residual) -> View:
-    """Return the spectra of residual and noise.
-
-    Columns ``frequency`` (Hz), ``rms`` and ``noise_rms`` (of the residual and under noise only, in the line or band)
-    and ``kind``, its class; of bands also ``width`` (Hz).
-    """
+    """Return the shares of lines of a record that repeats, or of bands. Numbers: the share of every class of lines."""
     return _bands(residual) if residual.folding is None else _lines(residual)
 
 
@@ -168,7 +162,6 @@ def _lines(residual: Residual) -> View:
     power = sides * np.abs(np.fft.rfft(mean)) ** 2 / samples**2
     noise = sides * residual.noise_power(frequency) / (samples * periods)
     classes = line_classes(excited, len(frequency))
-    table = {"frequency": frequency, "rms": np.sqrt(power), "noise_rms": np.sqrt(noise), "kind": classes}
     shares, p_values = {}, {}
     for kind in dict.fromkeys(classes):
         mine = classes == kind
@@ -177,10 +170,7 @@ def _lines(residual: Residual) -> View:
         p_values[kind] = float(scipy.special.chdtrc(sides[mine].sum(), statistic))
         is_significant = p_values[kind] < SIGNIFICANT
         shares[kind] = residual.share(float(np.sum((power - noise)[mine]))) if is_significant else 0.0
-    numbers = {"excited_lines": len(excited), "lines_are_odd": bool(np.all(excited % 2 == 1))}
-    numbers |= {f"share {kind}": share for kind, share in shares.items()}
-    nonlinear = [p_values[kind] for kind in shares if kind not in (EXCITED, BELOW)]
-    numbers["nonlinear_p"] = min(nonlinear, default=1.0)
+    numbers = {f"share {kind}": share for kind, share in shares.items()}
     share = residual.share(sum(shares.values()) * residual.explainable)
     p_value = min(1.0, len(p_values) * min(p_values.values()))  # Bonferroni
     sentence = "Over frequency: no line exceeds the noise."
@@ -190,7 +180,7 @@ def _lines(residual: Residual) -> View:
         sentence = (
             f"Over frequency: half of the repeating error is between {lower:.2g} and {upper:.2g} Hz. {lines}"
         )
-    return View("frequency", share, p_value, sentence, table, numbers)
+    return View("frequency", share, p_value, sentence, numbers=numbers)
 
 
 def _quartiles(power: np.ndarray, frequency: np.ndarray) -> tuple[float, float]:
@@ -253,46 +243,35 @@ def _bands(residual: Residual) -> View:
             width = max(_MIN_BAND_LINES, bounds[-1] // 7)
             bounds.append(stop if stop - bounds[-1] < 2 * width else bounds[-1] + width)
     pairs = list(pairwise(bounds))
-    table = {
-        "frequency": np.array([frequency[low:high].mean() for low, high in pairs]),
-        "rms": np.array([np.sqrt(power[low:high].sum()) for low, high in pairs]),
-        "noise_rms": np.array([np.sqrt(noise[low:high].sum()) for low, high in pairs]),
-        "width": np.array([high - low for low, high in pairs]) * frequency[1],
-        "kind": np.array([BETWEEN if low <= edge else ABOVE for low, high in pairs], dtype=object),
-    }
-    inside = table["kind"] == BETWEEN
-    numbers = {"band_Hz": float(frequency[edge])}
+    powers, noises = (np.array([item[low:high].sum() for low, high in pairs]) for item in (power, noise))
+    inside = np.array([low <= edge for low, _ in pairs])
     if np.ptp(residual.position) == 0:
         sentence = f"Over frequency: the {residual.moved} does not move in this part."
-        return View("frequency", 0.0, 1.0, sentence, table, numbers)
+        return View("frequency", 0.0, 1.0, sentence)
     if residual.floor is None:
-        total = table["rms"] ** 2 / np.sum(table["rms"] ** 2)
-        within, above = percent(float(total[inside].sum())), percent(float(total[~inside].sum()))
+        within, above = (percent(float(powers[band].sum() / powers.sum())) for band in (inside, ~inside))
         sentence = (
             f"Over frequency: {within} of the error is in the input's band up to {frequency[edge]:.2g} Hz, {above} above it; how "
             "much of that is noise is unknown, because no record repeats."
         )
-        return View("frequency", 0.0, 1.0, sentence, table, numbers)
+        return View("frequency", 0.0, 1.0, sentence)
     p_values = [_band_p(power[low:high].sum(), noise[low:high].sum(), high - low) for low, high in pairs]
     p_value = min(1.0, len(p_values) * min(p_values))  # Bonferroni
     if p_value >= SIGNIFICANT:
-        sentence = "Over frequency: no band exceeds the noise."
-        return View("frequency", 0.0, p_value, sentence, table, numbers)
-    excess = np.maximum(table["rms"] ** 2 - table["noise_rms"] ** 2, 0.0)
-    within, above = float(excess[inside].sum() / excess.sum()), float(excess[~inside].sum() / excess.sum())
+        return View("frequency", 0.0, p_value, "Over frequency: no band exceeds the noise.")
+    excess = np.maximum(powers - noises, 0.0)
+    within = float(excess[inside].sum() / excess.sum())
     above_p = _band_p(power[edge + 1 :].sum(), noise[edge + 1 :].sum(), len(power) - edge - 1)
     lower, upper = _quartiles((power - noise)[1:], frequency[1:])
     higher = "above it nothing exceeds the noise"
     if above_p < SIGNIFICANT:
-        higher = (
-            f"{percent(above)} above it ({probability(above_p)}), where only a nonlinear force can put it"
-        )
+        above = percent(float(excess[~inside].sum() / excess.sum()))
+        higher = f"{above} above it ({probability(above_p)}), where only a nonlinear force can put it"
     sentence = (
         f"Over frequency: half of the {residual.error_name} is between {lower:.2g} and {upper:.2g} Hz; {percent(within)} is in "
         f"the input's band up to {frequency[edge]:.2g} Hz, {higher}."
     )
-    numbers |= {f"share {BETWEEN}": within, f"share {ABOVE}": above}
-    return View("frequency", residual.share(float(excess.sum())), p_value, sentence, table, numbers)
+    return View("frequency", residual.share(float(excess.sum())), p_value, sentence)
 
 
 def _band_p(power: float, noise: float, lines: int) -> float:
