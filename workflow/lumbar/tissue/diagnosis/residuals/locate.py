@@ -22,10 +22,7 @@ from lumbar.tissue.diagnosis.residuals.candidate_causes import (
     rank_causes,
 )
 from lumbar.tissue.diagnosis.residuals.compare import Comparison, compare_record, settling_samples
-from lumbar.tissue.diagnosis.residuals.motion_diagnostics import (
-    motion_view,
-    reversal_view,
-)
+from lumbar.tissue.diagnosis.residuals.motion_diagnostics import motion_view, reversal_view
 from lumbar.tissue.diagnosis.residuals.residual import SIGNIFICANT, Residual, View, percent, steady_velocity
 from lumbar.tissue.diagnosis.residuals.time_frequency import frequency_view, time_view
 from lumbar.tissue.identification.metrics import settling_time

@@ -15,6 +15,7 @@ from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.fitting.joint_fit import fit, screen
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.fitting.uncertainty import estimates
+from lumbar.tissue.diagnosis.selection import thresholds
 from lumbar.tissue.diagnosis.selection.candidate import (
     Candidate,
     add_form,
@@ -32,18 +33,6 @@ from lumbar.tissue.diagnosis.selection.candidate import (
     unseen_improvement,
 )
 from lumbar.tissue.diagnosis.selection.result import DiagnosisState, Ranked, Status
-from lumbar.tissue.diagnosis.selection.thresholds import (
-    BLIND,
-    COMPLETE,
-    EXPLAINS,
-    LEVEL,
-    MOST_OF_REST,
-    STRUCTURED,
-    TIED,
-    UNSEEN,
-    null_distribution,
-    number_of_forms,
-)
 from lumbar.tissue.models.form import Effect, Form
 
 LOOK_AHEAD = 3
@@ -102,7 +91,7 @@ def extend(
             if form.general and best is not None and not is_adequate(best, experiment):
                 general = add_form(model, form, experiment)
                 rest = max(best.train_rms**2 - experiment.noise**2, 0.0)
-                if best.train_rms**2 - general.train_rms**2 >= MOST_OF_REST * rest:
+                if best.train_rms**2 - general.train_rms**2 >= thresholds.MOST_OF_REST * rest:
                     extended.append(general)
     return sorted(extended, key=lambda item: item.score)
 
@@ -154,8 +143,8 @@ class Selection:
         self.experiment = experiment
         self.base = base
         self.settings = settings
-        self.null = null_distribution(settings.system)
-        self.forms = number_of_forms(settings.catalogue)
+        self.null = thresholds.null_distribution(settings.system)
+        self.forms = thresholds.number_of_forms(settings.catalogue)
         self.singles = extend(base, settings.catalogue, experiment) if singles is None else singles
         self.tried = list(self.singles)
         self.contradicting: dict[Candidate, bool] = {}
@@ -186,10 +175,10 @@ class Selection:
     def passes(self, before: Candidate, after: Candidate) -> bool:
         """Return whether an effect may be selected: no false alarm in training, significantly better unseen, consistent."""
         experiment = self.experiment
-        largest = before.test_rms if experiment.floor else BLIND * before.test_rms
-        if after.test_rms >= largest or self.p_value(before, after) > LEVEL:
+        largest = before.test_rms if experiment.floor else thresholds.BLIND * before.test_rms
+        if after.test_rms >= largest or self.p_value(before, after) > thresholds.LEVEL:
             return False
-        if unseen_improvement(before, after, experiment) <= UNSEEN:
+        if unseen_improvement(before, after, experiment) <= thresholds.UNSEEN:
             # An effect that accumulates hardly shows in short records, in which it begins again: the later part of the
             # training record counts, after a fit to its beginning.
             added = set(after.effects) - set(before.effects)
@@ -200,7 +189,7 @@ class Selection:
                 "early and later", lambda: training.split(_EARLY_SHARE)
             )
             fits = [fit(item.fit.structure, early, item.fit.nonlinear) for item in (before, after)]
-            if loss_improvement(*fits, [later]) <= UNSEEN:
+            if loss_improvement(*fits, [later]) <= thresholds.UNSEEN:
                 return False
         if after not in self.contradicting:
             self.contradicting[after] = bool(contradictions(after.fit, experiment))
@@ -268,7 +257,8 @@ class Selection:
             for item in best_by_effect([*self.tried, model])
             if set(item.effects) != set(model.effects)
             and len(item.effects) <= len(model.effects)
-            and item.score - model.score - max(item.parameters - model.parameters, 0) * discount < TIED
+            and item.score - model.score - max(item.parameters - model.parameters, 0) * discount
+            < thresholds.TIED
         ]
 
     def share_removed(self, model: Candidate) -> float:
@@ -282,7 +272,9 @@ class Selection:
         if model is self.base:
             lacking = self.periods_differ or not is_adequate(self.base, self.experiment)
             return Status.UNEXPLAINED if lacking else Status.ADEQUATE
-        if not model.fit.converged or (share < EXPLAINS and not is_adequate(model, self.experiment)):
+        if not model.fit.converged or (
+            share < thresholds.EXPLAINS and not is_adequate(model, self.experiment)
+        ):
             return Status.UNEXPLAINED
         return Status.TIED if tied else Status.NAMED
 
@@ -290,7 +282,7 @@ class Selection:
     def periods_differ(self) -> bool:
         """True if periods differ by more than noise: something is missing, even if it raises the floor."""
         floor = self.experiment.floor
-        return floor is not None and floor.certain_structure_rms > STRUCTURED * floor.rms
+        return floor is not None and floor.certain_structure_rms > thresholds.STRUCTURED * floor.rms
 
     def further(self, model: Candidate) -> Candidate | None:
         """Return what one more step of the search would add to the refined model, however many effects it has.
@@ -312,7 +304,11 @@ class Selection:
             return Status.NAMED
         if self.periods_differ and not any(self.settings.candidates[name].changes for name in model.effects):
             return Status.UNEXPLAINED  # an effect of time or path is missing
-        return Status.ADEQUATE if is_adequate(model, self.experiment, COMPLETE) else Status.UNEXPLAINED
+        return (
+            Status.ADEQUATE
+            if is_adequate(model, self.experiment, thresholds.COMPLETE)
+            else Status.UNEXPLAINED
+        )
 
     def best_sets(self, model: Candidate) -> list[Candidate]:
         """Return the selected set, then the other sets tried, best first."""
@@ -348,7 +344,7 @@ def after_selection(
         reason = f"selected: {' and '.join(model.effects)}; the error on unseen records falls {errors}"
     elif selection.tried:
         best = min(selection.tried, key=lambda item: item.score)
-        chance = f"p = {selection.p_value(base, best):.2g}, at most {LEVEL:g} is needed"
+        chance = f"p = {selection.p_value(base, best):.2g}, at most {thresholds.LEVEL:g} is needed"
         reason += (
             f"; the best, {' and '.join(best.effects)}, leaves {best.test_rms:.4g} {unit} unseen ({chance})"
         )

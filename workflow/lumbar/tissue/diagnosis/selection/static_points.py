@@ -20,12 +20,7 @@ from lumbar.tissue.diagnosis.fitting.preparation import (
 from lumbar.tissue.diagnosis.selection.alternatives import report_zeros
 from lumbar.tissue.diagnosis.selection.base_choice import first_surface, fit_at_surface
 from lumbar.tissue.diagnosis.selection.candidate import Candidate, fit_base
-from lumbar.tissue.diagnosis.selection.forward_selection import (
-    Selection,
-    after_selection,
-    extend,
-    find_ties,
-)
+from lumbar.tissue.diagnosis.selection.forward_selection import Selection, after_selection, extend, find_ties
 from lumbar.tissue.diagnosis.selection.result import DiagnosisState, Status
 from lumbar.tissue.diagnosis.selection.thresholds import UNSEEN
 from lumbar.tissue.effects.catalogue import filter_forms
@@ -50,7 +45,7 @@ def prepare_points(state: DiagnosisState) -> DiagnosisState:
     InputError
         If tables with and without a clock are mixed, a table has few points, or the base is not one of a static test.
     """
-    experiment = experiment_of_points(state.records, state.settings)
+    experiment = _prepare_tables(state.records, state.settings)
     catalogue = filter_forms(
         state.settings.candidates, lambda form: form.is_static, experiment.training.scale
     )
@@ -113,7 +108,13 @@ def select_law(state: DiagnosisState) -> DiagnosisState:
 def check_curve(state: DiagnosisState) -> DiagnosisState:
     """Check whether errors of neighbouring points are correlated: then the points are on a curve that no law tried has."""
     step, result = "check the curve", state.result
-    if not errors_are_correlated(result.model, result.experiment):
+    # Neighbours are compared by J. von Neumann's ratio (Ann. Math. Stat. 12 (1941) 367-395).
+    parts = [*result.experiment.training.records, *result.experiment.tests]
+    order = np.argsort(np.concatenate([part.motion.position for part in parts]), kind="stable")
+    errors = np.concatenate([result.model.fit.errors(part) for part in parts])[order]
+    size, square = len(errors), float(np.sum(errors**2))
+    ratio = float(np.sum(np.diff(errors) ** 2)) / square if square > 0 else 2.0
+    if (2 - ratio) / (2 * np.sqrt((size - 2) / (size**2 - 1))) <= UNSEEN:
         return state.next(step, "errors of neighbouring points differ as noise does")
     status = result.status if result.selected else Status.UNEXPLAINED
     reason = "errors of neighbouring points are correlated: no law tried has this curve"
@@ -134,7 +135,7 @@ class StaticSelection(Selection):
         return float(min(1.0, self.forms * scipy.special.fdtrc(more, left, gained * left / more)))
 
 
-def experiment_of_points(records: Sequence[Record], settings: DiagnosisSettings) -> Experiment:
+def _prepare_tables(records: Sequence[Record], settings: DiagnosisSettings) -> Experiment:
     """Return points as training and unseen data, each in the order of the positions."""
     require_same_units(list(records))
     clocked = [record.name for record in records if not record.points]
@@ -168,16 +169,3 @@ def _sort_points(record: Record, is_used: Callable[[np.ndarray], np.ndarray] | N
         order = order[is_used(np.arange(len(order)))]
     number = np.arange(float(len(order)))
     return FitData(record.name, Motion(number, record["input"][order], 1.0), record["output"][order])
-
-
-def errors_are_correlated(model: Candidate, experiment: Experiment) -> bool:
-    """Return whether errors of neighbours are significantly correlated (J. von Neumann, Ann. Math. Stat. 12 (1941) 367-395)."""
-    parts = [*experiment.training.records, *experiment.tests]
-    position = np.concatenate([part.motion.position for part in parts])
-    errors = np.concatenate([model.fit.errors(part) for part in parts])[np.argsort(position, kind="stable")]
-    size, square = len(errors), float(np.sum(errors**2))
-    if square <= 0:
-        return False
-    ratio = float(np.sum(np.diff(errors) ** 2)) / square
-    spread = 2 * np.sqrt((size - 2) / (size**2 - 1))
-    return bool((2 - ratio) / spread > UNSEEN)
