@@ -5,10 +5,13 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import http.client
+import io
 import threading
 from collections.abc import Callable, Iterator
 from queue import Queue
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from lumbar.page_server.server import HOST, Visitors
 from patience import PATIENCE_S, seen
@@ -44,7 +47,7 @@ def serving(make: Callable[[], tuple[Server, Visitors]]) -> Iterator[Visitors]:
 
 
 def ask(visitors, method, path, body=None, **headers):
-    """Send a request with the cookie, unless another is given; underscores of headers stand for hyphens."""
+    """Send a request with the cookie, unless another is given; underscores in the names of headers are hyphens."""
     connection = http.client.HTTPConnection(HOST, visitors.port, timeout=PATIENCE_S)
     headers = {"Cookie": cookie(visitors)} | headers
     connection.request(method, path, body, {name.replace("_", "-"): text for name, text in headers.items()})
@@ -59,12 +62,20 @@ def cookie(visitors) -> str:
     return f"{visitors.cookie}={visitors.token}"
 
 
-def ended(served, page: str) -> str:
-    """The page of a set once its work has ended."""
+def text_of(record, header="t [ms];pos [m];F") -> bytes:
+    """Content of a text file of a record in the units of a machine."""
+    table = np.column_stack([1e3 * record.time, record["input"] / 1e3, record["output"]])
+    stream = io.StringIO()
+    np.savetxt(stream, table, delimiter=";", header=header, comments="")
+    return stream.getvalue().encode()
 
-    def shown():
+
+def ended(served, page: str) -> str:
+    """The page of a set as soon as its work has ended."""
+
+    def finished_page():
         status, _, text = served.get(page)
         assert status == 200
         return "location.reload()" not in text and text
 
-    return seen(shown)
+    return seen(finished_page)

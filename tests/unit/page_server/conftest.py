@@ -1,24 +1,30 @@
 """A server of two small sets of records, and ways to ask it."""
 
 import json
+import os
 import threading
 from functools import partial
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from asking import ask, serving
+import yaml
+from asking import ask, serving, text_of
 
 import lumbar
 from lumbar.page_server.background import THREAD_NAME
 from lumbar.page_server.index import Index
 from lumbar.page_server.own_recordings import UploadDiagnosis
-from lumbar.page_server.served_sets import ExploredSet, ServedSets
+from lumbar.page_server.served_sets import ExploredSet, ServedLift, ServedSets, StoredVerdict
 from lumbar.page_server.server import new_server
 from lumbar.settings.improvement import ImprovementSettings
+from lumbar.settings.stability import StabilitySettings
 from lumbar.settings.study_settings import StudySettings
 from lumbar.twin.examples import example_records
 from patience import PATIENCE_S
 
+SETTINGS = StudySettings().model_dump(mode="json")
+BAR = '<header class="top"><b>lumbar</b>\n</header>'
 QUICK = StudySettings(improvement=ImprovementSettings(most_effects=1, propose_law=False))
 
 
@@ -48,7 +54,7 @@ def begin():
 
 @pytest.fixture(scope="module", autouse=True)
 def _nothing_is_drawn_after_the_module(begin):
-    """What the servers began is waited for: Matplotlib draws one figure at a time in a process."""
+    """Wait for the servers' work: Matplotlib draws one figure at a time in a process."""
     yield
     begin.set()
     for thread in threading.enumerate():
@@ -70,7 +76,7 @@ def slow(explored, begin, tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def served(explored, slow, broken, begin, tmp_path_factory):
-    """The server: ``get`` and ``post`` return status, headers and text; ``own`` is the folder for own recordings."""
+    """The server: ``get`` and ``post`` return status, headers and text; ``output`` is the folder for uploads."""
     output = tmp_path_factory.mktemp("own") / "out"
 
     def diagnose(records, **how):
@@ -80,12 +86,12 @@ def served(explored, slow, broken, begin, tmp_path_factory):
     index = Index("some records", ServedSets([explored, slow, broken]))
     with serving(lambda: new_server(index, 0, UploadDiagnosis(diagnose, output))) as visitors:
         get, post = (partial(ask, visitors, method) for method in ("GET", "POST"))
-        yield SimpleNamespace(visitors=visitors, get=get, post=post, own=output)
+        yield SimpleNamespace(visitors=visitors, get=get, post=post, output=output)
 
 
 @pytest.fixture
-def own_tab(served):
-    """Return a function that asks for something of a new tab with own recordings."""
+def upload(served):
+    """Return a function that sends a request of a new upload session."""
     _, headers, _ = served.get("/_own")
     tab = headers["Location"].partition("tab=")[2]
 
@@ -95,3 +101,69 @@ def own_tab(served):
         return status, json.loads(text)
 
     return ask
+
+
+@pytest.fixture(scope="session")
+def examples():
+    return example_records()
+
+
+@pytest.fixture(scope="session")
+def texts(examples):
+    """Contents of two files in the units of a machine, the force without one."""
+    return {f"{record.name}.txt": text_of(record) for record in examples}
+
+
+@pytest.fixture
+def get(saved_lift, tmp_path):
+    (tmp_path / "a lift").symlink_to(saved_lift[0])
+    (tmp_path / "broken").mkdir()
+
+    lifts = [ServedLift(tmp_path / name, StabilitySettings()) for name in ("a lift", "broken")]
+    index = Index("lifts", ServedSets([]), lifts)
+    with serving(lambda: new_server(index, 0, UploadDiagnosis(None, tmp_path))) as visitors:
+        yield partial(ask, visitors, "GET")
+
+
+def must_not_be_made():
+    raise AssertionError("a verdict that is there was computed again")
+
+
+@pytest.fixture(scope="module")
+def results(explored, tmp_path_factory):
+    """Results of a study: a report, a diagnosis of the records, settings, and a link out of it."""
+    project = tmp_path_factory.mktemp("project")
+    results = project / "results" / "study"
+    explored.diagnosis.save(results / "improvement" / "records", pictures=False)
+    (results / "run_config.yaml").write_text(yaml.safe_dump(SETTINGS), encoding="utf-8")
+    (results / "report.html").write_text(
+        f"<!DOCTYPE html><body>{BAR}<main>all of it</main>", encoding="utf-8"
+    )
+    (project / "secret.txt").write_text("a secret", encoding="utf-8")
+    (results / "out.txt").symlink_to(project / "secret.txt")
+    return results
+
+
+@pytest.fixture(scope="module")
+def recording(results):
+    """A recording that is older than the diagnosis."""
+    path = results.parent / "recording.csv"
+    path.write_text("time_s\n", encoding="utf-8")
+    os.utime(path, (1, 1))
+    return path
+
+
+@pytest.fixture(scope="module")
+def door(results, recording, saved_lift, tmp_path_factory):
+    """Ask a server of these results."""
+    stored = StoredVerdict(results / "improvement" / "records", SETTINGS, [recording])
+    sets = ServedSets(
+        [
+            ExploredSet("records", must_not_be_made, Path("out"), stored=stored),
+            ExploredSet("others", must_not_be_made, Path("out")),
+        ]
+    )
+    (folder := tmp_path_factory.mktemp("lifts") / "a_lift").symlink_to(saved_lift[0])
+    index = Index("study", sets, [ServedLift(folder, StabilitySettings())], results)
+    with serving(lambda: new_server(index, 0, UploadDiagnosis(None, Path("out")))) as visitors:
+        yield partial(ask, visitors, "GET")

@@ -1,31 +1,27 @@
-"""The served page, served lifts and the index: what is answered and to whom, the way back, and addresses that lead nowhere."""
+"""Requests of a page, upload sessions and stored verdicts without HTTP."""
 
 import json
 import os
-import signal
-import subprocess
-import sys
-from functools import partial
+import re
+import shlex
 from pathlib import Path
-from urllib.parse import parse_qs, urlsplit
 
 import pytest
-import yaml
-from asking import ask, ended, serving
+from asking import text_of
 
 import lumbar
 from case_tables import cases
-from column_files import write_records
 from lumbar.base.errors import InputError
 from lumbar.base.files import read_json
-from lumbar.cli.command import INTERRUPTED
+from lumbar.cli.command import build_parser
+from lumbar.page_server import own_recordings
 from lumbar.page_server.index import Index
-from lumbar.page_server.own_recordings import UploadDiagnosis
-from lumbar.page_server.served_sets import ExploredSet, ServedLift, ServedSets, StoredVerdict, TabRequests
-from lumbar.page_server.server import TOKEN, Visitors, new_server
-from lumbar.settings.stability import StabilitySettings
-from lumbar.settings.study_settings import StudySettings
+from lumbar.page_server.own_recordings import MAX_SESSIONS, UploadDiagnosis, UploadSession, UploadSessions
+from lumbar.page_server.served_sets import ServedSets, StoredVerdict, TabRequests
+from lumbar.page_server.server import new_server
 from lumbar.twin.examples import example_records
+
+SETTINGS = lumbar.StudySettings().model_dump(mode="json")
 
 
 @pytest.fixture
@@ -33,25 +29,25 @@ def tab(explored):
     return TabRequests(explored)
 
 
-def asked(tab, action, *effects):
+def request(tab, action, *effects):
     return tab.answer(json.dumps({"number": 7, "action": action, "effects": list(effects)}))
 
 
-def test_a_model_that_was_not_fitted_is(tab, explored):
-    answer, models = asked(tab, "fit", "coulomb_friction", "inertia")
+def test_requested_model_is_fitted(tab, explored):
+    answer, models = request(tab, "fit", "coulomb_friction", "inertia")
     refined = lumbar.refine(example_records(), ["coulomb_friction", "inertia"])
     assert answer["number"] == 7
     assert list(answer["models"]) == ["base", "coulomb_friction", "coulomb_friction+inertia"]
-    told = answer["models"]["coulomb_friction+inertia"]
-    assert told["located"]["other"]["views"].keys() >= {"frequency", "reversals"}
-    assert told["test_rms"] == pytest.approx(refined.path[-1].test_rms, rel=1e-9)
+    facts = answer["models"]["coulomb_friction+inertia"]
+    assert facts["located"]["other"]["views"].keys() >= {"frequency", "reversals"}
+    assert facts["test_rms"] == pytest.approx(refined.path[-1].test_rms, rel=1e-9)
     assert len(models[-1].values["other"]) == len(explored.page.records[1].columns["time"])
     assert explored.refitted(["inertia", "coulomb_friction"]) is explored.refitted(
         ["coulomb_friction", "inertia"]
     )
 
 
-def test_the_workflow_writes_the_model_that_the_page_shows(explored, tmp_path):
+def test_saved_model_is_the_model_of_the_page(explored, tmp_path):
     shown = {item.key: item for item in explored.page.models}
     for key in ("base", "coulomb_friction", "inertia"):
         effects = [] if key == "base" else [key]
@@ -64,197 +60,120 @@ def test_the_workflow_writes_the_model_that_the_page_shows(explored, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("text", "words"),
+    ("text", "message"),
     [*cases(__file__, "not_done"), ("[" * 100_000, "not JSON")],
 )
-def test_what_cannot_be_done_is_said(tab, text, words):
+def test_impossible_requests_are_answered_with_a_message(tab, text, message):
     answer, models = tab.answer(text if isinstance(text, str) else json.dumps({"number": 1, **text}))
-    assert words in answer["error"]
+    assert message in answer["error"]
     assert models == []
 
 
 @pytest.mark.parametrize("where", ["out", "out/pictures", "out/refined.json"])
-def test_nothing_is_written_where_a_link_leads(tab, explored, tmp_path, monkeypatch, where):
-    """As in a folder that somebody else prepared."""
+def test_nothing_is_written_through_a_link(tab, explored, tmp_path, monkeypatch, where):
+    """As in a folder that another user prepared."""
     monkeypatch.setattr(explored, "output", tmp_path / "out")
     link, elsewhere = tmp_path / where, tmp_path / "elsewhere"
     link.parent.mkdir(exist_ok=True)
     elsewhere.mkdir()
     link.symlink_to(elsewhere)
-    assert f"{link}: leads by a link to {elsewhere}" in asked(tab, "save", "coulomb_friction")[0]["error"]
+    assert f"{link}: leads by a link to {elsewhere}" in request(tab, "save", "coulomb_friction")[0]["error"]
     assert not any(elsewhere.iterdir())
     assert sorted(tmp_path.rglob("*")) == sorted({link.parent, link, elsewhere} - {tmp_path})
 
 
-def test_page_is_served_when_the_diagnosis_is_made(served, begin):
-    begin.clear()
-    for _ in range(2):  # however often it is asked for, it is begun once
-        status, _, text = served.get("/slow")
-        assert (status, "diagnosing the records (0 s)" in text or "reading the records (0 s)" in text) == (
-            200,
-            True,
-        )
-    begin.set()
-    assert "Your own recordings" in ended(served, "/slow") and 'id="page-data"' in served.get("/slow")[2]
-
-
-def test_a_diagnosis_that_fails_says_why_and_may_be_tried_again(served, broken):
-    for _ in range(2):
-        text = ended(served, "/broken")
-        assert "no such folder" in text and "try again" in text
-
-
-def test_a_taken_port_is_named(served, explored):
+def test_taken_port_is_an_error(served, explored):
     with pytest.raises(InputError, match=f"port {served.visitors.port}: .*--port"):
         new_server(Index("", ServedSets([explored])), served.visitors.port, UploadDiagnosis(None, Path()))
 
 
-def test_the_server_ends_while_it_computes(tmp_path):
-    write_records(tmp_path, example_records())
-    before = sorted(tmp_path.iterdir())
-    command = [sys.executable, "-m", "lumbar", "explore", str(tmp_path), "--port", "0", "--no-browser"]
-    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
-    with subprocess.Popen(command, cwd=tmp_path, **pipes) as server:
-        printed = urlsplit(server.stdout.readline().split()[0])
-        visitors = Visitors(printed.port, parse_qs(printed.query)[TOKEN][0])
-        assert ask(visitors, "GET", "/records")[0] == 200
-        server.send_signal(signal.SIGTERM)  # as Ctrl-C, which what is started in the background ignores
-        _, said = server.communicate()
-    assert (server.returncode, "Traceback" in said) == (INTERRUPTED, False)
-    assert sorted(tmp_path.iterdir()) == before
-
-
-@pytest.fixture
-def get(saved_lift, tmp_path):
-    (tmp_path / "a lift").symlink_to(saved_lift[0])
-    (tmp_path / "broken").mkdir()
-
-    lifts = [ServedLift(tmp_path / name, StabilitySettings()) for name in ("a lift", "broken")]
-    index = Index("lifts", ServedSets([]), lifts)
-    with serving(lambda: new_server(index, 0, UploadDiagnosis(None, tmp_path))) as visitors:
-        yield partial(ask, visitors, "GET")
-
-
-def test_every_lift_has_its_address(get, saved_lift):
-    status, _, page = get("/lifts/a%20lift")
-    below_the_bar = [text.partition("<main>")[2] for text in (page, saved_lift[1])]
-    assert status == 200 and below_the_bar[0] == below_the_bar[1] != ""
-    status, _, words = get("/lifts/broken")
-    assert status == 500 and "no body.csv" in words
-    assert get("/lifts/another")[0] == 404
-    assert get("/lifts/a%20lift", Host="somewhere.example")[0] == 403
-
-
-SETTINGS = StudySettings().model_dump(mode="json")
-BAR = '<header class="top"><b>lumbar</b>\n</header>'
-
-
-def must_not_be_made():
-    raise AssertionError("a verdict that is there was computed again")
-
-
-@pytest.fixture(scope="module")
-def results(explored, tmp_path_factory):
-    """Results of a study: a report, a diagnosis of the records, settings, and a link out of it."""
-    project = tmp_path_factory.mktemp("project")
-    results = project / "results" / "study"
-    explored.diagnosis.save(results / "improvement" / "records", pictures=False)
-    (results / "run_config.yaml").write_text(yaml.safe_dump(SETTINGS), encoding="utf-8")
-    (results / "report.html").write_text(
-        f"<!DOCTYPE html><body>{BAR}<main>all of it</main>", encoding="utf-8"
-    )
-    (project / "secret.txt").write_text("a secret", encoding="utf-8")
-    (results / "out.txt").symlink_to(project / "secret.txt")
-    return results
-
-
-@pytest.fixture(scope="module")
-def recording(results):
-    """A recording that is older than the diagnosis."""
-    path = results.parent / "recording.csv"
-    path.write_text("time_s\n", encoding="utf-8")
-    os.utime(path, (1, 1))
-    return path
-
-
-@pytest.fixture(scope="module")
-def door(results, recording, saved_lift, tmp_path_factory):
-    """Ask a server of these results."""
+def test_verdict_of_other_settings_or_recordings_is_not_current(results, recording):
     stored = StoredVerdict(results / "improvement" / "records", SETTINGS, [recording])
-    sets = ServedSets(
-        [
-            ExploredSet("records", must_not_be_made, Path("out"), stored=stored),
-            ExploredSet("others", must_not_be_made, Path("out")),
-        ]
-    )
-    (folder := tmp_path_factory.mktemp("lifts") / "a_lift").symlink_to(saved_lift[0])
-    index = Index("study", sets, [ServedLift(folder, StabilitySettings())], results)
-    with serving(lambda: new_server(index, 0, UploadDiagnosis(None, Path("out")))) as visitors:
-        yield partial(ask, visitors, "GET")
-
-
-def index_of(door) -> str:
-    """The index, which begins with a tab for files that are dropped on it."""
-    status, headers, _ = door("/")
-    assert status == 302 and headers["Location"].startswith("/?tab=")
-    return door(headers["Location"])[2]
-
-
-def test_the_index_leads_to_all_that_there_is_and_says_what_is_known(door):
-    page = index_of(door)
-    for address in ("/records", "/others", "/lifts/a_lift", "/_results/report.html", "/_own"):
-        assert f'href="{address}"' in page
-    assert "KB model is missing coulomb friction." in page
-    assert page.count("Not diagnosed yet") == 1
-    assert 'id="choose"' in page  # files can be dropped
-
-
-@pytest.mark.parametrize(
-    "path", ["/nowhere", "/records/nowhere", "/_results/nowhere.html", "/_results/", "/_stored/others"]
-)
-def test_an_unknown_address_says_where_one_may_go(door, path):
-    status, _, page = door(path)
-    assert status == 404
-    assert 'href="/records"' in page and 'href="/lifts/a_lift"' in page and 'href="/_own"' in page
-
-
-def test_a_verdict_in_the_results_is_shown_at_once_and_can_ask_the_server_nothing(door, results):
-    status, _, page = door("/records")
-    assert (status, 'src="/_stored/records"' in page) == (200, True)
-    assert 'sandbox="allow-scripts allow-downloads"' in page
-    status, headers, stored = door("/_stored/records")
-    whole = (results / "improvement" / "records" / "diagnosis.html").read_text(encoding="utf-8")
-    assert stored.partition("<main>")[2] == whole.partition("<main>")[2] != ""
-    assert (
-        '<header class="top">' in whole and '<header class="top">' not in stored
-    )  # the frame's page has the bar
-    assert headers["Content-Security-Policy"].startswith("sandbox allow-scripts allow-downloads;")
-    assert "allow-same-origin" not in page + headers["Content-Security-Policy"]
-
-
-def test_a_verdict_of_other_settings_or_recordings_is_not_taken(results, recording):
-    kept = StoredVerdict(results / "improvement" / "records", SETTINGS, [recording])
-    assert kept.is_current
-    assert not StoredVerdict(kept.folder, SETTINGS | {"seed": 1}, [recording]).is_current
+    assert stored.is_current
+    assert not StoredVerdict(stored.folder, SETTINGS | {"seed": 1}, [recording]).is_current
     assert not StoredVerdict(results / "improvement" / "none", SETTINGS).is_current
-    made = kept.page.stat().st_mtime
+    made = stored.page.stat().st_mtime
     os.utime(recording, (made + 1, made + 1))
-    assert not kept.is_current
+    assert not stored.is_current
     os.utime(recording, (1, 1))
 
 
-def test_files_of_the_results_run_no_script_and_no_others_are_sent(door):
-    status, headers, page = door("/_results/report.html")
-    assert (status, "all of it" in page) == (200, True)
-    assert headers["Content-Security-Policy"].startswith("default-src 'none';")
-    status, headers, text = door("/_results/improvement/records/diagnosis.json")
-    assert (status, headers["Content-Type"]) == (200, "text/plain; charset=utf-8")
-    assert json.loads(text)["selected"] == ["coulomb_friction"]
-    for path in ("out.txt", "../../secret.txt", "..%2f..%2fsecret.txt", "%2fetc%2fpasswd", "improvement"):
-        status, _, text = door(f"/_results/{path}")
-        assert status == 404 and "a secret" not in text and "root:" not in text
+MALFORMED = {
+    "empty": b"",
+    "words": b"there is no table here\n" * 50,
+    "ragged": b"t_s,pos_mm,F_N\n"
+    + b"".join(b"%f,%d\n" % (n / 100, n % 7) if n % 3 else b"1\n" for n in range(300)),
+    "nan": b"t_s,pos_mm,F_N\n" + b"".join(b"%f,%d,nan\n" % (n / 100, n % 7) for n in range(300)),
+    "infinite": b"t_s,pos_mm,F_N\n" + b"".join(b"%f,%d,inf\n" % (n / 100, n % 7) for n in range(300)),
+    "huge": b"t_s,pos_mm,F_N\n" + b"".join(b"%f,%de308,1e308\n" % (n / 100, n % 2) for n in range(300)),
+    "constant": b"t_s,pos_mm,F_N\n" + b"".join(b"%f,1,1\n" % (n / 100) for n in range(300)),
+    "backward": b"t_s,pos_mm,F_N\n" + b"".join(b"%f,%d,%d\n" % (-n / 100, n % 7, n % 5) for n in range(300)),
+    "huge, uneven clock": b"t_s,pos_mm,F_N\n"
+    + b"".join(b"%f,%de307,%d\n" % (n / 100 + (n % 5) / 300, n % 2, n % 3) for n in range(300)),
+    "hdf5": b"\x89HDF\r\n\x1a\n" + b"\0" * 600,
+}
 
 
-def test_the_report_s_links_lead_to_the_pages_of_the_server(door):
-    assert door("/_results/improvement/records/diagnosis.html")[1]["Location"] == "/records"
-    assert door("/_results/lifts/a_lift.html")[1]["Location"] == "/lifts/a_lift"
+def test_records_are_not_written_through_a_link(tmp_path, texts):
+    (tmp_path / "own").symlink_to(tmp_path / "elsewhere")
+    session = UploadSession("")
+    session.add("a.txt", texts["other.txt"])
+    with pytest.raises(InputError, match=r"own/mine/records: leads by a link to .*elsewhere"):
+        session.save(
+            {"choices": {"force_unit": "N"}, "name": "mine"}, UploadDiagnosis(None, tmp_path / "own")
+        )
+
+
+@pytest.mark.parametrize("kind", MALFORMED)
+def test_malformed_files_are_rejected_with_a_message(kind):
+    session = UploadSession("")
+    state = session.add("<img src=x>.csv", MALFORMED[kind])
+    file = state["files"][0]
+    faults = [*file["wrong"], *(text for texts in state["fields"].values() for text in texts)]
+    assert faults and all(faults)
+    assert "record" not in file
+    assert not any("Traceback" in text or "program failed" in text for text in faults)
+    json.dumps(state, allow_nan=False)
+
+
+@pytest.mark.parametrize(
+    "choices",
+    cases(__file__, "wrong_choices"),
+)
+def test_wrong_choices_are_reported_at_their_field(examples, choices):
+    session = UploadSession("")
+    session.add("a.txt", text_of(examples[0], "t [ms];pos [m];F [N]"))
+    state = session.preview(choices)
+    assert state["fields"][next(iter(choices))]
+    json.dumps(state, allow_nan=False)
+
+
+@pytest.mark.parametrize("name", ["a lift.c3d", "walk.trc.gz", "walk.BVH"])
+def test_markers_are_answered_with_the_command_for_their_page(name):
+    with pytest.raises(InputError, match="holds markers of a movement") as raised:
+        UploadSession("").add(name, b"whatever")
+    command = shlex.split(re.search(r"(lumbar lift .*) \(", str(raised.value))[1])
+    assert command[2] == name
+    options = build_parser().parse_args(command[1:])
+    assert (str(options.page), str(options.subject)) == ("lift.html", "PERSON.yaml")
+
+
+def test_too_many_files_are_rejected(monkeypatch):
+    session = UploadSession("")
+    session.add("a.csv", b"x")
+    session.add("a.csv", b"y")  # in its place
+    monkeypatch.setattr(own_recordings, "MAX_FILES", 1)
+    with pytest.raises(InputError, match="limit is 1 files"):
+        session.add("b.csv", b"")
+
+
+def test_session_without_files_is_discarded_first():
+    tabs = UploadSessions()
+    full, empty = tabs.new(), tabs.new()
+    tabs.get(full).files["a.csv"] = b"x"
+    others = [tabs.new() for _ in range(MAX_SESSIONS - 1)]
+    assert tabs.get(full) is not None and tabs.get(empty) is None
+    for name in others:
+        tabs.get(name).files["a.csv"] = b"x"
+    newest = tabs.new()
+    assert tabs.get(full) is None and all(map(tabs.get, [*others, newest]))

@@ -1,4 +1,4 @@
-"""Whom the server answers: who brought the token once, from this machine's own pages."""
+"""Access control: the server answers only requests with the token, from pages of this machine."""
 
 import http.client
 import logging
@@ -7,13 +7,13 @@ import pytest
 from asking import cookie
 
 from case_tables import cases
-from lumbar.page_server.server import HOST, TOKEN
 from patience import PATIENCE_S
 
+HOST, TOKEN = "127.0.0.1", "token"
 PATHS = cases(__file__, "paths")
 
 
-def test_the_token_is_asked_for_once(served):
+def test_token_is_needed_only_once(served):
     token = served.visitors.token
     assert (
         served.visitors.address("/records") == f"http://{HOST}:{served.visitors.port}/records?{TOKEN}={token}"
@@ -24,7 +24,7 @@ def test_the_token_is_asked_for_once(served):
     assert headers["Referrer-Policy"] == "no-referrer"
     given, *how = headers["Set-Cookie"].split("; ")
     assert given == cookie(served.visitors)
-    assert {"HttpOnly", "SameSite=Strict", "Path=/"} == set(how)  # no end: it goes with the browser
+    assert {"HttpOnly", "SameSite=Strict", "Path=/"} == set(how)  # it ends with the browser
     assert served.get("/static/js/bokeh.min.js", Cookie=f"a=b; {given}")[0] == 200
     assert (
         served.get(f"//somewhere.example/?{TOKEN}={token}", Cookie="")[2] == text
@@ -53,7 +53,7 @@ def test_other_accounts_of_the_machine_get_nothing(served, wrong):
     assert served.get("/records/ws", Cookie=given, **UPGRADE)[0] == 403
 
 
-def test_a_stranger_s_file_is_not_awaited(served):
+def test_upload_without_a_token_is_not_read(served):
     connection = http.client.HTTPConnection(HOST, served.visitors.port, timeout=PATIENCE_S)
     connection.putrequest("POST", "/_own/file?name=a.csv")
     connection.putheader("Content-Length", "90000")
@@ -61,7 +61,7 @@ def test_a_stranger_s_file_is_not_awaited(served):
     assert connection.getresponse().status == 403
 
 
-def test_nobody_is_told_the_token(served, caplog):
+def test_token_is_not_disclosed(served, caplog):
     token = served.visitors.token
     with caplog.at_level(logging.WARNING):
         served.get(f"/records?{TOKEN}={token}x")
@@ -93,7 +93,7 @@ UPGRADE = {
         {"Origin": "http://127.0.0.1:1"},
     ],
 )
-def test_pages_of_elsewhere_get_nothing(served, headers):
+def test_pages_of_other_origins_get_nothing(served, headers):
     for path in PATHS:
         assert served.get(path, **headers)[0] == 403
     assert served.post("/_own/look", "{}", **headers)[0] == 403
@@ -107,14 +107,14 @@ def test_pages_of_elsewhere_get_nothing(served, headers):
     "path",
     [*cases(__file__, "nowhere"), f"/static/{'x' * 5000}"],
 )
-def test_paths_lead_nowhere(served, path, caplog):
+def test_paths_outside_are_rejected(served, path, caplog):
     status, _, text = served.get(path)
     assert "Traceback" not in caplog.text
     assert status in (400, 403, 404, 405)
     assert "root:" not in text and "study: a" not in text
 
 
-def test_nobody_frames_the_page_or_loads_into_it(served):
+def test_other_pages_cannot_frame_or_load_the_page(served):
     for path in ("/records", "/_own?tab=x", "/static/js/bokeh.min.js"):
         _, headers, _ = served.get(path)
         assert "frame-ancestors 'none'" in headers["Content-Security-Policy"]
