@@ -36,10 +36,10 @@ rule twin_recordings:
 
 if study.cohort:
 
-    from lumbar.twin.cohort import lifts_of, marker_file, own_part
+    from lumbar.twin.cohort import cohort_lifts, marker_file, single_person_cohort
 
     RECORDING = {"rate_Hz", "duration_s", "marker_noise_mm", "gaps", "workplace"}
-    COHORT_LIFTS = list(lifts_of(study.cohort))
+    COHORT_LIFTS = list(cohort_lifts(study.cohort))
 
     rule twin_person:
         output:
@@ -59,7 +59,7 @@ if study.cohort:
             # Without the other groups and the numbers of subjects: an added subject does not re-run the others.
             settings=plain(settings.twin.lifting, RECORDING),
             cohort=lambda wildcards: plain(
-                own_part(study.cohort, study.subjects[wildcards.person].experience)
+                single_person_cohort(study.cohort, study.subjects[wildcards.person].experience)
             ),
             person="{person}",
             group=lambda wildcards: study.subjects[wildcards.person].experience,
@@ -71,7 +71,7 @@ if study.cohort:
 
 elif study.synthetic and study.lifts:
 
-    from lumbar.twin.cohort import own_settings
+    from lumbar.twin.cohort import single_lift_settings
 
     rule twin_lift:
         output:
@@ -91,7 +91,7 @@ elif study.synthetic and study.lifts:
             code=library_code("twin_lift.py"),
             # Without other subjects and their lifts: an added subject does not re-run the others.
             settings=lambda wildcards: plain(
-                own_settings(
+                single_lift_settings(
                     settings.twin.lifting,
                     study.subjects[study.lifts[wildcards.lift].subject],
                     wildcards.lift,
@@ -118,7 +118,7 @@ TRIALS = [
 
 if study.synthetic and TRIALS:
 
-    from lumbar.twin.lifting_recordings import settings_of_lifts
+    from lumbar.twin.lifting_recordings import select_lifts
 
     rule twin_hip_moment:
         output:
@@ -136,7 +136,7 @@ if study.synthetic and TRIALS:
         params:
             code=library_code("twin_hip_moment.py"),
             settings=plain(
-                settings_of_lifts(
+                select_lifts(
                     settings.twin.lifting,
                     [settings.twin.lifting.hip_moment.trials[record.name].lift for record in TRIALS],
                 )

@@ -15,9 +15,9 @@ def main(
     seed: int,
 ):
     """Move the person through every lift."""
-    from lumbar.twin.cohort import lifts_of, write_person
+    from lumbar.twin.cohort import cohort_lifts, write_person
 
-    files = dict(zip(lifts_of(cohort), output.markers, strict=True))
+    files = dict(zip(cohort_lifts(cohort), output.markers, strict=True))
     write_person(settings, cohort, person, group, seed, files)
 
 

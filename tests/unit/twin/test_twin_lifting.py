@@ -19,15 +19,15 @@ from lumbar.settings.twin import GroupMovement, SyntheticLift, SyntheticPerson
 from lumbar.settings.validation import Origins, overlay, validate
 from lumbar.study.load_study import load_study
 from lumbar.twin.cohort import (
-    FARTHEST_SD,
+    MAX_DRAWN_SD,
+    cohort_lifts,
     cohort_subjects,
     draw_lift,
     draw_person,
     lift_name,
-    lifts_of,
-    own_part,
-    own_settings,
     person_names,
+    single_lift_settings,
+    single_person_cohort,
 )
 from lumbar.twin.lifter import ARM_LENGTH
 from lumbar.twin.lifting_recordings import true_movement, write_lift
@@ -162,7 +162,7 @@ def test_who_is_added_changes_nobody(cohort):
     assert set(many) - set(few) == {"expert_0003", "novice_0003"}
     assert all(many[name] == subject for name, subject in few.items())
     person = draw_person(cohort, "novice_0002", "novice", SEED)
-    assert person == draw_person(own_part(cohort, "novice"), "novice_0002", "novice", SEED)
+    assert person == draw_person(single_person_cohort(cohort, "novice"), "novice_0002", "novice", SEED)
     more = with_persons(cohort, 2, trials=9)
     assert draw_lift(cohort, person, 23.0, "a_2", SEED) == draw_lift(more, person, 23.0, "a_2", SEED)
 
@@ -170,7 +170,7 @@ def test_who_is_added_changes_nobody(cohort):
 def test_lifts_are_named_as_a_study_names_them(cohort):
     subjects = cohort_subjects(with_persons(cohort, 1), SEED)
     named = {name: trial.markers for person in subjects.values() for name, trial in person.lifts.items()}
-    expected = [lift_name(person, *lift) for person in subjects for lift in lifts_of(cohort)]
+    expected = [lift_name(person, *lift) for person in subjects for lift in cohort_lifts(cohort)]
     assert list(named) == expected
     assert named["expert_0001_15kg_2"] == "lifting/expert_0001/expert_0001_15kg_2.c3d"
 
@@ -193,7 +193,7 @@ def test_people_are_drawn_as_declared(cohort):
     """Of a normal distribution without what lies beyond 2.5 standard deviations, 0.955 of the standard deviation is left."""
     large = with_persons(cohort, 600)
     people = [draw_person(large, name, group, SEED) for name, group in person_names(large)]
-    left = stats.truncnorm(-FARTHEST_SD, FARTHEST_SD).std()
+    left = stats.truncnorm(-MAX_DRAWN_SD, MAX_DRAWN_SD).std()
     for sex in ("female", "male"):
         truth = np.array([(item.truth.height_m, item.truth.mass_kg) for item in people if item.sex == sex])
         declared = np.array(
@@ -216,7 +216,7 @@ def test_every_lift_can_be_moved(cohort):
     large = with_persons(cohort, 40)
     for name, group in person_names(large):
         person = draw_person(large, name, group, SEED)
-        for mass, trial in lifts_of(large):
+        for mass, trial in cohort_lifts(large):
             lift = draw_lift(large, person, mass, lift_name(name, mass, trial), SEED)
             validate(lift.model_dump(mode="json"), SyntheticLift, Origins(problems))
             assert np.all(np.diff([1.2, *vars(lift.events_s).values()]) >= 0.2)
@@ -227,17 +227,17 @@ def test_a_person_of_a_study_needs_no_movement_of_their_own():
     """Drawn as of the label, with the mass declared, and from nobody else's; who has a named lift keeps it."""
     twin, seed = study_settings().twin.lifting, SEED
     person = subject_settings("novice").model_copy(update={"name": "third", "mass_kg": 66.0})
-    own = own_settings(twin, person, "third_12kg", 12.0, seed)
+    own = single_lift_settings(twin, person, "third_12kg", 12.0, seed)
     assert list(own.lifts) == ["third_12kg"] and own.people == {
         "third": SyntheticPerson(mass_kg=66.0, height_m=person.height_m)
     }
     mean, between, within = twin.groups["novice"].lift_flexion_deg
-    assert abs(own.lifts["third_12kg"].lift_flexion_deg - mean) <= FARTHEST_SD * (between + within)
+    assert abs(own.lifts["third_12kg"].lift_flexion_deg - mean) <= MAX_DRAWN_SD * (between + within)
     assert own.duration_s >= own.lifts["third_12kg"].events_s.release + 2
     assert len(true_movement(own, "third_12kg").time) == 100 * own.duration_s
     more = twin.model_copy(
         update={"groups": {**twin.groups, "nurse": GroupMovement()}, "people": {}, "lifts": {}}
     )
-    assert own_settings(more, person, "third_12kg", 12.0, seed) == own
-    named = own_settings(twin, subject_settings("expert"), "expert_23kg", 23.0, seed)
+    assert single_lift_settings(more, person, "third_12kg", 12.0, seed) == own
+    named = single_lift_settings(twin, subject_settings("expert"), "expert_23kg", 23.0, seed)
     assert named.lifts == {"expert_23kg": twin.lifts["expert_23kg"]} and named.duration_s == twin.duration_s

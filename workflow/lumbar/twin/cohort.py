@@ -1,7 +1,7 @@
-"""Synthetic lifters whose lifts nobody named: a cohort, or one person of a study, drawn from declared distributions.
+"""Synthetic lifters drawn from declared distributions: a cohort, or a subject of a study without a declared movement.
 
-The twin holds the truth; what a study knows of a person, mass and stature, is measured with an error. Every person and every
-lift has random numbers of its own, so that whoever is added, or does another trial, changes nobody else.
+A study knows mass and stature only with an error of measurement. Every person and every lift has separate random numbers, so that
+an added person or trial changes no other.
 """
 
 import math
@@ -22,13 +22,13 @@ from lumbar.settings.twin import (
     SyntheticPerson,
     TrueEvents,
 )
-from lumbar.twin.lifting_recordings import settings_of_lifts, write_lift
+from lumbar.twin.lifting_recordings import select_lifts, write_lift
 
-FARTHEST_SD = 2.5
-"""Standard deviations beyond which nothing is drawn."""
-AFTER_RELEASE_S = 2.0
-"""How long a recording goes on."""
-POSTURES = tuple(
+MAX_DRAWN_SD = 2.5
+"""Standard deviations beyond which no number is drawn."""
+_AFTER_RELEASE_S = 2.0
+"""Duration of a recording after the release."""
+_POSTURES = tuple(
     name
     for name in SyntheticLift.model_fields
     if name in GroupMovement.model_fields.keys() - {"foot_adjustment"}
@@ -45,11 +45,11 @@ class CohortPerson:
     group: str
     sex: str
     truth: SyntheticPerson
-    """Mass and stature that move."""
+    """True mass and stature."""
     declared: SyntheticPerson
-    """Mass and stature as measured."""
+    """Measured mass and stature."""
     habits: dict[str, float]
-    """The person's own mean of every number that is drawn."""
+    """The person's mean of every number that is drawn."""
 
 
 def _generator(seed: int, stream: str, name: str) -> np.random.Generator:
@@ -57,20 +57,20 @@ def _generator(seed: int, stream: str, name: str) -> np.random.Generator:
 
 
 def _normal(rng: np.random.Generator) -> float:
-    """Draw a standard normal number, without those beyond `FARTHEST_SD`."""
-    while abs(number := rng.standard_normal()) > FARTHEST_SD:
+    """Draw a standard normal number within `MAX_DRAWN_SD`."""
+    while abs(number := rng.standard_normal()) > MAX_DRAWN_SD:
         pass
     return float(number)
 
 
 def person_names(cohort: CohortSettings) -> Iterator[tuple[str, str]]:
-    """Yield name and group of everybody, e.g. ``expert_0001``."""
+    """Yield name, e.g. ``expert_0001``, and group of every person."""
     for group, content in cohort.groups.items():
         yield from ((f"{group}_{number:04d}", group) for number in range(1, content.persons + 1))
 
 
 def draw_person(cohort: CohortSettings, name: str, group: str, seed: int) -> CohortPerson:
-    """Draw one of `person_names`; `seed` is the twin's, here and below."""
+    """Draw one of `person_names`; `seed` is the twin's."""
     rng, number = _generator(seed, "person", name), int(name.rsplit("_", 1)[1])
     share = cohort.female_share
     sex = "female" if math.floor(number * share) > math.floor((number - 1) * share) else "male"
@@ -87,19 +87,19 @@ def draw_person(cohort: CohortSettings, name: str, group: str, seed: int) -> Coh
 
 
 def _habits(group: GroupMovement, rng: np.random.Generator) -> dict[str, float]:
-    drawn = {item: getattr(group, item) for item in (*POSTURES, "tempo")}
+    drawn = {item: getattr(group, item) for item in (*_POSTURES, "tempo")}
     return {item: max(mean + between * _normal(rng), 0.0) for item, (mean, between, _) in drawn.items()}
 
 
 def lift_name(person: str, box_mass_kg: float, trial: int) -> str:
-    """Name of a lift, as a study names it."""
+    """Return the name that a study gives to a lift."""
     return f"{person}_{box_mass_kg:g}kg" + (f"_{trial}" if trial > 1 else "")
 
 
 def draw_lift(
     cohort: CohortSettings, person: CohortPerson, box_mass_kg: float, lift: str, seed: int
 ) -> SyntheticLift:
-    """Draw the lift of this name of a person."""
+    """Draw the lift with this name."""
     rng = _generator(seed, "lift", lift)
     content = cohort.groups[person.group]
     numbers = {
@@ -107,7 +107,7 @@ def draw_lift(
         for item, habit in person.habits.items()
     }
     heavier = max(box_mass_kg - min(cohort.box_masses_kg), 0.0)
-    # No movement lasts less than half of its usual time: the events keep their order.
+    # No movement lasts less than half of its mean time, so that the events remain in order.
     slowness = max(numbers.pop("tempo"), 0.5) * (1 + cohort.slower_per_kg * heavier)
     times = np.cumsum(np.multiply(slowness, cohort.durations_s))
     return SyntheticLift.model_construct(
@@ -121,31 +121,31 @@ def draw_lift(
     )
 
 
-def lifts_of(cohort: CohortSettings) -> Iterator[tuple[float, int]]:
-    """Yield box and number of every trial that a person does."""
+def cohort_lifts(cohort: CohortSettings) -> Iterator[tuple[float, int]]:
+    """Yield box mass (kg) and number of every trial of a person."""
     for mass in cohort.box_masses_kg:
         yield from ((mass, trial) for trial in range(1, cohort.trials + 1))
 
 
 def marker_file(person: str, box_mass_kg: float, trial: int) -> str:
-    """Marker file of a lift, below the recordings."""
+    """Return the path of a lift's marker file, below the recordings."""
     return f"lifting/{person}/{lift_name(person, box_mass_kg, trial)}.c3d"
 
 
-def own_part(cohort: CohortSettings, group: str) -> CohortSettings:
-    """Return what one person's lifts hang on: neither other groups nor how many people there are."""
-    alone = cohort.groups[group].model_copy(update={"persons": 1})
-    return cohort.model_copy(update={"groups": {group: alone}})
+def single_person_cohort(cohort: CohortSettings, group: str) -> CohortSettings:
+    """Return the settings on which the lifts of one person depend: without other groups and numbers of persons."""
+    single = cohort.groups[group].model_copy(update={"persons": 1})
+    return cohort.model_copy(update={"groups": {group: single}})
 
 
 def cohort_subjects(cohort: CohortSettings, seed: int) -> dict[str, SubjectSettings]:
-    """Return everybody as a study declares people: with measured mass and stature."""
+    """Return all persons as subjects of a study: with measured mass and stature."""
     subjects = {}
     for name, group in person_names(cohort):
         person = draw_person(cohort, name, group, seed)
         trials = tuple(
             TrialSettings(box_mass_kg=mass, markers=marker_file(name, mass, trial))
-            for mass, trial in lifts_of(cohort)
+            for mass, trial in cohort_lifts(cohort)
         )
         subjects[name] = SubjectSettings(
             name=name, sex=person.sex, experience=group, trials=trials, **vars(person.declared)
@@ -161,39 +161,40 @@ def write_person(
     seed: int,
     files: Mapping,
 ) -> None:
-    """Move one person and write the C3D file of every box and trial."""
+    """Write the C3D file of every lift of one person; `files` are paths by box mass and trial."""
     person = draw_person(cohort, name, group, seed)
     for (mass, trial), path in files.items():
         key = lift_name(name, mass, trial)
         lift = draw_lift(cohort, person, mass, key, seed)
         noise = [seed, _STREAMS["noise"], zlib.crc32(key.encode())]
-        write_lift(_with_lift(settings, key, lift, person.truth), key, noise, Path(path), None)
+        write_lift(_single_lift(settings, key, lift, person.truth), key, noise, Path(path), None)
 
 
-def _with_lift(
+def _single_lift(
     settings: SyntheticLiftingSettings, name: str, lift: SyntheticLift, truth: SyntheticPerson
 ) -> SyntheticLiftingSettings:
-    """Settings of a recording that is as long as its one drawn lift."""
-    duration = math.ceil(lift.events_s.release + AFTER_RELEASE_S)
-    one = {"people": {lift.person: truth}, "lifts": {name: lift}, "duration_s": duration}
-    return settings.model_copy(update=one)
+    """Return the settings of a recording with the duration of its only, drawn lift."""
+    duration = math.ceil(lift.events_s.release + _AFTER_RELEASE_S)
+    changes = {"people": {lift.person: truth}, "lifts": {name: lift}, "duration_s": duration}
+    return settings.model_copy(update=changes)
 
 
-def own_settings(
+def single_lift_settings(
     settings: SyntheticLiftingSettings, subject: SubjectSettings, lift: str, box_mass_kg: float, seed: int
 ) -> SyntheticLiftingSettings:
-    """Return what one lift of a study hangs on: its person and its movement, named or drawn as of the person's group.
+    """Return the settings on which one lift of a study depends: its person and its movement, declared or drawn.
 
-    Mass and stature that the subject declares are the true ones where ``people`` names no others.
+    Mass and stature of the subject are true if ``people`` declares no others; a movement is drawn from the subject's group.
     """
-    alone = settings_of_lifts(settings, [lift] if lift in settings.lifts else [])
-    alone = alone.model_copy(update={"hip_moment": settings.hip_moment.model_copy(update={"trials": {}})})
+    selected = select_lifts(settings, [lift] if lift in settings.lifts else [])
+    moment = settings.hip_moment.model_copy(update={"trials": {}})
+    selected = selected.model_copy(update={"hip_moment": moment})
     if lift in settings.lifts:
-        return alone
+        return selected
     group = subject.experience
     cohort = CohortSettings(groups={group: CohortGroup(**vars(settings.groups[group]))})
     declared = SyntheticPerson(mass_kg=subject.mass_kg, height_m=subject.height_m)
     truth = settings.people.get(subject.name, declared)
     habits = _habits(settings.groups[group], _generator(seed, "person", subject.name))
     person = CohortPerson(subject.name, group, subject.sex, truth, declared, habits)
-    return _with_lift(alone, lift, draw_lift(cohort, person, box_mass_kg, lift, seed), truth)
+    return _single_lift(selected, lift, draw_lift(cohort, person, box_mass_kg, lift, seed), truth)

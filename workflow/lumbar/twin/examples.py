@@ -1,4 +1,4 @@
-"""Recordings for examples, made in an instant: tissue tests in which base models miss dry friction, and a lift."""
+"""Recordings for examples: tissue tests with dry friction, which base models lack, and a lift."""
 
 import os
 from pathlib import Path
@@ -16,7 +16,7 @@ _STEP_S, _PERIOD_S = 0.02, 4.0
 
 
 def example_records() -> RecordSet:
-    """Return ``multisine``, six periods of 4 s, and ``other``, 16 s that never repeat: mm and N at 50 Hz.
+    """Return ``multisine``, six periods of 4 s, and ``other``, 16 s without period: mm and N at 50 Hz.
 
     A Kelvin–Boltzmann tissue (k1 1.8 N/mm, k2 0.9 N/mm, 0.15 s), dry friction of 0.4 N and noise of 0.01 N.
 
@@ -45,7 +45,7 @@ def _test(name: str, frequencies: np.ndarray, duration: float, generator: np.ran
 
 
 def example_lift(path: str | os.PathLike) -> SubjectSettings:
-    """Write a lift of a box of 15 kg as a C3D file and return the person who lifts it."""
+    """Write a lift of a box of 15 kg as a C3D file, and return the subject."""
     settings = SyntheticLiftingSettings(**shipped_yaml(Path(__file__).with_suffix(".yaml")))
     write_lift(settings, "lift", [1], path, None)
     person, trial = settings.people["somebody"], TrialSettings(box_mass_kg=15, markers=Path(path).name)

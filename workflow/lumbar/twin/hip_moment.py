@@ -1,8 +1,7 @@
-"""Moment at the hip of a lifter, in which is hidden what Eq. 4.1 leaves out.
+"""Moment at the hip of a lifter, with effects that Eq. 4.1 does not contain.
 
-Head, arms and trunk swing about the hip like a pendulum whose angle counts forward from straight up. The box in the hands
-and the stiffness of the passive tissues at the end of the range are no part of Eq. 4.1; `hidden` in the configuration says
-which of them there are.
+Head, arms and trunk swing about the hip like a pendulum; its angle counts forward from straight up. The box in the hands and the
+stiffness of passive tissues at the end of the range are not in Eq. 4.1; `hidden` in the configuration selects them.
 """
 
 from collections.abc import Callable
@@ -11,30 +10,30 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from lumbar.settings.twin import SyntheticMomentSettings, SyntheticPerson, TrueEvents
+from lumbar.settings.twin import SyntheticLift, SyntheticLiftingSettings, TrueEvents
 from lumbar.twin.lifter import Movement
 
 GRAVITY = 9.81
-"""m/s², unless a swing says otherwise."""
+"""Default, m/s²."""
 STEP = 1e-3
-"""Seconds between the positions that accelerations are differences of (error of the fourth order)."""
+"""Seconds between the positions of which accelerations are differences (error of the fourth order)."""
 
 Signal = Callable[[np.ndarray], np.ndarray]
 
 
 def constant(value: float) -> Signal:
-    """Signal that does not change."""
+    """Return a signal that does not change."""
     return lambda time: np.full(np.shape(time), float(value))
 
 
 def rate(signal: Signal, time: np.ndarray) -> np.ndarray:
-    """First derivative, by a central difference of the fourth order."""
+    """Return the first derivative, by a central difference of the fourth order."""
     ahead = signal(time + STEP) - signal(time - STEP)
     return (8 * ahead - signal(time + 2 * STEP) + signal(time - 2 * STEP)) / (12 * STEP)
 
 
 def acceleration(signal: Signal, time: np.ndarray) -> np.ndarray:
-    """Second derivative, by a central difference of the fourth order."""
+    """Return the second derivative, by a central difference of the fourth order."""
     near = signal(time + STEP) + signal(time - STEP)
     far = signal(time + 2 * STEP) + signal(time - 2 * STEP)
     return (16 * near - far - 30 * signal(time)) / (12 * STEP**2)
@@ -50,7 +49,7 @@ class Mass:
 
     kg: float
     distance: Signal
-    """From the pivot in metres, over time."""
+    """Distance from the pivot in metres, over time."""
     carried: Signal = ALWAYS
     """Share of its weight and inertia that the pendulum carries, over time."""
 
@@ -60,21 +59,21 @@ class Swing:
     """A swinging body."""
 
     angle: Signal
-    """From the vertical in rad, over time."""
+    """Angle from the vertical in rad, over time."""
     masses: tuple[Mass, ...]
     central_inertia: float = 0.0
-    """Of the body about its own centre of mass, kg·m²."""
+    """Inertia of the body about its centre of mass, kg·m²."""
     hanging: bool = True
-    """Whether the angle counts from straight down; else from straight up."""
+    """The angle counts from straight down; else from straight up."""
     pivot_x: Signal = AT_REST
+    """Horizontal position of the pivot in metres; positive in the direction of a growing angle."""
     pivot_z: Signal = AT_REST
-    """`pivot_x`, `pivot_z`: callable: place of the pivot in metres: x horizontal, towards where a growing angle moves the
-    mass; z up."""
+    """Height of the pivot in metres."""
     gravity: float = GRAVITY
     """m/s²."""
 
     def moment(self, time: np.ndarray) -> np.ndarray:
-        """Moment that moves the body so, N·m, positive with the angle; shape (samples,)."""
+        """Return the moment that causes the swing, N·m, positive with the angle; shape (samples,)."""
         up = -1.0 if self.hanging else 1.0
         total = self.central_inertia * acceleration(self.angle, time)
         for mass in self.masses:
@@ -94,60 +93,60 @@ class Swing:
 
 HAT_MASS, HAT_COM, HAT_GYRATION = 0.678, 0.626, 0.496
 """Head, arms and trunk (Winter 2009, Table 4.1): share of body mass; distance of the centre of mass from the greater
-trochanter, and radius of gyration about the centre of mass, as shares of the distance from there to the glenohumeral
-joint."""
+trochanter, and radius of gyration about the centre of mass, as shares of the distance from there to the glenohumeral joint."""
 TROCHANTER_TO_SHOULDER = 0.288
 """Share of stature (Drillis and Contini, 1966)."""
-DECIMALS = {"time_s": 6, "angle_rad": 9, "moment_Nm": 3, "box_held": 9}
-"""Digits after the point that are recorded."""
-TAKE_OVER_S = 0.1
-"""How long the hands take to load the whole box."""
+_DECIMALS = {"time_s": 6, "angle_rad": 9, "moment_Nm": 3, "box_held": 9}
+"""Recorded digits after the point."""
+_LOADING_S = 0.1
+"""Time in which the hands take over the whole box."""
 
 
 def hip_moment(
     time: np.ndarray,
-    angle: Signal,
-    held: Signal,
-    box_mass: float,
-    person: SyntheticPerson,
-    settings: SyntheticMomentSettings,
+    signals: tuple[Signal, Signal],
+    lift: SyntheticLift,
+    settings: SyntheticLiftingSettings,
     gravity_m_s2: float,
-    rng,
+    rng: np.random.Generator,
 ):
     """Record the hip moment of one movement: columns ``time_s``, ``angle_rad``, ``moment_Nm``, ``box_held``.
 
-    `time` in seconds, of shape (samples,); `angle` of the trunk in rad and the share of the box, in kg, that is `held`.
+    `time` in seconds has shape (samples,). `signals` are the angle of the trunk in rad and the share of the box in the hands.
     """
     import pandas as pd
 
-    hidden, segment = settings.hidden, TROCHANTER_TO_SHOULDER * person.height_m
+    (angle, held), person, options = signals, settings.people[lift.person], settings.hip_moment
+    hidden, segment = options.hidden, TROCHANTER_TO_SHOULDER * person.height_m
     mass = HAT_MASS * person.mass_kg
     masses = [Mass(mass, constant(HAT_COM * segment))]
     if hidden.hand_distance_m:
-        masses.append(Mass(box_mass, constant(hidden.hand_distance_m), held))
+        masses.append(Mass(lift.box_mass_kg, constant(hidden.hand_distance_m), held))
     inertia = mass * (HAT_GYRATION * segment) ** 2
     trunk = Swing(angle, tuple(masses), inertia, hanging=False, gravity=gravity_m_s2)
-    moment = trunk.moment(time) + settings.damping_N_m_s * rate(angle, time)
+    moment = trunk.moment(time) + options.damping_N_m_s * rate(angle, time)
     moment += hidden.stiffening_N_m * np.expm1(angle(time) / hidden.stiffening_angle_rad)
-    moment += rng.normal(0, settings.noise_N_m, len(time))
+    moment += rng.normal(0, options.noise_N_m, len(time))
     columns = {"time_s": time, "angle_rad": angle(time), "moment_Nm": moment, "box_held": held(time)}
-    # As an instrument writes: what rounding leaves in further digits differs between processors, and at rest, where it
-    # is all there is, a diagnosis would take it for motion. Adding zero turns −0 into 0.
-    return pd.DataFrame({name: np.round(column, DECIMALS[name]) + 0.0 for name, column in columns.items()})
+    # Rounded like an instrument's: further digits differ between processors, and at rest, where they are all there is, a
+    # diagnosis would treat them as motion. Adding zero turns −0 into 0.
+    return pd.DataFrame({name: np.round(column, _DECIMALS[name]) + 0.0 for name, column in columns.items()})
 
 
 def trunk_angle(movement: Movement) -> Signal:
-    """Inclination of the trunk between the movement's frames, at rest before and after it."""
+    """Return the inclination of the trunk between the movement's frames, at rest before and after it."""
     spline = scipy.interpolate.make_interp_spline(movement.time, movement.hip_angle, k=5)
     return lambda time: spline(np.clip(time, movement.time[0], movement.time[-1]))
 
 
 def box_held(events: TrueEvents) -> Signal:
-    """Share of the box that the hands carry: from lift-off to release."""
+    """Return the share of the box that the hands carry: from lift-off to release."""
 
-    def held(time):
-        taken = np.clip((time - events.lift_off) / TAKE_OVER_S, 0, 1)
-        left = np.clip((time - events.release) / TAKE_OVER_S, 0, 1)
-        return np.sin(0.5 * np.pi * taken) ** 2 - np.sin(0.5 * np.pi * left) ** 2
+    def share(time):
+        loaded, released = (
+            np.sin(0.5 * np.pi * np.clip((time - start) / _LOADING_S, 0, 1)) ** 2
+            for start in (events.lift_off, events.release)
+        )
+        return loaded - released
 
-    return held
+    return share

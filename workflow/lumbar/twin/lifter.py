@@ -1,8 +1,7 @@
 """Movement of a synthetic person who lifts a box from a pallet, carries it and deposits it on a table.
 
-Axes: x to the right, y forward, z up; metres and seconds. The body is a chain of rigid segments from the
-feet up, moved by minimum-jerk transitions between postures; the events are where the movement is built
-around, so that they are known exactly.
+Axes: x to the right, y forward, z up; metres and seconds. The body is a chain of rigid segments from the feet up, moved by
+minimum-jerk transitions between postures. The transitions begin and end at the events, which are therefore known exactly.
 """
 
 from dataclasses import dataclass
@@ -11,8 +10,8 @@ import numpy as np
 
 from lumbar.settings.twin import SyntheticLift, SyntheticPerson, WorkplaceSettings
 
-# Heights of joints and landmarks and lengths of segments as shares of stature: ankle, hip, shoulder, arm and
-# widths after Drillis and Contini (1966); levels of the spine as on a person standing.
+# Heights of joints and landmarks and lengths of segments as shares of stature: ankle, hip, shoulder, arm and widths after
+# Drillis and Contini (1966); levels of the spine of a standing person.
 ANKLE_HEIGHT, HIP_HEIGHT = 0.039, 0.530
 PELVIS_LENGTH, LUMBAR_LENGTH, THORAX_LENGTH = 0.070, 0.080, 0.165
 SHOULDER_HALF_WIDTH, HIP_HALF_WIDTH = 0.129, 0.0955
@@ -20,12 +19,11 @@ ARM_LENGTH = 0.332
 FOOT_LENGTH = 0.152
 STANCE_HALF_WIDTH = 0.065
 PELVIS_SHARE, LUMBAR_SHARE = 0.45, 0.80
-"""How far pelvis and lumbar spine incline while the thorax inclines by 1."""
-# Joint centres lie off the chain of segments (lordosis), markers on the skin around them: metres or, with "height",
-# shares of stature, as (right, forward, up) on a person standing. They are an anatomy of their own, rounded, and not
-# that of the regressions which the analysis estimates joint centres by.
+"""Inclination of pelvis and lumbar spine per inclination of the thorax."""
+# Joint centres are off the chain of segments (lordosis), markers on the skin around them: metres or shares of stature, as (right,
+# forward, up) on a standing person. This anatomy differs from that of the regressions which the analysis uses.
 LUMBAR_BEHIND, THORACOLUMBAR_BEHIND = 0.030, 0.010
-"""How far L4/L5 and T12/L1 lie behind the chain, metres."""
+"""Distance of L4/L5 and T12/L1 behind the chain, metres."""
 C7_ON_SKIN = np.array([0.0, -0.065, 0.020])
 T12_ON_SKIN, L5_ON_SKIN = np.array([0.0, -0.075, 0.0]), np.array([0.0, -0.075, 0.0])
 ASIS, PSIS = np.array([0.0685, 0.0315, 0.0420]), np.array([0.0260, -0.0525, 0.0585])
@@ -35,12 +33,12 @@ SEGMENTS = {
     "abdomen": ("T12L1", "L4L5", 0.44),
     "pelvis": ("L4L5", "MID_HIP", 0.105),
 }
-"""Where the true centres of mass lie between the joint centres (Winter, 2009, Table 4.1)."""
+"""True centres of mass, as shares of the distance between joint centres (Winter, 2009, Table 4.1)."""
 CARRY_FLEXION = np.deg2rad(4.0)
 HIPS_AHEAD, HIPS_BACK = 0.05, 0.10
-"""Hips ahead of the ankles standing, and how far they move back per unit sine of the flexion, metres."""
+"""Hips ahead of the ankles when standing, and their movement back per unit sine of the flexion, metres."""
 CARRY_REACH, CARRY_HEIGHT = 0.34, 0.565
-"""Box while it is carried: metres ahead of the hips, and height as a share of stature."""
+"""Carried box: metres ahead of the hips, and height as a share of stature."""
 
 
 @dataclass(frozen=True)
@@ -48,13 +46,13 @@ class Movement:
     """True movement, without noise."""
 
     time: np.ndarray
-    """Shape (n,)."""
+    """Seconds, shape (n,)."""
     markers: dict[str, np.ndarray]
-    """Shape (n, 3): metres, by standard names, ``BOX_1`` to ``BOX_8`` included."""
+    """Positions in metres, shape (n, 3), by standard names, ``BOX_1`` to ``BOX_8`` included."""
     hip_angle: np.ndarray
-    """Shape (n,): inclination of the line from mid-hip to the neck, radians forward from straight up."""
+    """Inclination of the line from mid-hip to the neck, radians forward from straight up, shape (n,)."""
     joint_centres: dict[str, np.ndarray]
-    """Shape (n, 3): C7T1, T12L1, L4L5 and MID_HIP, inside the body; metres."""
+    """Positions of C7T1, T12L1, L4L5 and MID_HIP in metres, shape (n, 3)."""
 
     @property
     def centres_of_mass(self) -> dict[str, np.ndarray]:
@@ -73,7 +71,7 @@ def minimum_jerk(time: np.ndarray, start: float, stop: float) -> np.ndarray:
 
 
 def breakaway(time: np.ndarray, start: float, stop: float) -> np.ndarray:
-    """Go from 0 to 1 with a step of acceleration at both ends: a box or a foot leaves its support at once."""
+    """Go from 0 to 1 with a step of acceleration at both ends, like a box or a foot that leaves its support."""
     share = np.clip((time - start) / (stop - start), 0.0, 1.0)
     return share**2 * (3 - 2 * share)
 
@@ -89,10 +87,7 @@ def _column(*values) -> np.ndarray:
 def simulate(
     time: np.ndarray, person: SyntheticPerson, lift: SyntheticLift, workplace: WorkplaceSettings
 ) -> Movement:
-    """Move one person through one lift.
-
-    `time` in seconds, of shape (n,); `lift` has postures and events, `workplace` pallet, table, way and box.
-    """
+    """Return the movement of one person in one lift; `time` in seconds, shape (n,)."""
     height, events = person.height_m, lift.events_s
     lift_off, toe_off = events.lift_off, events.toe_off
     deposit, release = events.deposit_start, events.release
@@ -107,7 +102,10 @@ def simulate(
         np.deg2rad(lift.lift_flexion_deg) * stooping
         + CARRY_FLEXION * (straightening - minimum_jerk(time, release + 0.1, upright_again))
         + np.deg2rad(lift.deposit_flexion_deg) * depositing
-        + _hesitation(time, lift)
+        # Corrections of the trunk while the box is placed: many for a novice, few for an expert.
+        + np.deg2rad(lift.hesitation_deg)
+        * np.sin(2 * np.pi * lift.hesitation_Hz * (time - deposit))
+        * _pulse(time, deposit, (deposit + release) / 2, release + 0.3)
     )
     side = _pulse(time, lift_off, (lift_off + toe_off) / 2, toe_off) + _pulse(
         time, deposit, release - 0.25 * (release - deposit), upright_again
@@ -130,15 +128,8 @@ def simulate(
     return Movement(time, markers, np.arctan2(line[:, 1], line[:, 2]), joints)
 
 
-def _hesitation(time: np.ndarray, lift: SyntheticLift) -> np.ndarray:
-    """Corrections of the trunk while the box is placed: many for a novice, few for an expert."""
-    start, stop = lift.events_s.deposit_start, lift.events_s.release
-    swing = np.sin(2 * np.pi * lift.hesitation_Hz * (time - start))
-    return np.deg2rad(lift.hesitation_deg) * swing * _pulse(time, start, (start + stop) / 2, stop + 0.3)
-
-
 def _feet(time: np.ndarray, height: float, lift: SyntheticLift, walk: float) -> dict[str, np.ndarray]:
-    """Ankle, heel and toe of both feet: the right foot leads with half the way, the left swings through."""
+    """Return ankle, heel and toe of both feet: the right leads with half the distance, the left swings through."""
     toe_off, deposit = lift.events_s.toe_off, lift.events_s.deposit_start
     step = (deposit - toe_off) / 3.2
     swing = 0.75 * step
@@ -151,34 +142,25 @@ def _feet(time: np.ndarray, height: float, lift: SyntheticLift, walk: float) -> 
             forward = forward + length * moved
             raised = raised + 0.07 * np.sin(np.pi * moved) ** 2
         if lift.foot_adjustment and side == "L":
-            # A shuffle to the box before the lift: not the end of the lift.
+            # A shuffle to the box before the lift.
             forward = forward - 0.12 + 0.12 * breakaway(time, 0.3, 0.65)
         ankle = _column(sign * STANCE_HALF_WIDTH * height, forward, ANKLE_HEIGHT * height + raised)
         markers[f"{side}_ANKLE"] = ankle
-        markers[f"{side}_HEEL"] = ankle + np.array(
-            [0, -0.25 * FOOT_LENGTH * height, -0.6 * ANKLE_HEIGHT * height]
-        )
-        markers[f"{side}_TOE"] = ankle + np.array(
-            [0, 0.72 * FOOT_LENGTH * height, -0.6 * ANKLE_HEIGHT * height]
-        )
+        for name, ahead in (("HEEL", -0.25), ("TOE", 0.72)):
+            offset = [0, ahead * FOOT_LENGTH * height, -0.6 * ANKLE_HEIGHT * height]
+            markers[f"{side}_{name}"] = ankle + np.array(offset)
     return markers
 
 
 def _axes(flexion: np.ndarray, bending: np.ndarray) -> np.ndarray:
-    """Axes (right, forward, up), as columns, of a segment inclined by `flexion` and bent by `bending`.
-
-    Returns shape (n, 3, 3): turned about the x axis first, then about the y axis.
-    """
+    """Return the axes (right, forward, up), as columns, shape (n, 3, 3), of a segment rotated about x, then about y."""
     sf, cf, sb, cb = np.sin(flexion), np.cos(flexion), np.sin(bending), np.cos(bending)
-    zero = np.zeros_like(flexion)
-    right = _column(cb, zero, -sb)
-    forward = _column(-sb * sf, cf, -cb * sf)
-    up = _column(sb * cf, sf, cb * cf)
-    return np.stack([right, forward, up], axis=-1)
+    right, forward = _column(cb, np.zeros_like(flexion), -sb), _column(-sb * sf, cf, -cb * sf)
+    return np.stack([right, forward, _column(sb * cf, sf, cb * cf)], axis=-1)
 
 
 def _trunk(mid_hip, flexion, bending, height) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
-    """Markers on the skin of the trunk, and its joint centres."""
+    """Return the markers on the skin of the trunk, and its joint centres."""
     pelvis = _axes(PELVIS_SHARE * flexion, 0.3 * bending)
     lumbar = _axes(LUMBAR_SHARE * flexion, 0.7 * bending)
     thorax = _axes(flexion, bending)
@@ -214,7 +196,7 @@ def _trunk(mid_hip, flexion, bending, height) -> tuple[dict[str, np.ndarray], di
 
 
 def _box(time, events, height, workplace) -> np.ndarray:
-    """Centre of the box: on the pallet, held, carried, on the table."""
+    """Return the centre of the box: on the pallet, in the hands, carried, on the table."""
     half = workplace.box_height_m / 2
     pallet = np.array([0.0, workplace.pallet_distance_m, workplace.pallet_height_m + half])
     held = np.array([0.0, CARRY_REACH, CARRY_HEIGHT * height])
@@ -227,7 +209,7 @@ def _box(time, events, height, workplace) -> np.ndarray:
 
 
 def _wrists(time, events, trunk, box, height, width) -> dict[str, np.ndarray]:
-    """Wrists: hanging, at the handles from just before lift-off until the release, hanging again."""
+    """Return the wrists: hanging, at the handles from just before lift-off until the release, hanging again."""
     reaching = minimum_jerk(time, 1.0, events.lift_off - 0.15)
     leaving = minimum_jerk(time, events.release, events.release + 0.9)
     holding = (reaching - leaving)[:, None]

@@ -1,6 +1,4 @@
-"""Lifting recordings of the synthetic twin: marker files (C3D) and the hip moment beside each, and trials of the moment alone,
-one lift again and again, with and without a box.
-"""
+"""Lifting recordings of the synthetic twin: marker files (C3D) with hip moments, and hip moments of repeated lifts."""
 
 import os
 from collections.abc import Iterable
@@ -10,20 +8,20 @@ import numpy as np
 from lumbar.base.errors import InputError
 from lumbar.base.files import write_csv
 from lumbar.records.c3d_writer import write_c3d
-from lumbar.settings.twin import SyntheticLift, SyntheticLiftingSettings, SyntheticPerson
-from lumbar.twin.hip_moment import GRAVITY, box_held, hip_moment, trunk_angle
+from lumbar.settings.twin import MomentTrial, SyntheticLiftingSettings
+from lumbar.twin.hip_moment import GRAVITY, Signal, box_held, hip_moment, trunk_angle
 from lumbar.twin.lifter import Movement, simulate
 
 
-def settings_of_lifts(settings: SyntheticLiftingSettings, lifts: Iterable[str]) -> SyntheticLiftingSettings:
-    """Return the settings with these lifts and who lifts alone: whoever is added makes no other recording anew."""
+def select_lifts(settings: SyntheticLiftingSettings, lifts: Iterable[str]) -> SyntheticLiftingSettings:
+    """Return the settings with only these lifts and their people: an added person changes no other recording."""
     moved = {name: settings.lifts[name] for name in lifts}
     people = {lift.person: settings.people[lift.person] for lift in moved.values()}
     return settings.model_copy(update={"people": people, "lifts": moved, "groups": {}, "cohort": None})
 
 
 def true_movement(settings: SyntheticLiftingSettings, lift: str) -> Movement:
-    """Movement of one lift, ``"expert_23kg"``, without noise or gaps.
+    """Return the movement of one lift, e.g. ``"expert_23kg"``, without noise or gaps.
 
     Raises
     ------
@@ -35,13 +33,10 @@ def true_movement(settings: SyntheticLiftingSettings, lift: str) -> Movement:
     order = [1.2, events.lift_off, events.toe_off, events.deposit_start, events.release]
     if np.any(np.diff([*order, settings.duration_s - 0.3]) < 0.2):
         raise InputError(
-            f"twin.lifting.lifts.{lift}.events_s: {vars(events)}; lift_off (from 1.4 s on), toe_off, "
-            "deposit_start and "
-            "release must follow at least 0.2 s apart and end 0.5 s before duration_s "
-            f"({settings.duration_s} s)"
+            f"twin.lifting.lifts.{lift}.events_s: {vars(events)}; lift_off (at least 1.4 s), toe_off, deposit_start and release "
+            f"must follow at least 0.2 s apart and end 0.5 s before duration_s ({settings.duration_s} s)"
         )
-    frames = round(settings.duration_s * settings.rate_Hz)
-    time = np.arange(frames) / settings.rate_Hz
+    time = np.arange(round(settings.duration_s * settings.rate_Hz)) / settings.rate_Hz
     return simulate(time, settings.people[content.person], content, settings.workplace)
 
 
@@ -53,82 +48,57 @@ def write_lift(
     moment_path,
     gravity_m_s2: float = GRAVITY,
 ) -> None:
-    """Write one lift as a C3D file and, where it has a path, the moment at the hip as a CSV file.
-
-    `seed` is that of the noise and the gaps.
-    """
+    """Write one lift as a C3D file and, if it has a path, the moment at the hip as a CSV file; `seed` is for noise and gaps."""
     movement = true_movement(settings, lift)
     rng = np.random.default_rng(seed)
     measured = {
         name: points + rng.normal(0, settings.marker_noise_mm * 1e-3, points.shape)
         for name, points in movement.markers.items()
     }
-    _open_gaps(measured, settings, rng)
-    write_markers(markers_path, measured, settings.rate_Hz, subject=settings.lifts[lift].person)
-    if moment_path is not None:
-        content = settings.lifts[lift]
-        person = settings.people[content.person]
-        held = box_held(content.events_s)
-        signals = movement.time, trunk_angle(movement), held
-        write_csv(
-            moment_path,
-            hip_moment(*signals, content.box_mass_kg, person, settings.hip_moment, gravity_m_s2, rng),
-        )
-
-
-def _open_gaps(markers: dict[str, np.ndarray], settings: SyntheticLiftingSettings, rng) -> None:
-    """Hide some markers for a moment, as behind an arm; never at the ends of the recording."""
+    # Hide some markers for a moment, as behind an arm; never at the ends of the recording.
     rate, gaps = settings.rate_Hz, settings.gaps
-    longest = max(1, int(gaps.longest_s * rate))
-    margin = int(0.3 * rate)
-    for name in rng.choice(sorted(markers), size=min(gaps.count, len(markers)), replace=False):
+    longest, margin = max(1, int(gaps.longest_s * rate)), int(0.3 * rate)
+    for name in rng.choice(sorted(measured), size=min(gaps.count, len(measured)), replace=False):
         length = int(rng.integers(1, longest + 1))
-        start = int(rng.integers(margin, len(markers[name]) - margin - length))
-        markers[name][start : start + length] = np.nan
+        start = int(rng.integers(margin, len(measured[name]) - margin - length))
+        measured[name][start : start + length] = np.nan
+    content = settings.lifts[lift]
+    write_markers(markers_path, measured, rate, subject=content.person)
+    if moment_path is not None:
+        signals = trunk_angle(movement), box_held(content.events_s)
+        write_csv(moment_path, hip_moment(movement.time, signals, content, settings, gravity_m_s2, rng))
 
 
 def write_markers(path: str | os.PathLike, markers: dict[str, np.ndarray], rate: float, subject: str) -> None:
-    """Write markers (metres, shape (n, 3), NaN where one was not seen) as a C3D file in millimetres, `rate` in hertz.
+    """Write markers (metres, shape (n, 3), NaN if hidden) at `rate` Hz as a C3D file in millimetres.
 
-    Labels have the subject's prefix, those of the box ``box:``.
+    Labels have the prefix of the subject, those of the box ``box:``.
     """
     labels = [f"{'box' if name.startswith('BOX_') else subject}:{name}" for name in markers]
     write_c3d(path, 1e3 * np.stack(list(markers.values()), axis=1), labels, float(rate))
 
 
-def trial_moment(
-    name: str,
-    settings: SyntheticLiftingSettings,
-    movement: Movement,
-    lift: SyntheticLift,
-    person: SyntheticPerson,
-    gravity_m_s2: float,
-    rng,
-):
-    """Record the hip moment of a trial, as `hip_moment` does: one lift again and again, faster or slower.
-
-    `movement` is that of the lift; `rng` draws the noise and the differences between repetitions.
-    """
-    trial = settings.hip_moment.trials[name]
-    once, cycle = trunk_angle(movement), settings.duration_s
+def _repeat_lift(
+    settings: SyntheticLiftingSettings, trial: MomentTrial, rng: np.random.Generator
+) -> tuple[np.ndarray, tuple[Signal, Signal]]:
+    """Return times, angle and share of the box of a trial: one lift repeated, faster or slower, with and without a box."""
+    cycle = settings.duration_s
+    single_angle = trunk_angle(true_movement(settings, trial.lift))
+    single_held = box_held(settings.lifts[trial.lift].events_s)
     scale = 1 + trial.variation * rng.standard_normal(trial.repetitions)
-    held_once = box_held(lift.events_s)
 
     def phase(time):
-        """Which repetition, and the time within the lift."""
+        """Return the number of the repetition, and the time within the lift."""
         lifting = np.clip(time * trial.pace, 0, cycle * trial.repetitions - 1e-9)
         return (lifting // cycle).astype(int), lifting % cycle
 
     def angle(time):
-        repetition, within = phase(time)
-        return scale[repetition] * once(within)
-
-    def held(time):
-        return trial.with_box * held_once(phase(time)[1])
+        repetition, instant = phase(time)
+        return scale[repetition] * single_angle(instant)
 
     samples = round(cycle * trial.repetitions / trial.pace * settings.rate_Hz)
-    time = np.arange(samples) / settings.rate_Hz
-    return hip_moment(time, angle, held, lift.box_mass_kg, person, settings.hip_moment, gravity_m_s2, rng)
+    held = lambda time: trial.with_box * single_held(phase(time)[1])  # noqa: E731
+    return np.arange(samples) / settings.rate_Hz, (angle, held)
 
 
 def write_trials(
@@ -138,12 +108,12 @@ def write_trials(
     seed: list[int],
     gravity_m_s2: float = GRAVITY,
 ) -> None:
-    """Write trials of ``hip_moment.trials``, each as a CSV file."""
-    known = settings.hip_moment.trials
+    """Write the hip moments of trials of ``hip_moment.trials`` as CSV files."""
+    trials = settings.hip_moment.trials
     for name, path in zip(names, paths, strict=True):
-        lift = known[name].lift
-        movement = true_movement(settings, lift)
-        content = settings.lifts[lift]
-        rng = np.random.default_rng([*seed, list(known).index(name)])
-        person = settings.people[content.person]
-        write_csv(path, trial_moment(name, settings, movement, content, person, gravity_m_s2, rng))
+        rng, lift = (
+            np.random.default_rng([*seed, list(trials).index(name)]),
+            settings.lifts[trials[name].lift],
+        )
+        motion = _repeat_lift(settings, trials[name], rng)
+        write_csv(path, hip_moment(*motion, lift, settings, gravity_m_s2, rng))

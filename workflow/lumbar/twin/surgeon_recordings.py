@@ -1,9 +1,8 @@
 """Synthetic tool motion of surgeons gaining access: approach, puncture, probing strokes of decreasing depth.
 
-The motion is a chain of point-to-point movements of minimum jerk (Flash and Hogan, J. Neurosci. 5 (1985)
-1688-1703) with rests between them; physiological tremor and the measuring noise of the device are added. How
-long a stroke takes is set in config/twin.yaml so that the velocity's bandwidth comes out near the thesis's
-2.5 Hz: the twin is built to show that number, it does not confirm it.
+The motion is a chain of point-to-point movements of minimum jerk (Flash and Hogan, J. Neurosci. 5 (1985) 1688-1703) with rests;
+physiological tremor and the noise of the device are added. The duration of a stroke in config/twin.yaml is chosen for a bandwidth
+of the velocity near the thesis's 2.5 Hz: the twin shows that number, it does not confirm it.
 """
 
 import zlib
@@ -14,14 +13,11 @@ import pandas as pd
 from lumbar.base.errors import InputError
 from lumbar.settings.twin import SyntheticSurgeon, SyntheticSurgeonSettings
 
-_RESOLUTION_DECIMALS = 4
-"""Digits of a millimetre that the recording keeps."""
-
 
 def surgeon_trial(name: str, surgeon: str, settings: SyntheticSurgeonSettings, seed: int) -> pd.DataFrame:
-    """One recording of the tool tip: columns ``time_s, x_mm, y_mm, z_mm``; z points into the body, its zero is the skin.
+    """Return one recording of the tool tip, ``time_s, x_mm, y_mm, z_mm``; z points into the body, 0 is the skin.
 
-    Every trial has random numbers of its own, by its name and the twin's seed, whatever other trials there are.
+    Its random numbers depend only on its name and the twin's seed.
     """
     known = settings.surgeons
     if surgeon not in known:
@@ -32,34 +28,31 @@ def surgeon_trial(name: str, surgeon: str, settings: SyntheticSurgeonSettings, s
     rng = np.random.default_rng([seed, zlib.crc32(name.encode())])
     samples = round(settings.duration_s * settings.rate_Hz)
     time = np.arange(samples) / settings.rate_Hz
-    depth, twist = _movements(person, settings, rng)
-    radius = settings.lateral_mm
-    angle = np.radians(twist.at(time))
-    motion = {
-        "x_mm": radius * np.sin(angle),
-        "y_mm": radius * (1 - np.cos(angle)),
-        "z_mm": depth.at(time),
-    }
+    depth, twist = (plan.sample(time) for plan in _draw_movements(person, settings, rng))
+    radius, angle = settings.lateral_mm, np.radians(twist)
+    motion = {"x_mm": radius * np.sin(angle), "y_mm": radius * (1 - np.cos(angle)), "z_mm": depth}
     frame = {"time_s": np.round(time, 6)}
     for axis, values in motion.items():
         tremor = person.tremor_rms_mm * tremor_noise(
             samples, settings.rate_Hz, person.tremor_Hz, settings.tremor_bandwidth_Hz, rng
         )
         noise = settings.noise_rms_mm * rng.standard_normal(samples)
-        frame[axis] = np.round(values + tremor + noise, _RESOLUTION_DECIMALS)
+        frame[axis] = np.round(values + tremor + noise, 4)
     return pd.DataFrame(frame)
 
 
 def minimum_jerk_chain(
     time: np.ndarray, start: np.ndarray, duration: np.ndarray, target: np.ndarray
 ) -> np.ndarray:
-    """Position along a chain of minimum-jerk movements, each from rest to rest, at `time` in seconds; in the unit of `target`.
+    """Return the position along a chain of minimum-jerk movements, each from rest to rest.
 
     Parameters
     ----------
-    start, duration : numpy.ndarray of float, shape (movements,)
-        When each movement begins (rising) and how long it takes, s.
-    target : numpy.ndarray of float, shape (movements + 1,)
+    time : numpy.ndarray, shape (samples,)
+        Seconds.
+    start, duration : numpy.ndarray, shape (movements,)
+        Start (rising) and duration of each movement, s.
+    target : numpy.ndarray, shape (movements + 1,)
         First position and the end of every movement.
     """
     if len(start) == 0:
@@ -74,9 +67,9 @@ def minimum_jerk_chain(
 def tremor_noise(
     samples: int, rate: float, centre: float, bandwidth: float, rng: np.random.Generator
 ) -> np.ndarray:
-    """Gaussian noise of expected RMS 1 with a bell-shaped spectrum about `centre` Hz.
+    """Return Gaussian noise of expected RMS 1, shape (samples,), with a bell-shaped spectrum about `centre` Hz.
 
-    Shape (samples,); `rate` of the samples and `bandwidth`, the bell's standard deviation, in Hz.
+    `rate` of the samples and `bandwidth`, the bell's standard deviation, in Hz.
     """
     frequency = np.fft.rfftfreq(samples, 1 / rate)
     density = np.exp(-0.5 * ((frequency - centre) / bandwidth) ** 2)
@@ -87,7 +80,7 @@ def tremor_noise(
     return np.fft.irfft(samples * amplitudes * phasors, samples)
 
 
-def _movements(
+def _draw_movements(
     person: SyntheticSurgeon, settings: SyntheticSurgeonSettings, rng: np.random.Generator
 ) -> tuple["_Plan", "_Plan"]:
     """Draw the movements of a trial in depth and twist."""
@@ -102,7 +95,7 @@ def _movements(
     clock = depth.move(clock, varied(settings.puncture_s), reached) + varied(settings.pause_s)
     end = settings.duration_s - settings.pause_s
     while clock < end:
-        # Between bouts the tool is set anew, off the depth reached: the slow, large part of the motion.
+        # Between bouts the tool is repositioned about the depth reached: the slow, large part of the motion.
         floor = reached + settings.reposition_mm * rng.standard_normal()
         clock = depth.move(clock, varied(settings.reposition_s), floor) + varied(settings.pause_s)
         for _ in range(1 + rng.poisson(settings.strokes_per_bout - 1)):
@@ -125,17 +118,17 @@ def _movements(
 
 
 class _Plan:
-    """Movements of one coordinate, in order of time."""
+    """Successive movements of one coordinate."""
 
     def __init__(self, first: float):
         self.first, self.moves = first, []
 
     def move(self, start: float, duration: float, target: float) -> float:
-        """Add a movement and return when it ends."""
+        """Add a movement and return its end, s."""
         self.moves.append((start, duration, target))
         return start + duration
 
-    def at(self, time: np.ndarray) -> np.ndarray:
+    def sample(self, time: np.ndarray) -> np.ndarray:
         """Return the coordinate at `time` in seconds."""
         start, duration, target = np.reshape(self.moves, (-1, 3)).T
         return minimum_jerk_chain(time, start, duration, np.append(self.first, target))

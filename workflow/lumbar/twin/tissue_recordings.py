@@ -1,8 +1,8 @@
-"""Synthetic tissue tests: what a testing machine would record on a soft, slightly hardening tissue.
+"""Synthetic tissue tests: recordings of a testing machine on a soft, slightly hardening tissue.
 
-The tissue is a Kelvin–Boltzmann solid (spring k1 parallel to a dashpot, both in series with spring k2) beside
-a cubic spring that no linear model can describe. The machine moves in ramps between the samples of its
-command, for which the relaxation has a closed form, so the recorded force carries no integration error.
+The tissue is a Kelvin–Boltzmann solid (spring k1 parallel to a dashpot, both in series with spring k2) parallel to a cubic
+spring, which no linear model describes. The machine moves in ramps between the samples of its command; the relaxation then has a
+closed form, so that the force has no integration error.
 """
 
 import math
@@ -19,18 +19,16 @@ from lumbar.settings.twin import SyntheticTissueSettings
 def tissue_force(
     time: np.ndarray, position: np.ndarray, k1: float, k2: float, relaxation_s: float, cubic: float
 ) -> np.ndarray:
-    """Noise-free force in N on a tool that moves in ramps between samples, tissue at rest at first.
+    """Return the noise-free force in N on a tool that moves in ramps between samples; the tissue is at rest first.
 
     Parameters
     ----------
-    time : numpy.ndarray, shape (samples,)
-        Seconds, evenly spaced.
-    position : numpy.ndarray, shape (samples,)
-        Millimetres.
+    time, position : numpy.ndarray, shape (samples,)
+        Seconds, evenly spaced, and millimetres.
     k1, k2 : float
         Stiffness parallel to the dashpot and in series with both, N/mm.
     relaxation_s : float
-        Time constant b/(k1 + k2) of the relaxation at held position, seconds.
+        Time constant b/(k1 + k2) of the relaxation at constant position, seconds.
     cubic : float
         Hardening, N/mm³.
 
@@ -55,18 +53,14 @@ def tissue_force(
 def tissue_test(
     time: np.ndarray, position: np.ndarray, tissue: SyntheticTissueSettings, seed: int, number: int
 ) -> np.ndarray:
-    """Return the recorded force in N: that of the tissue and noise of the load cell.
+    """Return the recorded force in N, shape (samples,): that of the tissue and noise of the load cell.
 
-    Noise has the standard deviation ``noise_N``, or makes up the share ``noise_variance_share`` of the variance.
-
-    Parameters
-    ----------
-    time, position : numpy.ndarray, shape (samples,)
-        Command of the testing machine, seconds and millimetres.
-    seed, number : int
-        Seed of the twin and number of the recording: every recording has noise of its own.
+    Noise has the standard deviation ``noise_N``, or the share ``noise_variance_share`` of the variance. It depends on the seed
+    of the twin and the number of the recording. `time` and `position` are the machine's command, seconds and millimetres.
     """
-    rng = np.random.default_rng([seed, _STREAM, number])
+    rng = np.random.default_rng(
+        [seed, 2, number]
+    )  # 2 separates these random numbers from the twin's other recordings
     force = tissue_force(
         time, position, tissue.k1_N_per_mm, tissue.k2_N_per_mm, tissue.relaxation_s, tissue.cubic_N_per_mm3
     )
@@ -74,7 +68,6 @@ def tissue_test(
         force = np.interp(time - tissue.delay_s, time, force)
     noise = tissue.noise_N
     if noise is None:
-        # The noise makes up this share of the variance of the recording.
         share = tissue.noise_variance_share
         noise = math.sqrt(share / (1.0 - share)) * float(force.std())
     white = rng.standard_normal(len(force))
@@ -82,8 +75,7 @@ def tissue_test(
         decay = math.exp(-(time[1] - time[0]) / tissue.noise_correlation_s)
         # First-order autoregression of variance 1.
         before = [decay * rng.standard_normal()]
-        correlated, _ = scipy.signal.lfilter([math.sqrt(1.0 - decay**2)], [1.0, -decay], white, zi=before)
-        return force + noise * correlated
+        white, _ = scipy.signal.lfilter([math.sqrt(1.0 - decay**2)], [1.0, -decay], white, zi=before)
     return force + noise * white
 
 
@@ -94,7 +86,7 @@ def play(
     seed: int,
     number: int,
 ) -> None:
-    """Play a signal file, ``time_s,position_mm``, on the synthetic tissue and write the recording; rest as of `tissue_test`."""
+    """Play a signal file, ``time_s,position_mm``, on the synthetic tissue and write the recording; see `tissue_test`."""
     import pandas as pd
 
     table = pd.read_csv(signal, dtype=str)  # times and positions are written as they are read
@@ -103,7 +95,3 @@ def play(
     time, position = table.to_numpy(dtype=float).T
     force = tissue_test(time, position, tissue, seed, number)
     write_csv(recording, table.assign(force_N=[f"{value:.6g}" for value in force]))
-
-
-_STREAM = 2
-"""Keeps the tissue's random numbers apart from those of the twin's other recordings."""

@@ -1,8 +1,4 @@
-"""Motion of the tool in continuous time: excitation signals, known exactly on a grid far finer than the samples.
-
-Every signal is a closed form (sums of sines, a linear chirp), so position, velocity and acceleration are exact
-wherever they are wanted and nothing is interpolated between samples.
-"""
+"""Motion of the tool in continuous time: excitation signals in closed form, exact on a grid far finer than the samples."""
 
 from dataclasses import dataclass
 
@@ -17,7 +13,7 @@ PERIOD_S = 10.0
 LINES = 50
 """Lines of the multisine: 0.1, 0.2 … 5 Hz."""
 BAND_HZ = (0.1, 5.0)
-"""Band of all three signals."""
+"""Band of all signals."""
 
 
 @dataclass(frozen=True)
@@ -29,9 +25,11 @@ class ToolMotion:
     step: float
     """Seconds between grid points."""
     position: np.ndarray
+    """Shape (points,), mm."""
     velocity: np.ndarray
+    """Shape (points,), mm/s."""
     acceleration: np.ndarray
-    """`position`, `velocity`, `acceleration`: shape (points,): mm, mm/s, mm/s²."""
+    """Shape (points,), mm/s²."""
     stride: int = OVERSAMPLING
     """Grid points per recorded sample."""
 
@@ -46,7 +44,7 @@ class ToolMotion:
         return np.concatenate([[0.0], np.cumsum(np.abs(np.diff(self.position)))])
 
     def sampled(self, values: np.ndarray) -> np.ndarray:
-        """Values at the recorded samples."""
+        """Return the values at the recorded samples."""
         return values[:: self.stride]
 
 
@@ -58,18 +56,10 @@ def line_spectrum_motion(
     duration_s: float,
     peak_mm: float,
 ) -> ToolMotion:
-    """Motion that is a sum of cosines at multiples of `spacing_Hz`, scaled to a recorded peak of `peak_mm`.
+    """Return a sum of cosines with these amplitudes and phases (rad) at multiples of `spacing_Hz`.
 
-    Parameters
-    ----------
-    amplitudes, phases : numpy.ndarray, shape (lines,)
-        Of the lines ``spacing_Hz``, ``2 spacing_Hz`` …; radians.
-    spacing_Hz : float
-        A period 1/spacing_Hz holds an integer number of samples.
-    duration_s : float
-        Duration of the record: whole periods, or the beginning of one.
-    peak_mm : float
-        Largest recorded displacement.
+    It is scaled to a recorded peak of `peak_mm`. A period 1/spacing_Hz has an integer number of samples; the record has whole
+    periods, or the beginning of one.
     """
     rate = RATE_HZ * OVERSAMPLING
     points = round(rate / spacing_Hz)
@@ -86,7 +76,7 @@ def line_spectrum_motion(
 
 
 def chirp_motion(record: str, duration_s: float, peak_mm: float) -> ToolMotion:
-    """Sine whose frequency rises linearly through `BAND_HZ`."""
+    """Return a sine with a frequency that rises linearly through `BAND_HZ`."""
     rate = RATE_HZ * OVERSAMPLING
     time = np.arange(round(duration_s * rate)) / rate
     low, high = BAND_HZ
@@ -105,35 +95,22 @@ def chirp_motion(record: str, duration_s: float, peak_mm: float) -> ToolMotion:
 def draw_motions(
     rng: np.random.Generator, peak_mm: float, slope: float, schroeder: bool, periods: int
 ) -> dict[str, ToolMotion]:
-    """Motions of the three records of an experiment: multisine, chirp, band-limited noise.
+    """Return the motions of the records of an experiment: multisine, chirp, band-limited noise.
 
-    Parameters
-    ----------
-    rng : numpy.random.Generator
-        Draws the phases of the lines.
-    peak_mm : float
-        Largest displacement in each record.
-    slope : float
-        Amplitudes of the multisine's lines fall as frequency to this power, 0 for a flat spectrum.
-    schroeder : bool
-        Schroeder's phases (IEEE Trans. Inf. Theory 16, 1970) for the multisine, else random ones.
-    periods : int
-        Periods of the multisine.
+    Amplitudes of the multisine's lines are frequency to the power of `slope`; its phases are Schroeder's (IEEE Trans. Inf. Theory
+    16, 1970) or random.
     """
-    number = np.arange(1, LINES + 1)
-    amplitudes = number**slope
+    amplitudes = np.arange(1, LINES + 1) ** slope
     if schroeder:
         # φ_n = −2π Σ_{j<n} (n − j) p_j with p_j the share of the power in line j.
         power = amplitudes**2 / np.sum(amplitudes**2)
-        before = np.concatenate([[0.0], np.cumsum(np.cumsum(power))[:-1]])
-        phases = -2 * np.pi * before
+        phases = -2 * np.pi * np.concatenate([[0.0], np.cumsum(np.cumsum(power))[:-1]])
     else:
         phases = rng.uniform(0, 2 * np.pi, LINES)
     multisine = line_spectrum_motion(
         "multisine", amplitudes, phases, 1 / PERIOD_S, periods * PERIOD_S, peak_mm
     )
-    # Lines three times as dense as a record of this length resolves: the noise does not repeat and its ends
-    # do not meet.
+    # Lines three times as dense as a record of this length resolves: the noise does not repeat and its ends do not meet.
     dense = 3 * LINES
     gains = rng.rayleigh(size=dense) * (np.arange(1, dense + 1) >= 3)
     noise = line_spectrum_motion(

@@ -1,13 +1,12 @@
-"""A second set of synthetic tissue tests: a Kelvin–Boltzmann tissue with dry friction that hardens, and little noise.
+"""Synthetic tests of a Kelvin–Boltzmann tissue with dry friction and hardening, and little noise.
 
-Tissue, motion and effects are drawn. The benchmark of the diagnosis (``benchmarks/hidden_effects``) hides many more effects in
-such tissues: these recordings are those of one of its pairs.
+Tissue, motion and effects are drawn as one pair of the benchmark of the diagnosis (``benchmarks/hidden_effects``).
 """
 
 import os
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import cache
 from itertools import pairwise
 from pathlib import Path
 
@@ -21,22 +20,22 @@ from lumbar.twin.tool_motion import RATE_HZ, ToolMotion, draw_motions
 
 HEADER = "time_s,position_mm,force_N"
 PAIR = 1
-"""Number of this kind of experiment among those of the benchmark, a part of the seed."""
+"""Number of this kind of experiment in the benchmark, a part of the seed."""
 FORMS = 4
 """Forms of friction, and of hardening, among which the benchmark draws."""
 SETTLING_S = 0.5
-"""Left out at the start of every record when a residual is measured."""
+"""Start of every record that a residual leaves out."""
 _FIT_STRIDE = 4
-"""The fit runs on every fourth grid point, 500 Hz: its trapezoidal error is below 0.05 % up to 5 Hz."""
+"""Grid points per point of a fit, at 500 Hz: its trapezoidal error is below 0.05 % up to 5 Hz."""
 _TOLERANCE = 0.01
 """Relative accuracy of the wanted residual."""
 _STEPS = 6
-"""Severities tried on the way up."""
+"""Severities that are tried in rising order."""
 
 
 @dataclass(frozen=True)
 class Tissue:
-    """Spring beside a Maxwell branch (spring and dashpot in series)."""
+    """Spring parallel to a Maxwell branch (spring and dashpot in series)."""
 
     elastic: float
     """Stiffness at rest kₑ, N/mm."""
@@ -46,16 +45,16 @@ class Tissue:
     """Time constant τ of the branch."""
 
     def force(self, motion: ToolMotion) -> np.ndarray:
-        """Force in newtons, the branch relaxed at the first position."""
+        """Return the force in newtons, with the branch relaxed at the first position."""
         branch = maxwell_force(motion.position, motion.step, self.relaxing, self.relaxation_s)
         return self.elastic * motion.position + branch
 
 
 def maxwell_force(position: np.ndarray, step: float, stiffness: float, relaxation_s: float) -> np.ndarray:
-    """Force of a Maxwell branch, Ḟ = k ż − F/τ with F(0) = 0, by the trapezoidal rule.
+    """Return the force in N of a Maxwell branch, Ḟ = k ż − F/τ with F(0) = 0, by the trapezoidal rule.
 
-    Position of shape (points,) in mm, stiffness in N/mm; `step` seconds lie between points, and the relative error at frequency f
-    is about (2π f step)²/12.
+    Position in mm, shape (points,), every `step` seconds, stiffness in N/mm. The relative error at frequency f is about
+    (2π f step)²/12.
     """
     half = 0.5 * step / relaxation_s
     change = np.diff(position, prepend=position[0])
@@ -63,10 +62,9 @@ def maxwell_force(position: np.ndarray, step: float, stiffness: float, relaxatio
 
 
 def kelvin_boltzmann_residual(motion: ToolMotion, force: np.ndarray) -> np.ndarray:
-    """What the best Kelvin–Boltzmann tissue, fitted by least squares, leaves of a recorded force.
+    """Return the residual in N of the best Kelvin–Boltzmann tissue at the recorded samples after `SETTLING_S`.
 
-    Newtons at the recorded samples, shape (samples,), from `SETTLING_S` on. Stiffnesses are free, the time constant is sought
-    between 2 ms and 20 s.
+    Stiffnesses are fitted by least squares, the time constant is searched between 2 ms and 20 s.
     """
     start = round(SETTLING_S * RATE_HZ)
     coarse, step = motion.position[::_FIT_STRIDE], motion.step * _FIT_STRIDE
@@ -76,41 +74,28 @@ def kelvin_boltzmann_residual(motion: ToolMotion, force: np.ndarray) -> np.ndarr
     def residual(log_relaxation: float) -> np.ndarray:
         branch = maxwell_force(coarse, step, 1.0, np.exp(log_relaxation))
         relaxing = branch[:: motion.stride // _FIT_STRIDE][start:]
-        # Projection on two regressors by the normal equations: fast, and both are of like size.
+        # Projection on two regressors by the normal equations: fast, and accurate because their sizes are similar.
         gram = np.array([[elastic @ elastic, elastic @ relaxing], [elastic @ relaxing, relaxing @ relaxing]])
         weights = np.linalg.solve(gram, [elastic @ target, relaxing @ target])
         return target - weights[0] * elastic - weights[1] * relaxing
 
-    grid = np.log([0.004, 0.02, 0.05, 0.1, 0.2, 0.4, 1.2, 8.0])
-    costs = [float(np.sum(residual(value) ** 2)) for value in grid]
-    best = int(np.argmin(costs))
-    low = grid[best - 1] if best > 0 else np.log(0.002)
-    high = grid[best + 1] if best < len(grid) - 1 else np.log(20.0)
-    found = minimize_scalar(
-        lambda value: float(np.sum(residual(value) ** 2)),
-        bounds=(low, high),
-        method="bounded",
-        options={"xatol": 1e-4},
-    )
-    return residual(found.x)
+    def cost(log_relaxation: float) -> float:
+        return float(np.sum(residual(log_relaxation) ** 2))
+
+    grid = np.log([0.002, 0.004, 0.02, 0.05, 0.1, 0.2, 0.4, 1.2, 8.0, 20.0])
+    best = 1 + int(np.argmin([cost(value) for value in grid[1:-1]]))
+    bounds = grid[best - 1], grid[best + 1]
+    return residual(minimize_scalar(cost, bounds=bounds, method="bounded", options={"xatol": 1e-4}).x)
 
 
 def severity_leaving(
     wanted_N: float, motion: ToolMotion, force_at: Callable[[float], np.ndarray], least_N: float
 ) -> float:
-    """Return the least severity at which the best Kelvin–Boltzmann tissue leaves a residual; else that which leaves most.
+    """Return the least severity at which the best Kelvin–Boltzmann tissue leaves a residual; else that of the largest residual.
 
-    The residual need not grow with the strength throughout (a very fast branch replaces the base's own, a signal
-    clipped to nothing is explained by no tissue): the weakest effect that will do is the plausible one.
-
-    Parameters
-    ----------
-    wanted_N : float
-        RMS of the residual on the record of `motion`.
-    force_at : callable
-        Noise-free force on the simulation's grid, by severity between 0 (weakest) and 1 (strongest).
-    least_N : float
-        What counts as no residual.
+    The residual need not rise throughout: the weakest sufficient effect is the plausible one. `wanted_N` is the residual's RMS
+    on the record of `motion`, below `least_N` there is none. `force_at` returns the noise-free force on the simulation's grid at
+    severities from 0 to 1.
     """
 
     @cache
@@ -128,7 +113,7 @@ def severity_leaving(
 
 
 def residual_rms(motion: ToolMotion, force: np.ndarray) -> float:
-    """RMS of what the best Kelvin–Boltzmann tissue leaves of a force on the simulation's grid, newtons."""
+    """Return the RMS residual in N of the best Kelvin–Boltzmann tissue, for a force on the simulation's grid."""
     return float(np.sqrt(np.mean(kelvin_boltzmann_residual(motion, motion.sampled(force)) ** 2)))
 
 
@@ -139,11 +124,11 @@ class TissueTestRanges:
     elastic_N_per_mm: tuple[float, float] = (0.25, 0.9)
     """Stiffness at rest."""
     relaxing_over_elastic: tuple[float, float] = (0.7, 2.5)
-    """The relaxing branch's stiffness over it."""
+    """Ratio of the relaxing branch's stiffness to it."""
     relaxing_N_per_mm: tuple[float, float] = (0.2, 1.9)
     """Limits of the relaxing branch's stiffness."""
     relaxation_s: tuple[float, float] = (0.05, 0.35)
-    """The branch's time constant."""
+    """Time constant of the branch."""
     amplitude_mm: tuple[float, float] = (3.0, 8.0)
     """Largest displacement."""
     periods: int = 10
@@ -151,7 +136,7 @@ class TissueTestRanges:
 
 
 def draw_test(rng: np.random.Generator, ranges: TissueTestRanges) -> tuple[Tissue, dict[str, ToolMotion]]:
-    """Draw a tissue, and the motions of its multisine, chirp and noise."""
+    """Draw a tissue, and the motions of multisine, chirp and noise."""
     elastic = rng.uniform(*ranges.elastic_N_per_mm)
     relaxing = float(np.clip(elastic * rng.uniform(*ranges.relaxing_over_elastic), *ranges.relaxing_N_per_mm))
     tissue = Tissue(float(elastic), relaxing, log_uniform(rng, *ranges.relaxation_s))
@@ -166,24 +151,14 @@ def draw_test(rng: np.random.Generator, ranges: TissueTestRanges) -> tuple[Tissu
 
 
 def log_uniform(rng: np.random.Generator, low: float, high: float) -> float:
-    """Random number whose logarithm is uniform."""
+    """Draw a number with a uniform logarithm."""
     return float(np.exp(rng.uniform(np.log(low), np.log(high))))
 
 
-def friction(motion: ToolMotion, strength: float, speed_mm_s: float) -> np.ndarray:
-    """Dry friction F_c (2/π) arctan(v/v_s), N."""
-    return strength * 2 / np.pi * np.arctan(motion.velocity / speed_mm_s)
-
-
-def hardening(motion: ToolMotion, strength: float) -> np.ndarray:
-    """Hardening k₃z³, N."""
-    return strength * motion.position**3
-
-
 def added_strength(force_N: float, unit_N: float, severity: float) -> float:
-    """Strength of an effect that adds a force: from 10⁻⁴ to 3 times the tissue's own, evenly in the logarithm.
+    """Return the strength of an effect that adds a force: 10⁻⁴ to 3 times that of the tissue, evenly in the logarithm.
 
-    `force_N` is the RMS of that, `unit_N` the size of the added force at strength 1, `severity` 0 (weakest) to 1.
+    `force_N` is the RMS of the tissue's force, `unit_N` the added force at strength 1, `severity` 0 to 1.
     """
     full = force_N / unit_N
     weakest, strongest = 1e-4 * full, 3.0 * full
@@ -193,10 +168,10 @@ def added_strength(force_N: float, unit_N: float, severity: float) -> float:
 def two_hidden_effects(
     settings: TwoHiddenEffectsSettings, seed: int, ranges: TissueTestRanges | None = None
 ) -> dict[str, np.ndarray]:
-    """Make the records: time (s), position (mm), force (N) in columns, by record name."""
+    """Return the records by name, with time (s), position (mm) and force (N) in columns."""
     rng = np.random.default_rng([seed, PAIR, settings.number])
     tissue, motions = draw_test(rng, ranges or TissueTestRanges())
-    # The benchmark also draws size, colour and correlation of the noise and the form of either effect, given here.
+    # The benchmark also draws size, colour and correlation of the noise and the form of either effect, fixed here.
     rng.random(3)
     for _ in ("friction", "hardening"):
         rng.integers(FORMS)
@@ -206,25 +181,29 @@ def two_hidden_effects(
     force_N, half_depth = float(rest.std()), 0.5 * float(np.abs(multisine.position).max())
     noise_N = settings.noise_share * force_N
 
-    def calibrated(effect, unit_N: float):
-        """The effect at the strength at which it alone leaves the wanted residual."""
+    def friction(motion: ToolMotion, strength: float) -> np.ndarray:
+        return strength * 2 / np.pi * np.arctan(motion.velocity / speed_mm_s)
+
+    def hardening(motion: ToolMotion, strength: float) -> np.ndarray:
+        return strength * motion.position**3
+
+    strengths = {}
+    for effect, unit_N in ((friction, 1.0), (hardening, half_depth**3)):
+        # By itself the effect leaves the wanted residual.
         severity = severity_leaving(
             noise_N * settings.residual_over_noise,
             multisine,
-            lambda severity: rest + effect(multisine, added_strength(force_N, unit_N, severity)),
+            lambda severity, effect=effect, unit_N=unit_N: (
+                rest + effect(multisine, added_strength(force_N, unit_N, severity))
+            ),
             least_N=1e-9 * force_N,
         )
-        return partial(effect, strength=added_strength(force_N, unit_N, severity))
-
-    effects = [
-        calibrated(partial(friction, speed_mm_s=speed_mm_s), 1.0),
-        calibrated(hardening, half_depth**3),
-    ]
+        strengths[effect] = added_strength(force_N, unit_N, severity)
     records = {}
     for name, motion in motions.items():
         force = tissue.force(motion)
-        for effect in effects:
-            force = force + effect(motion)
+        for effect, strength in strengths.items():
+            force = force + effect(motion, strength)
         clean = motion.sampled(force)
         noise = noise_N * rng.standard_normal(len(clean))
         records[name] = np.column_stack(
