@@ -1,18 +1,26 @@
-"""Bandwidth: rules and intervals against spectra whose bandwidth is known in closed form, edges, and Welch's estimate."""
+"""Spectra against closed forms: rules and intervals of a bandwidth, Welch's estimate, noise, peaks of a motion."""
+
+import re
 
 import numpy as np
 import pytest
+from scipy.signal import csd
+from scipy.stats import t
 
 from lumbar.base.errors import InputError
 from lumbar.records.record import Channel, Record
 from lumbar.settings.signals import BandwidthSettings, WelchSettings
+from lumbar.tissue.signals.excitation import band_limited_noise
+from lumbar.tissue.signals.multisine import schroeder_phases
 from lumbar.tissue.signals.spectrum import (
+    Kinematics,
+    check_machine_limits,
     level_frequency,
+    motion_psd,
     occupied_band,
-    position_psd,
+    peak_kinematics,
     power_share_frequency,
     spectral_edge,
-    velocity_psd,
 )
 from lumbar.tissue.signals.surgeon_motion import (
     MotionSpectra,
@@ -43,14 +51,12 @@ def test_level_of_a_gaussian_spectrum():
 
 def test_level_takes_the_last_crossing():
     psd = np.exp(-0.5 * ((FREQUENCY - 1) / 0.1) ** 2) + 0.05 * np.exp(-0.5 * ((FREQUENCY - 4) / 0.1) ** 2)
-    expected = 4 + 0.1 * np.sqrt(2 * np.log(5))
-    assert level_frequency(FREQUENCY, psd, -20, 50) == pytest.approx(expected, abs=1e-3)
-    assert level_frequency(FREQUENCY, psd, -10, 50) == pytest.approx(
-        1 + 0.1 * np.sqrt(2 * np.log(10)), abs=1e-3
-    )
-
-
-def test_level_before_a_stop_band_of_no_power_is_the_last_line_with_power():
+    for level, expected in (
+        (-20, 4 + 0.1 * np.sqrt(2 * np.log(5))),
+        (-10, 1 + 0.1 * np.sqrt(2 * np.log(10))),
+    ):
+        assert level_frequency(FREQUENCY, psd, level, 50) == pytest.approx(expected, abs=1e-3)
+    # Before a stop band without power it is the last line with power.
     psd = np.where(FREQUENCY <= 4.0, 2.0, 0.0)
     assert level_frequency(FREQUENCY, psd, -20, 50) == pytest.approx(4.0, abs=0.01)
 
@@ -86,33 +92,25 @@ TO_20_HZ = np.arange(0, 20.01, 0.1)
 INTERVAL = BandwidthSettings(power_share=0.95, level_dB=-20, maximum_Hz=8, confidence=0.95, resamples=400)
 
 
+def spectra_of(rows, surgeons):
+    names = tuple(f"trial_{index}" for index in range(len(rows)))
+    return MotionSpectra(names, tuple(surgeons), TO_20_HZ, {"position": rows, "velocity": rows})
+
+
 def flat_spectra(widths, surgeons, power=None):
-    """Trials whose density is flat up to each width (hertz), of power 1 each where no other is given."""
+    """Trials with a density that is flat up to each width (Hz), by default of power 1."""
     densities = np.divide([1.0] * len(widths) if power is None else power, widths)
-    rows = densities[:, None] * np.less_equal.outer(TO_20_HZ, widths).T
-    names = tuple(f"trial_{index}" for index in range(len(widths)))
-    return MotionSpectra(names, tuple(surgeons), TO_20_HZ, {"position": rows, "velocity": rows})
-
-
-def level_spectra(levels, surgeons):
-    """Trials of Gaussian density that is 20 dB under its peak at each level (hertz)."""
-    widths = np.array(levels)[:, None] / np.sqrt(2 * np.log(100))
-    rows = np.exp(-0.5 * (TO_20_HZ / widths) ** 2)
-    names = tuple(f"trial_{index}" for index in range(len(levels)))
-    return MotionSpectra(names, tuple(surgeons), TO_20_HZ, {"position": rows, "velocity": rows})
+    return spectra_of(densities[:, None] * np.less_equal.outer(TO_20_HZ, widths).T, surgeons)
 
 
 def share(result):
     return result["velocity"]["power_share"]
 
 
-def test_surgeons_have_equal_weight():
+def test_surgeons_have_equal_weight_and_every_trial_a_bandwidth():
     spectra = flat_spectra([2, 2, 2, 4], ["a", "a", "a", "b"])
     # Densities 1/2 up to 2 Hz and 1/4 up to 4 Hz, mean of both: 0.95 = 3/4 + (f - 2)/8.
     assert share(motion_bandwidths(spectra, INTERVAL, 1))["value_Hz"] == pytest.approx(3.6, abs=0.06)
-
-
-def test_every_trial_has_its_own_bandwidth():
     result = motion_bandwidths(flat_spectra([2, 3], ["a", "b"]), INTERVAL, 1)
     values = [trial["velocity"]["power_share"] for trial in result["trials"]]
     assert values == pytest.approx([1.9, 2.85], abs=0.06)
@@ -127,14 +125,12 @@ def test_interval_holds_the_value_and_grows_with_confidence():
 
 def test_like_surgeons_have_a_narrow_interval_of_the_right_width():
     """Logarithms of the bandwidth with a spread of 3 % over 16 surgeons: mean ± t·s/√n."""
-    from scipy.stats import t
-
     logs = np.log(4) + 0.03 * np.random.default_rng(4).standard_normal(16)
-    names = [f"s{index}" for index in range(16)]
-    spectra = level_spectra(np.exp(logs), names)
-    entry = motion_bandwidths(spectra, INTERVAL.model_copy(update={"resamples": 2000}), 1)["velocity"][
-        "level"
-    ]
+    # Gaussian densities that are 20 dB below their peak at these frequencies.
+    widths = np.exp(logs)[:, None] / np.sqrt(2 * np.log(100))
+    spectra = spectra_of(np.exp(-0.5 * (TO_20_HZ / widths) ** 2), [f"s{index}" for index in range(16)])
+    settings = INTERVAL.model_copy(update={"resamples": 2000})
+    entry = motion_bandwidths(spectra, settings, 1)["velocity"]["level"]
     expected = t.ppf(0.975, 15) * logs.std() / 4
     assert np.log(entry["high_Hz"] / entry["low_Hz"]) / 2 == pytest.approx(expected, rel=0.25)
 
@@ -163,14 +159,11 @@ def test_one_surgeon_resamples_trials_and_one_trial_has_no_interval():
     assert share(single)["value_Hz"] == pytest.approx(1.9, abs=0.06)
 
 
-def test_a_level_that_is_not_reached_has_neither_value_nor_interval():
+def test_level_that_is_not_reached_has_no_value_or_open_interval():
     spectra = flat_spectra([2, 2, 9], "abc")  # the third does not fall within the band of 8 Hz
     entry = motion_bandwidths(spectra, INTERVAL, 1)["velocity"]["level"]
     assert entry == {"value_Hz": None, "low_Hz": None, "high_Hz": None}
-
-
-def test_a_level_that_some_resamples_do_not_reach_has_an_open_end():
-    # The mean falls 20 dB before 8 Hz, a mean of the last surgeon alone or in the majority does not.
+    # The mean falls 20 dB before 8 Hz; a mean of mostly the last surgeon does not.
     spectra = flat_spectra([2, 2, 2, 2, 2, 9], "abcdef", power=[1, 1, 1, 1, 1, 0.22])
     entry = motion_bandwidths(spectra, INTERVAL, 1)["velocity"]["level"]
     assert entry["value_Hz"] == pytest.approx(2, abs=0.1)
@@ -196,7 +189,7 @@ def test_table_of_spectra_is_tidy_and_holds_the_mean():
 @pytest.mark.parametrize(
     ("records", "words"),
     [
-        ([trial("one"), trial("one")], "stands twice"),
+        ([trial("one"), trial("one")], "duplicate name 'one'"),
         ([trial("one"), trial("short", seconds=5)], r"short\.csv: .*500 samples \(5 s\)"),
         ([trial("one"), trial("slow", rate=30.0)], r"slow\.csv: sampled at 30 Hz.*rate_Hz"),
         ([trial("metres", unit="m")], r"metres\.csv: position is in 'm'"),
@@ -245,9 +238,9 @@ def test_power_of_a_sinusoid_in_position_and_velocity(rate, frequency):
     amplitude = 3.0
     time = np.arange(round(80 * rate)) / rate
     sine = amplitude * np.sin(2 * np.pi * frequency * time + 0.3)
-    assert power(*position_psd(sine, rate, WELCH)) == pytest.approx(amplitude**2 / 2, rel=0.01)
+    assert power(*motion_psd(sine, rate, WELCH)) == pytest.approx(amplitude**2 / 2, rel=0.01)
     expected = (2 * np.pi * frequency * amplitude) ** 2 / 2
-    assert power(*velocity_psd(sine, rate, WELCH)) == pytest.approx(expected, rel=0.02)
+    assert power(*motion_psd(sine, rate, WELCH, "velocity")) == pytest.approx(expected, rel=0.02)
 
 
 def test_steady_advance_does_not_leak_into_the_velocity_spectrum():
@@ -255,30 +248,89 @@ def test_steady_advance_does_not_leak_into_the_velocity_spectrum():
     rate = 100.0
     time = np.arange(6000) / rate
     slow = np.random.default_rng(3).standard_normal(6000) * 0.001 + 50 * time
-    frequency, psd = velocity_psd(slow, rate, WELCH)
+    frequency, psd = motion_psd(slow, rate, WELCH, "velocity")
     band = (frequency > 1) & (frequency < 6)
     white = 2 * 0.001**2 / rate * (2 * np.pi * frequency[band]) ** 2
     assert np.mean(psd[band] / white) == pytest.approx(1, abs=0.2)
-    _, position = position_psd(slow, rate, WELCH)
+    _, position = motion_psd(slow, rate, WELCH)
     assert np.mean((2 * np.pi * frequency[band]) ** 2 * position[band] / white) > 10
 
 
 def test_linear_detrending_takes_a_ramp_off_the_position():
     rate = 100.0
     ramp = 5.0 * np.arange(6000) / rate
-    linear = power(*position_psd(ramp, rate, WelchSettings(segment_s=10.24, detrend="linear")))
-    assert linear < 1e-12 < power(*position_psd(ramp, rate, WELCH))
+    linear = power(*motion_psd(ramp, rate, WelchSettings(segment_s=10.24, detrend="linear")))
+    assert linear < 1e-12 < power(*motion_psd(ramp, rate, WELCH))
 
 
 @pytest.mark.parametrize(
-    ("density", "samples", "segment_s", "words"),
+    ("quantity", "samples", "segment_s", "words"),
     [
-        (position_psd, 500, 10.24, r"500 samples \(5 s\).*10\.24 s needs 1024"),
-        (velocity_psd, 1024, 10.24, "1024 samples .* needs 1025"),
-        (position_psd, 500, 0.05, "5 samples"),
+        ("position", 500, 10.24, r"500 samples \(5 s\).*10\.24 s needs 1024"),
+        ("velocity", 1024, 10.24, "1024 samples .* needs 1025"),
+        ("position", 500, 0.05, "5 samples"),
     ],
 )
-def test_segments_that_do_not_fit_are_refused_with_both_lengths(density, samples, segment_s, words):
-    position_psd(np.sin(np.arange(1024) / 7), 100.0, WELCH)
+def test_segment_longer_than_recording_is_rejected(quantity, samples, segment_s, words):
+    motion_psd(np.sin(np.arange(1024) / 7), 100.0, WELCH)
     with pytest.raises(InputError, match=words):
-        density(np.arange(float(samples)), 100.0, WelchSettings(segment_s=segment_s))
+        motion_psd(np.arange(float(samples)), 100.0, WelchSettings(segment_s=segment_s), quantity)
+
+
+def test_noise_is_gaussian_with_mean_zero_and_unit_rms():
+    noise = band_limited_noise(4000.0, 5.0, 100.0, 8, 1)
+    assert len(noise) == 400_000
+    assert abs(noise.mean()) < 1e-12
+    assert np.mean(noise**2) == pytest.approx(1)
+    # Skewness and excess kurtosis of some 40,000 independent values.
+    assert abs(np.mean(noise**3)) < 0.06
+    assert abs(np.mean(noise**4) - 3) < 0.12
+
+
+@pytest.mark.parametrize("order", [2, 4, 8])
+def test_noise_density_is_halved_at_end_of_band(order):
+    noise = band_limited_noise(8000.0, 5.0, 100.0, order, 2)
+    frequency, density = csd(noise, noise, 100.0, nperseg=2000)
+    passed = density[(frequency > 0.2) & (frequency < 1.5)].real.mean()
+    edge = density[np.abs(frequency - 5) < 0.03].real.mean()
+    assert edge / passed == pytest.approx(0.5, abs=0.06)
+    # Far above the corner two passes of this order fall by (corner/f)^(4·order).
+    corner = 5.0 / (np.sqrt(2) - 1) ** (1 / (2 * order))
+    warped = np.tan(np.pi * 10 / 100) / np.tan(np.pi * corner / 100)
+    at_ten = density[np.abs(frequency - 10) < 0.03].real.mean()
+    assert at_ten / passed == pytest.approx((1 / (1 + warped ** (2 * order))) ** 2, rel=0.3)
+
+
+@pytest.mark.statistical
+def test_ends_of_noise_have_power_of_middle():
+    rows = np.array([band_limited_noise(10.0, 5.0, 100.0, 8, seed) for seed in range(150)])
+    power = np.mean(rows**2, axis=0)
+    assert np.mean(power[:20]) == pytest.approx(1, abs=0.2)
+    assert np.mean(power[-20:]) == pytest.approx(1, abs=0.2)
+
+
+def test_schroeder_phases_of_any_spectrum_are_double_sum():
+    amplitudes = np.arange(1, 13) ** -0.5
+    share = amplitudes**2 / np.sum(amplitudes**2)
+    double_sum = [-2 * np.pi * sum((k - n) * share[n] for n in range(k)) for k in range(12)]
+    np.testing.assert_allclose(schroeder_phases(amplitudes), double_sum, atol=1e-12)
+
+
+@pytest.mark.parametrize("frequency", [0.3, 2.5, 5.0])
+@pytest.mark.parametrize("phase", [0.0, 0.2, 1.1])
+def test_peaks_of_sine_between_its_samples(frequency, phase):
+    omega = 2 * np.pi * frequency
+    motion = peak_kinematics(3 * np.cos(omega * np.arange(2000) / 100 + phase), 100.0)
+    assert motion.displacement == pytest.approx(3, rel=1e-3)
+    assert motion.velocity == pytest.approx(3 * omega, rel=1e-3)
+    assert motion.acceleration == pytest.approx(3 * omega**2, rel=3e-3)
+
+
+@pytest.mark.parametrize("excess", [1.0001, 1.37, 7.3, 12345.6])
+def test_suggested_amplitude_fits_machine(excess):
+    limits = Kinematics(30, 1000, 20000)
+    with pytest.raises(InputError) as error:
+        check_machine_limits({"noise": Kinematics(30 * excess, 0, 0)}, limits)
+    factor = float(re.search(r"at most ([0-9.]+)", str(error.value))[1])
+    assert 0.99 / excess <= factor <= 1 / excess
+    check_machine_limits({"noise": Kinematics(30 * excess * factor, 0, 0)}, limits)

@@ -1,4 +1,4 @@
-"""The three excitation signals of the tissue tests, designed from the surgeons' bandwidth, as files, tables and plain data."""
+"""The excitation signals of the tissue tests, designed from the surgeons' bandwidth, as files, tables and plain data."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 import scipy
 
 from lumbar.base.errors import InputError
-from lumbar.settings.signals import AmplitudeSettings, SignalsSettings
+from lumbar.settings.signals import SignalsSettings
 from lumbar.tables.table import Table, table_from_schema
 from lumbar.tissue.signals.multisine import Multisine, design_multisine
 from lumbar.tissue.signals.spectrum import Kinematics, check_machine_limits, peak_kinematics
@@ -20,20 +20,11 @@ if TYPE_CHECKING:
 
 
 def linear_chirp(duration: float, lowest: float, highest: float, rate: float) -> np.ndarray:
-    """sin((a t + b) t) that sweeps from `lowest` to `highest` Hz; thesis Eq. 3.2 with amplitude 1.
+    """Return sin((a t + b) t) that sweeps from `lowest` to `highest` Hz; thesis Eq. 3.2 with amplitude 1.
 
-    Its shape is (round(duration * rate),). The instantaneous frequency is the derivative of the phase a t² + b t,
-    (2 a t + b)/2π. To begin at f0 and to end at f1 after T seconds it needs b = 2π f0 and a = π (f1 − f0)/T; with
-    a = 2π (f1 − f0)/T the sweep would end at 2 f1 − f0, about twice the band.
-
-    Parameters
-    ----------
-    duration : float
-        T in seconds.
-    lowest, highest : float
-        f0 and f1 in Hz.
-    rate : float
-        Samples per second, Hz.
+    The instantaneous frequency is the derivative of the phase a t² + b t, (2 a t + b)/2π. To begin at f0 and to end at f1 after
+    T seconds it needs b = 2π f0 and a = π (f1 − f0)/T; with a = 2π (f1 − f0)/T the sweep would end at 2 f1 − f0, about twice
+    the band. Duration in seconds, rate in Hz; the shape is (round(duration * rate),).
 
     Raises
     ------
@@ -52,28 +43,15 @@ def linear_chirp(duration: float, lowest: float, highest: float, rate: float) ->
 
 
 def band_limited_noise(duration: float, highest: float, rate: float, order: int, seed: int) -> np.ndarray:
-    """Gaussian noise through a zero-phase low-pass filter, with mean 0 and RMS 1, shape (round(duration * rate),).
+    """Return Gaussian noise through a zero-phase low-pass filter, mean 0 and RMS 1, shape (round(duration * rate),).
 
-    White noise runs forward and backward through a Butterworth filter. Two passes halve the power at each
-    pass's corner twice; the corner is therefore moved up so that the density of the result is halved (−3 dB)
-    at `highest`. More noise than needed is filtered and the middle is kept, so that the ends are like the
-    rest.
-
-    Parameters
-    ----------
-    duration : float
-        Seconds.
-    highest : float
-        Upper end of the band in Hz.
-    rate : float
-        Samples per second, Hz.
-    order : int
-        Order of the Butterworth filter (of one pass).
+    White noise passes forward and backward through a Butterworth filter of an order. Both passes together halve the density
+    (−3 dB) at `highest` Hz, below the corner of each. The middle of a longer filtered signal is used, because its ends differ.
 
     Raises
     ------
     InputError
-        The corner is not below half the rate.
+        If the corner is not below half the rate (Hz).
     """
     # |H|⁴ = 1/2 at `highest`, with |H|² = 1/(1 + (f/corner)^(2·order)).
     corner = highest / (np.sqrt(2) - 1) ** (1 / (2 * order))
@@ -94,17 +72,17 @@ def band_limited_noise(duration: float, highest: float, rate: float, order: int,
 
 @dataclass(frozen=True)
 class Signal:
-    """A position signal as the testing machine plays it."""
+    """A position signal for the testing machine."""
 
     name: str
     """``"multisine"``, ``"noise"`` or ``"chirp"``."""
     position: np.ndarray
-    """Shape (samples,): mm from the machine's zero."""
+    """mm from the machine's zero, shape (samples,)."""
     rate: float
     """Samples per second, Hz."""
     window: tuple[float, float]
-    """Start and end in seconds of the part that the signal's RMS, crest factor and spectrum refer to: a period after the
-    first for the multisine, all of the others."""
+    """Start and end in seconds of the part for RMS, crest factor and spectrum: the second period of the multisine, all of the
+    others."""
 
     @property
     def time(self) -> np.ndarray:
@@ -118,7 +96,7 @@ class Signal:
         return self.position[start:stop]
 
     def line_amplitudes(self) -> tuple[np.ndarray, np.ndarray]:
-        """Frequencies (Hz) and amplitudes (mm) of the Fourier series of `steady`, its mean left out."""
+        """Return frequencies (Hz) and amplitudes (mm) of the Fourier series of `steady`, without its mean."""
         values = self.steady
         amplitudes = 2 * np.abs(np.fft.rfft(values)) / len(values)
         if len(values) % 2 == 0:
@@ -126,30 +104,29 @@ class Signal:
         return np.fft.rfftfreq(len(values), 1 / self.rate)[1:], amplitudes[1:]
 
     def band_power_share(self, band: float) -> float:
-        """Share of the power of `steady` at or below `band` Hz, from 0 to 1."""
+        """Return the share of the power of `steady` at or below `band` Hz, from 0 to 1."""
         frequency, amplitude = self.line_amplitudes()
         return float(np.sum(amplitude[frequency <= band + 1e-9] ** 2) / np.sum(amplitude**2))
 
 
 @dataclass(frozen=True)
 class Excitation:
-    """The designed signals and what they were designed from."""
+    """The designed signals."""
 
     band: float
     """Upper end of the excited band, Hz."""
     signals: tuple[Signal, ...]
     """Multisine, noise, chirp."""
     multisine: Multisine
-    """Lines, amplitudes and phases of the multisine."""
 
 
 def excited_band(bandwidths: dict, settings: SignalsSettings) -> float:
-    """Upper end in Hz of the band to excite: a factor times the surgeons' bandwidth of `motion_bandwidths`, rounded.
+    """Return the upper end in Hz of the band to excite: a factor times the surgeons' bandwidth, rounded.
 
     Raises
     ------
     InputError
-        The surgeons' spectrum has no bandwidth by the rule asked for.
+        If the surgeons' spectrum has no bandwidth by the required rule.
     """
     quantity, rule = settings.bandwidth.quantity, settings.bandwidth.rule
     bandwidth = bandwidths[quantity][rule]["value_Hz"]
@@ -175,45 +152,25 @@ def design_excitation(band: float, settings: SignalsSettings, seed: int) -> Exci
     Raises
     ------
     InputError
-        A signal cannot be designed with these settings, or asks more than the machine can do.
+        If a signal cannot be designed with these settings, or exceeds the machine's limits.
     """
-    rate, options = settings.rate_Hz, settings.multisine
-    multisine = design_multisine(
-        options.period_s,
-        band,
-        options.grid,
-        options.detection_group,
-        options.phases,
-        options.amplitude_exponent,
-        seed,
-    )
-    if multisine.lines[-1] >= options.period_s * rate / 2:
-        raise InputError(
-            f"multisine up to {multisine.frequencies[-1]:g} Hz: signals.rate_Hz of {rate:g} is too low"
-        )
-    # The multisine's peak between samples is known exactly; the others' is that of their spline.
-    scale = _scale(1.0, multisine.peak, settings.amplitude)
+    rate, options, amplitude = settings.rate_Hz, settings.multisine, settings.amplitude
+    multisine = design_multisine(band, options, seed)
+    # The multisine's peak between samples is known exactly; that of the others is the peak of their spline.
+    is_rms = amplitude.measure == "rms"
+    scale = amplitude.value_mm / (1.0 if is_rms else multisine.peak)
     multisine = replace(multisine, amplitudes=scale * multisine.amplitudes)
-    period, periods = options.period_s, options.periods
-    plain = {
-        "multisine": multisine.sampled(rate, periods),
+    unscaled = {
         "noise": band_limited_noise(settings.noise.duration_s, band, rate, settings.noise.filter_order, seed),
         "chirp": linear_chirp(settings.chirp.duration_s, settings.chirp.lowest_Hz, band, rate),
     }
-    signals = []
-    for name, values in plain.items():
-        if name != "multisine":
-            rms = float(np.sqrt(np.mean(values**2)))
-            values = values * _scale(rms, peak_kinematics(values, rate).displacement, settings.amplitude)
-        window = (period * min(1, periods - 1), period * min(2, periods))
-        signals.append(
-            Signal(
-                name,
-                _ramped(name, values, rate, settings.ramp_s, at_end=name != "multisine"),
-                rate,
-                window if name == "multisine" else (0.0, len(values) / rate),
-            )
-        )
+    period = options.period_s
+    values = _ramp(settings, "multisine", multisine.sampled(rate, options.periods), at_end=False)
+    signals = [Signal("multisine", values, rate, (period, 2 * period))]
+    for name, values in unscaled.items():
+        size = float(np.sqrt(np.mean(values**2))) if is_rms else peak_kinematics(values, rate).displacement
+        values = _ramp(settings, name, values * (amplitude.value_mm / size), at_end=True)
+        signals.append(Signal(name, values, rate, (0.0, len(values) / rate)))
     machine = settings.machine
     check_machine_limits(
         {signal.name: peak_kinematics(signal.position, rate) for signal in signals},
@@ -222,23 +179,17 @@ def design_excitation(band: float, settings: SignalsSettings, seed: int) -> Exci
     return Excitation(band, tuple(signals), multisine)
 
 
-def _scale(rms: float, peak: float, amplitude: AmplitudeSettings) -> float:
-    """Factor that gives a signal the RMS or the peak asked for."""
-    return amplitude.value_mm / (rms if amplitude.measure == "rms" else peak)
+def _ramp(settings: SignalsSettings, name: str, values: np.ndarray, at_end: bool) -> np.ndarray:
+    """Raise the signal from zero by half a cosine, and lower it at the end, so that the machine does not jump.
 
-
-def _ramped(name: str, values: np.ndarray, rate: float, ramp: float, at_end: bool) -> np.ndarray:
-    """Raise the signal from zero by half a cosine (and lower it at the end): the machine does not jump.
-
-    The multisine is raised within its first period, which is left out as transient, and not lowered: its last
-    period stays a period.
+    The multisine is raised within its first period, which is its transient, and not lowered: its last period remains a period.
     """
-    samples = round(ramp * rate)
+    samples = round(settings.ramp_s * settings.rate_Hz)
     if samples == 0:
         return values
     if samples > len(values) / (2 if at_end else 1):
         raise InputError(
-            f"signals.ramp_s of {ramp:g} s is too long for the {name} of {len(values) / rate:g} s"
+            f"signals.ramp_s of {settings.ramp_s:g} s is too long for the {name} of {len(values) / settings.rate_Hz:g} s"
         )
     rise = (1 - np.cos(np.pi * np.arange(samples) / samples)) / 2
     shaped = values.copy()
@@ -249,14 +200,14 @@ def _ramped(name: str, values: np.ndarray, rate: float, ramp: float, at_end: boo
 
 
 def machine_file(signal: Signal) -> pd.DataFrame:
-    """Columns ``time_s, position_mm`` as the testing machine loads them, to a nanometre."""
+    """Return the columns ``time_s, position_mm`` for the testing machine, to a nanometre."""
     import pandas as pd
 
     return pd.DataFrame({"time_s": np.round(signal.time, 9), "position_mm": np.round(signal.position, 6)})
 
 
 def multisine_description(excitation: Excitation, settings: SignalsSettings) -> dict:
-    """Lines, amplitudes, phases and detection lines of the multisine, as plain data."""
+    """Return lines, amplitudes, phases and detection lines of the multisine as plain data."""
     multisine = excitation.multisine
     return {
         "schema": "lumbar.multisine/1",
@@ -278,7 +229,7 @@ def multisine_description(excitation: Excitation, settings: SignalsSettings) -> 
 def signal_properties(
     excitation: Excitation, settings: SignalsSettings, source_label: str, bandwidths: dict | None = None
 ) -> Table:
-    """Table of what each signal is and what it asks of the machine; `bandwidths` are the surgeons', where it follows them."""
+    """Return the table of the signals and their demands on the machine; `bandwidths` of the surgeons, if the band follows."""
     rows = []
     for signal in excitation.signals:
         motion = peak_kinematics(signal.position, signal.rate)
@@ -300,33 +251,27 @@ def signal_properties(
                 "start_jump_mm": float(abs(machine_file(signal)["position_mm"].iloc[0])),
             }
         )
-    band = _band_in_words(excitation.band, bandwidths, settings) if bandwidths else ()
-    return table_from_schema(
-        "tissue/signals", "properties", rows, source_label, notes=[assumptions(settings), *band]
-    )
+    notes = [assumptions(settings)]
+    if bandwidths:
+        chosen = settings.bandwidth
+        rules = {"power_share": "share of the power in the analysis band", "level": "level under the peak"}
+        readings = [
+            f"{quantity} {readings_in_words(values)}"
+            for quantity, values in bandwidth_readings(bandwidths).items()
+        ]
+        notes.append(
+            f"{excitation.band:g} Hz is {settings.band_factor:g} times the surgeons' bandwidth in {chosen.quantity} by the "
+            f"{rules[chosen.rule]}, rounded to {settings.round_Hz:g} Hz. The thesis assesses the spectrum of the position. "
+            f"All readings: {'; '.join(readings)}."
+        )
+    return table_from_schema("tissue/signals", "properties", rows, source_label, notes=notes)
 
 
 def assumptions(settings: SignalsSettings) -> str:
-    """Return a sentence on the assumptions that the thesis does not state."""
+    """Return a sentence on assumptions that are not in the thesis."""
     amplitude, period, noise = settings.amplitude, settings.multisine.period_s, settings.noise.filter_order
     measure = {"rms": "root mean square", "peak": "peak"}[amplitude.measure]
     return (
         f"Assumed (the thesis does not say): {amplitude.value_mm:g} mm {measure}; multisine of {period:g} s period; noise "
         f"by a Butterworth filter of order {noise}."
-    )
-
-
-def _band_in_words(band: float, bandwidths: dict, settings: SignalsSettings) -> tuple[str, ...]:
-    chosen = settings.bandwidth
-    read = {
-        quantity: readings_in_words(values) for quantity, values in bandwidth_readings(bandwidths).items()
-    }
-    rule = {"power_share": "share of the power in the analysis band", "level": "level under the peak"}[
-        chosen.rule
-    ]
-    return (
-        f"{band:g} Hz is {settings.band_factor:g} times the surgeons' bandwidth in {chosen.quantity} by the {rule}, rounded "
-        f"to {settings.round_Hz:g} Hz. The thesis assesses the spectrum of the position. All readings: "
-        + "; ".join(f"{quantity} {words}" for quantity, words in read.items())
-        + ".",
     )

@@ -1,26 +1,27 @@
-"""Multisine (thesis Eq. 3.1): which lines are excited, with which amplitudes, and phases that make its crest factor small."""
+"""Multisine (thesis Eq. 3.1): excited lines, amplitudes, and phases of small crest factor."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
 from lumbar.base.errors import InputError
+from lumbar.settings.signals import MultisineSettings
 
 _SEARCH_OVERSAMPLING = 16
-"""Samples per cycle of the highest line in the search for phases: enough to know a peak to 2 %."""
-PEAK_OVERSAMPLING = 128
-"""Samples per cycle of the highest line where a peak is reported: it is then known to 0.03 %."""
+"""Samples per cycle of the highest line in the search for phases: a peak is exact to 2 %."""
+_PEAK_OVERSAMPLING = 128
+"""Samples per cycle of the highest line of a reported peak, which is exact to 0.03 %."""
 _CLIP_LEVELS = np.linspace(0.80, 0.995, 60)
 _ITERATIONS_PER_LEVEL = 60
 
 
 def crest_factor(values: np.ndarray) -> float:
-    """Largest absolute value over the root mean square; of a periodic signal over whole periods, sampled finely."""
+    """Return the largest absolute value over the root mean square of whole, finely sampled periods."""
     return float(np.abs(values).max() / np.sqrt(np.mean(np.square(values))))
 
 
 def one_period(lines: np.ndarray, amplitudes: np.ndarray, phases: np.ndarray, samples: int) -> np.ndarray:
-    """One period of Σ A cos(2πk t/T + φ) (thesis Eq. 3.1) on an even grid, shape (samples,), by inverse Fourier transform.
+    """Return one period of Σ A cos(2πk t/T + φ) (thesis Eq. 3.1) on an even grid, shape (samples,).
 
     Parameters
     ----------
@@ -38,45 +39,34 @@ def one_period(lines: np.ndarray, amplitudes: np.ndarray, phases: np.ndarray, sa
     return np.fft.irfft(spectrum, samples)
 
 
-def fine_samples(lines: np.ndarray, oversampling: int = PEAK_OVERSAMPLING) -> int:
-    """Return a number of samples per period (a power of two) at which a multisine's peak can be seen."""
+def fine_samples(lines: np.ndarray, oversampling: int = _PEAK_OVERSAMPLING) -> int:
+    """Return a number of samples per period, a power of two, that resolves a multisine's peak."""
     return int(2 ** np.ceil(np.log2(oversampling * int(lines.max()))))
 
 
 def clipped_phases(lines: np.ndarray, amplitudes: np.ndarray, phases: np.ndarray) -> np.ndarray:
-    """Phases of low crest factor by iterated clipping, from a first guess; in radians from -π to π, shape (lines,).
+    """Return phases of low crest factor by iterated clipping, in radians from -π to π, shape (lines,).
 
-    The signal is clipped, the phases of the clipped signal are kept, its amplitudes are put back; the
-    clipping level rises towards the peak. The best phases seen are returned, so the crest factor never grows.
-
-    Parameters
-    ----------
-    lines : numpy.ndarray of int, shape (lines,)
-        Multiples of the fundamental.
-    amplitudes, phases : numpy.ndarray of float, shape (lines,)
-        Amplitudes are kept; phases in radians are where the search starts.
+    From given phases (radians) of lines (multiples of the fundamental) with fixed amplitudes: the signal is clipped, at a level
+    that rises towards the peak, and takes the phases of the clipped signal. The best phases are returned, so that the crest
+    factor never grows.
 
     References
     ----------
     E. van der Ouderaa, J. Schoukens, J. Renneboog, IEEE Trans. Instrum. Meas. 37 (1988) 145-147.
     """
     samples = fine_samples(lines, _SEARCH_OVERSAMPLING)
-    best = phases
-    lowest = crest_factor(one_period(lines, amplitudes, phases, samples))
-    current = phases
+    best = current = phases
+    lowest = np.inf
     for level in _CLIP_LEVELS:
         for _ in range(_ITERATIONS_PER_LEVEL):
             signal = one_period(lines, amplitudes, current, samples)
-            reached = crest_factor(signal)
-            if reached < lowest:
-                lowest, best = reached, current
+            factor = crest_factor(signal)
+            if factor < lowest:
+                lowest, best = factor, current
             peak = level * np.abs(signal).max()
             current = np.angle(np.fft.rfft(np.clip(signal, -peak, peak))[lines])
     return best
-
-
-GRIDS = ("full", "odd")
-PHASE_RULES = ("schroeder", "clipped", "zero")
 
 
 @dataclass(frozen=True)
@@ -86,15 +76,15 @@ class Multisine:
     period: float
     """T in seconds."""
     lines: np.ndarray
-    """Shape (lines,): excited multiples of 1/T, rising."""
+    """Excited multiples of 1/T, rising, shape (lines,)."""
     amplitudes: np.ndarray
-    """Shape (lines,): mm."""
+    """Shape (lines,), mm."""
     phases: np.ndarray
-    """Shape (lines,): radians."""
+    """Shape (lines,), radians."""
     detection_even: np.ndarray
+    """Even lines of the band that are not excited: power of a response there shows even nonlinearity."""
     detection_odd: np.ndarray
-    """`detection_even`, `detection_odd`: lines of the band that are left out: power found there in a response is even or
-    odd nonlinearity."""
+    """Odd lines of the band that are not excited: power of a response there shows odd nonlinearity."""
 
     @property
     def frequencies(self) -> np.ndarray:
@@ -115,12 +105,12 @@ class Multisine:
         return one_period(self.lines, self.amplitudes, self.phases, fine_samples(self.lines))
 
     def sampled(self, rate: float, periods: int) -> np.ndarray:
-        """`periods` periods at `rate` Hz, from t = 0; shape (periods * period * rate,).
+        """Return periods at `rate` Hz, from t = 0, shape (periods * period * rate,).
 
         Raises
         ------
         InputError
-            If a period is not a whole number of samples: the periods would not repeat.
+            If a period is not a whole number of samples, so that the periods would not repeat.
         """
         samples = round(self.period * rate)
         if abs(samples - self.period * rate) > 1e-9 * samples:
@@ -132,15 +122,10 @@ class Multisine:
 
 
 def schroeder_phases(amplitudes: np.ndarray) -> np.ndarray:
-    """Schroeder's phases φ_k = −2π Σ_{n<k} (k−n) p_n in radians, with p_n the share of the power in line n; shape (lines,).
+    """Return Schroeder's phases φ_k = −2π Σ_{n<k} (k−n) p_n in radians, with p_n the power share of line n; shape (lines,).
 
-    For N equal amplitudes φ_k = −π k(k−1)/N. The signal then sweeps through its lines like a chirp, each for
-    a time in proportion to its power. `k` counts the excited lines, so that a signal of odd lines sweeps in
-    half a period, as its odd symmetry demands.
-
-    Parameters
-    ----------
-    amplitudes : numpy.ndarray of float, shape (lines,)
+    For N equal amplitudes φ_k = −π k(k−1)/N. The signal sweeps through its lines like a chirp, each for a time in proportion to
+    its power. `k` counts the excited lines, so that a signal of odd lines sweeps in half a period, as its odd symmetry requires.
 
     References
     ----------
@@ -151,72 +136,42 @@ def schroeder_phases(amplitudes: np.ndarray) -> np.ndarray:
     return -2 * np.pi * np.cumsum(below)
 
 
-def design_multisine(
-    period: float,
-    band: float,
-    grid: str = "full",
-    detection_group: int = 4,
-    phases: str = "schroeder",
-    amplitude_exponent: float = 0.0,
-    seed: int = 0,
-) -> Multisine:
-    """Design a multisine of unit RMS (thesis Eq. 3.1) on a full or an odd grid of lines.
+def design_multisine(band: float, settings: MultisineSettings, seed: int = 0) -> Multisine:
+    """Design a multisine of unit RMS (thesis Eq. 3.1) up to `band` Hz on a full or an odd grid of lines.
 
-    On the odd grid one line, drawn at random, is left out of every `detection_group` consecutive odd lines to detect
-    nonlinearity: random places keep products of regular gaps from hiding.
-
-    Parameters
-    ----------
-    period : float
-        Seconds.
-    band : float
-        Upper end of the band in Hz; the lowest line is 1/period.
-    grid : str
-        ``"full"`` (thesis) or ``"odd"``.
-    detection_group : int
-        Odd lines of which one is left out.
-    phases : str
-        ``"schroeder"`` (thesis), ``"clipped"`` (lowest crest factor, see
-        `lumbar.tissue.signals.multisine.clipped_phases`) or ``"zero"`` (an impulse train; only to compare with).
-    amplitude_exponent : float
-        Amplitudes are in proportion to f to this power; 0 is flat as in Eq. 3.1.
-    seed : int
-        For the detection lines.
+    On the odd grid one line, drawn at random, of every `detection_group` consecutive odd lines is left out to show nonlinearity;
+    products could hide in regular gaps.
 
     Raises
     ------
     InputError
-        If the grid or the phases are unknown, or the band has too few lines.
+        If the band has too few lines.
 
     References
     ----------
     R. Pintelon, J. Schoukens, System Identification: A Frequency Domain Approach (2012), section 4.3.
     """
-    if grid not in GRIDS or phases not in PHASE_RULES:
-        raise InputError(
-            f"multisine with grid {grid!r} and phases {phases!r}; grids: {', '.join(GRIDS)}; "
-            f"phases: {', '.join(PHASE_RULES)}"
-        )
+    period, group = settings.period_s, settings.detection_group
     lines = np.arange(1, int(np.floor(band * period + 1e-9)) + 1)
     even = left_out = np.array([], dtype=int)
-    if grid == "odd":
+    if settings.grid == "odd":
         odd, even = lines[::2], lines[1::2]
-        if len(odd) < 2 * detection_group:
+        if len(odd) < 2 * group:
             raise InputError(
-                f"an odd grid of {period:g} s period has {len(odd)} odd line(s) up to {band:g} Hz; at least "
-                f"{2 * detection_group} are needed with signals.multisine.detection_group {detection_group}"
+                f"an odd grid of {period:g} s period has {len(odd)} odd line(s) up to {band:g} Hz; at least {2 * group} are "
+                f"needed with signals.multisine.detection_group {group}"
             )
         rng = np.random.default_rng([seed, 2])
-        starts = range(0, len(odd) - detection_group + 1, detection_group)
-        left_out = np.array([odd[start + rng.integers(detection_group)] for start in starts])
+        starts = range(0, len(odd) - group + 1, group)
+        left_out = np.array([odd[start + rng.integers(group)] for start in starts])
         lines = np.setdiff1d(odd, left_out)
     elif not len(lines):
         raise InputError(
             f"a multisine of {period:g} s period has no line up to {band:g} Hz: lengthen period_s"
         )
-    shape = (lines / lines[0]) ** amplitude_exponent
+    shape = (lines / lines[0]) ** settings.amplitude_exponent
     amplitudes = shape / np.sqrt(np.sum(shape**2) / 2)
-    angles = np.zeros(len(lines)) if phases == "zero" else schroeder_phases(amplitudes)
-    if phases == "clipped":
+    angles = np.zeros(len(lines)) if settings.phases == "zero" else schroeder_phases(amplitudes)
+    if settings.phases == "clipped":
         angles = clipped_phases(lines, amplitudes, angles)
     return Multisine(period, lines, amplitudes, angles, even, left_out)

@@ -12,21 +12,13 @@ import scipy
 from lumbar.base.errors import InputError
 from lumbar.records.record import Record
 from lumbar.settings.signals import BandwidthSettings, WelchSettings
-from lumbar.tissue.signals.spectrum import (
-    QUANTITIES,
-    level_frequency,
-    position_psd,
-    power_share_frequency,
-    velocity_psd,
-)
+from lumbar.tissue.signals.spectrum import QUANTITIES, level_frequency, motion_psd, power_share_frequency
 
 if TYPE_CHECKING:
     import pandas as pd
 
 
-POOLED = "pooled"
-"""Name of the mean of all trials in the table of spectra."""
-PSD_UNITS = {"position": "mm²/Hz", "velocity": "(mm/s)²/Hz"}
+_PSD_UNITS = {"position": "mm²/Hz", "velocity": "(mm/s)²/Hz"}
 
 
 @dataclass(frozen=True)
@@ -34,16 +26,16 @@ class MotionSpectra:
     """Spectra of all trials on one set of frequencies."""
 
     names: tuple[str, ...]
+    """Trial of every row."""
     surgeons: tuple[str, ...]
-    """`names`, `surgeons`: trial and surgeon of every row."""
+    """Surgeon of every row."""
     frequency: np.ndarray
-    """Shape (lines,): Hz."""
+    """Shape (lines,), Hz."""
     psd: dict[str, np.ndarray]
-    """Shape (trials, lines): by quantity: ``"position"`` in mm²/Hz, ``"velocity"`` in (mm/s)²/Hz."""
+    """Spectra by quantity, shape (trials, lines): ``"position"`` in mm²/Hz, ``"velocity"`` in (mm/s)²/Hz."""
 
     def pooled(self, quantity: str) -> np.ndarray:
-        """Mean over surgeons of the mean over each one's trials, shape (lines,)."""
-        # Every surgeon has the same weight, for any number of trials.
+        """Return the mean over surgeons of the mean over their trials, shape (lines,)."""
         surgeons = len(set(self.surgeons))
         weights = np.array([1 / (surgeons * self.surgeons.count(surgeon)) for surgeon in self.surgeons])
         return weights @ self.psd[quantity]
@@ -52,25 +44,17 @@ class MotionSpectra:
 def motion_spectra(
     records: Sequence[Record], surgeons: Sequence[str], settings: WelchSettings
 ) -> MotionSpectra:
-    """Spectra of position and velocity of every trial.
-
-    Parameters
-    ----------
-    records : sequence of Record
-        With a channel ``position`` in mm.
-    surgeons : sequence of str
-        Who moved the tool, one per record.
+    """Return the spectra of position and velocity of trials with a channel ``position`` in mm, one surgeon per trial.
 
     Raises
     ------
     InputError
-        If a name is duplicate, or a trial is shorter than a segment, is not in mm, or has a rate with other
-        frequency lines than the rest.
+        If a name is duplicate, or a trial is shorter than a segment, is not in mm, or has a rate with other frequency lines
+        than the rest.
     """
     names = [record.name for record in records]
     for name in sorted({name for name in names if names.count(name) > 1}):
-        raise InputError(f"surgeon.records: {name!r} stands twice; names of trials must differ")
-    estimators = {"position": position_psd, "velocity": velocity_psd}
+        raise InputError(f"surgeon.records: duplicate name {name!r}; names of trials must differ")
     rows: dict[str, list[np.ndarray]] = {quantity: [] for quantity in QUANTITIES}
     lines = None
     for record in records:
@@ -81,7 +65,7 @@ def motion_spectra(
             )
         for quantity in QUANTITIES:
             try:
-                frequency, psd = estimators[quantity](record["position"], 1 / record.sampling_time, settings)
+                frequency, psd = motion_psd(record["position"], 1 / record.sampling_time, settings, quantity)
             except InputError as error:
                 raise InputError(f"{record.source or record.name}: {error}") from None
             lines = frequency if lines is None else lines
@@ -91,55 +75,40 @@ def motion_spectra(
                     f"{records[0].name} at {1 / records[0].sampling_time:g} Hz: set surgeon.rate_Hz"
                 )
             rows[quantity].append(psd)
-    return MotionSpectra(
-        names=tuple(names),
-        surgeons=tuple(surgeons),
-        frequency=lines,
-        psd={quantity: np.array(values) for quantity, values in rows.items()},
-    )
+    densities = {quantity: np.array(values) for quantity, values in rows.items()}
+    return MotionSpectra(tuple(names), tuple(surgeons), lines, densities)
 
 
 def spectra_table(spectra: MotionSpectra) -> pd.DataFrame:
-    """Spectra as a tidy table, one row per record, quantity and frequency; the mean is called ``pooled``."""
+    """Return the spectra as a tidy table, one row per record, quantity and frequency; ``pooled`` is the mean."""
     import pandas as pd
 
     parts = []
     for quantity, rows in spectra.psd.items():
         named = [*zip(spectra.names, spectra.surgeons, rows, strict=True)]
-        for name, surgeon, row in [*named, (POOLED, "all", spectra.pooled(quantity))]:
-            parts.append(
-                pd.DataFrame(
-                    {
-                        "record": name,
-                        "surgeon": surgeon,
-                        "quantity": quantity,
-                        "frequency_Hz": spectra.frequency,
-                        "psd": row,
-                        "unit": PSD_UNITS[quantity],
-                    }
-                )
-            )
+        for name, surgeon, row in [*named, ("pooled", "all", spectra.pooled(quantity))]:
+            columns = {"record": name, "surgeon": surgeon, "quantity": quantity}
+            columns |= {"frequency_Hz": spectra.frequency, "psd": row, "unit": _PSD_UNITS[quantity]}
+            parts.append(pd.DataFrame(columns))
     return pd.concat(parts, ignore_index=True)
 
 
 def motion_bandwidths(spectra: MotionSpectra, settings: BandwidthSettings, seed: int) -> dict:
-    """Bandwidths of the pooled spectra by both rules, with intervals, and those of every trial.
+    """Return the bandwidths of the pooled spectra by both rules, with intervals, and those of every trial.
 
-    The interval comes from a two-stage bootstrap: surgeons are drawn with replacement, then trials of each
-    drawn surgeon, since trials of one surgeon are alike. With few surgeons plain percentiles of the draws are
-    too narrow. The distances of the 16 % and 84 % points from the value on a logarithmic scale (one standard
-    deviation for normal draws) are therefore multiplied by Student's t with one degree of freedom less than
-    there are surgeons. Over simulated populations the interval of 95 % held the truth in 90 % of cases for 4
-    and for 12 surgeons, percentiles in 76 % and 90 %. With one surgeon only trials are drawn and the interval
-    says nothing of other surgeons; with one trial there is none.
+    The interval comes from a two-stage bootstrap: surgeons are drawn with replacement, then trials of each drawn surgeon, because
+    trials of one surgeon are similar. With few surgeons plain percentiles of the draws are too narrow. The distances of the 16 %
+    and 84 % points from the value on a logarithmic scale (one standard deviation of normal draws) are therefore multiplied by
+    Student's t with one degree of freedom less than there are surgeons. In simulated populations of 4 and 12 surgeons the
+    interval of 95 % covered the truth in 90 % of cases, percentiles in 76 % and 90 %. With one surgeon only trials are drawn
+    and the interval is not valid for other surgeons; one trial has no interval.
 
     Returns
     -------
     dict
-        ``position`` and ``velocity``, each with ``power_share`` and ``level``: ``value_Hz``, ``low_Hz``,
-        ``high_Hz`` (``None``: not within the analysis band, or no interval). ``power_share`` has also
-        ``without_limit_Hz``: the same rule on the whole spectrum, tremor and noise included. Beside them
-        ``analysis_band_Hz``, ``rules``, ``interval`` and ``trials``.
+        ``position`` and ``velocity``, each with ``power_share`` and ``level``: ``value_Hz``, ``low_Hz``, ``high_Hz`` (``None``:
+        not within the analysis band, or no interval). ``power_share`` has also ``without_limit_Hz``: the same rule on the
+        whole spectrum with tremor and noise. Further ``analysis_band_Hz``, ``rules``, ``interval`` and ``trials``.
 
     References
     ----------
@@ -155,9 +124,9 @@ def motion_bandwidths(spectra: MotionSpectra, settings: BandwidthSettings, seed:
     }
     for quantity in QUANTITIES:
         pooled = spectra.pooled(quantity)
-        draws = [_by_rule(spectra.frequency, row, settings) for row in weights @ spectra.psd[quantity]]
+        draws = [_apply_rules(spectra.frequency, row, settings) for row in weights @ spectra.psd[quantity]]
         result[quantity] = {}
-        for rule, value in _by_rule(spectra.frequency, pooled, settings).items():
+        for rule, value in _apply_rules(spectra.frequency, pooled, settings).items():
             low, high = _interval(
                 value, [draw[rule] for draw in draws], settings.confidence, freedom, settings.maximum_Hz
             )
@@ -178,7 +147,7 @@ def motion_bandwidths(spectra: MotionSpectra, settings: BandwidthSettings, seed:
         {
             "name": name,
             "surgeon": surgeon,
-            **{q: _by_rule(spectra.frequency, spectra.psd[q][index], settings) for q in QUANTITIES},
+            **{q: _apply_rules(spectra.frequency, spectra.psd[q][index], settings) for q in QUANTITIES},
         }
         for index, (name, surgeon) in enumerate(zip(spectra.names, spectra.surgeons, strict=True))
     ]
@@ -186,15 +155,9 @@ def motion_bandwidths(spectra: MotionSpectra, settings: BandwidthSettings, seed:
 
 
 def bandwidth_readings(bandwidths: dict) -> dict[str, dict[str, float | None]]:
-    """Return every reading of a bandwidth in hertz, by quantity and by the label of its rule; None if a rule gives none.
+    """Return every bandwidth of `motion_bandwidths` in hertz, by quantity and by the label of its rule; None if a rule has none.
 
-    The share of the power has two readings, below the upper end of the analysis band and of the whole spectrum: a single
-    bandwidth does not show how far the readings are apart.
-
-    Parameters
-    ----------
-    bandwidths : dict
-        As `motion_bandwidths` returns it.
+    The share of the power has two: below the upper end of the analysis band, and of the whole spectrum.
     """
     share = f"{100 * bandwidths['rules']['power_share']:g} % of the power"
     limit = f"below {bandwidths['analysis_band_Hz'][1]:g} Hz"
@@ -216,7 +179,9 @@ def readings_in_words(readings: dict[str, float | None]) -> str:
     )
 
 
-def _by_rule(frequency: np.ndarray, psd: np.ndarray, settings: BandwidthSettings) -> dict[str, float | None]:
+def _apply_rules(
+    frequency: np.ndarray, psd: np.ndarray, settings: BandwidthSettings
+) -> dict[str, float | None]:
     return {
         "power_share": power_share_frequency(frequency, psd, settings.power_share, settings.maximum_Hz),
         "level": level_frequency(frequency, psd, settings.level_dB, settings.maximum_Hz),
@@ -224,7 +189,7 @@ def _by_rule(frequency: np.ndarray, psd: np.ndarray, settings: BandwidthSettings
 
 
 def _bootstrap_weights(surgeons: Sequence[str], resamples: int, seed: int) -> np.ndarray:
-    """Weights of the trials in every resample, shape (resamples, trials); no rows for a single trial."""
+    """Return the weights of the trials in every resample, shape (resamples, trials); no rows for a single trial."""
     if len(surgeons) < 2:
         return np.empty((0, len(surgeons)))
     rng = np.random.default_rng([seed, 1])
@@ -232,21 +197,19 @@ def _bootstrap_weights(surgeons: Sequence[str], resamples: int, seed: int) -> np
     weights = np.zeros((resamples, len(surgeons)))
     for row in weights:
         for surgeon in rng.integers(len(trials), size=len(trials)):
-            own = trials[surgeon]
-            np.add.at(row, own[rng.integers(len(own), size=len(own))], 1 / (len(trials) * len(own)))
+            indices = trials[surgeon]
+            drawn = indices[rng.integers(len(indices), size=len(indices))]
+            np.add.at(row, drawn, 1 / (len(trials) * len(indices)))
     return weights
 
 
 def _interval(
     value: float | None, draws: list[float | None], confidence: float, freedom: int, maximum: float
 ) -> tuple[float | None, float | None]:
-    """Return the ends of an interval; ``None`` for an end that is not within the analysis band.
-
-    A draw that did not reach its level is above all others.
-    """
+    """Return the ends of an interval; ``None`` for an end that is not within the analysis band."""
     if value is None or not draws:
         return None, None
-    # "closest_observation" picks a draw: interpolating towards an infinite one would give NaN.
+    # A draw without level is above all others. "closest_observation" selects a draw: to interpolate towards inf would give NaN.
     ordered = np.array([np.inf if draw is None else draw for draw in draws])
     below, above = np.quantile(ordered, scipy.stats.norm.cdf([-1.0, 1.0]), method="closest_observation")
     widening = scipy.stats.t.ppf((1 + confidence) / 2, freedom)
