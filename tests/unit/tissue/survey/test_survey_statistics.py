@@ -192,9 +192,9 @@ def test_equivalence_is_two_one_sided_tests():
     # Both tests at 0.05 pass where the interval of 90 % lies inside; that of 95 % may reach out.
     result = compare_pairs(made([[1, 2, 3], [3, 2, 1]]), 0.95, 1000, 1)[0]
     inside = replace(result, low=0.43, narrow_low=0.45, narrow_high=0.55, high=0.57)
-    assert inside.equivalent(0.06)
-    assert not replace(inside, narrow_high=0.57).equivalent(0.06)
-    assert not replace(inside, narrow_low=0.43).equivalent(0.06)
+    assert inside.is_equivalent(0.06)
+    assert not replace(inside, narrow_high=0.57).is_equivalent(0.06)
+    assert not replace(inside, narrow_low=0.43).is_equivalent(0.06)
 
 
 def test_intervals_of_the_picks_are_the_closed_forms(ratings):

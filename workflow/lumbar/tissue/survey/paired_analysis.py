@@ -1,8 +1,7 @@
-"""The within-subject analysis of the ratings: every participant rated every model, and the tests use it.
+"""The within-subject analysis of the ratings, in which every participant rated every model.
 
-Ratings on a few points tie heavily and many differences are zero; tables of the signed-rank statistic (and
-``scipy.stats.wilcoxon(method="exact")``) hold for neither. Here the distribution is counted for the ranks at
-hand.
+Ratings on a few points have many ties, and many differences are zero; tables of the signed-rank statistic, and
+``scipy.stats.wilcoxon(method="exact")``, are valid for neither. Here the distribution is counted for the actual ranks.
 """
 
 from dataclasses import dataclass
@@ -16,45 +15,40 @@ from lumbar.tables.table import Table, table_from_schema
 from lumbar.tissue.survey.table_3_2 import Overall, holm, pairs, reality_notes
 
 EXACT_LIMIT = 500
-"""Most non-zero differences whose distribution is counted; above, the normal approximation is used."""
+"""Largest number of non-zero differences for which the distribution is counted; above, it is approximated as normal."""
 ZEROS = ("pratt", "wilcox")
-"""Ways to treat zero differences."""
+"""Treatments of zero differences."""
 
 
 @dataclass(frozen=True)
 class SignedRank:
-    """Result of the test."""
+    """Result of the signed-rank test."""
 
     statistic: float
     """Sum of the ranks of the positive differences, T+."""
     expected: float
-    """Its mean if signs were random."""
+    """Mean of the statistic for random signs."""
     p_value: float
     """Two-sided."""
     nonzero: int
     """Number of differences that are not zero."""
     exact: bool
-    """Whether the distribution was counted, not approximated."""
+    """The distribution was counted, not approximated."""
 
 
 def signed_rank_test(differences: np.ndarray, zeros: str = "pratt") -> SignedRank:
-    """Two-sided Wilcoxon signed-rank test of paired differences.
+    """Return the two-sided Wilcoxon signed-rank test of paired differences.
+
+    Above `EXACT_LIMIT` non-zero differences by a normal approximation (variance of the tied ranks, no continuity correction).
 
     Parameters
     ----------
     differences : numpy.ndarray, shape (pairs,)
-        First minus second value of each pair.
+        First minus second value of each pair; p = 1 if all are zero.
     zeros : {"pratt", "wilcox"}
-        ``"pratt"`` ranks zero differences with the others and then drops their ranks (J. W. Pratt, JASA 54,
-        1959, 655-667), so that many zeros speak for no difference; ``"wilcox"`` drops them before ranking.
-        Splitting the ranks of the zeros between the signs (zsplit) shifts the statistic of ``"pratt"`` by a
-        constant: its exact p-value is the same.
-
-    Returns
-    -------
-    SignedRank
-        p = 1 where all differences are zero. Above `EXACT_LIMIT` non-zero differences a normal approximation
-        (variance of the tied ranks, no continuity correction) takes the place of the exact distribution.
+        ``"pratt"`` ranks zero differences with the others and then drops their ranks (J. W. Pratt, JASA 54, 1959, 655-667), so
+        that many zeros are evidence of no difference; ``"wilcox"`` drops them before ranking. To split the ranks of the
+        zeros between the signs (zsplit) gives the exact p-value of ``"pratt"``.
     """
     from scipy.stats import norm, rankdata
 
@@ -64,8 +58,7 @@ def signed_rank_test(differences: np.ndarray, zeros: str = "pratt") -> SignedRan
     if zeros == "wilcox":
         differences = differences[differences != 0]
     ranks = rankdata(np.abs(differences)) if differences.size else np.zeros(0)
-    kept = differences != 0
-    ranks, positive = ranks[kept], differences[kept] > 0
+    ranks, positive = ranks[differences != 0], differences[differences != 0] > 0
     statistic, expected = float(ranks[positive].sum()), float(ranks.sum() / 2)
     nonzero = len(ranks)
     if nonzero <= EXACT_LIMIT:
@@ -78,46 +71,32 @@ def signed_rank_test(differences: np.ndarray, zeros: str = "pratt") -> SignedRan
 
 
 def positive_rank_sum_distribution(ranks: np.ndarray) -> np.ndarray:
-    """Probability of every value of the sum of randomly picked ranks.
+    """Return the probability of every value of the sum of randomly picked ranks, shape (2 * ranks.sum() + 1,).
 
-    Parameters
-    ----------
-    ranks : numpy.ndarray, shape (n,)
-        Whole or half ranks; each is picked with probability 1/2, independently.
-
-    Returns
-    -------
-    numpy.ndarray, shape (2 * ranks.sum() + 1,)
-        Entry ``s`` is the probability of the sum ``s / 2``. Built rank by rank from sums of positive terms,
-        so each entry is accurate to rounding even far out in the tails.
+    Whole or half ranks are picked independently with probability 1/2; entry ``s`` is the probability of the sum ``s / 2``. Sums
+    of positive terms make each entry accurate to rounding even in the tails.
     """
     doubled = np.rint(2 * np.asarray(ranks)).astype(int)
     probability = np.zeros(int(doubled.sum()) + 1)
     probability[0] = 1.0
-    reached = 0
+    largest = 0
     for rank in doubled:
-        shifted = probability[: reached + 1] / 2
-        probability[: reached + 1] = shifted
-        probability[rank : reached + rank + 1] += shifted
-        reached += rank
+        shifted = probability[: largest + 1] / 2
+        probability[: largest + 1] = shifted
+        probability[rank : largest + rank + 1] += shifted
+        largest += rank
     return probability
 
 
 def friedman(ratings: Ratings) -> tuple[Overall, float]:
-    """Friedman's test with tie correction, and Kendall's coefficient of concordance.
+    """Return Friedman's test with tie correction (chi-square approximation), and Kendall's coefficient of concordance.
 
-    Returns
-    -------
-    Overall
-        Chi-square approximation of Friedman's test.
-    float
-        Kendall's W = chi2 / (participants (models − 1)): 0 where the participants rank the models at random,
-        1 where all rank them alike.
+    Kendall's W = chi2 / (participants (models − 1)) is 0 if participants rank models at random, 1 if all rank them equally.
 
     Raises
     ------
     NumericalError
-        With fewer than three models, or if no participant tells any two models apart.
+        With fewer than three models, or if every participant rated all models equally.
     """
     from scipy.stats import friedmanchisquare
 
@@ -126,7 +105,7 @@ def friedman(ratings: Ratings) -> tuple[Overall, float]:
         raise NumericalError(f"Friedman's test: {models} models; it needs at least 3")
     if (np.ptp(ratings.scores, axis=1) == 0).all():
         raise NumericalError(
-            "Friedman's test: every participant rated all models alike; there is nothing to rank"
+            "Friedman's test: every participant rated all models equally; there is nothing to rank"
         )
     result = friedmanchisquare(*ratings.scores.T)
     dof = models - 1
@@ -135,34 +114,20 @@ def friedman(ratings: Ratings) -> tuple[Overall, float]:
 
 
 def vargha_delaney(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """Probability that a rating of the first model exceeds one of the second, ties counted half.
+    """Return the probability that a rating of the first model exceeds one of the second, ties counted half, shape (...).
 
-    Parameters
-    ----------
-    first, second : numpy.ndarray, shape (..., points)
-        How often each point of the scale was given, in rising order.
-
-    Returns
-    -------
-    numpy.ndarray, shape (...)
-        Â of A. Vargha and H. D. Delaney, J. Educ. Behav. Stat. 25 (2000) 101-132: 1/2 where neither tends to
-        be rated higher.
+    Â of A. Vargha and H. D. Delaney, J. Educ. Behav. Stat. 25 (2000) 101-132: 1/2 if neither tends to be higher. `first` and
+    `second` are the counts of every point of the scale, in rising order, shape (..., points).
     """
     below = np.cumsum(second, axis=-1) - second
     return (first * (below + second / 2)).sum(axis=-1) / (first.sum(axis=-1) * second.sum(axis=-1))
 
 
 def resampled_counts(ratings: Ratings, resamples: int, seed: list[int]) -> np.ndarray:
-    """Rating counts of bootstrap samples of participants, shape (resamples, models, scale_points).
+    """Return rating counts of bootstrap samples of participants, shape (resamples, models, scale_points).
 
-    Each sample draws whole participants with replacement, so ratings of one person stay together.
-    Participants with the same answers are drawn as one class (multinomially), which costs the same for 45
-    participants as for 45 000.
-
-    Parameters
-    ----------
-    seed : list of int
-        Seed of `numpy.random.default_rng`.
+    Whole participants are drawn with replacement, so that the ratings of one remain together. Participants with equal answers are
+    drawn as one class (multinomially): the cost does not depend on their number.
     """
     answers, frequency = np.unique(ratings.scores, axis=0, return_counts=True)
     drawn = np.random.default_rng(seed).multinomial(len(ratings), frequency / len(ratings), size=resamples)
@@ -171,61 +136,41 @@ def resampled_counts(ratings: Ratings, resamples: int, seed: list[int]) -> np.nd
     return np.tensordot(drawn.astype(float), given, axes=1)
 
 
-def superiority_interval(first: np.ndarray, second: np.ndarray, confidence: float) -> np.ndarray:
-    """Percentile bootstrap intervals of Vargha and Delaney's Â.
-
-    Parameters
-    ----------
-    first, second : numpy.ndarray, shape (resamples, points)
-        Rating counts of the two models in the same bootstrap samples.
-
-    Returns
-    -------
-    numpy.ndarray, shape (4,)
-        In rising order: the outer two are the interval, the inner two that of confidence 1 − 2 (1 −
-        confidence), which serves the two one-sided tests of equivalence.
-    """
-    tail = 1 - confidence
-    return np.quantile(vargha_delaney(first, second), [tail / 2, tail, 1 - tail, 1 - tail / 2])
-
-
 @dataclass(frozen=True)
 class PairedComparison:
     """Two models rated by the same participants."""
 
     first: str
     second: str
-    """`first`, `second`: the models."""
     higher: int
+    """Participants who rated the first model higher."""
     equal: int
     lower: int
-    """`higher`, `equal`, `lower`: participants who rated the first model higher than, like, or lower than the second."""
     test: SignedRank
-    """Wilcoxon's test of the differences, the zeros among them ranked (Pratt)."""
+    """Wilcoxon's test of the differences, with ranks of zeros (Pratt)."""
     p_holm: float
-    """Its p-value after Holm's correction over all pairs."""
+    """p-value of `test` after Holm's correction over all pairs."""
     test_without_zeros: SignedRank
-    """The same with zero differences dropped first (Wilcoxon)."""
+    """Wilcoxon's test after zero differences were dropped."""
     p_holm_without_zeros: float
     superiority: float
     """Vargha and Delaney's Â of the first model over the second."""
     low: float
+    """Lower end of its interval at the required confidence."""
     high: float
-    """`low`, `high`: interval of Â at the confidence asked for."""
     narrow_low: float
+    """Lower end of its interval of confidence 1 − 2 (1 − confidence), for the two one-sided tests of equivalence."""
     narrow_high: float
-    """`narrow_low`, `narrow_high`: interval that serves the two one-sided tests of equivalence, of confidence 1 − 2 (1 −
-    confidence)."""
 
-    def equivalent(self, margin: float) -> bool:
-        """Whether two one-sided tests show Â to lie within `margin` of 1/2 (inclusion of the interval)."""
+    def is_equivalent(self, margin: float) -> bool:
+        """Return whether two one-sided tests show Â to be within `margin` of 1/2 (inclusion of the interval)."""
         return 0.5 - margin <= self.narrow_low and self.narrow_high <= 0.5 + margin
 
 
 def compare_pairs(ratings: Ratings, confidence: float, resamples: int, seed: int) -> list[PairedComparison]:
     """Compare every pair of models within participants, in the order of `lumbar.tissue.survey.table_3_2.pairs`.
 
-    Both ways to treat zero differences are computed: none is wrong, and a result that hangs on one is none.
+    Zero differences are ranked and dropped: trust a result only if both treatments agree.
     """
     differences = {pair: ratings.scores_of(pair[0]) - ratings.scores_of(pair[1]) for pair in pairs(ratings)}
     ranked, dropped = ([signed_rank_test(item, zeros) for item in differences.values()] for zeros in ZEROS)
@@ -234,16 +179,17 @@ def compare_pairs(ratings: Ratings, confidence: float, resamples: int, seed: int
     )
     counts = dict(zip(ratings.models, ratings.counts(), strict=True))
     drawn = np.moveaxis(resampled_counts(ratings, resamples, [seed, 1]), 1, 0)
-    samples = dict(zip(ratings.models, drawn, strict=True))
+    samples, tail = dict(zip(ratings.models, drawn, strict=True)), 1 - confidence
     comparisons = []
-    for number, (pair, difference) in enumerate(differences.items()):
-        low, narrow_low, narrow_high, high = superiority_interval(
-            samples[pair[0]], samples[pair[1]], confidence
+    for number, ((first, second), difference) in enumerate(differences.items()):
+        # Percentiles of bootstrap samples.
+        low, narrow_low, narrow_high, high = np.quantile(
+            vargha_delaney(samples[first], samples[second]), [tail / 2, tail, 1 - tail, 1 - tail / 2]
         )
         comparisons.append(
             PairedComparison(
-                first=pair[0],
-                second=pair[1],
+                first=first,
+                second=second,
                 higher=int((difference > 0).sum()),
                 equal=int((difference == 0).sum()),
                 lower=int((difference < 0).sum()),
@@ -251,7 +197,7 @@ def compare_pairs(ratings: Ratings, confidence: float, resamples: int, seed: int
                 p_holm=float(adjusted[number]),
                 test_without_zeros=dropped[number],
                 p_holm_without_zeros=float(adjusted_dropped[number]),
-                superiority=float(vargha_delaney(counts[pair[0]], counts[pair[1]])),
+                superiority=float(vargha_delaney(counts[first], counts[second])),
                 low=float(low),
                 high=float(high),
                 narrow_low=float(narrow_low),
@@ -264,7 +210,7 @@ def compare_pairs(ratings: Ratings, confidence: float, resamples: int, seed: int
 def paired_table(
     ratings: Ratings, comparisons: list[PairedComparison], settings: SurveySettings, source_label: str
 ) -> Table:
-    """Table of the within-subject analysis: one row per pair of models."""
+    """Return the table of the within-subject analysis: one row per pair of models."""
     margin = settings.negligible_A
     rows = [
         {
@@ -283,11 +229,11 @@ def paired_table(
             "A": item.superiority,
             "A_low": item.low,
             "A_high": item.high,
-            "equivalent": "yes" if item.equivalent(margin) else "not shown",
+            "equivalent": "yes" if item.is_equivalent(margin) else "not shown",
         }
         for item in comparisons
     ]
-    words = {
+    fields = {
         "percent": 100 * settings.confidence,
         "resamples": settings.resamples,
         "margin": margin,
@@ -298,7 +244,7 @@ def paired_table(
         "survey_paired",
         rows,
         source_label,
-        words,
+        fields,
         notes=_notes(ratings, comparisons, margin),
     )
 
@@ -312,10 +258,10 @@ def _notes(ratings: Ratings, comparisons: list[PairedComparison], margin: float)
     for item in comparisons:
         if (item.p_holm < 0.05) != (item.p_holm_without_zeros < 0.05):
             notes.append(
-                f"{item.first} and {item.second}: whether they differ hangs on how zero differences are treated (adjusted p "
+                f"{item.first} and {item.second}: whether they differ depends on how zero differences are treated (adjusted p "
                 f"{item.p_holm:#.2g} with their ranks, {item.p_holm_without_zeros:#.2g} without): not decided."
             )
-        if item.test.p_value >= 0.05 and not item.equivalent(margin):
+        if item.test.p_value >= 0.05 and not item.is_equivalent(margin):
             notes.append(
                 f"{item.first} and {item.second}: p = {item.test.p_value:#.2g} is not equivalence; A may lie anywhere from "
                 f"{item.low:.2f} to {item.high:.2f}."

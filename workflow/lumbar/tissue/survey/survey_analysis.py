@@ -1,4 +1,4 @@
-"""The whole survey in one call: its three tables, the models picked as the best, and all results as plain data."""
+"""The complete survey analysis: three tables, the models picked as the best, and all results as plain data."""
 
 from dataclasses import asdict, dataclass
 
@@ -27,23 +27,24 @@ class PickShares:
 
     models: tuple[str, ...]
     picks: np.ndarray
-    """Shape (models,)."""
+    """Number of picks, shape (models,)."""
     share: np.ndarray
     """Shape (models,)."""
     wilson: np.ndarray
-    """Shape (models, 2): ends of each model's own interval."""
+    """Ends of each model's interval, shape (models, 2)."""
     goodman: np.ndarray
-    """Shape (models, 2): ends of the intervals that hold for all models together."""
+    """Ends of the simultaneous intervals of all models, shape (models, 2)."""
+
+    def drop(self, model: str) -> np.ndarray:
+        """Return the picks of all other models."""
+        return self.picks[[other != model for other in self.models]]
 
 
 def pick_shares(ratings: Ratings, confidence: float) -> PickShares:
-    """Share of best picks of every model with two kinds of intervals.
+    """Return the share of best picks of every model with two kinds of intervals at a confidence, e.g. 0.95.
 
-    Parameters
-    ----------
-    confidence : float
-        E.g. 0.95: of each Wilson interval by itself (E. B. Wilson, JASA 22, 1927, 209-212), and of all
-        Goodman intervals together (L. A. Goodman, Technometrics 7, 1965, 247-254).
+    Separate intervals (E. B. Wilson, JASA 22, 1927, 209-212), and simultaneous ones (L. A. Goodman, Technometrics 7, 1965,
+    247-254).
     """
     from statsmodels.stats.proportion import multinomial_proportions_confint, proportion_confint
 
@@ -54,12 +55,12 @@ def pick_shares(ratings: Ratings, confidence: float) -> PickShares:
 
 
 def equal_shares_test(picks: np.ndarray) -> Overall:
-    """Pearson's chi-square test that all models are picked equally often; picks of shape (models,).
+    """Return Pearson's chi-square test that all models are picked equally often; picks of shape (models,).
 
     Raises
     ------
     NumericalError
-        If nobody picked any of the models, or fewer than two models are compared.
+        If there are no picks, or fewer than two models.
     """
     from scipy.stats import chisquare
 
@@ -71,15 +72,10 @@ def equal_shares_test(picks: np.ndarray) -> Overall:
     return Overall(float(result.statistic), len(picks) - 1, float(result.pvalue))
 
 
-def without(shares: PickShares, baseline: str) -> np.ndarray:
-    """Return the picks of all models but the baseline."""
-    return shares.picks[[model != baseline for model in shares.models]]
-
-
 def best_picks_table(
     ratings: Ratings, shares: PickShares, baseline: str, confidence: float, source_label: str
 ) -> Table:
-    """Table of the best picks: one row per model."""
+    """Return the table of the best picks: one row per model."""
     frame = pd.DataFrame(
         {
             "model": shares.models,
@@ -91,17 +87,13 @@ def best_picks_table(
             "goodman_high": 100 * shares.goodman[:, 1],
         }
     )
-    notes = (*_notes(shares, baseline), *reality_notes(ratings))
-    words = {"confidence": f"{100 * confidence:g} %"}
-    return table_from_schema("tissue/survey", "survey_best_picks", frame, source_label, words, notes=notes)
-
-
-def _notes(shares: PickShares, baseline: str) -> tuple[str, ...]:
     notes = [_verdict("all models", shares.picks)]
     rest = [model for model in shares.models if model != baseline]
-    if len(rest) > 1 and without(shares, baseline).sum():
-        notes.append(_verdict(f"{', '.join(rest)} (without {baseline})", without(shares, baseline)))
-    return tuple(notes)
+    if len(rest) > 1 and shares.drop(baseline).sum():
+        notes.append(_verdict(f"{', '.join(rest)} (without {baseline})", shares.drop(baseline)))
+    notes += reality_notes(ratings)
+    fields = {"confidence": f"{100 * confidence:g} %"}
+    return table_from_schema("tissue/survey", "survey_best_picks", frame, source_label, fields, notes=notes)
 
 
 def _verdict(models: str, picks: np.ndarray) -> str:
@@ -116,7 +108,7 @@ def _verdict(models: str, picks: np.ndarray) -> str:
 
 @dataclass(frozen=True)
 class SurveyAnalysis:
-    """What the survey shows."""
+    """Tables and results of a survey."""
 
     tables: dict[str, Table]
     """``table_3_2`` as published, ``survey_paired`` within participants, ``survey_best_picks``."""
@@ -142,13 +134,12 @@ def analyse_survey(
 
 def describe_participants(ratings: Ratings) -> dict:
     """Count the participants, with count and percentage of every group and level of experience."""
-    total = len(ratings)
 
     def share(count: int) -> dict:
-        return {"count": count, "percent": 100 * count / total}
+        return {"count": count, "percent": 100 * count / len(ratings)}
 
     return {
-        "number": total,
+        "number": len(ratings),
         "groups": {name: share(int(np.sum(answers))) for name, answers in ratings.groups.items()},
         "experience": {level: share(ratings.experience.count(level)) for level in ratings.experience_levels},
         "sources": list(ratings.sources),
@@ -160,7 +151,7 @@ def _results(
 ) -> dict:
     overall, concordance = friedman(ratings)
     p_values = mann_whitney(ratings)
-    rest = without(shares, baseline)
+    rest = shares.drop(baseline)
     return {
         "schema": "lumbar.survey/1",
         "data": label,
@@ -185,7 +176,6 @@ def _results(
         },
         "equal_shares": {
             "all": asdict(equal_shares_test(shares.picks)),
-            # Nobody may have picked any other model than the baseline.
             "without_baseline": asdict(equal_shares_test(rest)) if rest.sum() else None,
             "baseline": baseline,
         },

@@ -1,7 +1,7 @@
 """Table 3.2 as the thesis computed it: medians, modes, Kruskal-Wallis, Mann-Whitney, Holm.
 
-The tests treat the ratings of two models as independent samples, although every participant rated all models;
-`lumbar.tissue.survey.paired_analysis` holds the analysis that uses the pairing.
+The tests treat the ratings of two models as independent samples, although every participant rated all models; see
+`lumbar.tissue.survey.paired_analysis`.
 """
 
 from dataclasses import dataclass
@@ -17,18 +17,18 @@ from lumbar.tables.table import Table, table_from_schema
 
 @dataclass(frozen=True)
 class Overall:
-    """A test of all models at once."""
+    """A test of all models together."""
 
     statistic: float
     """Test statistic, corrected for ties."""
     dof: int
     """Degrees of freedom of its chi-square approximation."""
     p_value: float
-    """Probability of a statistic at least as large if all models were rated alike."""
+    """Probability of a statistic at least as large if all models were rated equally."""
 
 
 def reality_notes(ratings: Ratings) -> tuple[str, ...]:
-    """Remark for every table of answers that were reconstructed and never given; empty for real answers."""
+    """Return a remark for tables of reconstructed answers; empty for real answers."""
     if NOT_REAL not in ratings.sources:
         return ()
     return (
@@ -39,19 +39,19 @@ def reality_notes(ratings: Ratings) -> tuple[str, ...]:
 
 
 def pairs(ratings: Ratings) -> list[tuple[str, str]]:
-    """All pairs of models in the order of the table."""
+    """Return all pairs of models in the order of the table."""
     return list(combinations(ratings.models, 2))
 
 
 def holm(p_values: np.ndarray) -> np.ndarray:
-    """Holm's step-down adjustment of a family of p-values (S. Holm, Scand. J. Stat. 6, 1979, 65-70)."""
+    """Return p-values after Holm's step-down adjustment (S. Holm, Scand. J. Stat. 6, 1979, 65-70)."""
     from statsmodels.stats.multitest import multipletests
 
     return multipletests(p_values, method="holm")[1]
 
 
 def kruskal_wallis(ratings: Ratings) -> Overall:
-    """Kruskal-Wallis H-test with tie correction (section 3.2.3.2 of the thesis).
+    """Return the Kruskal-Wallis H-test with tie correction (section 3.2.3.2 of the thesis).
 
     Raises
     ------
@@ -67,40 +67,28 @@ def kruskal_wallis(ratings: Ratings) -> Overall:
 
 
 def mann_whitney(ratings: Ratings) -> np.ndarray:
-    """Two-sided Mann-Whitney p-value of every pair of models, shape (pairs,), in the order of `pairs`.
+    """Return the two-sided Mann-Whitney p-value of every pair of models, shape (pairs,), in the order of `pairs`.
 
-    Normal approximation with correction for ties and for continuity: the exact distribution of the statistic
-    does not hold for tied ratings. Two models whose ratings are all one and the same value have p = 1.
+    Normal approximation with correction for ties and for continuity, because the exact distribution is not valid for ties. If
+    all ratings of two models are equal, p = 1.
     """
     from scipy.stats import mannwhitneyu
 
     p_values = []
     for a, b in pairs(ratings):
-        both = np.concatenate([ratings.scores_of(a), ratings.scores_of(b)])
-        if np.ptp(both) == 0:
-            p_values.append(1.0)
-            continue
-        result = mannwhitneyu(
-            ratings.scores_of(a),
-            ratings.scores_of(b),
-            alternative="two-sided",
-            method="asymptotic",
-            use_continuity=True,
-        )
-        p_values.append(float(result.pvalue))
+        both = ratings.scores_of(a), ratings.scores_of(b)
+        are_equal = np.ptp(np.concatenate(both)) == 0
+        p_values.append(1.0 if are_equal else float(mannwhitneyu(*both, method="asymptotic").pvalue))
     return np.array(p_values)
 
 
 def modes(counts: np.ndarray) -> str:
-    """Every rating that was given most often, e.g. ``"4"``, or ``"3/4"`` for two modes."""
+    """Return the most frequent ratings, e.g. ``"4"``, or ``"3/4"`` for two modes."""
     return "/".join(str(point) for point in np.flatnonzero(counts == counts.max()) + 1)
 
 
-def print_p_value(p_value: float) -> str:
-    """Write a p-value as the thesis prints it: ``<0.001``, ``<0.05`` or the value to one decimal.
-
-    A value from 0.05 to 0.1 keeps two significant digits, since one decimal would hide on which side it lies.
-    """
+def format_p_value(p_value: float) -> str:
+    """Return a p-value in the thesis's format: ``<0.001``, ``<0.05`` or one decimal; two digits from 0.05 to 0.1."""
     if p_value < 0.001:
         return "<0.001"
     if p_value < 0.05:
@@ -109,7 +97,7 @@ def print_p_value(p_value: float) -> str:
 
 
 def table_3_2(ratings: Ratings, source_label: str) -> Table:
-    """Table 3.2 of the thesis, one row per model; the p-value of a pair stands in the row of its first model."""
+    """Return Table 3.2 of the thesis, one row per model; the p-value of a pair is in the row of its first model."""
     counts, participants = ratings.counts(), len(ratings)
     columns: dict[str, list] = {
         "model": list(ratings.models),
@@ -123,16 +111,16 @@ def table_3_2(ratings: Ratings, source_label: str) -> Table:
     for prefix, values in (
         ("p", p_values.tolist()),
         ("p_holm", adjusted.tolist()),
-        ("printed", [print_p_value(value) for value in p_values]),
+        ("printed", [format_p_value(value) for value in p_values]),
     ):
         by_pair = dict(zip(pairs(ratings), values, strict=True))
         for second in ratings.models[1:]:
             columns[f"{prefix}_vs_{second}"] = [by_pair.get((first, second)) for first in ratings.models]
-    words = {"points": ratings.scale_points, "pairs": len(pairs(ratings))}
+    fields = {"points": ratings.scale_points, "pairs": len(pairs(ratings))}
     first = tuple(name for name in columns if not name.startswith("p_"))  # the thesis's columns
     notes = _notes(ratings, p_values, adjusted)
     return table_from_schema(
-        "tissue/survey", "table_3_2", pd.DataFrame(columns), source_label, words, notes=notes, first=first
+        "tissue/survey", "table_3_2", pd.DataFrame(columns), source_label, fields, notes=notes, first=first
     )
 
 
@@ -149,6 +137,6 @@ def _notes(ratings: Ratings, p_values: np.ndarray, adjusted: np.ndarray) -> tupl
         "Pairs that lose significance at 0.05 by Holm's correction: " + (", ".join(changed) or "none") + ".",
         "Every participant rated all models, so the ratings are not independent samples as these tests assume: see the "
         "within-subject analysis (survey_paired).",
-        "A large p-value is no proof that two models are rated alike.",
+        "A large p-value does not prove that two models are rated equally.",
         *reality_notes(ratings),
     )
