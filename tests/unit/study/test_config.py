@@ -36,15 +36,13 @@ def config() -> dict:
     return overlay({name: {} for name in ("survey", "runtime", "stability")}, study_config())
 
 
-def recorded(config, root) -> dict:
+SOURCE = {"name": "Survey of laboratory X", "licence": "CC BY 4.0", "obtain": "https://example.org/data"}
+
+
+def recorded(config, root, **changes) -> dict:
     """Return the survey alone, with recordings in `root`."""
-    source = {"name": "Survey of laboratory X", "licence": "CC BY 4.0", "obtain": "https://example.org/data"}
-    return {**config} | {
-        "data": "recordings",
-        "data_root": str(root),
-        "data_source": source,
-        "chapters": ["survey"],
-    }
+    study = {"data": "recordings", "data_root": str(root), "data_source": SOURCE, "chapters": ["survey"]}
+    return {**config, **study, **changes}
 
 
 def test_the_default_study_is_sound(config, folder):
@@ -93,9 +91,8 @@ def test_a_record_set_names_its_base_and_with_it_its_layout(config, folder):
     assert "tissue has the base pendulum and no records" in refusal(load_study, config, folder)
     config["improvement"]["record_sets"][2]["base"] = "HO"
     allowed = "auto, LE, Maxwell, KV, KB, KV-mass, KB-mass, LE-contact, KV-contact, KB-contact, pendulum"
-    assert f'improvement.record_sets.2.base: found "HO"; allowed: {allowed}' in refusal(
-        load_study, config, folder
-    )
+    message = refusal(load_study, config, folder)
+    assert f'improvement.record_sets.2.base: found "HO"; allowed: {allowed}' in message
 
 
 def test_all_wrong_keys_are_named_at_once(config, folder):
@@ -129,10 +126,9 @@ ALIAS = "allowed: text, {mean}, {between, share}, {from, offset_m}, list of text
         ),
     ],
 )
-def test_what_keys_say_together_is_refused_where_it_cannot_be(config, folder, changes, words):
+def test_contradictions_between_keys_are_reported(config, folder, changes, words):
     message = refusal(load_study, overlay(config, changes), folder)
-    for word in words:
-        assert word in message
+    assert all(word in message for word in words)
 
 
 def test_records_of_several_axes_leave_out_what_takes_one(config, folder):
@@ -214,44 +210,26 @@ def test_python_of_one_s_own_project_is_run_and_nothing_of_no_project(stranger, 
     assert not Path("ran").exists()
 
 
-def test_an_absent_data_root_names_source_licence_and_where_to_get_it(config, folder, monkeypatch):
+def test_missing_recordings_name_source_licence_and_where_to_get_them(config, folder, monkeypatch):
     monkeypatch.delenv("LUMBAR_DATA", raising=False)
-    message = refusal(load_study, recorded(config, folder / "nowhere"), folder)
-    for words in (
-        "Survey of laboratory X",
-        "CC BY 4.0",
-        "https://example.org/data",
-        "nowhere",
-        "LUMBAR_DATA",
-    ):
-        assert words in message
-    assert "data_root: not set" in refusal(load_study, recorded(config, "x") | {"data_root": None}, folder)
-    assert "data_source: missing" in refusal(
-        load_study, recorded(config, folder) | {"data_source": None}, folder
-    )
+    (data := folder / "data").mkdir()
+    for root, problem in ((folder / "nowhere", "LUMBAR_DATA"), ("data", f"survey.csv is not in {data}")):
+        message = refusal(load_study, recorded(config, root), folder)
+        assert all(text in message for text in (*SOURCE.values(), problem))
+    for key, problem in (("data_root", "data_root: not set"), ("data_source", "data_source: missing")):
+        assert problem in refusal(load_study, recorded(config, "x", **{key: None}), folder)
 
 
-def test_an_absent_recording_names_its_source(config, folder):
-    (folder / "data").mkdir()
-    message = refusal(load_study, recorded(config, "data"), folder)
-    assert f"survey.csv is not in {folder / 'data'}" in message
-    assert "CC BY 4.0" in message
-
-
-def test_the_environment_variable_replaces_the_data_root(config, folder, monkeypatch):
+def test_recordings_are_in_a_folder_or_an_object_store(config, folder, monkeypatch):
+    study = load_study(recorded(config, "s3://lab/recordings/"), folder)
+    assert study.recording("survey.csv") == "s3://lab/recordings/survey.csv"
+    assert (study.remote, study.synthetic) == (True, False)
     (folder / "data").mkdir()
     (folder / "data" / "survey.csv").write_text("x")
     monkeypatch.setenv("LUMBAR_DATA", str(folder / "data"))
     study = load_study(recorded(config, "nowhere"), folder)
     assert study.recording("survey.csv") == str(folder / "data" / "survey.csv")
-    assert study.data_label == "Survey of laboratory X"
-    assert not study.synthetic
-
-
-def test_a_data_root_may_be_a_place_in_an_object_store(config, folder):
-    study = load_study(recorded(config, "s3://lab/recordings/"), folder)
-    assert study.recording("survey.csv") == "s3://lab/recordings/survey.csv"
-    assert (study.remote, study.synthetic) == (True, False)
+    assert (study.data_label, study.synthetic) == ("Survey of laboratory X", False)
 
 
 @pytest.mark.parametrize(
@@ -280,10 +258,7 @@ def test_subject_files_are_checked_too(config, folder):
     subject.write_text(yaml.safe_dump(content), encoding="utf-8")
     config["lifting"]["subjects"] = ["expert", "novice", "nobody"]
     message = refusal(load_study, config, folder)
-    assert (
-        "config/subjects/novice.yaml, line 4: subject.mass_kg: found -70; allowed: number > 0, ≤ 400 kg"
-        in message
-    )
+    assert "config/subjects/novice.yaml, line 4: subject.mass_kg: found -70; allowed: number > 0" in message
     assert "no file config/subjects/nobody.yaml; there are: " in message
 
 
@@ -293,9 +268,7 @@ def test_a_person_of_a_study_has_trials(config, folder):
     lines = subject.read_text(encoding="utf-8").splitlines()
     kept = [line for line in lines if not line.lstrip().startswith(("- {", "trials:"))]
     subject.write_text("\n".join([*kept, "  trials: []"]), encoding="utf-8")
-    assert "novice has no trials; list its recordings in config/subjects" in refusal(
-        load_study, config, folder
-    )
+    assert "lifting.subjects: novice has no trials" in refusal(load_study, config, folder)
 
 
 def test_what_the_twin_cannot_lift_is_refused_with_file_and_line(config, folder):
@@ -352,13 +325,6 @@ def test_plain_data_come_back_as_the_settings_they_were():
     assert StudySettings.model_validate(yaml.safe_load(written)) == settings
 
 
-def problems_of(path, content: bytes) -> list[str]:
-    path.write_bytes(content)
-    problems = Problems("x")
-    read_yaml(path, problems, "a.yaml")
-    return problems.entries
-
-
 def test_content_and_lines(tmp_path):
     text = "a: 1\nb:\n  c: [x, {d: 2}]\n  e: &e {f: 3}\ng:\n  <<: *e\n  h: 1.5e+3\n"
     (tmp_path / "a.yaml").write_text(text, encoding="utf-8")
@@ -375,24 +341,15 @@ def test_content_and_lines(tmp_path):
     ("content", "words"),
     [
         (b"a: 1\n\tb: 2\n", "a.yaml, line 2: not valid YAML: while scanning"),
-        (
-            b"a: !!python/object/apply:os.system [ls]\n",
-            "a.yaml, line 1: a: tag 'tag:yaml.org,2002:python/object",
-        ),
+        (b"a: !!python/object/apply:os.system [ls]\n", "a.yaml, line 1: a: tag 'tag:yaml.org,2002:python"),
         (b"a: 1\n---\nb: 2\n", "not valid YAML"),
-        (
-            "a: 1\nb: Prüfstand\n".encode("latin-1"),
-            "a.yaml, line 2: byte 0xfc is not UTF-8; save the file in",
-        ),
+        ("a: 1\nb: Prüfstand\n".encode("latin-1"), "a.yaml, line 2: byte 0xfc is not UTF-8"),
         (b"a: 1\nb: {c: 2,\n  c: 3}\na: 4\n", "a.yaml, lines 1 and 4: duplicate key 'a'; keep one"),
         (b"a: 1\nb: {c: 2,\n  c: 3}\na: 4\n", "a.yaml, lines 2 and 3: duplicate key 'b.c'"),
         (b"- 1\n", "a.yaml: no mapping"),
         (b"a: " + b"[" * 1000 + b"]" * 1000, "a.yaml: nested too deep"),
-        (
-            b"b: 1\na: " + b"9" * 200,
-            "a.yaml, line 2: a: a number of 200 digits; numbers have at most 100 digits",
-        ),
-        (b"a: " + b"9" * 5000, "a.yaml, line 1: a: a number of 5000 digits; numbers have at most 100 digits"),
+        (b"b: 1\na: " + b"9" * 200, "a.yaml, line 2: a: a number of 200 digits"),
+        (b"a: " + b"9" * 5000, "a.yaml, line 1: a: a number of 5000 digits"),
         (b"a: &a [x, x, x, x, x, x, x, x, x, x]\n", ""),
         (
             b"a: &a [x, x, x, x, x, x, x, x, x]\n"
@@ -404,10 +361,12 @@ def test_content_and_lines(tmp_path):
         (b"a: " + b"x" * 1_100_000, "at most 1000000 are read"),
     ],
 )
-def test_faults(tmp_path, content, words):
-    found = problems_of(tmp_path / "a.yaml", content)
-    assert bool(found) == bool(words)
-    assert words in " ".join(found)
+def test_faults_of_yaml_are_reported_with_their_lines(tmp_path, content, words):
+    (tmp_path / "a.yaml").write_bytes(content)
+    problems = Problems("x")
+    read_yaml(tmp_path / "a.yaml", problems, "a.yaml")
+    assert bool(problems.entries) == bool(words)
+    assert words in " ".join(problems.entries)
 
 
 def test_messages_name_the_file_that_said_it_last(tmp_path):
@@ -415,12 +374,8 @@ def test_messages_name_the_file_that_said_it_last(tmp_path):
     upper.write_text("title: x\nsurvey:\n  confidence: 95\n  note: a\n  note: b\nseed: 5\n")
     lower = tmp_path / "lower.yaml"
     lower.write_text("chapters: [survey]\nsurvey: {confidence: 0.9, resamples: 3}\n")
-    config = {
-        "title": "x",
-        "chapters": ["survey"],
-        "survey": {"confidence": 95, "note": "b", "resamples": 3},
-        "seed": -5,
-    }
+    survey = {"confidence": 95, "note": "b", "resamples": 3}
+    config = {"title": "x", "chapters": ["survey"], "survey": survey, "seed": -5}
     message = refusal(load_study, config, PROJECT, [lower, upper])
     assert f"{upper}, line 3: survey.confidence: found 95" in message
     assert f"{lower}, line 2: survey.resamples: found 3" in message
@@ -448,9 +403,7 @@ def test_a_bad_value_of_the_command_line_is_at_no_line_of_a_file(config, given, 
 def test_a_bad_value_of_a_file_is_at_its_line_with_a_command_line_too(tmp_path, config):
     study = tmp_path / "study.yaml"
     study.write_text("lifting:\n  filter: {order: 99}\n")
-    merged = overlay(
-        overlay(config, {"lifting": {"filter": {"order": 99}}}), {"lifting": {"filter": {"cutoff_Hz": 5}}}
-    )
+    merged = overlay(config, {"lifting": {"filter": {"order": 99, "cutoff_Hz": 5}}})
     message = refusal(load_study, merged, PROJECT, [*(PROJECT / path for path in DEFAULT_FILES), study])
     assert f"{study}, line 2: lifting.filter.order: found 99" in message
 

@@ -35,16 +35,8 @@ def driven(*keys, values):
 
 
 def reference(rates, states=2):
-    return solve_ivp(
-        rates,
-        (0, TIME[-1]),
-        np.zeros(states),
-        t_eval=TIME,
-        rtol=1e-9,
-        atol=1e-11,
-        max_step=STEP,
-        method="LSODA",
-    ).y[0]
+    settings = {"t_eval": TIME, "rtol": 1e-9, "atol": 1e-11, "max_step": STEP, "method": "LSODA"}
+    return solve_ivp(rates, (0, TIME[-1]), np.zeros(states), **settings).y[0]
 
 
 def left(time, position, speed):
@@ -111,18 +103,13 @@ def test_sensitivities_match_differences_of_motions(key):
         parameters, found, [(name, 1e-6 * value) for name, value in parameters.items()], True
     )
     for column, (name, value) in enumerate(parameters.items()):
-        ends = [
-            drive.motion({**parameters, name: value * (1 + way * 1e-5)}, start, found.points).position
-            for way in (1, -1)
-        ]
-        difference = (ends[0] - ends[1]) / (2e-5 * value)
+        changed = ({**parameters, name: value * (1 + sign * 1e-5)} for sign in (1, -1))
+        more, less = (drive.motion(item, start, found.points).position for item in changed)
+        difference = (more - less) / (2e-5 * value)
         np.testing.assert_allclose(slopes[:, column], difference, atol=1e-4 * np.abs(difference).max())
     moved = drive.motion(parameters, start + 1e-5 * np.eye(len(start))[0], found.points).position
-    np.testing.assert_allclose(
-        slopes[:, len(parameters)],
-        (moved - found.position) / 1e-5,
-        atol=1e-3 * np.abs(slopes[:, len(parameters)]).max(),
-    )
+    by_start = slopes[:, len(parameters)]
+    np.testing.assert_allclose(by_start, (moved - found.position) / 1e-5, atol=1e-3 * np.abs(by_start).max())
 
 
 COMPLIANCES = {
@@ -234,18 +221,18 @@ def acceleration_error(item):
     return np.sqrt(np.mean((Motion.of(item).acceleration - exact)[50:] ** 2))
 
 
-@pytest.mark.parametrize(
-    ("made", "allowed"),
-    [
-        ({"decimals": 6}, 2e-3),
-        ({"decimals": 4}, 0.03),
-        ({"decimals": 3}, 0.15),
-        ({"noise": 1e-4}, 0.06),
-        ({"noise": 1e-3}, 0.3),
-    ],
-)
-def test_smooth_angle_keeps_noise_out_of_acceleration(made, allowed):
-    measured = record(**made)
+FAULTS = [
+    ("decimals", 6, 2e-3),
+    ("decimals", 4, 0.03),
+    ("decimals", 3, 0.15),
+    ("noise", 1e-4, 0.06),
+    ("noise", 1e-3, 0.3),
+]
+
+
+@pytest.mark.parametrize(("fault", "size", "allowed"), FAULTS)
+def test_smooth_angle_keeps_noise_out_of_acceleration(fault, size, allowed):
+    measured = record(**{fault: size})
     assert acceleration_error(smooth_angle(measured)) < allowed
     assert acceleration_error(smooth_angle(measured)) < 0.2 * acceleration_error(measured)
 
@@ -254,9 +241,7 @@ def test_angle_in_degrees_is_rejected():
     in_degrees = record()
     values = np.degrees(in_degrees["input"])
     channels = {**in_degrees.channels, "input": Channel(values, "angle", "rad")}
-    with pytest.raises(
-        InputError, match=r"more than a full turn; if it is in degrees, give its column scale"
-    ):
+    with pytest.raises(InputError, match=r"more than a full turn; if it is in degrees"):
         for_base(Record("swing", SWING_TIME, channels), BASES["pendulum"])
 
 

@@ -109,9 +109,7 @@ def test_a_discrete_model_is_the_same_in_all_its_forms():
 
 
 def test_a_model_with_effects_is_no_transfer_function():
-    with pytest.raises(
-        NumericalError, match=r"no transfer function can represent its effects \(coulomb_friction\)"
-    ):
+    with pytest.raises(NumericalError, match=r"its effects \(coulomb_friction\)"):
         given("KB", "coulomb_friction/coulomb").to_control()
 
 
@@ -124,21 +122,17 @@ def test_a_discrete_model_is_simulated_about_its_rest_and_only_at_its_rate():
         DISCRETE.simulate(record(walk(), unit="m"))
 
 
-@pytest.mark.parametrize(
-    "model",
-    [DISCRETE, given("pendulum"), *(given(*item) for item in COMBINATIONS)],
-    ids=lambda item: item.name,
-)
+MODELS = [DISCRETE, given("pendulum"), *(given(*item) for item in COMBINATIONS)]
+
+
+@pytest.mark.parametrize("model", MODELS, ids=lambda item: item.name)
 def test_written_content_is_read_again(model):
     content = json.loads(json.dumps(models_document([model], "synthetic twin", 0.1)))
     assert read_models(content, CATALOGUES) == [model]
     assert content["models"][0] == model.to_json()
 
 
-@pytest.mark.parametrize(
-    ("change", "words"),
-    cases(__file__, "wrong"),
-)
+@pytest.mark.parametrize(("change", "words"), cases(__file__, "wrong"))
 def test_problems_of_models_file_name_their_place(change, words):
     content = models_document([DISCRETE], "test")
     content["models"][0] |= change
@@ -161,9 +155,7 @@ def test_given_constants_are_written_with_model():
     total = [item.structure.simulate(motion, np.ones(2), np.array([3.0])) for item in (model, other)]
     np.testing.assert_allclose(total[0] - total[1], here - there, atol=1e-12)
     entry["structure"]["effects"][0]["constants"] = {"g": 1.6}
-    with pytest.raises(
-        InputError, match="unknown constant 'g'; constants of hardening_stiffness/power are z_1"
-    ):
+    with pytest.raises(InputError, match=r"unknown constant .g.; constants of .* are z_1"):
         FittedModel.from_json(entry, CATALOGUES)
 
 
@@ -199,9 +191,8 @@ def test_parameter_is_found_by_name():
 
 def test_text_shows_equation_parameters_and_scores():
     assert "H(z) = (1.9 - 1.2 z^-1)/(1 - 0.45 z^-1), 100 Hz" in str(DISCRETE)
-    page = replace(
-        DISCRETE, structure=TransferFunction((1.9, -2.5e-7), (1, -0.45)), remark="<b>"
-    )._repr_html_()
+    small = TransferFunction((1.9, -2.5e-7), (1, -0.45))
+    page = replace(DISCRETE, structure=small, remark="<b>")._repr_html_()
     assert r"$$H(z) = \frac{1.9 - 2.5 \cdot 10^{-7} z^{-1}}{1 - 0.45 z^{-1}}$$" in page
     assert "&lt;b&gt;" in page
     with_effect = given("KB", "coulomb_friction/coulomb")

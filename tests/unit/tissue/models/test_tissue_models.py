@@ -61,23 +61,12 @@ def test_physical_parameters_are_recovered(ratio):
     discrete = discretise(kelvin_boltzmann(k1, k2, gamma * (k1 + k2)), T)
     found = models.KB.physical_parameters(discrete, T)
     k = k1 * k2 / (k1 + k2)
-    expected = {
-        "spring_stiffness": k,
-        "branch_stiffness": k2 - k,
-        "relaxation_time": gamma,
-        "k": k,
-        "nu": gamma * k2,
-        "gamma": gamma,
-        "k1": k1,
-        "k2": k2,
-        "b": gamma * (k1 + k2),
-    }
-    assert found == pytest.approx(expected, rel=1e-5)
+    base = {"spring_stiffness": k, "branch_stiffness": k2 - k, "relaxation_time": gamma}
+    elements = {"k": k, "nu": gamma * k2, "gamma": gamma, "k1": k1, "k2": k2, "b": gamma * (k1 + k2)}
+    assert found == pytest.approx({**base, **elements}, rel=1e-5)
     discrete = discretise(maxwell(3.2, 3.2 * gamma), T)
-    assert models.MAXWELL.physical_parameters(discrete, T) == pytest.approx(
-        {"branch_stiffness": 3.2, "relaxation_time": gamma, "k": 3.2, "b": 3.2 * gamma, "alpha": gamma},
-        rel=1e-5,
-    )
+    expected = {"branch_stiffness": 3.2, "relaxation_time": gamma, "k": 3.2, "b": 3.2 * gamma, "alpha": gamma}
+    assert models.MAXWELL.physical_parameters(discrete, T) == pytest.approx(expected, rel=1e-5)
 
 
 def test_maxwell_has_no_static_force_and_eq_3_3_has_one():
@@ -95,11 +84,7 @@ def test_maxwell_has_no_static_force_and_eq_3_3_has_one():
         (models.KB, TransferFunction((3.0, -2.5), (1.0, 0.3)), r"pole is -0\.3"),
         (models.KB, TransferFunction((3.0, -2.5), (1.0, -1.1)), r"pole is 1\.1"),
         (models.KB, TransferFunction((0.5, 0.5), (1.0, -0.5)), "it must be above 0"),
-        (
-            models.KB,
-            TransferFunction((3.0, -3.2), (1.0, -0.5)),
-            "spring_stiffness is -0.4; it must be above 0",
-        ),
+        (models.KB, TransferFunction((3.0, -3.2), (1.0, -0.5)), "spring_stiffness is -0.4;"),
         (models.MAXWELL, TransferFunction((-3.0, 3.0), (1.0, -0.5)), "branch_stiffness is .*"),
         (models.LE, TransferFunction((-1.0,)), "spring_stiffness is -1;"),
         (models.HO, TransferFunction((1.0, 0.2, 0.3), (1.0, 0.1, 0.1)), "black box"),
