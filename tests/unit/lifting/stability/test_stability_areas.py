@@ -1,13 +1,10 @@
 """Trajectories, all basins of a lift, Table 4.1 and its figures: bad input, definitions, reproducibility."""
 
-from dataclasses import replace
-
 import numpy as np
 import pandas as pd
 import pytest
-from lifting_cases import minimum_jerk
+from stability_cases import SETTINGS, lift
 
-from lumbar.base.errors import InputError
 from lumbar.lifting.stability.basins import CHECK_COLUMNS, areas_table, basins_of_lift, boa_columns
 from lumbar.lifting.stability.changed_pendulums import varied_areas
 from lumbar.lifting.stability.funnel.exact_funnel import exact_funnels
@@ -15,153 +12,16 @@ from lumbar.lifting.stability.model.eqs_4_1_to_4_4_closed_loop import close_loop
 from lumbar.lifting.stability.model.pendulum_trajectories import (
     COMS,
     PLANES,
-    find_problems,
     in_unit_time,
-    trajectories_of_lift,
 )
 from lumbar.lifting.stability.percent_differences import comparisons_of, percent_differences
 from lumbar.publishing.figures.stability_figures import figure_4_3, shown_lift
-from lumbar.settings.stability import StabilitySettings
 from study_settings import changed
-
-SETTINGS = changed(
-    StabilitySettings(),
-    pendulum={"sign": "hanging"},
-    regulator={"control_weight": 1e-3},
-    knots=201,
-    checks=["simulation", "thesis_method", "proof"],
-    proof={"margin_1_s": 0.05},
-    thesis_method={"knots": 5},
-    attack={"starts": 400, "control_overstated": 0.3},
-    fewer_knots=101,
-    lyapunov_shares=[0.0, 1.0],
-)
-
-
-def lift(subject="expert", box=23.0, mass=33.0, duration=1.5):
-    return [
-        minimum_jerk(
-            subject=subject, box=box, com=com, plane=plane, mass=mass, duration=duration, start=start
-        )
-        for com in COMS
-        for plane, start in zip(PLANES, (0.1, 0.4), strict=True)
-    ]
-
-
-def states_and_facts(items):
-    frames = [
-        pd.DataFrame(
-            {
-                "com": item.com,
-                "plane": item.plane,
-                "time_s": item.time,
-                "angle_rad": item.angle,
-                "angular_velocity_rad_s": item.angular_velocity,
-                "angular_acceleration_rad_s2": item.angular_acceleration,
-            }
-        )
-        for item in items
-    ]
-    facts = {
-        "subject": "expert",
-        "experience": "expert",
-        "box_mass_kg": 23,
-        "pivot": "mid_ankle",
-        "segment_ends": "inner",
-        "deposit_start": "descent",
-        "mass_kg": {com: {"with_box": 40.0, "without_box": 17.0} for com in COMS},
-        "length_m": {com: dict.fromkeys(PLANES, 1.1) for com in COMS},
-        "box": {"share": "by_mass"},
-    }
-    return pd.concat(frames), facts
 
 
 @pytest.fixture(scope="module")
 def basins():
     return basins_of_lift(lift(), SETTINGS, 1, [in_unit_time(item) for item in lift()])
-
-
-def test_mass_with_and_without_the_box():
-    states, facts = states_and_facts(lift())
-    assert trajectories_of_lift(states, facts, "with_box")[0][0].mass_kg == 40.0
-    found, _ = trajectories_of_lift(states, facts, "without_box")
-    assert found[0].mass_kg == 17.0
-    assert [(item.com, item.plane) for item in found] == [(com, plane) for com in COMS for plane in PLANES]
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        (lambda item: {"angle": item.angle + 3.0}, "angle 3.4 rad; .* within ±π"),
-        (lambda item: {"time": np.where(np.arange(400) == 7, 0.0, item.time)}, "sample 8: time 0 s after"),
-        (lambda item: {"time": item.time[:5]}, "5 samples; at least 20"),
-        (lambda item: {"length_m": 0.02}, "length_m: 0.02; .*another pivot"),
-        (lambda item: {"mass_kg": 0.0}, "mass_kg: 0; a positive mass"),
-        (lambda item: {"angle": np.where(np.arange(400) == 3, np.nan, item.angle)}, "sample 4: angle is nan"),
-        (lambda item: {"angular_velocity": 2 * item.angular_velocity}, "strays from the angle by"),
-    ],
-)
-def test_bad_trajectories_are_named(change, message):
-    item = minimum_jerk()
-    problems = find_problems(replace(item, **change(item)))
-    with pytest.raises(InputError, match=message):
-        problems.raise_if_any()
-    assert problems.subject == "expert 23 kg, abdomen, flexion_extension"
-
-
-def test_unsound_trajectories_drop_out_alone_and_named():
-    states, facts = states_and_facts(lift())
-    facts["length_m"]["pelvis"] = dict.fromkeys(PLANES, 0.02)
-    states = states[~((states["com"] == "thorax") & (states["plane"] == "lateral_bending"))]
-    sound, failures = trajectories_of_lift(states, facts, "with_box")
-    assert [(item.com, item.plane) for item in sound] == [
-        ("thorax", "flexion_extension"),
-        ("abdomen", "lateral_bending"),
-        ("abdomen", "flexion_extension"),
-    ]
-    found = {(item.com, item.plane): item.reason for item in failures}
-    assert found["thorax", "lateral_bending"].startswith("0 samples; at least 20")
-    assert found["pelvis", "flexion_extension"].startswith("length_m: 0.02")
-    assert {item.subject for item in failures} == {"expert"} and len(failures) == 3
-
-
-def test_summary_holds_every_engine_and_convention(basins):
-    summary = basins.summary
-    assert list(summary.columns) == boa_columns()
-    counts = summary.groupby(["method", "time"]).size().to_dict()
-    assert counts == {
-        ("exact", "real"): 6,
-        ("exact", "unit"): 6,
-        ("thesis", "unit"): 6,
-    }
-    assert set(summary.loc[summary["time"] == "unit", "duration_s"]) == {1.0}
-    areas = summary[["mean_area", "initial_area", "minimum_area", "final_area"]]
-    assert np.isfinite(areas).all(axis=None) and (areas > 0).all(axis=None)
-    exact = summary[summary["method"] == "exact"]
-    assert (exact["exits"] == 0).all() and (exact["control_exits"] > 0).all()
-    assert (exact["initial_area"] < exact["liouville_area"]).all()
-    assert exact["final_area"].to_numpy() == pytest.approx(np.pi / np.sqrt(1000))
-
-
-@pytest.mark.parametrize(
-    ("wording", "method", "time", "digits"),
-    [
-        ("study", "exact", "real", 1e-4),
-        ("thesis", "exact", "unit", 1e-4),
-        ("thesis", "thesis", "unit", 1e-2),  # printed with the digits that it has
-    ],
-)
-def test_funnel_file_gives_the_areas(basins, wording, method, time, digits):
-    one = basins.funnels.query(
-        "wording == @wording and method == @method and com == 'pelvis' and plane == 'lateral_bending'"
-    )
-    area = np.pi * one["rho"] / np.sqrt(one["s11"] * one["s22"] - one["s12"] ** 2)
-    assert area.to_numpy() == pytest.approx(one["area_rad2_s"].to_numpy())
-    row = basins.summary.query(
-        "com == 'pelvis' and plane == 'lateral_bending' and method == @method and time == @time"
-    ).iloc[0]
-    mean = np.trapezoid(area, one["time_s"]) / one["time_s"].iloc[-1]
-    assert mean == pytest.approx(row["mean_area"], rel=digits)
 
 
 def test_figure_4_3_draws_the_thesiss_funnel_beside_the_exact_ones(basins):
@@ -178,20 +38,11 @@ def test_figure_4_3_draws_the_thesiss_funnel_beside_the_exact_ones(basins):
         assert enclosed == pytest.approx(funnel["area_rad2_s"].iloc[0], rel=2e-3)  # a polygon of 80 corners
 
 
-def test_same_seed_same_rows_and_checks_may_be_left_out(basins):
-    settings = SETTINGS.model_copy(update={"checks": ("simulation", "proof")})
-    again = basins_of_lift(lift(), settings, seed=1).summary
-    exact = basins.summary.query("method == 'exact' and time == 'real'").reset_index(drop=True)
-    pd.testing.assert_frame_equal(again, exact, check_dtype=False)
-    other = basins_of_lift(lift(), settings, seed=2).summary
-    assert (other["exits"] == 0).all()
-    assert other["control_exits"].tolist() != again["control_exits"].tolist()
-    bare = basins_of_lift(lift(), SETTINGS.model_copy(update={"checks": ()}), seed=1).summary
-    assert bare["mean_area"].to_numpy() == pytest.approx(again["mean_area"].to_numpy(), rel=1e-12)
-    for names in CHECK_COLUMNS.values():
-        assert bare[list(names)].isna().all(axis=None)
-    page = areas_table(bare, SETTINGS.model_copy(update={"checks": ()}), "test")
+def test_areas_table_omits_checks_that_were_not_made(basins):
+    settings = changed(SETTINGS, checks=[])
+    page = areas_table(basins_of_lift(lift(), settings, seed=1).summary, settings, "test")
     assert "exits" not in page.frame and "not chosen: simulation" in page.to_html()
+    assert set().union(*CHECK_COLUMNS.values()) <= set(basins.summary) == set(boa_columns())
 
 
 def rows_of(values):

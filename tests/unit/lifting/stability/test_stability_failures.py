@@ -6,7 +6,7 @@ from itertools import chain
 import numpy as np
 import pandas as pd
 import pytest
-from test_stability_areas import SETTINGS, lift
+from stability_cases import SETTINGS, lift
 from test_stability_table import lift_states, study_of
 
 from lumbar.base.errors import InputError, NumericalError
@@ -29,16 +29,6 @@ FAST = changed(
     checks=["simulation"],
     attack={"starts": 50, "control_overstated": 0.3},
 )
-
-
-def with_tiny_inertia(items, index=0):
-    """One pendulum so light that its regulator reaches further than any basin."""
-    return [replace(item, mass_kg=0.3) if number == index else item for number, item in enumerate(items)]
-
-
-@pytest.fixture(scope="module")
-def broken():
-    return basins_of_lift(with_tiny_inertia(lift()), FAST, seed=1)
 
 
 @pytest.fixture(scope="module")
@@ -81,20 +71,6 @@ def test_what_is_no_numerical_failure_stops_everything():
 
     with pytest.raises(InputError, match="weights"):
         compute_together(compute, lift(), "x", [])
-
-
-def test_one_bad_basin_drops_only_its_row(broken):
-    whole = basins_of_lift(lift(), FAST, seed=1).summary
-    keys = ["com", "plane", "method", "sign"]
-    left = broken.summary.set_index(keys)
-    assert len(left) == len(whole) - 1
-    assert ("thorax", "lateral_bending", "exact", "hanging") not in left.index
-    there = whole.set_index(keys).loc[left.index]
-    assert left["mean_area"].to_numpy() == pytest.approx(there["mean_area"].to_numpy(), rel=1e-6)
-    assert {(item.com, item.plane) for item in broken.failures} == {("thorax", "lateral_bending")}
-    assert [item.basin for item in broken.failures] == ["exact, hanging"]
-    assert "rad are allowed: raise stability.regulator.control_weight" in broken.failures[0].reason
-    assert not broken.summary["mean_area"].isna().any()
 
 
 def test_table_4_1_names_the_missing_basin_in_place_of_its_number(published, monkeypatch):

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
-from test_stability_areas import lift
+from stability_cases import lift
 from test_stability_table import INVERTED, OWN, lift_states, study_of
 
 from lumbar.lifting.stability.changed_pendulums import (

@@ -8,16 +8,14 @@ import pytest
 from scipy.integrate import quad, solve_ivp
 from scipy.interpolate import CubicSpline
 from scipy.optimize import minimize_scalar
-from test_stability_areas import SETTINGS, lift, states_and_facts
+from stability_cases import SETTINGS, add_thesis, lift, states_and_facts
 
-from lumbar.lifting.movement.pendulum_states import THESIS_CHOICE
 from lumbar.lifting.stability.basins import basins_of_lift
 from lumbar.lifting.stability.changed_pendulums import decomposition_table
 from lumbar.lifting.stability.funnel.exact_funnel import exact_funnels
 from lumbar.lifting.stability.model.eqs_4_1_to_4_4_closed_loop import close_loops
 from lumbar.lifting.stability.model.pendulum_trajectories import (
     COMS,
-    PLANES,
     THESIS,
     Convention,
     LiftStates,
@@ -38,9 +36,7 @@ def lift_states(subject="expert", box=23.0, duration=1.5, body=17.0, thesis=True
     facts |= {"subject": subject, "experience": subject, "box_mass_kg": box, "mass_kg": masses}
     if not thesis:
         return LiftStates(states, facts)
-    lengths = {com: dict.fromkeys(PLANES, 1.05) for com in COMS}
-    facts["thesis_pendulum"] = {**vars(THESIS_CHOICE), "length_m": lengths, "missing": {}}
-    return LiftStates(states, facts, states)
+    return LiftStates(states, add_thesis(facts, 1.05), states)
 
 
 def study_of(lifts, settings, published):
