@@ -88,8 +88,6 @@ def fill_gaps(recording: MarkerRecording, maximum_s: float = 0.2) -> tuple[Marke
     distant part of the recording has no influence. Seen frames are unchanged to the last bit; a gap that stays is NaN. Every gap
     is returned too, by marker and time.
     """
-    if not (np.isfinite(maximum_s) and maximum_s >= 0):
-        raise InputError(f"gaps.maximum_s is {maximum_s}; a non-negative number of seconds is needed")
     time, rate = recording.time, recording.rate
     # At least the two frames on each side, even if only very short gaps are bridged.
     window = max(MIN_NEIGHBOURS, round(maximum_s * rate))
