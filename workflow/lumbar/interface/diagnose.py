@@ -155,7 +155,7 @@ class SpatialDiagnosis(Diagnosis):
     def evidence(self) -> Evidence:
         """Remaining errors along every axis, and candidates that add similar forces."""
         experiment, null = self.result.experiment, null_distribution()
-        usable = usable_in_space(self.settings.searched, self.records[0].axes, experiment)
+        usable = usable_in_space(self.settings.searched, experiment)
         remaining = axis_reports(spatial_reports(self.model, experiment, self.study.seed))
         threshold = null.threshold(number_of_forms(usable))
         return Evidence(remaining, signal_angles(self.result), None, [], threshold, null, [])

@@ -20,7 +20,7 @@ TURNED = np.array([[0.9, -0.4, 0.2], [-0.4, 0.5, 0.1], [0.2, 0.1, 0.3]])
 
 
 def told(item):
-    return exchanged_channels(prepare([item], DiagnosisSettings()), item.axes, None)
+    return exchanged_channels(prepare([item], DiagnosisSettings()), None)
 
 
 def misread(order, signs):

@@ -46,7 +46,6 @@ _LIKELIHOOD_MARGIN = 50.0
 
 def choose_base(
     experiment: Experiment,
-    axes: tuple[str, ...],
     kinds: Sequence[str] = KINDS,
     forms: tuple[Form, ...] = (),
     acting: Sequence[float] = (),
@@ -59,8 +58,6 @@ def choose_base(
     ----------
     experiment : Experiment
         Prepared records of several axes.
-    axes : tuple of str
-        Names of the axes of the records.
     kinds : sequence of str
         Names of the bases to try.
     forms : tuple of Form
@@ -70,7 +67,7 @@ def choose_base(
     """
     fits = {}
     for kind in kinds:
-        structure = Structure(symmetric_base(BASES[kind], axes), forms)
+        structure = Structure(symmetric_base(BASES[kind], experiment.records[0].axes), forms)
         if structure.is_linear:
             fit = joint_fit.fit_base(structure, experiment.training, acting)
         else:
@@ -78,10 +75,10 @@ def choose_base(
             fit = joint_fit.fit(structure, experiment.training, np.concatenate([bare.nonlinear, acting]))
         fits[evaluate(fit, experiment)] = kind
     symmetric = reduce(partial(choose_likelier, experiment), fits)
-    fastened = _choose_symmetry(BASES[fits[symmetric]], symmetric, experiment, axes)
+    fastened = _choose_symmetry(BASES[fits[symmetric]], symmetric, experiment)
     if kinds != KINDS or is_adequate(fastened, experiment):
         return fastened
-    contact = _fit_plane_contact(experiment, axes, forms, acting)
+    contact = _fit_plane_contact(experiment, forms, acting)
     return fastened if contact is None else choose_likelier(experiment, fastened, contact)
 
 
@@ -97,11 +94,9 @@ def choose_likelier(experiment: Experiment, first: Candidate, second: Candidate)
     return rich if paid and rich.score < simple.score - TIED else simple
 
 
-def _choose_symmetry(
-    base: Base, symmetric: Candidate, experiment: Experiment, axes: tuple[str, ...]
-) -> Candidate:
+def _choose_symmetry(base: Base, symmetric: Candidate, experiment: Experiment) -> Candidate:
     """Return the base with the likeliest symmetry; the simplest one is fitted first."""
-    fit = symmetric.fit
+    fit, axes = symmetric.fit, experiment.records[0].axes
     count, forms = len(fit.structure.base.linear), fit.structure.forms
     matrices = matrices_of(fit.linear[:count], len(base.linear), len(axes))
     own = len(base.nonlinear)
@@ -177,13 +172,13 @@ def refit_axes(model: Candidate, experiment: Experiment, free: bool) -> Candidat
 
 
 def _fit_plane_contact(
-    experiment: Experiment, axes: tuple[str, ...], forms: tuple[Form, ...], acting: Sequence[float]
+    experiment: Experiment, forms: tuple[Form, ...], acting: Sequence[float]
 ) -> Candidate | None:
     """Fit the best base that touches the tissue at a plane, with forms of effects.
 
     Return None if a spring with contact fits no better than a fastened one of any symmetry.
     """
-    training = experiment.training
+    training, axes = experiment.training, experiment.records[0].axes
     fastened = joint_fit.fit_at(Structure(symmetric_base(BASES["LE"], axes)), training, np.zeros(0))
     plane = _find_plane(training, axes)
     if plane is None:

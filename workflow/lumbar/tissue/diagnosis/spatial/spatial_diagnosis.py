@@ -41,7 +41,7 @@ def prepare_axes(state: DiagnosisState) -> DiagnosisState:
         As `prepare`.
     """
     experiment, axes = prepare(state.records, state.settings), state.records[0].axes
-    usable = usable_in_space(state.settings.searched, axes, experiment)
+    usable = usable_in_space(state.settings.searched, experiment)
     floor, unit = experiment.floor, experiment.output_unit
     noise = f"{floor.rms:.3g} {unit} per axis" if floor else "unknown: no record repeats"
     faults = ", ".join(f"{item.kind.replace('_', ' ')} in {item.record}" for item in experiment.faults)
@@ -63,12 +63,11 @@ def check_channels(state: DiagnosisState) -> DiagnosisState:
     InputError
         For a base that is not one of `KINDS`.
     """
-    step, experiment, axes = "check channels", state.result.experiment, state.records[0].axes
-    kinds = _kinds(state.settings)
-    finding = exchanged_channels(experiment, axes, state.settings.layout)
+    step, experiment, kinds = "check channels", state.result.experiment, _kinds(state.settings)
+    finding = exchanged_channels(experiment, state.settings.layout)
     if finding is None:
         return state.next(step, "channels of force and position belong to the same axes")
-    base = choose_base(experiment, axes, kinds)
+    base = choose_base(experiment, kinds)
     return state.next(
         step,
         "the channels of the force are not those of the axes of the position",
@@ -86,13 +85,12 @@ def select_in_space(state: DiagnosisState) -> DiagnosisState:
 
     A single effect is selected first: with wrong axes the search of a second one is futile.
     """
-    experiment, settings, axes = state.result.experiment, state.settings, state.records[0].axes
-    kinds = _kinds(settings)
-    base, singles = choose_base(experiment, axes, kinds), None
+    experiment, settings = state.result.experiment, state.settings
+    base, singles = choose_base(experiment, _kinds(settings)), None
     single_effect = replace(settings, most_effects=1)
     for chosen in (single_effect, *[settings] * _ROUNDS):
         selection = SpatialSelection(experiment, refit_axes(base, experiment, free=False), chosen, singles)
-        better = _better_base(selection.selected_path[-1], experiment, axes, kinds)
+        better = _better_base(selection.selected_path[-1], experiment, settings)
         if better is not None:
             base = better
             singles = extend(base, settings.catalogue, experiment, most=_PROMISING)
@@ -107,16 +105,15 @@ def select_in_space(state: DiagnosisState) -> DiagnosisState:
 
 def free_axes(state: DiagnosisState) -> DiagnosisState:
     """Fit the principal axes together with the other parameters."""
-    path = [refit_axes(item, state.result.experiment, free=True) for item in state.result.path]
-    reason = (
-        f"error {path[-1].test_rms:.4g} {state.result.experiment.output_unit} unseen with the axes fitted too"
-    )
+    experiment = state.result.experiment
+    path = [refit_axes(item, experiment, free=True) for item in state.result.path]
+    reason = f"error {path[-1].test_rms:.4g} {experiment.output_unit} unseen with the axes fitted too"
     return state.next("fit the axes", reason, base=path[0], path=path)
 
 
 def report_mounting(state: DiagnosisState) -> DiagnosisState:
     """Report how the force sensor is mounted, and directions that the training record hardly excites."""
-    findings = spatial_findings(state, state.records[0].axes)
+    findings = spatial_findings(state.result)
     kinds = ", ".join(item.kind.replace("_", " ") for item in findings)
     return state.next("report mounting and excitation", kinds or "nothing to report", *findings)
 
@@ -142,18 +139,18 @@ def refine(
         For an effect without a form in space, or one that needs other axes.
     """
     experiment = prepare(records, settings)
-    axes, kinds = records[0].axes, _kinds(settings)
-    known, without = usable_in_space(settings.candidates, axes, experiment), {}
+    axes = records[0].axes
+    known, without = usable_in_space(settings.candidates, experiment), {}
     for effect in choose(effects, {**settings.candidates, **known}):
         if effect.name not in known:
             without |= effect.in_space(axes)[1] or {effect.name: f"needs another axis than {', '.join(axes)}"}
     if without:
         raise InputError("; ".join(f"{key}: {why}" for key, why in without.items()))
     usable = {name: known[name] for name in effects}
-    base = choose_base(experiment, axes, kinds)
+    base = choose_base(experiment, _kinds(settings))
     for _ in range(_ROUNDS):
         path = add_in_turn(experiment, refit_axes(base, experiment, free=False), usable)
-        better = _better_base(path[-1], experiment, axes, kinds)
+        better = _better_base(path[-1], experiment, settings)
         if better is None:
             break
         base = better
@@ -168,12 +165,10 @@ def effects_in_space(catalogue: dict[str, Effect], axes: tuple[str, ...]) -> dic
     return {name: effect for name, effect in read.items() if effect is not None} | force_sensor_effects(axes)
 
 
-def usable_in_space(
-    catalogue: dict[str, Effect], axes: tuple[str, ...], experiment: Experiment
-) -> dict[str, Effect]:
+def usable_in_space(catalogue: dict[str, Effect], experiment: Experiment) -> dict[str, Effect]:
     """Return the effects of `effects_in_space` with channels in the records."""
-    training = experiment.training
-    return usable_effects(effects_in_space(catalogue, axes), training.motion.channels, training.scale)[0]
+    training, in_space = experiment.training, effects_in_space(catalogue, experiment.records[0].axes)
+    return usable_effects(in_space, training.motion.channels, training.scale)[0]
 
 
 def _kinds(settings: DiagnosisSettings) -> tuple[str, ...]:
@@ -185,9 +180,7 @@ def _kinds(settings: DiagnosisSettings) -> tuple[str, ...]:
     raise InputError(f"improvement.base: {name} has no form in space. Use auto, {', '.join(KINDS)}.")
 
 
-def _better_base(
-    model: Candidate, experiment: Experiment, axes: tuple[str, ...], kinds: tuple[str, ...]
-) -> Candidate | None:
+def _better_base(model: Candidate, experiment: Experiment, settings: DiagnosisSettings) -> Candidate | None:
     """Return the base, without effects, that the records require with a model's effects; None if the model has it.
 
     It has another equation, symmetry or other axes.
@@ -197,7 +190,7 @@ def _better_base(
         return None
     acting = model.fit.nonlinear[len(structure.base.nonlinear) :]
     rotated = refit_axes(model, experiment, free=True)
-    chosen = choose_base(experiment, axes, kinds, structure.forms, acting)
+    chosen = choose_base(experiment, _kinds(settings), structure.forms, acting)
     best = choose_likelier(experiment, rotated, chosen)
     if best is rotated and rotated.score > model.score - TIED:
         return None

@@ -12,7 +12,7 @@ from lumbar.tissue.diagnosis.fitting.uncertainty import estimates, scaled_covari
 from lumbar.tissue.diagnosis.linear.direction import columns_yaml
 from lumbar.tissue.diagnosis.residuals.residual import steady_velocity
 from lumbar.tissue.diagnosis.selection.alternatives import position_offset
-from lumbar.tissue.diagnosis.selection.result import DiagnosisResult, DiagnosisState, Status
+from lumbar.tissue.diagnosis.selection.result import DiagnosisResult, Status
 from lumbar.tissue.diagnosis.selection.sentences import (
     distinguishing_digits,
     effects_text,
@@ -54,17 +54,17 @@ def headline_in_space(result: DiagnosisResult) -> str:
     return f"The {base} model {start}, and the force sensor has {' and '.join(sensor)}: with {added} {fall}.{end}"
 
 
-def spatial_findings(state: DiagnosisState, axes: tuple[str, ...]) -> list[Finding]:
+def spatial_findings(result: DiagnosisResult) -> list[Finding]:
     """Return findings of the force sensor, and of directions that the training record hardly excites."""
-    experiment, fit = state.result.experiment, state.result.model.fit
+    experiment, fit = result.experiment, result.model.fit
     known = estimates(fit, experiment.training, experiment.input_unit, experiment.output_unit)
-    sensor = []
-    selected = state.result.selected if state.result.status in _SELECTED else ()
+    selected, sensor = result.selected if result.status in _SELECTED else (), []
     if "turned_frame" in selected:
-        sensor.append(_report_rotation([item for item in known if item.effect == "turned_frame"], axes))
+        rotation = [item for item in known if item.effect == "turned_frame"]
+        sensor.append(_report_rotation(rotation, experiment.records[0].axes))
     if "crosstalk" in selected:
         sensor.append(_report_crosstalk([item for item in known if item.effect == "crosstalk"]))
-    return [*position_offset(experiment), *sensor, *_report_unexcited_direction(experiment, axes)]
+    return [*position_offset(experiment), *sensor, *_report_unexcited_direction(experiment)]
 
 
 def _report_rotation(known: list, axes: tuple[str, ...]) -> Finding:
@@ -106,12 +106,13 @@ def _report_crosstalk(known: list) -> Finding:
     return Finding("crosstalk", sentence, 100 * largest, "%")
 
 
-def _report_unexcited_direction(experiment: Experiment, axes: tuple[str, ...]) -> list[Finding]:
+def _report_unexcited_direction(experiment: Experiment) -> list[Finding]:
     """Report the direction with the smallest motion of the training record, if its stiffness is uncertain.
 
     The stiffness is that of any symmetric matrices, which take nothing from other directions.
     """
-    training, size = experiment.training, len(axes)
+    training, axes = experiment.training, experiment.records[0].axes
+    size = len(axes)
     fit = fit_base(Structure(symmetric_base(BASES["KV"], axes)), training)
     position = np.concatenate([item.motion.position.reshape(size, -1) for item in training.records], axis=1)
     variances, directions = np.linalg.eigh(np.cov(position))
@@ -136,14 +137,13 @@ def _report_unexcited_direction(experiment: Experiment, axes: tuple[str, ...]) -
     return [Finding("unexcited", sentence, value, unit, training.name)]
 
 
-def exchanged_channels(
-    experiment: Experiment, axes: tuple[str, ...], layout: ColumnLayout | None
-) -> Finding | None:
+def exchanged_channels(experiment: Experiment, layout: ColumnLayout | None) -> Finding | None:
     """Report which channels of the force are exchanged or inverted, if that is significant.
 
     The sentence ends with the lines to put into the study's YAML, in the `layout` that the records were read with.
     """
     # Sums of products over all samples, about the mean of each record: of the force, and of position and speed.
+    axes = experiment.records[0].axes
     size = len(axes)
     power, along, moved = 0.0, np.zeros((size, 2 * size)), np.zeros((2 * size, 2 * size))
     for record in (*experiment.training.records, *experiment.tests):
