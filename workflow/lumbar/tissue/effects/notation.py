@@ -5,7 +5,7 @@ of users cannot.
 """
 
 import re
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self, TypeVar
 
@@ -26,16 +26,15 @@ _SIGNS = {"positive": 1, "negative": -1, "any": 0}
 _NONLINEAR_KEYS = {"start", "scale", "points", "reach", "lines", "follows_record", "decisive"}
 
 
-def _check_text(text: str) -> str:
-    if not text:
-        raise ValueError("is missing; a text is needed")
-    return text
+def _require(is_valid: Callable[[Any], bool], message: str) -> AfterValidator:
+    """Return a validator that rejects invalid values with a message about them."""
 
+    def check(value: Any) -> Any:
+        if not is_valid(value):
+            raise ValueError(message.format(value))
+        return value
 
-def _check_unit(unit: str) -> str:
-    if set("{}") & set(re.sub(r"\{[xy]\}", "", unit)):
-        raise ValueError(f"{unit!r}: units are those of the input {{x}} and the output {{y}}, s, 1 …")
-    return unit
+    return AfterValidator(check)
 
 
 def _check_expression(text: str) -> str:
@@ -46,18 +45,24 @@ def _check_expression(text: str) -> str:
     return text
 
 
-def _check_order(ends: tuple[float, float]) -> tuple[float, float]:
-    if ends[0] > ends[1]:
-        raise ValueError(f"{list(ends)}: two numbers above 0 are needed, the lower first")
-    return ends
-
-
 Text = Annotated[str, AfterValidator(lambda text: " ".join(text.split()))]
-Needed = Annotated[Text, AfterValidator(_check_text)]
+Needed = Annotated[Text, _require(bool, "is missing; a text is needed")]
 Name = Annotated[str, Field(pattern=f"^{NAME.pattern}$")]
-Unit = Annotated[Needed, AfterValidator(_check_unit)]
+Unit = Annotated[
+    Needed,
+    _require(
+        lambda unit: not set("{}") & set(re.sub(r"\{[xy]\}", "", unit)),
+        "{!r}: units are those of the input {{x}} and the output {{y}}, s, 1 …",
+    ),
+]
 Expression = Annotated[Needed, AfterValidator(_check_expression)]
 Above0 = Annotated[float, Field(gt=0)]
+Range = Annotated[
+    tuple[Above0, Above0],
+    _require(
+        lambda ends: ends[0] <= ends[1], "[{0[0]}, {0[1]}]: two numbers above 0 are needed, the lower first"
+    ),
+]
 
 
 class StateEntry(Section):
@@ -86,7 +91,7 @@ class ParameterEntry(Section):
     """Symbol in LaTeX; default from its symbol in the equation."""
     sign: Literal["positive", "negative", "any"] = "positive"
     """Sign of a linear parameter."""
-    start: Annotated[tuple[Above0, Above0], AfterValidator(_check_order)] | None = None
+    start: Range | None = None
     """Range of starting values of the fit, in units of the scale."""
     scale: Scale | None = None
     """Quantity of the record that sets the size of the parameter."""
