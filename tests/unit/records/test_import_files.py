@@ -9,7 +9,6 @@ from foreign_files import FORCE, POSITION, RATE, TIME, foreign_files, rows
 from scipy.io import savemat
 
 import lumbar
-from lumbar.base.errors import InputError
 
 FILES = foreign_files()
 
@@ -62,7 +61,7 @@ def test_signals_of_simulink_are_named_by_their_labels(tmp_path):
 def test_columns_of_a_matrix_are_chosen_by_name(tmp_path):
     savemat(tmp_path / "a.mat", {"data": np.column_stack([TIME, FORCE, POSITION])})
     told = {"position_unit": "mm", "force_unit": "N", "time_unit": "s"}
-    with pytest.raises(InputError, match=r"choose by --position NAME or NUMBER among .*'data\(:,2\)'"):
+    with pytest.raises(lumbar.InputError, match=r"choose by --position NAME or NUMBER among .*'data\(:,2\)'"):
         lumbar.import_recordings(tmp_path / "a.mat", **told)
     names = {"time": "data(:,1)", "position": "data(:,3)", "force": "data(:,2)"}
     check(lumbar.import_recordings(tmp_path / "a.mat", **names, **told))
@@ -73,10 +72,10 @@ def test_trials_of_several_lengths_are_refused_until_one_is_chosen(tmp_path):
     short = {name: values[:300] for name, values in trial.items()}
     savemat(tmp_path / "a.mat", {"trial": np.array([trial, short], dtype=object)})
     said = r"trial\(2\).time_s, .* \(300 values\).*choose a part with --table VARIABLE"
-    with pytest.raises(InputError, match=said):
+    with pytest.raises(lumbar.InputError, match=said):
         lumbar.import_recordings(tmp_path / "a.mat")
     check(lumbar.import_recordings(tmp_path / "a.mat", table="trial(1)"))
-    with pytest.raises(InputError, match=r"no variable 'trial\(3\)'; there are trial\(1\).time_s"):
+    with pytest.raises(lumbar.InputError, match=r"no variable 'trial\(3\)'; there are trial\(1\).time_s"):
         lumbar.import_recordings(tmp_path / "a.mat", table="trial(3)")
 
 
@@ -86,14 +85,14 @@ def test_vectors_of_one_length_are_chosen_by_naming_them(tmp_path):
     savemat(tmp_path / "a.mat", parts)
     units = {"position_unit": "mm", "force_unit": "N"}
     offered = r"--position uEst --force yEst, or --position uVal --force yVal"
-    with pytest.raises(InputError, match=offered):
+    with pytest.raises(lumbar.InputError, match=offered):
         lumbar.import_recordings(tmp_path / "a.mat", **units)
     check(lumbar.import_recordings(tmp_path / "a.mat", position="uVal", force="yVal", **units))
     [short] = lumbar.import_recordings(tmp_path / "a.mat", position="uEst", force="yest", **units)
     assert short.record["output"] == pytest.approx(FORCE[:200])
-    with pytest.raises(InputError, match=r"'uEst' has 200 and 'yVal' has 600 values"):
+    with pytest.raises(lumbar.InputError, match=r"'uEst' has 200 and 'yVal' has 600 values"):
         lumbar.import_recordings(tmp_path / "a.mat", position="uEst", force="yVal", **units)
-    with pytest.raises(InputError, match=r"--force 'yTest': no such column.*; there are .*uEst"):
+    with pytest.raises(lumbar.InputError, match=r"--force 'yTest': no such column.*; there are .*uEst"):
         lumbar.import_recordings(tmp_path / "a.mat", position="uEst", force="yTest", **units)
 
 
@@ -114,7 +113,7 @@ def test_hdf5_states_units_and_rate_as_attributes(tmp_path):
         file.attrs["sampling_rate"] = RATE
     check(lumbar.import_recordings(tmp_path / "a.h5"))
     (tmp_path / "broken.h5").write_bytes((tmp_path / "a.h5").read_bytes()[:600])
-    with pytest.raises(InputError, match="broken HDF5 file"):
+    with pytest.raises(lumbar.InputError, match="broken HDF5 file"):
         lumbar.import_recordings(tmp_path / "broken.h5")
 
 
@@ -130,7 +129,9 @@ def test_compound_data_sets_have_their_fields(tmp_path):
 def test_a_package_that_is_not_installed_is_named(tmp_path, monkeypatch, package, first):
     monkeypatch.setitem(sys.modules, package, None)
     (tmp_path / "a.bin").write_bytes(first + bytes(600))
-    with pytest.raises(InputError, match=rf"needs the package {package}: pip install 'lumbar\[import\]'"):
+    with pytest.raises(
+        lumbar.InputError, match=rf"needs the package {package}: pip install 'lumbar\[import\]'"
+    ):
         lumbar.import_recordings(tmp_path / "a.bin")
 
 
@@ -150,7 +151,9 @@ def test_a_sheet_of_a_workbook(tmp_path):
     check(lumbar.import_recordings(tmp_path / "a.xlsx"))
     book.create_sheet("Notes").append(["nothing"])
     book.save(tmp_path / "a.xlsx")
-    with pytest.raises(InputError, match="2 sheets hold something: Trial, Notes; choose by --sheet NAME"):
+    with pytest.raises(
+        lumbar.InputError, match="2 sheets hold something: Trial, Notes; choose by --sheet NAME"
+    ):
         lumbar.import_recordings(tmp_path / "a.xlsx")
     check(lumbar.import_recordings(tmp_path / "a.xlsx", table="Trial"))
 
@@ -161,7 +164,7 @@ def test_a_sheet_of_a_workbook(tmp_path):
 )
 def test_files_of_other_kinds(tmp_path, name, first, message):
     (tmp_path / name).write_bytes(first + bytes(600))
-    with pytest.raises(InputError, match=message):
+    with pytest.raises(lumbar.InputError, match=message):
         lumbar.import_recordings(tmp_path / name)
 
 
@@ -181,7 +184,7 @@ CHINESE = "试验机 3\n时间 [s],位移 [mm],力 [N]\n" + rows(",")
 def test_an_encoding_is_told_or_asked_for(tmp_path, encoding, text):
     path = tmp_path / "trial.txt"
     path.write_bytes(text.encode(encoding))
-    with pytest.raises(InputError, match=r"line 1 is not UTF-8 \(.*\); give .*--encoding gbk"):
+    with pytest.raises(lumbar.InputError, match=r"line 1 is not UTF-8 \(.*\); give .*--encoding gbk"):
         lumbar.import_recordings(path)
     [one] = lumbar.import_recordings(path, encoding=encoding)
     np.testing.assert_allclose(one.record["input"], POSITION, atol=2e-5)
@@ -210,9 +213,9 @@ def test_an_encoding_that_is_none_or_does_not_fit(run, tmp_path):
     path.write_bytes(CHINESE.encode("gbk"))
     err = run.refused("import", path, "--encoding", "klingon", "--dry-run")
     assert "--encoding 'klingon': no encoding of text in Python, such as gbk" in err
-    with pytest.raises(InputError, match="no encoding of text"):
+    with pytest.raises(lumbar.InputError, match="no encoding of text"):
         lumbar.import_recordings(path, encoding="base64")
-    with pytest.raises(InputError, match=r"line 1 cannot be read by --encoding utf-8 \("):
+    with pytest.raises(lumbar.InputError, match=r"line 1 cannot be read by --encoding utf-8 \("):
         lumbar.import_recordings(path, encoding="utf-8")
 
 
@@ -288,9 +291,13 @@ def test_a_column_names_the_trials(tmp_path):
 
 def test_trials_that_are_none(tmp_path):
     path = trials(tmp_path / "bench.csv", np.repeat([1, 2, 3], [300, 295, 5]))
-    with pytest.raises(InputError, match=r"bench_3: 5 samples; at least 8 are needed"):
+    with pytest.raises(lumbar.InputError, match=r"bench_3: 5 samples; at least 8 are needed"):
         lumbar.import_recordings(path, cut_by="trial")
-    with pytest.raises(InputError, match=r"--cut-by 'cycle': no such column; there are .*column 4 'trial'"):
+    with pytest.raises(
+        lumbar.InputError, match=r"--cut-by 'cycle': no such column; there are .*column 4 'trial'"
+    ):
         lumbar.import_recordings(path, cut_by="cycle")
-    with pytest.raises(InputError, match=r"--cut-by: column 1 'time' .* has 600 intervals of one value"):
+    with pytest.raises(
+        lumbar.InputError, match=r"--cut-by: column 1 'time' .* has 600 intervals of one value"
+    ):
         lumbar.import_recordings(path, cut_by="time")

@@ -5,9 +5,6 @@ import pytest
 from foreign_files import FORCE, POSITION, RATE, TIME, rows
 
 import lumbar
-from lumbar.base.errors import InputError
-from lumbar.records.importing.raw_table import find_unit, parse_unit, split_name_and_unit
-from lumbar.records.importing.roles import name_match_score
 from refusing import refusal
 
 HEAD = "time_s,position_mm,force_N\n"
@@ -17,75 +14,6 @@ def imported(tmp_path, text, name="trial.csv", **told):
     (tmp_path / name).write_text(text, encoding="utf-8")
     [recording] = lumbar.import_recordings(tmp_path / name, **told)
     return recording
-
-
-@pytest.mark.parametrize(
-    ("spelling", "quantity", "factor"),
-    [
-        ("µm", "length", 1e-3),
-        ("mN", "force", 1e-3),
-        ("LBF", "force", 4.4482216152605),  # international pound 0.45359237 kg times 9.80665 m/s²
-        ("kgf", "force", 9.80665),
-        ("N m", "torque", 1.0),
-        ("in-lbf", "torque", 0.1129848290276167),  # NIST SP 811
-        ("°", "angle", np.pi / 180),
-        ("V", "reading", 1.0),
-        ("[m/s]", "velocity", 1e3),
-        ("mm/min", "velocity", 1 / 60),
-        ("m·s⁻¹", "velocity", 1e3),
-        ("deg/s", "angular velocity", np.pi / 180),
-        ("rpm", "angular velocity", 2 * np.pi / 60),
-    ],
-)
-def test_units_are_known(spelling, quantity, factor):
-    unit = find_unit(spelling)
-    assert unit.quantity == quantity
-    assert unit.factor == pytest.approx(factor, rel=1e-12)
-
-
-@pytest.mark.parametrize("spelling", ["furlong", "mn", "nM", "", "1"])
-def test_a_spelling_that_several_units_could_have_is_none(spelling):
-    assert find_unit(spelling) is None
-
-
-@pytest.mark.parametrize(
-    ("cell", "parted"),
-    [
-        ("Weg / mm", ("Weg", "mm")),
-        ("TimeMs", ("Time", "Ms")),
-        ("x_m", ("x", "m")),
-        ("vel_in_s", ("vel_in", "s")),
-        ("pos_mm_min", ("pos_mm", "min")),
-        ("Strain (%)", ("Strain (%)", "")),
-    ],
-)
-def test_a_header_is_parted(cell, parted):
-    assert split_name_and_unit(cell) == parted
-
-
-@pytest.mark.parametrize(
-    ("name", "role", "plainness"),
-    [
-        ("Traversenweg", "position", 3),
-        ("LoadCell1", "force", 3),
-        ("t", "time", 1),
-        ("Sollweg", "position", 0),
-        ("Soll Weg", "position", -1),
-        ("Force rate", "force", -1),
-        ("Temperature", "time", -1),
-    ],
-)
-def test_names_say_roles(name, role, plainness):
-    assert name_match_score(name, role) == plainness
-
-
-def test_a_calibration_is_a_number_before_a_unit():
-    assert parse_unit("2e-3 kN/count", "--force-unit").factor == pytest.approx(2.0)
-    assert parse_unit("0.5 mm/s/V", "--position-unit").factor == 0.5
-    assert parse_unit("0.5 mm/s", "--position-unit").quantity == "velocity"
-    for wrong in ("35.15", "0 N", "35 furlongs", "3 N/s"):
-        with pytest.raises(InputError, match="is no unit; known are"):
-            parse_unit(wrong, "--force-unit")
 
 
 def test_two_forces_are_refused_with_both(tmp_path):
@@ -376,9 +304,11 @@ def test_a_position_goes_before_a_velocity(tmp_path):
 
 
 def test_two_velocities_and_a_velocity_without_unit_are_asked_about(tmp_path):
-    with pytest.raises(InputError, match=r"position may be column 2 'v1' .* or column 3 'v2' .*; choose by"):
+    with pytest.raises(
+        lumbar.InputError, match=r"position may be column 2 'v1' .* or column 3 'v2' .*; choose by"
+    ):
         given(tmp_path, "time_s,v1 [mm/s],v2 [mm/s],force_N", columns=(TIME, VELOCITY, VELOCITY, DRIVEN))
-    with pytest.raises(InputError, match=r"without a unit; give --position-unit, e.g. mm/s"):
+    with pytest.raises(lumbar.InputError, match=r"without a unit; give --position-unit, e.g. mm/s"):
         given(tmp_path, "time_s,velocity,force_N")
     note = given(tmp_path, "time_s,velocity,force_N", position="velocity", position_unit="mm").notes[0]
     assert "has the name of a velocity, and is used as a position, as given" in note

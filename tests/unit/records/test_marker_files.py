@@ -7,12 +7,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lumbar.base.errors import InputError
-from lumbar.records.markers import read_markers
-from lumbar.settings.layout import MarkerLayout
+import lumbar
 from refusing import refusal
 
-MILLIMETRES = MarkerLayout(unit="mm")
+
+def read_markers(path, layout):
+    return lumbar.read(path, "markers", layout=layout)
+
+
+MILLIMETRES = lumbar.MarkerLayout(unit="mm")
 POINTS = np.random.default_rng(2).normal(0, 400, (30, 2, 3)).round(3)
 TIME = 2 + np.arange(30) / 60
 ONE = "time_s,C7_x,C7_y,C7_z,L ASI_x,L ASI_y,L ASI_z"
@@ -67,17 +70,17 @@ def test_unit_behind_the_axis(tmp_path, name):
         for marker in ("C7", "THIGH")
         for axis in "xyz"
     )
-    recording = read_markers(write(tmp_path, table(header)))
+    recording = read_markers(write(tmp_path, table(header)), lumbar.MarkerLayout())
     np.testing.assert_allclose(recording["THIGH"], POINTS[:, 1] / 1e3, atol=1e-9)
-    with pytest.raises(InputError, match=r"states 'mm' but markers\.unit is 'm'"):
-        read_markers(write(tmp_path, table(header)), MarkerLayout(unit="m"))
+    with pytest.raises(lumbar.InputError, match=r"states 'mm' but markers\.unit is 'm'"):
+        read_markers(write(tmp_path, table(header)), lumbar.MarkerLayout(unit="m"))
 
 
 def test_rate_of_a_file_without_times(tmp_path):
     path = write(tmp_path, table(ONE.removeprefix("time_s,"), time=None))
-    with pytest.raises(InputError, match="no column of times"):
+    with pytest.raises(lumbar.InputError, match="no column of times"):
         read_markers(path, MILLIMETRES)
-    recording = read_markers(path, MarkerLayout(unit="mm", rate_Hz=50))
+    recording = read_markers(path, lumbar.MarkerLayout(unit="mm", rate_Hz=50))
     np.testing.assert_allclose(recording.time, np.arange(30) / 50)
 
 
@@ -118,11 +121,11 @@ def test_tables_that_are_refused(tmp_path, text, said):
 
 
 def test_declared_rate_that_the_times_contradict(tmp_path):
-    with pytest.raises(InputError, match=r"its times run at 60 Hz, but markers\.rate_Hz is 100"):
-        read_markers(write(tmp_path, table()), MarkerLayout(unit="mm", rate_Hz=100))
+    with pytest.raises(lumbar.InputError, match=r"its times run at 60 Hz, but markers\.rate_Hz is 100"):
+        read_markers(write(tmp_path, table()), lumbar.MarkerLayout(unit="mm", rate_Hz=100))
 
 
-LAYOUT = MarkerLayout(check_axes=False)
+LAYOUT = lumbar.MarkerLayout(check_axes=False)
 
 
 @pytest.fixture(scope="module")
@@ -148,19 +151,19 @@ def test_packed_c3d_and_trc_are_what_they_were(tmp_path, shared, gait):
 def test_packed_files_that_are_broken_or_stand_for_more_are_named(tmp_path, gait):
     shutil.copy(gait, tmp_path / "cut.c3d")
     (tmp_path / "cut.c3d").write_bytes(gait.read_bytes()[:-5000])
-    with pytest.raises(InputError, match=r"^\S+cut\.c3d\.gz: .*it is cut short"):
+    with pytest.raises(lumbar.InputError, match=r"^\S+cut\.c3d\.gz: .*it is cut short"):
         read_markers(packed(tmp_path / "cut.c3d", tmp_path / "cut.c3d.gz"), LAYOUT)
     (tmp_path / "short.trc.gz").write_bytes(gzip.compress(b"PathFileType" * 999)[:-30])
-    with pytest.raises(InputError, match=r"short\.trc\.gz: the packed file is cut short"):
+    with pytest.raises(lumbar.InputError, match=r"short\.trc\.gz: the packed file is cut short"):
         read_markers(tmp_path / "short.trc.gz", LAYOUT)
     (tmp_path / "bomb.c3d.gz").write_bytes(gzip.compress(bytes(210_000_000), 1))
     with pytest.raises(
-        InputError, match=r"bomb\.c3d\.gz: (unpacks to more than 200 MB|its .* need more memory)"
+        lumbar.InputError, match=r"bomb\.c3d\.gz: (unpacks to more than 200 MB|its .* need more memory)"
     ):
         read_markers(tmp_path / "bomb.c3d.gz", LAYOUT)
 
 
-CENTIMETRES = MarkerLayout(unit="cm", up="+y", forward="+z")
+CENTIMETRES = lumbar.MarkerLayout(unit="cm", up="+y", forward="+z")
 BVH = Path(__file__).with_name("walk.bvh").read_text(encoding="utf-8")
 ANGLES = np.random.default_rng(6).uniform(-180, 180, (20, 9))
 ROOT = np.random.default_rng(7).uniform(-100, 100, (20, 3))
@@ -197,14 +200,14 @@ def expected():
 def test_exports_of_vendors_are_read_by_what_they_are(tmp_path, name):
     """Made to their published layouts; devices before the markers and bones beside them are left out."""
     text = (path := Path(__file__).parent / "exports" / name).read_text()
-    recording = read_markers(path, MarkerLayout(check_axes=False))
+    recording = read_markers(path, lumbar.MarkerLayout(check_axes=False))
     assert (list(recording.positions), recording.rate) == (["C7", "SACR"], pytest.approx(100))
     np.testing.assert_allclose(recording["C7"], np.arange(5)[:, None] * [1e-3, 1e-3, 2e-3] + [0, 0.01, 1.4])
     assert np.flatnonzero(np.isnan(recording["SACR"][:, 0])).tolist() == [3]
     less = text.splitlines(keepends=True)
     for broken in (text[: len(text) // 3], text[:-10], "".join((*less[:-4], *less[-2:]))):
-        with pytest.raises(InputError, match=r"begins as an export of|cells; |the clock"):
-            read_markers(write(tmp_path, broken, name), MarkerLayout(check_axes=False))
+        with pytest.raises(lumbar.InputError, match=r"begins as an export of|cells; |the clock"):
+            read_markers(write(tmp_path, broken, name), lumbar.MarkerLayout(check_axes=False))
 
 
 def test_joints_of_a_chain(tmp_path):

@@ -3,11 +3,19 @@
 import numpy as np
 import pytest
 
-from lumbar.records.ratings import read_ratings
-from lumbar.settings.survey import RatingsLayout
+import lumbar
 from refusing import refusal
 
-LAYOUT = RatingsLayout.model_validate(
+
+def layout_of(keys):
+    return lumbar.StudySettings.model_validate({"survey": {"layout": keys}}).survey.layout
+
+
+def read_ratings(path, layout):
+    return lumbar.read(path, "survey", layout=layout)
+
+
+LAYOUT = layout_of(
     {
         "participant": "who",
         "models": [{"name": name, "column": f"rating_{name}"} for name in ("IL", "KB", "HO")],
@@ -17,7 +25,7 @@ LAYOUT = RatingsLayout.model_validate(
         "experience": "years",
         "experience_levels": ["<5", ">=5"],
         "source": None,
-    },
+    }
 )
 HEADER = "who,rating_IL,rating_KB,rating_HO,best,clinician,years"
 GOOD = ["a,1,2,3,KB,yes,<5", "b,5,4,4,HO,0,>=5", "c,2,2,2,IL,True,<5"]
@@ -111,14 +119,14 @@ def test_contradictory_layouts(tmp_path):
 def test_other_scales_delimiters_and_fewer_questions(tmp_path):
     path = tmp_path / "survey.csv"
     path.write_text("\ufeffwho;x;y;z;best\n1; 7 ;1;4;Y\n2;6;2;4;X\n", encoding="utf-8")
-    layout = RatingsLayout.model_validate(
+    layout = layout_of(
         {
             "delimiter": ";",
             "participant": "who",
             "models": [{"name": name.upper(), "column": name} for name in "xyz"],
             "scale_points": 7,
             "best": "best",
-        },
+        }
     )
     ratings = read_ratings(path, layout)
     assert ratings.scores.tolist() == [[7, 1, 4], [6, 2, 4]]

@@ -3,10 +3,13 @@
 import numpy as np
 import pytest
 
-from lumbar.base.errors import InputError
-from lumbar.records.markers import read_markers
-from lumbar.records.trc_file import read_trc
+import lumbar
 from refusing import refusal
+
+
+def read_trc(path):
+    """Read the markers in the file's axes, in metres."""
+    return lumbar.read(path, "markers", layout=lumbar.MarkerLayout(check_axes=False))
 
 
 def trc(
@@ -47,10 +50,10 @@ def regular_rows(count, start=17.5, rate=100.0, digits=3):
 
 def test_values_clock_and_unit(tmp_path):
     file = read_trc(trc(tmp_path))
-    np.testing.assert_array_equal(file.positions["C7"], [[frame, 2, 1450] for frame in range(12)])
-    np.testing.assert_array_equal(file.positions["SACR"], [[4, -frame, 1000] for frame in range(12)])
+    np.testing.assert_allclose(file["C7"], [[0.001 * frame, 0.002, 1.45] for frame in range(12)])
+    np.testing.assert_allclose(file["SACR"], [[0.004, -0.001 * frame, 1] for frame in range(12)])
     np.testing.assert_allclose(file.time, 17.5 + np.arange(12) / 100)
-    assert (file.rate, file.unit) == (100.0, "mm")
+    assert file.rate == 100
 
 
 @pytest.mark.parametrize(
@@ -85,7 +88,7 @@ def test_trajectories_without_a_name(tmp_path, names):
     file = read_trc(trc(tmp_path, rows, names=names, header={"NumMarkers": "3"}))
     gap = names.count("\t") == 9
     assert list(file.positions) == ["C7", "SACR"]
-    np.testing.assert_array_equal(file.positions["SACR"][0], [7, 8, 9] if gap else [4, 0, 1000])
+    np.testing.assert_allclose(1e3 * file["SACR"][0], [7, 8, 9] if gap else [4, 0, 1000])
     assert list(file.dropped.values()) == ["trajectory without a label"]
 
 
@@ -97,7 +100,7 @@ def test_a_lost_cell_does_not_shift_a_row(tmp_path, end, lost):
     cells = rows[4].split("\t")
     rows[4] = "\t".join(cells[:lost] + cells[lost + 1 :])
     with pytest.raises(
-        InputError, match=r"line 11: \d+ cells; \d+ are needed, as in the other rows: a cell was lost"
+        lumbar.InputError, match=r"line 11: \d+ cells; \d+ are needed, as in the other rows: a cell was lost"
     ):
         read_trc(trc(tmp_path, rows))
 
@@ -172,8 +175,8 @@ def test_files_that_are_refused(tmp_path, options, said):
 def test_other_files_are_refused(tmp_path, content):
     path = tmp_path / "lift.trc"
     path.write_bytes(content)
-    with pytest.raises(InputError, match="not a TRC file"):
-        read_markers(path)
+    with pytest.raises(lumbar.InputError, match="not a TRC file"):
+        read_trc(path)
 
 
 def test_real_irregular_file_against_its_own_text(shared):
