@@ -5,15 +5,12 @@ import pytest
 from c3d_builder import build_c3d
 from lifting_cases import missing_share
 
-from lumbar.base.errors import InputError
-from lumbar.lifting.quality.body import read_upright
-from lumbar.lifting.quality.screening import read_screened
-from lumbar.records import markers
-from lumbar.records.marker_axes import rotation_to_standard
-from lumbar.records.markers import METRES, read_markers
-from lumbar.settings.layout import MarkerLayout
-from lumbar.settings.lifting import LiftingSettings
+import lumbar
 from refusing import refusal
+
+pytestmark = pytest.mark.usefixtures("in_this_process")
+
+METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 
 BODY = {  # metres; x right, y forward, z up
     "C7": (0.0, 0.0, 1.45),
@@ -28,15 +25,19 @@ BODY = {  # metres; x right, y forward, z up
 STANDARD = dict(zip(BODY, BODY, strict=True))
 
 
-@pytest.fixture(autouse=True)
-def _in_this_process(monkeypatch):
-    """The child process that C3D files are read in has tests of its own, and takes longer than all else here."""
-    monkeypatch.setattr(markers, "read_in_child", lambda read, path: read(path))
+def layout_of(**keys):
+    """Return a layout as in a study's YAML."""
+    return lumbar.MarkerLayout.model_validate(keys)
 
 
-def layout_of(**keys) -> MarkerLayout:
-    """Return a layout from what a study's YAML would say."""
-    return MarkerLayout.model_validate(keys)
+def read_markers(path, layout=None):
+    return lumbar.read(path, "markers", layout=layout or lumbar.MarkerLayout())
+
+
+def file_axes(up: str, forward: str) -> np.ndarray:
+    """Return the standard axes x lateral (right), y forward, z up as rows in a file's axes."""
+    rows = [np.eye(3)["xyz".index(axis[1])] * (1 if axis[0] == "+" else -1) for axis in (forward, up)]
+    return np.array([np.cross(*rows), *rows])
 
 
 def write(tmp_path, positions, axes=None, unit="mm", **options):
@@ -70,18 +71,12 @@ PAIRS = [(up, forward) for up in AXES for forward in AXES if up[1] != forward[1]
 
 @pytest.mark.parametrize(("up", "forward"), PAIRS)
 def test_every_orientation_of_a_file(tmp_path, up, forward):
-    rotation = rotation_to_standard(up, forward)
+    rotation = file_axes(up, forward)
     assert np.linalg.det(rotation) == pytest.approx(1)
     path = write(tmp_path, BODY, axes=rotation)
     recording = read_markers(path, layout_of(up=up, forward=forward, aliases=STANDARD))
     for name, position in BODY.items():
         np.testing.assert_allclose(recording[name].mean(axis=0), position, atol=0.003)
-
-
-def test_axes_as_defined():
-    np.testing.assert_array_equal(rotation_to_standard("+z", "+y"), np.eye(3))
-    # OpenSim: y up, x forward, z to the right.
-    np.testing.assert_array_equal(rotation_to_standard("+y", "+x") @ [1, 2, 3], [3, 1, 2])
 
 
 @pytest.mark.parametrize(
@@ -95,7 +90,7 @@ def test_axes_as_defined():
     ],
 )
 def test_axes_that_contradict_the_body(tmp_path, up, forward, declared, said):
-    path = write(tmp_path, BODY, axes=rotation_to_standard(up, forward))
+    path = write(tmp_path, BODY, axes=file_axes(up, forward))
     assert said in refusal(read_markers, path, layout_of(aliases=STANDARD, **declared))
     if not declared:
         read_markers(path, layout_of(aliases=STANDARD, check_axes=False))
@@ -111,14 +106,14 @@ def test_person_who_does_not_face_quite_forward(tmp_path, degrees, fits):
     if fits:
         read_markers(path, layout_of(aliases=STANDARD))
     else:
-        with pytest.raises(InputError, match="the toes are ahead of the heels along"):
+        with pytest.raises(lumbar.InputError, match="the toes are ahead of the heels along"):
             read_markers(path, layout_of(aliases=STANDARD))
 
 
 def test_swapped_sides_are_noticed(tmp_path):
     swapped = {name: name.replace("L_", "r_").replace("R_", "L_").replace("r_", "R_") for name in BODY}
     path = write(tmp_path, BODY)
-    with pytest.raises(InputError, match="left and right labels are swapped"):
+    with pytest.raises(lumbar.InputError, match="left and right labels are swapped"):
         read_markers(path, layout_of(aliases=swapped))
 
 
@@ -131,7 +126,7 @@ WALKING = (
 @pytest.mark.parametrize(("name", "forward", "said"), WALKING)
 def test_a_walking_person_is_compared_frame_by_frame(shared, name, forward, said):
     """Markers of the feet are hidden in different halves of the walk: their medians over time lie metres apart."""
-    layout = LiftingSettings().markers
+    layout = lumbar.StudySettings().lifting.markers
     path = shared / "real" / "c3d_edge" / name
     assert len(read_markers(path, layout.model_copy(update={"required": (), "forward": forward}))) > 100
     for wrong in {"+x", "-x", "+y", "-y"} - {forward}:
@@ -144,7 +139,7 @@ def test_what_is_never_seen_together_shows_no_axis(tmp_path):
     markers = {name: walk + value for name, value in BODY.items()}
     for side in "LR":
         markers[f"{side}_HEEL"][10:] = markers[f"{side}_TOE"][:10] = np.nan
-    with pytest.raises(InputError, match=r'set forward: "\+y", unless'):
+    with pytest.raises(lumbar.InputError, match=r'set forward: "\+y", unless'):
         read_markers(write(tmp_path, markers), layout_of(aliases=STANDARD, forward="-y"))
     read_markers(write(tmp_path, markers), layout_of(aliases=STANDARD))
 
@@ -153,7 +148,9 @@ def test_sides_name_the_axis_that_fits_or_the_labels(tmp_path):
     """Without toes the trunk's front tells; without it both causes stay."""
     sides = {name: BODY[name] for name in ("C7", "SACRUM", "L_HIP", "R_HIP", "L_HEEL", "R_HEEL")}
     path = write(tmp_path, sides)
-    with pytest.raises(InputError, match=r'set forward: "\+y", unless left and right labels are swapped'):
+    with pytest.raises(
+        lumbar.InputError, match=r'set forward: "\+y", unless left and right labels are swapped'
+    ):
         read_markers(path, layout_of(aliases={name: name for name in sides}, forward="-y"))
     front = {**sides, "L_ASIS": (-0.12, 0.1, 1.0), "R_ASIS": (0.12, 0.1, 1.0)}
     path = write(tmp_path, front)
@@ -164,37 +161,8 @@ def test_sides_name_the_axis_that_fits_or_the_labels(tmp_path):
         **aliases,
         **{f"{a}_{part}": f"{b}_{part}" for part in ("HIP", "HEEL") for a, b in ("LR", "RL")},
     }
-    with pytest.raises(InputError, match=r"left and right labels are swapped \(check"):
+    with pytest.raises(lumbar.InputError, match=r"left and right labels are swapped \(check"):
         read_markers(path, layout_of(aliases=swapped))
-
-
-def test_up_is_told_by_usual_labels_where_no_alias_names_them(shared, run):
-    path = shared / "real" / "lifting" / "sts_trunk_flexion_trc" / "sts_unperturbed_1.trc"
-    layout = LiftingSettings().markers
-    for read in (read_upright, read_screened):
-        with pytest.raises(InputError, match=r'stands along \+y by its usual labels.*set up: "\+y"'):
-            read(path, layout)
-        read(path, layout.model_copy(update={"up": "+y", "forward": "+x"}))
-        read(path, layout.model_copy(update={"check_axes": False}))
-    assert 'set up: "+y"' in run.refused("check", path)
-
-
-FACING = (
-    ("s2m_box_transfer/Vicon.c3d", "+z", "-x", "the front of the pelvis is ahead of its back"),
-    ("sts_trunk_flexion_trc/sts_unperturbed_1.trc", "+y", "+x", "the toes are ahead of the heels"),
-)
-
-
-@pytest.mark.parametrize(("name", "up", "forward", "said"), FACING)
-def test_forward_is_told_by_usual_labels_where_no_alias_names_them(shared, run, name, up, forward, said):
-    layout = LiftingSettings().markers.model_copy(update={"up": up})
-    path = shared / "real" / "lifting" / name
-    assert not read_upright(path, layout.model_copy(update={"forward": forward})).notes
-    for wrong in {"+x", "-x", "+y", "-y", "+z", "-z"} - {forward, up, up.replace("+", "-")}:
-        for read in (read_upright, read_screened):
-            words = refusal(read, path, layout.model_copy(update={"forward": wrong}))
-            assert f"{said} along {forward} by its usual labels, which no alias names" in words
-            assert f'set forward: "{forward}"' in words
 
 
 def test_axes_that_no_label_tells_are_said_not_to_be_checked(tmp_path, run):
@@ -295,7 +263,7 @@ def test_markers_that_are_not_required_may_be_absent(tmp_path):
     recording = read(tmp_path, {"C7": "C7", "T12": "T12"}, required=["C7"])
     assert recording.absent == {"T12": "no T12 in the file"}
     assert "T12" not in recording
-    with pytest.raises(InputError, match=r"no marker T12 \(no T12 in the file\)"):
+    with pytest.raises(lumbar.InputError, match=r"no marker T12 \(no T12 in the file\)"):
         recording["T12"]
 
 
@@ -303,10 +271,12 @@ def test_markers_that_are_not_required_may_be_absent(tmp_path):
 
 
 def test_other_files(tmp_path):
-    with pytest.raises(InputError, match="no such file"):
+    with pytest.raises(lumbar.InputError, match="no such file"):
         read_markers(tmp_path / "absent.c3d")
     (tmp_path / "trial.xyz").write_text("time_s\n0\n")
-    with pytest.raises(InputError, match=r"read from .*\.csv and \.bvh files, also with \.gz, not '\.xyz'"):
+    with pytest.raises(
+        lumbar.InputError, match=r"read from .*\.csv and \.bvh files, also with \.gz, not '\.xyz'"
+    ):
         read_markers(tmp_path / "trial.xyz")
 
 

@@ -5,14 +5,17 @@ import pytest
 
 import lumbar
 from case_tables import cases
-from lumbar.base.errors import InputError
-from lumbar.records.record import Channel, Record, swap_input_and_output, use_load_as_input
-from lumbar.records.sampling import resample
-from lumbar.settings.layout import ColumnLayout, columns
 from refusing import refusal
 
 TIME = np.arange(400) / 100
 FULL = cases(__file__, "read")[0]["header"]
+
+
+def columns(**roles: tuple) -> dict:
+    """Return column settings by role from name, unit and quantity."""
+    return {
+        role: dict(zip(("column", "unit", "quantity"), item, strict=True)) for role, item in roles.items()
+    }
 
 
 def column(name: str) -> np.ndarray:
@@ -39,7 +42,7 @@ def test_columns_of_axes_are_read_in_any_order(tmp_path, case):
     assert along.axes == ()
     assert list(along.channels) == ["input", "output"]
     assert along.stacked("output") == pytest.approx(expected[-1:], abs=1e-8)
-    with pytest.raises(InputError, match="no axis 'w'"):
+    with pytest.raises(lumbar.InputError, match="no axis 'w'"):
         record.axis("w")
 
 
@@ -69,7 +72,7 @@ def test_a_layout_names_every_axis_of_both_sides_alike(case):
         role: (role, case["units"].get(role, words[role[0]][0]), words[role[0]][1]) for role in case["roles"]
     }
     with pytest.raises(ValueError, match="axes") as caught:
-        ColumnLayout(columns=columns(time=("t", "s", "time"), **roles))
+        lumbar.ColumnLayout(columns=columns(time=("t", "s", "time"), **roles))
     assert [words for words in case["words"] if words not in str(caught.value)] == []
 
 
@@ -77,27 +80,10 @@ def test_a_layout_may_name_the_axes(tmp_path):
     roles = {
         f"{side}_{axis}": (f"{side[0]}{axis}", "mm", side) for side in ("input", "output") for axis in "xz"
     }
-    layout = ColumnLayout(columns=columns(time=("t", "s", "time"), **roles))
+    layout = lumbar.ColumnLayout(columns=columns(time=("t", "s", "time"), **roles))
     [record] = lumbar.read(written(tmp_path, "t,ox,oz,iz,ix"), layout=layout)
     assert record.axes == ("x", "z")
     assert record["input_z"] == pytest.approx(column("iz"), abs=1e-8)
-
-
-def test_axes_are_cut_resampled_and_exchanged_like_one():
-    names = [f"{side}_{axis}" for side in ("position", "force") for axis in "xy"]
-    roles = ("input_x", "input_y", "output_x", "output_y")
-    channels = {
-        role: Channel(column(name), name.split("_")[0], "") for role, name in zip(roles, names, strict=True)
-    }
-    record = Record("trial", TIME, {**channels, "heat": Channel(column("heat"), "heat", "W")})
-    assert record.between(1, 2).stacked("input") == pytest.approx(record.stacked("input")[:, 100:200])
-    slower, alone = resample(record, 50), resample(record.axis("y"), 50)
-    assert slower["output_y"] == pytest.approx(alone["output"], rel=1e-12)
-    assert list(alone.channels) == ["input", "output", "heat"]
-    assert use_load_as_input(record).stacked("input") == pytest.approx(record.stacked("output"))
-    assert use_load_as_input(swap_input_and_output(record)).stacked("input") == pytest.approx(
-        record.stacked("output")
-    )
 
 
 def test_records_of_one_set_have_the_same_axes(tmp_path):

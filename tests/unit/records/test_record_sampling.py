@@ -1,0 +1,103 @@
+"""Checks of records, and records at another rate."""
+
+import numpy as np
+import pytest
+
+from lumbar.base.errors import InputError
+from lumbar.records.record import (
+    Channel,
+    Record,
+    check_record,
+    require_same_units,
+    swap_input_and_output,
+    use_load_as_input,
+)
+from lumbar.records.sampling import resample
+from refusing import refusal
+
+TIME = np.arange(50) / 100
+
+
+def record_of(time, *channels, name="r") -> Record:
+    named = zip(("input", "output"), channels, strict=False)
+    return Record(name, np.asarray(time), {role: Channel(np.asarray(v), role, "mm") for role, v in named})
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda t, v: (t, np.where(np.arange(50) == 6, np.nan, v)), "sample 7: input is nan"),
+        (lambda t, v: (t, np.full(50, 2.0)), "input: constant"),
+        (lambda t, v: (np.where(np.arange(50) == 9, 0.0, t), v), "sample 10: time 0 s after 0.08 s"),
+        (lambda t, v: (t + 0.01 * (np.arange(50) >= 20), v), "sample 21: step of 0.02 s"),
+        (lambda t, v: (t**1.2, v), "sampled evenly"),
+    ],
+)
+def test_records_that_cannot_be_analysed(change, message):
+    time, value = change(TIME, np.sin(TIME))
+    with pytest.raises(InputError, match=message):
+        check_record(record_of(time, value))
+
+
+def test_a_clock_written_with_few_digits_is_even():
+    time = np.round(np.arange(300) / 128, 3)
+    assert check_record(record_of(time, np.sin(time))).sampling_time == pytest.approx(1 / 128, rel=1e-3)
+
+
+def test_sets_share_quantities_and_units():
+    a, b = record_of(TIME, TIME, TIME, name="a"), record_of(TIME, TIME, TIME, name="b")
+    require_same_units([])
+    require_same_units([a, b])
+    b.channels["output"] = Channel(TIME, "output", "kN")
+    with pytest.raises(InputError, match="b: output is output in kN, but output in mm in a"):
+        require_same_units([a, b])
+    with pytest.raises(InputError, match="output is missing"):
+        require_same_units([a, record_of(TIME, TIME, name="b")])
+
+
+def test_resampling_keeps_what_lies_below_and_removes_what_lies_above():
+    time = np.arange(4000) / 1000
+    slow, fast = np.sin(2 * np.pi * 7 * time), np.sin(2 * np.pi * 180 * time)
+    record = record_of(time, slow + fast + 10)
+    result = resample(record, 200.0)
+    assert result.sampling_time == pytest.approx(1 / 200)
+    assert (len(result), result.time[0], result.time[-1]) == (780, 0.05, pytest.approx(3.945))
+    # The window's ripple, at every sample: none is left that the filter could not see whole.
+    assert result["input"] == pytest.approx(np.sin(2 * np.pi * 7 * result.time) + 10, abs=0.01)
+    assert resample(record, 1000.0) is record
+    with pytest.raises(InputError, match="simpler ratio"):
+        resample(record, 0.3)
+
+
+@pytest.mark.parametrize("rate", [10.0, 25.0, 50.0, 64.0, 150.0, 400.0])
+def test_a_record_that_ends_in_full_motion_does_not_ring(rate):
+    """Sensors stopped at full speed: a filter that guesses how the motion goes on would make peaks of its own."""
+    time = np.arange(2000) / 100
+    record = record_of(time, 3 * np.cos(2 * np.pi * 0.31 * time) + 5, 80 * np.cos(2 * np.pi * 0.31 * time))
+    result = resample(record, rate)
+    assert result["output"] == pytest.approx(80 * np.cos(2 * np.pi * 0.31 * result.time), abs=0.2)
+    assert 0 < result.time[0] - time[0] <= 10 / min(rate, 100) + 1e-9
+    assert 0 < time[-1] - result.time[-1] <= 11 / min(rate, 100) + 1e-9
+
+
+def test_a_record_too_short_for_the_filter_is_refused():
+    record = record_of(np.arange(200) / 100, np.sin(np.arange(200)))
+    said = "2 s are too short to be resampled to 10 Hz: 10 samples are left out"
+    assert said in refusal(resample, record, 10.0)
+
+
+def test_axes_are_cut_resampled_and_exchanged_like_one():
+    time = np.arange(400) / 100
+    waves = np.sin(np.outer([3, 4, 5, 7, 8], time))
+    names = ("position", "position", "force", "force", "heat")
+    roles = ("input_x", "input_y", "output_x", "output_y", "heat")
+    channels = {role: Channel(*item, "") for role, *item in zip(roles, waves, names, strict=True)}
+    record = Record("trial", time, channels)
+    assert record.between(1, 2).stacked("input") == pytest.approx(record.stacked("input")[:, 100:200])
+    slower, alone = resample(record, 50), resample(record.axis("y"), 50)
+    assert slower["output_y"] == pytest.approx(alone["output"], rel=1e-12)
+    assert list(alone.channels) == ["input", "output", "heat"]
+    assert use_load_as_input(record).stacked("input") == pytest.approx(record.stacked("output"))
+    assert use_load_as_input(swap_input_and_output(record)).stacked("input") == pytest.approx(
+        record.stacked("output")
+    )
