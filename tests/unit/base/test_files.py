@@ -9,8 +9,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from lumbar.base.errors import InputError, NumericalError, user_message
+from lumbar.base.errors import NumericalError, user_message
 from lumbar.base.files import leftover_temp_files, read_json, replacing, write_csv, write_json, write_text
+from refusing import refusal
 
 
 def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path):
@@ -64,16 +65,12 @@ def test_numbers_that_are_not_finite_are_never_written(tmp_path, bad):
 def test_broken_json_names_file_and_line(tmp_path):
     path = tmp_path / "broken.json"
     path.write_text('{\n "a": 1,\n "b": }\n')
-    with pytest.raises(InputError, match=r"broken\.json, line 3"):
-        read_json(path)
+    assert "broken.json, line 3" in refusal(read_json, path)
     path.write_text('{"a": NaN}')
-    with pytest.raises(InputError, match="NaN"):
-        read_json(path)
+    assert "NaN" in refusal(read_json, path)
     path.write_bytes(b"\xff\xfe{")
-    with pytest.raises(InputError, match="UTF-8"):
-        read_json(path)
-    with pytest.raises(InputError, match="no such file"):
-        read_json(tmp_path / "absent.json")
+    assert "UTF-8" in refusal(read_json, path)
+    assert "no such file" in refusal(read_json, tmp_path / "absent.json")
 
 
 def test_csv_keeps_full_precision(tmp_path):

@@ -157,8 +157,7 @@ def test_frame_numbers_beyond_what_the_header_can_hold(tmp_path, points):
 
 def test_more_frames_than_anything_in_the_file_can_count(tmp_path):
     content = build_c3d(np.ones((65600, 1, 3), np.float32), ["C7"])
-    with pytest.raises(lumbar.InputError, match="65535 frames or more"):
-        read_c3d(write(tmp_path, content))
+    assert "65535 frames or more" in refusal(read_c3d, write(tmp_path, content))
 
 
 def test_zero_and_infinite_samples_are_missing(tmp_path, points):
@@ -231,8 +230,9 @@ def test_contradictions_are_refused(tmp_path, points, change, said):
 @pytest.mark.parametrize("missing_bytes", [1, 48, 1900])
 def test_every_missing_byte_is_noticed(tmp_path, points, missing_bytes):
     content = build_c3d(points, LABELS)
-    with pytest.raises(lumbar.InputError, match="40 frames of 48 bytes are announced"):
-        read_c3d(write(tmp_path, content[:-missing_bytes]))
+    assert "40 frames of 48 bytes are announced" in refusal(
+        read_c3d, write(tmp_path, content[:-missing_bytes])
+    )
 
 
 @pytest.mark.parametrize("inserted", [bytes(range(4)), bytes(512)])

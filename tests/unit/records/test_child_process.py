@@ -13,6 +13,7 @@ import pytest
 from lumbar.base.errors import InputError
 from lumbar.records import child_process
 from lumbar.records.child_process import read_in_child
+from refusing import refusal
 
 limited = pytest.mark.skipif(not Path("/proc").exists(), reason="only Linux has all limits")
 
@@ -58,24 +59,23 @@ def test_an_error_for_the_user_comes_back_in_its_words(path):
 @pytest.mark.parametrize("bomb", [readers.without_memory, readers.hiding_it, readers.growing])
 def test_memory_ends_at_its_limit_in_words(path, bomb, monkeypatch):
     monkeypatch.setattr(child_process, "MEMORY", 400_000_000)
-    with pytest.raises(
-        InputError, match=r"trial\.bin: its 5e-06 MB need more memory than a reader has, 400 MB"
-    ):
-        read_in_child(bomb, path)
+    assert "trial.bin: its 5e-06 MB need more memory than a reader has, 400 MB" in refusal(
+        read_in_child, bomb, path
+    )
 
 
 @limited
 def test_a_processors_time_ends_at_its_limit_in_words(path, monkeypatch):
     monkeypatch.setattr(child_process, "SECONDS", 1)
-    with pytest.raises(InputError, match=r"trial\.bin: its 5e-06 MB take longer than 1 s to read"):
-        read_in_child(readers.endless, path)
+    assert "trial.bin: its 5e-06 MB take longer than 1 s to read" in refusal(
+        read_in_child, readers.endless, path
+    )
 
 
 def test_one_that_waits_is_given_up_and_ended(path, monkeypatch):
     before = set(psutil.Process().children())
     monkeypatch.setattr(child_process, "TIMEOUT_S", 2)
-    with pytest.raises(InputError, match=r"trial\.bin: its 5e-06 MB take longer than"):
-        read_in_child(readers.sleeping, path)
+    assert "trial.bin: its 5e-06 MB take longer than" in refusal(read_in_child, readers.sleeping, path)
     assert set(psutil.Process().children()) <= before
 
 
@@ -101,22 +101,19 @@ def test_a_reader_that_fails_is_told_with_the_file(path, reader, said):
 )  # fmt: skip
 def test_an_answer_that_lies_is_refused(path, forged, monkeypatch):
     monkeypatch.setattr(child_process, "MAX_ANSWER_BYTES", 1_000_000)
-    with pytest.raises(InputError, match=r"trial\.bin: broken: its reader returned an invalid answer"):
-        read_in_child(forged, path)
+    assert "trial.bin: broken: its reader returned an invalid answer" in refusal(read_in_child, forged, path)
 
 
 @limited
 def test_an_answer_without_end_is_cut(path, monkeypatch):
     monkeypatch.setattr(child_process, "MAX_ANSWER_BYTES", 3_000_000)
-    with pytest.raises(InputError, match=r"trial\.bin: broken: its reader ended"):
-        read_in_child(readers.without_end, path)
+    assert "trial.bin: broken: its reader ended" in refusal(read_in_child, readers.without_end, path)
 
 
 def test_what_is_no_file_is_not_opened(path):
     path.unlink()
     os.mkfifo(path)
-    with pytest.raises(InputError, match=r"trial\.bin: a pipe or a device"):
-        read_in_child(readers.of_a_path, path)
+    assert "trial.bin: a pipe or a device" in refusal(read_in_child, readers.of_a_path, path)
 
 
 def test_files_are_read_while_other_threads_compute_and_nothing_is_left(path):

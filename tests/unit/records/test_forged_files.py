@@ -15,6 +15,7 @@ from lumbar.base.files import MAX_FILE_BYTES
 from lumbar.interface.result import read_table
 from lumbar.records.child_process import SECONDS
 from lumbar.records.markers import read_markers
+from refusing import refusal
 
 h5py = pytest.importorskip("h5py")
 
@@ -138,5 +139,4 @@ def test_tables_that_lumbar_wrote_are_read_back(tmp_path):
     pd.testing.assert_frame_equal(read_table(path, "a lift"), frame)
     path.unlink()
     os.mkfifo(path)
-    with pytest.raises(InputError, match=r"body\.csv: a pipe or a device"):
-        read_table(path, "a lift")
+    assert "body.csv: a pipe or a device" in refusal(read_table, path, "a lift")

@@ -9,6 +9,7 @@ from foreign_files import FORCE, POSITION, RATE, TIME, foreign_files, rows
 from scipy.io import savemat
 
 import lumbar
+from refusing import refusal
 
 FILES = foreign_files()
 
@@ -75,8 +76,9 @@ def test_trials_of_several_lengths_are_refused_until_one_is_chosen(tmp_path):
     with pytest.raises(lumbar.InputError, match=said):
         lumbar.import_recordings(tmp_path / "a.mat")
     check(lumbar.import_recordings(tmp_path / "a.mat", table="trial(1)"))
-    with pytest.raises(lumbar.InputError, match=r"no variable 'trial\(3\)'; there are trial\(1\).time_s"):
-        lumbar.import_recordings(tmp_path / "a.mat", table="trial(3)")
+    assert "no variable 'trial(3)'; there are trial(1).time_s" in refusal(
+        lumbar.import_recordings, tmp_path / "a.mat", table="trial(3)"
+    )
 
 
 def test_vectors_of_one_length_are_chosen_by_naming_them(tmp_path):
@@ -90,8 +92,9 @@ def test_vectors_of_one_length_are_chosen_by_naming_them(tmp_path):
     check(lumbar.import_recordings(tmp_path / "a.mat", position="uVal", force="yVal", **units))
     [short] = lumbar.import_recordings(tmp_path / "a.mat", position="uEst", force="yest", **units)
     assert short.record["output"] == pytest.approx(FORCE[:200])
-    with pytest.raises(lumbar.InputError, match=r"'uEst' has 200 and 'yVal' has 600 values"):
-        lumbar.import_recordings(tmp_path / "a.mat", position="uEst", force="yVal", **units)
+    assert "'uEst' has 200 and 'yVal' has 600 values" in refusal(
+        lumbar.import_recordings, tmp_path / "a.mat", position="uEst", force="yVal", **units
+    )
     with pytest.raises(lumbar.InputError, match=r"--force 'yTest': no such column.*; there are .*uEst"):
         lumbar.import_recordings(tmp_path / "a.mat", position="uEst", force="yTest", **units)
 
@@ -113,8 +116,7 @@ def test_hdf5_states_units_and_rate_as_attributes(tmp_path):
         file.attrs["sampling_rate"] = RATE
     check(lumbar.import_recordings(tmp_path / "a.h5"))
     (tmp_path / "broken.h5").write_bytes((tmp_path / "a.h5").read_bytes()[:600])
-    with pytest.raises(lumbar.InputError, match="broken HDF5 file"):
-        lumbar.import_recordings(tmp_path / "broken.h5")
+    assert "broken HDF5 file" in refusal(lumbar.import_recordings, tmp_path / "broken.h5")
 
 
 def test_compound_data_sets_have_their_fields(tmp_path):
@@ -151,10 +153,9 @@ def test_a_sheet_of_a_workbook(tmp_path):
     check(lumbar.import_recordings(tmp_path / "a.xlsx"))
     book.create_sheet("Notes").append(["nothing"])
     book.save(tmp_path / "a.xlsx")
-    with pytest.raises(
-        lumbar.InputError, match="2 sheets hold something: Trial, Notes; choose by --sheet NAME"
-    ):
-        lumbar.import_recordings(tmp_path / "a.xlsx")
+    assert "2 sheets hold something: Trial, Notes; choose by --sheet NAME" in refusal(
+        lumbar.import_recordings, tmp_path / "a.xlsx"
+    )
     check(lumbar.import_recordings(tmp_path / "a.xlsx", table="Trial"))
 
 
@@ -213,10 +214,10 @@ def test_an_encoding_that_is_none_or_does_not_fit(run, tmp_path):
     path.write_bytes(CHINESE.encode("gbk"))
     err = run.refused("import", path, "--encoding", "klingon", "--dry-run")
     assert "--encoding 'klingon': no encoding of text in Python, such as gbk" in err
-    with pytest.raises(lumbar.InputError, match="no encoding of text"):
-        lumbar.import_recordings(path, encoding="base64")
-    with pytest.raises(lumbar.InputError, match=r"line 1 cannot be read by --encoding utf-8 \("):
-        lumbar.import_recordings(path, encoding="utf-8")
+    assert "no encoding of text" in refusal(lumbar.import_recordings, path, encoding="base64")
+    assert "line 1 cannot be read by --encoding utf-8 (" in refusal(
+        lumbar.import_recordings, path, encoding="utf-8"
+    )
 
 
 HEAD = "time_s,position_mm,force_N\n"
@@ -291,8 +292,9 @@ def test_a_column_names_the_trials(tmp_path):
 
 def test_trials_that_are_none(tmp_path):
     path = trials(tmp_path / "bench.csv", np.repeat([1, 2, 3], [300, 295, 5]))
-    with pytest.raises(lumbar.InputError, match=r"bench_3: 5 samples; at least 8 are needed"):
-        lumbar.import_recordings(path, cut_by="trial")
+    assert "bench_3: 5 samples; at least 8 are needed" in refusal(
+        lumbar.import_recordings, path, cut_by="trial"
+    )
     with pytest.raises(
         lumbar.InputError, match=r"--cut-by 'cycle': no such column; there are .*column 4 'trial'"
     ):

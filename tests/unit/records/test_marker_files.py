@@ -72,14 +72,14 @@ def test_unit_behind_the_axis(tmp_path, name):
     )
     recording = read_markers(write(tmp_path, table(header)), lumbar.MarkerLayout())
     np.testing.assert_allclose(recording["THIGH"], POINTS[:, 1] / 1e3, atol=1e-9)
-    with pytest.raises(lumbar.InputError, match=r"states 'mm' but markers\.unit is 'm'"):
-        read_markers(write(tmp_path, table(header)), lumbar.MarkerLayout(unit="m"))
+    assert "states 'mm' but markers.unit is 'm'" in refusal(
+        read_markers, write(tmp_path, table(header)), lumbar.MarkerLayout(unit="m")
+    )
 
 
 def test_rate_of_a_file_without_times(tmp_path):
     path = write(tmp_path, table(ONE.removeprefix("time_s,"), time=None))
-    with pytest.raises(lumbar.InputError, match="no column of times"):
-        read_markers(path, MILLIMETRES)
+    assert "no column of times" in refusal(read_markers, path, MILLIMETRES)
     recording = read_markers(path, lumbar.MarkerLayout(unit="mm", rate_Hz=50))
     np.testing.assert_allclose(recording.time, np.arange(30) / 50)
 
@@ -121,8 +121,9 @@ def test_tables_that_are_refused(tmp_path, text, said):
 
 
 def test_declared_rate_that_the_times_contradict(tmp_path):
-    with pytest.raises(lumbar.InputError, match=r"its times run at 60 Hz, but markers\.rate_Hz is 100"):
-        read_markers(write(tmp_path, table()), lumbar.MarkerLayout(unit="mm", rate_Hz=100))
+    assert "its times run at 60 Hz, but markers.rate_Hz is 100" in refusal(
+        read_markers, write(tmp_path, table()), lumbar.MarkerLayout(unit="mm", rate_Hz=100)
+    )
 
 
 LAYOUT = lumbar.MarkerLayout(check_axes=False)
@@ -154,8 +155,9 @@ def test_packed_files_that_are_broken_or_stand_for_more_are_named(tmp_path, gait
     with pytest.raises(lumbar.InputError, match=r"^\S+cut\.c3d\.gz: .*it is cut short"):
         read_markers(packed(tmp_path / "cut.c3d", tmp_path / "cut.c3d.gz"), LAYOUT)
     (tmp_path / "short.trc.gz").write_bytes(gzip.compress(b"PathFileType" * 999)[:-30])
-    with pytest.raises(lumbar.InputError, match=r"short\.trc\.gz: the packed file is cut short"):
-        read_markers(tmp_path / "short.trc.gz", LAYOUT)
+    assert "short.trc.gz: the packed file is cut short" in refusal(
+        read_markers, tmp_path / "short.trc.gz", LAYOUT
+    )
     (tmp_path / "bomb.c3d.gz").write_bytes(gzip.compress(bytes(210_000_000), 1))
     with pytest.raises(
         lumbar.InputError, match=r"bomb\.c3d\.gz: (unpacks to more than 200 MB|its .* need more memory)"

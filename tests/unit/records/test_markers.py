@@ -106,15 +106,15 @@ def test_person_who_does_not_face_quite_forward(tmp_path, degrees, fits):
     if fits:
         read_markers(path, layout_of(aliases=STANDARD))
     else:
-        with pytest.raises(lumbar.InputError, match="the toes are ahead of the heels along"):
-            read_markers(path, layout_of(aliases=STANDARD))
+        assert "the toes are ahead of the heels along" in refusal(
+            read_markers, path, layout_of(aliases=STANDARD)
+        )
 
 
 def test_swapped_sides_are_noticed(tmp_path):
     swapped = {name: name.replace("L_", "r_").replace("R_", "L_").replace("r_", "R_") for name in BODY}
     path = write(tmp_path, BODY)
-    with pytest.raises(lumbar.InputError, match="left and right labels are swapped"):
-        read_markers(path, layout_of(aliases=swapped))
+    assert "left and right labels are swapped" in refusal(read_markers, path, layout_of(aliases=swapped))
 
 
 WALKING = (
@@ -139,8 +139,9 @@ def test_what_is_never_seen_together_shows_no_axis(tmp_path):
     markers = {name: walk + value for name, value in BODY.items()}
     for side in "LR":
         markers[f"{side}_HEEL"][10:] = markers[f"{side}_TOE"][:10] = np.nan
-    with pytest.raises(lumbar.InputError, match=r'set forward: "\+y", unless'):
-        read_markers(write(tmp_path, markers), layout_of(aliases=STANDARD, forward="-y"))
+    assert 'set forward: "+y", unless' in refusal(
+        read_markers, write(tmp_path, markers), layout_of(aliases=STANDARD, forward="-y")
+    )
     read_markers(write(tmp_path, markers), layout_of(aliases=STANDARD))
 
 
@@ -148,10 +149,9 @@ def test_sides_name_the_axis_that_fits_or_the_labels(tmp_path):
     """Without toes the trunk's front tells; without it both causes stay."""
     sides = {name: BODY[name] for name in ("C7", "SACRUM", "L_HIP", "R_HIP", "L_HEEL", "R_HEEL")}
     path = write(tmp_path, sides)
-    with pytest.raises(
-        lumbar.InputError, match=r'set forward: "\+y", unless left and right labels are swapped'
-    ):
-        read_markers(path, layout_of(aliases={name: name for name in sides}, forward="-y"))
+    assert 'set forward: "+y", unless left and right labels are swapped' in refusal(
+        read_markers, path, layout_of(aliases={name: name for name in sides}, forward="-y")
+    )
     front = {**sides, "L_ASIS": (-0.12, 0.1, 1.0), "R_ASIS": (0.12, 0.1, 1.0)}
     path = write(tmp_path, front)
     aliases = {name: name for name in front}
@@ -161,8 +161,9 @@ def test_sides_name_the_axis_that_fits_or_the_labels(tmp_path):
         **aliases,
         **{f"{a}_{part}": f"{b}_{part}" for part in ("HIP", "HEEL") for a, b in ("LR", "RL")},
     }
-    with pytest.raises(lumbar.InputError, match=r"left and right labels are swapped \(check"):
-        read_markers(path, layout_of(aliases=swapped))
+    assert "left and right labels are swapped (check" in refusal(
+        read_markers, path, layout_of(aliases=swapped)
+    )
 
 
 def test_axes_that_no_label_tells_are_said_not_to_be_checked(tmp_path, run):
@@ -271,8 +272,7 @@ def test_markers_that_are_not_required_may_be_absent(tmp_path):
 
 
 def test_other_files(tmp_path):
-    with pytest.raises(lumbar.InputError, match="no such file"):
-        read_markers(tmp_path / "absent.c3d")
+    assert "no such file" in refusal(read_markers, tmp_path / "absent.c3d")
     (tmp_path / "trial.xyz").write_text("time_s\n0\n")
     with pytest.raises(
         lumbar.InputError, match=r"read from .*\.csv and \.bvh files, also with \.gz, not '\.xyz'"

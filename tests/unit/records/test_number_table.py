@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from lumbar.base.errors import InputError
 from lumbar.records.number_table import (
     Dialect,
     NumberTable,
@@ -58,8 +57,9 @@ def test_quotes_join_lines_only_if_the_dialect_allows_it():
     several = Dialect(quotes_span_lines=True)
     assert [row.line for row in split_rows(lines, several, "a.csv")] == [1, 2, 4]
     assert [row.line for row in split_rows(lines, Dialect(), "a.csv")] == [1, 2, 3, 4]
-    with pytest.raises(InputError, match="line 2: not a row of a table"):
-        list(split_rows(["a,b", '"' + "x" * 200_000], several, "a.csv"))
+    assert "line 2: not a row of a table" in refusal(
+        list, split_rows(["a,b", '"' + "x" * 200_000], several, "a.csv")
+    )
 
 
 def test_all_wrong_cells_are_listed_with_line_and_column():
@@ -72,13 +72,11 @@ def test_all_wrong_cells_are_listed_with_line_and_column():
 def test_empty_cells_are_missing_only_in_columns_that_allow_it():
     table = read(["1,2,3", ",2,3"], may_be_empty=["x"])
     assert np.isnan(table.values[1, 0]) and table.values[1, 1] == 2
-    with pytest.raises(InputError, match="line 2: x is ''"):
-        read(["1,2,3", ",2,3"], may_be_empty=["y"])
+    assert "line 2: x is ''" in refusal(read, ["1,2,3", ",2,3"], may_be_empty=["y"])
 
 
 def test_narrow_table_names_the_column_that_is_missing():
-    with pytest.raises(InputError, match="line 1: 2 columns; z is column 3"):
-        read(["1,2", "3,4"])
+    assert "line 1: 2 columns; z is column 3" in refusal(read, ["1,2", "3,4"])
 
 
 def test_many_problems_end_the_reading():
@@ -104,6 +102,5 @@ def test_encodings_of_western_text_are_recognised(encoding):
 
 def test_other_bytes_are_refused_unless_labels_do_not_matter():
     content = "a\nМаркер".encode("cp1251")
-    with pytest.raises(InputError, match=r"a\.csv: line 2 is not UTF-8"):
-        decode_lines(content, "a.csv")
+    assert "a.csv: line 2 is not UTF-8" in refusal(decode_lines, content, "a.csv")
     assert decode_lines(content, "a.csv", lenient=True)[0][0] == "a"

@@ -49,10 +49,8 @@ def test_sets_share_quantities_and_units():
     require_same_units([])
     require_same_units([a, b])
     b.channels["output"] = Channel(TIME, "output", "kN")
-    with pytest.raises(InputError, match="b: output is output in kN, but output in mm in a"):
-        require_same_units([a, b])
-    with pytest.raises(InputError, match="output is missing"):
-        require_same_units([a, record_of(TIME, TIME, name="b")])
+    assert "b: output is output in kN, but output in mm in a" in refusal(require_same_units, [a, b])
+    assert "output is missing" in refusal(require_same_units, [a, record_of(TIME, TIME, name="b")])
 
 
 def test_resampling_keeps_what_lies_below_and_removes_what_lies_above():
@@ -65,8 +63,7 @@ def test_resampling_keeps_what_lies_below_and_removes_what_lies_above():
     # The window's ripple, at every sample: none is left that the filter could not see whole.
     assert result["input"] == pytest.approx(np.sin(2 * np.pi * 7 * result.time) + 10, abs=0.01)
     assert resample(record, 1000.0) is record
-    with pytest.raises(InputError, match="simpler ratio"):
-        resample(record, 0.3)
+    assert "simpler ratio" in refusal(resample, record, 0.3)
 
 
 @pytest.mark.parametrize("rate", [10.0, 25.0, 50.0, 64.0, 150.0, 400.0])

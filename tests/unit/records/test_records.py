@@ -62,11 +62,11 @@ def test_an_optional_column_may_be_absent_or_rest(tmp_path, values):
     resting = np.column_stack([values, np.full(len(values), 0.4)])
     text = text_of(resting, "t,z,f,l", "{:.6f},{:.6f},{:.6f},{:.6f}")
     assert read_record(written(tmp_path, text), layout)["length"] == pytest.approx(0.4)
-    with pytest.raises(lumbar.InputError, match="no column 'l'"):
-        read_record(
-            written(tmp_path, text_of(values)),
-            changed(LAYOUT, columns={"length": {**optional, "optional": False}}),
-        )
+    assert "no column 'l'" in refusal(
+        read_record,
+        written(tmp_path, text_of(values)),
+        changed(LAYOUT, columns={"length": {**optional, "optional": False}}),
+    )
     with pytest.raises(lumbar.InputError, match=r"length is nan"):
         broken = text.replace("0.400000\n", "nan\n", 1)
         read_record(written(tmp_path, broken), layout)
@@ -112,8 +112,7 @@ def test_matlab_files(tmp_path, values):
     with pytest.raises(lumbar.InputError, match=r"(?s)not a vector of real numbers.*different lengths"):
         read_record(path, changed(LAYOUT, format="mat"))
     path.write_bytes(b"nonsense")
-    with pytest.raises(lumbar.InputError, match="not a MATLAB file"):
-        read_record(path, changed(LAYOUT, format="mat"))
+    assert "not a MATLAB file" in refusal(read_record, path, changed(LAYOUT, format="mat"))
 
 
 def test_empty_first_cells_and_quoted_headers_keep_their_columns(tmp_path, values):
@@ -187,14 +186,11 @@ def test_a_part_is_read_and_the_rest_not_even_checked(tmp_path, values):
     """A gap before the part is no fault; lines are still counted in the file."""
     text = text_of(values).replace("0.050000,", "0.049000,").replace("0.200000,", "0.190000,")
     path = written(tmp_path, text)
-    with pytest.raises(lumbar.InputError, match=r"line 22: time 0\.19 s after 0\.19 s"):
-        read_record(path, LAYOUT)
+    assert "line 22: time 0.19 s after 0.19 s" in refusal(read_record, path, LAYOUT)
     record = read_record(path, LAYOUT, trims={"trial": (0.205, 0.4)})
     assert record.time == pytest.approx(TIME[21:40])
     assert record["output"] == pytest.approx(values[21:40, 2], abs=1e-6)
-    with pytest.raises(lumbar.InputError, match="line 22"):
-        read_record(path, LAYOUT, trims={"trial": (0.1, 0.4)})
-    with pytest.raises(
-        lumbar.InputError, match=r"4 samples from 0.45 to 0.485 s; the clock runs from 0 to 0.49 s"
-    ):
-        read_record(path, LAYOUT, trims={"trial": (0.45, 0.485)})
+    assert "line 22" in refusal(read_record, path, LAYOUT, trims={"trial": (0.1, 0.4)})
+    assert "4 samples from 0.45 to 0.485 s; the clock runs from 0 to 0.49 s" in refusal(
+        read_record, path, LAYOUT, trims={"trial": (0.45, 0.485)}
+    )

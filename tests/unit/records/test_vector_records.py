@@ -42,8 +42,7 @@ def test_columns_of_axes_are_read_in_any_order(tmp_path, case):
     assert along.axes == ()
     assert list(along.channels) == ["input", "output"]
     assert along.stacked("output") == pytest.approx(expected[-1:], abs=1e-8)
-    with pytest.raises(lumbar.InputError, match="no axis 'w'"):
-        record.axis("w")
+    assert "no axis 'w'" in refusal(record.axis, "w")
 
 
 @pytest.mark.parametrize("case", cases(__file__, "refused"))
