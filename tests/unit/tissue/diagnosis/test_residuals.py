@@ -1,21 +1,29 @@
-"""Parts of a comparison: bootstrap intervals, rejected simulations, and the nonlinear share of an error."""
+"""Parts of comparisons and locations: intervals, nonlinear share, trends, correlations, and sizes under noise only."""
+
+import json
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from periodic_records import multisine, noise, record, relaxing_force
+from periodic_records import STEP, multisine, noise, noisy_record, record, relaxing_force
 from scipy.signal import lfilter
+from scipy.stats import kendalltau
 
-from lumbar.base.errors import InputError, NumericalError
+import lumbar
 from lumbar.tissue.diagnosis.fitting.joint_fit import fit_base
 from lumbar.tissue.diagnosis.fitting.preparation import prepare
 from lumbar.tissue.diagnosis.linear.linear_dynamics import distortion_power, nonlinear_share
 from lumbar.tissue.diagnosis.noise.noise_floor import noise_floor
+from lumbar.tissue.diagnosis.residuals.candidate_causes import cross_correlation, rank_causes
 from lumbar.tissue.diagnosis.residuals.compare import (
     RESAMPLES,
     block_groups,
     compare_record,
 )
+from lumbar.tissue.diagnosis.residuals.locate import Location, residual_after, residual_of
+from lumbar.tissue.diagnosis.residuals.motion_diagnostics import reversals
+from lumbar.tissue.diagnosis.residuals.residual import steady_velocity
+from lumbar.tissue.diagnosis.residuals.time_frequency import mann_kendall_p
 from lumbar.tissue.identification.metrics import fit_ratio, mean_residual, variance_accounted_for
 from lumbar.tissue.models.bases import BASES
 from lumbar.tissue.models.structure import Structure
@@ -70,14 +78,14 @@ def test_intervals_match_resampled_records():
 
 def test_invalid_simulations_are_rejected():
     test, force = aperiodic(1000, 0.3, 1)
-    with pytest.raises(InputError, match="simulation of shape"):
+    with pytest.raises(lumbar.InputError, match="simulation of shape"):
         compare_record(test, force[:-1])
     force[500] = np.nan
-    with pytest.raises(InputError, match=r"nan from 5 s on: the model is unstable"):
+    with pytest.raises(lumbar.InputError, match=r"nan from 5 s on: the model is unstable"):
         compare_record(test, force)
-    with pytest.raises(InputError, match="leave 0 samples after the first 20 s"):
+    with pytest.raises(lumbar.InputError, match="leave 0 samples after the first 20 s"):
         compare_record(test, np.zeros(1000), start=20.0)
-    with pytest.raises(NumericalError, match="output does not move"):
+    with pytest.raises(lumbar.NumericalError, match="output does not move"):
         compare_record(record(test["input"], np.zeros(1000)), np.zeros(1000))
 
 
@@ -125,3 +133,124 @@ def test_distortion_is_estimated_without_bias():
     power = distortion_power(inputs, smooth * inputs + distortion, excited)
     assert power[excited].mean() == pytest.approx(1.0, abs=0.1)
     assert_allclose(power[2:1500:2], np.abs(distortion[2:1500:2]) ** 2)
+
+
+def locate(record, simulated, *noise, **start):
+    residual = residual_after(record, simulated, *noise, **start)
+    return Location.of_residual(record.name, residual, rank_causes([residual]))
+
+
+@pytest.mark.statistical
+@pytest.mark.parametrize(("pole", "repeating"), [(0.0, True), (0.9, True), (0.0, False)])
+def test_sizes_under_the_null(pole, repeating):
+    """At the 5 % level no test of a true model's residual rejects in clearly more than 5 % of the cases."""
+    trials = 300 if pole == 0.0 and repeating else 150
+    p_values: dict[str, list[float]] = {}
+    accused = 0
+    for seed in range(trials):
+        test = noisy_record(6, 0.3, seed, pole, samples=160)
+        floor = noise_floor(test, period=1.6)
+        location = locate(test, relaxing_force(test["input"]), floor, "" if repeating else "another")
+        accused += not location.is_noise
+        for name, value in location.p_values.items():
+            p_values.setdefault(name, []).append(value)
+        for kind in ("p even", "p odd"):
+            p_values.setdefault(kind, []).append(location.views["candidate causes"].numbers[kind])
+    # Three standard errors, and a little for the noise's spectrum being estimated.
+    scatter = 3 * np.sqrt(0.05 * 0.95 / trials)
+    allowed = 0.05 + scatter + (0.01 if pole == 0 else 0.03)
+    rejected = {name: np.mean(np.array(values) < 0.05) for name, values in p_values.items()}
+    assert max(rejected.values()) <= allowed, rejected
+    assert accused / trials <= 0.05 + scatter
+
+
+def test_mann_kendall_agrees_with_kendalls_tau():
+    values = noise(40, 3) + 0.03 * np.arange(40)
+    assert mann_kendall_p(values) == pytest.approx(kendalltau(np.arange(40), values).pvalue, abs=0.02)
+    assert mann_kendall_p(np.arange(10.0)) < 0.001
+
+
+def test_cross_correlation_is_the_sum_it_says():
+    test = noisy_record(6, 0.3, 2)
+    residual = residual_after(test, relaxing_force(test["input"]), noise_floor(test))
+    signal = residual.position - residual.position.mean()
+    result = cross_correlation(residual, signal)
+    scale = np.sqrt(np.sum(residual.values**2) * np.sum(signal**2))
+    direct = [np.sum(residual.values * np.roll(signal, lag)) / scale for lag in result.lags]
+    assert result.values == pytest.approx(direct, abs=1e-12)
+    assert result.limit == pytest.approx(1.96 / np.sqrt(len(signal)), rel=0.1)
+
+
+def test_reversals_of_a_noisy_triangle():
+    position = np.concatenate([np.linspace(0, 1, 100), np.linspace(1, -1, 200), np.linspace(-1, 0.5, 150)])
+    turns, directions = reversals(position + 0.01 * noise(450, 1))
+    assert directions.tolist() == [-1, 1]
+    assert turns == pytest.approx([100, 300], abs=4)
+
+
+def test_velocity_of_a_noisy_position_is_steadied():
+    time = np.arange(2000) * STEP
+    position = 5 * np.sin(2 * np.pi * 0.5 * time)
+    expected = 5 * np.pi * np.cos(2 * np.pi * 0.5 * time)
+    assert steady_velocity(position, STEP)[5:-5] == pytest.approx(expected[5:-5], abs=0.01)
+    noisy = steady_velocity(position + 0.05 * noise(2000, 1), STEP)
+    assert np.std(noisy - expected) < 0.15 * np.std(expected)
+
+
+FIRST_VIEWS = {
+    "hardening_stiffness": {"depth"},
+    "quadratic_stiffness": {"depth"},
+    "coulomb_friction": {"position and velocity"},
+    "depth_dependent_damping": {"position and velocity"},
+    "delay": {"linear dynamics"},
+    "inertia": {"linear dynamics"},
+    "second_relaxation": {"linear dynamics"},
+    "softening": {"time"},
+    "periodic_disturbance": {"time"},
+    "drift": {"time"},
+    "contact_loss": {"depth", "position and velocity"},
+    "saturation": {"depth", "position and velocity"},
+    "quadratic_damping": {"position and velocity"},
+    "hysteresis": {"reversals"},
+    "backlash": {"reversals"},
+}
+"""Causes of the force of each effect."""
+
+
+@pytest.mark.statistical
+def test_hidden_effects(shared):
+    """On all records together what comes first is what the hidden effect depends on; on a chirp alone it often is not."""
+    labels = json.loads((shared / "hidden_effects" / "labels.json").read_text())
+    for case, label in labels.items():
+        seen = lumbar.read(shared / "hidden_effects" / case)
+        tests = [seen[name] for name in ("multisine", "noise", "chirp")]
+        step = tests[0].sampling_time
+        # The base model with its true time constant, stiffnesses by least squares.
+        decay = np.exp(-step / label["tau_s"])
+        held = label["tau_s"] * (1 - decay) / step
+        columns = {}
+        for test in tests:
+            position = test["input"]
+            branch = lfilter([held, -held], [1, -decay], position - position[0])
+            columns[test.name] = np.column_stack([position, branch])
+        stiffness = np.linalg.lstsq(columns["multisine"][50:], tests[0]["output"][50:], rcond=None)[0]
+        experiment = prepare(tests, "multisine")
+        residuals = [residual_of(test, columns[test.name] @ stiffness, experiment) for test in tests]
+        first = locate(tests[0], columns["multisine"] @ stiffness, experiment.floor, start=0.5)
+        if not label["effects"]:
+            assert first.is_noise or first.is_all_but_noise, case
+        else:
+            causes = rank_causes(residuals)
+            views = set().union(*(FIRST_VIEWS[name] for name in label["effects"]))
+            assert causes[0].name in views, (case, label["effects"], causes)
+
+
+def test_position_at_rest_with_a_noise_floor_has_no_relation_to_the_error():
+    position = np.minimum(np.arange(2000) / 40, 1.0)
+    hold = record(position, 0.7 * position + 0.02 * noise(2000, 1), "hold")
+    floor = noise_floor(noisy_record(10, 0.02, 1))
+    location = locate(hold, 0.5 * position, floor, "multisine", start=0.5)
+    assert (
+        location.shares["depth"] == location.shares["reversals"] == location.views["frequency"].share == 0.0
+    )
+    assert location.causes[0].name == "constant offset"
