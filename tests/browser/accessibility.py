@@ -6,16 +6,18 @@ import pytest
 
 WIDTHS = (1440, 1024, 768, 390)
 _FAULTS = Path(__file__).with_name("page_faults.js").read_text(encoding="utf-8")
-"""What is wider than the page or cut off, and what is to be clicked and lies under something else."""
+"""Script that lists elements wider than the page, cut off, or covered although they can be clicked."""
 
 
 def serious(page) -> list[tuple[str, str]]:
-    """What axe-core finds serious or critical, with the element."""
+    """Return the serious and critical violations of axe-core, with the element."""
     reason = "the dependency group 'dev' has it"
     axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason=reason).Axe()
-    found = axe.run(page).response["violations"]
+    violations = axe.run(page).response["violations"]
     return [
-        (item["id"], item["nodes"][0]["html"]) for item in found if item["impact"] in ("serious", "critical")
+        (item["id"], item["nodes"][0]["html"])
+        for item in violations
+        if item["impact"] in ("serious", "critical")
     ]
 
 

@@ -9,7 +9,7 @@ from patience import PATIENCE_S
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 DRAWN = "() => (window.Bokeh?.documents ?? []).every((item) => item.is_idle)"
-"""Whether every picture stands where it stays: a pointer that is moved before misses it."""
+"""True if every picture has its final position: a pointer that is moved earlier misses it."""
 
 
 @pytest.fixture(scope="session")

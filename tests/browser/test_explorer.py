@@ -70,22 +70,22 @@ def test_page_from_disk_shows_what_was_computed(new_page, saved, diagnosis):
 def test_a_region_drawn_in_one_picture_is_marked_in_all(new_page, saved):
     page = new_page(saved, viewport={"width": 1280, "height": 1800})
     box = page.locator("figure.wide").nth(0).locator("canvas").first.bounding_box()
-    told = page.locator("#region", has_text="samples marked")
+    region = page.locator("#region", has_text="samples marked")
     for _ in range(20):  # a page that is busy misses a pointer
-        if not told.count():
+        if not region.count():
             page.mouse.move(box["x"] + 0.4 * box["width"], box["y"] + 20)
             page.mouse.down()
             page.mouse.move(box["x"] + 0.6 * box["width"], box["y"] + 0.8 * box["height"], steps=3)
             page.mouse.up()
             page.wait_for_timeout(1000)
-    told.wait_for()
+    region.wait_for()
     marked = page.evaluate(
         "() => { const of = (name) => Bokeh.documents[0].get_model_by_name(name).data;"
         " const [all, some] = [lumbar.whole(), of('brushed')];"
         " return {count: some.time.length, times: [Math.min(...some.time), Math.max(...some.time)],"
         " positions: some.position.every((value, i) => value === all.position[all.time.indexOf(some.time[i])])}; }"
     )
-    assert told.inner_text().startswith(f"{marked['count']} samples marked")
+    assert region.inner_text().startswith(f"{marked['count']} samples marked")
     assert marked["count"] > 100 and marked["positions"]
     assert 0 < marked["times"][0] < marked["times"][1] < 100
 
@@ -114,9 +114,9 @@ def test_pictures_of_the_error_are_those_of_numpy(new_page, saved, diagnosis):
         : error.size
     ]
     marked = np.count_nonzero(np.abs(part) > np.sqrt(np.mean(part**2)))
-    told = page.locator("#region").inner_text()
-    assert f"hold {100 * np.sum(part**2) / np.sum(error**2):.3g} % of the first model's error" in told
-    assert int(re.search(r"(\d+) samples marked", told)[1]) == pytest.approx(marked, abs=3)
+    message = page.locator("#region").inner_text()
+    assert f"hold {100 * np.sum(part**2) / np.sum(error**2):.3g} % of the first model's error" in message
+    assert int(re.search(r"(\d+) samples marked", message)[1]) == pytest.approx(marked, abs=3)
 
     page.locator("#from").fill("0")  # all samples: their density holds the error's variance (Parseval)
     page.locator("#to").fill("1000")
@@ -165,16 +165,16 @@ def test_the_address_holds_the_session_and_opens_it_again(new_page, saved):
 
 
 @pytest.mark.parametrize(
-    ("asked", "told"),
+    ("address", "message"),
     [
         ("path=inertia+drift", "this diagnosis did not fit inertia and drift"),
         ("path=%zz", "The address cannot be followed"),
         ("path=drift+drift", "names an effect twice"),
     ],
 )
-def test_an_address_that_leads_nowhere_is_answered_in_words(new_page, saved, asked, told):
-    page = new_page(f"{saved}#{asked}")
-    assert told in page.locator("#message").inner_text()
+def test_wrong_address_is_answered_with_a_message(new_page, saved, address, message):
+    page = new_page(f"{saved}#{address}")
+    assert message in page.locator("#message").inner_text()
     assert "coulomb friction" in page.locator("#ladder li").last.inner_text()
 
 

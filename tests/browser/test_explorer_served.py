@@ -1,4 +1,4 @@
-"""Pages in a real browser at the addresses of ``lumbar explore``: beside a study, and for own recordings."""
+"""Pages in a real browser at the addresses of ``lumbar explore``: of a folder, and for uploads."""
 
 import json
 import shutil
@@ -102,16 +102,16 @@ def give_own(page, folder: Path) -> None:
 
 
 @pytest.fixture(scope="module")
-def own(tmp_path_factory):
-    """Address of the page for own recordings, served where there is no project."""
+def upload_page(tmp_path_factory):
+    """Address of the page for uploads, served outside a project."""
     with serving(tmp_path_factory.mktemp("own")) as addresses:
         yield addresses["/"]
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_own_recordings_page_is_for_everybody(new_page, own, scheme):
-    options = {"color_scheme": scheme, "bypass_csp": True}  # axe-core is no script of the page
-    page = new_page(own, ready="#choose", viewport={"width": 390, "height": 844}, **options)
+def test_upload_page_is_accessible(new_page, upload_page, scheme):
+    options = {"color_scheme": scheme, "bypass_csp": True}  # axe-core is an external script
+    page = new_page(upload_page, ready="#choose", viewport={"width": 390, "height": 844}, **options)
     page.locator("#choose").set_input_files(
         [{"name": f"{'x' * 150}.csv", "mimeType": "text/csv", "buffer": b"t_s,pos_mm,F_N\n1,2\n" * 20}]
     )
@@ -122,8 +122,8 @@ def test_own_recordings_page_is_for_everybody(new_page, own, scheme):
     assert serious(page) == []
 
 
-def test_what_was_found_stands_in_the_fields_and_notes_are_no_errors(new_page, own):
-    page = new_page(own, ready="#choose")
+def test_fields_show_the_columns_and_notes_are_not_errors(new_page, upload_page):
+    page = new_page(upload_page, ready="#choose")
     time = 10 * np.arange(400)
     columns = zip(time, np.sin(time / 70), np.cos(time / 90), strict=True)
     rows = "".join(f"{at};{way:.4f};{force:.4f}\n" for at, way, force in columns)
@@ -149,13 +149,13 @@ def test_what_was_found_stands_in_the_fields_and_notes_are_no_errors(new_page, o
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_index_and_unknown_addresses_are_for_everybody_and_lead_on(new_page, own, scheme):
-    page = new_page(f"{own}#choose", ready="#choose", color_scheme=scheme, bypass_csp=True)
+def test_index_and_unknown_addresses_are_accessible(new_page, upload_page, scheme):
+    page = new_page(f"{upload_page}#choose", ready="#choose", color_scheme=scheme, bypass_csp=True)
     assert page.url.endswith("#choose") and "token" not in page.url
     assert page.get_by_role("link", name="an example to try").is_visible()
     fits(page, *WIDTHS)
     assert serious(page) == []
-    page.goto(f"{own.partition('?')[0]}nowhere")
+    page.goto(f"{upload_page.partition('?')[0]}nowhere")
     fits(page, *WIDTHS)
     assert serious(page) == []
     page.get_by_role("link", name="All pages").click()

@@ -64,12 +64,12 @@ def simulate_limited(loops, lowest, highest):
         yield state
 
 
-def test_a_push_goes_as_the_library_simulates_it(page, trajectories, monkeypatch):
+def test_push_agrees_with_the_simulation_of_the_library(page, trajectories, monkeypatch):
     monkeypatch.setattr(monte_carlo_check, "LONGEST_STRIDE", 1)  # a step from knot to knot, as in the page
     assert len(trajectories) == 6
     for item, limited in product(trajectories, (False, True)):
         loops = close_loops([item], SETTINGS.pendulum.sign, SETTINGS)
-        found = np.array(
+        followed_in_page = np.array(
             [
                 page.evaluate(
                     "([key, state, limits]) => window.lumbarLift.follow(key, 0, state, limits)",
@@ -78,13 +78,13 @@ def test_a_push_goes_as_the_library_simulates_it(page, trajectories, monkeypatch
                 for push in PUSHES.T
             ]
         )
-        assert found.shape == (4, SETTINGS.knots, 2)
+        assert followed_in_page.shape == (4, SETTINGS.knots, 2)
         if limited:
             followed = enumerate(simulate_limited(loops, *torque_range(item, SETTINGS)))
         else:
             followed = ((knot, state[:, 0]) for knot, state in simulate(loops, PUSHES[:, None, :]))
         for knot, state in followed:
-            assert pytest.approx(state, rel=1e-7, abs=1e-7) == found[:, knot].T
+            assert pytest.approx(state, rel=1e-7, abs=1e-7) == followed_in_page[:, knot].T
 
 
 def test_simulated_outline_is_the_goal_set_followed_backward(page, trajectories):

@@ -42,6 +42,14 @@ def pictures_are_sketched(request):
 
 
 @pytest.fixture(scope="session")
+def examples():
+    """Return two records of the synthetic twin."""
+    from lumbar.twin.examples import example_records
+
+    return example_records()
+
+
+@pytest.fixture(scope="session")
 def fmu_models():
     """Return models for export."""
 

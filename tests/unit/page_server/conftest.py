@@ -104,11 +104,6 @@ def upload(served):
 
 
 @pytest.fixture(scope="session")
-def examples():
-    return example_records()
-
-
-@pytest.fixture(scope="session")
 def texts(examples):
     """Contents of two files in the units of a machine, the force without one."""
     return {f"{record.name}.txt": text_of(record) for record in examples}

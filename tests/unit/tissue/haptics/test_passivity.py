@@ -66,9 +66,9 @@ def data_of(structure: TransferFunction, noise: float = 0.0) -> IdentificationDa
 TRUTH = Branches((0.5, 3.0, 0.4), (np.inf, 0.034, 0.8))
 
 
-def test_a_branch_is_the_ramp_invariant_maxwell_element():
-    found = undiscretise(unit_branch(0.034, PERIOD), PERIOD)
-    assert found == FirstOrder(
+def test_branch_is_the_ramp_invariant_maxwell_element():
+    fit = undiscretise(unit_branch(0.034, PERIOD), PERIOD)
+    assert fit == FirstOrder(
         k=pytest.approx(0, abs=1e-12), nu=pytest.approx(0.034), gamma=pytest.approx(0.034)
     )
 
@@ -76,24 +76,24 @@ def test_a_branch_is_the_ramp_invariant_maxwell_element():
 def test_stiffnesses_are_those_of_non_negative_least_squares():
     data = data_of(TRUTH.transfer_function(PERIOD), noise=0.3)
     times = [np.inf, *np.geomspace(0.01, 5.0, 9)]
-    found, error = fit_branches(data, times)
+    fit, error = fit_branches(data, times)
     regressors = np.column_stack([unit_branch(time, PERIOD).simulate(data.inputs) for time in times])[50:]
     expected, norm = nnls(regressors, data.outputs[50:])
     assert error == pytest.approx(norm**2, rel=1e-6)
     np.testing.assert_allclose(
-        found.stiffnesses, expected[expected > 1e-4 * expected.max()], rtol=1e-2, atol=1e-3
+        fit.stiffnesses, expected[expected > 1e-4 * expected.max()], rtol=1e-2, atol=1e-3
     )
 
 
 @pytest.mark.parametrize("rate", [100.0, 1000.0])
 @pytest.mark.parametrize("delay", [0.0, 0.0007])
 @pytest.mark.parametrize("average", [1, 3])
-def test_the_device_is_passive_with_what_was_fitted_for_it(rate, delay, average):
+def test_device_is_passive_with_the_model_fitted_for_it(rate, delay, average):
     """At the limit where the condition binds, well within where it does not; delays are cones."""
     data = data_of(TRUTH.transfer_function(PERIOD), noise=0.1)
     kernel = np.full(average, 1000.0 / average)
     rendering = SampledModel("", kernel, np.ones(1), 1.0 / rate).late(delay)
-    found = fit_passive(data, True, None, DeviceCondition(5.5, rendering))
+    fit = fit_passive(data, True, None, DeviceCondition(5.5, rendering))
 
     def damping_of(fit: Branches) -> float:
         structure = fit.transfer_function(1.0 / rate)
@@ -101,7 +101,7 @@ def test_the_device_is_passive_with_what_was_fitted_for_it(rate, delay, average)
         rendered = replace(rendering, numerator=numerator, denominator=np.array(structure.denominator))
         return required_damping(rendered)
 
-    needed, wanted = damping_of(found), damping_of(fit_passive(data, True, None))
+    needed, wanted = damping_of(fit), damping_of(fit_passive(data, True, None))
     assert needed <= 5.5
     if wanted > 5.6:
         assert needed > 5.4
@@ -121,7 +121,7 @@ def test_which_models_of_the_thesis_take_energy(name, takes):
     assert (min(works) > -1e-6 * max(map(abs, works))) == takes
 
 
-def test_a_spring_that_pushes_gives_out_energy():
+def test_negative_spring_releases_energy():
     assert not takes_energy(Branches((-0.5, 3.0), (np.inf, 0.034)).transfer_function(PERIOD))
     assert takes_energy(Branches((0.0, 3.0), (np.inf, 0.034)).transfer_function(PERIOD))
 
@@ -145,16 +145,16 @@ def test_an_unstable_model_has_no_stable_gain():
     assert largest_stable_gain(model, STYLUS).gain == 0.0
 
 
-def test_a_resonance_narrower_than_the_angles_between_asks_for_its_damping():
+def test_narrow_resonance_needs_its_damping():
     # K(1 + g z⁻¹/(1 − 2r cos θ z⁻¹ + r² z⁻²)); the peak is 1e-5 rad wide
     radius, angle, period = 1.0 - 1e-5, 1.234, 1e-3
     denominator = np.array([1.0, -2.0 * radius * np.cos(angle), radius**2])
     model = SampledModel("ringing", 300.0 * denominator + [0.0, 0.05, 0.0], denominator, period)
     z = np.exp(1j * (angle + np.linspace(-2e-4, 2e-4, 40001)))
-    asked = (
+    condition = (
         period / 2.0 * ((1.0 - 1.0 / z) * np.polyval(model.numerator, z) / np.polyval(denominator, z)).real
     )
-    needed = (asked / (1.0 - z.real)).max()
+    needed = (condition / (1.0 - z.real)).max()
     assert needed > 1.5 * period / 2.0 * 300.0
     assert required_damping(model) == pytest.approx(needed, rel=1e-3)
 
@@ -200,7 +200,7 @@ def gain_by_eigenvalues(model, device, hand):
 
     def unstable(gain):
         poles = np.linalg.eigvals(transition(model, *device.values(), hand, gain))
-        if drifts:  # a stylus that nobody holds stays where it is left
+        if drifts:  # a stylus without a hand stays at its position
             poles = np.delete(poles, np.abs(poles - 1.0).argmin())
         return np.abs(poles).max() >= 1 + 1e-12
 
@@ -218,16 +218,16 @@ def gain_by_eigenvalues(model, device, hand):
 
 
 def disagreement(rng):
-    """What is wrong about one drawn loop; empty where nothing is."""
+    """Return the fault of one drawn loop, or an empty text."""
     model, values, hand = drawn_loop(rng)
     device = changed(RuntimeSettings(), device=values | {"hand_stiffness_N_m": hand}).device
-    found, expected = largest_stable_gain(model, device).gain, gain_by_eigenvalues(model, values, hand)
+    fit, expected = largest_stable_gain(model, device).gain, gain_by_eigenvalues(model, values, hand)
     stiffness = model.numerator.sum() / model.denominator.sum()
     if stiffness < -1e-6 and np.isfinite(required_damping(model, 200)):
         return f"passive with {stiffness:g} N/m"
-    if found == pytest.approx(expected, rel=1e-5, abs=1e-6) or (found > 1e6 and np.isinf(expected)):
+    if fit == pytest.approx(expected, rel=1e-5, abs=1e-6) or (fit > 1e6 and np.isinf(expected)):
         return ""
-    return f"{model}, {values}, {hand} N/m: {found}, by eigenvalues {expected}"
+    return f"{model}, {values}, {hand} N/m: {fit}, by eigenvalues {expected}"
 
 
 @pytest.mark.parametrize(
@@ -243,12 +243,12 @@ FRICTION, STIFFNESS = 0.05, 300.0
 
 
 def moved(**device):
-    """What the hand alone does to the stylus: it is pushed by 50 mm and let swing about there."""
+    """Simulate a stylus that only the hand moves: pushed by 50 mm, then free to oscillate."""
     stylus = DeviceSettings(damping_N_s_m=1e-9, hand_stiffness_N_m=STIFFNESS, encoder_um=0, **device)
     return simulate(lambda time, position: 0.0, [1e-3], stylus, 15.0, HandPush(50.0))
 
 
-def test_every_half_swing_is_shorter_by_twice_the_friction_over_the_stiffness():
+def test_friction_shortens_every_half_swing():
     run = moved(friction_N=FRICTION)
     late = run.time > 0.3
     position = run.position[late]
@@ -309,5 +309,5 @@ def contradictions(form: str, encoder_um: float, cache: Path, project: Path) -> 
 @pytest.mark.nightly
 @pytest.mark.parametrize("encoder_um", ENCODERS_UM)
 @pytest.mark.parametrize("form", [*FORM_NUMBERS, *OWN])
-def test_what_is_called_stable_no_push_shakes(form, encoder_um, zig_cache, project):
+def test_no_push_shakes_a_stable_loop(form, encoder_um, zig_cache, project):
     assert contradictions(form, encoder_um, zig_cache, project) == []

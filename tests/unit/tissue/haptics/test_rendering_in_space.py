@@ -119,19 +119,19 @@ def test_principal_axes_are_loops_of_their_own():
     assert model.reach is None
 
 
-def test_sines_in_time_take_no_more_energy_than_the_damping_pays():
+def test_sines_need_no_more_than_the_required_damping():
     """Along the direction that is returned one of them takes all of it; along others less."""
     model = spatial_export({}, ("x", "z"))
     needed, worst = render_model(model, DEVICE).loops[0].required_damping()
     taken = {}
     for direction in (worst, worst[::-1] * [1.0, -1.0], np.array([1.0, 0.0])):
-        found = []
+        needs = []
         for angle in np.geomspace(1e-3, 3.1, 80):
-            way = np.multiply.outer(np.cos(angle * np.arange(12_001)), direction)
-            moved = np.diff(way, axis=0)[-10_000:]
-            work = np.sum(model.dynamics.response(way)[:-1][-10_000:] * moved)
-            found.append(-1e3 * STEP * work / np.sum(moved**2))
-        taken[tuple(direction)] = max(found)
+            path = np.multiply.outer(np.cos(angle * np.arange(12_001)), direction)
+            moved = np.diff(path, axis=0)[-10_000:]
+            work = np.sum(model.dynamics.response(path)[:-1][-10_000:] * moved)
+            needs.append(-1e3 * STEP * work / np.sum(moved**2))
+        taken[tuple(direction)] = max(needs)
     assert max(taken.values()) == taken[tuple(worst)] <= needed * 1.001
     assert taken[tuple(worst)] > 0.98 * needed
     assert min(taken.values()) < 0.95 * needed

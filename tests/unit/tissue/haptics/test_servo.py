@@ -122,11 +122,9 @@ def random_intervals(low: float, high: float) -> np.ndarray:
         random_intervals(0.001, 0.03),
         random_intervals(0.0098, 0.0102),
     ],
-    ids=["alike", "ten times faster", "half", "a third and more", "faster", "uneven", "nearly alike"],
+    ids=["equal", "ten times faster", "half", "a third and more", "faster", "uneven", "nearly equal"],
 )
-def test_the_loop_through_the_header_has_the_forces_of_the_loop_through_its_rule(
-    intervals, header, fmu_folder, fmu_models, tmp_path
-):
+def test_header_and_its_rule_give_equal_forces(intervals, header, fmu_folder, fmu_models, tmp_path):
     with zipfile.ZipFile(fmu_folder / "KB_fmi3.fmu") as archive:
         archive.extractall(tmp_path)
     device = STYLUS.model_copy(update={"damping_N_s_m": 40.0, "encoder_um": 0.0, "delay_ms": 0.3})
@@ -140,10 +138,10 @@ def test_the_loop_through_the_header_has_the_forces_of_the_loop_through_its_rule
     def tick(time: float, position: float) -> float:
         return rendered.loop_step(lambda given: header.loader_step(tissue, start + time, given))(position)
 
-    found = simulate(tick, intervals, device, 15.0, HandPush(duration_s=1.0))
+    result = simulate(tick, intervals, device, 15.0, HandPush(duration_s=1.0))
     header.loader_close(tissue)
     assert np.ptp(expected.samples) > 1.0
-    np.testing.assert_allclose(found.samples, expected.samples, atol=1e-9)
+    np.testing.assert_allclose(result.samples, expected.samples, atol=1e-9)
 
 
 def judged(rate: float, **device):
@@ -155,7 +153,7 @@ def judged(rate: float, **device):
 @pytest.mark.parametrize(
     ("rate", "gain"), [(500.0, 1.961), (250.0, 1.378), (200.0, 1.195), (300.0, 1.360), (1500.0, 2.336)]
 )
-def test_a_servo_of_another_rate_is_judged_as_the_loader_plays_it(rate, gain):
+def test_servo_of_another_rate_is_judged_like_the_loader(rate, gain):
     """Against the loop in time through the loader's rule, which dies away below the gain and grows above."""
     rendered, device = judged(rate)
     assert analyse(rendered, device).gain == pytest.approx(gain, abs=6e-4)
@@ -191,24 +189,24 @@ def test_ticks_that_repeat_are_stable_up_to_the_gain_and_not_above(seed):
 
 @pytest.mark.parametrize(("ticks", "samples"), [(3, 3), (3, 1)])
 @pytest.mark.parametrize("seed", range(8))
-def test_ticks_that_are_alike_are_those_of_the_exact_analysis(seed, ticks, samples):
+def test_equal_ticks_agree_with_the_exact_analysis(seed, ticks, samples):
     """Three written out for one, as fast as the model and faster: gain, frequency, damping and what an encoder keeps up."""
     rng = np.random.default_rng([seed, 3])
     model, device = drawn_model(rng), drawn_device(rng)
     intervals = (model.sampling_time * samples / ticks,) * ticks
     loop = PeriodicModel(replace(model, delay=0.0), intervals, delay=model.delay)
-    found, expected = loop.largest_stable_gain(device), largest_stable_gain(model, device)
-    assert found.gain == pytest.approx(expected.gain, rel=1e-6)
-    assert found.frequency == pytest.approx(expected.frequency, rel=1e-6)
+    result, expected = loop.largest_stable_gain(device), largest_stable_gain(model, device)
+    assert result.gain == pytest.approx(expected.gain, rel=1e-6)
+    assert result.frequency == pytest.approx(expected.frequency, rel=1e-6)
     needed = required_damping(model)
     assert required_damping(loop) == pytest.approx(needed, rel=1e-4, abs=1e-9)
-    if found.gain > 1:
+    if result.gain > 1:
         assert encoder_ripple(loop, device) == pytest.approx(encoder_ripple(model, device), rel=1e-4)
 
 
 @pytest.mark.parametrize("seed", range(4))
 def test_no_motion_takes_energy_above_the_damping_and_one_does_below(seed):
-    """Of all moves over many periods the one that gains most, against the damping that the period's condition asks for."""
+    """Compare the largest gain of all moves over many periods with the damping that the condition requires."""
     loop, _ = drawn_sequence(seed, 2)
     needed = required_damping(loop)
     ticks = 120
@@ -226,32 +224,32 @@ def test_no_motion_takes_energy_above_the_damping_and_one_does_below(seed):
 
 @pytest.mark.parametrize("samples", [2, 3, 8])
 @pytest.mark.parametrize("seed", range(4))
-def test_a_servo_slower_by_a_whole_factor_is_a_model_of_its_own(seed, samples):
+def test_servo_slower_by_a_whole_factor_is_a_decimated_model(seed, samples):
     """Forces of random ticks: on straight lines, and where the position waits, each sample written out."""
     rng = np.random.default_rng([seed, 6])
     model = replace(drawn_model(rng), delay=0.0)
     ticks = np.concatenate([[0.0], rng.standard_normal(50)])
     slow, waits = (decimate_to_ticks(model, samples, held) for held in (False, True))
     lines = np.interp(np.arange(samples * 50 + 1) / samples, np.arange(51), ticks)
-    for found, positions in ((slow, lines), (waits, np.repeat(ticks, samples))):
+    for result, positions in ((slow, lines), (waits, np.repeat(ticks, samples))):
         expected = lfilter(model.numerator, model.denominator, positions)[::samples]
-        forces = lfilter(found.numerator, found.denominator, ticks)
+        forces = lfilter(result.numerator, result.denominator, ticks)
         np.testing.assert_allclose(forces, expected, rtol=0, atol=1e-10 * np.abs(expected).max())
-        assert found.sampling_time == pytest.approx(samples * model.sampling_time)
+        assert result.sampling_time == pytest.approx(samples * model.sampling_time)
 
 
-def test_a_long_impulse_response_has_the_states_of_what_gave_it():
+def test_long_impulse_response_has_the_states_of_its_source():
     impulse = lfilter([2.0, -1.9, 0.1], [1.0, -1.94, 0.9408], np.eye(1, 4000)[0])
-    found = realisation(SampledModel("", impulse, np.ones(1), 0.001))
-    np.testing.assert_allclose(sorted(np.linalg.eigvals(found.a)), [0.96, 0.98], atol=1e-9)
+    result = realisation(SampledModel("", impulse, np.ones(1), 0.001))
+    np.testing.assert_allclose(sorted(np.linalg.eigvals(result.a)), [0.96, 0.98], atol=1e-9)
     np.testing.assert_allclose(
-        [found.d, found.c @ found.b, found.c @ found.a @ found.b], impulse[:3], atol=1e-9
+        [result.d, result.c @ result.b, result.c @ result.a @ result.b], impulse[:3], atol=1e-9
     )
     average = SampledModel("", np.full(200, 0.005), np.ones(1), 0.001)
     assert len(realisation(average).a) == 199
 
 
-def test_rates_without_a_common_period_are_judged_where_their_clocks_meet_worst():
+def test_rates_without_a_common_period_are_judged_at_the_worst_phase():
     """Every place of the first tick among the samples, as each lasts long: worse than three samples locked to a tick."""
     locked, drifting = judged(1000.0 / 3.0), judged(333.333)
     assert len(drifting[0].loops) > 1
@@ -259,6 +257,6 @@ def test_rates_without_a_common_period_are_judged_where_their_clocks_meet_worst(
     assert analyse(*drifting).gain == pytest.approx(1.138, abs=1e-3)
 
 
-def test_a_servo_that_the_loader_refuses_is_refused():
+def test_too_slow_servo_is_rejected():
     with pytest.raises(InputError, match=r"runtime\.device: at 3 Hz .* more than 0\.25 s"):
         judged(3.0)
