@@ -7,7 +7,7 @@ import pandas as pd
 from lumbar.base.files import write_json, write_text
 from lumbar.publishing.figures.style import new_figure, save
 from lumbar.publishing.study_report.contents import chapters
-from lumbar.publishing.study_report.report_page import StudyFacts, report_page
+from lumbar.publishing.study_report.report_page import report_page
 from lumbar.study.artefacts import Artefact
 from lumbar.tables.table import Table
 
@@ -104,5 +104,6 @@ def make_results(folder: Path) -> Path:
 def page_of(results: Path) -> str:
     """Return the report of `make_results`."""
     made = chapters(results, results / "captions", SHEET, CHOICES, CLAIMS)
-    facts = StudyFacts("small", "A small study", "synthetic twin", ("a, box of 1 kg",), 1, {"python": "3"})
+    facts = {"name": "small", "title": "A small study", "source_label": "synthetic twin", "seed": 1}
+    facts |= {"people": ["a, box of 1 kg"], "versions": {"python": "3"}}
     return report_page(facts, results, made, CLAIMS)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from abc import abstractmethod
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -162,6 +163,16 @@ class ModelReports(Result):
         """Return the report of a record; the name of a single record may be left out."""
         return self[self.reports[0].record.name if not name and len(self.reports) == 1 else name]
 
+    def save(self, folder: str | os.PathLike) -> None:
+        """Write the `files` and a page that shows them, ``compare_page.html`` or ``location_page.html``."""
+        super().save(folder)
+        name, page = self._page(Path(folder))
+        write_text(Path(folder) / f"{name}_page.html", page)
+
+    @abstractmethod
+    def _page(self, folder: Path) -> tuple[str, str]:
+        """Return name and content of the page; its pictures are in the folder."""
+
     def __repr__(self) -> str:
         axes = self.reports[0].record.axes
         records = f"{len(self.reports)} records{f' of {len(axes)} axes' if axes else ''}"
@@ -194,15 +205,12 @@ class Comparisons(ModelReports):
         for report in self.reports:
             yield f"comparison_{report.record.name}", self.figure(report.record.name)
 
-    def save(self, folder: str | os.PathLike) -> None:
-        """Write the `files` and the page ``compare_page.html``, which shows them."""
+    def _page(self, folder: Path) -> tuple[str, str]:
         from lumbar.publishing.pages.html import comparison_page
 
-        super().save(folder)
         names = [report.record.name for report in self.reports]
-        pictures = {name: Path(folder) / f"comparison_{name}.svg" for name in names}
-        page = comparison_page(self.reports, self.model.name, self.source_label, pictures)
-        write_text(Path(folder) / "compare_page.html", page)
+        pictures = {name: folder / f"comparison_{name}.svg" for name in names}
+        return "compare", comparison_page(self.reports, self.model.name, self.source_label, pictures)
 
     def __str__(self) -> str:
         lines = [item.comparison.sentence for item in self.simulated]
@@ -241,14 +249,11 @@ class Locations(ModelReports):
         for name, file in self._pictures.items():
             yield file, self.figure(name)
 
-    def save(self, folder: str | os.PathLike) -> None:
-        """Write the `files` and the page ``location_page.html``, which shows them."""
+    def _page(self, folder: Path) -> tuple[str, str]:
         from lumbar.publishing.pages.html import location_page
 
-        super().save(folder)
-        pictures = {name: Path(folder) / f"{file}.svg" for name, file in self._pictures.items()}
-        page = location_page(self.reports, self.model.name, self.source_label, pictures)
-        write_text(Path(folder) / "location_page.html", page)
+        pictures = {name: folder / f"{file}.svg" for name, file in self._pictures.items()}
+        return "location", location_page(self.reports, self.model.name, self.source_label, pictures)
 
     def __str__(self) -> str:
         lines = [residuals.all_reports_sentence(self.reports)]

@@ -77,11 +77,13 @@ def lift(
         from lumbar.study.load_study import load_subject
 
         subject = load_subject(Path(subject))
-    is_read = isinstance(markers, MarkerRecording)
-    file = Path(markers.source or markers.name) if is_read else Path(markers)
+    given = None
+    if isinstance(markers, MarkerRecording):
+        given, markers = markers, markers.source or markers.name
+    file = Path(markers)
     lift_name, trial = _find_trial(subject, file, box_mass_kg, trial)
     name, settings = name or lift_name, (settings or LiftingSettings()).settings_for_trial(trial)
-    static = static or (None if is_read else _static_file(subject, trial, file))
+    static = static or (_static_file(subject, trial, file) if given is None else None)
     standing = None
     if static is not None:
         # A static trial is read by its own labels; it need not have all markers of a lift.
@@ -90,11 +92,11 @@ def lift(
         with naming(static):
             standing = read_markers(static, bare, minimum_frames=1, screen=screening).positions
     bodies = BodyFilling(settings, standing)
-    if isinstance(markers, MarkerRecording):
-        recording = replace(markers, name=name)
+    if given is not None:
+        recording = replace(given, name=name)
         sheet = quality_sheet(recording, recording.positions, ())
     else:
-        recording, sheet = read_screened(markers, settings.markers, name, subject.height_m, bodies)
+        recording, sheet = read_screened(file, settings.markers, name, subject.height_m, bodies)
         sheet = replace(sheet, findings=(*sheet.findings, *bodies.findings))
     analysed = lifting.analyse_lift(recording, subject, trial, settings, bodies.gaps, sheet.findings)
     return Lift(analysed, subject, trial, settings, data_label(source_label, [recording.source]), sheet)

@@ -11,7 +11,7 @@ from lumbar.base.files import read_json, write_text
 from lumbar.base.yaml_file import read_yaml
 from lumbar.publishing.figures.style import person_and_box
 from lumbar.publishing.study_report.contents import chapters
-from lumbar.publishing.study_report.report_page import StudyFacts, report_page
+from lumbar.publishing.study_report.report_page import report_page
 from lumbar.study.artefacts import read_artefacts
 from lumbar.study.load_study import load_study
 from lumbar.tables.layout import value_in_words
@@ -88,6 +88,12 @@ def report(results: str | os.PathLike, project: str | os.PathLike = ".") -> Stud
         claims,
     )
     environment = read_json(results / "run_environment.json")
-    subjects, versions = tuple(dict.fromkeys(people.values())), environment["versions"]
-    facts = StudyFacts(study.name, settings.title, environment["data"], subjects, settings.seed, versions)
+    facts = {
+        "name": study.name,
+        "title": settings.title,
+        "source_label": environment["data"],
+        "people": list(dict.fromkeys(people.values())),
+        "seed": settings.seed,
+        "versions": environment["versions"],
+    }
     return StudyReport(study.name, report_page(facts, results, report_chapters, claims))

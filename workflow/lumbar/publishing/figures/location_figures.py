@@ -115,23 +115,19 @@ def spatial_comparison_figure(report: SpatialReport, model: str) -> Figure:
     widest = max(report.axes, key=lambda item: item.comparison.rms.value)
     segment = default_segment(widest.record, widest.values, widest.comparison.start)
     count = len(report.axes)
-    figure, axes = new_figure(
-        DOUBLE_COLUMN, 0.7 + 1.5 * count, nrows=count, ncols=2, sharex=True, width_ratios=(1.25, 1)
-    )
+    size = {"nrows": count, "ncols": 2, "sharex": True, "width_ratios": (1.25, 1)}
+    figure, axes = new_figure(DOUBLE_COLUMN, 0.7 + 1.5 * count, **size)
     for row, item in zip(axes, report.axes, strict=True):
-        axis = item.record.name[-2]  # x of "multisine (x)"
         draw_segment(row, item.record, item.values, item.comparison, segment, model)
-        output = item.record.channels["output"]
-        quantity = f"{output.quantity.capitalize()} {axis}"
-        row[0].set(ylabel=f"{quantity} ({unit_in_print(output.unit)})")
+        output, axis = item.record.channels["output"], item.record.name[-2]  # x of "multisine (x)"
+        row[0].set_ylabel(f"{output.quantity.capitalize()} {axis} ({unit_in_print(output.unit)})")
         row[0].set_title(f"VAF {item.comparison.vaf.value:.4g} %", loc="right")
     for axis in axes[:-1, 1]:
         axis.set_xlabel("")
-    shown = [axis.lines[0].get_ydata() for axis in axes[:, 1]]
-    bands = [2 * item.comparison.floor.rms for item in report.axes if item.comparison.floor]
-    largest = 1.1 * max([*bands, *(float(np.abs(values).max()) for values in shown)])
+    sizes = [float(np.abs(axis.lines[0].get_ydata()).max()) for axis in axes[:, 1]]
+    sizes += [2 * item.comparison.floor.rms for item in report.axes if item.comparison.floor]
     for axis in axes[:, 1]:
-        axis.set_ylim(-largest, largest)
+        axis.set_ylim(-1.1 * max(sizes), 1.1 * max(sizes))
         if axis.get_legend():
             axis.get_legend().remove()
     handles = [pair for axis in axes[0] for pair in zip(*axis.get_legend_handles_labels(), strict=True)]
@@ -144,29 +140,27 @@ def spatial_comparison_figure(report: SpatialReport, model: str) -> Figure:
 @house_style
 def spatial_location_figure(report: SpatialReport) -> Figure:
     """Draw the path seen along every axis with the error on it, and the error over the direction of travel."""
-    residual = report.residual
-    pairs = list(combinations(range(len(residual.axes)), 2))
+    residual, view = report.residual, report.views["direction of travel"].table
+    names, unit = residual.axes, unit_in_print(report.residual.unit)
+    pairs = list(combinations(range(len(names)), 2))
     figure = new_figure(DOUBLE_COLUMN, 4.9)[0]
     figure.clear()
     above, below = figure.subfigures(2, 1, height_ratios=(1.1, 1))
     panels = np.atleast_1d(above.subplots(1, len(pairs)))
-    unit = unit_in_print(residual.unit)
     lines = [_draw_path(panel, residual, pair) for panel, pair in zip(panels, pairs, strict=True)]
     above.colorbar(lines[0], ax=panels.tolist(), label=f"Error ({unit} RMS)", shrink=0.9)
-    view = report.views["direction of travel"]
-    mean = np.stack([view.table[f"mean_{axis}"] for axis in residual.axes], axis=1)
-    along = np.sum(mean * directions(len(residual.axes)), axis=1)
-    reach = float(np.nanmax(np.abs(along), initial=0.0)) or 1.0
-    largest = float(np.nanmax(view.table["rms"], initial=0.0)) or 1.0
+    mean = np.stack([view[f"mean_{name}"] for name in names], axis=1)
+    along = np.sum(mean * directions(len(names)), axis=1)
+    bound = float(np.nanmax(np.abs(along), initial=0.0)) or 1.0
+    largest = float(np.nanmax(view["rms"], initial=0.0)) or 1.0
     drawn = (
-        ("Error by direction of travel", f"Error ({unit} RMS)", view.table["rms"], _DARK, 0.0, largest),
-        ("Mean error along the travel", f"Mean ({unit})", along, _SIGNED, -reach, reach),
+        ("Error by direction of travel", f"Error ({unit} RMS)", view["rms"], _DARK, 0.0, largest),
+        ("Mean error along the travel", f"Mean ({unit})", along, _SIGNED, -bound, bound),
     )
-    projection = "mollweide" if len(residual.axes) == 3 else "polar"
+    draw, projection = (_draw_sphere, "mollweide") if len(names) == 3 else (_draw_circle, "polar")
     maps = below.subplots(1, 2, subplot_kw={"projection": projection})
-    draw = _draw_sphere if len(residual.axes) == 3 else _draw_circle
     for panel, (title, label, values, colours, low, high) in zip(maps, drawn, strict=True):
-        cells = draw(panel, values, residual.axes, cmap=colours, vmin=low, vmax=high)
+        cells = draw(panel, values, names, cmap=colours, vmin=low, vmax=high)
         panel.set_title(title)
         below.colorbar(cells, ax=panel, label=label, shrink=0.75)
     return figure

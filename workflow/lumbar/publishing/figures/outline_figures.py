@@ -88,15 +88,15 @@ def article_figure() -> Figure:
         ("Simulation", "test the models\nin a surgical simulator", _draw_simulation),
     )
     figure, axes = new_figure(DOUBLE_COLUMN, 2.3, ncols=len(steps))
-    for number, (axis, (title, words, draw)) in enumerate(zip(axes, steps, strict=True)):
+    frame = {"boxstyle": "round,pad=0,rounding_size=0.1", "facecolor": "none", "edgecolor": INK}
+    for axis, (title, text, draw) in zip(axes, steps, strict=True):
         axis.set(xlim=(0, 3), ylim=(0, 2.4), aspect="equal")
         axis.axis("off")
-        frame = {"boxstyle": "round,pad=0,rounding_size=0.1", "facecolor": "none", "edgecolor": INK}
         axis.add_patch(FancyBboxPatch((0.05, 0.05), 2.75, 2.3, **frame))
         _write(axis, 1.42, 2.12, title, fontsize=9, fontweight="bold")
-        _write(axis, 1.42, 1.72, words, fontsize=7)
+        _write(axis, 1.42, 1.72, text, fontsize=7)
         draw(axis)
-        if number:
+        if axis is not axes[0]:
             arrow(axis, (-0.38, 1.2), (0.05, 1.2))
     return figure
 
@@ -118,22 +118,20 @@ def _draw_system(axis) -> None:
     inner.set(xlim=(-width / 2 - 0.1, width / 2 + 0.3), ylim=(-height, 0.0), aspect="equal")
     inner.axis("off")
     draw_network(inner, KB.network, 0.0, 0.0)
-    for words, place, start in (("x(t)", 0.35, 0.6), ("f(t)", 2.5, 1.9)):
-        _write(axis, place, 0.75, words)
+    for text, place, start in (("x(t)", 0.35, 0.6), ("f(t)", 2.5, 1.9)):
+        _write(axis, place, 0.75, text)
         arrow(axis, (start, 0.75), (start + 0.35, 0.75))
 
 
 def _draw_simulation(axis) -> None:
     """Draw the loop of model, haptic device and hand."""
     box = {"boxstyle": "square,pad=0.5", "facecolor": "white", "edgecolor": INK}
-    for x, words in ((0.75, "model"), (2.05, "haptic\ndevice,\nhand")):
-        _write(axis, x, 0.75, words, bbox=box)
-    for start, stop, height, words, color in (
-        (1.1, 1.68, 0.9, "force", "#D55E00"),
-        (1.68, 1.1, 0.6, "position", INK),
-    ):
-        arrow(axis, (start, height), (stop, height), color)
-        _write(axis, 1.39, 1.05 if height > 0.75 else 0.45, words, color=color)
+    for x, text in ((0.75, "model"), (2.05, "haptic\ndevice,\nhand")):
+        _write(axis, x, 0.75, text, bbox=box)
+    arrow(axis, (1.1, 0.9), (1.68, 0.9), "#D55E00")
+    _write(axis, 1.39, 1.05, "force", color="#D55E00")
+    arrow(axis, (1.68, 0.6), (1.1, 0.6), INK)
+    _write(axis, 1.39, 0.45, "position", color=INK)
 
 
 def _write(axis, x: float, y: float, text: str, **look) -> None:

@@ -138,14 +138,9 @@ def figure_4_3(funnels: pd.DataFrame, settings: StabilitySettings) -> Figure:
 
 @house_style
 def figure_4_4(funnels: pd.DataFrame, settings: StabilitySettings) -> Figure:
-    """Draw the basins of every COM and plane about their trajectories: by the thesis's method and by the exact one.
+    """Draw the basins of every COM and plane about their trajectories, by the thesis's method and by the exact one.
 
-    Parameters
-    ----------
-    funnels : pandas.DataFrame
-        ``funnel.csv`` of one lift.
-    settings : StabilitySettings
-        Convention of the study's pendulums.
+    For parameters see `figure_4_3`.
     """
     every = _variants(funnels, settings)
     shown = [(item, plane) for item in dict.fromkeys((every[0], every[-1])) for plane in PLANE_TITLES]

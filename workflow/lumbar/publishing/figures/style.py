@@ -4,6 +4,7 @@ import io
 import itertools
 import os
 from pathlib import Path
+from string import ascii_lowercase
 
 import matplotlib as mpl
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -40,7 +41,7 @@ def new_figure(width: float = DOUBLE_COLUMN, height: float = 3.0, **subplots):
 
 def label_panels(axes) -> None:
     """Write (a), (b), … at the upper left of each axes, in order."""
-    for letter, axis in zip("abcdefghijklmnopqrstuvwxyz", axes, strict=False):
+    for letter, axis in zip(ascii_lowercase, axes, strict=False):
         axis.set_title(f"({letter})", loc="left", fontweight="bold")
 
 
@@ -49,11 +50,11 @@ def _label_unlabelled_panels(figure) -> None:
     panels = [axes for axes in figure.axes if axes.axison and not hasattr(axes, "_colorbar")]
     if len(panels) < 2 or any(axes.get_title(loc="left") for axes in panels):
         return
-    for letter, axes in zip("abcdefghijklmnopqrstuvwxyz", panels, strict=False):
-        place = "center" if axes.get_title() else "left"
-        title = axes.get_title(loc=place)
-        look = {} if title else {"fontweight": "bold"}
-        axes.set_title(f"$\\mathbf{{({letter})}}$ {title}" if title else f"({letter})", loc=place, **look)
+    for letter, axes in zip(ascii_lowercase, panels, strict=False):
+        if title := axes.get_title():
+            axes.set_title(f"$\\mathbf{{({letter})}}$ {title}")
+        else:
+            axes.set_title(f"({letter})", loc="left", fontweight="bold")
 
 
 def _use_math_font_fallback(figure) -> None:
@@ -155,8 +156,7 @@ def save(figure, stem: str | os.PathLike, source_label: str, who: str = "") -> N
     with replacing(stem.with_name(f"{stem.name}.svg")) as svg:
         FigureCanvasSVG(figure).print_svg(svg, metadata={"Date": None, "Description": description})
     figure.dpi = dpi
+    dates = {"CreationDate": None, "ModDate": None}
     with replacing(stem.with_name(f"{stem.name}.pdf")) as pdf:
-        FigureCanvasPdf(figure).print_pdf(
-            pdf, metadata={"CreationDate": None, "ModDate": None, "Subject": description}
-        )
+        FigureCanvasPdf(figure).print_pdf(pdf, metadata={**dates, "Subject": description})
     figure.dpi = dpi

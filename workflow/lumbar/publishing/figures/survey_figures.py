@@ -13,7 +13,6 @@ from lumbar.publishing.figures.style import SINGLE_COLUMN, house_style, new_figu
 _DISAGREE, _NEUTRAL, _AGREE = ("#D55E00", "#F0B27A"), "#DDDDDD", ("#7FB8DB", "#0072B2")
 _LINE = 105
 """Characters that fit in one line of a title."""
-_HATCHES = {"disagree": ("xxx", "//"), "neutral": "", "agree": ("..", "")}
 
 
 @house_style
@@ -39,19 +38,15 @@ def likert_figure(models: Sequence[str], counts: np.ndarray, labels: Sequence[st
     starts = left[:, None] + np.cumsum(percent, axis=1) - percent
     figure, axes = new_figure(height=0.9 + 0.38 * len(models))
     rows = np.arange(len(models))[::-1]
-    for point, (colour, hatch) in enumerate(_point_styles(points)):
-        axes.barh(
-            rows, percent[:, point], left=starts[:, point], height=0.68, color=colour, hatch=hatch,
-            edgecolor="#333333", linewidth=0.4, label=f"{point + 1} {labels[point]}",
-        )  # fmt: skip
-        for row, start, width, count in zip(
-            rows, starts[:, point], percent[:, point], counts[:, point], strict=True
-        ):
+    edge = {"edgecolor": "#333333", "linewidth": 0.4, "height": 0.68}
+    on_white = {"facecolor": "white", "edgecolor": "none", "pad": 1.2, "alpha": 0.85}
+    for point, look in enumerate(_point_looks(points)):
+        widths, lefts, label = percent[:, point], starts[:, point], f"{point + 1} {labels[point]}"
+        axes.barh(rows, widths, left=lefts, label=label, **look, **edge)
+        for row, start, width, count in zip(rows, lefts, widths, counts[:, point], strict=True):
             if width >= 4:  # narrower bars have no room for a number
-                axes.text(
-                    start + width / 2, row, str(count), ha="center", va="center", fontsize=7,
-                    bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.2, "alpha": 0.85},
-                )  # fmt: skip
+                centred = {"ha": "center", "va": "center", "fontsize": 7, "bbox": on_white}
+                axes.text(start + width / 2, row, str(count), **centred)
     axes.axvline(0, color="black", linewidth=0.8)
     axes.set_yticks(rows, models)
     axes.grid(axis="y", visible=False)
@@ -65,21 +60,19 @@ def likert_figure(models: Sequence[str], counts: np.ndarray, labels: Sequence[st
     return figure
 
 
-def _point_styles(points: int) -> list[tuple[str, str]]:
-    """Return colour and hatch of each point, distinguishable in grey."""
+def _point_looks(points: int) -> list[dict[str, str]]:
+    """Return color and hatch of each point, distinguishable in grey."""
     half = points // 2
-
-    def ramp(ends: tuple[str, str]) -> list[str]:
-        first, last = (np.array(colours.to_rgb(end)) for end in ends)
-        return [colours.to_hex(first + (last - first) * share) for share in np.linspace(0, 1, half)]
-
-    def hatches(kinds: tuple[str, str], outermost: int) -> list[str]:
-        return [kinds[0 if place == outermost else 1] for place in range(half)]
-
-    lower = list(zip(ramp(_DISAGREE), hatches(_HATCHES["disagree"], 0), strict=True))
-    upper = list(zip(ramp(_AGREE), hatches(_HATCHES["agree"], half - 1), strict=True))
-    middle = [(_NEUTRAL, _HATCHES["neutral"])] if points % 2 else []
-    return [*lower, *middle, *upper]
+    looks = []
+    for (first, last), hatches in (
+        (_DISAGREE, ["xxx", *["//"] * (half - 1)]),
+        (_AGREE, [*[""] * (half - 1), ".."]),
+    ):
+        start, end = np.array(colours.to_rgb(first)), np.array(colours.to_rgb(last))
+        ramp = [colours.to_hex(start + (end - start) * share) for share in np.linspace(0, 1, half)]
+        looks += [{"color": color, "hatch": hatch} for color, hatch in zip(ramp, hatches, strict=True)]
+    middle = [{"color": _NEUTRAL, "hatch": ""}] if points % 2 else []
+    return [*looks[:half], *middle, *looks[half:]]
 
 
 @house_style
@@ -101,18 +94,15 @@ def best_picks_figure(best_picks: dict[str, dict], confidence: float) -> Figure:
     )
     figure, axes = new_figure(width=max(SINGLE_COLUMN, 0.8 + 0.5 * len(models)), height=2.6)
     places = np.arange(len(models))
+    bars = {"width": 0.7, "alpha": 0.6, "edgecolor": "#333333", "linewidth": 0.4}
     for place, model in enumerate(models):
         colour = MODELS[model]["color"] if model in MODELS else SERIES[place % len(SERIES)]
-        axes.bar(
-            place, percent[place], width=0.7, color=colour, alpha=0.6, edgecolor="#333333", linewidth=0.4
-        )
+        axes.bar(place, percent[place], color=colour, **bars)
+    look = {"color": "black", "markersize": 3, "capsize": 2.5, "linewidth": 1, "markerfacecolor": "white"}
     intervals = ((-0.12, wilson, "o", "each alone (Wilson)"), (0.12, goodman, "D", "all together (Goodman)"))
     for offset, ends, shape, name in intervals:
-        axes.errorbar(
-            places + offset, percent, yerr=np.abs(ends.T - percent), fmt=shape, color="black",
-            markersize=3, capsize=2.5, linewidth=1, markerfacecolor="white",
-            label=f"{100 * confidence:g} % interval, {name}",
-        )  # fmt: skip
+        label, distance = f"{100 * confidence:g} % interval, {name}", np.abs(ends.T - percent)
+        axes.errorbar(places + offset, percent, yerr=distance, fmt=shape, label=label, **look)
     equal = 100 / len(models)
     axes.axhline(equal, color="black", linewidth=0.8, linestyle=(0, (4, 3)))
     axes.text(len(models) - 0.5, equal, "equal", ha="left", va="center", fontsize=6)

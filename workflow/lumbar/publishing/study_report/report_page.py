@@ -4,6 +4,7 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
@@ -150,23 +151,23 @@ def _rows(path: Path) -> pd.DataFrame:
 PAGE = "publishing/study_report/report.html.jinja"
 
 
-@dataclass(frozen=True)
-class StudyFacts:
-    """Facts in the head of the page."""
-
-    name: str
-    title: str
-    source_label: str
-    people: tuple[str, ...]
-    """Person and box of every lift."""
-    seed: int
-    versions: dict[str, str]
-
-
 def report_page(
-    facts: StudyFacts, results: Path, made: Sequence[Chapter], claims: pd.DataFrame | None
+    facts: dict[str, Any], results: Path, made: Sequence[Chapter], claims: pd.DataFrame | None
 ) -> str:
-    """Return the page; failures and warnings are read from the folder of results."""
+    """Return the page; failures and warnings are read from the folder of results.
+
+    Parameters
+    ----------
+    facts : dict
+        Head of the page: ``name``, ``title``, ``source_label``, ``people`` (subject and box of every lift), ``seed`` and
+        ``versions`` by package.
+    results : pathlib.Path
+        ``results/<study>``.
+    made : sequence of Chapter
+        Contents of the page.
+    claims : pandas.DataFrame or None
+        ``claims.csv``.
+    """
     every = troubles(results)
     rows = [] if claims is None else list(claims[claims["verdict"] == DOES_NOT_HOLD].itertuples())
     entries = [entry for chapter in made for entry in chapter.entries]
