@@ -1,8 +1,6 @@
-"""The page, files and pictures of a diagnosis."""
+"""Evidence, equations, signatures and building blocks of the page of a diagnosis."""
 
-import base64
 import io
-import json
 import re
 from dataclasses import replace
 from xml.etree import ElementTree
@@ -13,18 +11,9 @@ from periodic_records import STEP, multisine, noise, record, relaxing_force
 
 import lumbar
 from lumbar.publishing.explorer.one_file import embed_pictures, one_file, plain_figure
-from lumbar.publishing.pages.diagnosis_page import diagnosis_page, evidence_sections
-from lumbar.publishing.pages.diagnosis_pictures import draw_pictures
 from lumbar.publishing.pages.html import document, figure, listing, paragraph, table
 from lumbar.tissue.diagnosis.evidence.discrimination import separating_excitation
-from lumbar.tissue.diagnosis.evidence.evidence import (
-    EXCITATION,
-    detectable_effects,
-    diagnosis_document,
-    gather_evidence,
-    write_diagnosis,
-)
-from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
+from lumbar.tissue.diagnosis.evidence.evidence import detectable_effects
 from lumbar.tissue.diagnosis.selection.candidate import likelihood_ratio
 from lumbar.tissue.diagnosis.selection.diagnose import diagnose
 from lumbar.tissue.diagnosis.selection.thresholds import LEVEL, NullDistribution, null_distribution
@@ -45,53 +34,8 @@ def records(extra=lambda z: 0.0 * z, periods=8):
     ]
 
 
-@pytest.fixture(scope="module")
-def hardening():
-    """Diagnosis of records with a cubic spring, with its evidence."""
-    tests = records(lambda z: 0.01 * z**3)
-    diagnosis = diagnose(tests)
-    return diagnosis, gather_evidence(diagnosis, DiagnosisSettings(), 1), tests
-
-
-def test_page_needs_no_network_and_no_script(hardening):
-    diagnosis, evidence, _ = hardening
-    page = diagnosis_page(diagnosis, "x", evidence_sections(diagnosis, evidence, TISSUE, {}), "x")
-    assert "<script" not in page
-    assert "http" not in re.sub(r'base64,[^"]*', "", page)
-    assert page.count("<math") >= 4
-    for coded in re.findall(r"base64,([^\"]*)", page):
-        ElementTree.fromstring(base64.b64decode(coded))
-
-
-def test_json_keeps_the_contract_and_adds_keys(hardening, tmp_path):
-    diagnosis, evidence, _ = hardening
-    contract = diagnosis.to_json()
-    content = diagnosis_document(diagnosis, evidence, "x")
-    assert {key: content[key] for key in contract} == contract
-    assert set(content) - set(contract) == {
-        "ties", "separating_excitation", "false_alarm_threshold", "detectable_rms", "data",
-    }  # fmt: skip
-    (tmp_path / EXCITATION).write_text("of an earlier diagnosis")
-    write_diagnosis(diagnosis, lambda: evidence, tmp_path, "x")
-    assert {path.name for path in tmp_path.iterdir()} == {"diagnosis.json", "ladder.csv"}
-    assert json.loads((tmp_path / "diagnosis.json").read_text())["separating_excitation"] is None
-
-
-def test_pictures_of_a_diagnosis(hardening, tmp_path):
-    diagnosis, evidence, _ = hardening
-    pictures = draw_pictures(diagnosis, evidence.remaining, TISSUE, tmp_path, "laboratory X")
-    assert {path.name for path in tmp_path.iterdir()} == {
-        f"{name}.{ending}"
-        for name in ("comparison", "location", "ladder", "signatures")
-        for ending in ("svg", "pdf")
-    }
-    page = diagnosis_page(diagnosis, "x", evidence_sections(diagnosis, evidence, TISSUE, pictures), "x")
-    assert page.count("<figure>") == 4
-    assert b"Hardening stiffness" in (tmp_path / "signatures.svg").read_bytes()
-
-
-def test_an_effect_at_the_detectable_size_gains_the_threshold():
-    """Add a force of thrice the stated size to records of the base alone: it gains nine times the threshold."""
+def test_effect_of_the_detectable_size_gains_the_threshold():
+    """A force of three times the stated size, added to records of the base, gains nine times the threshold."""
     tests = records()
     diagnosis = diagnose(tests)
     assert diagnosis.selected == ()

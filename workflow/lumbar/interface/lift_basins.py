@@ -69,21 +69,14 @@ def basins(
     if isinstance(lift, Lift):
         states = LiftStates(lift.states, lift.facts, lift.thesis_states)
         return Basins(states, settings, seed, source_label or lift.source_label)
-    states = _read_states(Path(lift), facts)
-    return Basins(states, settings, seed, source_label or states.facts.get("data", "") or UNKNOWN_SOURCE)
-
-
-_TABLE = "pendulum states"
-
-
-def _read_states(path: Path, facts: Mapping | None) -> LiftStates:
-    """Read ``pendulum.csv``, the facts next to it unless they are given, and ``thesis_pendulum.csv`` if it exists."""
+    path, kind = Path(lift), "pendulum states"
     facts_file, thesis_file = path.with_suffix(".json"), path.with_name("thesis_pendulum.csv")
     if facts is None and path.is_file() and not facts_file.is_file():
         raise InputError(f"{facts_file}: no such file; 'lumbar lift' writes it with {path}")
     facts = read_json(facts_file) if facts is None else facts
-    thesis_states = read_table(thesis_file, _TABLE) if thesis_file.is_file() else None
-    return LiftStates(read_table(path, _TABLE), facts, thesis_states)
+    thesis_states = read_table(thesis_file, kind) if thesis_file.is_file() else None
+    states = LiftStates(read_table(path, kind), facts, thesis_states)
+    return Basins(states, settings, seed, source_label or facts.get("data", "") or UNKNOWN_SOURCE)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

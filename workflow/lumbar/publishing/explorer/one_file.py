@@ -1,7 +1,7 @@
 """Pages with Bokeh's pictures as self-contained files, with the same bytes at every run."""
 
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -51,15 +51,6 @@ class EmbeddedPictures:
     style: str
     """Bokeh's style sheets."""
 
-    def add_sources(self, sources: list[ColumnDataSource]) -> "EmbeddedPictures":
-        """Return the pictures with further data in their document, which a page's script finds by name."""
-        ((name, document),) = self.documents.items()
-        first, *others = document["roots"]
-        tags = Serializer(deferred=False).encode(sources)
-        first = {**first, "attributes": {**first["attributes"], "tags": tags}}
-        documents = {name: {**document, "roots": [first, *others]}}
-        return EmbeddedPictures(documents, self.items, self.code, self.style)
-
 
 def add_roots(document: Document, pictures: Iterable[figure]) -> None:
     """Add pictures to a document."""
@@ -76,18 +67,42 @@ def embed_pictures(fill: Callable[[Document], None]) -> EmbeddedPictures:
     return EmbeddedPictures(documents, items, *bundle_for_objs_and_resources([document], INLINE))
 
 
-def one_file(pictures: EmbeddedPictures, page: str, variables: dict[str, Any]) -> str:
-    """Return the page as HTML: a template that extends ``publishing/explorer/shell.html.jinja``, with its variables."""
+def one_file(
+    pictures: EmbeddedPictures,
+    page: str,
+    variables: dict[str, Any],
+    sources: Sequence[ColumnDataSource] = (),
+) -> str:
+    """Return a page as HTML.
+
+    Parameters
+    ----------
+    pictures : EmbeddedPictures
+        Pictures of the page.
+    page : str
+        Template that extends ``publishing/explorer/shell.html.jinja``.
+    variables : dict
+        Variables of the template.
+    sources : sequence of ColumnDataSource
+        Further data in the document of the pictures, which the page's script finds by name.
+    """
+    documents = pictures.documents
+    if sources:
+        ((name, document),) = documents.items()
+        first, *others = document["roots"]
+        tags = Serializer(deferred=False).encode(list(sources))
+        first = {**first, "attributes": {**first["attributes"], "tags": tags}}
+        documents = {name: {**document, "roots": [first, *others]}}
     scripts_and_style, title = (_CODE, pictures.style), variables["title"]
     text = html_page_for_render_items(
-        scripts_and_style, pictures.documents, pictures.items, title, template(page), variables
+        scripts_and_style, documents, pictures.items, title, template(page), variables
     )
     # Bokeh's names are random or depend on how many there were before: number them in their order.
     for pattern, prefix in ((_UNIQUE, "part-"), (_NUMBERED, "model-")):
         names: dict[str, str] = {}
 
-        def number(found: re.Match, names=names, prefix=prefix) -> str:
-            return names.setdefault(found[0], f"{prefix}{len(names) + 1}")
+        def number(match: re.Match, names=names, prefix=prefix) -> str:
+            return names.setdefault(match[0], f"{prefix}{len(names) + 1}")
 
         text = pattern.sub(number, text)
     return text.replace(_CODE, pictures.code, 1)

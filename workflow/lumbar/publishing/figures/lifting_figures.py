@@ -138,15 +138,6 @@ def _points(lift: dict, event: str) -> dict[str, tuple[float, float, float]]:
     return {row.point: (row.x_m, row.y_m, row.z_m) for row in rows.itertuples()}
 
 
-def _draw_box(axis, points: dict, color: str) -> None:
-    """Draw the outline of the box from the right: the hull of its markers."""
-    corners = np.array([point[1:] for name, point in points.items() if name.startswith("BOX_")])
-    if len(corners) >= 3 and np.linalg.matrix_rank(corners - corners[0], tol=1e-3) == 2:
-        outline = corners[scipy.spatial.ConvexHull(corners).vertices]
-        look = {"facecolor": "#f3e9d8", "edgecolor": color, "linewidth": 0.8, "zorder": 0}
-        axis.add_patch(Polygon(outline, closed=True, **look))
-
-
 @house_style
 def pendulum_figure(lift: dict, pendulum: PendulumSettings) -> Figure:
     """Draw Figure 4.1: the inverted pendulum of the total body's centre of mass in flexion/extension, with ℓ, m and u0.
@@ -195,7 +186,12 @@ def _draw_postures(axis, lift: dict) -> None:
     """Draw the person at the start (light) and the end (dark) of the deposit, from the right."""
     for event, color, width in (("deposit_start", "#c4c4c4", 1.2), ("release", "#777777", 1.8)):
         points = _points(lift, event)
-        _draw_box(axis, points, color)
+        # The outline of the box: the hull of its markers.
+        corners = np.array([point[1:] for name, point in points.items() if name.startswith("BOX_")])
+        if len(corners) >= 3 and np.linalg.matrix_rank(corners - corners[0], tol=1e-3) == 2:
+            outline = corners[scipy.spatial.ConvexHull(corners).vertices]
+            look = {"facecolor": "#f3e9d8", "edgecolor": color, "linewidth": 0.8, "zorder": 0}
+            axis.add_patch(Polygon(outline, closed=True, **look))
         for line in _BODY.split():
             ends = [points[name][1:] for name in line.split("-") if name in points]
             if len(ends) == 2:

@@ -212,7 +212,7 @@ class LiftPage:
 
     def to_html(self) -> str:
         """Return the page as one self-contained file: the same bytes for the same lift."""
-        return one_file(_pictures().add_sources(self._sources()), PAGE, self.variables())
+        return one_file(_pictures(), PAGE, self.variables(), self._sources())
 
     def save(self, path: str | Path) -> None:
         """Write the page to a file."""

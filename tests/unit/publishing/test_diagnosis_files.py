@@ -1,4 +1,4 @@
-"""The interactive page of a diagnosis: its numbers, its sentences, and one file with the same bytes."""
+"""The files of a diagnosis, and its interactive page: numbers, sentences, one file with the same bytes."""
 
 import json
 import re
@@ -13,6 +13,38 @@ import lumbar
 @pytest.fixture(scope="module")
 def html(page):
     return page.to_html()
+
+
+@pytest.fixture(scope="module")
+def saved(diagnosis, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("saved")
+    (folder / "separating_excitation.csv").write_text("of an earlier diagnosis")
+    diagnosis.save(folder)
+    return folder
+
+
+def test_static_page_needs_no_network_and_no_script(diagnosis):
+    page = diagnosis.to_html()
+    assert "<script" not in page
+    assert "http" not in re.sub(r'base64,[^"]*', "", page)
+    assert page.count("<math") >= 4
+
+
+def test_json_keeps_the_contract_and_adds_keys(diagnosis, saved):
+    content, contract = json.loads((saved / "diagnosis.json").read_text()), diagnosis.result.to_json()
+    assert {key: content[key] for key in contract} == json.loads(json.dumps(contract))
+    more = {"ties", "separating_excitation", "false_alarm_threshold", "detectable_rms", "data"}
+    assert set(content) - set(contract) == more
+    assert content["separating_excitation"] is None
+
+
+def test_tables_and_pictures_are_written_and_old_files_removed(saved):
+    names = {path.name for path in saved.iterdir() if path.suffix not in (".html", ".tex")}
+    drawn = ("comparison", "location", "ladder", "signatures")
+    pictures = {f"{name}.{ending}" for name in drawn for ending in ("svg", "pdf")}
+    tables = {"ladder.csv", "compare.csv", "location.csv", "diagnosis.json", "refined.json"}
+    assert names == pictures | tables
+    assert b"Coulomb friction" in (saved / "signatures.svg").read_bytes()
 
 
 def test_every_model_is_drawn_as_its_fit_simulates_it(diagnosis, page):
