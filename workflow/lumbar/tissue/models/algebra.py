@@ -11,20 +11,16 @@ import numpy as np
 from lumbar.base.errors import InputError
 from lumbar.base.yaml_file import shipped_yaml
 from lumbar.tissue.models.expression import (
+    ONE,
     OPERANDS,
+    ZERO,
     Expression,
     Number,
     Operation,
     Symbol,
-    add,
-    divide,
-    multiply,
-    negate,
     parse,
     parts,
-    power,
     substitute,
-    subtract,
     symbols,
     to_text,
     whole_power,
@@ -174,39 +170,37 @@ def derivative(expression: Expression, symbol: str) -> Expression:
             return yes if yes == no else Operation("where", (condition, yes, no))
         case Operation(_, operands):
             slopes = [derivative(operand, symbol) for operand in operands]
-            if any(slope != Number(0.0) for slope in slopes):
+            if any(slope != ZERO for slope in slopes):
                 return _chain_rule(expression, slopes)
-    return Number(0.0)
+    return ZERO
 
 
 def _chain_rule(called: Operation, slopes: Sequence[Expression]) -> Expression:
     """Return the derivative of an operation, from those of its operands."""
     match called.name, called.operands, slopes:
         case "+", _, (left, right):
-            return add(left, right)
+            return left + right
         case "-", _, (left, right):
-            return negate(right) if left == Number(0.0) else subtract(left, right)
+            return -right if left == ZERO else left - right
         case "neg", _, (slope,):
-            return negate(slope)
+            return -slope
         case "*", (first, second), (left, right):
-            return add(multiply(left, second), multiply(first, right))
+            return left * second + first * right
         case "/", (_, divisor), (above, below):
-            if below == Number(0.0):
-                return divide(above, divisor)
-            return divide(subtract(above, multiply(called, below)), divisor)
+            return (above if below == ZERO else above - called * below) / divisor
         case "**", (base, exponent), (slope, in_exponent):
-            if in_exponent != Number(0.0):
+            if in_exponent != ZERO:
                 raise InputError("a state is not allowed in an exponent; write exp(…) of it")
-            lower: Expression = Operation("-", (exponent, Number(1.0)))
+            lower: Expression = Operation("-", (exponent, ONE))
             lower = Number(exponent.value - 1) if isinstance(exponent, Number) else lower
-            return multiply(multiply(exponent, power(base, lower)), slope)
+            return exponent * base**lower * slope
     given = dict(zip("xyw", called.operands, strict=False))
     terms = (
-        multiply(substitute(parse(text), given), slope)
+        substitute(parse(text), given) * slope
         for text, slope in zip(_DERIVATIVES[called.name], slopes, strict=True)
-        if slope != Number(0.0)
+        if slope != ZERO
     )
-    return reduce(add, terms)
+    return reduce(operator.add, terms)
 
 
 _DERIVATIVES: dict[str, list[str]] = shipped_yaml(Path(__file__).with_name("functions.yaml"))["derivatives"]
@@ -232,26 +226,25 @@ def linear_parts(expression: Expression, linear: Collection[str]) -> dict[str, E
         raise InputError(f"{to_text(expression)} has no linear parameter, so a fit cannot scale it")
     match expression:
         case Symbol(name):
-            return {name: Number(1.0)}
+            return {name: ONE}
         case Operation("+" | "-" as name, (left, right)):
             factors = linear_parts(left, linear)
             for symbol, part in linear_parts(right, linear).items():
-                signed = part if name == "+" else negate(part)
-                factors[symbol] = add(factors[symbol], signed) if symbol in factors else signed
+                signed = part if name == "+" else -part
+                factors[symbol] = factors[symbol] + signed if symbol in factors else signed
             return factors
         case Operation("neg", (operand,)):
-            return {symbol: negate(part) for symbol, part in linear_parts(operand, linear).items()}
+            return {symbol: -part for symbol, part in linear_parts(operand, linear).items()}
         case Operation("*", (left, right)) if not symbols(right) & inside:
-            return {symbol: multiply(part, right) for symbol, part in linear_parts(left, linear).items()}
+            return {symbol: part * right for symbol, part in linear_parts(left, linear).items()}
         case Operation("*", (left, right)) if not symbols(left) & inside:
-            return {symbol: multiply(left, part) for symbol, part in linear_parts(right, linear).items()}
+            return {symbol: left * part for symbol, part in linear_parts(right, linear).items()}
         case Operation("/", (above, below)) if not symbols(below) & inside:
-            return {symbol: divide(part, below) for symbol, part in linear_parts(above, linear).items()}
+            return {symbol: part / below for symbol, part in linear_parts(above, linear).items()}
         case Operation("where", (condition, yes, no)) if not symbols(condition) & inside:
-            zero = Number(0.0)
-            branches = [{} if branch == zero else linear_parts(branch, linear) for branch in (yes, no)]
+            branches = [{} if branch == ZERO else linear_parts(branch, linear) for branch in (yes, no)]
             return {
-                symbol: Operation("where", (condition, *(branch.get(symbol, zero) for branch in branches)))
+                symbol: Operation("where", (condition, *(branch.get(symbol, ZERO) for branch in branches)))
                 for symbol in {**branches[0], **branches[1]}
             }
     wrong = ", ".join(sorted(inside))

@@ -7,6 +7,7 @@ have converged from the start are kept; if others do not converge, fewer steps a
 the equations of the base and of every form.
 """
 
+import operator
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, reduce
@@ -16,16 +17,7 @@ import scipy
 
 from lumbar.base.errors import InputError
 from lumbar.tissue.models.algebra import Evaluator, derivative
-from lumbar.tissue.models.expression import (
-    Expression,
-    Number,
-    Symbol,
-    add,
-    multiply,
-    parse,
-    substitute,
-    symbols,
-)
+from lumbar.tissue.models.expression import Expression, Number, Symbol, parse, substitute, symbols
 from lumbar.tissue.models.form import Form, Place
 from lumbar.tissue.models.parameter import SIGNALS
 
@@ -81,11 +73,11 @@ class ForceBalance:
     def force(self) -> Expression:
         """R, with separate symbols for each piece."""
         terms = [
-            multiply(names[item.symbol], substitute(column, names))
+            names[item.symbol] * substitute(column, names)
             for form, names in zip(self.pieces, self._substitutions, strict=True)
             for item, column in zip(form.linear, form.parsed_equation.columns, strict=True)
         ]
-        return reduce(add, terms)
+        return reduce(operator.add, terms)
 
     @cached_property
     def rates(self) -> dict[str, Expression]:

@@ -10,29 +10,70 @@ from __future__ import annotations
 
 import ast
 import math
-from collections.abc import Iterator, Mapping
+import operator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache, reduce
 
 from lumbar.base.errors import InputError
 
 
+class Expression:
+    """A number, a symbol or an operation. Arithmetic leaves out neutral operands, such as factors 1 and terms 0."""
+
+    __slots__ = ()
+
+    def __add__(self, other: Expression) -> Expression:
+        if self == ZERO:
+            return other
+        return self if other == ZERO else Operation("+", (self, other))
+
+    def __sub__(self, other: Expression) -> Expression:
+        return self if other == ZERO else Operation("-", (self, other))
+
+    def __neg__(self) -> Expression:
+        match self:
+            case Number(value):
+                return Number(-value if value else 0.0)
+            case Operation("neg", (inner,)):
+                return inner
+            case Operation("*" | "/" as name, (Operation("neg", (inner,)), other)):
+                return Operation(name, (inner, other))
+        return Operation("neg", (self,))
+
+    def __mul__(self, other: Expression) -> Expression:
+        for one, factor in ((self, other), (other, self)):
+            if one in (ZERO, ONE):
+                return one if one == ZERO else factor
+            if one == Number(-1.0):
+                return -factor
+        return Operation("*", (self, other))
+
+    def __truediv__(self, other: Expression) -> Expression:
+        return self if self == ZERO or other == ONE else Operation("/", (self, other))
+
+    def __pow__(self, exponent: Expression) -> Expression:
+        if exponent == ZERO:
+            return ONE
+        return self if exponent == ONE else Operation("**", (self, exponent))
+
+
 @dataclass(frozen=True, slots=True)
-class Number:
+class Number(Expression):
     """A number as written."""
 
     value: float
 
 
 @dataclass(frozen=True, slots=True)
-class Symbol:
+class Symbol(Expression):
     """A parameter, a signal or ``pi``."""
 
     name: str
 
 
 @dataclass(frozen=True, slots=True)
-class Operation:
+class Operation(Expression):
     """An operator, a comparison or a function with its operands."""
 
     name: str
@@ -40,7 +81,7 @@ class Operation:
     operands: tuple[Expression, ...]
 
 
-Expression = Number | Symbol | Operation
+ZERO, ONE = Number(0.0), Number(1.0)
 OPERANDS = {
     "abs": 1, "sign": 1, "sqrt": 1, "exp": 1, "expm1": 1, "tanh": 1, "sinh": 1, "sin": 1, "cos": 1, "arctan": 1,
     "softplus": 1, "smoothstep": 1, "min": 2, "max": 2, "hypot": 2, "clip": 3, "where": 3, "sum": 4,
@@ -55,60 +96,19 @@ VECTOR_NAMES = {"norm": "abs", "dot": "*"}
 COMPARISONS = ("<", "<=", ">", ">=")
 
 
-def add(left: Expression, right: Expression) -> Expression:
-    """Return the sum, without a 0."""
-    if left == Number(0.0):
-        return right
-    return left if right == Number(0.0) else Operation("+", (left, right))
-
-
-def subtract(left: Expression, right: Expression) -> Expression:
-    """Return the difference, without a 0 to subtract."""
-    return left if right == Number(0.0) else Operation("-", (left, right))
-
-
-def negate(operand: Expression) -> Expression:
-    """Return the negative, without two signs in a row."""
-    match operand:
-        case Number(value):
-            return Number(-value if value else 0.0)
-        case Operation("neg", (inner,)):
-            return inner
-        case Operation("*" | "/" as name, (Operation("neg", (inner,)), other)):
-            return Operation(name, (inner, other))
-    return Operation("neg", (operand,))
-
-
-def multiply(left: Expression, right: Expression) -> Expression:
-    """Return the product, without factors 0, 1 and −1: all exact."""
-    for one, other in ((left, right), (right, left)):
-        if one == Number(0.0) or one == Number(1.0):
-            return one if one == Number(0.0) else other
-        if one == Number(-1.0):
-            return negate(other)
-    return Operation("*", (left, right))
-
-
-def divide(numerator: Expression, denominator: Expression) -> Expression:
-    """Return the quotient, without a denominator 1 or a numerator 0."""
-    if numerator == Number(0.0) or denominator == Number(1.0):
-        return numerator
-    return Operation("/", (numerator, denominator))
-
-
-def power(base: Expression, exponent: Expression) -> Expression:
-    """Return the power, without the exponents 0 and 1."""
-    if exponent == Number(0.0):
-        return Number(1.0)
-    return base if exponent == Number(1.0) else Operation("**", (base, exponent))
-
-
-_BUILD = {"+": add, "-": subtract, "*": multiply, "/": divide, "**": power, "neg": negate}
+_ARITHMETIC: dict[str, Callable[..., Expression]] = {
+    "+": operator.add,
+    "-": operator.sub,
+    "*": operator.mul,
+    "/": operator.truediv,
+    "**": operator.pow,
+    "neg": operator.neg,
+}
 
 
 def operation(name: str, *operands: Expression) -> Expression:
-    """Return an operation without neutral operands: factors 1, terms 0."""
-    return _BUILD[name](*operands) if name in _BUILD else Operation(name, operands)  # type: ignore[operator]
+    """Return an operation without neutral operands."""
+    return _ARITHMETIC[name](*operands) if name in _ARITHMETIC else Operation(name, operands)
 
 
 def parts(expression: Expression) -> Iterator[Expression]:
@@ -143,7 +143,7 @@ def expand_sums(expression: Expression) -> Expression:
             for number in range(int(first), int(last) + 1):
                 named = {name: Symbol(f"{name.removesuffix(index)}{number}") for name in indexed}
                 terms.append(substitute(term, {**named, index: Number(float(number))}))
-            return reduce(add, map(expand_sums, terms))
+            return reduce(operator.add, map(expand_sums, terms))
         case Operation(name, operands):
             return operation(name, *map(expand_sums, operands))
     return expression

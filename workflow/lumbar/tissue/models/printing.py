@@ -9,13 +9,12 @@ from lumbar.base.errors import InputError
 from lumbar.base.yaml_file import shipped_yaml
 from lumbar.tissue.models.expression import (
     COMPARISONS,
+    ONE,
+    ZERO,
     Expression,
     Number,
     Operation,
     Symbol,
-    divide,
-    multiply,
-    negate,
     whole_power,
 )
 
@@ -118,10 +117,9 @@ class _Latex:
                 # Iverson's brackets: 1 if the condition is true, 0 if not.
                 other = Operation(_OPPOSITE[condition.name], condition.operands)
                 terms = [
-                    f"[{self.text(case)}]"
-                    + (rf"\,{self.text(value, _PRODUCT)}" if value != Number(1.0) else "")
+                    f"[{self.text(case)}]" + (rf"\,{self.text(value, _PRODUCT)}" if value != ONE else "")
                     for case, value in ((condition, yes), (other, no))
-                    if value != Number(0.0)
+                    if value != ZERO
                 ]
                 return " + ".join(terms) or "0", _PRODUCT if len(terms) == 1 else _SUM
             case Operation("sum", (index, first, last, term)):
@@ -131,13 +129,13 @@ class _Latex:
                 return _FUNCTIONS["hypot"].format(*map(self._base, operands)), _ATOM
             case Operation(name, (left, right)) if name in COMPARISONS:
                 return f"{self.text(left)} {_RELATIONS[name]} {self.text(right)}", 0
-            case Operation(name, operands):
-                rank = _POWER if name == "exp" else _ATOM
-                return _FUNCTIONS[name].format(*map(self._operand, operands)), rank
+        assert isinstance(expression, Operation)
+        rank = _POWER if expression.name == "exp" else _ATOM
+        return _FUNCTIONS[expression.name].format(*map(self._operand, expression.operands)), rank
 
     def _base(self, base: Expression) -> str:
         """Return the base of a power; functions get brackets, since a power after a name is read as that of the name."""
-        is_simple = isinstance(base, Number | Symbol) or base.name == "abs"
+        is_simple = isinstance(base, Number | Symbol) or getattr(base, "name", "") == "abs"
         return self.text(base, _ATOM) if is_simple else f"({self.text(base)})"
 
     def _product(self, product: Operation) -> str:
@@ -190,13 +188,13 @@ TWO_PI = Operation("*", (Number(2.0), Symbol("pi")))
 def _strip_two_pi(angle: Expression) -> Expression | None:
     """Return an angle in turns if 2π is a factor of it, else None."""
     if angle == TWO_PI:
-        return Number(1.0)
+        return ONE
     match angle:
         case Operation("*", (left, right)):
             first = _strip_two_pi(left)
             second = _strip_two_pi(right) if first is None else None
             if first is not None or second is not None:
-                return multiply(left if first is None else first, right if second is None else second)
+                return (left if first is None else first) * (right if second is None else second)
     return None
 
 
@@ -220,10 +218,10 @@ def portable(expression: Expression) -> Expression:
         case Operation("**", (base, exponent)) if not whole_power(exponent):
             return Operation("portable_power", (portable(base), portable(exponent)))
         case Operation("exp", (operand,)):
-            return Operation("portable_decay", (negate(portable(operand)),))
+            return Operation("portable_decay", (-portable(operand),))
         case Operation("sin" | "cos" as name, (operand,)):
             wave = "portable_sine" if name == "sin" else "portable_cosine"
-            turns = _strip_two_pi(operand) or divide(operand, Number(2 * math.pi))
+            turns = _strip_two_pi(operand) or operand / Number(2 * math.pi)
             return Operation(wave, (portable(turns),))
         case Operation("hypot", operands):
             squares = [Operation("*", (side, side)) for side in map(portable, operands)]

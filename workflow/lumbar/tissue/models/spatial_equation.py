@@ -13,6 +13,7 @@ A form that acts on the output transforms the reading of every channel of the fo
 ``k*z**2`` has no direction and no form in space, which is an error.
 """
 
+import operator
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial, reduce
@@ -25,18 +26,14 @@ from lumbar.tissue.models.algebra import Evaluator
 from lumbar.tissue.models.equation import CStep, Equation, Solution
 from lumbar.tissue.models.expression import (
     COMPARISONS,
+    ONE,
+    ZERO,
     Expression,
     Number,
     Operation,
     Symbol,
-    add,
-    divide,
-    multiply,
-    negate,
     operation,
-    power,
     substitute,
-    subtract,
     symbols,
     to_text,
     whole_power,
@@ -51,7 +48,7 @@ _MIN_SQUARE = Number(1e-300)  # square of the length of a vector that has a dire
 
 def dot(left: Vector, right: Vector) -> Expression:
     """Return the scalar product."""
-    return reduce(add, map(multiply, left, right))
+    return reduce(operator.add, map(operator.mul, left, right))
 
 
 def length(vector: Vector) -> Expression:
@@ -94,31 +91,31 @@ def _apply_to_vectors(
     """Return the result of an operation on vectors; None if it has no meaning for them."""
     match name, *read:
         case "+" | "-", tuple(first), tuple(second):
-            return tuple(map(add if name == "+" else subtract, first, second))
+            return tuple(map(operator.add if name == "+" else operator.sub, first, second))
         case "*", tuple(first), tuple(second):
             return dot(first, second)
         case ("*", tuple(vector), number) | ("*", number, tuple(vector)):
-            return tuple(multiply(number, item) for item in vector)  # type: ignore[arg-type]  # one is no tuple
-        case "/", tuple(vector), (Number() | Symbol() | Operation()) as number:
-            return tuple(divide(item, number) for item in vector)
+            return tuple(number * item for item in vector)  # type: ignore[misc,operator]  # it is an expression
+        case "/", tuple(vector), Expression() as number:
+            return tuple(item / number for item in vector)
         case "**", tuple(vector), Number() if exponent := whole_power(operands[1]):
-            even = power(dot(vector, vector), Number(float(exponent // 2)))
-            return tuple(multiply(even, item) for item in vector) if exponent % 2 else even
+            even = dot(vector, vector) ** Number(float(exponent // 2))
+            return tuple(even * item for item in vector) if exponent % 2 else even
         case "hypot", one, other:
             sizes: list = [length(item) if isinstance(item, tuple) else item for item in (one, other)]
             return Operation("hypot", tuple(sizes))
-        case "where", (Number() | Symbol() | Operation()) as condition, tuple(yes), tuple(no):
+        case "where", Expression() as condition, tuple(yes), tuple(no):
             return tuple(Operation("where", (condition, *pair)) for pair in zip(yes, no, strict=True))
         case "neg", tuple(vector):
-            return tuple(map(negate, vector))
+            return tuple(map(operator.neg, vector))
         case "abs", tuple(vector):
             return length(vector)
         case "cos", tuple(vector):  # even: a number
             return Operation("cos", (length(vector),))
         case "sign" | "tanh" | "sinh" | "sin" | "arctan", tuple(vector):  # odd: along its argument
             size = length(vector)
-            value = Number(1.0) if name == "sign" else Operation(name, (size,))
-            return tuple(multiply(value, divide(item, size)) for item in vector)
+            value = ONE if name == "sign" else Operation(name, (size,))
+            return tuple(value * (item / size) for item in vector)
     return None
 
 
@@ -187,7 +184,7 @@ class SpatialEquation(Equation):
                 raise InputError(f"{to_text(column)} has no direction in space")
             # A term without direction, such as a drift, has one parameter per axis.
             for axis in self.axes:
-                along = tuple(read if axis == other else Number(0.0) for other in self.axes)
+                along = tuple(read if axis == other else ZERO for other in self.axes)
                 forces.append(
                     (replace(item, name=f"{item.name}_{axis}", symbol=f"{item.symbol}_{axis}"), along)
                 )
@@ -279,7 +276,7 @@ class SpatialEquation(Equation):
             self._portable(
                 Operation("*", (Symbol(item.symbol), vector[row]))
                 for item, vector in self._linear_forces
-                if vector[row] != Number(0.0)
+                if vector[row] != ZERO
             )
             for row in range(len(self.axes))
         ]

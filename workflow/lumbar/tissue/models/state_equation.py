@@ -22,12 +22,11 @@ import scipy
 from lumbar.tissue.models.algebra import MATH, NUMPY, Evaluator, derivative
 from lumbar.tissue.models.expression import (
     COMPARISONS,
+    ONE,
+    ZERO,
     Expression,
-    Number,
     Operation,
     Symbol,
-    add,
-    multiply,
     parts,
     symbols,
 )
@@ -128,29 +127,29 @@ class StateEquation:
     @cached_property
     def increments(self) -> list[Expression]:
         """Change in a step with constant slopes: h f, and 1 for the clock."""
-        clock: list[Expression] = [Number(1.0)] if self.has_clock else []
-        return [multiply(_STEP, slope) for slope in self.slopes.values()] + clock
+        clock: list[Expression] = [ONE] if self.has_clock else []
+        return [_STEP * slope for slope in self.slopes.values()] + clock
 
     @cached_property
     def matrix(self) -> list[list[Expression]]:
         """Derivatives of the increments by states and clock."""
-        rows = [[multiply(_STEP, slope) for slope in row] for row in self._jacobian]
+        rows = [[_STEP * slope for slope in row] for row in self._jacobian]
         if not self.has_clock:
             return rows
         for row, slope in zip(rows, self.slopes.values(), strict=True):
-            by_clock: Expression = Number(0.0)
+            by_clock: Expression = ZERO
             for signal in sorted(self.signals & LINEAR):
-                by_clock = add(by_clock, multiply(derivative(slope, signal), _RATES[signal]))
-            row.append(multiply(_STEP, by_clock))
-        return [*rows, [Number(0.0)] * (len(rows) + 1)]
+                by_clock = by_clock + derivative(slope, signal) * _RATES[signal]
+            row.append(_STEP * by_clock)
+        return [*rows, [ZERO] * (len(rows) + 1)]
 
     @cached_property
     def scalar_step(self) -> Expression:
         """The state after a step, if it is one expression."""
         (name, slope), ((jacobian,),) = *self.slopes.items(), self._jacobian
-        stretch = Operation("phi1", (multiply(_STEP, jacobian),))
-        gain = _STEP if jacobian == Number(0.0) else multiply(_STEP, stretch)
-        return add(Symbol(name), multiply(gain, slope))
+        stretch = Operation("phi1", (_STEP * jacobian,))
+        gain = _STEP if jacobian == ZERO else _STEP * stretch
+        return Symbol(name) + gain * slope
 
     def slopes_at_rest(self, values: Mapping[str, float], sampling_time: float) -> np.ndarray:
         """Return the derivatives of the increments without motion; shape (states, states)."""
@@ -169,7 +168,7 @@ class StateEquation:
             }
             return {name: paths[name] for name in self.names}
         steps = len(motion.time) - 1
-        trees = [self.starts.get(name, Number(0.0)) for name in self.names]
+        trees = [self.starts.get(name, ZERO) for name in self.names]
         places = {name: SIGNALS[name].of(motion)[0] for name in _positions(motion)}
         with np.errstate(all="ignore"):
             begin = np.array(Evaluator(trees, STEP_FUNCTIONS)({**values, **places}), float)
