@@ -1,4 +1,4 @@
-"""Sentences of Chapter 4 on basins of attraction."""
+"""Claims of Chapter 4 on basins of attraction."""
 
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -12,6 +12,7 @@ from lumbar.settings.stability import GROUPS
 
 _PERCENT = ["lateral_bending_percent", "flexion_extension_percent"]
 _MISSING = "this study lacks one of the lifts compared"
+_NOT_RUN = "the thesis's procedure was not run"
 MAX_RATIO = 10.0
 """A basin is of the order of magnitude of its movement if it reaches at most this many times as far, and at least the
 inverse."""
@@ -93,15 +94,13 @@ def _basins(results: Results, method: str, absent: str) -> pd.DataFrame:
 
 
 def _alternation_certifies(results: Results) -> Outcome:
-    rows = _basins(results, "thesis", "the thesis's procedure was not run")
-    worst = 100 * float(rows.violation_share.max())
-    least = 100 * float(rows.violation_share.min())
-    text = f"{least:.3g} to {worst:.3g} % of the knots violate the condition"
-    return Outcome(text, worst == 0, "ρ̇ frozen at the previous guess is not the ρ̇ of the result")
+    shares = 100 * _basins(results, "thesis", _NOT_RUN).violation_share
+    text = f"{shares.min():.3g} to {shares.max():.3g} % of the knots violate the condition"
+    return Outcome(text, bool(shares.max() == 0), "ρ̇ frozen at the previous guess is not the ρ̇ of the result")
 
 
 def _alternation_converges(results: Results) -> Outcome:
-    rows = _basins(results, "thesis", "the thesis's procedure was not run")
+    rows = _basins(results, "thesis", _NOT_RUN)
     more, fewer = (100 * (rows[f"mean_area_after_{n}"] / rows.mean_area - 1) for n in (4, 1))
     jumping = int((rows.jumped_knots > 0).sum())
     text = (
@@ -130,11 +129,11 @@ def _basins_like_states(results: Results) -> Outcome:
             state: (rows[reached] / rows[moved])[rows[moved] > 0]
             for state, moved, reached in zip(("angle", "velocity"), RANGES, REACHES, strict=True)
         }
-        if any(found.empty for found in ratios.values()):
+        if any(ratio.empty for ratio in ratios.values()):
             continue
-        met.append(all(found.between(1 / MAX_RATIO, MAX_RATIO).all() for found in ratios.values()))
+        met.append(all(ratio.between(1 / MAX_RATIO, MAX_RATIO).all() for ratio in ratios.values()))
         texts = (
-            f"{found.min():.3g} to {found.max():.3g} times in {state}" for state, found in ratios.items()
+            f"{ratio.min():.3g} to {ratio.max():.3g} times in {state}" for state, ratio in ratios.items()
         )
         spans.append(f"{sign}, {time} time: {', '.join(texts)}")
     if not met:

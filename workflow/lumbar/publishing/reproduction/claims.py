@@ -113,11 +113,12 @@ def _table_3_1_cells(thesis: pd.DataFrame) -> list[_Cell]:
         record, model = row["trained_on"], row["model"]
         selected = {"trained_on": record, "model": model, "estimator": "arx"}
         for column, (meaning, comparison) in TABLE_3_1.items():
-            name = f"table_3_1.{record}.{model}.{column}"
-            statement = f"{model} trained on {record}: {meaning}"
-            absent = _SCALED if column == "alpha" else f"no {column} for {model} trained on {record}"
-            on_twin = BUILT_IN if column in _BUILT_IN else ""
-            cells.append(_Cell(name, statement, selected, float(row[column]), comparison, absent, on_twin))
+            text = f"{model} trained on {record}"
+            absent = _SCALED if column == "alpha" else f"no {column} for {text}"
+            compared = float(row[column]), comparison, absent, BUILT_IN if column in _BUILT_IN else ""
+            cells.append(
+                _Cell(f"table_3_1.{record}.{model}.{column}", f"{text}: {meaning}", selected, *compared)
+            )
     return cells
 
 
@@ -127,34 +128,36 @@ def _table_3_2_cells(thesis: pd.DataFrame) -> list[_Cell]:
     for row in thesis.to_dict("records"):
         model = row["model"]
         for column in ("median", "mode", "mode_count", "best_percent"):
-            name = f"table_3_2.{model}.{column}"
             statement = f"{model}: {column.replace('_', ' ')} of the ratings"
-            compared = float(row[column]), _DIGITS, f"{model} was not rated"
-            cells.append(_Cell(name, statement, {"model": model}, *compared, BUILT_IN))
+            compared = float(row[column]), _DIGITS, f"{model} was not rated", BUILT_IN
+            cells.append(_Cell(f"table_3_2.{model}.{column}", statement, {"model": model}, *compared))
         for other in ("MW", "KB", "HO"):
             printed = str(row[f"p_vs_{other}"])
             if printed == "nan":
                 continue
-            name = f"table_3_2.{model}.p_vs_{other}"
+            if printed.startswith("<"):
+                compared = printed, Comparison("below", float(printed[1:]), "as printed")
+            else:
+                compared = float(printed), Comparison("difference", 0.05, "within 0.05")
             statement = f"Mann–Whitney p of {model} against {other}"
-            thesis_value, comparison = printed, Comparison("below", float(printed.lstrip("<")), "as printed")
-            if not printed.startswith("<"):
-                thesis_value, comparison = float(printed), Comparison("difference", 0.05, "within 0.05")
-            compared = thesis_value, comparison, f"{model} and {other} were not both rated"
-            cells.append(_Cell(name, statement, {"model": model}, *compared, BUILT_IN))
+            more = f"{model} and {other} were not both rated", BUILT_IN
+            cells.append(
+                _Cell(f"table_3_2.{model}.p_vs_{other}", statement, {"model": model}, *compared, *more)
+            )
     return cells
 
 
 def _table_4_1_cells(thesis: pd.DataFrame, groups: tuple[str, str]) -> list[_Cell]:
     names, cells = comparison_names(groups), []
+    absent = "this study lacks one of the two lifts compared"
     for row in thesis.to_dict("records"):
         comparison, com = names[row["comparison"]], row["com"]
         for plane in ("lateral_bending", "flexion_extension"):
             name = f"table_4_1.{row['comparison']}.{com}.{plane}"
             statement = f"{comparison}, {com}, {plane}".replace("_", " ") + ": difference in percent"
             selected, column = {"comparison": comparison, "com": com}, f"{plane}_percent"
-            compared = float(row[column]), _SIGN, "this study lacks one of the two lifts compared"
-            cells.append(_Cell(name, statement, selected, *compared, CANNOT_BE_TESTED, column))
+            compared = float(row[column]), _SIGN, absent, CANNOT_BE_TESTED, column
+            cells.append(_Cell(name, statement, selected, *compared))
     return cells
 
 

@@ -23,7 +23,11 @@ def _judges(claim: str) -> Callable:
     return lambda function: _JUDGES.setdefault(claim, function)
 
 
+_NO_MODELS = "not every training record has stable MW, KB and HO models"
+
+
 def _arx(results: Results) -> pd.DataFrame:
+    """Return the rows of Table 3.1 for stable ARX models of the thesis."""
     table = results["table_3_1"]
     return table[(table.estimator == "arx") & table.model.isin(THESIS_MODELS) & table.stable.astype(bool)]
 
@@ -34,7 +38,7 @@ def _wide(results: Results, column: str) -> pd.DataFrame:
         wide = _arx(results).pivot(index="trained_on", columns="model", values=column)
         if set(THESIS_MODELS) <= set(wide.columns) and not wide.isna().any(axis=None):
             return wide[list(THESIS_MODELS)]
-    raise UntestableError("not every training record has stable MW, KB and HO models")
+    raise UntestableError(_NO_MODELS)
 
 
 def _format_wide(wide: pd.DataFrame) -> str:
@@ -78,7 +82,7 @@ def _participants(group: str, thesis: float, results: Results) -> Outcome:
 def _highest_of_all(results: Results) -> Outcome:
     arx = _arx(results)
     if arx.empty:
-        raise UntestableError("not every training record has stable MW, KB and HO models")
+        raise UntestableError(_NO_MODELS)
     best = arx.loc[arx.vaf_percent.idxmax()]
     text = f"{best.model} trained on {best.trained_on}, {best.vaf_percent:.2f}"
     return Outcome(text, best.model == "HO" and best.trained_on == "multisine")
@@ -113,15 +117,10 @@ def _multisine_best(results: Results) -> Outcome:
 
 @_judges("vaf_sorts_all")
 def _vaf_sorts_all(results: Results) -> Outcome:
-    columns = {"vaf_percent": -1, "fit_percent": -1, "nmse_train": 1}
-    residual = next((name for name in _arx(results).columns if name.startswith("mean_residual_")), None)
-    if residual:
-        columns[residual] = 1
-    orders = []
-    for column, sign in columns.items():
-        wide = _wide(results, column)
-        orders.append((sign * wide).rank(axis=1))
-    differing = [column for column, order in zip(columns, orders, strict=True) if not order.equals(orders[0])]
+    residuals = [name for name in _arx(results).columns if name.startswith("mean_residual_")]
+    signs = {"vaf_percent": -1, "fit_percent": -1, "nmse_train": 1, **dict.fromkeys(residuals[:1], 1)}
+    orders = {column: (sign * _wide(results, column)).rank(axis=1) for column, sign in signs.items()}
+    differing = [column for column, order in orders.items() if not order.equals(orders["vaf_percent"])]
     return Outcome("differs: " + ", ".join(differing) if differing else "same order in all", not differing)
 
 
@@ -133,11 +132,11 @@ def _maxwell(results: Results) -> Outcome:
     pair = arx.pivot(index="trained_on", columns="model", values="vaf_percent").dropna()
     if "Maxwell" not in pair.columns:
         return Outcome(text, False)
-    shown = "; ".join(
-        f"{name}: %VAF {row.MW:.1f} against {row.Maxwell:.1f} for the true form"
-        for name, row in pair.iterrows()
+    rows = (
+        f"{row.Index}: %VAF {row.MW:.1f} against {row.Maxwell:.1f} for the true form"
+        for row in pair.itertuples()
     )
-    return Outcome(shown, False, text)
+    return Outcome("; ".join(rows), False, text)
 
 
 @_judges("models_stable")
@@ -230,14 +229,10 @@ def _picks_separate(results: Results) -> Outcome:
 
 @_judges("highest_median_mode")
 def _highest_middle(results: Results) -> Outcome:
-    table = results["table_3_2"].set_index("model")
-    top = {"KB", "HO"}
-    agrees = all(
-        set(table.index[table[column] == table[column].max()]) == top for column in ("median", "mode")
-    )
-    return Outcome(
-        ", ".join(f"{name} {row['median']:g}/{row['mode']:g}" for name, row in table.iterrows()), agrees
-    )
+    table = results["table_3_2"].set_index("model")[["median", "mode"]]
+    text = ", ".join(f"{row.Index} {row.median:g}/{row.mode:g}" for row in table.itertuples())
+    agrees = all(set(table.index[column == column.max()]) == {"KB", "HO"} for _, column in table.items())
+    return Outcome(text, agrees)
 
 
 @_judges("mode_count")

@@ -198,9 +198,8 @@ def shorten(experiment: Experiment) -> Experiment:
     def short(data: FitData) -> FitData:
         return data.split(_MAX_SEARCH_SAMPLES / data.size)[0] if data.size > _MAX_SEARCH_SAMPLES else data
 
-    if max(item.size for item in (experiment.training, *experiment.tests)) <= _MAX_SEARCH_SAMPLES:
-        return experiment
-    return experiment.each(short)
+    is_short = max(item.size for item in (experiment.training, *experiment.tests)) <= _MAX_SEARCH_SAMPLES
+    return experiment if is_short else experiment.each(short)
 
 
 @dataclass(frozen=True, eq=False)

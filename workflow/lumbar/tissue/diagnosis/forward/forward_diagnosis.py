@@ -75,7 +75,7 @@ def select_by_simulation(state: DiagnosisState) -> DiagnosisState:
     variance = float(np.var(data.trim(data.force)))
     if state.inverse is None and base.train_rms**2 > (1 - _MIN_EXPLAINED) * variance:
         # The motion hardly follows the force: without a response no effect can be searched.
-        return after_selection(state, Confirmation(experiment, base, state.settings))
+        return after_selection(state, _Confirmation(experiment, base, state.settings))
     usable = replace(state.settings, catalogue=forward_catalogue(state.settings.searched, model, data))
     response = response_of(model, base.fit.linear, base.fit.nonlinear)
     inverse = to_inverse_problem(experiment, response)
@@ -84,7 +84,7 @@ def select_by_simulation(state: DiagnosisState) -> DiagnosisState:
     rivals = [*search.ties(named[-1]), *search.best_sets(named[-1])]
     # A constant force shifts the motion by the static response.
     static = float(response(np.zeros(1))[0].real)
-    selection = Confirmation(experiment, base, usable, named[1:], rivals, zero_factor=-static)
+    selection = _Confirmation(experiment, base, usable, named[1:], rivals, zero_factor=-static)
     return after_selection(state, selection, inverse=inverse)
 
 
@@ -109,13 +109,10 @@ def fit_whole_records(state: DiagnosisState) -> DiagnosisState:
     base = resume_fit(experiment, state.result.base, _FINAL_EVALUATIONS)
     model, data = base.fit.structure.base, experiment.training
     usable = replace(state.settings, catalogue=forward_catalogue(state.settings.searched, model, data))
-    rivals = [
-        item.candidate
-        for item in state.result.ranking
-        if set(item.candidate.effects) != set(state.result.selected)
-    ]
+    ranked, selected = [item.candidate for item in state.result.ranking], set(state.result.selected)
+    rivals = [item for item in ranked if set(item.effects) != selected]
     named = [*state.result.path[1:], *state.result.tied_with, *rivals[:1]]
-    selection = Confirmation(experiment, base, usable, named)
+    selection = _Confirmation(experiment, base, usable, named)
     selection.evaluations = _FINAL_EVALUATIONS
     return find_ties(after_selection(state, selection, step))
 
@@ -167,7 +164,7 @@ def compare_motion_with_linear_dynamics(state: DiagnosisState) -> DiagnosisState
 def report_motion_offset(state: DiagnosisState) -> DiagnosisState:
     """Report where the zero of the motion's sensor is, if that matters."""
     findings = [replace(item, kind="motion_offset") for item in report_offsets(state.result)]
-    reason = "the zero is not where the records say" if findings else "the zero is where the records say"
+    reason = f"the zero is {'not ' * bool(findings)}where the records say"
     return state.next("report zeros", reason, *findings, is_searched_further=False)
 
 
@@ -203,20 +200,10 @@ def forward_catalogue(catalogue: dict[str, Effect], base: Base, data: FitData) -
     return filter_forms(catalogue, is_usable, data.scale)
 
 
-class Confirmation(Selection):
-    """Selection by simulation among the models that the inverse problem has named.
+class _Confirmation(Selection):
+    """Selection by simulation among the models that the inverse problem has named, and rivals.
 
-    Parameters
-    ----------
-    experiment : Experiment
-        Forward records.
-    base : Candidate
-        Base fitted by simulation.
-    settings : DiagnosisSettings
-    named, rivals : sequence of Candidate
-        Models that were named, and others.
-    zero_factor : float
-        Ratio of the zero of the motion's sensor to the zero of their fits.
+    `zero_factor` is the ratio of the zero of the motion's sensor to the zero of their fits.
     """
 
     evaluations: int = EVALUATIONS
@@ -245,9 +232,13 @@ class Confirmation(Selection):
             rivals = [item for item in rivals if len(item.effects) <= len(best.effects)]
         self.simulate(rivals[:_RIVALS])
         path = [self.base]
-        while larger := [item for item in self.tried if self.may_follow(path[-1], item)]:
+        while True:
+            passes = self.passes if len(path) == 1 else self.is_further
+            larger = [item for item in self.tried if set(item.effects) > set(path[-1].effects)]
+            larger = [item for item in larger if passes(path[-1], item)]
+            if not larger:
+                return path
             path.append(min(larger, key=lambda item: (len(item.effects), item.score)))
-        return path
 
     def simulate(self, models: Sequence[Candidate]) -> None:
         """Fit models by simulation, each set of forms a single time."""
@@ -264,11 +255,6 @@ class Confirmation(Selection):
     def continue_fit(self, model: Candidate) -> Candidate:
         """Continue the fit of a model by simulation."""
         return resume_fit(self.experiment, model, self.evaluations)
-
-    def may_follow(self, before: Candidate, after: Candidate) -> bool:
-        """Return whether a larger set may be selected after another one."""
-        passes = self.passes if before is self.base else self.is_further
-        return set(after.effects) > set(before.effects) and passes(before, after)
 
     def further(self, model: Candidate) -> Candidate | None:
         """Return None: only the sets of the search are simulated."""

@@ -155,9 +155,8 @@ def _candidates(data: FitData) -> Iterator[LinearDynamics]:
                 data, partial(_fit_from, held=held, starts=[replace(fitted.poles, direct=2)])
             )
         if order == _DELAYED_ORDER and not held:
-            starts = [
-                replace(fitted.poles, delay=delay * data.motion.sampling_time) for delay in _START_DELAYS
-            ]
+            delays = np.array(_START_DELAYS) * data.motion.sampling_time
+            starts = [replace(fitted.poles, delay=delay) for delay in delays.tolist()]
             yield _fit_all_samples(data, partial(_fit_from, held=held, starts=starts, kind="delayed"))
         if order > 2 and fitted.squared_error > _MAX_ERROR_RATIO * best.squared_error:
             break
@@ -235,15 +234,9 @@ def _fit_from(data: FitData, held: bool, starts: list[Poles], kind: str = "ratio
         directions = design @ basis
         return (slopes - directions @ (directions.T @ slopes)) / unit
 
+    begin, tolerances = np.clip(np.ones(len(first)), low, high), {"xtol": 1e-5, "ftol": 1e-5, "gtol": 1e-15}
     result = scipy.optimize.least_squares(
-        error,
-        np.clip(np.ones(len(first)), low, high),
-        jacobian,
-        bounds=(low, high),
-        xtol=1e-5,
-        ftol=1e-5,
-        gtol=1e-15,
-        max_nfev=_EVALUATIONS,
+        error, begin, jacobian, bounds=(low, high), max_nfev=_EVALUATIONS, **tolerances
     )
     refined = _solve(kind, data, poles_at(result.x), held)
     return min(refined, start, key=lambda item: item.squared_error)

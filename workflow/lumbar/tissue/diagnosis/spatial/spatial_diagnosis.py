@@ -33,13 +33,7 @@ _ROUNDS = 3
 
 
 def prepare_axes(state: DiagnosisState) -> DiagnosisState:
-    """Repair sensor faults and estimate the noise, axis by axis; leave out effects without a form in space.
-
-    Raises
-    ------
-    InputError
-        As `prepare`.
-    """
+    """Repair sensor faults and estimate the noise, axis by axis; leave out effects without a form in space."""
     experiment, axes = prepare(state.records, state.settings), state.records[0].axes
     usable = usable_in_space(state.settings.searched, experiment)
     floor, unit = experiment.floor, experiment.output_unit
@@ -56,13 +50,7 @@ def prepare_axes(state: DiagnosisState) -> DiagnosisState:
 
 
 def check_channels(state: DiagnosisState) -> DiagnosisState:
-    """Stop without a search of effects if the channels of the force are exchanged.
-
-    Raises
-    ------
-    InputError
-        For a base that is not one of `KINDS`.
-    """
+    """Stop without a search of effects if the channels of the force are exchanged."""
     step, experiment, kinds = "check channels", state.result.experiment, _kinds(state.settings)
     finding = exchanged_channels(experiment, state.settings.layout)
     if finding is None:
@@ -107,8 +95,8 @@ def free_axes(state: DiagnosisState) -> DiagnosisState:
     """Fit the principal axes together with the other parameters."""
     experiment = state.result.experiment
     path = [refit_axes(item, experiment, free=True) for item in state.result.path]
-    reason = f"error {path[-1].test_rms:.4g} {experiment.output_unit} unseen with the axes fitted too"
-    return state.next("fit the axes", reason, base=path[0], path=path)
+    error = f"error {path[-1].test_rms:.4g} {experiment.output_unit}"
+    return state.next("fit the axes", f"{error} unseen with the axes fitted too", base=path[0], path=path)
 
 
 def report_mounting(state: DiagnosisState) -> DiagnosisState:
@@ -202,9 +190,9 @@ class SpatialSelection(Selection):
 
     def polished(self, models: list[Candidate]) -> list[Candidate]:
         """Fit the axes of the best model, and of those with an effect of the sensor, which rotates them; then fix them."""
-        polished = []
-        for item in models:
-            if item is models[0] or item.effects[-1] in SENSOR:
-                item = refit_axes(refit_axes(item, self.experiment, free=True), self.experiment, free=False)
-            polished.append(item)
-        return polished
+        return [
+            refit_axes(refit_axes(item, self.experiment, free=True), self.experiment, free=False)
+            if item is models[0] or item.effects[-1] in SENSOR
+            else item
+            for item in models
+        ]
