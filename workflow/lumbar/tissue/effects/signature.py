@@ -10,21 +10,11 @@ from lumbar.tissue.models.form import Effect, Form, Place
 from lumbar.tissue.models.motion import Motion
 from lumbar.tissue.models.structure import Structure
 
-
-@dataclass(frozen=True)
-class Standard:
-    """A base with parameters for pictures, in arbitrary units."""
-
-    base: str
-    linear: tuple[float, ...]
-    nonlinear: tuple[float, ...]
-
-
 STANDARDS = {
-    "tissue": Standard("KB", (1.0, 1.0), (0.1,)),
-    "pendulum": Standard("pendulum", (0.05, 0.1, 1.0), ()),
+    "tissue": ("KB", np.array([1.0, 1.0]), np.array([0.1])),
+    "pendulum": ("pendulum", np.array([0.05, 0.1, 1.0]), np.zeros(0)),
 }
-"""Base of the pictures by system."""
+"""Base, linear and nonlinear parameters of the pictures by system, in arbitrary units."""
 SHARE = 0.3
 """RMS of the force that a pictured effect adds, relative to that of the base."""
 RATES = (0.5, 2.0)
@@ -79,28 +69,26 @@ def signatures(effect: Effect, form: Form | None = None, system: str = "tissue")
     Nonlinear parameters are in the middle of their starting range, linear ones have the size with which the effect adds `SHARE`
     of the base's RMS at the lower rate; for forms without linear parameters the nearest starting value is used.
     """
-    form, standard = form or pictured_form(effect), STANDARDS[system]
-    bare = Structure(BASES[standard.base])
+    form, (name, linear, shapes) = form or pictured_form(effect), STANDARDS[system]
+    bare = Structure(BASES[name])
     structure = bare.with_form(form)
     motions = [standard_motion(frequency) for frequency in RATES]
-    own = np.array(standard.linear), np.array(standard.nonlinear)
-    bases = [bare.simulate(motion, *own) for motion in motions]
+    bases = [bare.simulate(motion, linear, shapes) for motion in motions]
     motion, base, target = motions[0], bases[0], SHARE * _rms(bases[0])
 
     def scale(kind: str) -> float:
         return float(np.abs(base).max()) if kind == "force" else motion.scale(kind)
 
-    linear = own[0]
     if form.place is Place.PARALLEL:
         middle = np.array([np.sqrt(item.low * item.high) * scale(item.scale) for item in form.nonlinear])
-        nonlinear = np.concatenate([standard.nonlinear, middle])
+        nonlinear = np.concatenate([shapes, middle])
         columns = np.array(form.columns(motion, middle)).T
         signs = np.array([item.sign or 1 for item in form.linear], dtype=float)
         sizes = signs / np.maximum([_rms(column) for column in columns.T], 1e-300)
         linear = np.concatenate([linear, target / _rms(columns @ sizes) * sizes])
     else:
         points = product(*(item.grid(scale(item.scale)) for item in form.nonlinear))
-        candidates = [np.array([*standard.nonlinear, *point]) for point in points]
+        candidates = [np.array([*shapes, *point]) for point in points]
         nonlinear = min(
             candidates, key=lambda item: abs(_rms(structure.simulate(motion, linear, item) - base) - target)
         )

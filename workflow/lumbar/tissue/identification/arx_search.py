@@ -17,12 +17,7 @@ import numpy as np
 
 from lumbar.base.errors import InputError, NumericalError
 from lumbar.records.record import Record
-from lumbar.tissue.identification.metrics import (
-    FreeRunErrors,
-    condition_number,
-    numerical_rank,
-    settling_time,
-)
+from lumbar.tissue.identification.metrics import FreeRunErrors, settling_time
 from lumbar.tissue.models.transfer_function import ArxStructure, TransferFunction, full_regressors
 
 
@@ -148,13 +143,16 @@ class RidgePath:
 
     @cached_property
     def rank(self) -> int:
-        """Numerical rank of A."""
-        return numerical_rank(self.singular_values, self.rows)
+        """Numerical rank of A, by the rule of `numpy.linalg.matrix_rank`."""
+        values = self.singular_values
+        tolerance = max(self.rows, values.size) * np.finfo(float).eps * values.max()
+        return int((values > tolerance).sum())
 
-    @cached_property
+    @property
     def condition_number(self) -> float | None:
         """cond(A) of Eq. 3.14 with standardised columns; None if A is rank deficient."""
-        return condition_number(self.singular_values, self.rows)
+        values = self.singular_values
+        return None if self.rank < values.size else float(values.max() / values.min())
 
     def standardised_solution(self, alpha: float) -> np.ndarray:
         """Return the solution of Eq. 3.8 in standardised coefficients; that of least norm if A is rank deficient."""

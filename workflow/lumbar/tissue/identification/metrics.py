@@ -81,21 +81,6 @@ def _variance(measured: np.ndarray) -> float:
     return variance
 
 
-def numerical_rank(singular_values: np.ndarray, rows: int) -> int:
-    """Count singular values above max(shape) · eps · σ_max, the rule of `numpy.linalg.matrix_rank`."""
-    if singular_values.size == 0:
-        return 0
-    tolerance = max(rows, singular_values.size) * np.finfo(float).eps * singular_values.max()
-    return int((singular_values > tolerance).sum())
-
-
-def condition_number(singular_values: np.ndarray, rows: int) -> float | None:
-    """Return σ_max/σ_min, Eq. 3.14; None if the matrix is rank deficient."""
-    if numerical_rank(singular_values, rows) < singular_values.size:
-        return None
-    return float(singular_values.max() / singular_values.min())
-
-
 def largest_relative_uncertainty(coefficients: np.ndarray, deviations: np.ndarray | None) -> float | None:
     """Return MRU, the largest RU of Eq. 3.16, 100 σ_i/|x_i|, over the coefficients that are not zero; None without any σ."""
     nonzero = coefficients != 0
