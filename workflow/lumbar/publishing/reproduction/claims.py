@@ -261,15 +261,13 @@ def examine_claims(claims: list[Claim], results: Results, synthetic: bool, sourc
 
 def summary_table(claims: pd.DataFrame, source_label: str) -> Table:
     """Return the claims as a table: sentences first, then the cells of the published tables."""
-    columns = columns_of("publishing/reproduction", "claims")
-    frame = claims[columns].astype(object)
+    frame = claims[columns_of("publishing/reproduction", "claims")].astype(object)
     for column in ("thesis_value", "this_run"):
         frame[column] = [
             "–" if pd.isna(value) else f"{value:.4g}" if isinstance(value, float) else str(value)
             for value in frame[column]
         ]
-    counts = claims.verdict.value_counts()
-    verdicts = "; ".join(f"{name}: {count}" for name, count in counts.items())
+    verdicts = "; ".join(f"{name}: {count}" for name, count in claims.verdict.value_counts().items())
     is_sentence = ~claims.claim.str.startswith("table_")
     return table_from_schema(
         "publishing/reproduction",

@@ -107,8 +107,7 @@ def usable_effects(
         for form in effect.forms:
             if absent := tuple(role for role in form.channels if role not in available):
                 missing.append((form, absent))
-    usable = filter_forms(catalogue, lambda form: set(form.channels) <= set(available), scale)
-    return usable, missing
+    return filter_forms(catalogue, lambda form: set(form.channels) <= set(available), scale), missing
 
 
 def filter_forms(

@@ -149,8 +149,7 @@ def interval_starts(motion: Motion, residual: np.ndarray, carriers: list[np.ndar
     # For an interval of nearly the whole record the carriers do not differ from the base.
     is_regular = determinant > 1e-6 * square[0, 0] * square[1, 1]
     best = int(np.where(is_regular, gain / np.where(is_regular, determinant, 1.0), 0.0).argmax())
-    times = edges[[first[best], last[best]]] * motion.sampling_time
-    return [np.maximum(times, motion.sampling_time)]
+    return [np.maximum(edges[[first[best], last[best]]] * motion.sampling_time, motion.sampling_time)]
 
 
 def modulation_starts(motion: Motion, residual: np.ndarray, carriers: list[np.ndarray]) -> list[np.ndarray]:

@@ -195,10 +195,14 @@ class ArxCandidate:
     structure: ArxStructure
     alpha: float
     path: RidgePath
-    transfer_function: TransferFunction
     data: IdentificationData
     """Training record."""
     tests: Sequence[IdentificationData]
+
+    @cached_property
+    def transfer_function(self) -> TransferFunction:
+        """The fitted model."""
+        return self.structure.transfer_function(self.path.solution(self.alpha))
 
     @cached_property
     def training(self) -> FreeRunErrors | None:
@@ -220,15 +224,12 @@ class ArxCandidate:
     @property
     def condition(self) -> float:
         """Condition number of its regressors; ∞ if they are rank deficient."""
-        value = self.path.condition_number
-        return np.inf if value is None else value
+        return self.path.condition_number or np.inf
 
     def score(self, selection: str) -> float:
         """Return the %VAF by which it is selected; −∞ if it has none."""
-        if self.training is None:
-            return -np.inf
         if selection == "training":
-            return self.training.vaf_percent
+            return -np.inf if self.training is None else self.training.vaf_percent
         return -np.inf if self.test_vaf_percent is None else self.test_vaf_percent
 
 
@@ -241,13 +242,12 @@ def search(
     tests: list[IdentificationData],
 ) -> list[ArxCandidate]:
     """Fit every structure with every α by ridge ARX; a candidate is simulated when its free run is first needed."""
-    candidates = []
-    for structure in structures:
-        path = regression.path(structure)
-        for alpha in alphas:
-            fitted = structure.transfer_function(path.solution(alpha))
-            candidates.append(ArxCandidate(model, structure, float(alpha), path, fitted, training, tests))
-    return candidates
+    paths = [(structure, regression.path(structure)) for structure in structures]
+    return [
+        ArxCandidate(model, structure, alpha, path, training, tests)
+        for structure, path in paths
+        for alpha in alphas.tolist()
+    ]
 
 
 def eligible(candidates: list[ArxCandidate], condition_max: float | None) -> list[ArxCandidate]:

@@ -79,6 +79,9 @@ def physical_parameters_table(models: list[FittedModel], confidence: float, sour
     )
 
 
+_ESTIMATORS = (ARX, OUTPUT_ERROR, GIVEN)
+
+
 def table_3_1(models: list[FittedModel], settings: TissueSettings, source_label: str) -> Table:
     """Return Table 3.1: error metrics of all models; the thesis's rows are MW, KB, HO with estimator ``arx``.
 
@@ -91,8 +94,7 @@ def table_3_1(models: list[FittedModel], settings: TissueSettings, source_label:
 
     def place(model: FittedModel) -> tuple[int, int, int]:
         number = names.index(model.name) if model.name in names else len(names)
-        estimator = (ARX, OUTPUT_ERROR, GIVEN).index(model.estimator)
-        return trained_on.index(model.trained_on), estimator, number
+        return trained_on.index(model.trained_on), _ESTIMATORS.index(model.estimator), number
 
     frame = pd.DataFrame(_row(model, unit) for model in sorted(models, key=place))
     is_printed = (frame["estimator"] == ARX) & frame["model"].isin((MW.name, KB.name, HO.name))

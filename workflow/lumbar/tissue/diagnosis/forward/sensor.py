@@ -100,8 +100,7 @@ def _fit_before_sensor(experiment: Experiment, form: Form) -> list[tuple[Candida
 
 
 def _to_fit(dynamics: LinearDynamics, data: FitData) -> Fit:
-    structure = Structure(_to_base(dynamics))
-    fit = Fit(structure, dynamics.linear, dynamics.nonlinear, np.inf)
+    fit = Fit(Structure(_to_base(dynamics)), dynamics.linear, dynamics.nonlinear, np.inf)
     error = fit.whitened_errors(data)
     return replace(fit, squared_error=float(error @ error))
 

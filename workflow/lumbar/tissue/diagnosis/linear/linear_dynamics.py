@@ -120,8 +120,7 @@ def _lowest_criterion(candidates: list[LinearDynamics], data: FitData) -> Linear
     # that begins at 0, however large both are; they do not on one that begins elsewhere.
     moved, most = np.std(data.motion.position), _MAX_SPRING_FORCE * np.std(data.force)
     candidates = [item for item in candidates if abs(item.linear[1]) * moved <= most]
-    least = min(candidates, key=lambda item: item.squared_error)
-    errors = least.whitened_errors(data)
+    errors = min(candidates, key=lambda item: item.squared_error).whitened_errors(data)
     # Degrees of freedom of the variance of coloured errors: 2 (ΣS)²/(n ΣS²) a sample of the periodogram S, 1 if they are white.
     power = np.abs(np.fft.rfft(errors)) ** 2
     square = float(np.sum(power**2))
@@ -168,8 +167,7 @@ def _fit_all_samples(data: FitData, fit: Callable[[FitData], LinearDynamics]) ->
     """Search poles on the beginning of a long record, and solve for the linear parameters on all of it."""
     if data.size <= _MAX_SEARCH_SAMPLES:
         return fit(data)
-    settling = data.length - data.size
-    start = fit(data.split((settling + _MAX_SEARCH_SAMPLES) / data.length)[0])
+    start = fit(data.split((data.length - data.size + _MAX_SEARCH_SAMPLES) / data.length)[0])
     return _solve(start.kind, data, start.poles, start.held)
 
 
@@ -292,15 +290,13 @@ def nonlinear_share(experiment: Experiment, fit: Fit | LinearDynamics) -> float 
     if len(excited) < 2 * _NEIGHBOURHOOD:
         return None
     # Expected squared magnitude of the noise at the lines of the mean period's spectrum, from line 1.
-    frequency = np.fft.rfftfreq(folding.samples, floor.sampling_time)[1:]
-    density = floor.density(frequency) / 2  # two-sided
+    density = floor.density(np.fft.rfftfreq(folding.samples, floor.sampling_time)[1:]) / 2  # two-sided
     noise = density * folding.samples / floor.sampling_time / len(folding.rows)
     left = np.abs(np.fft.rfft(error)[1:]) ** 2
     if left.sum() < _MIN_NOISE_RATIO * noise.sum():
         return None
     distortion = distortion_power(np.fft.rfft(position), np.fft.rfft(force), excited)[1:]
-    share = (distortion.sum() - noise.sum()) / (left.sum() - noise.sum())
-    return float(np.clip(share, 0.0, 1.0))
+    return float(np.clip((distortion.sum() - noise.sum()) / (left.sum() - noise.sum()), 0.0, 1.0))
 
 
 def distortion_power(inputs: np.ndarray, outputs: np.ndarray, excited: np.ndarray) -> np.ndarray:

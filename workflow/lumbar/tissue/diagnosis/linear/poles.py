@@ -56,8 +56,7 @@ class Poles:
 
     def to_vector(self) -> np.ndarray:
         """Return the logarithms of the searched parameters: the delay if there is one, sections, rates."""
-        delay = [self.delay] if self.delay else []
-        return np.log([*delay, *self.sections.ravel(), *self.rates])
+        return np.log([*[self.delay] * bool(self.delay), *self.sections.ravel(), *self.rates])
 
     def moved_to(self, vector: np.ndarray) -> Self:
         """Return poles of the same kind with the searched parameters of `to_vector`."""
@@ -254,5 +253,4 @@ def _linear(name: str, unit: str) -> dict:
 
 
 def _nonlinear(name: str, unit: str, value: float) -> dict:
-    start = [float(value), float(value)]
-    return {"name": name, "unit": unit, "start": start, "scale": "one", "points": 1}
+    return {"name": name, "unit": unit, "start": [float(value)] * 2, "scale": "one", "points": 1}

@@ -289,8 +289,7 @@ def _sphericity_p(residual: SpatialResidual, covariance: np.ndarray) -> float:
     Without a noise floor the error of the axes replaces the noise, and the test only sees their correlation.
     """
     size = len(covariance)
-    has_floors = all(part.floor for part in residual.parts)
-    noise = residual.noise if has_floors else np.diag(np.diag(covariance))
+    noise = residual.noise if all(part.floor for part in residual.parts) else np.diag(np.diag(covariance))
     root = np.linalg.cholesky(np.linalg.inv(noise + 1e-12 * np.trace(noise) * np.eye(size)))
     white = root.T @ covariance @ root
     white *= size / np.trace(white)
@@ -317,8 +316,7 @@ def work_view(residual: SpatialResidual, frame: np.ndarray | None = None) -> Vie
     counted = np.ones(residual.samples)
     if folding is not None:
         counted = np.bincount(folding.rows.ravel(), minlength=residual.samples) / len(folding.rows)
-    moved = frame.T @ (counted * steps)
-    weights = frame.T[:, :, None] * moved[:, None]
+    weights = frame.T[:, :, None] * (frame.T @ (counted * steps))[:, None]
     measured = np.einsum("ian,an->i", weights, residual.force)
     missing = np.einsum("ian,an->i", weights, residual.values)
     covariance = residual.covariance(weights)
