@@ -12,7 +12,7 @@ import numpy as np
 
 from lumbar.base.errors import InputError
 from lumbar.lifting.movement.cleaning import derivative
-from lumbar.lifting.movement.joint_centres import unit
+from lumbar.lifting.movement.joint_centres import typical_distance, unit
 
 UPRIGHT_SHARE = 5.0
 """Percentage of the recording with the straightest trunk, in which the lumbar spine is not bent."""
@@ -61,8 +61,8 @@ class Link:
     """Shape (n, 3): centre of mass, metres."""
     axis: np.ndarray | None = None
     """Shape (n, 3): along the segment, any length; None for a point mass."""
-    gyration_m: float = 0.0
-    """Radius of gyration across the axis about the centre, metres."""
+    gyration: float = 0.0
+    """Radius of gyration across the axis about the centre, share of the axis's length."""
 
 
 def net_moment(joint: np.ndarray, links: Iterable[Link], rate: float, gravity: float) -> np.ndarray:
@@ -76,11 +76,11 @@ def net_moment(joint: np.ndarray, links: Iterable[Link], rate: float, gravity: f
         mass = np.reshape(link.mass_kg, (-1, 1))
         force = mass * (derivative(link.centre, rate, 2) + np.array([0.0, 0.0, gravity]))
         total = total + np.where(mass > 0, np.cross(link.centre - joint, force), 0.0)
-        if link.axis is not None and link.gyration_m:
+        if link.axis is not None and link.gyration:
             # A slender body has no moment of inertia along its axis u, so that H = m·k²·(u × u̇) and dH/dt = m·k²·(u × ü).
+            radius = link.gyration * typical_distance(np.zeros_like(link.axis), link.axis)
             direction = unit(link.axis)
-            spin = np.cross(direction, derivative(direction, rate, 2))
-            total = total + mass * link.gyration_m**2 * spin
+            total = total + mass * radius**2 * np.cross(direction, derivative(direction, rate, 2))
     return total
 
 

@@ -10,10 +10,11 @@ import pandas as pd
 
 from lumbar.base.errors import InputError
 from lumbar.lifting.measures import back_load, balance
+from lumbar.lifting.measures.back_load import Link
 from lumbar.lifting.movement.centre_of_mass import HEAD as WINTER_HEAD
 from lumbar.lifting.movement.centre_of_mass import limb_parts
 from lumbar.lifting.movement.cleaning import derivative
-from lumbar.lifting.movement.joint_centres import MID_HIP, SIDES, typical_distance, unit
+from lumbar.lifting.movement.joint_centres import MID_HIP, SIDES, unit
 from lumbar.lifting.movement.lift_tables import HEAD, LOAD, WHOLE_BODY, com_of, points_of
 from lumbar.lifting.movement.pendulum_states import PLANES
 from lumbar.settings.stability import MeasureSettings
@@ -162,21 +163,15 @@ MOMENT_COLUMNS = (
 def base_of_support(lifter: Lifter) -> tuple[balance.BaseOfSupport, np.ndarray]:
     """Return the base of both feet, and whether each foot is on the ground, shape (n, 2): left, right."""
     stature, settings = lifter.facts["height_m"], lifter.settings
-    foot = balance.FOOT_LENGTH * stature * lifter.axes[1]
-    feet = []
+    size = balance.FOOT_LENGTH * stature, balance.FOOT_BREADTH * stature
+    limits = settings.contact_height_m, settings.contact_speed_m_s
+    foot, feet = size[0] * lifter.axes[1], []
     for side in "LR":
         # An end of the foot without a marker is a foot's length from the other end.
         heel, toe = (lifter.points.get(f"{side}_{name}") for name in ("HEEL", "TOE"))
         heel, toe = toe - foot if heel is None else heel, heel + foot if toe is None else toe
-        on_ground = [
-            balance.ground_contact(marker, lifter.rate, settings.contact_height_m, settings.contact_speed_m_s)
-            for marker in (heel, toe)
-        ]
-        feet.append(
-            balance.footprint(
-                heel, toe, *on_ground, balance.FOOT_LENGTH * stature, balance.FOOT_BREADTH * stature
-            )
-        )
+        on_ground = (balance.ground_contact(marker, lifter.rate, *limits) for marker in (heel, toe))
+        feet.append(balance.footprint(heel, toe, *on_ground, *size))
     return balance.join_bases(*feet), np.stack([foot.grounded.any(axis=1) for foot in feet], axis=1)
 
 
@@ -223,14 +218,8 @@ def _balance(lifter: Lifter) -> dict[str, np.ndarray]:
         "smallest_impulse_N_s": balance.smallest_impulse(mass, omega, margin),
     }
     # Capture point and pendulum against the limits of the centre of pressure, by plane.
-    limits = balance.pressure_limits(
-        base,
-        ankles[..., :2],
-        standing,
-        right,
-        mass * lifter.gravity,
-        balance.ankle_torques(lifter.facts["sex"]),
-    )
+    weight, torques = mass * lifter.gravity, balance.ankle_torques(lifter.facts["sex"])
+    limits = balance.pressure_limits(base, ankles[..., :2], standing, right, weight, torques)
     for plane, axis, pair in (
         ("flexion_extension", forward, ("forward", "backward")),
         ("lateral_bending", right, ("right", "left")),
@@ -284,32 +273,20 @@ def _angle_between(lifter: Lifter, column: str, lines: tuple[tuple[str, str], ..
     return {column: np.degrees(np.arctan2(across, along))}
 
 
-def links_above_l5s1(lifter: Lifter) -> list[back_load.Link]:
+def links_above_l5s1(lifter: Lifter) -> list[Link]:
     """Return thorax, abdomen, head, arms and load, which L5/S1 carries. The box is a point mass at its centre."""
     points, mass, sex = lifter.points, lifter.facts["body_mass_kg"], lifter.facts["sex"]
     links = []
     for segment, top, bottom in (("thorax", "C7T1", "T12L1"), ("abdomen", "T12L1", "L4L5")):
-        shares = _TRUNK_GYRATION[segment]
-        share = shares.get(sex, float(np.mean(list(shares.values()))))
-        links.append(
-            back_load.Link(
-                lifter.facts["mass_kg"][segment]["without_box"],
-                points[com_of(segment)],
-                points[top] - points[bottom],
-                share * typical_distance(points[top], points[bottom]),
-            )
-        )
-    neck = points[HEAD] - points["C7T1"]
-    radius = WINTER_HEAD.gyration * typical_distance(points[HEAD], points["C7T1"])
-    links.append(back_load.Link(WINTER_HEAD.mass * mass, points[HEAD], neck, radius))
+        shares, own_mass = _TRUNK_GYRATION[segment], lifter.facts["mass_kg"][segment]["without_box"]
+        gyration = shares.get(sex, float(np.mean(list(shares.values()))))
+        links.append(Link(own_mass, points[com_of(segment)], points[top] - points[bottom], gyration))
+    head, neck = points[HEAD], points[HEAD] - points["C7T1"]
+    links.append(Link(WINTER_HEAD.mass * mass, head, neck, WINTER_HEAD.gyration))
     for segment, first, last in (part for side in SIDES for part in limb_parts(points, side, "ARM")):
-        radius = np.nan_to_num(segment.gyration) * typical_distance(first, last)
-        links.append(
-            back_load.Link(segment.mass * mass, first + segment.centre * (last - first), last - first, radius)
-        )
-    if lifter.load_points:
-        links.append(back_load.Link(lifter.load, points[LOAD]))
-    return links
+        centre, gyration = first + segment.centre * (last - first), np.nan_to_num(segment.gyration)
+        links.append(Link(segment.mass * mass, centre, last - first, gyration))
+    return [*links, Link(lifter.load, points[LOAD])] if lifter.load_points else links
 
 
 def _moment(lifter: Lifter) -> dict[str, np.ndarray]:

@@ -170,8 +170,6 @@ def segment_table(name: str, sex: str) -> SegmentTable:
 class CentreOfMass:
     """Trajectory of one centre of mass."""
 
-    name: str
-    """One of `COMS`."""
     position: np.ndarray
     """Shape (n, 3): position without the box, metres."""
     position_with_box: np.ndarray
@@ -256,7 +254,7 @@ def centres_of_mass(
         with_box = position.copy()
         if box_mass > 0:
             with_box[is_held] = (mass * position[is_held] + carried * box[is_held]) / (mass + carried)
-        result[segment.name] = CentreOfMass(segment.name, position, with_box, mass, mass + carried)
+        result[segment.name] = CentreOfMass(position, with_box, mass, mass + carried)
     return result
 
 

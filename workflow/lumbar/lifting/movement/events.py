@@ -62,12 +62,8 @@ def phases(time: np.ndarray, events: dict[str, Event]) -> np.ndarray:
     Without a toe-off the lift lasts until the start of the deposit without a carry. Times and phases have shape (n,).
     """
     labels = np.full(len(time), "before", dtype="<U7")
-    for label, name in (
-        ("lift", "lift_off"),
-        ("carry", "toe_off"),
-        ("deposit", "deposit_start"),
-        ("after", "release"),
-    ):
+    starts = {"lift": "lift_off", "carry": "toe_off", "deposit": "deposit_start", "after": "release"}
+    for label, name in starts.items():
         at = events[name].time_s
         if at is not None:
             labels[time >= at if label != "after" else time > at] = label
@@ -159,38 +155,34 @@ def greatest_rise(height: np.ndarray) -> float:
     return float(np.max(height - np.minimum.accumulate(height)))
 
 
-def lift_windows(recording: MarkerRecording, settings: EventSettings) -> list[tuple[float, float]]:
-    """Return the parts of a recording in seconds, one for each great rise of the object of at least `hands_rise_m`.
-
-    They are cut in the middle of the time for which it stays lowest between two rises.
-    """
-    points, _ = locate_load(recording)
-    if points is None or not np.isfinite(points).all(axis=1).any():
-        return []
-    visible = np.isfinite(points).all(axis=1)
-    time, height = recording.time[visible], points[visible, 2]
-    swings, edges = great_swings(height, settings.hands_rise_m, 1), [float(recording.time[0])]
-    for (_, before), (low, high) in pairwise(swings):
-        lowest = height[before:high] <= height[low] + LOWEST * (height[high] - height[low])
-        edges.append(float(np.median(time[before:high][lowest])))
-    return list(pairwise([*edges, float(recording.time[-1])])) if swings else []
-
-
 def several_lifts(recording: MarkerRecording, events: dict[str, Event], settings: EventSettings) -> str:
-    """Return a question with time windows if the object rises so often that it may be several lifts; else nothing."""
+    """Return a question with time windows if the object rises so often that it may be several lifts; else nothing.
+
+    There is a window for each great rise of at least `hands_rise_m`; they meet in the middle of the time for which the object
+    stays lowest between two rises.
+    """
     _, carried = locate_load(recording)
     start, stop = (events[name].time_s for name in ("lift_off", "release"))
     if start is None or stop is None:
         return ""
     # Hands rise for other reasons too before and after they hold something; a box does not.
-    held = (carried == "box") | ((recording.time >= start) & (recording.time <= stop))
-    hidden = {name: np.where(held[:, None], part, np.nan) for name, part in recording.positions.items()}
-    windows = lift_windows(replace(recording, positions=hidden), settings)
-    if len(windows) < 2:
+    is_held = (carried == "box") | ((recording.time >= start) & (recording.time <= stop))
+    hidden = {name: np.where(is_held[:, None], part, np.nan) for name, part in recording.positions.items()}
+    points, _ = locate_load(replace(recording, positions=hidden))
+    known = False if points is None else np.isfinite(points).all(axis=1)
+    if not np.any(known):
         return ""
+    time, height = recording.time[known], points[known, 2]
+    swings, edges = great_swings(height, settings.hands_rise_m, 1), [float(recording.time[0])]
+    if len(swings) < 2:
+        return ""
+    for (_, before), (low, high) in pairwise(swings):
+        lowest = height[before:high] <= height[low] + LOWEST * (height[high] - height[low])
+        edges.append(float(np.median(time[before:high][lowest])))
+    windows = pairwise([*edges, float(recording.time[-1])])
     listed = ", ".join(f"[{first:.2f}, {last:.2f}]" for first, last in windows)
     who, when = ("box rises", "") if carried == "box" else ("hands rise", " from lift-off to release")
-    return f"the {who} {len(windows)} times{when}: one lift or several, each a trial with window_s {listed}?"
+    return f"the {who} {len(swings)} times{when}: one lift or several, each a trial with window_s {listed}?"
 
 
 def check_order(recording: MarkerRecording, times: dict[str, float]) -> None:
@@ -200,14 +192,10 @@ def check_order(recording: MarkerRecording, times: dict[str, float]) -> None:
     for name, time in times.items():
         if not start <= time <= stop:
             problems.add(name, f"{time:g} s", f"the recording runs from {start:g} to {stop:g} s")
-    pairs = list(times.items())
-    for (earlier, first), (later, second) in pairwise(pairs):
+    for (earlier, first), (later, second) in pairwise(times.items()):
         if second <= first:
-            problems.add(
-                later,
-                f"{second:g} s is not after {earlier} at {first:g} s",
-                "set events in the subject's file",
-            )
+            order = f"{second:g} s is not after {earlier} at {first:g} s"
+            problems.add(later, order, "set events in the subject's file")
     problems.raise_if_any()
 
 

@@ -1,7 +1,7 @@
 """Analysis of one lift from its markers to the pendulums of the deposit: the study's, and those of the thesis's choice."""
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -96,12 +96,25 @@ def analyse_lift(
     table = segment_table(settings.segments, subject.sex)
     points = _points(smooth, subject, settings)
     missing = absent_segments(points, table)
-    _require_content(smooth, events, missing)
     times = [event.time_s for event in events.values() if event.time_s is not None]
+    if len(missing) == len(COMS) and not times:
+        problems = Problems(f"{smooth.source}: neither an event of a lift nor a centre of mass")
+        for problem in {**missing, "lift_off": events["lift_off"].how}.items():
+            problems.add(*problem)
+        unused = f"markers of the file that no alias names: {', '.join(smooth.unused[:60]) or 'none'}"
+        problems.add("", unused, recognised_unaliased(smooth))
+        problems.raise_if_any()
     if settings.gaps.longer == "error" and times:
         needed, span = _needed(points, table.ends, settings.pivot), (min(times), max(times))
-        harmful = [gap for gap in gaps if gap.marker in needed and _overlaps(gap, *span)]
-        refuse_open_gaps(smooth, harmful, settings.gaps.maximum_s)
+        problems = Problems(smooth.source)
+        for gap in gaps:
+            if gap.marker in needed and _overlaps(gap, *span) and not gap.filled:
+                evidence = f"not seen for {gap.length_s:.3g} s from {gap.start_s:.3f} s ({gap.outcome})"
+                problems.add(gap.marker, evidence)
+        if problems.entries:
+            longest = settings.gaps.maximum_s
+            problems.add("", f"gaps up to {longest:g} s between seen frames are filled", CUT_OR_KEEP)
+        problems.raise_if_any()
 
     # The axes of the planes are those of the laboratory, or rotated with the hips at the start of the deposit.
     angle, without_frame = 0.0, None
@@ -111,13 +124,7 @@ def analyse_lift(
         except InputError as error:
             without_frame = str(error)
     if angle:
-        smooth, complete = (
-            replace(
-                one,
-                positions={name: pendulum.rotate(places, angle) for name, places in one.positions.items()},
-            )
-            for one in (smooth, complete)
-        )
+        smooth, complete = (pendulum.rotate_recording(one, angle) for one in (smooth, complete))
         points = _points(smooth, subject, settings)
 
     masses, share = (subject.mass_kg, trial.box_mass_kg), settings.box.share
@@ -229,18 +236,6 @@ def cut_to_window(
     return smooth.select_frames(inside)
 
 
-def _require_content(recording: MarkerRecording, events: dict[str, Event], missing: dict[str, str]) -> None:
-    """Raise an error for a recording that holds neither an event of a lift nor a centre of mass."""
-    if len(missing) < len(COMS) or any(event.time_s is not None for event in events.values()):
-        return
-    problems = Problems(f"{recording.source}: neither an event of a lift nor a centre of mass")
-    for name, reason in {**missing, "lift_off": events["lift_off"].how}.items():
-        problems.add(name, reason)
-    unused = f"markers of the file that no alias names: {', '.join(recording.unused[:60]) or 'none'}"
-    problems.add("", unused, recognised_unaliased(recording))
-    problems.raise_if_any()
-
-
 def recognised_unaliased(recording: MarkerRecording) -> str:
     """Return a remedy for markers with a known meaning that no alias names; empty without any."""
     labels = [label for label in recording.unused if label not in THIGH]
@@ -276,18 +271,6 @@ def _overlaps(item: Gap | MarkerFinding, start: float, stop: float) -> bool:
     return item.start_s <= stop and item.start_s + item.length_s > start
 
 
-def refuse_open_gaps(recording: MarkerRecording, gaps: Sequence[Gap], maximum_s: float) -> None:
-    """Raise an error that lists those of some gaps that stay open, with a remedy."""
-    problems = Problems(recording.source or recording.name)
-    for gap in (gap for gap in gaps if not gap.filled):
-        problems.add(
-            gap.marker, f"not seen for {gap.length_s:.3g} s from {gap.start_s:.3f} s ({gap.outcome})"
-        )
-    if problems.entries:
-        problems.add("", f"gaps up to {maximum_s:g} s between seen frames are filled", CUT_OR_KEEP)
-    problems.raise_if_any()
-
-
 def _reason_for_missing(
     recording: MarkerRecording,
     needed: Collection[str],
@@ -296,28 +279,13 @@ def _reason_for_missing(
     gaps: Sequence[Gap],
     findings: Sequence[MarkerFinding],
 ) -> str:
-    """Return which markers are missing and a remedy, for frames left out by findings and for gaps of the file.
+    """Return which markers are missing in some frames and a remedy, for those left out by findings and for gaps of the file.
 
-    Parameters
-    ----------
-    recording : MarkerRecording
-        Filtered; of the whole file or of a window of it.
-    needed, ends : collection of str
-        Markers that the samples are computed from, and those of them that ends of segments need, not only the pivot.
-    frames : ndarray of int
-        Missing samples, in order.
-    gaps : sequence of Gap
-        Gaps after the findings' frames were left out.
-    findings : sequence of MarkerFinding
-        Findings of the quality checks.
+    `needed` are the markers that the samples are computed from, `ends` those of them that segments need, not only the pivot.
     """
     start, stop = recording.time[frames[[0, -1]]]
     hidden = [name for name in needed if name in recording and not np.isfinite(recording[name][frames]).all()]
-    causes = [
-        finding
-        for finding in findings
-        if _overlaps(finding, start, stop) and set(hidden) & set(finding.concerns)
-    ]
+    causes = [one for one in findings if _overlaps(one, start, stop) and set(hidden) & set(one.concerns)]
     left_out = {
         (name, frame)
         for finding in causes

@@ -6,7 +6,7 @@ relative to the pivot. Its rate is θ̇ = (ṙ z − r ż)/L² with L² = r² + 
 interpolated angle.
 """
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Self
 
 import numpy as np
@@ -108,10 +108,11 @@ def heading(recording: MarkerRecording, time: float) -> float:
     return float(np.arctan2(across[1], across[0]))
 
 
-def rotate(points: np.ndarray, angle: float) -> np.ndarray:
-    """Return points, shape (n, 3), in axes rotated by `angle` about the vertical."""
+def rotate_recording(recording: MarkerRecording, angle: float) -> MarkerRecording:
+    """Return a recording in axes rotated by `angle` in radians about the vertical."""
     cosine, sine = np.cos(angle), np.sin(angle)
-    return points @ np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
+    rotation = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
+    return replace(recording, positions={name: p @ rotation for name, p in recording.positions.items()})
 
 
 def pendulum_states(

@@ -36,32 +36,6 @@ class Displacement:
     """Sizes and distances, for the reader."""
 
 
-@dataclass(frozen=True)
-class _Mate:
-    """Another marker, whose distance a leap changes clearly."""
-
-    noise: float
-    """Spread of the distance as a share of its change."""
-    label: str
-    distance: np.ndarray
-    """Shape (n_frames,): metres."""
-    before: float
-    """Distance just before the leap."""
-    change: float
-    """Change of the distance by the leap."""
-
-
-@dataclass(frozen=True)
-class _Sides:
-    """The correct side of a leap."""
-
-    likeness: np.ndarray
-    """Shape (n_frames,): x, NaN if unknown."""
-    correct: int
-    """0 if the marker is correct before the leap, 1 if it is after it."""
-    evidence: str
-
-
 def displacements(
     points: dict[str, np.ndarray], label: str, leaps: dict[str, list[Leap]], legend: Legend
 ) -> tuple[list[Displacement], list[Leap]]:
@@ -101,12 +75,15 @@ def displacements(
                 for part in parts
             ]
             better = int(off[0] > off[1]) if abs(off[0] - off[1]) > _AT.clearly_m else None
-            sides = _sides(distance, steady, leap, near, better)
-            if sides is None:
+            # Frames up to the leaps before and after it.
+            earlier = [other.first for other in inside if other.first <= leap.last]
+            later = [other.last + 1 for other in inside if other.last >= leap.first]
+            span = slice(max([section.start, *earlier]), min([section.stop, *later]))
+            found = _displacement(distance, steady, leap, span, better, rate)
+            if found is None:
                 unknown.append(leap)
             else:
-                frames = _wrong_frames(leap, sides, section, inside, rate)
-                displaced.append(Displacement(frames, leap, sides.evidence))
+                displaced.append(found)
         if unknown:
             displaced += _pair_leaps(section, inside, visible)
             starts, stops = ({getattr(one.frames, end) for one in displaced} for end in ("start", "stop"))
@@ -123,14 +100,20 @@ def displacements(
     return united, undecided
 
 
-def _sides(
-    distance: Callable[[str], np.ndarray], others: list[str], leap: Leap, near: int, better: int | None
-) -> _Sides | None:
-    """Return the sides of a leap by the distances to other labels that it changes most; None if they do not decide.
+def _displacement(
+    distance: Callable[[str], np.ndarray],
+    others: list[str],
+    leap: Leap,
+    span: slice,
+    better: int | None,
+    rate: float,
+) -> Displacement | None:
+    """Return the displaced frames of `span` by the distances to other labels that a leap changes most; None if undecided.
 
-    Correct is the side that the body shows as `better`; without one the side of most frames. `near` is the number of frames
-    compared on each side.
+    Correct is the side that the body shows as `better` (0 before the leap, 1 after it); without one the side of most frames.
     """
+    near = max(_AT.back_frames, round(_AT.beside_s * rate))
+    # Noise (share of the change), label, distance before the leap and its change, of markers with a clearly changed distance.
     mates = []
     for other in others:
         # Median distance of three frames on each side.
@@ -143,13 +126,13 @@ def _sides(
         if abs(change) > _AT.clear * _AT.least_unrest_m:
             unrest = max(_AT.least_unrest_m, _spread(distance(other), leap))
             if abs(change) > _AT.clear * unrest:
-                mates.append(_Mate(unrest / abs(change), other, distance(other), before, change))
-    mates = sorted(mates, key=lambda mate: mate.noise)[: _AT.mates]
+                mates.append((unrest / abs(change), other, before, change))
+    mates = sorted(mates, key=lambda mate: mate[0])[: _AT.mates]
     if len(mates) < _AT.least_mates:
         return None
     # Mean of x over the mates, weighted by the inverse variance; NaN if less than half of the weight is seen.
-    weights = np.array([1 / mate.noise**2 for mate in mates])[:, None]
-    each = np.array([(mate.distance - mate.before) / mate.change for mate in mates])
+    weights = np.array([1 / noise**2 for noise, *_ in mates])[:, None]
+    each = np.array([(distance(label) - before) / change for _, label, before, change in mates])
     known = np.where(np.isfinite(each), weights, 0.0)
     total = known.sum(axis=0)
     mean = (known * np.nan_to_num(each)).sum(axis=0) / np.where(total > 0, total, np.nan)
@@ -168,13 +151,24 @@ def _sides(
     motion = [float(np.max(np.abs(part[np.isfinite(part)]), initial=0.0)) for part in parts]
     if motion[correct] > max(_AT.strayed, 2 * motion[1 - correct]):
         return None
-    mate = mates[0]
-    typical = float(np.nanmedian(mate.distance[np.abs(likeness - correct) < _AT.near]))
-    wrong = mate.before if correct else mate.before + mate.change
-    evidence = f"there {wrong * 1e3:.0f} mm from {mate.label}, usually {typical * 1e3:.0f} mm"
+    _, label, before, change = mates[0]
+    typical = float(np.nanmedian(distance(label)[np.abs(likeness - correct) < _AT.near]))
+    wrong = before if correct else before + change
+    evidence = f"there {wrong * 1e3:.0f} mm from {label}, usually {typical * 1e3:.0f} mm"
     if better is None and min(counts) > _AT.doubtful * sum(counts):
         evidence += f" ({MAJORITY}: the other part may be the wrong one)"
-    return _Sides(likeness, correct, evidence)
+    # Frames from the leap, away from its correct side, until the distances are normal again.
+    frames = np.arange(leap.last, span.start - 1, -1) if correct else np.arange(leap.first, span.stop)
+    outward = likeness[frames]
+    off = np.abs(outward - correct)
+    if np.mean(off[np.isfinite(off)] > _AT.near) <= _AT.telling:
+        # A drift begins below what posture changes: the normal distance is taken from the frames next to it.
+        count = _frames_until(off, _AT.near)
+        grown = _extend_until_steady(outward, count, near)
+        while abs(outward[grown - 1] - outward[count - 1]) > _AT.drifting:
+            count, grown = grown, _extend_until_steady(outward, grown, near)
+        frames = frames[:grown]
+    return Displacement(slice(int(frames.min()), int(frames.max()) + 1), leap, evidence)
 
 
 def _spread(distance: np.ndarray, leap: Leap) -> float:
@@ -186,32 +180,9 @@ def _spread(distance: np.ndarray, leap: Leap) -> float:
     return float(high - low) / 1.349
 
 
-def _wrong_frames(leap: Leap, sides: _Sides, section: slice, leaps: list[Leap], rate: float) -> slice:
-    """Return the frames from a leap, away from its correct side, until the distances are normal again."""
-    if sides.correct:
-        edges = [section.start, *(other.first for other in leaps if other.first <= leap.last)]
-        frames = np.arange(leap.last, max(edges) - 1, -1)
-    else:
-        edges = [section.stop, *(other.last + 1 for other in leaps if other.last >= leap.first)]
-        frames = np.arange(leap.first, min(edges))
-    likeness = sides.likeness[frames]
-    off = np.abs(likeness - sides.correct)
-    if np.mean(off[np.isfinite(off)] > _AT.near) > _AT.telling:
-        count = len(frames)
-    else:
-        # A drift begins below what posture changes: the normal distance is taken from the frames next to it.
-        count = _frames_until(off, _AT.near)
-        grown = _extend_until_steady(likeness, count, rate)
-        while abs(likeness[grown - 1] - likeness[count - 1]) > _AT.drifting:
-            count, grown = grown, _extend_until_steady(likeness, grown, rate)
-        count = grown
-    wrong = frames[:count]
-    return slice(int(wrong.min()), int(wrong.max()) + 1)
-
-
-def _extend_until_steady(likeness: np.ndarray, count: int, rate: float) -> int:
+def _extend_until_steady(likeness: np.ndarray, count: int, near: int) -> int:
     """Return the number of frames, at least `count`, until x is as in the following 0.3 s."""
-    following = likeness[count : count + max(2 * _AT.back_frames, round(_AT.beside_s * rate))]
+    following = likeness[count : count + max(2 * _AT.back_frames, near)]
     following = following[np.isfinite(following)]
     if len(following) < 2 * _AT.back_frames:
         return count

@@ -71,7 +71,7 @@ def tables_4_1(study: ComparedLifts, parts: pd.DataFrame, failures: pd.DataFrame
     }
     differences = {name: study.percent_differences(frame, column) for name, (frame, column) in areas.items()}
     table = _first_table(study, differences, missing)
-    return Tables41(table, controls_table(study, differences, own, parts), missing)
+    return Tables41(table, _controls_table(study, differences, own, parts), missing)
 
 
 def _first_table(study: ComparedLifts, differences: dict[str, list[dict]], missing: pd.DataFrame) -> Table:
@@ -112,7 +112,7 @@ def _first_table(study: ComparedLifts, differences: dict[str, list[dict]], missi
     )
 
 
-def controls_table(
+def _controls_table(
     study: ComparedLifts,
     differences: dict[str, list[dict]],
     areas: pd.DataFrame,
@@ -120,17 +120,8 @@ def controls_table(
 ) -> Table:
     """Return the controls of the headline: a row per comparison, centre of mass and plane.
 
-    Parameters
-    ----------
-    study : ComparedLifts
-        Lifts and basins.
-    differences : dict of str to list of dict
-        Results of `percent_differences` with the same rows: ``headline``, its sections ``initial`` and ``minimum``, its null
-        control and every change.
-    areas : pandas.DataFrame
-        Areas of the headline.
-    parts : pandas.DataFrame
-        Result of `decomposition_table`.
+    `differences` has the results of `percent_differences` with the same rows: ``headline``, its sections ``initial`` and
+    ``minimum``, its null control and every change. `areas` are those of the headline, `parts` those of `decomposition_table`.
     """
     settings = study.settings
     comparisons = {comparison.name: comparison for comparison in study.comparisons}
@@ -265,7 +256,7 @@ def alternations_table(study: ComparedLifts) -> Table:
     moves = f"a cell changes by {change:.3g} percentage points, the alternation has not converged"
     moves = moves if change >= 0.5 * 10**-THESIS_DECIMALS else "no cell changes"
     converged = f"{other} alternation{'s' if other > 1 else ''} in place of {done}: {moves}"
-    notes = [jumps_note(areas), sizes_note(frame, done), converged]
+    notes = [_jumps_note(areas), _sizes_note(frame, done), converged]
     if len(areas):
         digits = (10.0 ** -decimals(area, RESOLUTION["mean_area"]) / area for area in areas["mean_area"])
         notes.append(
@@ -282,7 +273,7 @@ def alternations_table(study: ComparedLifts) -> Table:
     )
 
 
-def jumps_note(areas: pd.DataFrame) -> str:
+def _jumps_note(areas: pd.DataFrame) -> str:
     """Return a note on the basins with a ρ that a further alternation than the first changed, and the effect on their areas."""
     moved = areas[areas["jumped_knots"] > 0]
     if moved.empty:
@@ -303,7 +294,7 @@ def jumps_note(areas: pd.DataFrame) -> str:
     )
 
 
-def sizes_note(frame: pd.DataFrame, done: int) -> str:
+def _sizes_note(frame: pd.DataFrame, done: int) -> str:
     """Return a comparison of the published sizes with those of one alternation and of all, plane by plane."""
     sizes = []
     for plane, rows in frame.groupby("plane", sort=False):

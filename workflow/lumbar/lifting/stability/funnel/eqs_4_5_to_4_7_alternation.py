@@ -151,7 +151,8 @@ class Alternation:
 
     after: tuple[Funnels, ...]
     """Funnels after each alternation, including the first and more than required (`EVIDENCE`)."""
-    alternations: int
+    funnels: Funnels
+    """Funnels after the required number of alternations."""
     violation_share: np.ndarray
     """Shape (pendulums,): share of the knots before the last at which the final ρ̇ (forward difference) is below the
     largest V̇ on V = ρ with the true sine: there states leave."""
@@ -160,11 +161,6 @@ class Alternation:
     unbounded): they kept ρ."""
     euler_error: np.ndarray
     """Shape (pendulums,): relative error of the ellipse V = 1 at t = 0 that Euler's method makes in its area."""
-
-    @property
-    def funnels(self) -> Funnels:
-        """Funnels after the required alternations."""
-        return self.after[self.alternations - 1]
 
     @property
     def jumps(self) -> np.ndarray:
@@ -242,9 +238,10 @@ def alternate(
     # Knots at which the final ρ breaks the condition that it should meet.
     level = levels[alternations]
     violated = (_difference(level, step) / level < boundary_growth(form, level))[:-1]
+    after = tuple(Funnels("thesis", pendulums.duration, cost, level) for level in levels[1:])
     return Alternation(
-        after=tuple(Funnels("thesis", pendulums.duration, cost, level) for level in levels[1:]),
-        alternations=alternations,
+        after=after,
+        funnels=after[alternations - 1],
         violation_share=violated.mean(axis=0),
         unsolved_share=np.mean(unsolved[:alternations], axis=0),
         euler_error=np.sqrt(determinant(loops.cost[0]) / determinant(cost[0])) - 1,

@@ -21,9 +21,8 @@ MAX_STRIDE = 9
 
 @dataclass(frozen=True)
 class MonteCarloCheck:
-    """Simulated starts and the number that left."""
+    """Result of the simulated starts."""
 
-    starts: int
     exits: np.ndarray
     """Shape (pendulums,): starts whose V exceeded ρ at any point checked."""
     share_high: np.ndarray
@@ -64,7 +63,7 @@ def monte_carlo_check(loops: ClosedLoops, funnels: Funnels, starts: int, seed: l
             value = quadratic_form(funnels.cost[index], state)
             inside &= value <= funnels.level[index][:, None] * (1 + LEVEL_TOLERANCE)
     exits = starts - inside.sum(axis=1)
-    return MonteCarloCheck(starts, exits, upper_share(exits, starts))
+    return MonteCarloCheck(exits, upper_share(exits, starts))
 
 
 def simulate(loops: ClosedLoops, start: np.ndarray):

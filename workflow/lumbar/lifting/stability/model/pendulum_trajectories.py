@@ -104,11 +104,6 @@ def in_unit_time(trajectory: Trajectory) -> Trajectory:
     )
 
 
-def at_rest(trajectory: Trajectory) -> Trajectory:
-    """Return the null control: the same pendulum at rest at θ0 = 0 for the same duration."""
-    return replace(trajectory, angle=np.zeros_like(trajectory.angle))
-
-
 def find_problems(trajectory: Trajectory) -> Problems:
     """Return the problems that keep a trajectory from having a basin of attraction."""
     from scipy.integrate import cumulative_trapezoid
