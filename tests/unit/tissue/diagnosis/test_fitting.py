@@ -1,4 +1,7 @@
-"""Fits of a base with effects: separable least squares, gradients, intervals, and errors that depend on each other."""
+"""Fits of a base with effects: separable least squares, gradients, intervals, correlated errors, states of a fit."""
+
+import tracemalloc
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -6,6 +9,8 @@ from scipy.optimize import lsq_linear
 from scipy.signal import butter, lfilter
 
 from case_tables import cases
+from lumbar.base.errors import InputError
+from lumbar.records.record import Channel, Record
 from lumbar.tissue.diagnosis.fitting import joint_fit
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData, JointData
 from lumbar.tissue.diagnosis.fitting.joint_fit import Fit, add, fit, fit_base, shape_bounds, solve_linear
@@ -15,7 +20,12 @@ from lumbar.tissue.diagnosis.fitting.uncertainty import (
     estimates,
     scaled_covariance,
     score_covariance,
+    zero_interval,
 )
+from lumbar.tissue.diagnosis.noise.periods import fold_periods
+from lumbar.tissue.diagnosis.selection.diagnose import diagnose
+from lumbar.tissue.diagnosis.selection.sentences import details
+from lumbar.tissue.diagnosis.sensors.sensor_faults import sensor_faults
 from lumbar.tissue.effects.catalogue import TISSUE
 from lumbar.tissue.models.bases import BASES
 from lumbar.tissue.models.form import Place
@@ -159,13 +169,15 @@ def test_white_errors_pass_for_white_and_others_do_not(pole):
     assert np.mean(found) == pytest.approx(0.99, abs=0.015) if pole == 0 else not any(found)
 
 
-def test_white_residuals_keep_the_curvature():
+def test_white_residuals_keep_the_curvature_and_zero_is_in_its_interval():
     """s²(JᵀJ)⁻¹, to the last digit."""
     random = np.random.default_rng(5)
     motion = wandering(random)
     force = VISCOELASTIC.simulate(motion, np.array([STIFFNESS, VISCOSITY]), np.zeros(0))
-    data = FitData("white", motion, force + 0.1 * random.standard_normal(SAMPLES))
+    data = FitData("white", motion, force + 0.5 + 0.1 * random.standard_normal(SAMPLES))
     found = fit(VISCOELASTIC, data, np.zeros(0))
+    low, high = zero_interval(found, data)
+    assert low < 0.5 < high < low + 0.01
     jacobian = found.sensitivities(data)
     expected = found.squared_error / (data.size - 3) * np.linalg.inv(jacobian.T @ jacobian)
     scaled, size = scaled_covariance(found, data)
@@ -228,3 +240,41 @@ def test_records_fitted_together_are_independent():
     expected = inverse @ score_covariance(scores) @ inverse
     np.testing.assert_allclose(scaled / np.outer(size, size), expected, rtol=1e-6, atol=1e-12)
     assert len(errors) == sum(map(len, scores))
+
+
+def record_of(position, force, step=STEP, name="a"):
+    channels = {"input": Channel(position, "position", "mm"), "output": Channel(force, "force", "N")}
+    return Record(name, np.arange(len(position)) * step, channels, f"{name}.csv")
+
+
+def test_fit_that_did_not_converge_is_reported():
+    records = []
+    for name, motion in (("a", excitation(1)), ("b", excitation(2, 12))):
+        noise = 0.02 * np.random.default_rng(9).standard_normal(len(motion))
+        force = 0.8 * motion.position + 0.01 * motion.position**3 + noise
+        records.append(record_of(motion.position, force, name=name))
+    result = diagnose(records)
+    assert result.model.fit.converged
+    stopped = replace(result.model, fit=replace(result.model.fit, converged=False))
+    added = {*details(replace(result, path=[result.base, stopped]), TISSUE)} - {*details(result, TISSUE)}
+    assert len(added) == 1
+
+
+def test_period_of_more_than_half_the_record_is_rejected():
+    position = excitation(seconds=20).position
+    with pytest.raises(InputError, match=r"are 1\.33 periods of 15 s; at least 2 are needed"):
+        fold_periods(record_of(position, position), 15.0)
+
+
+@pytest.mark.nightly
+def test_search_for_faults_of_long_record_needs_little_memory():
+    random = np.random.default_rng(12)
+    slow, fast = (np.sin(2 * np.pi * line * np.arange(1_000_000) / 1000.0) for line in (0.37, 1.1))
+    position = slow + 0.5 * fast + 1e-3 * random.standard_normal(len(slow))
+    record = record_of(position, 0.4 * slow + 0.01 * random.standard_normal(len(slow)), step=1e-3)
+    tracemalloc.start()
+    faults = sensor_faults(record)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert [item.kind for item in faults] == ["position_noise"]
+    assert peak < 300e6

@@ -1,6 +1,7 @@
-"""Period and noise floor against simulations in which both are known."""
+"""Period and noise floor of experiments against simulations in which both are known."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,13 +9,15 @@ from periodic_records import STEP, multisine, noise, noisy_record, record, relax
 from scipy.signal import lfilter
 from scipy.stats import chi2
 
-from lumbar.base.errors import InputError
-from lumbar.interface.reading import read
-from lumbar.tissue.diagnosis.fitting.preparation import prepare
-from lumbar.tissue.diagnosis.noise.noise_floor import noise_floor
-from lumbar.tissue.diagnosis.noise.periods import MIN_PERIODS, find_period
+import lumbar
 
 REPEATED, SECONDS = multisine(4, seed=3), np.arange(4000) * STEP
+
+
+def floor_of(*records, period=None, train=None):
+    """Noise floor of the first training record that repeats."""
+    declared = [replace(item, period=period) for item in records]
+    return lumbar.refine(declared, [], base="LE", train=train).experiment.floor
 
 
 @pytest.mark.parametrize(
@@ -30,69 +33,67 @@ REPEATED, SECONDS = multisine(4, seed=3), np.arange(4000) * STEP
         ),
     ],
 )
-def test_the_period_is_found(position, period):
-    assert find_period(record(position, position)) == pytest.approx(period)
+def test_period_is_detected(position, period):
+    assert floor_of(record(position, position)).period == pytest.approx(period)
 
 
-def test_a_sine_whose_period_is_no_whole_number_of_samples():
-    time = np.arange(3000) * STEP
-    position = np.sin(2 * np.pi * 0.3 * time)
-    found = find_period(record(position, position))
-    assert found == pytest.approx(round(found * 0.3) / 0.3, abs=STEP)
+def test_period_of_sine_without_whole_number_of_samples():
+    position = np.sin(2 * np.pi * 0.3 * SECONDS[:3000])
+    period = floor_of(record(position, position)).period
+    assert period == pytest.approx(round(period * 0.3) / 0.3, abs=STEP)
 
 
 @pytest.mark.parametrize("periods", [1.5, 1.9])
-def test_fewer_than_two_periods_are_no_period(periods):
+def test_fewer_than_two_periods_have_no_floor(periods):
     position = multisine(3, seed=5)[: int(periods * 500)]
-    assert find_period(record(position, position), MIN_PERIODS) is None
-    assert noise_floor(record(position, position)) is None
+    assert floor_of(record(position, position)) is None
 
 
 @pytest.mark.parametrize("periods", [2.0, 2.5, 2.9])
 @pytest.mark.parametrize("pole", [0.85, 0.95])
-def test_two_periods_give_a_floor_where_there_are_no_more(periods, pole):
+def test_two_periods_have_floor(periods, pole):
     position = multisine(3, seed=5)[: int(periods * 500)] + 4.0
-    force = lfilter([1.5, pole - 2 + 0.45], [1.0, -pole], position)  # begins far from where its tool stands
-    found = noise_floor(record(position, force + 0.1 * noise(len(position), 3)))
-    assert found.halves and found.period == pytest.approx(5.0)
-    assert found.low < 0.1 < found.high and found.structured == ()
+    force = lfilter([1.5, pole - 2 + 0.45], [1.0, -pole], position)  # begins with a long transient
+    floor = floor_of(record(position, force + 0.1 * noise(len(position), 3)))
+    assert floor.halves and floor.period == pytest.approx(5.0)
+    assert floor.low < 0.1 < floor.high and floor.structured == ()
 
 
 @pytest.mark.parametrize("lasting", [lambda time: 2 * np.exp(-time / 6), lambda time: 0.05 * time])
-def test_of_two_periods_a_transient_or_a_drift_is_no_noise(lasting):
+def test_two_periods_with_long_transient_or_drift_have_no_floor(lasting):
     position = multisine(2, seed=5)
     force = 1.5 * position + lasting(STEP * np.arange(len(position))) + 0.02 * noise(len(position), 3)
-    assert noise_floor(record(position, force)) is None
+    assert floor_of(record(position, force)) is None
 
 
-def test_two_periods_serve_only_where_no_record_holds_more():
+def test_two_periods_are_used_only_if_no_record_has_more():
     short, long = (multisine(periods, seed=periods) for periods in (2, 4))
     records = [
         record(position, 1.5 * position + size * noise(len(position), 3), name)
         for position, size, name in ((short, 0.2, "short"), (long, 0.1, "long"))
     ]
-    assert prepare(records, ["short"]).floor.halves
-    assert not prepare(records, ["short", "long"]).floor.halves
+    assert floor_of(*records, train=["short"]).halves
+    assert not floor_of(*records, train=["short", "long"]).halves
 
 
-@pytest.mark.parametrize("kind", ["chirp", "noise", "ramp", "steps", "constant"])
-def test_what_does_not_repeat_has_no_period(kind):
-    time = np.arange(2000) * STEP
-    position = {
-        "chirp": np.sin(2 * np.pi * (0.1 * time + 0.1 * time**2)),
-        "noise": noise(2000, 4, 0.95),
-        "ramp": time,
-        "steps": np.floor(time / 3),
-        "constant": np.zeros(2000),
-    }[kind]
-    assert find_period(record(position, time)) is None
+@pytest.mark.parametrize(
+    "position",
+    [
+        pytest.param(np.sin(2 * np.pi * (0.1 * SECONDS + 0.1 * SECONDS**2))[:2000], id="chirp"),
+        pytest.param(noise(2000, 4, 0.95), id="noise"),
+        pytest.param(SECONDS[:2000], id="ramp"),
+        pytest.param(np.floor(SECONDS[:2000] / 3), id="steps"),
+    ],
+)
+def test_input_without_period_has_no_floor(position):
+    assert floor_of(record(position, SECONDS[:2000])) is None
 
 
-def test_without_structure_the_floor_is_the_spread_over_the_periods():
+def test_floor_without_structure_is_spread_over_periods():
     test = noisy_record(periods=10, sigma=0.3, seed=1)
-    kept = test["output"].reshape(10, 500)[1:]
-    expected = np.sqrt(np.sum((kept - kept.mean(axis=0)) ** 2) / (8 * 500))
-    floor = noise_floor(test)
+    used = test["output"].reshape(10, 500)[1:]
+    expected = np.sqrt(np.sum((used - used.mean(axis=0)) ** 2) / (8 * 500))
+    floor = floor_of(test)
     assert floor.structured == () and floor.structured_rms == 0.0
     assert floor.rms == pytest.approx(expected, rel=1e-12)
     assert floor.periods == 9 and floor.period == pytest.approx(5.0)
@@ -103,9 +104,9 @@ def test_without_structure_the_floor_is_the_spread_over_the_periods():
 
 @pytest.mark.statistical
 @pytest.mark.parametrize(("pole", "periods"), [(0.0, 10), (0.0, 3), (0.9, 10), (0.98, 10), (0.5, 30)])
-def test_intervals_cover_the_noise_and_nothing_is_taken_for_structure(pole, periods):
+def test_intervals_cover_noise_without_false_structure(pole, periods):
     sigma, trials = 0.3, 100
-    floors = [noise_floor(noisy_record(periods, sigma, seed, pole), period=5.0) for seed in range(trials)]
+    floors = [floor_of(noisy_record(periods, sigma, seed, pole), period=5.0) for seed in range(trials)]
     assert np.mean([floor.low <= sigma <= floor.high for floor in floors]) >= 0.88
     assert np.mean([floor.rms for floor in floors]) == pytest.approx(sigma, rel=0.015 if pole < 0.9 else 0.06)
     assert sum(bool(floor.structured) for floor in floors) <= 5
@@ -126,12 +127,12 @@ DISTURBANCES = {
 
 @pytest.mark.parametrize("strength", [1.0, 3.0, 10.0])
 @pytest.mark.parametrize("kind", DISTURBANCES)
-def test_what_does_not_repeat_is_found_named_and_taken_out(kind, strength):
+def test_disturbance_is_described_and_subtracted(kind, strength):
     def extra(time, force):
         return strength * DISTURBANCES[kind](time, force)
 
     test = noisy_record(10, 0.3, 7, extra=extra)
-    floor = noise_floor(test)
+    floor = floor_of(test)
     assert len(floor.structured) == 1
     assert floor.structured[0][0].startswith(kind.split(", ")[0])
     assert floor.rms == pytest.approx(0.3, rel=0.03)
@@ -143,54 +144,49 @@ def test_what_does_not_repeat_is_found_named_and_taken_out(kind, strength):
 
 @pytest.mark.parametrize("periods", [3, 4, 5])
 @pytest.mark.parametrize("kind", ["drift", "off-grid line"])
-def test_few_periods_suffice(periods, kind):
-    floor = noise_floor(noisy_record(periods, 0.3, 2, extra=lambda t, f: 5 * DISTURBANCES[kind](t, f)))
+def test_disturbance_is_subtracted_from_few_periods(periods, kind):
+    floor = floor_of(noisy_record(periods, 0.3, 2, extra=lambda t, f: 5 * DISTURBANCES[kind](t, f)))
     assert floor.structured[0][0].startswith(kind)
     assert floor.rms == pytest.approx(0.3, rel=0.08)
 
 
-def test_several_disturbances_at_once():
+def test_several_disturbances_are_separated():
     def extra(time, force):
         return 0.05 * time + np.sin(2 * np.pi * 0.3137 * time) + 0.8 * np.sin(2 * np.pi * 31.37 * time)
 
-    floor = noise_floor(noisy_record(10, 0.3, 11, pole=0.9, extra=extra))
-    assert sorted(words.split()[0] for words, _ in floor.structured) == ["drift:", "off-grid", "off-grid"]
+    floor = floor_of(noisy_record(10, 0.3, 11, pole=0.9, extra=extra))
+    assert sorted(text.split()[0] for text, _ in floor.structured) == ["drift:", "off-grid", "off-grid"]
     assert floor.rms == pytest.approx(0.3, rel=0.1)
 
 
-def test_frequency_and_amplitude_of_a_line_are_told():
-    floor = noise_floor(noisy_record(10, 0.1, 3, extra=lambda t, _: 0.5 * np.sin(2 * np.pi * 2.2871 * t + 1)))
+def test_line_between_lines_of_input_has_frequency_and_amplitude():
+    floor = floor_of(noisy_record(10, 0.1, 3, extra=lambda t, _: 0.5 * np.sin(2 * np.pi * 2.2871 * t + 1)))
     assert floor.structured[0][0].startswith("off-grid line at 2.287 Hz, amplitude 0.50")
+    repeated = floor_of(noisy_record(10, 0.1, 3, extra=lambda t, _: 0.5 * np.sin(2 * np.pi * 2.2 * t)))
+    assert repeated.structured == ()
+    assert repeated.rms == pytest.approx(0.1, rel=0.03)
 
 
-def test_a_line_on_the_grid_repeats_and_is_no_structure():
-    floor = noise_floor(noisy_record(10, 0.1, 3, extra=lambda t, _: 0.5 * np.sin(2 * np.pi * 2.2 * t)))
-    assert floor.structured == ()
-    assert floor.rms == pytest.approx(0.1, rel=0.03)
-
-
-def test_what_follows_deviations_of_the_input_is_no_noise():
+def test_response_to_deviations_of_input_is_not_noise():
     position = multisine(10, seed=1)
     moved = position + 0.01 * np.std(position) * noise(len(position), 2, 0.8)
-    test = record(moved, relaxing_force(moved) + 0.01 * noise(len(position), 3))
-    floor = noise_floor(test)
+    floor = floor_of(record(moved, relaxing_force(moved) + 0.01 * noise(len(position), 3)))
     assert floor.rms == pytest.approx(0.01, rel=0.15)
 
 
-def test_noise_in_the_sensor_of_position_moves_nothing():
+def test_noise_of_position_sensor_does_not_change_floor():
     position = multisine(10, seed=1)
     measured = position + 0.005 * np.std(position) * noise(len(position), 2)
-    floor = noise_floor(record(measured, relaxing_force(position) + 0.3 * noise(len(position), 3)))
+    floor = floor_of(record(measured, relaxing_force(position) + 0.3 * noise(len(position), 3)))
     assert floor.rms == pytest.approx(0.3, rel=0.03)
 
 
 @pytest.mark.parametrize("pole", [0.0, 0.9])
-def test_spectrum_holds_the_variance_and_shows_the_colour(pole):
-    floors = [noise_floor(noisy_record(10, 0.3, seed, pole), period=5.0) for seed in range(20)]
+def test_spectrum_has_variance_and_colour_of_noise(pole):
+    floors = [floor_of(noisy_record(10, 0.3, seed, pole), period=5.0) for seed in range(20)]
     frequency, density = floors[0].spectrum[0], np.mean([floor.spectrum[1] for floor in floors], axis=0)
-    assert np.sum(density) * frequency[1] == pytest.approx(
-        np.mean([floor.rms**2 for floor in floors]), rel=0.01
-    )
+    variance = np.mean([floor.rms**2 for floor in floors])
+    assert np.sum(density) * frequency[1] == pytest.approx(variance, rel=0.01)
     angle = 2 * np.pi * frequency * STEP
     process = 2 * STEP * 0.09 * (1 - pole**2) / np.abs(1 - pole * np.exp(-1j * angle)) ** 2
     for band in ((0.5, 1.5), (3, 5), (10, 20), (30, 45)):
@@ -200,119 +196,113 @@ def test_spectrum_holds_the_variance_and_shows_the_colour(pole):
         assert smooth == pytest.approx(process[inside].mean(), rel=0.15)
 
 
-def test_whitening_makes_coloured_noise_white_and_leaves_white_noise_alone():
-    floor = noise_floor(noisy_record(10, 0.3, 1, 0.9), period=5.0)
+def test_whitening_changes_only_coloured_noise():
+    floor = floor_of(noisy_record(10, 0.3, 1, 0.9), period=5.0)
     whitened = np.convolve(0.3 * noise(50_000, 77, 0.9), floor.whitening, mode="valid")
     assert np.std(whitened) == pytest.approx(0.3, rel=0.1)
     assert np.corrcoef(whitened[1:], whitened[:-1])[0, 1] == pytest.approx(0, abs=0.05)
-    assert noise_floor(noisy_record(10, 0.3, 1), period=5.0).whitening == pytest.approx([1.0])
+    assert floor_of(noisy_record(10, 0.3, 1), period=5.0).whitening == pytest.approx([1.0])
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_two_periods_suffice_to_see_strong_colour(seed):
-    floor = noise_floor(noisy_record(3, 0.3, seed, 0.97, samples=1000), period=10.0)
+def test_two_periods_show_strong_colour(seed):
+    floor = floor_of(noisy_record(3, 0.3, seed, 0.97, samples=1000), period=10.0)
     whitened = np.convolve(noise(50_000, 77, 0.97), floor.whitening, mode="valid")
     assert np.corrcoef(whitened[1:], whitened[:-1])[0, 1] == pytest.approx(0, abs=0.1)
 
 
-def test_the_error_of_a_few_samples_of_coloured_noise_scatters_within_the_stated_ratio():
-    """RMS of short stretches of the same noise exceeds the floor by more than the ratio in about 1 of 1000."""
+def test_error_of_few_samples_exceeds_largest_ratio_rarely():
+    """RMS of short intervals of the same noise exceeds the floor by more than the ratio in about 1 of 1000."""
     for pole, most in ((0.0, 1.1), (0.97, 2.0)):
-        floor = noise_floor(noisy_record(10, 0.3, 3, pole, samples=1000), period=10.0)
+        floor = floor_of(noisy_record(10, 0.3, 3, pole, samples=1000), period=10.0)
         ratio = floor.largest_ratio(1000)
-        stretches = 0.3 * noise(2_000_000, 5, pole).reshape(-1, 1000)
-        exceeding = np.mean(np.sqrt(np.mean(stretches**2, axis=1)) > ratio * floor.rms)
+        intervals = 0.3 * noise(2_000_000, 5, pole).reshape(-1, 1000)
+        exceeding = np.mean(np.sqrt(np.mean(intervals**2, axis=1)) > ratio * floor.rms)
         assert 1 < ratio < most
         assert exceeding < 0.01
 
 
 @pytest.mark.nightly
-def test_a_strong_square_wave_does_not_hide_itself():
+def test_strong_square_wave_is_subtracted():
     """Its sinusoid spreads over the lowest lines of every period's spectrum and must not count as noise there."""
     square = lambda time, force: 6.0 * np.sign(np.sin(2 * np.pi * 0.74048 * time + 5.2))  # noqa: E731
-    floor = noise_floor(noisy_record(10, 0.3, 2, samples=1000, extra=square), period=10.0)
+    floor = floor_of(noisy_record(10, 0.3, 2, samples=1000, extra=square), period=10.0)
     assert floor.structured_rms == pytest.approx(6.0, rel=0.1)
     # Beyond the harmonics that are fitted the wave's edges remain.
     assert floor.rms < 2 * 0.3
 
 
-def test_a_period_that_cannot_be_is_refused():
-    test = noisy_record(4, 0.1, 1)
-    with pytest.raises(InputError, match="does not repeat after 3 s"):
-        noise_floor(test, period=3.0)
-    with pytest.raises(InputError, match=r"are 1\.33 periods of 15 s; at least 2 are needed"):
-        noise_floor(test, period=15.0)
-    with pytest.raises(InputError, match="less than two samples"):
-        noise_floor(test, period=0.01)
+@pytest.mark.parametrize(
+    ("period", "words"), [(3.0, "not repeat after 3 s"), (0.01, "less than two samples")]
+)
+def test_impossible_period_is_rejected(period, words):
+    with pytest.raises(lumbar.InputError, match=words):
+        floor_of(noisy_record(4, 0.1, 1), period=period)
 
 
-def test_hidden_effects(shared):
+def test_floors_of_hidden_effects(shared):
     """Of 36 experiments with known noise, drift, softening and lines among them."""
     labels = json.loads((shared / "hidden_effects" / "labels.json").read_text())
     kinds = {"drift": "drift", "softening": "amplitude change", "periodic_disturbance": "off-grid line"}
     ratios = []
     for case, label in labels.items():
-        floor = noise_floor(read(shared / "hidden_effects" / case)["multisine"])
+        floor = floor_of(lumbar.read(shared / "hidden_effects" / case)["multisine"])
         ratios.append(floor.rms / label["noise_rms_N"])
         expected = [kinds[effect] for effect in label["effects"] if effect in kinds]
-        assert [words.split(":")[0].split(" at ")[0] for words, _ in floor.structured] == expected, case
+        assert [text.split(":")[0].split(" at ")[0] for text, _ in floor.structured] == expected, case
     assert np.abs(np.array(ratios) - 1).max() < 0.03
     assert len(ratios) == 36
 
 
-def test_a_force_that_repeats_exactly_leaves_what_its_digits_leave_open():
+def test_floor_of_exactly_repeated_force_is_resolution_of_digits():
     position = multisine(6)
     force = np.round(np.tile(relaxing_force(position)[-500:], 6), 2)
-    floor = noise_floor(record(position, force))
+    floor = floor_of(record(position, force))
     assert floor.exact and floor.structured == ()
     assert floor.rms == pytest.approx(0.01 / np.sqrt(12))
     assert len(floor.whitening) == 1
 
 
 def drops(size: float):
-    """Where the response rises above levels that chance sets, the force drops and recovers within 0.3 s."""
+    """Drop the force at random levels of the rising response; it recovers within 0.3 s."""
 
     def lost(_, force):
         random, dropped = np.random.default_rng(8), 0.0
-        level, found = 0.0, np.zeros(len(force))
+        level, change = 0.0, np.zeros(len(force))
         for k, value in enumerate(force):
             if value <= 0:
                 dropped, level = 0.0, random.uniform(0.1, 1.0) * np.std(force)
             elif value > level:
                 dropped, level = dropped + size, value + random.exponential(0.5) * np.std(force)
             dropped *= np.exp(-STEP / 0.3)
-            found[k] = -dropped
-        return found
+            change[k] = -dropped
+        return change
 
     return lost
 
 
 @pytest.mark.parametrize("pole", [0.0, 0.6])
-def test_drops_that_come_at_the_same_places_are_no_noise(pole):
-    floor = noise_floor(noisy_record(10, 0.3, 4, pole, samples=1000, extra=drops(1.5)))
+def test_drops_at_same_phases_are_bursts(pole):
+    floor = floor_of(noisy_record(10, 0.3, 4, pole, samples=1000, extra=drops(1.5)))
     assert floor.rms == pytest.approx(0.3, rel=0.15)
-    words, rms = floor.structured[0]
-    assert words.startswith("bursts") and rms == pytest.approx(0.67, rel=0.1)
+    text, rms = floor.structured[0]
+    assert text.startswith("bursts") and rms == pytest.approx(0.67, rel=0.1)
     assert floor.structured_rms == floor.certain_structure_rms > rms
 
 
-def trembling(time, force):
-    return 0.3 * np.gradient(force) * noise(time.size, 5)
-
-
-INNOCENT = {
+HARMLESS = {
     "spikes": lambda time, force: (
         3.0 * noise(time.size, 5) * (np.random.default_rng(6).random(time.size) < 0.02)
     ),
     "heavy tails": lambda time, force: 0.3 * np.random.default_rng(6).standard_t(2.2, time.size),
     "noise that grows with the force": lambda time, force: 0.2 * force * noise(time.size, 5),
-    "a clock that trembles": trembling,
-    "drops that come anywhere": lambda time, force: drops(1.5)(time, noise(time.size, 5, 0.95)),
+    "jitter": lambda time, force: 0.3 * np.gradient(force) * noise(time.size, 5),
+    "drops anywhere": lambda time, force: drops(1.5)(time, noise(time.size, 5, 0.95)),
     "wandering": lambda time, force: 0.02 * np.cumsum(noise(time.size, 5)),
 }
 
 
-@pytest.mark.parametrize("kind", INNOCENT)
-def test_what_comes_anywhere_or_does_not_last_is_no_drop(kind):
-    floor = noise_floor(noisy_record(10, 0.3, 4, samples=1000, extra=INNOCENT[kind]))
-    assert not any(words.startswith("bursts") for words, _ in floor.structured)
+@pytest.mark.parametrize("kind", HARMLESS)
+def test_short_or_random_deviations_are_not_bursts(kind):
+    floor = floor_of(noisy_record(10, 0.3, 4, samples=1000, extra=HARMLESS[kind]))
+    assert not any(text.startswith("bursts") for text, _ in floor.structured)
