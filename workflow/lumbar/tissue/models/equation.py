@@ -163,20 +163,10 @@ class Equation:
     def _evaluator(self) -> Evaluator:
         return Evaluator([substitute(column, self._constant_values) for column in self.columns])
 
-    @cached_property
-    def _nonlinear_symbols(self) -> tuple[str, ...]:
-        return tuple(item.symbol for item in self.nonlinear)
-
-    @cached_property
-    def _steady(self) -> tuple[int, ...]:
-        """Columns that are one number for all samples."""
-        varying = {*SIGNALS, FORCE, *self.slopes}
-        return tuple(index for index, column in enumerate(self.columns) if not symbols(column) & varying)
-
     def parameters(self, nonlinear: Iterable[float]) -> dict[str, float]:
         """Return nonlinear parameters and constants by symbol."""
-        named = zip(self._nonlinear_symbols, nonlinear, strict=True)
-        return {**dict(named), **{item.symbol: item.value for item in self.constants}}
+        values = {item.symbol: item.value for item in self.constants}
+        return values | {item.symbol: value for item, value in zip(self.nonlinear, nonlinear, strict=True)}
 
     def forces(
         self,
@@ -189,19 +179,14 @@ class Equation:
 
         `solution` computes the states, instead of the solver; an output form transforms `force`.
         """
-        values: dict = dict(zip(self._nonlinear_symbols, nonlinear, strict=True))
+        values: dict = self.parameters(nonlinear)
         if self.state is not None and solution is not None:
-            values.update(zip(self.slopes, solution(motion, nonlinear), strict=True))  # type: ignore[arg-type]  # of one axis
+            values |= zip(self.slopes, solution(motion, nonlinear), strict=True)  # type: ignore[arg-type]  # of one axis
         elif self.state is not None:
-            values.update(self.state.trajectory(motion, self.parameters(nonlinear)))
-        for name in self.signals:
-            values[name] = SIGNALS[name].of(motion)
-        if force is not None:
-            values[FORCE] = force
+            values |= self.state.trajectory(motion, values)
+        values |= {name: SIGNALS[name].of(motion) for name in self.signals} | {FORCE: force}
         columns = self._evaluator(values)
-        for index in self._steady:
-            columns[index] = np.full(len(motion), float(columns[index]))
-        return columns  # type: ignore[return-value]  # no column is a single number any more
+        return [item if np.ndim(item) else np.full(len(motion), float(item)) for item in columns]  # type: ignore[misc]
 
     @cached_property
     def latex(self) -> str:

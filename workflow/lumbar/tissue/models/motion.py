@@ -187,7 +187,7 @@ class Motion:
 
     def replace_position(self, position: np.ndarray, between: np.ndarray | None = None) -> Motion:
         """Return the motion with a position that is not smooth; `between` contains its steps between the samples."""
-        return Motion(self.time, position, self.sampling_time, False, self.channels, between)
+        return type(self)(self.time, position, self.sampling_time, False, self.channels, between)
 
     def through(self, operator: Callable[[Motion], np.ndarray]) -> Motion:
         """Return the motion with the position that an operator with corners computes from it."""
@@ -239,15 +239,7 @@ class SampledMotion(Motion):
         whole, fraction = divmod(delay / self.sampling_time, 1.0)
         index = np.arange(len(self)) - int(whole)
         newer, older = self.position[np.maximum(index, 0)], self.position[np.maximum(index - 1, 0)]
-        return self.replace_position(newer + fraction * (older - newer))
-
-    def through(self, operator: Callable[[Motion], np.ndarray]) -> SampledMotion:
-        """Return the motion with the position that an operator computes from the samples."""
-        return self.replace_position(operator(self))
-
-    def replace_position(self, position: np.ndarray, between: np.ndarray | None = None) -> SampledMotion:
-        """Return the motion with another position; a running loop knows nothing between the samples."""
-        return SampledMotion(self.time, position, self.sampling_time)
+        return SampledMotion(self.time, newer + fraction * (older - newer), self.sampling_time)
 
 
 def _joined(name: str) -> cached_property[np.ndarray]:

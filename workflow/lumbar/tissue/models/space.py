@@ -20,7 +20,7 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import cached_property
 from itertools import cycle
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 import scipy
@@ -186,16 +186,10 @@ class SpatialBase:
     @cached_property
     def structural(self) -> Base:
         """The base for structures."""
-        form = replace(
-            self.base.form,
-            name=f"{self.symmetry} {self.base.name}",
-            equation=self.base.form.latex,
-            linear=self.linear,
-            nonlinear=self.nonlinear,
-            state=(),
-            hand_written=HandWritten(columns=self.columns, c_step=lambda: self._c_step, spatial=True),
-        )
-        return replace(self.base, form=form, spatial=self)
+        written = HandWritten(columns=self.columns, c_step=lambda: self._c_step, spatial=True)
+        parameters = {"linear": self.linear, "nonlinear": self.nonlinear}
+        name, equation = f"{self.symmetry} {self.base.name}", self.base.form.latex
+        return _write_by_hand(self.base, self, written, name=name, equation=equation, **parameters)
 
     def freeze(self, nonlinear: np.ndarray) -> "SpatialBase":
         """Return the base with frames that these parameters rotate and no fit changes."""
@@ -228,8 +222,15 @@ def symmetric_base(base: Base, axes: tuple[str, ...]) -> Base:
         for row, column in places
     )
     written = HandWritten(columns=columns, spatial=True)
-    any_matrix = replace(base.form, linear=linear, state=(), hand_written=written)
-    return replace(base, form=any_matrix, spatial=("symmetric", axes))
+    return _write_by_hand(base, ("symmetric", axes), written, linear=linear)
+
+
+def _write_by_hand(
+    base: Base, spatial: Any, written: HandWritten, touching: Any = None, **fields: Any
+) -> Base:
+    """Return a base with a hand-written form in space."""
+    form = replace(base.form, state=(), hand_written=written, **fields)
+    return replace(base, form=form, spatial=spatial, touching=touching or base.touching)
 
 
 def matrices_of(linear: np.ndarray, count: int, size: int) -> list[np.ndarray]:
@@ -299,14 +300,11 @@ class PlaneContact:
     def columns(self, motion: SpatialMotion, nonlinear: np.ndarray) -> list[np.ndarray]:
         """Return the forces along the axes of every linear parameter at size 1, one axis after the other."""
         normal, count = self.plane(nonlinear)[0], len(self.base.nonlinear)
-        into, speed = (
-            self.base.form.columns(self._pressed(motion, nonlinear), nonlinear[:count]),
-            nonlinear[count],
-        )
+        into = self.base.form.columns(self._pressed(motion, nonlinear), nonlinear[:count])
         velocity = motion.velocity.reshape(len(self.axes), -1)
         along = velocity - np.multiply.outer(normal, normal @ velocity)
         size = np.sqrt(np.sum(along**2, axis=0))
-        direction = along * np.tanh(size / speed) / np.maximum(size, 1e-300)
+        direction = along * np.tanh(size / nonlinear[count]) / np.maximum(size, 1e-300)
         return [
             *(np.multiply.outer(normal, item).ravel() for item in into),
             *((item * direction).ravel() for item in into),
@@ -321,15 +319,10 @@ class PlaneContact:
     @cached_property
     def structural(self) -> Base:
         """The base for structures."""
-        form = replace(
-            self.base.form,
-            name=f"{self.base.name} with a plane",
-            linear=self.linear,
-            nonlinear=self.nonlinear,
-            state=(),
-            hand_written=HandWritten(columns=self.columns, spatial=True),
-        )
-        return replace(self.base, form=form, touching=self.touching, spatial=self)
+        written = HandWritten(columns=self.columns, spatial=True)
+        parameters = {"linear": self.linear, "nonlinear": self.nonlinear}
+        name = f"{self.base.name} with a plane"
+        return _write_by_hand(self.base, self, written, self.touching, name=name, **parameters)
 
     def freeze(self, nonlinear: Sequence[float]) -> "PlaneContact":
         """Return the base with the plane moved by these parameters."""
@@ -357,26 +350,33 @@ def force_sensor_effects(axes: tuple[str, ...]) -> dict[str, Effect]:
         matrix[tuple(zip(*pairs, strict=True))] = np.log(nonlinear)
         return matrix
 
-    angles = axes if size == 3 else ("",)
-    rotations = [signed(f"turn_{axis}".strip("_"), "rad", f"r_{axis}", MAX_ROTATION_RAD) for axis in angles]
-    shares = [
-        signed(f"share_of_{axes[j]}_in_{axes[i]}", "1", f"c_{axes[i]}{axes[j]}", _MAX_COUPLING)
-        for i, j in pairs
-    ]
-    kinds = {
-        "turned_frame": (
-            "The force sensor's axes are turned from those of the position.",
-            ("rotation", r"F \to R F", rotations, lambda nonlinear: turn(np.log(nonlinear))),
-        ),
-        "crosstalk": (
-            "A channel of the force sensor reads a share of the force along another axis.",
-            ("couplings", r"F \to (I + C) F", shares, couple),
-        ),
-    }
-    effects = {}
-    for name, (mechanism, (form, equation, nonlinear, matrix)) in kinds.items():
-        written = HandWritten(matrix=matrix, spatial=True)
-        frame = Form(form, equation, Place.FRAME, nonlinear=tuple(nonlinear), hand_written=written, axes=axes)
+    def effect(
+        effect_name: str, mechanism: str, nonlinear: Sequence[NonlinearParameter], **fields: Any
+    ) -> Effect:
+        form = Form(place=Place.FRAME, nonlinear=tuple(nonlinear), axes=axes, **fields)
         source = "Calibration matrix of a multi-axis force sensor"
-        effects[name] = Effect(name, mechanism, (frame,), source, linear=True)
-    return effects
+        return Effect(effect_name, mechanism, (form,), source, linear=True)
+
+    angles = axes if size == 3 else ("",)
+    effects = (
+        effect(
+            "turned_frame",
+            "The force sensor's axes are turned from those of the position.",
+            [signed(f"turn_{axis}".strip("_"), "rad", f"r_{axis}", MAX_ROTATION_RAD) for axis in angles],
+            name="rotation",
+            equation=r"F \to R F",
+            hand_written=HandWritten(matrix=lambda nonlinear: turn(np.log(nonlinear)), spatial=True),
+        ),
+        effect(
+            "crosstalk",
+            "A channel of the force sensor reads a share of the force along another axis.",
+            [
+                signed(f"share_of_{axes[j]}_in_{axes[i]}", "1", f"c_{axes[i]}{axes[j]}", _MAX_COUPLING)
+                for i, j in pairs
+            ],
+            name="couplings",
+            equation=r"F \to (I + C) F",
+            hand_written=HandWritten(matrix=couple, spatial=True),
+        ),
+    )
+    return {item.name: item for item in effects}

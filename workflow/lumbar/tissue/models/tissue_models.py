@@ -15,7 +15,6 @@ from lumbar.base.errors import InputError, NumericalError
 from lumbar.base.yaml_file import shipped_yaml
 from lumbar.tissue.models.bases import BASES, Base
 from lumbar.tissue.models.parameter import Parameter
-from lumbar.tissue.models.printing import symbol_latex
 from lumbar.tissue.models.transfer_function import ArxStructure, TransferFunction, undiscretise
 
 
@@ -75,11 +74,6 @@ class Element(Parameter):
 
     definition: str
     """Meaning."""
-
-    @property
-    def latex_symbol(self) -> str:
-        """The name as LaTeX."""
-        return symbol_latex(self.name)
 
 
 @dataclass(frozen=True)
@@ -163,7 +157,9 @@ _DEFINITIONS = shipped_yaml(Path(__file__).with_suffix(".yaml"))
 def _model(name: str, **computed) -> TissueModel:
     """Return a model of ``tissue_models.yaml`` by its name, with the base of that name."""
     fields = _DEFINITIONS["models"][name]
-    fields["elements"] = tuple(Element(*element) for element in fields.pop("elements", ()))
+    fields["elements"] = tuple(
+        Element(name, unit, meaning, symbol=name) for name, unit, meaning in fields.pop("elements", ())
+    )
     fields["relations"] = tuple(fields.pop("relations", ()))
     return TissueModel(name, base=BASES.get(name), **fields, **computed)
 
