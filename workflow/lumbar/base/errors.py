@@ -80,13 +80,6 @@ def user_message(error: BaseException) -> str | None:
 def did_you_mean(word: object, known: Iterable[str]) -> str:
     """Return a question with the most similar known name; empty if none is similar.
 
-    Parameters
-    ----------
-    word : object
-        Unknown name.
-    known : iterable of str
-        Allowed names.
-
     Examples
     --------
     >>> did_you_mean("frction", ["coulomb_friction", "hysteresis"])

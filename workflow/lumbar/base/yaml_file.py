@@ -222,13 +222,6 @@ def shipped_names(path: Path, section: str) -> SimpleNamespace:
 def check_readable(root: Path, names: Iterable[str]) -> None:
     """Check that files are YAML before Snakemake reads them: its error names neither the file nor the line.
 
-    Parameters
-    ----------
-    root : Path
-        Folder of the files.
-    names : iterable of str
-        Paths of the files below it, for messages.
-
     Raises
     ------
     InputError

@@ -197,13 +197,6 @@ def _read_file(path: Path, layout: MarkerLayout) -> MarkerFile:
 def metres_per_unit(source: str, unit: str, declared: str) -> float:
     """Return the factor to metres.
 
-    Parameters
-    ----------
-    source, unit : str
-        The file, for messages, and its unit; empty if it states none.
-    declared : str
-        Unit of the layout, which must not contradict the file, or ``file``.
-
     Raises
     ------
     InputError

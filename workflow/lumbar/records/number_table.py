@@ -214,17 +214,6 @@ def _check_western(text: str, content: bytes, source: str) -> None:
 def split_rows(lines: Iterable[str], dialect: Dialect, source: str, first: int = 1) -> Iterator[Row]:
     """Yield the rows of a table without blank lines and comments.
 
-    Parameters
-    ----------
-    lines : iterable of str
-        The lines.
-    dialect : Dialect
-        Form of the rows.
-    source : str
-        The file, for messages.
-    first : int
-        Number of the first line in the file.
-
     Raises
     ------
     InputError

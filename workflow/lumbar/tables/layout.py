@@ -126,15 +126,7 @@ def scientific(text: str) -> str:
 
 
 def count_fitting(columns: Sequence[Column], width: int = PAGE_WIDTH) -> int:
-    """Return the number of leading columns that fit next to each other, at least 1.
-
-    Parameters
-    ----------
-    columns : sequence of Column
-        Columns in their order.
-    width : int
-        Characters of the page.
-    """
+    """Return the number of leading columns that fit next to each other, at least 1."""
     if sum(column.narrowest for column in columns) <= width:
         return len(columns)
     total = 0
@@ -146,15 +138,7 @@ def count_fitting(columns: Sequence[Column], width: int = PAGE_WIDTH) -> int:
 
 
 def split_columns(columns: Sequence[Column], keys: int) -> list[list[Column]]:
-    """Split columns into tables that fit the page; each begins with the key columns.
-
-    Parameters
-    ----------
-    columns : sequence of Column
-        Columns in their order.
-    keys : int
-        Number of leading columns that identify a row.
-    """
+    """Split columns into tables that fit the page; each begins with the key columns."""
     if count_fitting(columns) == len(columns):
         return [list(columns)]
     leading, others = list(columns[:keys]), list(columns[keys:])
@@ -168,13 +152,7 @@ def split_columns(columns: Sequence[Column], keys: int) -> list[list[Column]]:
 
 
 def count_key_columns(columns: Sequence[Column]) -> int:
-    """Return the number of leading columns that identify a row: text columns, at least one and at most three.
-
-    Parameters
-    ----------
-    columns : sequence of Column
-        Columns in their order.
-    """
+    """Return the number of leading columns that identify a row: text columns, at least one and at most three."""
     count = 0
     for column in columns[:3]:
         if column.numeric or column.longest_cell > _MAX_TEXT_WIDTH:

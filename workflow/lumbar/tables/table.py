@@ -204,13 +204,7 @@ def _schemas(package: str) -> dict[str, Any]:
 
 
 def columns_of(package: str, name: str) -> list[str]:
-    """Return the columns of a described table in their order.
-
-    Parameters
-    ----------
-    package, name : str
-        Folder below ``lumbar`` and name of the table, see `table_from_schema`.
-    """
+    """Return the columns of a described table in their order."""
     return list(_schemas(package)[name]["columns"])
 
 
@@ -296,19 +290,7 @@ def escape_latex(text: str) -> str:
 
 
 def latex_table(title: str, columns: Sequence[Column], remarks: Sequence[str], source_label: str) -> str:
-    """Return ``booktabs`` table environments; LaTeX numbers the table.
-
-    Parameters
-    ----------
-    title : str
-        Title; a number in it is removed.
-    columns : sequence of Column
-        Columns with all their rows.
-    remarks : sequence of str
-        Sentences below the table.
-    source_label : str
-        Source of the data.
-    """
+    """Return ``booktabs`` table environments; LaTeX numbers the table."""
     wide = sum(column.width for column in columns) > LATEX_WIDTH
     environment = "table*" if wide else "table"
     rows = len(columns[0].cells) if columns else 0

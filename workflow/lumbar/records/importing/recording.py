@@ -60,17 +60,6 @@ class Part:
 def split_parts(table: RawTable, time: np.ndarray, choices: Choices, name: str) -> list[Part]:
     """Split a table into the parts that the user requested.
 
-    Parameters
-    ----------
-    table : RawTable
-        The columns.
-    time : ndarray, shape (samples,)
-        Seconds.
-    choices : Choices
-        The user's options.
-    name : str
-        Name of the file's record.
-
     Raises
     ------
     InputError
@@ -221,17 +210,6 @@ def to_records(
     table: RawTable, choices: Choices, name: str, sha256: str = ""
 ) -> tuple[ImportedRecording, ...]:
     """Convert a table, or its parts, to records.
-
-    Parameters
-    ----------
-    table : RawTable
-        The columns.
-    choices : Choices
-        The user's options.
-    name : str
-        Name of the file's record.
-    sha256 : str
-        SHA-256 of the file.
 
     Raises
     ------
