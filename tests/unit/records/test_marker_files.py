@@ -121,7 +121,7 @@ def test_tables_that_are_refused(tmp_path, text, said):
 
 
 def test_declared_rate_that_the_times_contradict(tmp_path):
-    assert "its times run at 60 Hz, but markers.rate_Hz is 100" in refusal(
+    assert "times run at 60 Hz, but markers.rate_Hz is 100" in refusal(
         read_markers, write(tmp_path, table()), lumbar.MarkerLayout(unit="mm", rate_Hz=100)
     )
 

@@ -93,9 +93,7 @@ def refuse_links(folder: str | os.PathLike) -> None:
     place = Path(folder).absolute()
     for path in (place, *(path for path in place.rglob("*") if path.is_symlink())):
         if not path.resolve().is_relative_to(place):
-            raise InputError(
-                f"{path}: leads by a link to {path.resolve()}; nothing is written there: remove the link"
-            )
+            raise InputError(f"{path}: a link to {path.resolve()}, where nothing is written: remove it")
 
 
 @contextlib.contextmanager

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from lumbar.base.errors import InputError, Problems
 from lumbar.base.files import read_json, require_file
 from lumbar.interface.reading import COLUMN_ENDINGS, is_column_file
-from lumbar.records.importing.raw_table import COLUMNS_FOLLOW, RawTable, ReadOptions
+from lumbar.records.importing.raw_table import COLUMNS_FOLLOW, RawTable
 from lumbar.records.importing.recording import ImportedRecording, record_name, to_records
 from lumbar.records.importing.roles import Choices
 from lumbar.records.importing.source_file import read_content
@@ -37,7 +37,7 @@ class ForeignFile:
     sha256: str
 
     @classmethod
-    def of_content(cls, name: str, content: bytes, options: ReadOptions) -> ForeignFile:
+    def of_content(cls, name: str, content: bytes, choices: Choices) -> ForeignFile:
         """Read a file from memory.
 
         Raises
@@ -45,13 +45,13 @@ class ForeignFile:
         InputError
             If it has no table.
         """
-        return cls(record_name(stem_of(Path(name))), *read_content(content, Path(name), options))
+        return cls(record_name(stem_of(Path(name))), *read_content(content, Path(name), choices))
 
     @classmethod
-    def of_path(cls, path: Path, options: ReadOptions) -> ForeignFile:
+    def of_path(cls, path: Path, choices: Choices) -> ForeignFile:
         """Read a file; raise as `of_content` does."""
         require_file(path)
-        return cls.of_content(str(path), path.read_bytes(), options)
+        return cls.of_content(str(path), path.read_bytes(), choices)
 
 
 def import_recordings(
@@ -152,7 +152,7 @@ def import_recordings(
     for item in sources:
         path = Path(item.table.source) if isinstance(item, ForeignFile) else item
         try:
-            file = item if isinstance(item, ForeignFile) else ForeignFile.of_path(item, choices.read_options)
+            file = item if isinstance(item, ForeignFile) else ForeignFile.of_path(item, choices)
             called = file.name if name is None else record_name(stem_of(Path(f"{name}.csv")))
             for recording in to_records(file.table, choices, called, file.sha256):
                 recordings.append(_note_inverted_sign(recording, flip_force))

@@ -26,7 +26,6 @@ from lumbar.page_server.background import WRITING, page_message, run_in_backgrou
 from lumbar.page_server.index import INDEX, Index
 from lumbar.page_server.recording_preview import FIELDS, assign_problems, preview, table_columns
 from lumbar.page_server.served_sets import OWN, ExploredSet, ServedSets, read_request
-from lumbar.records.importing.raw_table import ReadOptions
 from lumbar.records.importing.roles import Choices
 from lumbar.records.importing.study_file import common_rate
 from lumbar.records.sampling import resample
@@ -115,7 +114,7 @@ class UploadSession:
     choices: dict[str, Any] = field(default_factory=dict)
     """Last choices, as arguments of `lumbar.import_recordings`."""
     _explored: ExploredSet | None = None
-    _read: dict[tuple[str, ReadOptions], ForeignFile] = field(default_factory=dict)
+    _read: dict[tuple[str, Choices], ForeignFile] = field(default_factory=dict)
     _one_at_a_time: threading.Lock = field(default_factory=threading.Lock)
 
     def add(self, name: str, content: bytes) -> dict[str, Any]:
@@ -190,7 +189,7 @@ class UploadSession:
             }
 
     def _foreign(self, name: str) -> ForeignFile:
-        choice = ReadOptions(self.choices.get("table"), self.choices.get("encoding"))
+        choice = Choices(table=self.choices.get("table"), encoding=self.choices.get("encoding"))
         if (name, choice) not in self._read:
             self._read[name, choice] = ForeignFile.of_content(name, self.files[name], choice)
         return self._read[name, choice]

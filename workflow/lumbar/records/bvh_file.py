@@ -73,7 +73,7 @@ def _read_skeleton(path: Path, lines: list[str]) -> list[_Joint]:
             is_misplaced = (keyword == "ROOT") != (not joints) or (joints and not open_joints)
             if is_misplaced or len(joints) >= _MAX_JOINTS:
                 raise InputError(
-                    f"{where}: {line.strip()!r}; one ROOT with JOINTs inside is needed, at most {_MAX_JOINTS}"
+                    f"{where}: {line.strip()!r}; one ROOT with JOINTs is needed, at most {_MAX_JOINTS}"
                 )
             parent = open_joints[-1] if open_joints else -1
             name = f"{joints[parent].name}_end" if keyword == "END" else " ".join(words[1:])
@@ -87,18 +87,14 @@ def _read_skeleton(path: Path, lines: list[str]) -> list[_Joint]:
             channels = words[2:]
             are_valid = set(channels) <= set(_CHANNELS) and len(set(channels)) == len(channels)
             if not are_valid or words[1:2] != [str(len(channels))]:
-                raise InputError(
-                    f"{where}: {line.strip()!r}; a count and this number of {', '.join(_CHANNELS)} are needed"
-                )
+                raise InputError(f"{where}: {line.strip()!r}; a count and {', '.join(_CHANNELS)} are needed")
             joints[open_joints[-1]].channels = tuple(channels)
         else:
             raise InputError(
-                f"{where}: {line.strip()[:60]!r}; ROOT, JOINT, End Site, OFFSET or CHANNELS is needed"
+                f"{where}: {line.strip()[:60]!r}; ROOT, JOINT, End, OFFSET or CHANNELS is needed"
             )
     if not joints or open_joints:
-        raise InputError(
-            f"{path}: {len(open_joints)} joints are not closed by '}}'; the skeleton is cut short"
-        )
+        raise InputError(f"{path}: {len(open_joints)} joints are not closed by '}}'; it is cut short")
     return joints
 
 
@@ -108,9 +104,7 @@ def _read_motion(path: Path, lines: list[str], begins: int, n_channels: int) -> 
     stated = {}
     for (place, words), key in zip(rows[:2], ("Frames:", "Frame Time:"), strict=False):
         if " ".join(words[:-1]).lower() != key.lower():
-            raise InputError(
-                f"{path}, line {place}: {' '.join(words)[:60]!r}; '{key}' and a number are needed"
-            )
+            raise InputError(f"{path}, line {place}: {' '.join(words)[:60]!r}; '{key}' NUMBER is needed")
         stated[key] = float(_read_numbers(path, [Row(place, words[-1:])], 1)[0, 0])
     if len(rows) < 3:
         raise InputError(f"{path}: no frames")

@@ -332,9 +332,8 @@ def _check_agreement(path: Path, structure: C3dStructure) -> None:
         stated["data block"] = (structure.data_start // BLOCK + 1, start, "POINT:DATA_START")
     for quantity, (in_header, in_parameters, name) in stated.items():
         if not np.isclose(in_header, in_parameters, rtol=_RATE_TOLERANCE, atol=0):
-            problems.add(
-                quantity, f"{in_header:g} in the header, {in_parameters:g} in {name}", "they must agree"
-            )
+            problem = f"{in_header:g} in the header, {in_parameters:g} in {name}"
+            problems.add(quantity, problem, "they must agree")
     problems.raise_if_any()
     # A rate of another processor's format is about 1e-42.
     if not structure.n_points or not RATES_HZ[0] <= structure.rate <= RATES_HZ[1]:

@@ -146,16 +146,12 @@ def resolve_aliases(
     aliases = {name: alias for name, alias in aliases.items() if alias is not None}
     required = list(aliases or points) if required is None else required
     if not aliases:
-        missing = dict.fromkeys(
-            (name for name in required if name not in points), "no such label, and no aliases"
-        )
-        _raise_unresolved(missing, points, source)
+        missing = [name for name in required if name not in points]
+        _raise_unresolved(dict.fromkeys(missing, "no such label, and no aliases"), points, source)
         return ResolvedMarkers(dict(points), {}, {}, ())
     unknown = [name for name in required if name not in aliases]
     if unknown:
-        raise InputError(
-            f"markers.required names {', '.join(unknown)}; markers.aliases has {', '.join(aliases)}"
-        )
+        raise InputError(f"markers.required names {', '.join(unknown)}; there are {', '.join(aliases)}")
     resolver = _Resolver(aliases, points, model_points, dropped)
     positions, derived, absent = {}, {}, {}
     for name in aliases:

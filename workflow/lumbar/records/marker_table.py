@@ -131,9 +131,7 @@ def _find_columns(path: Path, header: list[str]) -> _Columns:
             problems.add(marker, f"has the columns {', '.join(sorted(axes))}", "x, y and z are needed")
     if not markers:
         listed = ", ".join(header[:12])
-        raise NoMarkersError(
-            f"{path}: no column of a marker among {listed}; names such as C7_x, C7_y, C7_z are needed"
-        )
+        raise NoMarkersError(f"{path}: no column of a marker among {listed}; name them C7_x, C7_y, C7_z")
     if len(units) > 1:
         problems.add("", f"units {', '.join(sorted(units))} in the header", "all columns need the same")
     problems.raise_if_any()
@@ -187,7 +185,7 @@ def _even_clock(path: Path, printed: np.ndarray, declared: float | None) -> tupl
         rate = float(whole)
     if declared is not None and not np.isclose(declared, rate, rtol=1e-2):
         raise InputError(
-            f"{path}: its times run at {rate:g} Hz, but markers.rate_Hz is {declared:g}; set it to null"
+            f"{path}: times run at {rate:g} Hz, but markers.rate_Hz is {declared:g}; set it to null"
         )
     even = printed[0] + frames / rate
     check_even(str(path), printed, even, rate)

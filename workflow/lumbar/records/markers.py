@@ -216,9 +216,7 @@ def metres_per_unit(source: str, unit: str, declared: str) -> float:
 def _check_spread(points: dict[str, np.ndarray], file: MarkerFile) -> None:
     """Raise if the extent of the markers is implausible, because of a wrong unit or corrupt data."""
     if not points:
-        raise InputError(
-            f"{file.source}: no marker was ever seen; left out: {', '.join(file.dropped) or 'nothing'}"
-        )
+        raise InputError(f"{file.source}: no marker was seen; left out: {', '.join(file.dropped) or 'none'}")
     for label, values in points.items():
         is_far = (np.abs(values) > MAX_DISTANCE_M).any(axis=1)
         if is_far.any():

@@ -253,9 +253,8 @@ def swap_input_and_output(record: Record) -> Record:
     """Return the record with input and output swapped."""
     one, other = map(record.roles, SIDES)
     swapped = zip((*one, *other), (*other, *one), strict=True)
-    return replace(
-        record, channels={**record.channels, **{role: record.channels[item] for role, item in swapped}}
-    )
+    channels = {role: record.channels[item] for role, item in swapped}
+    return replace(record, channels=record.channels | channels)
 
 
 def require_clock(records: Iterable[Record]) -> None:

@@ -112,7 +112,7 @@ def resample(record: Record, rate: float) -> Record:
     ratio = Fraction(rate / recorded).limit_denominator(1000)
     if ratio <= 0 or abs(float(ratio) * recorded / rate - 1) > 1e-4:
         raise InputError(
-            f"{record.source}: cannot resample {recorded:g} Hz to {rate:g} Hz; choose a simpler ratio"
+            f"{record.source}: no resampling of {recorded:g} to {rate:g} Hz; choose a simpler ratio"
         )
     if ratio == 1:
         return record

@@ -73,13 +73,11 @@ class _Header:
 def _read_header(path: Path, lines: list[str]) -> _Header:
     """Return the keys of lines 2 and 3 and the names of line 4."""
     if len(lines) < 4 or not lines[0].startswith("PathFileType"):
-        raise InputError(
-            f"{path}: not a TRC file; it must start with PathFileType and have four header lines or more"
-        )
+        raise InputError(f"{path}: not a TRC file; PathFileType and four header lines are needed")
     delimiter = next((sign for sign in "\t," if sign in lines[3]), None)
     if delimiter is None:
         raise InputError(
-            f"{path}, line 4: its cells are separated by neither tabs nor commas; export it with tabs"
+            f"{path}, line 4: cells are separated by neither tabs nor commas; export it with tabs"
         )
     keys, entries, names = (Dialect(delimiter).split(line) for line in lines[1:4])
     if keys.count("") != entries.count("") or len(keys) != len(entries):
@@ -136,7 +134,7 @@ def _check_frames(path: Path, frames: np.ndarray, rows: list[Row], header: _Head
         )
     if header.n_frames != len(frames):
         raise InputError(
-            f"{path}: NumFrames: {header.n_frames:g}; the file holds {len(frames)} frames; it may be cut short"
+            f"{path}: NumFrames: {header.n_frames:g}; the file holds {len(frames)} frames and may be cut short"
         )
 
 

@@ -108,7 +108,7 @@ def load_matlab(content: bytes, source: str, **options) -> dict[str, Any]:
         stated = whosmat(io.BytesIO(content))
     except Exception as error:  # a broken file causes errors of many kinds
         raise InputError(
-            f"{source}: not a MATLAB file of version 4 to 7.2 (save it with -v7; {error})"
+            f"{source}: not a MATLAB file of version 4 to 7.2 (save with -v7; {error})"
         ) from error
     check_size(8 * sum(math.prod(shape) for _, shape, _ in stated), len(content), source)
     # Packed variables of version 5 to 7.2 are unpacked up to the limit, because the size of a struct is not stated.

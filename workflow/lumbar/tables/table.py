@@ -52,6 +52,9 @@ _ESCAPES = str.maketrans(shipped_yaml(Path(__file__).with_name("latex.yaml")))
 _POWER = re.compile("·10([⁰¹²³⁴⁵⁶⁷⁸⁹⁻]+)")
 _EXPONENT = re.compile(r"\b(\d+(?:\.\d+)?)e([+-]?\d+)\b")
 _LOWERED = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
+_PREAMBLE = (
+    r"% needs \usepackage{array,booktabs}; compile with LuaLaTeX or XeLaTeX, which know the Greek letters"
+)
 _NUMBERED = re.compile(r"^Table \d+\.\d+[.:,]? *(as |the )?")
 
 
@@ -295,9 +298,7 @@ def latex_table(title: str, columns: Sequence[Column], remarks: Sequence[str], s
     environment = "table*" if wide else "table"
     rows = len(columns[0].cells) if columns else 0
     parts = [range(start, min(start + PAGE_ROWS, rows)) for start in range(0, rows, PAGE_ROWS)] or [range(0)]
-    lines = [
-        r"% needs \usepackage{array,booktabs}; compile with LuaLaTeX or XeLaTeX, which know the Greek letters"
-    ]
+    lines = [_PREAMBLE]
     unnumbered = _NUMBERED.sub("", title) or title
     alignments = "".join(
         "r"

@@ -14,30 +14,9 @@ import numpy as np
 
 from lumbar.base.errors import InputError
 from lumbar.base.yaml_file import shipped_yaml
-from lumbar.records.number_table import ENCODINGS
 
 COLUMNS_FOLLOW = "\n    read as "
 """Text of a message between the problems of a table and its columns."""
-
-
-@dataclass(frozen=True)
-class ReadOptions:
-    """The user's options for reading a file, before its columns are known."""
-
-    table: str | None = None
-    """Part of the file: number of a table in a text file, sheet of a workbook, variable of a MATLAB or HDF5 file."""
-    encoding: str | None = None
-    """Encoding of a text, by Python's name; None recognises UTF-8, UTF-16 and western Windows-1252."""
-    columns: tuple[str, ...] = ()
-    """Columns that the user named for roles: they choose among variables of several lengths."""
-
-    def __post_init__(self):
-        try:
-            "a".encode(self.encoding or "utf-8")
-        except (LookupError, ValueError) as error:
-            raise InputError(
-                f"--encoding {self.encoding!r}: no encoding of text in Python, such as {ENCODINGS}"
-            ) from error
 
 
 @dataclass(frozen=True)

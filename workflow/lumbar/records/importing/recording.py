@@ -20,7 +20,7 @@ from lumbar.records.importing.clock import (
     stated_time,
     trim_hint,
 )
-from lumbar.records.importing.raw_table import RawTable
+from lumbar.records.importing.raw_table import SPEEDS, RawTable
 from lumbar.records.importing.roles import (
     NONE,
     Choices,
@@ -274,7 +274,7 @@ def _to_record(
     if not choices.clipped:
         check_clipping(record, lines)  # before resampling, after which no two samples are equal
     motion = roles.get("position")
-    if motion is not None and motion.is_velocity:
+    if motion is not None and motion.unit.quantity in SPEEDS.values():
         quantity, unit = channels["input"].quantity, motion.unit.target.removesuffix("/s")
         velocity = motion.column.values * motion.unit.factor
         position, note = integrate_velocity(time, velocity, samples, unit, table.lines)
@@ -317,9 +317,7 @@ def _check_complete(record: Record, roles: Mapping[str, str], lines: Sequence[in
         large = np.abs(channel.values) > LARGEST  # no sum, spline or filter of them is finite
         if large.any():
             problem = f"{roles[name]} is {channel.values[large.argmax()]:g}"
-            problems.add(
-                place_of(int(large.argmax()), lines), problem, f"its size must be at most {LARGEST:g}"
-            )
+            problems.add(place_of(int(large.argmax()), lines), problem, f"at most {LARGEST:g} is allowed")
     complete = max(runs(~missing), key=lambda run: run.stop - run.start, default=None)
     if missing.any() and complete is not None:
         step = float(np.median(np.diff(record.time)))

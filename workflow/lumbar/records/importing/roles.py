@@ -12,15 +12,8 @@ import numpy as np
 from lumbar.base.errors import InputError
 from lumbar.base.yaml_file import shipped_yaml
 from lumbar.records.importing.clock import stated_time
-from lumbar.records.importing.raw_table import (
-    SPEEDS,
-    RawColumn,
-    RawTable,
-    ReadOptions,
-    Unit,
-    find_unit,
-    parse_unit,
-)
+from lumbar.records.importing.raw_table import SPEEDS, RawColumn, RawTable, Unit, find_unit, parse_unit
+from lumbar.records.number_table import ENCODINGS
 
 ROLES = ("time", "position", "force")
 NONE = "none"
@@ -74,16 +67,18 @@ class Choices:
             raise InputError(f"--rate {self.rate:g}: a positive number of hertz is needed")
         if self.trim is not None and not self.trim[0] < self.trim[1]:
             raise InputError(f"--trim {self.trim[0]:g}:{self.trim[1]:g}: the start must lie before the stop")
+        try:
+            "a".encode(self.encoding or "utf-8")
+        except (LookupError, ValueError) as error:
+            raise InputError(
+                f"--encoding {self.encoding!r}: no encoding of text in Python, such as {ENCODINGS}"
+            ) from error
 
     @property
-    def read_options(self) -> ReadOptions:
-        """Options for reading the file."""
+    def named_columns(self) -> list[str]:
+        """Columns that are given for roles."""
         columns = [column for column, _ in self.requests.values() if column not in (None, NONE)]
-        return ReadOptions(
-            self.table,
-            self.encoding,
-            tuple(part for item in columns for part in (item, *split_columns(item))),
-        )
+        return [part for column in columns for part in (column, *split_columns(column))]
 
     @property
     def requests(self) -> Requests:
@@ -99,11 +94,6 @@ class Role:
     unit: Unit
     reason: str
     """Why this column, and why this unit."""
-
-    @property
-    def is_velocity(self) -> bool:
-        """Whether the column is the velocity of the role's quantity."""
-        return self.unit.quantity in SPEEDS.values()
 
 
 def normalize(text: str) -> str:
@@ -283,8 +273,9 @@ def require_unique_name(column: RawColumn, request: str | None, table: RawTable,
     """Raise if the header contains a column's name several times, unless the user gave the column's number."""
     numbers = [str(other.number) for other in table.columns if other.name == column.name]
     if column.name and len(numbers) > 1 and request != str(column.number):
+        listed = " and ".join(numbers)
         raise InputError(
-            f"{role} is {column.name!r}, the name of columns {' and '.join(numbers)}; choose by --{role} NUMBER"
+            f"{role} is {column.name!r}, the name of columns {listed}; choose by --{role} NUMBER"
         )
 
 

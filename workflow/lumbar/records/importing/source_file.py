@@ -28,11 +28,11 @@ from lumbar.records.importing.dialect import (
 from lumbar.records.importing.raw_table import (
     RawColumn,
     RawTable,
-    ReadOptions,
     StatedRate,
     find_unit,
     split_name_and_unit,
 )
+from lumbar.records.importing.roles import Choices
 from lumbar.records.number_table import (
     NumberTable,
     decode_lines,
@@ -58,7 +58,7 @@ _MAX_LABELS = 1000
 _COMMENT = re.compile(r"^\s*[#%!;]+\s*")
 
 
-def read_content(stored: bytes, path: Path, options: ReadOptions) -> tuple[RawTable, str]:
+def read_content(stored: bytes, path: Path, choices: Choices) -> tuple[RawTable, str]:
     """Read the table of a file from its content.
 
     Parameters
@@ -67,7 +67,7 @@ def read_content(stored: bytes, path: Path, options: ReadOptions) -> tuple[RawTa
         Text, MATLAB, HDF5 or Excel; also gzipped.
     path : Path
         For messages, and for the ending of its name.
-    options : ReadOptions
+    choices : Choices
         The part of the file and its encoding.
 
     Returns
@@ -90,21 +90,21 @@ def read_content(stored: bytes, path: Path, options: ReadOptions) -> tuple[RawTa
         _require_package("h5py", "an HDF5 file (MATLAB 7.3 writes them too)", path)
         from lumbar.records.importing.variables import read_hdf5
 
-        table = read_hdf5(content, source, options)
+        table = read_hdf5(content, source, choices)
     elif content.startswith(b"MATLAB 5.0 MAT-file") or ending == ".mat":
         from lumbar.records.importing.variables import read_matlab
 
-        table = read_matlab(content, source, options)
+        table = read_matlab(content, source, choices)
     elif content.startswith(b"PK\x03\x04"):
         _require_package("openpyxl", "an Excel workbook", path)
-        table = _read_workbook(content, source, options)
+        table = _read_workbook(content, source, choices)
     elif content.startswith(_OLD_EXCEL):
         raise InputError(f"{path}: an Excel file of before 2007; save it as .xlsx or .csv")
     elif ending in (".c3d", ".trc", ".bvh"):
         raise InputError(f"{path}: a file of markers, which needs no import: lumbar lift reads it")
     else:
-        lines, encoding = decode_lines(content, source, options.encoding)
-        table = _read_lines(lines, source, encoding, options.table)
+        lines, encoding = decode_lines(content, source, choices.encoding)
+        table = _read_lines(lines, source, encoding, choices.table)
     return table, hashlib.sha256(stored).hexdigest()
 
 
@@ -113,17 +113,17 @@ def _require_package(package: str, kind: str, path: Path) -> None:
         raise InputError(f"{path}: {kind} needs the package {package}: pip install 'lumbar[import]'")
 
 
-def _read_workbook(content: bytes, source: str, options: ReadOptions) -> RawTable:
+def _read_workbook(content: bytes, source: str, choices: Choices) -> RawTable:
     """Read one sheet; raise if several sheets have content and none is chosen."""
     sheets: dict[str, list[str]] = read_in_child(_read_sheets, source, content)
     filled = {title: lines for title, lines in sheets.items() if any(line.strip() for line in lines)}
     if not filled:
-        raise InputError(f"{source}: no sheet holds anything")
-    if options.table is None and len(filled) != 1:
+        raise InputError(f"{source}: the sheets are empty")
+    if choices.table is None and len(filled) != 1:
         raise InputError(
             f"{source}: {len(filled)} sheets hold something: {', '.join(filled)}; choose by --sheet NAME"
         )
-    title = options.table if options.table is not None else next(iter(filled))
+    title = choices.table if choices.table is not None else next(iter(filled))
     if title not in filled:
         raise InputError(f"{source}: no sheet {title!r}; there are {', '.join(filled)}")
     return _read_lines(filled[title], source, f"sheet {title!r}")

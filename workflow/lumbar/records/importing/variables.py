@@ -13,10 +13,10 @@ from lumbar.records.importing.dialect import MIN_ROWS
 from lumbar.records.importing.raw_table import (
     RawColumn,
     RawTable,
-    ReadOptions,
     StatedRate,
     split_name_and_unit,
 )
+from lumbar.records.importing.roles import Choices
 from lumbar.records.unpacking import check_size, load_matlab
 
 _MAX_COLUMNS = 64
@@ -34,7 +34,7 @@ def to_table(
     arrays: Mapping[str, np.ndarray],
     source: str,
     form: str,
-    options: ReadOptions,
+    choices: Choices,
     units: Mapping[str, str] | None = None,
 ) -> RawTable:
     """Make a table of the vectors, and columns of matrices, with one length; scalars may state the sampling rate.
@@ -45,8 +45,8 @@ def to_table(
         Numbers by the variable's path, samples along the first axis.
     source, form : str
         The file and its form, see `RawTable`.
-    options : ReadOptions
-        `table` is the path of a group of variables; `columns` choose among several lengths.
+    choices : Choices
+        `table` is the path of a group of variables; the named columns choose among several lengths.
     units : mapping of str to str, optional
         Units by path, if the file states them.
 
@@ -55,7 +55,7 @@ def to_table(
     InputError
         If no two vectors have one length, or vectors have several lengths.
     """
-    table, units = options.table, units or {}
+    table, units = choices.table, units or {}
     if table is not None:
         below = (f"{table}/", f"{table}.", f"{table}(")
         selected = {
@@ -77,7 +77,7 @@ def to_table(
         )
     paths = next(iter(tables.values()))
     if len(tables) > 1:
-        paths = _choose_length(tables, options.columns, listed, source)
+        paths = _choose_length(tables, choices.named_columns, listed, source)
     columns = []
     for number, path in enumerate(paths, start=1):
         name, unit = (path, units[path]) if units.get(path) else split_name_and_unit(path)
@@ -129,7 +129,7 @@ def _stated_rates(arrays: Mapping[str, np.ndarray]) -> Iterator[StatedRate]:
             yield StatedRate(value if name in _RATES else 1 / value, path)
 
 
-def read_matlab(content: bytes, source: str, options: ReadOptions) -> RawTable:
+def read_matlab(content: bytes, source: str, choices: Choices) -> RawTable:
     """Read a MATLAB file; parameters and errors as for `to_table`."""
     result = read_in_child(_matlab_variables, source, content)
     if result["opaque"] and not result["arrays"]:
@@ -137,7 +137,7 @@ def read_matlab(content: bytes, source: str, options: ReadOptions) -> RawTable:
             f"{source}: holds MATLAB objects (tables, timetables, …), which other programs cannot read; save their columns "
             "as variables, or the table T as table2struct(T, 'ToScalar', true)"
         )
-    return to_table(result["arrays"], source, "MATLAB", options)
+    return to_table(result["arrays"], source, "MATLAB", choices)
 
 
 def _matlab_variables(source: str, content: bytes) -> dict[str, Any]:
@@ -165,13 +165,13 @@ def _matlab_variables(source: str, content: bytes) -> dict[str, Any]:
     return {"arrays": arrays, "opaque": opaque}
 
 
-def read_hdf5(content: bytes, source: str, options: ReadOptions) -> RawTable:
+def read_hdf5(content: bytes, source: str, choices: Choices) -> RawTable:
     """Read an HDF5 file; parameters and errors as for `to_table`.
 
     The samples of a matrix are along its longer axis, because MATLAB transposes matrices in these files.
     """
     result = read_in_child(_hdf5_variables, source, content)
-    return to_table(result["arrays"], source, "HDF5", options, result["units"])
+    return to_table(result["arrays"], source, "HDF5", choices, result["units"])
 
 
 def _hdf5_variables(source: str, content: bytes) -> dict[str, Any]:
