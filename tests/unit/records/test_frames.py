@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from lumbar.base.errors import InputError
-from lumbar.records.frames import rotate_forces
 from lumbar.records.record import Channel, Record, swap_input_and_output
+from lumbar.records.sampling import rotate_forces
 from refusing import refusal
 
 TIME = np.arange(40) / 10

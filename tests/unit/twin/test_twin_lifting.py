@@ -12,7 +12,7 @@ from scipy import stats
 
 from lumbar.base.errors import InputError, Problems
 from lumbar.lifting.movement.cleaning import fill_gaps
-from lumbar.records.c3d_writer import write_c3d
+from lumbar.records.c3d_file import write_c3d
 from lumbar.records.markers import read_markers
 from lumbar.settings.lifting import REFINING
 from lumbar.settings.twin import GroupMovement, SyntheticLift, SyntheticPerson

@@ -1,4 +1,4 @@
-"""Samples of a record: parts of a recording, missing rows, another rate, flat tops.
+"""Samples of a record: parts of a recording, missing rows, another rate, flat tops, the frame of its forces.
 
 A force limited by a mechanism (lost contact, a slipping gripper) still has the sensor's noise and does not repeat to the last
 digit; the limit of a converter does. The signal beyond it is not in the file.
@@ -12,6 +12,7 @@ import numpy as np
 
 from lumbar.base.errors import InputError, Problems
 from lumbar.records.record import LARGEST, MIN_SAMPLES, Record, place_of
+from lumbar.settings.layout import AXES
 
 MAX_GAP_ROWS = 10
 """Consecutive missing rows that are filled; a motion over more of them is unknown."""
@@ -112,7 +113,7 @@ def resample(record: Record, rate: float) -> Record:
     ratio = Fraction(rate / recorded).limit_denominator(1000)
     if ratio <= 0 or abs(float(ratio) * recorded / rate - 1) > 1e-4:
         raise InputError(
-            f"{record.source}: no resampling of {recorded:g} to {rate:g} Hz; choose a simpler ratio"
+            f"{record.source}: cannot resample {recorded:g} Hz to {rate:g} Hz; choose a simpler ratio"
         )
     if ratio == 1:
         return record
@@ -223,3 +224,41 @@ def check_clipping(record: Record, lines: Sequence[int] | None = None) -> None:
                 "record with a larger range, remove these intervals, or accept them with the layout's 'clipped: accept'",
             )
     problems.raise_if_any()
+
+
+def rotate_forces(record: Record, rotation_vector_deg: Sequence[float] | None) -> Record:
+    """Return a record of several axes with its forces in the axes of its position.
+
+    Parameters
+    ----------
+    record : Record
+        Forces in the sensor's axes.
+    rotation_vector_deg : sequence of three float, or None
+        Rotation R from the sensor's axes to the position's, ``f_position = R f_sensor``: along the axis of rotation, its length
+        the angle in degrees, right-handed. R's columns are the sensor's axes in those of the position. None: no rotation.
+
+    Raises
+    ------
+    InputError
+        If the record has one axis, or two axes and the rotation leaves their plane.
+    """
+    if rotation_vector_deg is None or not any(rotation_vector_deg):
+        return record
+    if not record.axes:
+        raise InputError(f"{record.name}: has one axis; tissue.force_frame turns the forces of several")
+    from scipy.spatial.transform import Rotation
+
+    chosen = [AXES.index(axis) for axis in record.axes]
+    out_of_plane = [AXES[index] for index in chosen if rotation_vector_deg[index]]
+    if out_of_plane and len(chosen) < len(AXES):
+        normal = next(axis for axis in AXES if axis not in record.axes)
+        raise InputError(
+            f"{record.name}: tissue.force_frame turns about {' and '.join(out_of_plane)}, but the record has the axes "
+            f"{' and '.join(record.axes)}; only its component along {normal} may differ from 0"
+        )
+    is_input = record.channels[record.roles("input")[0]].quantity == "force"
+    side = "input" if is_input else "output"
+    roles, forces = record.roles(side), record.stacked(side)
+    rotation = Rotation.from_rotvec(rotation_vector_deg, degrees=True).as_matrix()
+    rotated = rotation[np.ix_(chosen, chosen)] @ forces
+    return record.with_values(**dict(zip(roles, rotated, strict=True)))

@@ -7,7 +7,7 @@ import numpy as np
 
 from lumbar.base.errors import InputError
 from lumbar.base.files import write_csv
-from lumbar.records.c3d_writer import write_c3d
+from lumbar.records.c3d_file import write_c3d
 from lumbar.settings.twin import MomentTrial, SyntheticLiftingSettings
 from lumbar.twin.hip_moment import GRAVITY, Signal, box_held, hip_moment, trunk_angle
 from lumbar.twin.lifter import Movement, simulate

@@ -37,7 +37,7 @@ class DiagnosisSettings:
     layout: ColumnLayout | None = None
     """Layout that the records were read with, for proposed corrections of it; None is the reference layout."""
     force_frame: tuple[float, ...] | None = None
-    """Rotation of a force sensor of several axes; see `lumbar.records.frames.rotate_forces`."""
+    """Rotation of a force sensor of several axes; see `lumbar.records.sampling.rotate_forces`."""
 
     @property
     def system(self) -> str:

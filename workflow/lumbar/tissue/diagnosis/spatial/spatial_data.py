@@ -7,8 +7,8 @@ from typing import Self
 import numpy as np
 
 from lumbar.base.errors import InputError
-from lumbar.records.frames import rotate_forces
 from lumbar.records.record import Record, require_clock, require_same_units
+from lumbar.records.sampling import rotate_forces
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData, JointData
 from lumbar.tissue.diagnosis.fitting.preparation import (
