@@ -6,7 +6,8 @@ import math
 import os
 import struct
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from tempfile import NamedTemporaryFile
 from typing import Any
@@ -57,6 +58,17 @@ def check_size(size: float, packed_size: int, source: str) -> None:
         )
 
 
+@contextmanager
+def report_broken(message: str) -> Iterator[None]:
+    """Raise an `InputError` with a message for any other error in the block: a broken file causes errors of many kinds."""
+    try:
+        yield
+    except InputError:
+        raise
+    except Exception as error:
+        raise InputError(f"{message} ({error})") from error
+
+
 def read_readable(path: Path, read: Callable[..., Any], *options: Any) -> Any:
     """Return the result of ``read(path, *options)``; a gzipped file is unpacked for it.
 
@@ -104,27 +116,20 @@ def load_matlab(content: bytes, source: str, **options) -> dict[str, Any]:
     """
     from scipy.io import loadmat, whosmat
 
-    try:
+    with report_broken(f"{source}: not a MATLAB file of version 4 to 7.2; save it with -v7"):
         stated = whosmat(io.BytesIO(content))
-    except Exception as error:  # a broken file causes errors of many kinds
-        raise InputError(
-            f"{source}: not a MATLAB file of version 4 to 7.2 (save with -v7; {error})"
-        ) from error
     check_size(8 * sum(math.prod(shape) for _, shape, _ in stated), len(content), source)
-    # Packed variables of version 5 to 7.2 are unpacked up to the limit, because the size of a struct is not stated.
-    order = {b"IM": "<", b"MI": ">"}.get(content[126:128])
-    place, left = _HEADER_BYTES, MAX_FILE_BYTES
-    while order and place + 8 <= len(content):
-        kind, size = struct.unpack(f"{order}2I", content[place : place + 8])
-        place += 8
-        if kind == _COMPRESSED:
-            try:
+    variables: dict[str, Any] = {}
+    with report_broken(f"{source}: not a MATLAB file that can be read"):
+        # Packed variables of version 5 to 7.2 are unpacked up to the limit, because the size of a struct is not stated.
+        order = {b"IM": "<", b"MI": ">"}.get(content[126:128])
+        place, left = _HEADER_BYTES, MAX_FILE_BYTES
+        while order and place + 8 <= len(content):
+            kind, size = struct.unpack(f"{order}2I", content[place : place + 8])
+            place += 8
+            if kind == _COMPRESSED:
                 left -= len(zlib.decompressobj().decompress(content[place : place + size], left + 1))
-            except zlib.error as error:
-                raise InputError(f"{source}: the packed file is broken ({error})") from error
-            check_size(MAX_FILE_BYTES - left, len(content), source)
-        place += size
-    try:
-        return loadmat(io.BytesIO(content), **options)
-    except Exception as error:  # a broken file causes errors of many kinds
-        raise InputError(f"{source}: not a MATLAB file that can be read ({error})") from error
+                check_size(MAX_FILE_BYTES - left, len(content), source)
+            place += size
+        loadmat(io.BytesIO(content), variables, **options)
+    return variables

@@ -40,7 +40,7 @@ from lumbar.records.number_table import (
     read_plain_numbers,
     split_rows,
 )
-from lumbar.records.unpacking import check_size, ending_of, unpack
+from lumbar.records.unpacking import check_size, ending_of, report_broken, unpack
 
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 _OLD_EXCEL = b"\xd0\xcf\x11\xe0"
@@ -135,7 +135,7 @@ def _read_sheets(source: str, content: bytes) -> dict[str, list[str]]:
 
     sheets: dict[str, list[str]] = {}
     left = MAX_CELLS
-    try:
+    with report_broken(f"{source}: not an Excel workbook that can be read"):
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
             check_size(sum(item.file_size for item in archive.infolist()), len(content), source)
         for sheet in openpyxl.load_workbook(io.BytesIO(content), read_only=True, data_only=True):
@@ -145,10 +145,6 @@ def _read_sheets(source: str, content: bytes) -> dict[str, list[str]]:
                 if left < 0:
                     raise InputError(f"{source}: more than {MAX_CELLS} cells; save the recording by itself")
                 lines.append("\t".join("" if cell is None else str(cell).replace("\t", " ") for cell in row))
-    except InputError:
-        raise
-    except Exception as error:  # a broken file, or a zip that is no workbook, causes errors of many kinds
-        raise InputError(f"{source}: not an Excel workbook that can be read ({error})") from error
     return sheets
 
 

@@ -17,7 +17,7 @@ from lumbar.records.importing.raw_table import (
     split_name_and_unit,
 )
 from lumbar.records.importing.roles import Choices
-from lumbar.records.unpacking import check_size, load_matlab
+from lumbar.records.unpacking import check_size, load_matlab, report_broken
 
 _MAX_COLUMNS = 64
 """Columns of a matrix of vectors."""
@@ -30,7 +30,7 @@ _VALUES = ("values", "Values", "data", "Data")
 """Fields of a signal as Simulink and measuring systems write it: the signal is named after its label."""
 
 
-def to_table(
+def _to_table(
     arrays: Mapping[str, np.ndarray],
     source: str,
     form: str,
@@ -39,21 +39,8 @@ def to_table(
 ) -> RawTable:
     """Make a table of the vectors, and columns of matrices, with one length; scalars may state the sampling rate.
 
-    Parameters
-    ----------
-    arrays : mapping of str to ndarray
-        Numbers by the variable's path, samples along the first axis.
-    source, form : str
-        The file and its form, see `RawTable`.
-    choices : Choices
-        `table` is the path of a group of variables; the named columns choose among several lengths.
-    units : mapping of str to str, optional
-        Units by path, if the file states them.
-
-    Raises
-    ------
-    InputError
-        If no two vectors have one length, or vectors have several lengths.
+    `arrays` and `units` are by the variable's path, samples along the first axis. `choices.table` is the path of a group of
+    variables; the named columns choose among several lengths.
     """
     table, units = choices.table, units or {}
     if table is not None:
@@ -130,14 +117,14 @@ def _stated_rates(arrays: Mapping[str, np.ndarray]) -> Iterator[StatedRate]:
 
 
 def read_matlab(content: bytes, source: str, choices: Choices) -> RawTable:
-    """Read a MATLAB file; parameters and errors as for `to_table`."""
+    """Read a MATLAB file; raise if it has no vectors of one length."""
     result = read_in_child(_matlab_variables, source, content)
     if result["opaque"] and not result["arrays"]:
         raise InputError(
             f"{source}: holds MATLAB objects (tables, timetables, …), which other programs cannot read; save their columns "
             "as variables, or the table T as table2struct(T, 'ToScalar', true)"
         )
-    return to_table(result["arrays"], source, "MATLAB", choices)
+    return _to_table(result["arrays"], source, "MATLAB", choices)
 
 
 def _matlab_variables(source: str, content: bytes) -> dict[str, Any]:
@@ -166,12 +153,12 @@ def _matlab_variables(source: str, content: bytes) -> dict[str, Any]:
 
 
 def read_hdf5(content: bytes, source: str, choices: Choices) -> RawTable:
-    """Read an HDF5 file; parameters and errors as for `to_table`.
+    """Read an HDF5 file; raise if it has no vectors of one length.
 
     The samples of a matrix are along its longer axis, because MATLAB transposes matrices in these files.
     """
     result = read_in_child(_hdf5_variables, source, content)
-    return to_table(result["arrays"], source, "HDF5", choices, result["units"])
+    return _to_table(result["arrays"], source, "HDF5", choices, result["units"])
 
 
 def _hdf5_variables(source: str, content: bytes) -> dict[str, Any]:
@@ -195,17 +182,12 @@ def _hdf5_variables(source: str, content: bytes) -> dict[str, Any]:
                     unit = value.item()
                     units.setdefault(path, unit.decode() if isinstance(unit, bytes) else str(unit))
 
-    try:
-        with h5py.File(io.BytesIO(content), "r") as file:
-            linked = file.visititems_links(lambda path, link: path if hasattr(link, "filename") else None)
-            if linked:
-                raise InputError(_ELSEWHERE.format(source=source, path=linked))
-            file.visititems(collect)
-            arrays.update(_hdf5_attributes(file))
-    except InputError:
-        raise
-    except Exception as error:  # a broken file causes errors of many kinds
-        raise InputError(f"{source}: a broken HDF5 file ({error})") from error
+    with report_broken(f"{source}: a broken HDF5 file"), h5py.File(io.BytesIO(content), "r") as file:
+        linked = file.visititems_links(lambda path, link: path if hasattr(link, "filename") else None)
+        if linked:
+            raise InputError(_ELSEWHERE.format(source=source, path=linked))
+        file.visititems(collect)
+        arrays.update(_hdf5_attributes(file))
     numbers = {path: values for path, values in arrays.items() if values.dtype.kind in "fiu"}
     return {"arrays": numbers, "units": units}
 
