@@ -3,6 +3,7 @@
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ from tornado.httputil import HTTPServerRequest
 from tornado.routing import Matcher, PathMatches, Rule
 from tornado.web import HTTPError, RequestHandler
 
+from lumbar.base.files import read_json
 from lumbar.base.templates import template
 from lumbar.page_server.background import page_message, run_in_background
 from lumbar.page_server.served_sets import OWN, RESULT, ExploredSet, ServedLift, ServedSets
@@ -96,7 +98,10 @@ def _state_of(explored: ExploredSet) -> str:
     if explored.ready or explored.html:
         return explored.diagnosis.headline
     if explored.stored is not None and explored.stored.is_current:
-        return explored.stored.sentence
+        # Imported here because the server listens before Matplotlib is imported.
+        from lumbar.publishing.study_report.contents import diagnosis_sentence
+
+        return diagnosis_sentence(read_json(explored.stored.folder / "diagnosis.json"))
     if explored.job is not None and not explored.job.done:
         return "Being diagnosed."
     if explored.stored is not None and explored.stored.page.is_file():
@@ -124,7 +129,6 @@ class _LiftHandler(IndexedHandler):
     """Answers with the page of a lift, or the reason why it has none."""
 
     async def get(self) -> None:
-        """Answer without blocking other pages."""
         try:
             self.write(self.index.add_bar(await run_in_background(self.lift.html)))
         except Exception as error:
@@ -136,7 +140,6 @@ class _ResultHandler(IndexedHandler):
     """Answers with a file of the study's results, or redirects to the server's page instead of it."""
 
     async def get(self, path: str) -> None:
-        """Send the file or redirect."""
         parts = Path(path).parts
         pages = {("lifts", f"{lift.name}.html"): lift.address for lift in self.index.lifts}
         pages |= {
@@ -164,7 +167,6 @@ class _StoredHandler(IndexedHandler):
     """Answers with the stored page of a diagnosis, shown inside a page of the server."""
 
     async def get(self, path: str) -> None:
-        """Send the page."""
         explored = self.index.sets.named.get(f"/{path}")
         if explored is None or explored.stored is None or not explored.stored.page.is_file():
             raise HTTPError(404)
@@ -203,7 +205,8 @@ class ProgressHandler(IndexedHandler):
         stored, bar = explored.stored, self.index.bar
         computes = explored.job is not None or self.get_query_argument("compute", None) is not None
         if explored.make is None or (stored is not None and stored.is_current and not computes):
-            page = {"title": explored.title, "made": stored.date, "address": f"{STORED}{explored.name}"}
+            date = f"{datetime.fromtimestamp(stored.page.stat().st_mtime):%Y-%m-%d %H:%M}"
+            page = {"title": explored.title, "made": date, "address": f"{STORED}{explored.name}"}
             page["computable"] = explored.make is not None
             self.write(template("page_server/stored.html.jinja").render(**bar, **page))
         elif explored.html:

@@ -259,7 +259,6 @@ def upload_rules(index: Index, uploads: UploadDiagnosis) -> list[Rule]:
 
 class _UploadHandler(RequestHandler):
     def initialize(self, sessions: UploadSessions, uploads: UploadDiagnosis, index: Index) -> None:
-        """Store Tornado's arguments."""
         self.sessions, self.uploads, self.index = sessions, uploads, index
 
 
@@ -284,7 +283,6 @@ class _PageHandler(_UploadHandler):
 
 class _ActionHandler(_UploadHandler):
     async def post(self, action: str) -> None:
-        """Answer a request of the page."""
         try:
             session = self.sessions.get(self.request.headers.get(_TAB, ""))
             if session is None:

@@ -7,14 +7,13 @@ import secrets
 import threading
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from datetime import datetime
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
 from lumbar.base.errors import InputError, Problems
-from lumbar.base.files import read_json, refuse_links
+from lumbar.base.files import refuse_links
 from lumbar.base.progress import notify_progress
 from lumbar.base.yaml_file import read_yaml
 from lumbar.interface.lift_page import lift_page
@@ -46,11 +45,6 @@ class StoredVerdict:
         return self.folder / "diagnosis.html"
 
     @property
-    def date(self) -> str:
-        """Date and time of the page."""
-        return f"{datetime.fromtimestamp(self.page.stat().st_mtime):%Y-%m-%d %H:%M}"
-
-    @property
     def is_current(self) -> bool:
         """True if the page exists with the same settings and without a newer recording."""
         if not self.page.is_file() or self.settings is None:
@@ -60,14 +54,6 @@ class StoredVerdict:
             return False
         run = self.folder.parents[1] / "run_config.yaml"
         return run.is_file() and read_yaml(run, Problems(str(run))).content == self.settings
-
-    @property
-    def sentence(self) -> str:
-        """Result of the diagnosis in one sentence."""
-        # Imported here since the server listens before Matplotlib is imported.
-        from lumbar.publishing.study_report.contents import diagnosis_sentence
-
-        return diagnosis_sentence(read_json(self.folder / "diagnosis.json"))
 
 
 @dataclass(eq=False)

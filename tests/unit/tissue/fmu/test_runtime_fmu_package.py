@@ -1,6 +1,5 @@
 """Building FMUs: reproducible bytes, platforms, compiling, places that cannot be written, and checks of finished files."""
 
-import hashlib
 import shutil
 import struct
 from contextlib import nullcontext
@@ -19,6 +18,7 @@ from runtime_models import (
     device_models,
     entry,
     export,
+    exported,
     forces_of,
     models_json,
     selected,
@@ -75,18 +75,14 @@ def test_names_are_escaped_everywhere(fmu_folder):
 
 @pytest.mark.nightly
 def test_the_same_bytes_from_another_folder_and_a_cold_cache(fmu_models, fmu_folder, zig_cache, tmp_path):
-    chosen = [model for model in fmu_models if model.name == "KB"]
-    export_fmus(chosen, tmp_path / "elsewhere", "synthetic twin", TARGET, tmp_path / "cold cache")
-    for name in ("KB_fmi2.fmu", "KB_fmi3.fmu"):
-        first, second = ((place / name).read_bytes() for place in (fmu_folder, tmp_path / "elsewhere"))
-        assert hashlib.sha256(first).hexdigest() == hashlib.sha256(second).hexdigest()
-    with_effects = effect_entry(*COMBINATIONS[1])
-    models = selected(models_json(with_effects), changed(SETTINGS, models=[with_effects["name"]]))
+    kb = next(model for model in fmu_models if model.name == "KB")
+    models = [kb, exported(effect_entry(*COMBINATIONS[1]))]
     first, again = (
         export_fmus(models, tmp_path / folder, "synthetic twin", TARGET, cache)
         for folder, cache in (("one", zig_cache), ("another folder", tmp_path / "cold cache"))
     )
-    assert [path.read_bytes() for path in first] == [path.read_bytes() for path in again]
+    for paths in (again, sorted(fmu_folder.glob("KB_fmi?.fmu"))):
+        assert all(one.read_bytes() == other.read_bytes() for one, other in zip(first, paths, strict=False))
 
 
 def test_libraries_need_an_old_c_library_only(fmu_folder):

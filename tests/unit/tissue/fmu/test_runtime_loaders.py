@@ -61,6 +61,13 @@ NONLINEAR = effect_entry(
 EFFECTS = effect_entry(*COMBINATIONS[1])
 
 
+def output_of(*command, **options) -> str:
+    """Run a program, which must end well and print no error, and return its output."""
+    done = subprocess.run([*map(str, command)], capture_output=True, text=True, check=False, **options)
+    assert (done.returncode, done.stderr) == (0, ""), done.stderr
+    return done.stdout
+
+
 def platform_models():
     """KB, a static gain, and a model with effects."""
     linear = {"moving_average_ms": 0, "output_limit": 1e9}
@@ -75,16 +82,13 @@ def run_client(zig_cache, tmp_path_factory):
 
     def run(target: str, mode: str, name: str, *arguments, before=()) -> str:
         if target not in built:
-            folder = built[target] = tmp_path_factory.mktemp(target)
+            folder = tmp_path_factory.mktemp(target)
             for path in export(platform_models(), folder, targets=[target], versions=["3.0"]):
                 unzipped(path, folder / path.stem)
-            loader_program(HERE / "fmu_client.c", target, folder, zig_cache)
-        folder = built[target]
+            built[target] = folder, loader_program(HERE / "fmu_client.c", target, folder, zig_cache)
+        folder, program = built[target]
         fmu = folder / f"{name}_fmi3"
         token = fmpy.read_model_description(str(fmu)).instantiationToken
-        program = next(
-            path for path in folder.iterdir() if path.stem == "fmu_client" and path.suffix in ("", ".exe")
-        )
         environment = {**os.environ, "WINEPREFIX": str(folder / "wine"), "WINEDEBUG": "-all"}
         command = [*before, program, mode, library_path(fmu, target), token, *map(str, arguments)]
         done = subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
@@ -139,22 +143,15 @@ def test_misuse_is_rejected_and_sanitizers_find_no_fault(kind, tmp_path):
     command = ["gcc", *SANITIZED, "fmu_misuse.c", *files, "-lm", "-o", "misuse"]
     subprocess.run(command, cwd=tmp_path, check=True, capture_output=True)
     for arguments in ([], ["random", "1", "200000"], ["random", "2", "200000"])[kind == "space" :]:
-        done = subprocess.run(
-            [tmp_path / "misuse", *arguments], capture_output=True, text=True, check=False, timeout=PATIENCE_S
-        )
-        assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+        assert output_of(tmp_path / "misuse", *arguments, timeout=PATIENCE_S) == ""
 
 
 @pytest.fixture(scope="module")
 def fmus(fmu_folder, tmp_path_factory):
     """Return a folder with unzipped FMUs: KB for FMI 3.0, ``old`` for FMI 2.0, ``empty`` without a library, ``space``."""
     folder = tmp_path_factory.mktemp("unzipped")
-    for name, file in (
-        ("KB", "KB_fmi3"),
-        ("old", "KB_fmi2"),
-        ("empty", "KB_fmi3"),
-        ("effects", "KB+coulomb_friction_fmi3"),
-    ):
+    files = {"KB": "KB_fmi3", "old": "KB_fmi2", "empty": "KB_fmi3", "effects": "KB+coulomb_friction_fmi3"}
+    for name, file in files.items():
         unzipped(fmu_folder / f"{file}.fmu", folder / name)
     shutil.rmtree(folder / "empty" / "binaries")
     (made,) = export([spatial_export(FIVE)], folder, versions=["3.0"])
@@ -165,9 +162,7 @@ def fmus(fmu_folder, tmp_path_factory):
 @pytest.fixture(scope="module")
 def player(zig_cache, tmp_path_factory):
     """Return a function that plays rows of time and position through the loader in C."""
-    program = loader_program(
-        LOADERS / "play_fmu.c", "x86_64-linux", tmp_path_factory.mktemp("player"), zig_cache
-    )
+    program = loader_program(LOADERS / "play_fmu.c", LINUX, tmp_path_factory.mktemp("player"), zig_cache)
     return lambda *arguments: run_player([program], *arguments)
 
 
@@ -176,15 +171,10 @@ def run_player(command: list, folder: Path, rows, *parameters: str, environment=
     file = rows
     if not isinstance(rows, Path):
         file = folder.parent / "rows.csv"
-        lines = [
-            " ".join(f"{value:.17g}" for value in row).replace(" ", ",", 1)
-            for row in np.asarray(rows).tolist()
-        ]
+        table = ([f"{value:.17g}" for value in row] for row in np.asarray(rows).tolist())
+        lines = [f"{time},{' '.join(position)}" for time, *position in table]
         file.write_text("\n".join(["time,position", *lines]))
-    command = [*command, folder, file, *parameters]
-    done = subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
-    assert (done.returncode, done.stderr) == (0, ""), done.stderr
-    head, *lines = done.stdout.splitlines()
+    head, *lines = output_of(*command, folder, file, *parameters, env=environment).splitlines()
     assert head == "time,position,force"
     forces = np.array([line.split(",")[2].split() for line in lines], dtype=float)
     return forces[:, 0] if forces.shape[1] == 1 else forces
@@ -196,14 +186,17 @@ def signal(folder: Path, name: str) -> np.ndarray:
     return np.array([line.split() for line in text.splitlines()[1:]], dtype=float)
 
 
+def compile_csharp(program: Path, sources: list[Path], *flags: str) -> None:
+    command = ["mcs", "-warn:4", "-warnaserror", *flags, f"-out:{program}", "-r:System.Xml", *sources]
+    subprocess.run(command, check=True)
+
+
 @pytest.fixture(scope="module")
 def csharp_player(tmp_path_factory):
     """Return the same for the loader in C#."""
     program = tmp_path_factory.mktemp("csharp") / "play.exe"
     sources = [LOADERS / "PlayFmu.cs", UNITY / "Runtime" / "TissueForce.cs"]
-    subprocess.run(
-        ["mcs", "-warn:4", "-warnaserror", f"-out:{program}", "-r:System.Xml", *sources], check=True
-    )
+    compile_csharp(program, sources)
     return lambda *arguments: run_player(["mono", program], *arguments)
 
 
@@ -267,10 +260,8 @@ def cpp_program(source: Path, folder: Path) -> Path:
 @with_cpp
 def test_cpp_loader_answers_right_and_wrong_use(fmus, player, tmp_path):
     program = cpp_program(STUBS / "use_loader.cpp", tmp_path)
-    command = [program, fmus / "KB", "KB.so", fmus / "old", fmus / "empty"]
-    done = subprocess.run(command, capture_output=True, text=True, check=True)
-    assert done.stderr == ""
-    lines = [line.partition(": ")[::2] for line in done.stdout.splitlines()]
+    printed = output_of(program, fmus / "KB", "KB.so", fmus / "old", fmus / "empty").splitlines()
+    lines = [line.partition(": ")[::2] for line in printed]
     answers = dict(lines)
     numbers = [RANGE[name] for name in ("lowest", "highest", "speed", "lowest_Hz", "highest_Hz")]
     assert answers["described"] == " ".join(f"{value:g}" for value in (0.01, 1, 1, *numbers))
@@ -280,9 +271,8 @@ def test_cpp_loader_answers_right_and_wrong_use(fmus, player, tmp_path):
     again = answers["again"].split()
     assert ([float(again[0]), float(again[1])], again[2:]) == ([first, second], ["limit", "5"])
     assert [answer for key, answer in lines if key == "loaded"] == ["1", "0"]
-    assert [answer for key, answer in lines if key == "log"] == [
-        "fmi3SetFloat64: the value is outside min and max; not set."
-    ]
+    logged = [answer for key, answer in lines if key == "log"]
+    assert logged == ["fmi3SetFloat64: the value is outside min and max; not set."]
     for key, message in (
         ("back", "-1.01 s since the last step"),
         ("pause", "2.99 s since the last step"),
@@ -303,19 +293,17 @@ def test_cpp_loader_answers_right_and_wrong_use(fmus, player, tmp_path):
 def test_chai3d_example_presses_into_tissue(fmus, player, tmp_path):
     """Against a stub of CHAI3D's headers: 200 ticks of 1 ms, forces out of the tissue within what the device can do."""
     program = cpp_program(LOADERS / "chai3d_tissue.cpp", tmp_path)
-    done = subprocess.run([program, fmus / "KB"], capture_output=True, text=True, check=True)
-    *forces, released, closed = (line.split()[-1] for line in done.stdout.splitlines())
+    *forces, released, closed = (line.split()[-1] for line in output_of(program, fmus / "KB").splitlines())
     time = np.arange(200) * 0.001
     depth = 2.0 * np.sin(0.01 * np.arange(200))
     expected = player(fmus / "KB", np.column_stack([time, depth]), "force_limit=8")
     np.testing.assert_allclose([float(force) for force in forces], expected, atol=1e-12)
     assert expected.max() > 1.0
     assert (float(released), closed) == (0.0, "closed")
-    done = subprocess.run([program, fmus / "space"], capture_output=True, text=True, check=True)
-    sent = np.array([line.split() for line in done.stdout.splitlines()[:-2]], dtype=float)
+    sent = [line.split() for line in output_of(program, fmus / "space").splitlines()[:-2]]
     moved = np.column_stack([np.sin(0.02 * np.arange(200)), np.zeros(200), -depth])
     expected = player(fmus / "space", np.column_stack([time, moved]), "force_limit=8")
-    np.testing.assert_allclose(sent, -expected, atol=1e-12)
+    np.testing.assert_allclose(np.array(sent, dtype=float), -expected, atol=1e-12)
     assert np.abs(expected).max(axis=0).min() > 0.1
 
 
@@ -324,19 +312,8 @@ def test_unity_package_answers_right_and_wrong_use(fmus, player, tmp_path):
     """Against stubs of Unity, with its symbol defined: sample, haptic thread, errors, a comma as decimal sign."""
     program = tmp_path / "unity.exe"
     sources = [*UNITY.rglob("*.cs"), STUBS / "UnityStubs.cs", STUBS / "UseUnityPackage.cs"]
-    flags = [
-        "-warn:4",
-        "-warnaserror",
-        "-nowarn:0649,0414",
-        "-define:UNITY_5_3_OR_NEWER",
-        f"-out:{program}",
-        "-r:System.Xml",
-    ]
-    subprocess.run(["mcs", *flags, *sources], check=True)
-    command = ["mono", program, fmus, "KB.so", fmus / "old", fmus / "empty"]
-    done = subprocess.run(command, capture_output=True, text=True, check=True)
-    assert done.stderr == ""
-    lines = done.stdout.splitlines()
+    compile_csharp(program, sources, "-nowarn:0649,0414", "-define:UNITY_5_3_OR_NEWER")
+    lines = output_of("mono", program, fmus, "KB.so", fmus / "old", fmus / "empty").splitlines()
     frames = np.array([line.split()[1:] for line in lines if line.startswith("frame ")], dtype=float)
     rows = np.column_stack([3.0 + 0.02 * np.arange(100), -1000.0 * frames[:, 0]])
     np.testing.assert_array_equal(frames[:, 1], player(fmus / "KB", rows))
@@ -354,9 +331,8 @@ def test_unity_package_answers_right_and_wrong_use(fmus, player, tmp_path):
     assert described[2:6] == ["position", "mm", "force", "N"]
     assert [float(item) for item in (described[1], *described[6:])] == [0.01, 1, *numbers]
     assert answers["thread"] == "thread True 0 True"
-    assert [line for line in lines if line.startswith("log: ")] == [
-        "log: fmi3SetFloat64: the value is outside min and max; not set."
-    ]
+    logged = [line for line in lines if line.startswith("log: ")]
+    assert logged == ["log: fmi3SetFloat64: the value is outside min and max; not set."]
     for start, message in (
         (
             "too much",
@@ -381,11 +357,8 @@ def test_unity_package_is_complete():
     assert all((UNITY / sample["path"]).is_dir() for sample in package["samples"])
     assembly = json.loads((UNITY / "Runtime" / "Lumbar.TissueForce.asmdef").read_text())
     assert assembly["name"] == "Lumbar.TissueForce"
-    shown = [
-        path
-        for path in UNITY.rglob("*")
-        if "~" not in str(path.relative_to(UNITY)) and path.suffix != ".meta"
-    ]
+    paths = (path for path in UNITY.rglob("*") if path.suffix != ".meta")
+    shown = [path for path in paths if "~" not in str(path.relative_to(UNITY))]
     identities = [re.search(r"guid: ([0-9a-f]{32})", Path(f"{path}.meta").read_text())[1] for path in shown]
     assert len(set(identities)) == len(shown) == 5
 

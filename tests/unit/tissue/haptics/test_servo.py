@@ -1,12 +1,12 @@
 """A servo of any rate: as ``tissue_force.h`` does it, against that header, time simulations and closed forms."""
 
 import ctypes
-import zipfile
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from c_programs import ON_LINUX, zig_cc
+from runtime_models import unzipped
 from scipy.linalg import eigh
 from scipy.signal import lfilter
 from tissue_fits import fitted
@@ -66,14 +66,10 @@ def drawn_model(rng: np.random.Generator) -> SampledModel:
     numerator = np.convolve(np.poly(zeros), np.ones(average := int(rng.integers(1, 5))) / average)
     numerator = np.concatenate([np.zeros(int(rng.integers(0, 2))), np.atleast_1d(numerator)])
     period = float(1.0 / np.exp(rng.uniform(np.log(50.0), np.log(2000.0))))
-    stiffness = (
-        np.exp(rng.uniform(np.log(0.02), np.log(3.0))) / period
-    )  # about what damping of 1 N·s/m asks for
-    size = np.abs(
-        SampledModel("", numerator, denominator, period).response(np.linspace(0.01, np.pi, 200))
-    ).max()
-    model = SampledModel("drawn", stiffness / size * numerator, denominator, period)
-    return model.late(float(rng.choice([0.0, rng.uniform(0.0, 1.5) * period])))
+    stiffness = np.exp(rng.uniform(np.log(0.02), np.log(3.0))) / period  # needs a damping of about 1 N·s/m
+    model = SampledModel("drawn", numerator, denominator, period)
+    size = np.abs(model.response(np.linspace(0.01, np.pi, 200))).max()
+    return scaled(model, stiffness / size).late(float(rng.choice([0.0, rng.uniform(0.0, 1.5) * period])))
 
 
 def scaled(model: SampledModel, factor: float) -> SampledModel:
@@ -114,19 +110,14 @@ def random_intervals(low: float, high: float) -> np.ndarray:
 @pytest.mark.parametrize(
     "intervals",
     [
-        [0.01],
-        [0.001],
-        [0.02],
-        [1 / 30],
-        [1 / 150],
+        *([1 / rate] for rate in (100, 1000, 50, 30, 150)),
         random_intervals(0.001, 0.03),
         random_intervals(0.0098, 0.0102),
     ],
     ids=["equal", "ten times faster", "half", "a third and more", "faster", "uneven", "nearly equal"],
 )
 def test_header_and_its_rule_give_equal_forces(intervals, header, fmu_folder, fmu_models, tmp_path):
-    with zipfile.ZipFile(fmu_folder / "KB_fmi3.fmu") as archive:
-        archive.extractall(tmp_path)
+    unzipped(fmu_folder / "KB_fmi3.fmu", tmp_path)
     device = STYLUS.model_copy(update={"damping_N_s_m": 40.0, "encoder_um": 0.0, "delay_ms": 0.3})
     rendered = render_model(next(model for model in fmu_models if model.name == "KB"), device)
     with stepping(UnzippedFmu(tmp_path)) as step:

@@ -192,17 +192,17 @@ _ACTS = {
 
 def _numbers(model: ExportModel, term: PlacedForm) -> str:
     """Return the parameters of a form with units, to six digits; for a base in space its matrices, row by row."""
-    base = model.dynamics.base
-    linear = [(item, f"{value:.6g}") for item, value in zip(term.form.linear, term.linear, strict=True)]
-    if base.spatial and term.form.effect == base.form.effect:
+    base, form = model.dynamics.base, term.form
+    values = [(item, f"{term.numbers[item.name]:.6g}") for item in (*form.linear, *form.nonlinear)]
+    if base.spatial and form.effect == base.form.effect:
         matrices = base.spatial.matrices(*map(np.array, model.dynamics.base_numbers))
         rows = {
             name: "; ".join(" ".join(f"{value:.6g}" for value in row) for row in matrix)
             for name, matrix in matrices.items()
         }
         linear = [(item, rows[item.name]) for item in base.spatial.base.linear]
-    nonlinear = zip(term.form.nonlinear, (f"{value:.6g}" for value in term.nonlinear), strict=True)
+        values = [*linear, *values[len(form.linear) :]]
     return ", ".join(
         f"{item.name} = {text} {item.unit.format(x=model.input.unit, y=model.output.unit)}".removesuffix(" 1")
-        for item, text in (*linear, *nonlinear)
+        for item, text in values
     )

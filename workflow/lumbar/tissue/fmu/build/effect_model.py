@@ -153,8 +153,6 @@ class PlacedForm:
     """A form with its numbers and its place in the state of the model."""
 
     form: Form
-    linear: tuple[float, ...]
-    nonlinear: tuple[float, ...]
     numbers: dict[str, float]
     """Parameters and constants by their names in the C code."""
     memory: int
@@ -214,8 +212,6 @@ class EffectModel:
             terms.append(
                 PlacedForm(
                     form,
-                    linear,
-                    nonlinear,
                     numbers,
                     memory=begin,
                     memory_end=end,
