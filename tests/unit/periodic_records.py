@@ -46,3 +46,19 @@ def noisy_record(periods: int, sigma: float, seed: int, pole: float = 0.0, sampl
     time = np.arange(len(position)) * STEP
     disturbance = 0.0 if extra is None else extra(time, force)
     return record(position, force + disturbance + sigma * noise(len(position), seed + 10_000, pole))
+
+
+def moved(seed: int, seconds: float = 20.0) -> np.ndarray:
+    """A motion of a few mm that does not repeat."""
+    random = np.random.default_rng(seed)
+    time = np.arange(0, seconds, STEP)
+    frequency, phase = random.uniform(0.1, 4.0, 30), random.uniform(0, 2 * np.pi, 30)
+    return np.cos(2 * np.pi * np.outer(time, frequency) + phase).sum(axis=1)
+
+
+def softening_record(name: str, seed: int, seconds: float = 20.0) -> Record:
+    """Spring that wears with the path travelled from each record's start, and noise."""
+    position = moved(seed, seconds)
+    path = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(position)))])
+    force = (0.8 - 0.3 * (1 - np.exp(-path / 300.0))) * position
+    return record(position, force + 0.05 * noise(len(position), seed), name)

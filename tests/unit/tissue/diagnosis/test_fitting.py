@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from periodic_records import moved, softening_record
 from scipy.optimize import lsq_linear
 from scipy.signal import butter, lfilter
 
@@ -14,14 +15,18 @@ from lumbar.records.record import Channel, Record
 from lumbar.tissue.diagnosis.fitting import joint_fit
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData, JointData
 from lumbar.tissue.diagnosis.fitting.joint_fit import Fit, add, fit, fit_base, shape_bounds, solve_linear
+from lumbar.tissue.diagnosis.fitting.preparation import prepare
 from lumbar.tissue.diagnosis.fitting.uncertainty import (
     are_white,
     correlation_times,
     estimates,
+    project_out,
     scaled_covariance,
     score_covariance,
+    tangent_basis,
     zero_interval,
 )
+from lumbar.tissue.diagnosis.law.validation import alternate
 from lumbar.tissue.diagnosis.noise.periods import fold_periods
 from lumbar.tissue.diagnosis.selection.diagnose import diagnose
 from lumbar.tissue.diagnosis.selection.sentences import details
@@ -29,8 +34,8 @@ from lumbar.tissue.diagnosis.sensors.sensor_faults import sensor_faults
 from lumbar.tissue.effects.catalogue import TISSUE
 from lumbar.tissue.models.bases import BASES
 from lumbar.tissue.models.form import Place
-from lumbar.tissue.models.motion import Motion
-from lumbar.tissue.models.structure import Structure
+from lumbar.tissue.models.motion import JoinedMotions, Motion
+from lumbar.tissue.models.structure import Structure, forces_of
 
 STEP = 0.01
 FORMS = {form.key: form for effect in TISSUE.values() for form in effect.forms}
@@ -278,3 +283,69 @@ def test_search_for_faults_of_long_record_needs_little_memory():
     tracemalloc.stop()
     assert [item.kind for item in faults] == ["position_noise"]
     assert peak < 300e6
+
+
+WORN, CLIPPED = FORMS["softening/path"], FORMS["saturation/sharp"]
+
+
+def test_joint_records_do_not_share_path_memory_or_limits():
+    motions = [Motion(np.arange(900) * STEP, moved(seed)[:900], STEP) for seed in (1, 2)]
+    structure = Structure(BASES["KB"], (WORN, CLIPPED))
+    numbers = np.array([0.8, 1.0, -0.3]), np.array([0.1, 200.0, 3.0])
+    together = structure.simulate(JoinedMotions(tuple(motions)), *numbers)
+    np.testing.assert_array_equal(
+        together, np.concatenate([structure.simulate(motion, *numbers) for motion in motions])
+    )
+    columns = forces_of(WORN, JoinedMotions(tuple(motions)), np.array([200.0]))
+    assert columns.shape == (1800, 1)
+    assert columns[900, 0] == forces_of(WORN, motions[1], np.array([200.0]))[0, 0]
+
+
+def test_start_of_every_record_does_not_count():
+    motion, whitening = Motion(np.arange(400) * STEP, moved(3)[:400], STEP), np.array([1.0, -0.5])
+    parts = [FitData(name, motion, np.zeros(400), whitening, 50) for name in ("first", "second")]
+    joint = JointData.join(parts)
+    signal = np.arange(800.0)
+    assert joint.name == "first+second"
+    assert joint.size == 700
+    np.testing.assert_array_equal(joint.trim(signal), np.concatenate([signal[50:400], signal[450:]]))
+    np.testing.assert_array_equal(
+        joint.whiten(signal), np.concatenate([parts[0].whiten(signal[:400]), parts[1].whiten(signal[400:])])
+    )
+    early, later = joint.split(0.5)
+    assert (len(early.force), early.size, later.size) == (400, 300, 400)
+
+
+def test_linear_joint_fit_is_least_squares_of_stacked_records():
+    records = [softening_record("a", 4), softening_record("b", 5, 30.0)]
+    training = prepare([*records, softening_record("c", 6)], ["a", "b"]).training
+    found = fit_base(Structure(BASES["KV"]), training)
+    rows, force = [], []
+    for item in records:
+        velocity = Motion.of(item).velocity
+        rows.append(np.column_stack([item["input"], velocity, np.ones(len(item))])[50:])
+        force.append(item["output"][50:])
+    expected = np.linalg.lstsq(np.concatenate(rows), np.concatenate(force), rcond=None)[0]
+    np.testing.assert_allclose([*found.linear, found.zero], expected, rtol=1e-6)
+    worn = add(found, WORN, training)
+    assert worn.linear[0] == pytest.approx(0.8, abs=0.01)
+    assert worn.linear[2] == pytest.approx(0.3, abs=0.02)
+
+
+def test_tangent_basis_and_errors_allow_zero_of_every_record():
+    records = [softening_record(name, seed, 8.0) for name, seed in (("a", 7), ("b", 8), ("c", 9))]
+    shifted = [
+        one.with_values(output=one["output"] + step) for one, step in zip(records, (5, -3, 1), strict=True)
+    ]
+    found = []
+    for items in (records, shifted):
+        experiment = prepare(items, ["a", "b"]).allow_own_zeros()
+        fit = fit_base(Structure(BASES["KV"]), experiment.training)
+        together = [experiment.training, *experiment.tests]
+        basis = tangent_basis(fit, together)
+        assert basis.shape[1] == 2 + 3  # stiffness and damping, and the zero of each record
+        assert np.abs(project_out(basis, np.repeat([5.0, -3.0, 1.0], 760))).max() < 1e-9
+        found.append(np.concatenate([fit.errors(item) for item in together]))
+        choosing = alternate(experiment)[0]
+        assert np.mean(fit.errors(choosing.tests[0])) == pytest.approx(0, abs=1e-9)
+    np.testing.assert_allclose(*found, atol=1e-6)
