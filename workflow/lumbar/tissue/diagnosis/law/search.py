@@ -68,13 +68,6 @@ class Law:
         return self.fit.nonlinear[len(self.start.fit.nonlinear) :]
 
 
-@dataclass(frozen=True, eq=False)
-class _Column:
-    term: Term
-    start: np.ndarray
-    forces: np.ndarray
-
-
 class Search:
     """One search in a library of terms; choices are made with the tests of the experiment."""
 
@@ -89,8 +82,8 @@ class Search:
         self.library = tuple(library)
 
     @cached_property
-    def columns(self) -> list[_Column]:
-        """Forces of every term at every starting value, on the record that is screened."""
+    def columns(self) -> list[tuple]:
+        """Every term at every starting value, with its whitened forces on the record that is screened."""
         data, columns = self.experiment.training, []
         zeros = np.zeros(len(data.force))
         for term in self.library:
@@ -101,7 +94,7 @@ class Search:
                 with np.errstate(all="ignore"):
                     forces = data.whiten(forces_of(form, data.motion, start))
                 if np.isfinite(forces).all():
-                    columns.append(_Column(term, start, forces.astype(np.float32)))
+                    columns.append((term, start, forces.astype(np.float32)))
         return columns
 
     def screen(self, model: Fit, with_output: bool) -> list[tuple[float, Term, np.ndarray]]:
@@ -113,10 +106,10 @@ class Search:
                 if term.place is Place.OUTPUT:
                     form = form_of((term,))
                     for start in nonlinear_starts(form, data, error):
-                        columns.append(_Column(term, start, added_forces(model, form, data, start)))
+                        columns.append((term, start, added_forces(model, form, data, start)))
         residual = project_out(basis, data.whiten(error))
         screened = [
-            (_explained(project_out(basis, item.forces), residual), item.term, item.start) for item in columns
+            (_explained(project_out(basis, forces), residual), term, start) for term, start, forces in columns
         ]
         return sorted(screened, key=lambda item: -item[0])
 

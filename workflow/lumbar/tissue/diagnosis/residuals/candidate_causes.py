@@ -96,7 +96,21 @@ def causes_view(residual: Residual) -> View:
             "stiffness, damping and relaxations fitted to the error itself (linear dynamics) would explain "
             f"{format_share(share)} of the {residual.error_name} of this record ({probability(linear_p)}); {rest}"
         )
-    functions = {name: values - values.mean() for name, values in _functions(residual).items()}
+    position, velocity, speed = (
+        residual.position - residual.position.mean(),
+        residual.velocity,
+        np.std(residual.velocity),
+    )
+    functions = {
+        "z": position,
+        "v": velocity,
+        "z²": position**2,
+        "|v|": np.abs(velocity),
+        "z³": position**3,
+        "sign v": np.tanh(velocity / (0.1 * speed)) if speed > 0 else velocity,
+        "v|v|": velocity * np.abs(velocity),
+    }
+    functions = {name: values - values.mean() for name, values in functions.items()}
     correlations = {}
     for name, signal in functions.items():
         if name not in LINEAR_FUNCTIONS:
@@ -143,20 +157,6 @@ def _orthonormal(columns: np.ndarray) -> np.ndarray:
     scaled = columns / np.maximum(np.sqrt(np.mean(columns**2, axis=0)), 1e-300)
     left, values, _ = np.linalg.svd(scaled, full_matrices=False)
     return left[:, values > 1e-5 * values[0]]
-
-
-def _functions(residual: Residual) -> dict[str, np.ndarray]:
-    position, velocity = residual.position - residual.position.mean(), residual.velocity
-    speed = np.std(velocity)
-    return {
-        "z": position,
-        "v": velocity,
-        "z²": position**2,
-        "|v|": np.abs(velocity),
-        "z³": position**3,
-        "sign v": np.tanh(velocity / (0.1 * speed)) if speed > 0 else velocity,
-        "v|v|": velocity * np.abs(velocity),
-    }
 
 
 @dataclass(frozen=True, eq=False)

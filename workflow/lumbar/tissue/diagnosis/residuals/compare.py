@@ -140,7 +140,29 @@ def compare_record(
     measured, modelled = record["output"][first:], np.asarray(simulated, dtype=float)[first:]
     repeats = floor is not None and floor_from in ("", record.name)
     period = round(floor.period / record.sampling_time) if repeats else None
-    estimates = _estimates(measured, modelled, period, seed)
+    values = [
+        float(np.sqrt(np.mean((measured - modelled) ** 2))),
+        variance_accounted_for(measured, modelled),
+        fit_ratio(measured, modelled),
+        mean_residual(measured, modelled),
+    ]
+    residual, output = modelled - measured, measured - measured.mean()
+    groups = block_groups([residual, output], period)
+    draws = np.random.default_rng(seed).integers(len(groups), size=(RESAMPLES, len(groups)))
+    # A resample has the sums of its groups, each as often as it was drawn.
+    often = np.stack([np.bincount(draw, minlength=len(groups)) for draw in draws])
+    powers = np.stack([np.ones(len(output)), residual, residual**2, np.abs(residual), output, output**2])
+    sums = often @ np.stack([powers[:, group].sum(axis=1) for group in groups])
+    # The same figures from means over samples.
+    mean, square, absolute, level, energy = (sums[:, 1:] / sums[:, :1]).T
+    variance = energy - level**2
+    if np.any(variance <= _MAX_ROUNDING_SHARE * energy):
+        raise NumericalError("the output does not move in most of the record: its intervals are not known")
+    unexplained, rms = (square - mean**2) / variance, np.sqrt(square)
+    resampled = np.stack([rms, 100 * (1 - unexplained), 100 * (1 - rms / np.sqrt(variance)), absolute])
+    tail = (1 - CONFIDENCE) / 2
+    low, high = np.quantile(resampled, [tail, 1 - tail], axis=1)
+    estimates = [EstimateWithInterval(*map(float, triple)) for triple in zip(values, low, high, strict=True)]
     return Comparison(
         record=record.name,
         unit=record.channels["output"].unit,
@@ -171,35 +193,6 @@ def settling_samples(record: Record, simulated: np.ndarray, start: float) -> int
             f"at least {2 * _MIN_BLOCKS} are needed"
         )
     return first
-
-
-def _estimates(
-    measured: np.ndarray, modelled: np.ndarray, period: int | None, seed: int
-) -> list[EstimateWithInterval]:
-    """Return RMS, VAF, FIT and mean residual with bootstrap intervals; raise `NumericalError` if an output does not move."""
-    values = [
-        float(np.sqrt(np.mean((measured - modelled) ** 2))),
-        variance_accounted_for(measured, modelled),
-        fit_ratio(measured, modelled),
-        mean_residual(measured, modelled),
-    ]
-    residual, output = modelled - measured, measured - measured.mean()
-    groups = block_groups([residual, output], period)
-    draws = np.random.default_rng(seed).integers(len(groups), size=(RESAMPLES, len(groups)))
-    # A resample has the sums of its groups, each as often as it was drawn.
-    often = np.stack([np.bincount(draw, minlength=len(groups)) for draw in draws])
-    powers = np.stack([np.ones(len(output)), residual, residual**2, np.abs(residual), output, output**2])
-    sums = often @ np.stack([powers[:, group].sum(axis=1) for group in groups])
-    # The same figures from means over samples.
-    mean, square, absolute, level, energy = (sums[:, 1:] / sums[:, :1]).T
-    variance = energy - level**2
-    if np.any(variance <= _MAX_ROUNDING_SHARE * energy):
-        raise NumericalError("the output does not move in most of the record: its intervals are not known")
-    unexplained, rms = (square - mean**2) / variance, np.sqrt(square)
-    resampled = np.stack([rms, 100 * (1 - unexplained), 100 * (1 - rms / np.sqrt(variance)), absolute])
-    tail = (1 - CONFIDENCE) / 2
-    low, high = np.quantile(resampled, [tail, 1 - tail], axis=1)
-    return [EstimateWithInterval(*map(float, triple)) for triple in zip(values, low, high, strict=True)]
 
 
 def block_groups(signals: list[np.ndarray], period: int | None) -> list[np.ndarray]:

@@ -26,7 +26,6 @@ from lumbar.tissue.diagnosis.selection.sentences import effects_text
 from lumbar.tissue.diagnosis.selection.thresholds import EXPLAINS, TIED, UNSEEN
 from lumbar.tissue.effects.catalogue import TISSUE
 from lumbar.tissue.models.bases import BASES
-from lumbar.tissue.models.form import Form
 from lumbar.tissue.models.structure import Structure
 
 _MAX_NONLINEAR_SHARE = 0.1
@@ -289,11 +288,21 @@ def force_leads(model: Candidate, experiment: Experiment, linear: set[str]) -> F
     if not replaced and base.name != "KV" and is_adequate(model, experiment):
         return None
     others = [form for form in model.fit.structure.forms if form.effect not in replaced | {"delay"}]
+    (delay,) = TISSUE["delay"].forms
+    acting = select_forms(model.fit, others).nonlinear[len(base.nonlinear) :]
     step = experiment.training.motion.sampling_time
     shortest = min(data.size for data in (*experiment.training.records, *experiment.tests))
     for samples in (number for number in _MAX_LEADS if _MIN_SAMPLES_PER_LEAD * number <= shortest):
         put_late = experiment.change_data(partial(_delay_force, samples=samples, longest=samples))
-        best = _fit_with_delay(model, others, put_late)
+        # The likeliest base with a delay and with the other effects.
+        fits = (
+            fit_structure(
+                Structure(BASES[name], (*others, delay)), put_late.training, [*acting, start * step]
+            )
+            for name in _LEAD_BASES
+            for start in _DELAY_STARTS
+        )
+        best = min((evaluate(fit, put_late) for fit in fits), key=lambda item: item.score)
         units = experiment.input_unit, experiment.output_unit
         late = next(item for item in estimates(best.fit, put_late.training, *units) if item.effect == "delay")
         if late.low > 0 and late.value > _MIN_DELAY_SAMPLES * step:
@@ -323,19 +332,6 @@ def force_leads(model: Candidate, experiment: Experiment, linear: set[str]) -> F
         "dashpots, masses and branches may only replace the lead."
     )
     return Finding("force_leads", sentence, lead / 1e3, "s")
-
-
-def _fit_with_delay(model: Candidate, others: list[Form], put_late: Experiment) -> Candidate:
-    """Fit the likeliest base with a delay and with effects of the model."""
-    (delay,) = TISSUE["delay"].forms
-    acting = select_forms(model.fit, others).nonlinear[len(model.fit.structure.base.nonlinear) :]
-    step = put_late.training.motion.sampling_time
-    fits = (
-        fit_structure(Structure(BASES[name], (*others, delay)), put_late.training, [*acting, samples * step])
-        for name in _LEAD_BASES
-        for samples in _DELAY_STARTS
-    )
-    return min((evaluate(fit, put_late) for fit in fits), key=lambda item: item.score)
 
 
 def _delay_force(data: FitData, samples: int, longest: int) -> FitData:

@@ -96,25 +96,6 @@ def extend(
     return sorted(extended, key=lambda item: item.score)
 
 
-def pairs(
-    singles: list[Candidate],
-    catalogue: dict[str, Effect],
-    experiment: Experiment,
-    polished: Callable[[list[Candidate]], list[Candidate]],
-) -> list[Candidate]:
-    """Return pairs of effects that begin with one of the best single ones, best first.
-
-    Further first effects are not tried as soon as a pair leaves only noise; `exchange` looks for others like it. `polished`
-    refits candidates, the best one first, with parameters that a search keeps fixed.
-    """
-    tried: list[Candidate] = []
-    for first in best_by_effect(singles)[:LOOK_AHEAD]:
-        tried += polished(extend(polished([first])[0], catalogue, experiment, REFITTED, all_forms=False))
-        if any(is_adequate(pair, experiment) for pair in tried):
-            break
-    return sorted(tried, key=lambda item: item.score)
-
-
 def exchange(
     model: Candidate,
     catalogue: dict[str, Effect],
@@ -207,10 +188,17 @@ class Selection:
         path = [self.base] if single is None else [self.base, single]
         if is_adequate(path[-1], experiment) or most < 2:
             return path
-        # The best pair, if it is worth a second effect; pairs are tried even if no single effect passes.
-        tried = pairs(self.singles, catalogue, experiment, self.polished)
-        self.tried += tried
-        first = next((item for item in tried if self.is_further(path[-1], item)), None)
+        # The best pair, if it is worth a second effect; pairs are tried even if no single effect passes. Further first effects
+        # are not tried as soon as a pair leaves only noise; `exchange` looks for others like it.
+        pairs: list[Candidate] = []
+        for first in best_by_effect(self.singles)[:LOOK_AHEAD]:
+            start = self.polished([first])[0]
+            pairs += self.polished(extend(start, catalogue, experiment, REFITTED, all_forms=False))
+            if any(is_adequate(pair, experiment) for pair in pairs):
+                break
+        pairs.sort(key=lambda item: item.score)
+        self.tried += pairs
+        first = next((item for item in pairs if self.is_further(path[-1], item)), None)
         if first is None:
             return path
         best = exchange(first, catalogue, experiment, self.polished)
