@@ -45,10 +45,7 @@ def test_noise_has_no_location():
     assert set(location.shares.values()) == {0.0}
 
 
-@pytest.mark.parametrize(
-    ("error", "view", "share"),
-    cases(__file__, "seen"),
-)
+@pytest.mark.parametrize(("error", "view", "share"), cases(__file__, "seen"))
 def test_error_is_located_at_its_cause(error, view, share):
     location = located(ERRORS[error])
     assert not location.is_noise

@@ -77,14 +77,13 @@ def test_branch_that_explains_little_does_not_replace_dashpot():
     assert model.fit.linear[2] == pytest.approx(MASS - DAMPING * LAG, rel=0.1)
 
 
-def candidate(score, *effects):
-    return SimpleNamespace(score=score, effects=effects)
-
-
 @pytest.mark.parametrize("sign", [-1, 1])
 def test_equal_scores_are_ordered_by_name(sign):
     scores = (-1000.0 + sign * 1e-5, -1000.0, -1000.5)
-    result = sort_by_score([candidate(score, name) for score, name in zip(scores, "bac", strict=True)])
+    candidates = [
+        SimpleNamespace(score=score, effects=(name,)) for score, name in zip(scores, "bac", strict=True)
+    ]
+    result = sort_by_score(candidates)
     assert [item.effects[0] for item in result] == ["c", "a", "b"]
 
 

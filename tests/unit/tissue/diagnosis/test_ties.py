@@ -3,7 +3,7 @@
 Records come from the independent generators; the hidden effect is read by assertions only.
 """
 
-from dataclasses import replace
+from dataclasses import astuple, replace
 
 import numpy as np
 import pytest
@@ -15,10 +15,7 @@ from hidden_effects.catalogue import form_named
 from hidden_effects.form import Scales, calibrated, simulate
 from hidden_effects_cases import recorded_motion
 from lumbar.records.record import Record
-from lumbar.tissue.diagnosis.evidence.discrimination import (
-    excitation_family,
-    separating_excitation,
-)
+from lumbar.tissue.diagnosis.evidence.discrimination import excitation_family, separating_excitation
 from lumbar.tissue.diagnosis.evidence.evidence import angles_between, complete_linkage, signal_angles
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData
@@ -93,20 +90,14 @@ def tied_experiment(label: str, strength: float, seed: int):
     noise, form = 0.01 * scales.force, form_named(label)
     shape = form.draw(np.random.default_rng(seed), scales)
     effect = calibrated(form, shape, strength * noise, motion, TRUE_TISSUE, scales)
-    return (
-        [recorded(motion, effect, noise, seed + 5), recorded(other, effect, noise, seed + 60)],
-        effect,
-        noise,
-    )
-
-
-TIED_CASES = ((0.25, 3), (0.3, 3), (0.3, 4), (0.35, 4))
+    records = [recorded(motion, effect, noise, seed + 5), recorded(other, effect, noise, seed + 60)]
+    return records, effect, noise
 
 
 @pytest.mark.statistical
 def test_proposed_excitation_breaks_the_tie():
     """Effects far below the noise, of which three of four must tie on sines and be named with a record of the proposal."""
-    outcomes = {case: outcome(*case) for case in TIED_CASES}
+    outcomes = {case: outcome(*case) for case in ((0.25, 3), (0.3, 3), (0.3, 4), (0.35, 4))}
     assert sum(item == "named after the proposal" for item in outcomes.values()) >= 3, outcomes
 
 
@@ -156,15 +147,13 @@ def test_excitations_respect_machine_limits():
     family = excitation_family(motion, "mm", limits)
     assert len(family) > 10
     for item in family:
-        peaks = peak_kinematics(item.motion.position, 100.0)
-        assert peaks.displacement <= limits.displacement + 1e-6
-        assert peaks.velocity <= limits.velocity + 1e-6
-        assert peaks.acceleration <= limits.acceleration + 1e-6
+        peaks = astuple(peak_kinematics(item.motion.position, 100.0))
+        assert all(peak <= limit + 1e-6 for peak, limit in zip(peaks, astuple(limits), strict=True))
         inside = item.motion.position.min() >= -3.1 and item.motion.position.max() <= 5.1
         assert item.is_within == inside, item.description
     unlimited = excitation_family(motion, "mm", None)
     assert len(unlimited) > len(family)
-    kinds = (
+    for kind in [
         "multisine (full",
         "multisine (odd",
         "triangle",
@@ -172,8 +161,7 @@ def test_excitations_respect_machine_limits():
         "ramp and hold",
         "strokes",
         "rest for",
-    )
-    for kind in kinds:
+    ]:
         assert any(kind in item.description for item in unlimited), kind
 
 
@@ -236,14 +224,21 @@ def change_parameter(fit: Fit, effect: str, name: str, value: float) -> Fit:
     return replace(fit, nonlinear=nonlinear)
 
 
+def fitted(truth, added, **options):
+    """Prepare records of a law, and fit the base with a form."""
+    prepared = prepare(experiment(truth, **options))
+    return prepared, add(fit_base(Structure(BASES["KB"]), prepared.training), added, prepared.training)
+
+
+def rubbing(time, position, speed, step):
+    return relaxing(time, position, speed, step) + 0.3 * np.tanh(speed / 0.5)
+
+
 def test_true_model_has_no_contradiction(linear, base):
     assert contradictions(base, linear) == []
-    there = {"coulomb_friction": lambda t, x, v, h: relaxing(t, x, v, h) + 0.3 * np.tanh(v / 0.5)}
-    for effect, truth in {**there, "saturation": clipped, "periodic_disturbance": shaken}.items():
-        prepared = prepare(experiment(truth))
-        fit = add(
-            fit_base(Structure(BASES["KB"]), prepared.training), TISSUE[effect].forms[0], prepared.training
-        )
+    truths = {"coulomb_friction": rubbing, "saturation": clipped, "periodic_disturbance": shaken}
+    for effect, truth in truths.items():
+        prepared, fit = fitted(truth, TISSUE[effect].forms[0])
         assert contradictions(fit, prepared) == []
 
 
@@ -261,16 +256,11 @@ def test_insignificant_force_is_a_contradiction(linear, base, effect, name):
 
 def test_similar_forces_are_significant_together():
     """Above all speeds of the record a breakaway resembles dry friction: only their sum is significant."""
-    prepared = prepare(experiment(lambda t, x, v, h: relaxing(t, x, v, h) + 0.3 * np.tanh(v / 0.5)))
     stribeck = next(item for item in TISSUE["coulomb_friction"].forms if len(item.linear) == 2)
-    fit = add(fit_base(Structure(BASES["KB"]), prepared.training), stribeck, prepared.training)
-    alike = change_parameter(
-        replace(fit, linear=np.append(fit.linear[:2], [0.2, 0.1])),
-        "coulomb_friction",
-        "stribeck_speed",
-        300.0,
-    )
-    alike = change_parameter(alike, "coulomb_friction", "smoothing_speed", 0.5)
+    prepared, fit = fitted(rubbing, stribeck)
+    alike = replace(fit, linear=np.append(fit.linear[:2], [0.2, 0.1]))
+    for name, value in {"stribeck_speed": 300.0, "smoothing_speed": 0.5}.items():
+        alike = change_parameter(alike, "coulomb_friction", name, value)
     amplitudes = estimates(alike, prepared.training, "mm", "N")[2:4]
     assert all(item.low <= 0 for item in amplitudes)
     assert contradictions(alike, prepared) == []
@@ -294,20 +284,14 @@ def test_exceeded_limit_is_a_contradiction(linear, base, effect, name):
 
 def test_limit_counts_from_sensor_zero():
     """Forces up to 2 N about a zero of 5 N do not exceed a limit of 2 N."""
-    prepared = prepare(experiment(clipped, zeros=(5.0, 5.0)))
-    fit = add(
-        fit_base(Structure(BASES["KB"]), prepared.training), form("saturation", "sharp"), prepared.training
-    )
+    prepared, fit = fitted(clipped, form("saturation", "sharp"), zeros=(5.0, 5.0))
     assert fit.zero == pytest.approx(5.0, abs=0.01)
     assert fit.nonlinear[-1] == pytest.approx(2.0, rel=0.01)
     assert contradictions(fit, prepared) == []
 
 
 @pytest.mark.parametrize("name", ["sine", "overtones"])
-@pytest.mark.parametrize(
-    ("frequency", "period", "sentence"),
-    cases(__file__, "disturbances"),
-)
+@pytest.mark.parametrize(("frequency", "period", "sentence"), cases(__file__, "disturbances"))
 def test_disturbance_needs_cycles_and_own_frequency(name, frequency, period, sentence):
     """A record of 24 s has lines 0.042 Hz apart; the frequency must be at least half of that from the excitation's grid."""
     motion = Motion(np.arange(1201) * 0.02, np.zeros(1201), 0.02)
@@ -335,11 +319,8 @@ def test_strong_line_needs_fewer_cycles():
 
 
 def test_softer_spring_is_named_strain_softening():
-    for effect, names in (
-        ("hardening_stiffness", ("cubic", "bilinear")),
-        ("strain_softening", ("cubic", "bilinear")),
-    ):
-        assert all(item.sign > 0 for name in names for item in form(effect, name).linear)
+    for effect in ("hardening_stiffness", "strain_softening"):
+        assert all(item.sign > 0 for name in ("cubic", "bilinear") for item in form(effect, name).linear)
     result = diagnose(experiment(softening_spring))
     assert (result.status, result.selected) == ("named", ("strain_softening",))
     lost = {item.name: item.value for item in result.ranking[0].estimates}

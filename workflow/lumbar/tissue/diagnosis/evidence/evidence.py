@@ -50,8 +50,6 @@ if TYPE_CHECKING:
 
 ALIKE = 15.0
 """Largest angle in degrees between added forces of one cluster (97 % of the force in common)."""
-_STARTS = 3
-"""Starting nonlinear parameters tried of every form: the first, the middle and the last of its grid."""
 _ROUNDING_SHARE = 1e-9
 """Largest share of a force that is rounding."""
 
@@ -167,7 +165,8 @@ def detectable_effects(
         shares = []
         for form in effect.forms:
             starts = nonlinear_starts(form, data, residual)
-            for index in sorted({0, len(starts) // 2, len(starts) - 1})[:_STARTS]:
+            # The first, the middle and the last starting values of the form.
+            for index in sorted({0, len(starts) // 2, len(starts) - 1}):
                 for signal in added_forces(fit, form, data, starts[index]).T:
                     energy, left = float(signal @ signal), project_out(basis, signal)
                     if energy > 0 and left @ left > _ROUNDING_SHARE * energy:
