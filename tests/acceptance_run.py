@@ -15,12 +15,10 @@ class AcceptanceRun:
     """One run of a suite (a folder of tests/); ends the process where the command line is wrong or the recordings are missing."""
 
     def __init__(self, description: str, suite: str, recordings: str):
-        parser = argparse.ArgumentParser(
-            description=description, formatter_class=argparse.RawDescriptionHelpFormatter
-        )
-        parser.add_argument(
-            "--only", default="", metavar="NAMES", help="beginnings of names, separated by commas"
-        )
+        style = argparse.RawDescriptionHelpFormatter
+        parser = argparse.ArgumentParser(description=description, formatter_class=style)
+        names = "beginnings of names, separated by commas"
+        parser.add_argument("--only", default="", metavar="NAMES", help=names)
         parser.add_argument("--json", type=Path, help="write every answer whole")
         parser.add_argument("--markdown", type=Path, help="renew the table of this page")
         options = parser.parse_args()
@@ -43,12 +41,8 @@ class AcceptanceRun:
 
     def keep(self, name: str, answer: Answer, judgement: str, why: str, recorded: str) -> None:
         """Keep a judged answer, and whether it is as recorded (`surprise`)."""
-        self.answers[name] = {
-            "judgement": judgement,
-            "why": why,
-            "seconds": answer.seconds,
-            **answer.document,
-        }
+        verdict = {"judgement": judgement, "why": why, "seconds": answer.seconds}
+        self.answers[name] = {**verdict, **answer.document}
         if words := surprise(name, judgement, why, recorded):
             self.surprises.append(words)
         if self.json:

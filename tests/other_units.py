@@ -16,12 +16,11 @@ from lumbar.tissue.models.form import Form
 Diagnose = Callable[[Sequence[Record], Sequence[str] | str | None], DiagnosisResult]
 """From records, and the names of those that are fitted."""
 SIGNIFICANT = 1e-3
-"""Relative tolerance of errors: searches end where a step changes the parameters by 1e-7 and the square by 1e-9, on another
-side of the optimum after other rounding."""
+"""Relative tolerance of errors: searches end at steps of 1e-7 of the parameters, on either side of the optimum."""
 WITHIN = 0.1
-"""Of its own interval's width a parameter and both ends may move: to that the optimum itself is known to nobody."""
+"""Tolerance of a parameter and both ends of its interval, relative to the interval's width."""
 KILOGRAMS = {"kg": "{y}", "kg m": "{y}", "m": "1", "m/s^2": "1"}
-"""Units of pendulums, whose angle and clock stay: a mass is as large as the moments are."""
+"""Units of pendulums, with constant angle and clock: a mass is proportional to the moments."""
 
 
 @dataclass(frozen=True)
@@ -30,24 +29,23 @@ class Units:
 
     clock: float = 1.0
     motion: float = 1.0
+    """Of the input."""
     force: float = 1.0
-    """`motion`, `force`: of input and output."""
+    """Of the output."""
     turned: bool = False
-    """Whether both count the other way."""
+    """True if both have the opposite sign."""
     otherwise: bool = False
-    """Whether the records come in another order and the units have other names."""
+    """True if the records are in another order and the units have other names."""
 
     def of(self, record: Record) -> Record:
         """The record in the other units."""
         way = -1 if self.turned else 1
         factors = {"input": way * self.motion, "output": way * self.force, "pivot_acceleration_x": way}
+        units = {"input": "parsec", "output": "dyn"} if self.otherwise else {}
         channels = {
-            role: replace(item, values=item.values * factors.get(role, 1.0))
+            role: replace(item, values=item.values * factors.get(role, 1.0), unit=units.get(role, item.unit))
             for role, item in record.channels.items()
         }
-        if self.otherwise:
-            named = {"input": "parsec", "output": "dyn"}
-            channels |= {role: replace(channels[role], unit=unit) for role, unit in named.items()}
         period = record.period and record.period * self.clock
         return replace(record, time=record.time * self.clock, channels=channels, period=period)
 

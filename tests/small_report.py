@@ -44,9 +44,8 @@ def make_results(folder: Path) -> Path:
     for name in ("tables", "figures", "captions", "tissue", "logs/export", "checked", "stability"):
         (results / name).mkdir(parents=True)
     names = ["trained_on", *(f"long_name_of_a_measure_{number}_mm" for number in range(24))]
-    frame = pd.DataFrame({name: [10.0**row for row in range(-4, 4)] for name in names}).assign(
-        trained_on="noise"
-    )
+    frame = pd.DataFrame({name: [10.0**row for row in range(-4, 4)] for name in names})
+    frame["trained_on"] = "noise"
     for number in range(7):
         frame[f"remark_{number}"] = "an explanation of inhomogeneously distributed words " * 3
     names = list(frame.columns)
@@ -64,27 +63,15 @@ def make_results(folder: Path) -> Path:
     write_json(results / "tissue" / "models.json", {})
     for name, verdict, floor in (("one", "named", 0.1), ("two", "unexplained", None)):
         ladder = [{"effects": [], "test_rms": 0.4}, {"effects": ["inertia"], "test_rms": 0.1234}]
-        found = {
-            "base": "KB",
-            "train": "noise",
-            "unit": "N",
-            "verdict": verdict,
-            "selected": ["inertia"],
-            "tied_with": [],
-        }
-        found |= {
-            "ladder": ladder,
-            "noise_floor_rms": floor,
-            "complete": True,
-            "findings": [{"sentence": "Clock & sign."}],
-        }
-        write_json(results / "improvement" / name / "diagnosis.json", found)
+        document = {"base": "KB", "train": "noise", "unit": "N", "verdict": verdict, "complete": True}
+        document |= {"selected": ["inertia"], "tied_with": [], "ladder": ladder, "noise_floor_rms": floor}
+        document |= {"findings": [{"sentence": "Clock & sign."}]}
+        write_json(results / "improvement" / name / "diagnosis.json", document)
         write_text(results / "improvement" / name / "diagnosis.html", "<p>page</p>")
     log = "FMUs: 1 of 2\nWARNING: not safe:\n  MW is unstable\n  raise the rate\ndone\n"
     write_text(results / "logs" / "export" / "fmu.log", log)
-    write_text(
-        results / "logs" / "lift" / "a_6kg.log", "WARNING: a_6kg has no pendulum:\n  its file says why\n"
-    )
+    warning = "WARNING: a_6kg has no pendulum:\n  its file says why\n"
+    write_text(results / "logs" / "lift" / "a_6kg.log", warning)
     entry = {"file": "noise.csv", "name": "noise", "rate_Hz": 100.0, "duration_s": 10.0}
     channels = {"input": {"quantity": "position", "unit": "mm"}}
     write_json(results / "checked" / "tissue.json", {"recordings": [entry | {"channels": channels}]})
@@ -92,9 +79,8 @@ def make_results(folder: Path) -> Path:
         results / "stability" / "failures.csv",
         "subject,experience,box_mass_kg,com,plane,basin,reason\na,b,1,thorax,lateral_bending,exact,a (hanging): ρ is negative\n",
     )
-    checks = pd.DataFrame(
-        {"file": ["KB_fmi3.fmu", "MW_fmi3.fmu"], "schema_problems": [2, 0], "relative_error": [0.0, 3e-6]}
-    )
+    files = {"file": ["KB_fmi3.fmu", "MW_fmi3.fmu"], "schema_problems": [2, 0], "relative_error": [0.0, 3e-6]}
+    checks = pd.DataFrame(files)
     write_text(results / "runtime" / "fmu_check.csv", checks.assign(tolerance=1e-12).to_csv(index=False))
     for row in SHEET:
         write_text(results / "captions" / f"{row.id}.rst", f"Caption of {row.id} & *what* it shows.")

@@ -18,18 +18,14 @@ def lab(folder, name, records, **changes):
     data.mkdir(parents=True)
     for file, text in records.items():
         (data / file).write_text(text, encoding="utf-8")
-    study = {
-        "study": name,
-        "data": "recordings",
-        "data_root": f"data/{name}",
-        "data_source": {"name": "a test", "licence": "none", "obtain": "the test itself"},
-        "chapters": ["tissue"],
-        "tissue": {
-            "records": [{"name": file.split(".")[0], "file": file} for file in records],
-            "training": [file.split(".")[0] for file in records],
-        },
+    names = {file: file.split(".")[0] for file in records}
+    tissue = {
+        "records": [{"name": names[file], "file": file} for file in names],
+        "training": [*names.values()],
     }
-    study.update(changes)
+    study = {"study": name, "data": "recordings", "data_root": f"data/{name}", "chapters": ["tissue"]}
+    study |= {"data_source": {"name": "a test", "licence": "none", "obtain": "the test itself"}}
+    study |= {"tissue": tissue, **changes}
     path = folder / "config" / "studies" / f"{name}.yaml"
     path.write_text(yaml.safe_dump(study), encoding="utf-8")
     return str(path.relative_to(folder))
@@ -39,10 +35,8 @@ def recording(samples=2000, seed=1):
     random = np.random.default_rng(seed)
     position = np.cumsum(random.standard_normal(samples)) * 0.05
     force = 0.8 * position + 0.05 * random.standard_normal(samples)
-    return [
-        f"{0.01 * index:.2f},{x:.5f},{y:.5f}"
-        for index, (x, y) in enumerate(zip(position, force, strict=True))
-    ]
+    rows = enumerate(zip(position, force, strict=True))
+    return [f"{0.01 * index:.2f},{x:.5f},{y:.5f}" for index, (x, y) in rows]
 
 
 def text(rows):
@@ -50,10 +44,8 @@ def text(rows):
 
 
 def nothing_written(folder, name):
-    made = folder / "results" / name
-    return not [
-        path for path in made.rglob("*") if path.is_file() and path.parent.name not in ("logs", "benchmarks")
-    ]
+    files = [path for path in (folder / "results" / name).rglob("*") if path.is_file()]
+    return {path.parent.name for path in files} <= {"logs", "benchmarks"}
 
 
 def test_wrong_keys_are_all_named(folder):

@@ -36,9 +36,8 @@ def test_every_dependency_is_locked(project):
 
 def named(text: str) -> set[str]:
     """Names of packages as indices compare them."""
-    return {
-        re.sub(r"[-_.]+", "-", name).lower() for name in re.findall(r"^([A-Za-z0-9._-]+)==", text, flags=re.M)
-    }
+    names = re.findall(r"^([A-Za-z0-9._-]+)==", text, flags=re.M)
+    return {re.sub(r"[-_.]+", "-", name).lower() for name in names}
 
 
 def test_packages_whose_metadata_state_no_licence_are_listed(project):
@@ -55,40 +54,31 @@ def test_packages_whose_metadata_state_no_licence_are_listed(project):
 
 
 def test_images_are_named_by_digest(project):
-    images = re.findall(
-        r"^FROM (\S+)", (project / "envs" / "Dockerfile").read_text(encoding="utf-8"), flags=re.M
-    )
+    container = (project / "envs" / "Dockerfile").read_text(encoding="utf-8")
+    images = re.findall(r"^FROM (\S+)", container, flags=re.M)
     assert images and all(re.search(r"@sha256:[0-9a-f]{64}$", image) for image in images)
 
 
 def test_conda_environment_has_the_same_pins(project):
     environment = yaml.safe_load((project / "envs" / "lumbar.yaml").read_text(encoding="utf-8"))
-    listed = dict(
-        re.match(r"([A-Za-z0-9._-]+)==([^ ;]+)", entry).groups()
-        for entry in environment["dependencies"][-1]["pip"]
-    )
-    listed["pip"] = next(
-        entry.split("=")[1] for entry in environment["dependencies"] if str(entry).startswith("pip=")
-    )
+    *others, last = environment["dependencies"]
+    listed = dict(re.match(r"([A-Za-z0-9._-]+)==([^ ;]+)", entry).groups() for entry in last["pip"])
+    listed["pip"] = next(entry.split("=")[1] for entry in others if entry.startswith("pip="))
     assert listed == pins(project)
 
 
 def test_derived_files_are_up_to_date(project):
     derive = runpy.run_path(str(project / "envs" / "derive.py"))
-    assert derive["supported"](lock(project)) == lock(project)
-    assert derive["build_lock"](lock(project)) == (project / "envs" / "build-lock.txt").read_text(
-        encoding="utf-8"
-    )
-    assert derive["conda_environment"](lock(project)) == (project / "envs" / "lumbar.yaml").read_text(
-        encoding="utf-8"
-    )
+    derived = {"supported": "lock.txt", "build_lock": "build-lock.txt", "conda_environment": "lumbar.yaml"}
+    for function, file in derived.items():
+        assert derive[function](lock(project)) == (project / "envs" / file).read_text(encoding="utf-8")
 
 
 def test_reference_and_schema_say_what_the_settings_say(project):
-    folder = project / "docs" / "config"
-    assert {path.name: path.read_text(encoding="utf-8") for path in folder.glob("*.md")} == pages(), (
-        "run: make docs"
-    )
+    files = {
+        path.name: path.read_text(encoding="utf-8") for path in (project / "docs" / "config").glob("*.md")
+    }
+    assert files == pages(), "run: make docs"
     assert SCHEMA.read_text(encoding="utf-8") == schema(), "run: make docs"
 
 
@@ -97,9 +87,7 @@ def test_editors_find_the_schema_and_accept_every_study(project):
     assert len(files) > 10
     for path in files:
         text = path.read_text(encoding="utf-8")
-        named = (
-            path.parent / text.splitlines()[0].removeprefix("# yaml-language-server: $schema=")
-        ).resolve()
+        named = path.parent / text.splitlines()[0].removeprefix("# yaml-language-server: $schema=")
         schema = Draft202012Validator(json.loads(named.read_text(encoding="utf-8")))
         assert not [error.message for error in schema.iter_errors(yaml.safe_load(text))], path
     for wrong in ({"survey": {"colour": 1}}, {"seed": -1}, {"tissue": {"training": ["a", "a"]}}):
