@@ -39,7 +39,7 @@ def main(records: Path = RECORDS, picture: Path = ROOT / "docs" / "images" / "fr
     axes[0, 0].set_ylabel("Force (N)")
     axes[1, 0].set_ylabel("Residual (N)")
     for axis in axes[:, 0]:
-        style.head_room(axis, 0.25)
+        style.add_head_room(axis, 0.25)
         axis.legend(loc="upper right", ncols=2)
     figure.supxlabel("Data: synthetic twin", x=0.995, ha="right", fontsize=6, color="#555555")
     figure.savefig(picture, dpi=160)

@@ -10,7 +10,7 @@ def main(input, output, settings: StudySettings, source_label: str):
     from lumbar.interface.identification import identify
     from lumbar.interface.reading import read_listed
     from lumbar.publishing.figures.style import save
-    from lumbar.publishing.figures.tissue_figures import excitation_figure
+    from lumbar.publishing.figures.tissue_figures import record_segments_figure
 
     tissue = settings.tissue
     records = read_listed(input.recordings, tissue.records, tissue.layout, tissue.rate_Hz)
@@ -24,7 +24,7 @@ def main(input, output, settings: StudySettings, source_label: str):
         }
     )
     trained = sorted((records[name] for name in tissue.training), key=lambda item: (item.duration, item.name))
-    save(excitation_figure(trained, tissue.segment_s), stem(output.figure_3_4), source_label)
+    save(record_segments_figure(trained, tissue.segment_s), stem(output.figure_3_4), source_label)
     save(result.free_run_figure(records[tissue.training[0]]), stem(output.figure_3_5), source_label)
 
 

@@ -70,11 +70,11 @@ def _draw(
         figure_4_3,
         figure_4_4,
         method_comparison_figure,
-        shown_lift,
+        select_lift,
     )
     from lumbar.publishing.figures.style import person_and_box, save
 
-    chosen = shown_lift(facts, labels, settings.compare.groups[0])
+    chosen = select_lift(facts, labels, settings.compare.groups[0])
     funnels, states = pd.read_csv(input.funnels[chosen]), pd.read_csv(input.states[chosen])
     person, pendulum = person_and_box(facts[chosen]), settings.pendulum
     save(figure_4_3(funnels, settings), stem(output.figure_4_3), source_label, who=person)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from lumbar.base.errors import InputError
 from lumbar.base.files import write_text
-from lumbar.interface.result import Result, label_of, settings_or_default
+from lumbar.interface.result import Result, records_label, settings_or_default
 from lumbar.records.record import Record
 from lumbar.settings.study_settings import StudySettings
 from lumbar.tables.table import Table
@@ -108,7 +108,7 @@ def _simulate_on_records(
     """Return the values of `ModelReports`; parameters as in `compare`."""
     settings = settings_or_default(settings)
     session = settings.improvement.session
-    source_label = label_of(source_label, records)
+    source_label = records_label(source_label, records)
     records, findings = limit_samples(list(records), session)
     if not isinstance(model, FittedModel):
         given = f"an object of class {type(model).__name__}"

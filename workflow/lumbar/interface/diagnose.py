@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from lumbar.base.files import write_csv, write_json
 from lumbar.interface.diagnosis import Diagnosis
 from lumbar.interface.proposed_law import ProposedLaw, require_motion_input
-from lumbar.interface.result import label_of, settings_or_default
+from lumbar.interface.result import records_label, settings_or_default
 from lumbar.records.record import Record, require_one_axis, use_load_as_input
 from lumbar.settings.study_settings import StudySettings
 from lumbar.tables.table import Table
@@ -81,7 +81,7 @@ def diagnose(
     """
     settings = settings_or_default(settings)
     chosen = DiagnosisSettings.from_study(settings, base, train)
-    source_label = label_of(source_label, records)
+    source_label = records_label(source_label, records)
     used = [use_load_as_input(record) for record in records] if chosen.load_drives else list(records)
     if any(record.points for record in used):
         return Diagnosis(used, chosen, search(used, chosen), settings, source_label)
@@ -114,7 +114,7 @@ def propose(
     >>> law.save("proposed_law.yaml")                           # doctest: +SKIP
     """
     settings = settings_or_default(settings)
-    source_label = label_of(source_label, records)
+    source_label = records_label(source_label, records)
     require_motion_input(settings.improvement.forward)  # before the diagnosis, which takes seconds
     require_one_axis(records, "propose")
     return diagnose(records, base=base, train=train, settings=settings, source_label=source_label).propose()

@@ -202,7 +202,7 @@ class Diagnosis:
             raise InputError(f"{self.no_page_reason}; save and to_html show what was found")
         from lumbar.publishing.explorer.explorer_page import ExplorerPage
 
-        others = self.thesis_models if thesis else ThesisModels(remark=_NOT_IDENTIFIED)
+        others = self.thesis_models if thesis else ThesisModels(remark=_MISSING_MODELS_REMARK)
         linear = self.result.linear
         return ExplorerPage(
             self.result,
@@ -281,6 +281,6 @@ class ThesisModels:
     """Missing models and the reasons; empty if none is missing."""
 
 
-_NOT_IDENTIFIED = (
+_MISSING_MODELS_REMARK = (
     'The thesis\'s models are not shown: "lumbar diagnose --pictures" and "lumbar explore" identify them.'
 )

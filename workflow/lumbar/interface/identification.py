@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import pandas as pd
 
 from lumbar.base.errors import InputError
-from lumbar.interface.result import Result, label_of, settings_or_default
+from lumbar.interface.result import Result, records_label, settings_or_default
 from lumbar.records.record import Record, RecordSet, require_clock, require_one_axis
 from lumbar.settings.runtime import RuntimeSettings
 from lumbar.settings.study_settings import StudySettings
@@ -70,7 +70,7 @@ def identify(
     """
     settings = settings_or_default(settings)
     tissue, improvement = settings.tissue, settings.improvement
-    source_label, records = label_of(source_label, records), RecordSet(records)
+    source_label, records = records_label(source_label, records), RecordSet(records)
     require_clock(records)
     require_one_axis(records, "identify")
     train = train or tissue.training or max(records, key=len).name

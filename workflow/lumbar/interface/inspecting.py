@@ -29,7 +29,7 @@ from lumbar.records.markers import MarkerRecording, read_markers
 from lumbar.records.unpacking import ending_of
 from lumbar.settings.lifting import REFINING, LiftingSettings, SubjectSettings, TrialSettings
 
-_STAND_IN = SubjectSettings(
+_PLACEHOLDER_SUBJECT = SubjectSettings(
     name="nobody", sex="unknown", mass_kg=70.0, height_m=1.7, experience="unknown", trials=()
 )
 """Subject for the pipeline: events and gaps of a recording do not depend on the subject."""
@@ -42,7 +42,7 @@ def inspect(
     *,
     settings: LiftingSettings | None = None,
     height_m: float | None = None,
-) -> "Inspected":
+) -> "InspectionReport":
     """Report on a marker file without computing results from it.
 
     Parameters
@@ -97,7 +97,7 @@ def inspect(
         axes += f" by the body, but up {layout.up} and forward {layout.forward} in the settings"
         file = _read(path, rotated, height_m)
     recording, screening = file.recording, file.screening
-    return Inspected(
+    return InspectionReport(
         sheet=quality_sheet(recording, screening.points, screening.findings, screening.unchecked),
         axes=axes,
         pipeline=pipeline,
@@ -147,7 +147,9 @@ def _run_pipeline(path: Path, file: _MarkerFile, settings: LiftingSettings) -> t
     """Return whether a lift is analysed with these settings, and its events or the reason why not."""
     recording, screening, bodies = file.recording, file.screening, file.bodies
     layout, trial = settings.markers, TrialSettings(box_mass_kg=0.0, markers=path.name)
-    subject = _STAND_IN.model_copy(update={"height_m": screening.height_m or _STAND_IN.height_m})
+    subject = _PLACEHOLDER_SUBJECT.model_copy(
+        update={"height_m": screening.height_m or _PLACEHOLDER_SUBJECT.height_m}
+    )
     try:
         if layout.required != ():
             return True, str(lift(path, subject, 0.0, settings=settings))
@@ -170,7 +172,7 @@ def check_picture_format(path: Path) -> None:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Inspected:
+class InspectionReport:
     """Report on a marker file."""
 
     sheet: QualitySheet
@@ -242,7 +244,7 @@ class Inspected:
         return "\n".join(self.lines())
 
     def __repr__(self) -> str:
-        return f"<Inspected {Path(self.sheet.file).name}: {len(self.sheet.findings)} findings>"
+        return f"<InspectionReport {Path(self.sheet.file).name}: {len(self.sheet.findings)} findings>"
 
     def _repr_html_(self) -> str:
         from lumbar.publishing.pages.html import listing

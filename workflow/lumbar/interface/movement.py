@@ -173,7 +173,7 @@ def measure_person(
             frames[name] = measure_movement(analysed, settings=stability).values
             lifts[name] = analysed
         except LumbarError as error:
-            frames[name] = _unmeasured(str(error))
+            frames[name] = _missing_measures(str(error))
     areas = _basin_areas(lifts, stability)
     counts: Counter = Counter()
     tables = []
@@ -216,7 +216,7 @@ def _basin_areas(lifts: Mapping[str, Lift], settings: StabilitySettings) -> pd.D
     return frame.assign(unit="rad²/s", safer="higher", source=BASIN_SOURCE)
 
 
-def _unmeasured(reason: str) -> pd.DataFrame:
+def _missing_measures(reason: str) -> pd.DataFrame:
     """Return the rows of all measures of a lift that could not be analysed."""
     from lumbar.lifting.stability.model.pendulum_trajectories import COMS, PLANES
 

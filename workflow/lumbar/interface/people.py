@@ -25,7 +25,7 @@ def compare_groups(
     *,
     groups: tuple[str, str] | None = None,
     source_label: str = "",
-) -> PeopleCompared:
+) -> GroupDifferences:
     """Compare two groups of people at the same box, and the boxes within each group, measure by measure.
 
     Parameters
@@ -80,7 +80,7 @@ def compare_groups(
         names = " or ".join(map(repr, unknown))
         raise InputError(f"groups: no subject is labelled {names}; labels: {', '.join(labels)}")
     comparisons = tuple(compare_people(table, (first, second)))
-    return PeopleCompared(comparisons, (first, second), data_label(source_label, sources))
+    return GroupDifferences(comparisons, (first, second), data_label(source_label, sources))
 
 
 _COLUMNS = ("person", "group", "box_mass_kg", "measure", "plane", "value")
@@ -88,7 +88,7 @@ _COLUMNS = ("person", "group", "box_mass_kg", "measure", "plane", "value")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class PeopleCompared(Result):
+class GroupDifferences(Result):
     """Differences between groups and boxes."""
 
     comparisons: tuple[GroupComparison, ...]
@@ -127,4 +127,4 @@ class PeopleCompared(Result):
 
     def __repr__(self) -> str:
         first, second = self.groups
-        return f"<PeopleCompared: {len(self.comparisons)} comparisons of {first} and {second}>"
+        return f"<GroupDifferences: {len(self.comparisons)} comparisons of {first} and {second}>"

@@ -33,17 +33,6 @@ Source = str | os.PathLike | Iterable[str | os.PathLike]
 
 @overload
 def read(
-    source: Source,
-    kind: Literal["tissue", "pendulum", "surgeon"],
-    *,
-    layout: ColumnLayout | None = None,
-    rate: float | None = None,
-    names: Iterable[str] | None = None,
-    periods: Mapping[str, float] | None = None,
-    trims: Mapping[str, tuple[float, float]] | None = None,
-) -> RecordSet: ...
-@overload
-def read(
     source: Source, kind: Literal["markers"], *, layout: MarkerLayout | None = None
 ) -> MarkerRecording: ...
 @overload
@@ -51,14 +40,14 @@ def read(source: Source, kind: Literal["survey"], *, layout: RatingsLayout | Non
 @overload
 def read(
     source: Source,
-    kind: None = None,
+    kind: Literal["tissue", "pendulum", "surgeon"] | None = None,
     *,
     layout: ColumnLayout | MarkerLayout | None = None,
     rate: float | None = None,
     names: Iterable[str] | None = None,
     periods: Mapping[str, float] | None = None,
     trims: Mapping[str, tuple[float, float]] | None = None,
-) -> RecordSet | Any: ...  # the file's ending decides
+) -> RecordSet | Any: ...  # without a kind the file's ending decides
 def read(
     source: Source,
     kind: Kind | None = None,

@@ -8,7 +8,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from lumbar.interface.comparison import Comparisons, Locations, Reports
-from lumbar.interface.result import Result, label_of, settings_or_default
+from lumbar.interface.result import Result, records_label, settings_or_default
 from lumbar.records.record import Record, use_load_as_input
 from lumbar.settings.study_settings import StudySettings
 from lumbar.tissue.diagnosis.finding import Finding
@@ -65,7 +65,7 @@ def refine(
     """
     settings = settings_or_default(settings)
     chosen = DiagnosisSettings.from_study(settings, base, train)
-    source_label = label_of(source_label, records)
+    source_label = records_label(source_label, records)
     return fit_effects(list(records), list(effects), chosen, settings.seed, source_label)
 
 

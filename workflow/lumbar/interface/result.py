@@ -39,7 +39,7 @@ def data_label(given: str, sources: Iterable[str]) -> str:
     return given or ", ".join(dict.fromkeys(names)) or UNKNOWN_SOURCE
 
 
-def label_of(given: str, records: Iterable[Record]) -> str:
+def records_label(given: str, records: Iterable[Record]) -> str:
     """Return the `data_label` of records.
 
     Raises

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from lumbar.base.errors import InputError
 from lumbar.base.files import read_json
-from lumbar.interface.result import Result, label_of
+from lumbar.interface.result import Result, records_label
 from lumbar.records.record import Record
 from lumbar.settings.section import SEED
 from lumbar.settings.signals import SignalsSettings, SurgeonSettings
@@ -58,7 +58,7 @@ def bandwidth(
     >>> f"{bandwidth.values['position']['power_share']['value_Hz']:.1f} Hz"
     '2.1 Hz'
     """
-    source_label = label_of(source_label, trials)
+    source_label = records_label(source_label, trials)
     settings, trials = settings or SurgeonSettings(), list(trials)
     surgeons = list(surgeons or (trial.name.split("_trial")[0] for trial in trials))
     spectra = surgeon_motion.motion_spectra(trials, surgeons, settings.welch)

@@ -18,7 +18,7 @@ from lumbar.base.progress import notify_progress
 from lumbar.base.yaml_file import read_yaml
 from lumbar.interface.lift_page import lift_page
 from lumbar.page_server.background import DRAWING, WRITING, Job, page_message
-from lumbar.publishing.explorer.explorer_page import ExplorerPage, excitation_of, model_facts
+from lumbar.publishing.explorer.explorer_page import ExplorerPage, excitation_facts, model_facts
 from lumbar.publishing.explorer.page_data import ModelData, model_key
 from lumbar.settings.stability import StabilitySettings
 from lumbar.tissue.diagnosis.evidence.discrimination import separating_excitation
@@ -273,7 +273,7 @@ class TabRequests:
             raise InputError(
                 "no excitation can be named: the force is the records' input, or an effect depends on a further channel"
             )
-        return {"excitation": excitation_of(excitation, verdict)}, []
+        return {"excitation": excitation_facts(excitation, verdict)}, []
 
 
 def read_request(text: str | bytes) -> dict[str, Any]:

@@ -21,7 +21,7 @@ from lumbar.publishing.explorer.page_data import (
     simulate_candidate,
     simulate_thesis_model,
 )
-from lumbar.publishing.pages.diagnosis_page import role_of
+from lumbar.publishing.pages.diagnosis_page import candidate_role
 from lumbar.publishing.pages.html import equation, table
 from lumbar.tables.layout import unit_in_print
 from lumbar.tissue.diagnosis.evidence.discrimination import Separation, motion_csv, separation_sentence
@@ -57,7 +57,7 @@ CURVES = (
 """Curves that can be switched off: name, label, colour, line."""
 LINES = {"circle": "● excited", "square": "■ even", "triangle": "▲ odd ones that were left out"}
 """Markers of the spectrum's lines and their meaning."""
-_FIRST_SHOWN_S = 10.0
+_INITIAL_WINDOW_S = 10.0
 """Seconds that are shown at first of records that do not repeat; of others a period."""
 _MAX_UNFOLDED = 6
 """Most parameters that a card shows without folding their table."""
@@ -130,7 +130,7 @@ class ExplorerPage:
             "headline": sentences.headline(verdict),
             "left": sentences.remaining_error(verdict) if verdict.selected else "",
             "findings": [item.sentence for item in verdict.findings],
-            "sure": how_sure(verdict, self.evidence),
+            "sure": confidence_sentences(verdict, self.evidence),
             "floor": "" if floor is None else f"{floor.rms:.3g} {verdict.experiment.output_unit}",
             "records": sorted(self.records, key=lambda record: not record.is_training),
             "groups": groups,
@@ -163,13 +163,13 @@ class ExplorerPage:
         return {
             "unit": experiment.output_unit,
             "noise_rms": None if floor is None else floor.rms,
-            "window_s": _FIRST_SHOWN_S if floor is None else floor.period,
+            "window_s": _INITIAL_WINDOW_S if floor is None else floor.period,
             "base": model_name(verdict.base.fit),
             "selected": list(verdict.selected),
             "served": served,
             "trained": [record.name for record in self.records if record.is_training],
             "pictures": [name for name, *_ in PICTURES],
-            "excitations": {model_key(item.effects): excitation_of(separation, verdict) for item in tied},
+            "excitations": {model_key(item.effects): excitation_facts(separation, verdict) for item in tied},
             "models": {model.key: model_facts(model, located.get(model.key, [])) for model in self.models},
         }
 
@@ -197,7 +197,7 @@ def model_facts(model: ModelData, located: Sequence[ResidualReport]) -> dict[str
     }
 
 
-def excitation_of(separation: Separation, verdict: DiagnosisResult) -> dict[str, str]:
+def excitation_facts(separation: Separation, verdict: DiagnosisResult) -> dict[str, str]:
     """Return an excitation as data for the page's script: its sentence and the file to play."""
     return {
         "text": separation_sentence(separation, verdict),
@@ -206,7 +206,7 @@ def excitation_of(separation: Separation, verdict: DiagnosisResult) -> dict[str,
     }
 
 
-def how_sure(diagnosis: DiagnosisResult, evidence: Evidence) -> list[str]:
+def confidence_sentences(diagnosis: DiagnosisResult, evidence: Evidence) -> list[str]:
     """Return sentences on chance, on equally good explanations, and on the experiment that would decide."""
     lines = ["No effect of the catalogue could be fitted to these records."]
     if diagnosis.ranking:
@@ -255,7 +255,7 @@ def _card(item: Ranked, diagnosis: DiagnosisResult, catalogue: dict[str, Effect]
     return {
         "key": model_key(effects),
         "title": effects_text(effects).capitalize(),
-        "role": role_of(item, diagnosis),
+        "role": candidate_role(item, diagnosis),
         "error": f"Error on unseen records: {before} → {after} {unit}; {probability(item.p_value)}.",
         "mechanism": " ".join(f"{effect.mechanism} {effect.sensors}".rstrip() for effect in new),
         "settles": "; ".join(effect.experiment for effect in new) if is_tied else "",

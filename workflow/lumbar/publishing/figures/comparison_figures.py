@@ -11,7 +11,7 @@ from lumbar.publishing.figures.palette import MEASURED, MODELS, SERIES
 from lumbar.publishing.figures.style import (
     DOUBLE_COLUMN,
     SINGLE_COLUMN,
-    head_room,
+    add_head_room,
     house_style,
     label_panels,
     mark_noise_floor,
@@ -28,7 +28,7 @@ from lumbar.tissue.diagnosis.selection.sentences import distinguishing_digits
 from lumbar.tissue.effects.signature import AXES, RATES, pictured_form, signatures
 from lumbar.tissue.models.form import Effect
 
-_SHOWN_SAMPLES = 500
+_SEGMENT_SAMPLES = 500
 """Samples of the default segment."""
 _NOISE = {"color": "#bbbbbb", "edgecolor": "#555555", "linewidth": 0.6}
 _EXPLAINABLE = {"color": "white", "edgecolor": MODELS["HO"]["color"], "hatch": "////", "linewidth": 0.8}
@@ -36,7 +36,7 @@ _EXPLAINABLE = {"color": "white", "edgecolor": MODELS["HO"]["color"], "hatch": "
 
 def default_segment(record: Record, simulated: np.ndarray, start: float) -> tuple[float, float]:
     """Return start and end in s of a segment with an error as large as on the whole record."""
-    first, size = round(start / record.sampling_time), min(_SHOWN_SAMPLES, len(record) // 2)
+    first, size = round(start / record.sampling_time), min(_SEGMENT_SAMPLES, len(record) // 2)
     energy = np.cumsum(np.insert((record["output"] - simulated) ** 2, 0, 0.0))
     candidates = np.arange(first, len(record) - size, max(size // 4, 1))
     if not candidates.size:
@@ -80,7 +80,7 @@ def record_comparison_figure(
     label = f"{output.quantity.capitalize()} ({unit_in_print(output.unit)})"
     response.set(ylabel=label, title=record.name.replace("_", " "))
     response.legend(loc="upper right", ncols=2)
-    head_room(response, 0.18)
+    add_head_room(response, 0.18)
     residual.set_xlim(segment)
     _draw_shares(shares, comparisons)
     label_panels([response, shares, residual])
@@ -109,7 +109,7 @@ def draw_segment(
     residual.plot(time, measured - modelled, color=color, linewidth=0.8)
     residual.set(ylabel=f"Measured − model\n({unit_in_print(comparison.unit)})", xlabel="Time (s)")
     if comparison.floor is not None:
-        head_room(residual, 0.25)
+        add_head_room(residual, 0.25)
         residual.legend(loc="upper right")
 
 
@@ -199,7 +199,7 @@ def draw_error_bars(axes, errors: dict[str, list[float]], texts: list[str], floo
     axes.grid(visible=False, axis="x")
 
 
-_SHOWN_S = 8.0
+_DURATION_S = 8.0
 """Seconds shown over time."""
 _BASE = {"color": "#999999", "linestyle": (0, (4, 1.5)), "linewidth": 1.0}
 _CLOSE = {"ncols": 2, "handlelength": 1.4, "columnspacing": 0.8, "borderpad": 0.1, "fontsize": 6.5}
@@ -248,13 +248,13 @@ def _draw_effect(row, effect: Effect, system: str) -> None:
     for axis in (whole, added):
         axis.set_xlabel(moved)
     # The added force over time, with the motion scaled to it.
-    shown = slow.motion.time <= _SHOWN_S
+    shown = slow.motion.time <= _DURATION_S
     time, force = slow.motion.time[shown], slow.added_force[shown]
     scale = np.abs(force).max() / np.abs(slow.motion.position).max()
     over_time.plot(time, scale * slow.motion.position[shown], label=f"{moved.lower()}, scaled", **_BASE)
     over_time.plot(time, force, color=SERIES[0], linewidth=1.0, label=f"added {response}")
     over_time.set_xlabel("Time (s)")
     for axis in row:
-        head_room(axis, 0.22)
+        add_head_room(axis, 0.22)
         axis.legend(loc="upper left", **_CLOSE)
         axis.tick_params(labelsize=6.5)

@@ -7,7 +7,13 @@ from matplotlib.figure import Figure
 from lumbar.base.templates import typeset_minus_signs
 from lumbar.publishing.figures.comparison_figures import draw_error_bars
 from lumbar.publishing.figures.palette import SERIES
-from lumbar.publishing.figures.style import DOUBLE_COLUMN, head_room, house_style, label_panels, new_figure
+from lumbar.publishing.figures.style import (
+    DOUBLE_COLUMN,
+    add_head_room,
+    house_style,
+    label_panels,
+    new_figure,
+)
 from lumbar.tissue.diagnosis.law.proposal import Proposal
 from lumbar.tissue.diagnosis.law.validation import motions
 from lumbar.tissue.diagnosis.selection.result import DiagnosisResult
@@ -17,11 +23,11 @@ _SECTIONS = (0.1, 0.5, 0.9)
 """Quantiles of the velocity in the middle of the sections."""
 _WIDTH = 0.08
 """Share of the samples of a section on either side."""
-_FEWEST = 5
+_MIN_CELL_SAMPLES = 5
 """Fewest samples of a cell that is drawn."""
 _SEGMENTS = 2
 """Segments of a spectral estimate."""
-_MOVED = 1e-5
+_MIN_POWER_SHARE = 1e-5
 """Least power of the motion, relative to its largest, at frequencies that are drawn."""
 _LOOKS = (("o", "-"), ("s", (0, (4, 1.5))), ("^", (0, (1, 1))))
 
@@ -41,7 +47,7 @@ def _means(values: np.ndarray, force: np.ndarray, edges: np.ndarray) -> np.ndarr
     cell = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, len(edges) - 2)
     count = np.bincount(cell, minlength=len(edges) - 1)
     total = np.bincount(cell, force, minlength=len(edges) - 1)
-    return np.where(count >= _FEWEST, total / np.maximum(count, 1), np.nan)
+    return np.where(count >= _MIN_CELL_SAMPLES, total / np.maximum(count, 1), np.nan)
 
 
 def _draw_sections(axis, proposal: Proposal) -> None:
@@ -72,7 +78,7 @@ def _draw_sections(axis, proposal: Proposal) -> None:
             axis.plot(middle, of_law, linestyle=line, color=color, linewidth=1)
     axis.set(xlabel=f"Position ({experiment.input_unit})", ylabel=f"Missing force ({experiment.output_unit})")
     title = f"marks: measured{'' if added is None else ', lines: the law'}; $v$ in {experiment.input_unit}/s"
-    head_room(axis, 0.4)
+    add_head_room(axis, 0.4)
     close = {"ncols": 3, "columnspacing": 0.6, "handletextpad": 0.1}
     axis.legend(loc="upper center", title=title, title_fontsize=6, fontsize=6, **close)
 
@@ -111,7 +117,7 @@ def linear_figure(diagnosis: DiagnosisResult) -> Figure:
     settings = {"fs": rate, "nperseg": len(part.drop_history(part.force)) // _SEGMENTS}
     position = part.drop_history(part.motion.position)
     frequency, power = scipy.signal.csd(position, position, **settings)
-    moved = np.flatnonzero(np.abs(power) > _MOVED * np.abs(power).max())
+    moved = np.flatnonzero(np.abs(power) > _MIN_POWER_SHARE * np.abs(power).max())
     moved = moved[moved > 0]
     figure, (gain, phase, plane) = new_figure(DOUBLE_COLUMN, 2.4, ncols=3)
     for (label, force), color in zip(drawn.items(), SERIES, strict=False):
@@ -133,7 +139,7 @@ def linear_figure(diagnosis: DiagnosisResult) -> Figure:
     gain.set(xlabel="Frequency (Hz)", ylabel=f"Gain ({unit}/{diagnosis.experiment.input_unit})")
     phase.set(xlabel="Frequency (Hz)", ylabel="Phase (°)")
     plane.set(xlabel="Real part of the poles (1/s)", ylabel="Imaginary part (1/s)")
-    head_room(gain, 0.3)
+    add_head_room(gain, 0.3)
     gain.legend(loc="upper left", fontsize=6)
     label_panels((gain, phase, plane))
     return figure

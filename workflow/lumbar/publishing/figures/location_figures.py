@@ -10,7 +10,7 @@ from lumbar.publishing.figures.comparison_figures import default_segment, draw_s
 from lumbar.publishing.figures.palette import SERIES
 from lumbar.publishing.figures.style import (
     DOUBLE_COLUMN,
-    head_room,
+    add_head_room,
     house_style,
     label_panels,
     mark_noise_floor,
@@ -68,7 +68,7 @@ def _draw_time(axis, table: dict[str, np.ndarray], residual: Residual) -> None:
 
 
 def _room_for_legend(axis) -> None:
-    head_room(axis, 0.3)
+    add_head_room(axis, 0.3)
     axis.legend(loc="upper center", handlelength=1.6, columnspacing=1.0, handletextpad=0.5, ncols=2)
 
 

@@ -21,7 +21,7 @@ MAX_LIFTS = 4
 """Drawn lifts of a figure, the first ones."""
 _LINES = ("-", (0, (4, 1.5)), (0, (1, 1)), (0, (5, 1, 1, 1)))
 _GREY, _LIGHT = "#888888", "#cccccc"
-_ABSENT = {"va": "center", "color": _GREY, "wrap": True}
+_PLACEHOLDER = {"va": "center", "color": _GREY, "wrap": True}
 _WHITE = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 0.5}
 MARGIN_MM = (-120.0, 170.0)
 """Drawn range: while a person walks the extrapolated centre leaves the base at every step."""
@@ -66,7 +66,7 @@ def course_figure(lifts: list[dict], functional_share: float) -> Figure:
             if name in course:
                 axis.plot(course["time_s"], factor * course[name], **look)
             else:
-                show_placeholder(axis, "no markers for it", **_ABSENT)
+                show_placeholder(axis, "no markers for it", **_PLACEHOLDER)
         column[0].axhline(0.0, color="black", linewidth=0.8)
         column[1].set_xlabel("Time (s)")
         _mark_events(column, lift)
@@ -114,7 +114,7 @@ def support_figure(lifts: list[dict], functional_share: float) -> Figure:
         course = lift["course"]
         deposit = course[course["phase"] == "deposit"]
         if "margin_of_stability_m" not in course or deposit["margin_of_stability_m"].isna().all():
-            show_placeholder(axis, "no base of support during a deposit", **_ABSENT)
+            show_placeholder(axis, "no base of support during a deposit", **_PLACEHOLDER)
             continue
         _draw_support(axis, deposit, functional_share, looks[lift["facts"]["subject"]])
         axis.set_xlabel("Right (mm)")

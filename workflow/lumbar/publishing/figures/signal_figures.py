@@ -95,7 +95,7 @@ def _draw_bandwidths(axis, by_rule: dict, rules: dict) -> None:
         note(axis, label, place, (-5 if is_left else 5, 0), xycoords=transform, bbox=_WHITE, **look)
 
 
-_SHOWN_TO = 2.0
+_SPECTRUM_BANDS = 2.0
 """Upper end of the drawn spectra, as a multiple of the excited band."""
 
 
@@ -121,11 +121,11 @@ def excitation_figure(signals: Sequence[Signal], band: float, note: str) -> Figu
         left.plot(signal.time[inside], signal.position[inside], color=SERIES[index], linewidth=0.8)
         left.set(xlim=(start, stop), ylabel="Position (mm)", title=signal.name)
         frequency, amplitude = signal.line_amplitudes()
-        shown = frequency <= _SHOWN_TO * band + 1e-9
+        shown = frequency <= _SPECTRUM_BANDS * band + 1e-9
         right.vlines(frequency[shown], 0, amplitude[shown], color=SERIES[index], linewidth=0.9)
         right.plot(frequency[shown], amplitude[shown], ".", color=SERIES[index], markersize=2.5)
         right.axvline(band, color="#555555", linestyle=(0, (4, 2)), linewidth=0.8)
-        right.set(xlim=(0, _SHOWN_TO * band), ylabel="Amplitude (mm)")
+        right.set(xlim=(0, _SPECTRUM_BANDS * band), ylabel="Amplitude (mm)")
         spacing = 1 / (stop - start)
         right.set_title(f"{100 * signal.band_power_share(band):.1f} % of the power up to {band:g} Hz")
         text, look = (

@@ -33,7 +33,7 @@ SECTIONS = 10
 _CIRCLE = np.linspace(0.0, 2 * np.pi, 81)
 
 
-def shown_lift(facts: list[dict], labels: dict[str, str], group: str) -> int:
+def select_lift(facts: list[dict], labels: dict[str, str], group: str) -> int:
     """Return the index of the lift shown: the heaviest box of a group, as the thesis shows its expert's.
 
     Parameters

@@ -72,7 +72,7 @@ def _use_math_font_fallback(figure) -> None:
         text.set_text("$".join(parts))
 
 
-def head_room(axes, share: float) -> None:
+def add_head_room(axes, share: float) -> None:
     """Extend the axes upwards by a share of their height, for a legend."""
     bottom, top = axes.get_ylim()
     axes.set_ylim(bottom, top + share * (top - bottom))
@@ -93,7 +93,7 @@ def mark_noise_floor(axes, rms: float, linewidth: float = 0.8) -> None:
     axes.axhline(rms, color="black", linestyle="--", linewidth=linewidth, label="noise floor")
 
 
-SHOWS = "Shows: "
+SUBJECT_PREFIX = "Shows: "
 """Text before subject and box at the foot of a figure and in its file's description."""
 
 
@@ -102,7 +102,7 @@ def person_and_box(facts: dict) -> str:
     return f"{facts['subject']}, box of {facts['box_mass_kg']:g} kg"
 
 
-def _settle_layout(figure) -> None:
+def _freeze_layout(figure) -> None:
     """Lay the figure out a single time, with positions rounded.
 
     The solver of the constrained layout differs in the last bit from run to run, and the names of clip paths in
@@ -120,7 +120,7 @@ def _settle_layout(figure) -> None:
 @house_style
 def svg_text(figure) -> str:
     """Return a small drawing without data as the text of an SVG file, the same at every run."""
-    _settle_layout(figure)
+    _freeze_layout(figure)
     text = io.StringIO()
     FigureCanvasSVG(figure).print_svg(text, metadata={"Date": None, "Description": "Drawing without data"})
     return text.getvalue()
@@ -144,14 +144,14 @@ def save(figure, stem: str | os.PathLike, source_label: str, who: str = "") -> N
     """
     stem = Path(stem)
     description = f"Data: {source_label}" if source_label else "Drawing without data"
-    description = f"{SHOWS}{who}. {description}" if who else description
+    description = f"{SUBJECT_PREFIX}{who}. {description}" if who else description
     if source_label:
         note_of_figure = figure.get_supxlabel()
         below = f"{note_of_figure}\n{description}" if note_of_figure else description
         figure.supxlabel(below, x=0.995, ha="right", fontsize=6, color="#555555")
     _label_unlabelled_panels(figure)
     _use_math_font_fallback(figure)
-    _settle_layout(figure)
+    _freeze_layout(figure)
     dpi = figure.dpi
     with replacing(stem.with_name(f"{stem.name}.svg")) as svg:
         FigureCanvasSVG(figure).print_svg(svg, metadata={"Date": None, "Description": description})

@@ -161,7 +161,7 @@ def _segment(record: Record, segment_s: tuple[float, float]) -> np.ndarray:
 
 
 @house_style
-def excitation_figure(records: list[Record], segment_s: tuple[float, float]) -> Figure:
+def record_segments_figure(records: list[Record], segment_s: tuple[float, float]) -> Figure:
     """Draw Figure 3.4: a segment of input and output of every record, one column each.
 
     Parameters

@@ -29,7 +29,7 @@ from lumbar.publishing.lift_page import lift_data, lift_pictures
 from lumbar.settings.stability import StabilitySettings
 
 PAGE = "publishing/lift_page/lift_page.html.jinja"
-STATES_DRAWN = 250
+N_STATES = 250
 """Drawn instants of a pendulum's states."""
 
 
@@ -82,7 +82,7 @@ class LiftPage:
             columns["balance"] = {name: values for name, values in self._balance.items() if values.ndim == 1}
             columns["bases"] = outlines
         for (com, plane), rows in self.lift.states.groupby(["com", "plane"], sort=False):
-            drawn = rows.iloc[np.linspace(0, len(rows) - 1, STATES_DRAWN).round().astype(int)]
+            drawn = rows.iloc[np.linspace(0, len(rows) - 1, N_STATES).round().astype(int)]
             names = {"time": "time_s", "angle": "angle_rad", "velocity": "angular_velocity_rad_s"}
             states = {name: drawn[column].to_numpy(float) for name, column in names.items()}
             columns[f"states:{com}/{plane}"] = states

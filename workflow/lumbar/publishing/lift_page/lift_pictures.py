@@ -37,7 +37,7 @@ def lift_pictures() -> list[figure]:
         source = _source(name, "time", *SEGMENTS)
         for com, colour in SEGMENTS.items():
             picture.line("time", com, source=source, color=colour, line_width=2.2, line_dash=DASHES[com])
-    return [side, behind, _above(), margin, angle, velocity, *_funnel()]
+    return [side, behind, _top_view(), margin, angle, velocity, *_funnel()]
 
 
 def _source(name: str, *columns: str) -> ColumnDataSource:
@@ -49,7 +49,7 @@ def _figure(name: str, across: str, up: str, height: int, tools: str = "", **mor
     return plain_figure(name, across, up, height=height, left=60, **toolbar, **more)
 
 
-def _still(picture: figure, name: str) -> None:
+def _fix_ranges(picture: figure, name: str) -> None:
     """Fix the ranges to bounds that the script sets, with equal scales."""
     corners = ColumnDataSource({"x": [-0.5, 0.5], "y": [-0.5, 0.5]}, name=name)
     unseen = picture.scatter("x", "y", source=corners, size=0, alpha=0)
@@ -60,7 +60,7 @@ def _still(picture: figure, name: str) -> None:
 def _body(name: str, across: str) -> figure:
     """Draw stick figure, centres of mass and pendulums."""
     picture = _figure(name, across, "z, up (m)", 420, match_aspect=True)
-    _still(picture, f"{name}:bounds")
+    _fix_ranges(picture, f"{name}:bounds")
     head = _source(f"{name}:head", "x", "z")
     picture.scatter(
         "x", "z", source=head, size=20, fill_color=None, line_color=MEASURED, line_width=2.5, name="ink head"
@@ -79,10 +79,10 @@ def _body(name: str, across: str) -> figure:
     return picture
 
 
-def _above() -> figure:
+def _top_view() -> figure:
     """Draw base of support, centre of mass and extrapolated centre from above."""
     picture = _figure("above", "x, to the right (m)", "y, forward (m)", 420, match_aspect=True)
-    _still(picture, "above:bounds")
+    _fix_ranges(picture, "above:bounds")
     picture.patch(
         "x", "y", source=_source("above:base", "x", "y"), fill_color=GREY, fill_alpha=0.35, line_color=GREY
     )

@@ -93,7 +93,7 @@ def _errors(diagnosis: DiagnosisResult, evidence: Evidence) -> list[Markup]:
     for item in diagnosis.ranking:
         p_value = probability(item.p_value).removeprefix("p = ").removeprefix("p ")
         name = effects_text(item.candidate.effects)
-        rows.append(row(name, item.candidate, role_of(item, diagnosis), p_value))
+        rows.append(row(name, item.candidate, candidate_role(item, diagnosis), p_value))
     errors = (f"training ({unit})", f"unseen ({unit})", "unseen / noise")
     head = ("effects added", "role", "form", *errors, "p", "converged")
     noise = "unknown" if floor is None else f"{floor.rms:.4g} {unit} ({floor.low:.4g} to {floor.high:.4g})"
@@ -110,7 +110,7 @@ def _errors(diagnosis: DiagnosisResult, evidence: Evidence) -> list[Markup]:
     return blocks
 
 
-def role_of(item: Ranked, diagnosis: DiagnosisResult) -> str:
+def candidate_role(item: Ranked, diagnosis: DiagnosisResult) -> str:
     """Return the role of a candidate in the verdict: selected, tied, runner-up or empty."""
     effects = set(item.candidate.effects)
     if effects == set(diagnosis.selected):

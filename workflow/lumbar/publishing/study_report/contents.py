@@ -10,13 +10,13 @@ from pathlib import Path
 import pandas as pd
 
 from lumbar.base.files import read_json
-from lumbar.publishing.figures.style import SHOWS
+from lumbar.publishing.figures.style import SUBJECT_PREFIX
 from lumbar.study.artefacts import Artefact
 from lumbar.tables.layout import column_in_words, scientific, split_number, unit_in_print
 from lumbar.tables.table import svg_address
 
 _NUMBER = re.compile(r"-?\d+\.\d{3,}")
-_DRAWN = re.compile(r'(?<=\s)(?:d|points|x|y|cx|cy)="[^"]*"')
+_LENGTHS = re.compile(r'(?<=\s)(?:d|points|x|y|cx|cy)="[^"]*"')
 _DESCRIPTION = re.compile(r"<dc:description>(.*?)</dc:description>", flags=re.S)
 _SIZE = re.compile(r'<svg\b[^>]*?\bviewBox="[\d.+-]+ [\d.+-]+ ([\d.]+) ([\d.]+)"', flags=re.S)
 
@@ -43,7 +43,7 @@ def _read_picture(path: Path) -> Picture:
     described, size = _DESCRIPTION.search(text), _SIZE.search(text)
     shows, _, source_label = (unescape(described[1]) if described else "").rpartition("Data: ")
     width, height = (round(float(number)) for number in size.groups()) if size else (520, 300)
-    who = shows.removeprefix(SHOWS).rstrip(". ")
+    who = shows.removeprefix(SUBJECT_PREFIX).rstrip(". ")
     return Picture(svg_address(shorten_svg(text)), width, height, source_label, who)
 
 
@@ -53,7 +53,7 @@ def shorten_svg(svg: str) -> str:
     def shorten(number: re.Match) -> str:
         return f"{float(number[0]):.2f}".rstrip("0").rstrip(".")
 
-    rounded = _DRAWN.sub(lambda attribute: _NUMBER.sub(shorten, attribute[0]), svg)
+    rounded = _LENGTHS.sub(lambda attribute: _NUMBER.sub(shorten, attribute[0]), svg)
     return re.sub(r"\s*\n\s*", "\n", rounded)
 
 
@@ -201,7 +201,7 @@ def _entry(
     for row in claim_rows:
         # Sentences are shown with their evidence; cells of tables are compared in the table.
         evidence = row.evidence.split()[0]
-        if not row.claim.startswith("table_") and SHOWN_WITH.get(evidence, evidence) == artefact.id:
+        if not row.claim.startswith("table_") and CLAIM_ARTEFACTS.get(evidence, evidence) == artefact.id:
             claims.append(row)
     return Entry(
         key=key,
@@ -242,7 +242,7 @@ def diagnosis_sentence(diagnosis: dict) -> str:
     return f"{sentence} Error on unseen records (RMS): {first:.3g}{with_effects}{noise}."
 
 
-SHOWN_WITH = {
+CLAIM_ARTEFACTS = {
     "bandwidth": "surgeon_psd",
     "multisine": "signal_properties",
     "models": "figure_3_5",

@@ -18,7 +18,7 @@ FAILS, WARNS = "fails", "warns"
 _WARNING = re.compile(r"^(?:\w*Warning|WARNING): (.*(?:\n  .*)*)", flags=re.M)
 _PENDULUM = re.compile(r"^[^:]*\((?:hanging|inverted)\): ")
 """Lift, centre and plane at the beginning of a reason, which the line already names."""
-_REPORTED_BY_FILES = ("lift", "stability_tables")
+_STAGES_WITH_FILES = ("lift", "stability_tables")
 """Stages with warnings in their results too: lifts without a pendulum, missing basins."""
 
 
@@ -80,7 +80,7 @@ def troubles(results: Path) -> list[Trouble]:
     # Warnings that stages wrote to their logs.
     for path in sorted((results / "logs").rglob("*.log")):
         stage = path.relative_to(results / "logs").with_suffix("")
-        if stage.parts[0] not in _REPORTED_BY_FILES:
+        if stage.parts[0] not in _STAGES_WITH_FILES:
             warnings = _WARNING.findall(path.read_text(encoding="utf-8"))
             every += [Trouble(WARNS, _spell_out(stage.as_posix()), text.strip()) for text in warnings]
     return sorted(dict.fromkeys(every), key=lambda item: item.grade != FAILS)
