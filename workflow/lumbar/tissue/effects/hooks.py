@@ -30,20 +30,6 @@ _MAX_LINES = 3  # strongest frequencies that are tried
 _MAX_MODULATION_HZ = 4.0  # people move no faster
 _C_STEPS: dict[str, str] = shipped_yaml(Path(__file__).with_name("c_steps.yaml"))
 _BRANCHES = 6  # of a relaxation spectrum; each is four times as fast as the one before
-_SOLUTIONS = {
-    "maxwell_branch": (elongation, ""),
-    "spectrum": (
-        lambda motion, nonlinear: tuple(relaxation(motion, nonlinear[0] / 4**n) for n in range(_BRANCHES)),
-        "",
-    ),
-    "dahl": (lambda motion, nonlinear: (presliding(motion, nonlinear[0]),), ""),
-    "bouc_wen": (lambda motion, nonlinear: (bouc_wen(motion, nonlinear[0]),), _C_STEPS["bouc_wen"]),
-    "bouc_wen_general": (
-        lambda motion, nonlinear: (bouc_wen_general(motion, *nonlinear),),
-        _C_STEPS["bouc_wen_general"],
-    ),
-}
-"""States in closed form, and in C where the solver's step is less exact."""
 
 _IWAN_ELEMENTS = 4  # Jenkins elements; each slides at half the distance of the one before
 _IWAN_STEP = "\n".join(
@@ -54,41 +40,6 @@ _IWAN_FORCE = " + ".join(
     f"friction_limit_{order} * ((position - next[{order}]) / (largest_distance / {2**order}))"
     for order in range(_IWAN_ELEMENTS)
 )
-
-
-_BY_HAND = {
-    "elastoplastic": HandWritten(
-        columns=lambda motion, nonlinear: [elastoplastic(motion, nonlinear[0])],
-        c_step=CStep(
-            "friction_limit * ((position - next[0]) / presliding_distance)",
-            "next[0] = behind_gap(memory[0], position, presliding_distance, first);  // the slider",
-            memory=1,
-        ),
-    ),
-    "iwan": HandWritten(
-        columns=lambda motion, nonlinear: [
-            elastoplastic(motion, nonlinear[0] / 2**order) for order in range(_IWAN_ELEMENTS)
-        ],
-        c_step=CStep(_IWAN_FORCE, _IWAN_STEP, memory=_IWAN_ELEMENTS),
-    ),
-    "play": HandWritten(
-        input_transform=lambda motion, nonlinear: motion.through(partial(play, gap=nonlinear[0])),
-        c_step=CStep("next[0]", "next[0] = behind_gap(memory[0], position, half_gap, first);", memory=1),
-    ),
-    "delay": HandWritten(
-        input_transform=lambda motion, nonlinear: motion.delayed(nonlinear[0]),
-        spatial=True,
-        c_step=CStep(
-            "newer + share * (older - newer)",
-            "double newer = earlier(now, ring, (int)whole), older = earlier(now, ring, (int)whole + 1);",
-            # whole samples, and the share of one that is left over
-            constants=lambda parameters, sampling_time: dict(
-                zip(("whole", "share"), divmod(parameters["delay"] / sampling_time, 1.0), strict=True)
-            ),
-            history=lambda numbers: int(numbers["whole"]) + 1,
-        ),
-    ),
-}
 
 
 def strongest_lines(motion: Motion, residual: np.ndarray) -> list[np.ndarray]:
@@ -167,20 +118,6 @@ def modulation_starts(motion: Motion, residual: np.ndarray, carriers: list[np.nd
     return [np.array([value]) for value in dict.fromkeys(frequencies)] or [np.array([2 * lowest])]
 
 
-_STARTS = {
-    "strongest_lines": strongest_lines,
-    "grasp_and_release": lambda motion, residual: [
-        np.array([distance, *times])
-        for times in interval_starts(motion, residual, [motion.acceleration, np.sin(motion.position)])
-        for distance in (0.25, 0.75)
-    ],
-    "oscillating_length": lambda motion, residual: modulation_starts(
-        motion, residual, [np.sin(motion.position), motion.acceleration]
-    ),
-    "swaying_pivot": lambda motion, residual: modulation_starts(motion, residual, [np.cos(motion.position)]),
-    "heaving_pivot": lambda motion, residual: modulation_starts(motion, residual, [np.sin(motion.position)]),
-}
-
 _MAX_SHARE_BEYOND = 0.01  # of the samples that are beyond a limit
 _MIN_CYCLES, _CERTAIN_CYCLES = 2.0, 5.0
 """Cycles of a disturbance in a record: with fewer it is a drift; below the second number its line must exceed the spectrum."""
@@ -222,19 +159,80 @@ def _refute_disturbance(values, motion, force, noise, period) -> str:
     return ""
 
 
-_CONTRADICTIONS = {
-    "above_limit": lambda values, motion, force, noise, period: _describe_excess(
-        values, np.abs(force), noise, "lie above"
-    ),
-    "below_adhesion": lambda values, motion, force, noise, period: _describe_excess(
-        values, -force, noise, "pull more than"
-    ),
-    "no_disturbance": _refute_disturbance,
-}
 HOOKS: Mapping[str, Mapping[str, Any]] = {
-    "solution": _SOLUTIONS,
-    "by_hand": _BY_HAND,
-    "starts": _STARTS,
-    "contradiction": _CONTRADICTIONS,
+    "solution": {  # states in closed form, and in C if the solver's step is less exact
+        "maxwell_branch": (elongation, ""),
+        "spectrum": (
+            lambda motion, nonlinear: tuple(
+                relaxation(motion, nonlinear[0] / 4**n) for n in range(_BRANCHES)
+            ),
+            "",
+        ),
+        "dahl": (lambda motion, nonlinear: (presliding(motion, nonlinear[0]),), ""),
+        "bouc_wen": (lambda motion, nonlinear: (bouc_wen(motion, nonlinear[0]),), _C_STEPS["bouc_wen"]),
+        "bouc_wen_general": (
+            lambda motion, nonlinear: (bouc_wen_general(motion, *nonlinear),),
+            _C_STEPS["bouc_wen_general"],
+        ),
+    },
+    "by_hand": {
+        "elastoplastic": HandWritten(
+            columns=lambda motion, nonlinear: [elastoplastic(motion, nonlinear[0])],
+            c_step=CStep(
+                "friction_limit * ((position - next[0]) / presliding_distance)",
+                "next[0] = behind_gap(memory[0], position, presliding_distance, first);  // the slider",
+                memory=1,
+            ),
+        ),
+        "iwan": HandWritten(
+            columns=lambda motion, nonlinear: [
+                elastoplastic(motion, nonlinear[0] / 2**order) for order in range(_IWAN_ELEMENTS)
+            ],
+            c_step=CStep(_IWAN_FORCE, _IWAN_STEP, memory=_IWAN_ELEMENTS),
+        ),
+        "play": HandWritten(
+            input_transform=lambda motion, nonlinear: motion.through(partial(play, gap=nonlinear[0])),
+            c_step=CStep("next[0]", "next[0] = behind_gap(memory[0], position, half_gap, first);", memory=1),
+        ),
+        "delay": HandWritten(
+            input_transform=lambda motion, nonlinear: motion.delayed(nonlinear[0]),
+            spatial=True,
+            c_step=CStep(
+                "newer + share * (older - newer)",
+                "double newer = earlier(now, ring, (int)whole), older = earlier(now, ring, (int)whole + 1);",
+                # whole samples, and the share of one that is left over
+                constants=lambda parameters, sampling_time: dict(
+                    zip(("whole", "share"), divmod(parameters["delay"] / sampling_time, 1.0), strict=True)
+                ),
+                history=lambda numbers: int(numbers["whole"]) + 1,
+            ),
+        ),
+    },
+    "starts": {
+        "strongest_lines": strongest_lines,
+        "grasp_and_release": lambda motion, residual: [
+            np.array([distance, *times])
+            for times in interval_starts(motion, residual, [motion.acceleration, np.sin(motion.position)])
+            for distance in (0.25, 0.75)
+        ],
+        "oscillating_length": lambda motion, residual: modulation_starts(
+            motion, residual, [np.sin(motion.position), motion.acceleration]
+        ),
+        "swaying_pivot": lambda motion, residual: modulation_starts(
+            motion, residual, [np.cos(motion.position)]
+        ),
+        "heaving_pivot": lambda motion, residual: modulation_starts(
+            motion, residual, [np.sin(motion.position)]
+        ),
+    },
+    "contradiction": {
+        "above_limit": lambda values, motion, force, noise, period: _describe_excess(
+            values, np.abs(force), noise, "lie above"
+        ),
+        "below_adhesion": lambda values, motion, force, noise, period: _describe_excess(
+            values, -force, noise, "pull more than"
+        ),
+        "no_disturbance": _refute_disturbance,
+    },
 }
 """Code by the key of a form in YAML and by name."""

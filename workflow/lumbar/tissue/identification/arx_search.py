@@ -287,17 +287,15 @@ def select(
     if condition_max is not None and chosen.condition > condition_max:
         remark = f"every structure exceeds condition_max {condition_max:g}: the best conditioned one is shown"
         return chosen, remark
-    remarks = []
-    if chosen.alpha == max(candidate.alpha for candidate in candidates):
-        remarks.append("largest alpha of the grid")
     order, orders = chosen.structure.order, {candidate.structure.order for candidate in choice}
-    if order == max(orders) > min(orders):
-        remarks.append("highest order of the grid")
     least = chosen.score(selection) - NEGLIGIBLE_POINTS
     near = min(item.structure.order for item in choice if item.score(selection) >= least)
-    if near < order:
-        remarks.append(f"order {near} comes within {NEGLIGIBLE_POINTS:g} points of %VAF")
-    return chosen, "; ".join(remarks)
+    remarks = {
+        "largest alpha of the grid": chosen.alpha == max(candidate.alpha for candidate in candidates),
+        "highest order of the grid": order == max(orders) > min(orders),
+        f"order {near} comes within {NEGLIGIBLE_POINTS:g} points of %VAF": near < order,
+    }
+    return chosen, "; ".join(remark for remark, applies in remarks.items() if applies)
 
 
 def grid_rows(
