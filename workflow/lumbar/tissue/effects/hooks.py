@@ -56,9 +56,8 @@ def strongest_lines(motion: Motion, residual: np.ndarray) -> list[np.ndarray]:
     if not len(peaks):
         return [np.array([2 * resolution])]
     weight = power[peaks] / (1e-3 * excitation.max() + excitation[peaks])
-    by_weight = peaks[np.argsort(-weight)[:_MAX_LINES]]
-    by_power = peaks[np.argsort(-power[peaks])[:1]]
-    return [np.array([frequency[peak]]) for peak in dict.fromkeys([*by_weight, *by_power])]
+    best = [*peaks[np.argsort(-weight)[:_MAX_LINES]], *peaks[np.argsort(-power[peaks])[:1]]]
+    return [np.array([frequency[peak]]) for peak in dict.fromkeys(best)]
 
 
 def _peaks(power: np.ndarray) -> np.ndarray:

@@ -59,9 +59,11 @@ class IdentificationData:
                     f"{name}: the {role} does not move after the first {settling:.3g} s (tissue.settling_s), which do not "
                     "count; shorten it or cut the record"
                 )
-        inputs, outputs = record["input"], record["output"]
-        offsets = float(inputs.mean()), float(outputs.mean())
-        demeaned = inputs - inputs.mean(), outputs - outputs.mean()
+        signals = record["input"], record["output"]
+        demeaned, offsets = (
+            [item - item.mean() for item in signals],
+            [float(item.mean()) for item in signals],
+        )
         return cls(record.name, *demeaned, *offsets, record.sampling_time, skip)
 
 

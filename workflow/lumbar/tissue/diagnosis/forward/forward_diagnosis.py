@@ -52,9 +52,8 @@ _FINAL_EVALUATIONS = 4
 def estimate_motion_noise(state: DiagnosisState) -> DiagnosisState:
     """Prepare records with the force as input, and estimate the noise of the motion."""
     experiment = prepare_forward(state.records, state.settings)
-    noise, floor = "unknown: no record repeats", experiment.floor
-    if floor:
-        noise = f"{floor.rms:.3g} {experiment.output_unit} from {floor.periods} periods"
+    floor, unit = experiment.floor, experiment.output_unit
+    noise = f"{floor.rms:.3g} {unit} from {floor.periods} periods" if floor else "unknown: no record repeats"
     return state.next("estimate the noise floor", noise, prepared=experiment)
 
 
