@@ -9,7 +9,7 @@ from lumbar.base.errors import InputError, Problems, user_message
 from refusing import refusal
 
 
-def test_all_problems_stand_in_one_message():
+def test_problems_are_joined_in_one_message():
     problems = Problems("trial.csv")
     problems.add("line 4", "force is 'abc'", "a number is needed")
     problems.add("", "no end")
@@ -30,7 +30,7 @@ def raised(action):
     return caught.value
 
 
-def test_what_a_user_can_mend_is_explained(tmp_path):
+def test_user_errors_are_explained(tmp_path):
     assert user_message(InputError("a.csv: empty")) == "a.csv: empty"
     absent = tmp_path / "absent.csv"
     assert user_message(raised(absent.read_text)) == f"{absent}: No such file or directory"

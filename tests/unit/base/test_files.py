@@ -14,7 +14,7 @@ from lumbar.base.files import leftover_temp_files, read_json, replacing, write_c
 from refusing import refusal
 
 
-def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path):
+def test_failed_write_keeps_old_file(tmp_path):
     path = tmp_path / "result.txt"
     write_text(path, "old")
     with pytest.raises(RuntimeError), replacing(path) as temporary:
@@ -24,7 +24,7 @@ def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path):
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_a_full_disk_is_told_with_the_file_and_the_free_space(tmp_path):
+def test_full_disk_error_names_file_and_free_space(tmp_path):
     """Writing to /dev/full fails in the kernel as on a full disk, with an error that names no file."""
     path = tmp_path / "result.txt"
     write_text(path, "old")
@@ -81,7 +81,7 @@ def test_csv_keeps_full_precision(tmp_path):
     assert pd.read_csv(path, float_precision="round_trip")["x"].tolist() == values
 
 
-def test_what_a_killed_process_half_wrote_is_found_by_its_files_name(tmp_path):
+def test_leftovers_of_killed_process_are_listed(tmp_path):
     lines = (
         "import os, sys",
         "from lumbar.base.files import replacing",

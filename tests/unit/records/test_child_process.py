@@ -25,7 +25,7 @@ def path(tmp_path):
     return path
 
 
-def test_what_is_parsed_comes_back_as_it_was(path):
+def test_child_returns_all_kinds_of_values(path):
     found = read_in_child(readers.all_kinds, path, b"12345")
     arrays = found.pop("array")
     assert found == {
@@ -40,7 +40,7 @@ def test_what_is_parsed_comes_back_as_it_was(path):
     arrays["rows"][0] = 7  # belongs to whoever asked
 
 
-def test_a_path_is_meant_from_where_one_works_and_nothing_there_is_imported(path, monkeypatch):
+def test_child_does_not_import_from_working_directory(path, monkeypatch):
     monkeypatch.chdir(path.parent)
     (path.parent / "numpy.py").write_text("raise SystemExit")
     monkeypatch.syspath_prepend("")
@@ -49,7 +49,7 @@ def test_a_path_is_meant_from_where_one_works_and_nothing_there_is_imported(path
     assert "" not in read_in_child(readers.where_modules_are_looked_for, path)
 
 
-def test_an_error_for_the_user_comes_back_in_its_words(path):
+def test_input_error_of_child_is_unchanged(path):
     with pytest.raises(InputError) as caught:
         read_in_child(readers.refusing, path)
     assert str(caught.value) == f"{path}: line 3: force is 'x'; a number is needed"
@@ -57,22 +57,18 @@ def test_an_error_for_the_user_comes_back_in_its_words(path):
 
 @limited
 @pytest.mark.parametrize("bomb", [readers.without_memory, readers.hiding_it, readers.growing])
-def test_memory_ends_at_its_limit_in_words(path, bomb, monkeypatch):
+def test_memory_is_limited(path, bomb, monkeypatch):
     monkeypatch.setattr(child_process, "MEMORY", 400_000_000)
-    assert "trial.bin: its 5e-06 MB need more memory than a reader has, 400 MB" in refusal(
-        read_in_child, bomb, path
-    )
+    assert "trial.bin: its 5e-06 MB need more memory" in refusal(read_in_child, bomb, path)
 
 
 @limited
-def test_a_processors_time_ends_at_its_limit_in_words(path, monkeypatch):
+def test_processor_time_is_limited(path, monkeypatch):
     monkeypatch.setattr(child_process, "SECONDS", 1)
-    assert "trial.bin: its 5e-06 MB take longer than 1 s to read" in refusal(
-        read_in_child, readers.endless, path
-    )
+    assert "trial.bin: its 5e-06 MB take longer than 1 s" in refusal(read_in_child, readers.endless, path)
 
 
-def test_one_that_waits_is_given_up_and_ended(path, monkeypatch):
+def test_waiting_child_is_ended(path, monkeypatch):
     before = set(psutil.Process().children())
     monkeypatch.setattr(child_process, "TIMEOUT_S", 2)
     assert "trial.bin: its 5e-06 MB take longer than" in refusal(read_in_child, readers.sleeping, path)
@@ -88,7 +84,7 @@ def test_one_that_waits_is_given_up_and_ended(path, monkeypatch):
         (readers.of_objects, r"its reader stopped at TypeError \(no numbers: ndarray"),
     ],
 )
-def test_a_reader_that_fails_is_told_with_the_file(path, reader, said):
+def test_failing_reader_is_reported_with_file(path, reader, said):
     with pytest.raises(InputError, match=rf"{re.escape(str(path))}: broken: {said}"):
         read_in_child(reader, path)
 
@@ -99,24 +95,24 @@ def test_a_reader_that_fails_is_told_with_the_file(path, reader, said):
         readers.no_archive, readers.pickled, readers.of_texts, readers.too_few_arrays, readers.no_json, readers.a_bomb,
     ],
 )  # fmt: skip
-def test_an_answer_that_lies_is_refused(path, forged, monkeypatch):
+def test_forged_answer_is_rejected(path, forged, monkeypatch):
     monkeypatch.setattr(child_process, "MAX_ANSWER_BYTES", 1_000_000)
     assert "trial.bin: broken: its reader returned an invalid answer" in refusal(read_in_child, forged, path)
 
 
 @limited
-def test_an_answer_without_end_is_cut(path, monkeypatch):
+def test_size_of_answer_is_limited(path, monkeypatch):
     monkeypatch.setattr(child_process, "MAX_ANSWER_BYTES", 3_000_000)
     assert "trial.bin: broken: its reader ended" in refusal(read_in_child, readers.without_end, path)
 
 
-def test_what_is_no_file_is_not_opened(path):
+def test_pipe_is_not_opened(path):
     path.unlink()
     os.mkfifo(path)
     assert "trial.bin: a pipe or a device" in refusal(read_in_child, readers.of_a_path, path)
 
 
-def test_files_are_read_while_other_threads_compute_and_nothing_is_left(path):
+def test_child_works_beside_computing_threads(path):
     """A bare fork of this process would end the threads of OpenBLAS on which another waits."""
     opened, children = Path("/proc/self/fd"), set(psutil.Process().children())
     before = set(opened.iterdir()) if opened.is_dir() else set()

@@ -20,7 +20,7 @@ from refusing import refusal
 h5py = pytest.importorskip("h5py")
 
 
-def test_a_workbook_without_dimension_is_read(tmp_path):
+def test_workbook_without_dimension_is_read(tmp_path):
     rows = (row(n, "ABC", n / 100, n % 7, n % 5) for n in range(1, 200))
     (tmp_path / "sound.xlsx").write_bytes(workbook("".join(rows)))
     [read] = lumbar.import_recordings(
@@ -52,7 +52,7 @@ _READERS = {
 
 
 @pytest.mark.parametrize("name", _READERS)
-def test_what_is_no_file_of_data_is_not_opened(tmp_path, name):
+def test_pipes_devices_and_folders_are_rejected(tmp_path, name):
     path = tmp_path / name
     os.mkfifo(path)
     with pytest.raises(InputError, match=rf"{re.escape(name)}: a pipe or a device"):
@@ -108,19 +108,19 @@ def became_of(folder, drawn_too):
 
 @pytest.mark.nightly
 @pytest.mark.filterwarnings("ignore")
-def test_all_forged_files_and_hundreds_changed_at_random(tmp_path):
+def test_forged_and_randomly_changed_files_do_no_harm(tmp_path):
     refused = became_of(tmp_path, 800)
     assert 100 < len(refused) < 830  # of 850 files
 
 
-def test_names_without_end_in_a_header_take_no_time(tmp_path):
+def test_huge_header_is_rejected(tmp_path):
     path = tmp_path / "sheet.csv"
     path.write_text("a," * 450_000 + "\n" + "1," * 450_000 + "\n")
     with pytest.raises(InputError, match=r"sheet\.csv, header: duplicate ('', )?'a'"):
         lumbar.read(path, "survey")
 
 
-def test_many_columns_take_little(tmp_path, monkeypatch):
+def test_many_columns_are_read_line_by_line(tmp_path, monkeypatch):
     """A short text is read in this process: of many columns, line by line."""
     path = tmp_path / "wide.csv"
     for header in (",".join(f"c{n}" for n in range(100_000)), "time_s,position_mm,force_N"):

@@ -31,13 +31,13 @@ def test_triples_are_found_by_their_names(tmp_path, case):
 
 
 @pytest.mark.parametrize("case", cases(__file__, "asked"))
-def test_what_is_no_pair_of_triples_is_asked_for(tmp_path, case):
+def test_unclear_triples_need_choice(tmp_path, case):
     path = written(tmp_path, case["header"])
     assert case["words"] in refusal(lumbar.import_recordings, path, **case.get("told", {}))
 
 
 @pytest.mark.parametrize("force_unit", [None, "V"])
-def test_what_is_written_is_read_with_its_axes(tmp_path, force_unit):
+def test_saved_axes_are_read_back(tmp_path, force_unit):
     path = written(tmp_path, "time,x_cm,z_cm,Fx_lbf,Fz_lbf")
     imported = lumbar.import_recordings(path, force_unit=force_unit, flip_force=True)
     study = imported.save(tmp_path / "records")

@@ -31,7 +31,7 @@ def sources(tmp_path):
     return folder
 
 
-def test_a_dry_run_shows_and_writes_nothing(run, sources):
+def test_dry_run_writes_nothing(run, sources):
     before = sorted(sources.iterdir())
     status, out, err = run("import", sources / "labview.lvm", "--dry-run")
     assert (status, err) == (0, "")
@@ -43,21 +43,10 @@ def test_a_dry_run_shows_and_writes_nothing(run, sources):
 
 def test_records_and_a_study_are_written(run, sources, tmp_path, project):
     output = tmp_path / "records"
-    out = run.done(
-        "import",
-        sources / "labview.lvm",
-        sources / "excel_deutsch.csv",
-        "--output",
-        output,
-        "--licence",
-        "CC0",
-    )
-    assert sorted(path.name for path in output.iterdir()) == [
-        "excel_deutsch.csv",
-        "imported.json",
-        "labview.csv",
-        "study.yaml",
-    ]
+    files = (sources / "labview.lvm", sources / "excel_deutsch.csv")
+    run.done("import", *files, "--output", output, "--licence", "CC0")
+    names = {path.name for path in output.iterdir()}
+    assert names == {"excel_deutsch.csv", "imported.json", "labview.csv", "study.yaml"}
     records = lumbar.read(output)
     assert records.names == ["excel_deutsch", "labview"]
     np.testing.assert_allclose(records["labview"]["output"], FORCE, atol=2e-5)
@@ -72,7 +61,7 @@ def test_records_and_a_study_are_written(run, sources, tmp_path, project):
     assert "labview.csv: 600 samples, 200 Hz, 3 s; input: position in mm, output: force in N" in out
 
 
-def test_a_folder_grows_by_imports_with_other_options(run, sources, tmp_path):
+def test_imports_are_added_to_folder(run, sources, tmp_path):
     output = tmp_path / "records"
     assert run("import", sources / "labview.lvm", "--output", output)[0] == 0
     told = ("--force-unit", "lbf", "--output", output)
@@ -100,7 +89,7 @@ def test_recordings_side_by_side_in_one_file(run, tmp_path):
     assert "--name names one file, and 2 are given" in err
 
 
-def test_the_force_is_the_input_of_tests_that_their_load_drove(run, sources, tmp_path, project):
+def test_forward_import_makes_force_the_input(run, sources, tmp_path, project):
     output = tmp_path / "records"
     out = run.done("import", sources / "labview.lvm", "--forward", "--output", output)
     assert out.splitlines()[-1].endswith(f"next: lumbar diagnose {output} --forward --output out")
@@ -110,7 +99,7 @@ def test_the_force_is_the_input_of_tests_that_their_load_drove(run, sources, tmp
     assert "its records were imported as driven by the load (--forward)" in err
 
 
-def test_what_a_person_wrote_is_not_overwritten(run, sources, tmp_path):
+def test_user_files_are_not_overwritten(run, sources, tmp_path):
     err = run.refused("import", sources / "labview.lvm", "--output", sources)
     assert "holds excel_deutsch.csv, which were not imported" in err
     output = tmp_path / "records"
@@ -135,9 +124,8 @@ def test_records_that_the_default_layout_does_not_read(run, tmp_path, project):
     """A rotation in volts, clipped, at two rates: the study says all of it."""
     for name, rate in (("a", 200), ("b", 100)):
         clipped = np.clip(FORCE, -4, 4)
-        (tmp_path / f"{name}.txt").write_text(
-            "angle [deg],torque [V]\n" + rows(",", columns=(POSITION, clipped))
-        )
+        table = rows(",", columns=(POSITION, clipped))
+        (tmp_path / f"{name}.txt").write_text("angle [deg],torque [V]\n" + table)
         told = ("--force-unit", "V", "--rate", rate, "--accept-clipped", "--output", tmp_path / "no: records")
         out = run.done("import", tmp_path / f"{name}.txt", *map(str, told))
     assert "--config" in out.splitlines()[-1]
@@ -162,7 +150,7 @@ def test_files_of_a_folder(run, tmp_path):
     assert lumbar.read(tmp_path / "records").names == ["a", "b", "c"]
 
 
-def test_a_wrong_command_line(run, sources):
+def test_wrong_options_have_usage_status(run, sources):
     assert run("import", sources / "labview.lvm")[0] == 2
     status, _, err = run("import", sources / "labview.lvm", "--dry-run", "--trim", "5")
     assert status == 2
@@ -175,7 +163,7 @@ def test_files_of_one_name(run, sources, tmp_path):
     assert "would all be the record 'labview'" in err
 
 
-def test_the_damper_and_the_tool_come_out_as_their_studies_read_them(shared, project):
+def test_imports_agree_with_studies_by_hand(shared, project):
     """The layouts of two studies, written by hand, are an independent reading of the same files."""
     for study, told in (
         ("friction_damper", {}),
@@ -200,7 +188,7 @@ def test_the_damper_and_the_tool_come_out_as_their_studies_read_them(shared, pro
             np.testing.assert_allclose(imported.record[role], by_hand[role] * factor, rtol=1e-7)
 
 
-def test_a_study_reads_a_part_of_a_record(sources, tmp_path, project, run):
+def test_study_trims_record(sources, tmp_path, project, run):
     """``trim_s`` of a record reaches both the check of the recordings and their reading."""
     assert run("import", sources / "labview.lvm", "--output", tmp_path / "records")[0] == 0
     path = tmp_path / "records" / "study.yaml"
@@ -216,7 +204,7 @@ def test_a_study_reads_a_part_of_a_record(sources, tmp_path, project, run):
     assert "the start must be before the end" in refusal(load_study, content, project)
 
 
-def test_what_a_file_holds_or_is_called_commands_no_terminal(run, tmp_path):
+def test_control_characters_do_not_reach_terminal(run, tmp_path):
     table = "".join(f"{n / 100},{n % 7}.5,{n % 5}.25\n" for n in range(60))
     named, called = tmp_path / "named.csv", tmp_path / os.fsdecode(b"no\x1b[2Jtext\xff.csv")
     named.write_text(f"time_s,\x1b[2Jposition_mm,\u202eforce_N\n{table}")

@@ -15,7 +15,7 @@ FILES = foreign_files()
 
 
 @pytest.mark.parametrize("name", FILES)
-def test_a_dialect_is_read(tmp_path, name):
+def test_dialect_is_detected(tmp_path, name):
     content, told = FILES[name]
     (tmp_path / name).write_bytes(content)
     [imported] = lumbar.import_recordings(tmp_path / name, **told)
@@ -36,14 +36,12 @@ def check(imported):
 
 
 def test_vectors_of_a_matlab_file(tmp_path):
-    savemat(
-        tmp_path / "a.mat",
-        {"time_ms": 1e3 * TIME, "disp_m": POSITION[:, None] / 1e3, "F": FORCE, "name": "x"},
-    )
+    variables = {"time_ms": 1e3 * TIME, "disp_m": POSITION[:, None] / 1e3, "F": FORCE, "name": "x"}
+    savemat(tmp_path / "a.mat", variables)
     check(lumbar.import_recordings(tmp_path / "a.mat", force_unit="N"))
 
 
-def test_fields_of_a_structure_with_the_rate_beside(tmp_path):
+def test_structure_may_state_rate(tmp_path):
     trial = {"position_mm": POSITION, "force_N": FORCE, "fs": RATE}
     savemat(tmp_path / "a.mat", {"speed_test": trial})
     imported = lumbar.import_recordings(tmp_path / "a.mat")
@@ -51,7 +49,7 @@ def test_fields_of_a_structure_with_the_rate_beside(tmp_path):
     assert imported[0].grounds["time"] == "no column; 200 Hz as speed_test.fs says"
 
 
-def test_signals_of_simulink_are_named_by_their_labels(tmp_path):
+def test_simulink_signals_are_named_by_labels(tmp_path):
     signals = [{"values": POSITION, "label": "stroke [mm]"}, {"values": FORCE, "label": "load [N]"}]
     savemat(tmp_path / "a.mat", {"out": {"time": TIME, "signals": np.array(signals, dtype=object)}})
     imported = lumbar.import_recordings(tmp_path / "a.mat")
@@ -68,7 +66,7 @@ def test_columns_of_a_matrix_are_chosen_by_name(tmp_path):
     check(lumbar.import_recordings(tmp_path / "a.mat", **names, **told))
 
 
-def test_trials_of_several_lengths_are_refused_until_one_is_chosen(tmp_path):
+def test_trials_of_several_lengths_need_choice(tmp_path):
     trial = {"time_s": TIME, "position_mm": POSITION, "force_N": FORCE}
     short = {name: values[:300] for name, values in trial.items()}
     savemat(tmp_path / "a.mat", {"trial": np.array([trial, short], dtype=object)})
@@ -81,7 +79,7 @@ def test_trials_of_several_lengths_are_refused_until_one_is_chosen(tmp_path):
     )
 
 
-def test_vectors_of_one_length_are_chosen_by_naming_them(tmp_path):
+def test_named_vectors_choose_length(tmp_path):
     """As benchmarks give them: an estimation part and a longer validation part in one file."""
     parts = {"uEst": POSITION[:200], "yEst": FORCE[:200], "uVal": POSITION, "yVal": FORCE, "fs": RATE}
     savemat(tmp_path / "a.mat", parts)
@@ -99,7 +97,7 @@ def test_vectors_of_one_length_are_chosen_by_naming_them(tmp_path):
         lumbar.import_recordings(tmp_path / "a.mat", position="uEst", force="yTest", **units)
 
 
-def test_matlab_7_3_has_its_matrices_on_their_sides(tmp_path):
+def test_matlab_7_3_matrices_are_transposed(tmp_path):
     h5py = pytest.importorskip("h5py")
     with h5py.File(tmp_path / "a.mat", "w", userblock_size=512) as file:
         for name, values in (("time_s", TIME), ("position_mm", POSITION), ("force_N", FORCE)):
@@ -128,34 +126,27 @@ def test_compound_data_sets_have_their_fields(tmp_path):
 
 
 @pytest.mark.parametrize(("package", "first"), [("h5py", b"\x89HDF\r\n\x1a\n"), ("openpyxl", b"PK\x03\x04")])
-def test_a_package_that_is_not_installed_is_named(tmp_path, monkeypatch, package, first):
+def test_missing_package_is_named(tmp_path, monkeypatch, package, first):
     monkeypatch.setitem(sys.modules, package, None)
     (tmp_path / "a.bin").write_bytes(first + bytes(600))
-    with pytest.raises(
-        lumbar.InputError, match=rf"needs the package {package}: pip install 'lumbar\[import\]'"
-    ):
-        lumbar.import_recordings(tmp_path / "a.bin")
+    said = f"needs the package {package}: pip install 'lumbar[import]'"
+    assert said in refusal(lumbar.import_recordings, tmp_path / "a.bin")
 
 
-def test_a_sheet_of_a_workbook(tmp_path):
+def test_sheet_of_workbook_is_read(tmp_path):
     openpyxl = pytest.importorskip("openpyxl")
     book = openpyxl.Workbook()
     sheet = book.active
     sheet.title = "Trial"
-    for row in (
-        ["Bench 3"],
-        [],
-        ["Zeit [s]", "Weg [mm]", "Kraft [N]"],
-        *zip(TIME, POSITION, FORCE, strict=True),
-    ):
+    head = (["Bench 3"], [], ["Zeit [s]", "Weg [mm]", "Kraft [N]"])
+    for row in (*head, *zip(TIME, POSITION, FORCE, strict=True)):
         sheet.append([float(cell) if isinstance(cell, np.floating) else cell for cell in row])
     book.save(tmp_path / "a.xlsx")
     check(lumbar.import_recordings(tmp_path / "a.xlsx"))
     book.create_sheet("Notes").append(["nothing"])
     book.save(tmp_path / "a.xlsx")
-    assert "2 sheets hold something: Trial, Notes; choose by --sheet NAME" in refusal(
-        lumbar.import_recordings, tmp_path / "a.xlsx"
-    )
+    message = refusal(lumbar.import_recordings, tmp_path / "a.xlsx")
+    assert "2 sheets hold something: Trial, Notes; choose by --sheet NAME" in message
     check(lumbar.import_recordings(tmp_path / "a.xlsx", table="Trial"))
 
 
@@ -182,7 +173,7 @@ CHINESE = "试验机 3\n时间 [s],位移 [mm],力 [N]\n" + rows(",")
         ("cp850", "Zeit [s];Weg [mm];Prüfkraft [N]\n" + rows(";", ",")),
     ],
 )
-def test_an_encoding_is_told_or_asked_for(tmp_path, encoding, text):
+def test_unknown_encoding_must_be_given(tmp_path, encoding, text):
     path = tmp_path / "trial.txt"
     path.write_bytes(text.encode(encoding))
     with pytest.raises(lumbar.InputError, match=r"line 1 is not UTF-8 \(.*\); give .*--encoding gbk"):
@@ -194,7 +185,7 @@ def test_an_encoding_is_told_or_asked_for(tmp_path, encoding, text):
 
 
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16"])
-def test_marked_texts_and_utf_8_are_read_without_a_word(tmp_path, encoding):
+def test_utf_encodings_are_detected(tmp_path, encoding):
     (tmp_path / "trial.txt").write_bytes(CHINESE.encode(encoding))
     [one] = lumbar.import_recordings(tmp_path / "trial.txt")
     assert one.grounds["force"].startswith("column 3 '力' [N], by its name")
@@ -209,15 +200,13 @@ def test_western_words_are_recognised_as_windows_1252(tmp_path):
     assert one.form.startswith("Windows-1252, ")
 
 
-def test_an_encoding_that_is_none_or_does_not_fit(run, tmp_path):
+def test_wrong_encoding_is_rejected(run, tmp_path):
     path = tmp_path / "trial.txt"
     path.write_bytes(CHINESE.encode("gbk"))
     err = run.refused("import", path, "--encoding", "klingon", "--dry-run")
     assert "--encoding 'klingon': no encoding of text in Python, such as gbk" in err
     assert "no encoding of text" in refusal(lumbar.import_recordings, path, encoding="base64")
-    assert "line 1 cannot be read by --encoding utf-8 (" in refusal(
-        lumbar.import_recordings, path, encoding="utf-8"
-    )
+    assert "line 1 cannot be read" in refusal(lumbar.import_recordings, path, encoding="utf-8")
 
 
 HEAD = "time_s,position_mm,force_N\n"
@@ -238,7 +227,7 @@ def trials(path, labels, time=TIME, head="time_s,position_mm,force_N,trial\n"):
     return path
 
 
-def test_spans_become_records_of_their_names(run, source, tmp_path):
+def test_cut_spans_become_named_records(run, source, tmp_path):
     cuts = ("--cut", "fit=:1", "--cut", "unseen=1:2.5")
     out = run.done("import", source, *cuts, "--output", tmp_path / "records")
     assert "200 of 600 samples: --cut fit=:1" in out
@@ -248,13 +237,11 @@ def test_spans_become_records_of_their_names(run, source, tmp_path):
     np.testing.assert_allclose(records["unseen"]["input"], POSITION[200:500], atol=2e-5)
     assert records["unseen"].time[0] == 1
     entries = json.loads((tmp_path / "records/imported.json").read_text())["records"]
-    assert [entry["notes"][0] for entry in entries] == [
-        "200 of 600 samples: --cut fit=:1",
-        "300 of 600 samples: --cut unseen=1:2.5",
-    ]
+    assert entries[0]["notes"][0] == "200 of 600 samples: --cut fit=:1"
+    assert entries[1]["notes"][0] == "300 of 600 samples: --cut unseen=1:2.5"
 
 
-def test_wrong_parts_are_told_of_at_once(run, source):
+def test_all_wrong_cuts_are_listed(run, source):
     cuts = ("fit=0:1", "unseen=0.5:2", "late=10:20", "../up=2:2.5", "fit=2.5:2.6", "back=2.9:2.7")
     status, out, err = run("import", source, *(word for cut in cuts for word in ("--cut", cut)), "--dry-run")
     assert (status, out) == (1, "")
@@ -269,7 +256,7 @@ def test_wrong_parts_are_told_of_at_once(run, source):
     assert "5 problems" in err
 
 
-def test_a_column_numbers_the_trials(tmp_path):
+def test_number_column_splits_trials(tmp_path):
     """The clock of each may begin anew."""
     numbers = np.repeat([1, 2, 3], 200)
     path = trials(tmp_path / "bench.csv", numbers, time=np.tile(TIME[:200], 3))
@@ -281,7 +268,7 @@ def test_a_column_numbers_the_trials(tmp_path):
         assert one.notes[0] == f"200 of 600 samples: column 4 'trial' is {number + 1}"
 
 
-def test_a_column_names_the_trials(tmp_path):
+def test_text_column_splits_trials(tmp_path):
     names = ["slow"] * 200 + [""] * 50 + ["fast sine"] * 250 + ["slow"] * 100
     path = trials(tmp_path / "bench.csv", names)
     imported = lumbar.import_recordings(path, cut_by=4)
@@ -290,16 +277,11 @@ def test_a_column_names_the_trials(tmp_path):
     assert 1 / imported[1].record.sampling_time == pytest.approx(RATE)
 
 
-def test_trials_that_are_none(tmp_path):
+def test_invalid_trials_are_rejected(tmp_path):
     path = trials(tmp_path / "bench.csv", np.repeat([1, 2, 3], [300, 295, 5]))
-    assert "bench_3: 5 samples; at least 8 are needed" in refusal(
-        lumbar.import_recordings, path, cut_by="trial"
-    )
-    with pytest.raises(
-        lumbar.InputError, match=r"--cut-by 'cycle': no such column; there are .*column 4 'trial'"
+    for column, words in (
+        ("trial", "bench_3: 5 samples; at least 8 are needed"),
+        ("cycle", "--cut-by 'cycle': no such column; there are"),
+        ("time", "has 600 intervals of one value"),
     ):
-        lumbar.import_recordings(path, cut_by="cycle")
-    with pytest.raises(
-        lumbar.InputError, match=r"--cut-by: column 1 'time' .* has 600 intervals of one value"
-    ):
-        lumbar.import_recordings(path, cut_by="time")
+        assert words in refusal(lumbar.import_recordings, path, cut_by=column)

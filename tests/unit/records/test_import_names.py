@@ -33,7 +33,7 @@ def test_units_are_known(spelling, quantity, factor):
 
 
 @pytest.mark.parametrize("spelling", ["furlong", "mn", "nM", "", "1"])
-def test_a_spelling_that_several_units_could_have_is_none(spelling):
+def test_ambiguous_unit_is_unknown(spelling):
     assert find_unit(spelling) is None
 
 
@@ -48,7 +48,7 @@ def test_a_spelling_that_several_units_could_have_is_none(spelling):
         ("Strain (%)", ("Strain (%)", "")),
     ],
 )
-def test_a_header_is_parted(cell, parted):
+def test_header_is_split_into_name_and_unit(cell, parted):
     assert split_name_and_unit(cell) == parted
 
 
@@ -64,11 +64,11 @@ def test_a_header_is_parted(cell, parted):
         ("Temperature", "time", -1),
     ],
 )
-def test_names_say_roles(name, role, plainness):
+def test_names_match_roles(name, role, plainness):
     assert name_match_score(name, role) == plainness
 
 
-def test_a_calibration_is_a_number_before_a_unit():
+def test_unit_option_may_have_calibration_factor():
     assert parse_unit("2e-3 kN/count", "--force-unit").factor == pytest.approx(2.0)
     assert parse_unit("0.5 mm/s/V", "--position-unit").factor == 0.5
     assert parse_unit("0.5 mm/s", "--position-unit").quantity == "velocity"

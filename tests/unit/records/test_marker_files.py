@@ -54,7 +54,7 @@ def write(tmp_path, text, name="lift.csv"):
         "\ufeff" + table().replace("\n", "\r\n") + "\r\n",
     ],
 )
-def test_layouts_read_alike(tmp_path, text):
+def test_layouts_of_tables_have_equal_values(tmp_path, text):
     recording = read_markers(write(tmp_path, text), MILLIMETRES)
     assert list(recording.positions) == ["C7", "L ASI"]
     assert recording.rate == 60
@@ -108,10 +108,7 @@ def test_missing_samples_and_other_columns(tmp_path):
         (table(time=np.delete(2 + np.arange(31) / 60, 14)), "the rate is another, or frames are missing"),
         (table(time=0 * TIME), "it must increase"),
         (table(ONE.replace("C7_x", "C7_x_mm")), "units , mm in the header"),
-        (
-            table().replace("C7_x", '"' + "C" * 200_000 + '_x"'),
-            "C7: has the columns y, z; x, y and z are needed",
-        ),
+        (table().replace("C7_x", '"' + "C" * 200_000 + '_x"'), "C7: has the columns y, z; x, y and z"),
     ],
 )
 def test_tables_that_are_refused(tmp_path, text, said):
@@ -139,7 +136,7 @@ def packed(source, target):
     return target
 
 
-def test_packed_c3d_and_trc_are_what_they_were(tmp_path, shared, gait):
+def test_packed_markers_are_unchanged(tmp_path, shared, gait):
     stands_up = shared / "real" / "lifting" / "sts_trunk_flexion_trc" / "sts_unperturbed_1.trc"
     for source in (gait, stands_up):
         plain = read_markers(source, LAYOUT)
@@ -149,20 +146,16 @@ def test_packed_c3d_and_trc_are_what_they_were(tmp_path, shared, gait):
             np.testing.assert_array_equal(found[name], points)
 
 
-def test_packed_files_that_are_broken_or_stand_for_more_are_named(tmp_path, gait):
+def test_broken_and_huge_packed_markers_are_rejected(tmp_path, gait):
     shutil.copy(gait, tmp_path / "cut.c3d")
     (tmp_path / "cut.c3d").write_bytes(gait.read_bytes()[:-5000])
     with pytest.raises(lumbar.InputError, match=r"^\S+cut\.c3d\.gz: .*it is cut short"):
         read_markers(packed(tmp_path / "cut.c3d", tmp_path / "cut.c3d.gz"), LAYOUT)
     (tmp_path / "short.trc.gz").write_bytes(gzip.compress(b"PathFileType" * 999)[:-30])
-    assert "short.trc.gz: the packed file is cut short" in refusal(
-        read_markers, tmp_path / "short.trc.gz", LAYOUT
-    )
+    assert "the packed file is cut short" in refusal(read_markers, tmp_path / "short.trc.gz", LAYOUT)
     (tmp_path / "bomb.c3d.gz").write_bytes(gzip.compress(bytes(210_000_000), 1))
-    with pytest.raises(
-        lumbar.InputError, match=r"bomb\.c3d\.gz: (unpacks to more than 200 MB|its .* need more memory)"
-    ):
-        read_markers(tmp_path / "bomb.c3d.gz", LAYOUT)
+    message = refusal(read_markers, tmp_path / "bomb.c3d.gz", LAYOUT)
+    assert "unpacks to more than 200 MB" in message or "need more memory" in message
 
 
 CENTIMETRES = lumbar.MarkerLayout(unit="cm", up="+y", forward="+z")
@@ -199,7 +192,7 @@ def expected():
 
 
 @pytest.mark.parametrize("name", ["nexus.csv", "motive.csv", "qualisys.tsv", "qualisys_numbered.tsv"])
-def test_exports_of_vendors_are_read_by_what_they_are(tmp_path, name):
+def test_vendor_exports_are_recognised(tmp_path, name):
     """Made to their published layouts; devices before the markers and bones beside them are left out."""
     text = (path := Path(__file__).parent / "exports" / name).read_text()
     recording = read_markers(path, lumbar.MarkerLayout(check_axes=False))
@@ -222,14 +215,14 @@ def test_joints_of_a_chain(tmp_path):
         np.testing.assert_allclose(recording[name], standard[:, number], atol=1e-7)
 
 
-def test_joints_of_no_length_are_noted(tmp_path):
+def test_joints_without_length_are_noted(tmp_path):
     text = BVH.replace("OFFSET 20 0 0", "OFFSET 0 0 0") + rows(np.hstack([ROOT, ANGLES]))
     recording = read_markers(write(tmp_path, text, "walk.bvh"), CENTIMETRES)
     assert "before them: Arm (Chest)" in " ".join(recording.notes)
 
 
 @pytest.mark.parametrize("around", [0.0, 1.0])
-def test_joints_with_positions_of_their_own(tmp_path, around):
+def test_joints_may_have_position_channels(tmp_path, around):
     """Some suits give every joint six channels, whose positions are zero or the offset once more."""
     text = BVH.replace("CHANNELS 3 Zrotation", "CHANNELS 6 Xposition Yposition Zposition Zrotation")
     offset = np.tile([0, 40 * around, 0], (20, 1))
@@ -246,10 +239,7 @@ def test_joints_with_positions_of_their_own(tmp_path, around):
         (lambda text: text.replace("Frame Time: 0.01", "Frame Time: 0"), "Frame Time is 0 s"),
         (lambda text: text.replace("Frame Time:", "Time:"), "line 23: 'Time: 0.01'; 'Frame Time:'"),
         (lambda text: text.replace("}\n}\nMOTION", "}\nMOTION"), "1 joints are not closed"),
-        (
-            lambda text: text.replace("JOINT Chest", "ROOT Chest"),
-            "line 6: 'ROOT Chest'; one ROOT with JOINTs",
-        ),
+        (lambda text: text.replace("JOINT Chest", "ROOT Chest"), "line 6: 'ROOT Chest'; one ROOT with"),
         (lambda text: text.replace("OFFSET 0 40 0", "OFFSET 0 40"), "line 8: 2 cells; 3 are needed"),
         (lambda text: text.replace("CHANNELS 3 X", "CHANNELS 4 X"), "line 13: 'CHANNELS 4 Xrotation"),
         (lambda text: text.replace("CHANNELS 3 X", "CHANNELS 3 W"), "line 13: 'CHANNELS 3 Wrotation"),

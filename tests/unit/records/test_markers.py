@@ -99,16 +99,14 @@ def test_axes_that_contradict_the_body(tmp_path, up, forward, declared, said):
 @pytest.mark.parametrize(
     ("degrees", "fits"), [(0, True), (40, True), (-40, True), (75, False), (-100, False)]
 )
-def test_person_who_does_not_face_quite_forward(tmp_path, degrees, fits):
+def test_facing_within_tolerance_is_accepted(tmp_path, degrees, fits):
     turn = np.deg2rad(degrees)
     about_up = np.array([[np.cos(turn), -np.sin(turn), 0], [np.sin(turn), np.cos(turn), 0], [0, 0, 1]])
     path = write(tmp_path, {name: about_up @ value for name, value in BODY.items()})
     if fits:
         read_markers(path, layout_of(aliases=STANDARD))
     else:
-        assert "the toes are ahead of the heels along" in refusal(
-            read_markers, path, layout_of(aliases=STANDARD)
-        )
+        assert "the toes are ahead of" in refusal(read_markers, path, layout_of(aliases=STANDARD))
 
 
 def test_swapped_sides_are_noticed(tmp_path):
@@ -124,7 +122,7 @@ WALKING = (
 
 
 @pytest.mark.parametrize(("name", "forward", "said"), WALKING)
-def test_a_walking_person_is_compared_frame_by_frame(shared, name, forward, said):
+def test_axes_of_walking_subject_are_compared_per_frame(shared, name, forward, said):
     """Markers of the feet are hidden in different halves of the walk: their medians over time lie metres apart."""
     layout = lumbar.StudySettings().lifting.markers
     path = shared / "real" / "c3d_edge" / name
@@ -134,15 +132,14 @@ def test_a_walking_person_is_compared_frame_by_frame(shared, name, forward, said
         assert said in words and f'set forward: "{forward}"' in words
 
 
-def test_what_is_never_seen_together_shows_no_axis(tmp_path):
+def test_markers_never_seen_together_show_no_axis(tmp_path):
     walk = np.linspace(0, 3, 20)[:, None] * [0, -1, 0]
     markers = {name: walk + value for name, value in BODY.items()}
     for side in "LR":
         markers[f"{side}_HEEL"][10:] = markers[f"{side}_TOE"][:10] = np.nan
-    assert 'set forward: "+y", unless' in refusal(
-        read_markers, write(tmp_path, markers), layout_of(aliases=STANDARD, forward="-y")
-    )
-    read_markers(write(tmp_path, markers), layout_of(aliases=STANDARD))
+    path, wrong = write(tmp_path, markers), layout_of(aliases=STANDARD, forward="-y")
+    assert 'set forward: "+y", unless' in refusal(read_markers, path, wrong)
+    read_markers(path, layout_of(aliases=STANDARD))
 
 
 def test_sides_name_the_axis_that_fits_or_the_labels(tmp_path):
@@ -157,16 +154,11 @@ def test_sides_name_the_axis_that_fits_or_the_labels(tmp_path):
     aliases = {name: name for name in front}
     said = 'front of the pelvis is ahead of its back along +y; set forward: "+y" (or check'
     assert said in refusal(read_markers, path, layout_of(aliases=aliases, forward="-y"))
-    swapped = {
-        **aliases,
-        **{f"{a}_{part}": f"{b}_{part}" for part in ("HIP", "HEEL") for a, b in ("LR", "RL")},
-    }
-    assert "left and right labels are swapped (check" in refusal(
-        read_markers, path, layout_of(aliases=swapped)
-    )
+    aliases |= {f"{a}_{part}": f"{b}_{part}" for part in ("HIP", "HEEL") for a, b in ("LR", "RL")}
+    assert "right labels are swapped (check" in refusal(read_markers, path, layout_of(aliases=aliases))
 
 
-def test_axes_that_no_label_tells_are_said_not_to_be_checked(tmp_path, run):
+def test_uncheckable_axes_are_reported(tmp_path, run):
     path = write(tmp_path, {f"Q{number}": point for number, point in enumerate(BODY.values())})
     told = run.done("check", path)
     assert "not checked: up and forward of the axes" in told
@@ -203,23 +195,23 @@ def test_alternatives_mean_share_and_offset(tmp_path):
     assert set(recording.unused) == {"L_HEEL", "R_HEEL", "L_TOE", "R_TOE"}
 
 
-def test_a_name_that_depends_on_a_derived_one_is_derived_too(tmp_path):
+def test_alias_of_derived_marker_is_derived(tmp_path):
     recording = read(tmp_path, {"L5": "MIDHIP", "MIDHIP": {"mean": ["L_HIP", "R_HIP"]}})
     assert recording.derived == {"L5": "mean of L_HIP and R_HIP", "MIDHIP": "mean of L_HIP and R_HIP"}
 
 
-def test_parts_of_a_rule_are_what_the_table_calls_so(tmp_path):
+def test_parts_of_rule_are_aliases_first(tmp_path):
     """A file's L_HIP need not be the trochanter the table means by L_HIP."""
     recording = read(tmp_path, {"L_HIP": "L_TOE", "MIDDLE": {"mean": ["L_HIP", "R_TOE"]}})
     np.testing.assert_allclose(recording["MIDDLE"].mean(axis=0), [0, 0.14, 0.02], atol=0.003)
 
 
-def test_aliases_that_exchange_names_mean_the_labels_of_the_file(tmp_path):
+def test_swapping_aliases_refer_to_labels(tmp_path):
     recording = read(tmp_path, {"L_HIP": "R_HIP", "R_HIP": "L_HIP"})
     np.testing.assert_allclose(recording["L_HIP"].mean(axis=0), BODY["R_HIP"], atol=0.003)
 
 
-def test_a_derived_marker_is_missing_where_a_part_is(tmp_path):
+def test_derived_marker_is_missing_with_its_part(tmp_path):
     hidden = {**BODY, "L_HIP": np.tile(BODY["L_HIP"], (20, 1))}
     hidden["L_HIP"][5:8] = np.nan
     recording = read(tmp_path, {"PELVIS": {"mean": ["L_HIP", "R_HIP"]}}, hidden)
@@ -249,18 +241,18 @@ UNLIKE = {"C7": "CV7", "L_TOE": ["LTOE", "LFM1"], "SACRUM": "SACRUM"}
         (TWO_CENTRES, {"aliases": {"BODY_COM": "CentreOfMass"}}, "CentreOfMass is left out: computed for several subjects"),
     ],
 )  # fmt: skip
-def test_labels_that_mean_none_or_several_are_refused(tmp_path, positions, layout, said):
+def test_unresolved_labels_are_rejected(tmp_path, positions, layout, said):
     assert said in refusal(read_markers, write(tmp_path, positions), layout_of(check_axes=False, **layout))
 
 
-def test_a_prefix_is_kept_or_chosen(tmp_path):
+def test_subject_prefix_is_kept_or_chosen(tmp_path):
     path = write(tmp_path, TWO)
     assert list(read_markers(path, layout_of(subject_prefix="keep")).positions) == list(TWO)
     chosen = read_markers(path, layout_of(subject_prefix="A"))
     assert list(chosen.positions) == ["C7", "TOE", "B:C7", "box:P1"]
 
 
-def test_markers_that_are_not_required_may_be_absent(tmp_path):
+def test_optional_markers_may_be_absent(tmp_path):
     recording = read(tmp_path, {"C7": "C7", "T12": "T12"}, required=["C7"])
     assert recording.absent == {"T12": "no T12 in the file"}
     assert "T12" not in recording
@@ -274,10 +266,7 @@ def test_markers_that_are_not_required_may_be_absent(tmp_path):
 def test_other_files(tmp_path):
     assert "no such file" in refusal(read_markers, tmp_path / "absent.c3d")
     (tmp_path / "trial.xyz").write_text("time_s\n0\n")
-    with pytest.raises(
-        lumbar.InputError, match=r"read from .*\.csv and \.bvh files, also with \.gz, not '\.xyz'"
-    ):
-        read_markers(tmp_path / "trial.xyz")
+    assert "files, also with .gz, not '.xyz'" in refusal(read_markers, tmp_path / "trial.xyz")
 
 
 @pytest.mark.parametrize(
@@ -297,7 +286,7 @@ def test_real_recordings(shared, name, frames, rate, markers, missing_percent, s
     assert np.diff(recording.time) == pytest.approx(1 / rate)
 
 
-def test_centre_of_mass_of_plug_in_gait_only_where_asked_for(shared):
+def test_plug_in_gait_centre_of_mass_needs_alias(shared):
     path = shared / "real" / "lifting" / "ktk_pig_com_oracle" / "gait.c3d"
     plain = read_markers(path)
     assert "CentreOfMass" not in plain

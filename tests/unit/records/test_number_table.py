@@ -40,7 +40,7 @@ def test_plain_numbers_are_those_of_single_rows(dialect):
 
 
 @pytest.mark.parametrize("line", ["1,2", "1,2,3,4", "1,2,x", "1,2,nan", "# 1,2,3", "", '1,2,"3"'])
-def test_other_tables_are_no_plain_ones(line):
+def test_plain_reader_declines_other_tables(line):
     lines = text_of(",")
     assert read_plain_numbers([*lines[:9], line, *lines[9:]], Dialect(), 3) is None
     assert read_plain_numbers([line, *lines], Dialect(), 3) is None
@@ -57,9 +57,8 @@ def test_quotes_join_lines_only_if_the_dialect_allows_it():
     several = Dialect(quotes_span_lines=True)
     assert [row.line for row in split_rows(lines, several, "a.csv")] == [1, 2, 4]
     assert [row.line for row in split_rows(lines, Dialect(), "a.csv")] == [1, 2, 3, 4]
-    assert "line 2: not a row of a table" in refusal(
-        list, split_rows(["a,b", '"' + "x" * 200_000], several, "a.csv")
-    )
+    rows = split_rows(["a,b", '"' + "x" * 200_000], several, "a.csv")
+    assert "line 2: not a row of a table" in refusal(list, rows)
 
 
 def test_all_wrong_cells_are_listed_with_line_and_column():
@@ -75,7 +74,7 @@ def test_empty_cells_are_missing_only_in_columns_that_allow_it():
     assert "line 2: x is ''" in refusal(read, ["1,2,3", ",2,3"], may_be_empty=["y"])
 
 
-def test_narrow_table_names_the_column_that_is_missing():
+def test_narrow_table_names_missing_column():
     assert "line 1: 2 columns; z is column 3" in refusal(read, ["1,2", "3,4"])
 
 
@@ -89,7 +88,7 @@ def test_numbers_as_programs_write_them(text, value):
 
 
 @pytest.mark.parametrize("text", ["1_000", "١٢", "0x10", "1,5", "d3", "1d", ""])
-def test_texts_that_are_no_numbers(text):
+def test_invalid_numbers_are_rejected(text):
     with pytest.raises(ValueError, match="could not convert"):
         parse_number(text)
 
@@ -100,7 +99,7 @@ def test_encodings_of_western_text_are_recognised(encoding):
     assert decode_lines(text.encode(encoding), "a.csv")[0] == ["Prüfkraft µm", "1,5", "2", ""]
 
 
-def test_other_bytes_are_refused_unless_labels_do_not_matter():
+def test_other_encodings_are_rejected_unless_lenient():
     content = "a\nМаркер".encode("cp1251")
     assert "a.csv: line 2 is not UTF-8" in refusal(decode_lines, content, "a.csv")
     assert decode_lines(content, "a.csv", lenient=True)[0][0] == "a"

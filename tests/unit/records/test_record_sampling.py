@@ -1,4 +1,4 @@
-"""Checks of records, and records at another rate."""
+"""Checks of records, records at another rate, and forces in the axes of the position."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ from lumbar.records.record import (
     swap_input_and_output,
     use_load_as_input,
 )
-from lumbar.records.sampling import resample
+from lumbar.records.sampling import resample, rotate_forces
 from refusing import refusal
 
 TIME = np.arange(50) / 100
@@ -39,7 +39,7 @@ def test_records_that_cannot_be_analysed(change, message):
         check_record(record_of(time, value))
 
 
-def test_a_clock_written_with_few_digits_is_even():
+def test_clock_with_few_digits_is_even():
     time = np.round(np.arange(300) / 128, 3)
     assert check_record(record_of(time, np.sin(time))).sampling_time == pytest.approx(1 / 128, rel=1e-3)
 
@@ -67,7 +67,7 @@ def test_resampling_keeps_what_lies_below_and_removes_what_lies_above():
 
 
 @pytest.mark.parametrize("rate", [10.0, 25.0, 50.0, 64.0, 150.0, 400.0])
-def test_a_record_that_ends_in_full_motion_does_not_ring(rate):
+def test_resampling_does_not_ring_at_ends(rate):
     """Sensors stopped at full speed: a filter that guesses how the motion goes on would make peaks of its own."""
     time = np.arange(2000) / 100
     record = record_of(time, 3 * np.cos(2 * np.pi * 0.31 * time) + 5, 80 * np.cos(2 * np.pi * 0.31 * time))
@@ -77,13 +77,13 @@ def test_a_record_that_ends_in_full_motion_does_not_ring(rate):
     assert 0 < time[-1] - result.time[-1] <= 11 / min(rate, 100) + 1e-9
 
 
-def test_a_record_too_short_for_the_filter_is_refused():
+def test_short_record_cannot_be_resampled():
     record = record_of(np.arange(200) / 100, np.sin(np.arange(200)))
     said = "2 s are too short to be resampled to 10 Hz: 10 samples are left out"
     assert said in refusal(resample, record, 10.0)
 
 
-def test_axes_are_cut_resampled_and_exchanged_like_one():
+def test_several_axes_are_cut_and_resampled_like_one():
     time = np.arange(400) / 100
     waves = np.sin(np.outer([3, 4, 5, 7, 8], time))
     names = ("position", "position", "force", "force", "heat")
@@ -95,6 +95,53 @@ def test_axes_are_cut_resampled_and_exchanged_like_one():
     assert slower["output_y"] == pytest.approx(alone["output"], rel=1e-12)
     assert list(alone.channels) == ["input", "output", "heat"]
     assert use_load_as_input(record).stacked("input") == pytest.approx(record.stacked("output"))
-    assert use_load_as_input(swap_input_and_output(record)).stacked("input") == pytest.approx(
-        record.stacked("output")
+    swapped = use_load_as_input(swap_input_and_output(record))
+    assert swapped.stacked("input") == pytest.approx(record.stacked("output"))
+
+
+def record_of_axes(axes: str) -> Record:
+    values = {axis: np.sin((2 + at) * TIME + at) for at, axis in enumerate(axes)}
+    moved = {f"input_{axis}": Channel(item, "position", "mm") for axis, item in values.items()}
+    return Record(
+        "trial",
+        TIME,
+        moved | {f"output_{axis}": Channel(item[::-1] + 1, "force", "N") for axis, item in values.items()},
     )
+
+
+def rodrigues(vector, forces: np.ndarray) -> np.ndarray:
+    """Forces, shape (3, samples), turned by a vector in degrees."""
+    angle = np.radians(np.linalg.norm(vector))
+    axis = np.asarray(vector, dtype=float)[:, None] / np.linalg.norm(vector)
+    along = axis * (axis * forces).sum(axis=0)
+    return along + np.cos(angle) * (forces - along) + np.sin(angle) * np.cross(axis, forces, axis=0)
+
+
+@pytest.mark.parametrize("vector", [(20.0, -35.0, 50.0), (0, 0, 90), (180, 0, 0), (1e-5, 0, 0)])
+def test_forces_are_rotated_about_vector(vector):
+    given = record_of_axes("xyz")
+    turned = rotate_forces(given, vector)
+    expected = rodrigues(vector, given.stacked("output"))
+    assert turned.stacked("output") == pytest.approx(expected, abs=1e-14)
+    assert np.array_equal(turned.stacked("input"), given.stacked("input"))
+    assert rotate_forces(swap_input_and_output(given), vector).stacked("input") == pytest.approx(
+        expected, abs=1e-14
+    )
+
+
+@pytest.mark.parametrize(("axes", "normal", "sign"), [("xy", 2, 1), ("xz", 1, -1), ("yz", 0, 1)])
+def test_two_axes_are_rotated_only_in_their_plane(axes, normal, sign):
+    vector = np.zeros(3)
+    vector[normal] = sign * 90
+    one, other = record_of_axes(axes).stacked("output")
+    turned = rotate_forces(record_of_axes(axes), vector).stacked("output")
+    assert turned == pytest.approx(np.stack([-other, one]), abs=1e-14)
+    with pytest.raises(InputError, match=rf"only its component along {'xyz'[normal]} may differ from 0"):
+        rotate_forces(record_of_axes(axes), [5, 5, 5])
+
+
+def test_force_frame_needs_several_axes():
+    given = record_of_axes("xyz")
+    assert rotate_forces(given, None) is given
+    assert rotate_forces(given, (0, 0, 0)) is given
+    assert "has one axis" in refusal(rotate_forces, given.axis("y"), (0, 0, 1))

@@ -55,7 +55,7 @@ def test_values_units_and_clock_are_read(tmp_path, values):
     assert part.time[0] == pytest.approx(0.1)
 
 
-def test_an_optional_column_may_be_absent_or_rest(tmp_path, values):
+def test_optional_column_may_be_absent_or_constant(tmp_path, values):
     optional = {"column": "l", "quantity": "length", "unit": "m", "optional": True}
     layout = changed(LAYOUT, columns={"length": optional})
     assert "length" not in read_record(written(tmp_path, text_of(values)), layout).channels
@@ -166,14 +166,14 @@ def commas(form: str) -> str:
         ),
     ],
 )  # fmt: skip
-def test_a_file_with_a_fault_is_refused_with_its_place(tmp_path, text, changes, said):
+def test_faulty_file_is_rejected_with_place(tmp_path, text, changes, said):
     told = refusal(read_record, written(tmp_path, text), changed(LAYOUT, **changes))
     for words in said:
         assert words in told
 
 
 @pytest.mark.parametrize("text", ["Zeit;Weg;Kraft\n0,0;1,0;2,0\n", "t,z,f\n0,eins,2\n", "t;z;f\n0;\xb5;2\n"])
-def test_a_file_that_is_laid_out_otherwise_is_led_to_its_import(tmp_path, text):
+def test_unreadable_layout_suggests_import(tmp_path, text):
     file = tmp_path / "a file's.csv"
     file.write_bytes(text.encode("latin-1"))
     (command,) = (line for line in refusal(read_record, file, LAYOUT).splitlines() if "lumbar import" in line)
@@ -182,7 +182,7 @@ def test_a_file_that_is_laid_out_otherwise_is_led_to_its_import(tmp_path, text):
     assert refusal(read_record, file, LAYOUT).endswith(f" --config {tmp_path / 'study.yaml'}")
 
 
-def test_a_part_is_read_and_the_rest_not_even_checked(tmp_path, values):
+def test_trim_ignores_faults_outside(tmp_path, values):
     """A gap before the part is no fault; lines are still counted in the file."""
     text = text_of(values).replace("0.050000,", "0.049000,").replace("0.200000,", "0.190000,")
     path = written(tmp_path, text)

@@ -48,15 +48,9 @@ def test_answers_are_read_in_the_order_of_the_layout(tmp_path):
     assert np.issubdtype(ratings.scores.dtype, np.integer)
 
 
-def test_all_problems_are_found_at_once(tmp_path):
-    lines = [
-        "a,0,2.5,,KX,perhaps,10",
-        "",
-        "a,1,2,3,KB,1,<5",
-        "b,1,2,3",
-        ",1,2,3,KB,1,<5",
-        "d,1,2,six,IL,1,<5",
-    ]
+def test_all_problems_of_survey_are_listed(tmp_path):
+    lines = ["a,0,2.5,,KX,perhaps,10", "", "a,1,2,3,KB,1,<5", "b,1,2,3"]
+    lines += [",1,2,3,KB,1,<5", "d,1,2,six,IL,1,<5"]
     message = refusal(read_ratings, written(tmp_path, *lines), LAYOUT)
     for entry in (
         "line 2: rating_IL is '0'; allowed: 1, 2, 3, 4, 5",
@@ -74,7 +68,7 @@ def test_all_problems_are_found_at_once(tmp_path):
     assert "10 problems" in message
 
 
-def test_missing_columns_are_named_beside_wrong_cells(tmp_path):
+def test_missing_columns_and_wrong_cells_are_listed(tmp_path):
     path = tmp_path / "survey.csv"
     path.write_text("who,rating_IL,best,years\na,9,IL,<5\nb,1,IL,<5\n")
     message = refusal(read_ratings, path, LAYOUT)
@@ -94,7 +88,7 @@ def test_missing_columns_are_named_beside_wrong_cells(tmp_path):
         (HEADER.encode() + b"\n\xff\xfe,1", "not UTF-8 text"),
     ],
 )
-def test_files_that_are_no_answers(tmp_path, content, message):
+def test_files_without_answers_are_rejected(tmp_path, content, message):
     path = tmp_path / "survey.csv"
     path.write_bytes(content)
     assert message in refusal(read_ratings, path, LAYOUT)
@@ -111,9 +105,8 @@ def test_contradictory_layouts(tmp_path):
     twice = LAYOUT.model_copy(update={"models": LAYOUT.models[:1] * 3})
     assert "duplicate IL" in refusal(read_ratings, path, twice)
     assert "column 'rating_IL' is used twice" in refusal(read_ratings, path, twice)
-    assert "experience_levels" in refusal(
-        read_ratings, path, LAYOUT.model_copy(update={"experience_levels": ()})
-    )
+    without = LAYOUT.model_copy(update={"experience_levels": ()})
+    assert "experience_levels" in refusal(read_ratings, path, without)
 
 
 def test_other_scales_delimiters_and_fewer_questions(tmp_path):

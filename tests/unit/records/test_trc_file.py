@@ -72,7 +72,7 @@ def test_values_clock_and_unit(tmp_path):
         {"rows": ["", *regular_rows(12), "", ""], "header": {"NumFrames": "12"}},
     ],
 )
-def test_irregular_files_read_alike(tmp_path, irregular):
+def test_irregular_files_have_equal_values(tmp_path, irregular):
     (tmp_path / "regular").mkdir()
     expected = read_trc(trc(tmp_path / "regular"))
     file = read_trc(trc(tmp_path, **irregular))
@@ -94,18 +94,16 @@ def test_trajectories_without_a_name(tmp_path, names):
 
 @pytest.mark.parametrize("end", ["", "\t", "\t\t"])
 @pytest.mark.parametrize("lost", [0, 1, 3, 6])
-def test_a_lost_cell_does_not_shift_a_row(tmp_path, end, lost):
+def test_lost_cell_is_rejected(tmp_path, end, lost):
     """Rows that end in a tab have a spare empty cell, which must not stand in for the one that was lost."""
     rows = [row + end for row in regular_rows(12)]
     cells = rows[4].split("\t")
     rows[4] = "\t".join(cells[:lost] + cells[lost + 1 :])
-    with pytest.raises(
-        lumbar.InputError, match=r"line 11: \d+ cells; \d+ are needed, as in the other rows: a cell was lost"
-    ):
-        read_trc(trc(tmp_path, rows))
+    message = refusal(read_trc, trc(tmp_path, rows))
+    assert "line 11: " in message and "are needed, as in the other rows: a cell was lost" in message
 
 
-def test_a_lost_column_does_not_shift_all_rows(tmp_path):
+def test_lost_column_is_rejected(tmp_path):
     rows = ["\t".join([*row.split("\t")[:3], *row.split("\t")[4:], ""]) for row in regular_rows(12)]
     said = "marker 2 has one or two coordinates and never three; a column is missing"
     assert said in refusal(read_trc, trc(tmp_path, rows))
@@ -137,25 +135,16 @@ def changed(row, text):
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        (
-            {"header": {"NumMarkers": "3"}},
-            "8 cells, as in most rows; 11 are needed for 3 markers (NumMarkers)",
-        ),
+        ({"header": {"NumMarkers": "3"}}, "8 cells, as in most rows; 11 are needed for 3 markers"),
         ({"header": {"NumMarkers": "1"}}, "NumMarkers: 1; line 4 names 2 markers"),
         ({"header": {"DataRate": "0"}}, "DataRate: 0; a positive number is needed"),
         ({"header": {"DataRate": "inf"}}, "DataRate: inf; a positive number is needed, 0.001 to 1e+06"),
         ({"header": {"NumFrames": "1e999"}}, "NumFrames: 1e999; a positive number is needed"),
         ({"rows": changed(4, "6120\t17.54\t1_000\t2\t1450\t4\t-4\t1000")}, "line 11: column 3 is '1_000'"),
         ({"header": {"DataRate": "fast"}}, "DataRate: 'fast'; a number is needed"),
-        (
-            {"rows": [row + "\t3" for row in regular_rows(12)]},
-            "line 7: 9 cells, as in most rows; 8 are needed",
-        ),
+        ({"rows": [row + "\t3" for row in regular_rows(12)]}, "line 7: 9 cells, as in most rows; 8 are"),
         ({"names": "C7 SACR", "first": "Frame# Time "}, "separated by neither tabs nor commas"),
-        (
-            {"rows": changed(4, "6120\t17.54\t4\tx\t1450\t4\t-4\t1000")},
-            "line 11: column 4 is 'x'; a number is needed",
-        ),
+        ({"rows": changed(4, "6120\t17.54\t4\tx\t1450\t4\t-4\t1000")}, "line 11: column 4 is 'x'"),
         ({"rows": changed(4, "6120\t\t4\t2\t1450\t4\t-4\t1000")}, "line 11: no time"),
         ({"rows": changed(4, "6120\t17.54\t4\t1e308\t1450\t4\t-4\t1000")}, "line 11: 1e+308 in column 4"),
         ({"rows": [*regular_rows(6), *regular_rows(6, start=17.6)]}, "frames are missing"),

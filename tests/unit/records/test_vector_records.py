@@ -46,13 +46,13 @@ def test_columns_of_axes_are_read_in_any_order(tmp_path, case):
 
 
 @pytest.mark.parametrize("case", cases(__file__, "refused"))
-def test_headers_of_half_a_record_or_two_are_refused(tmp_path, case):
+def test_incomplete_axes_in_header_are_rejected(tmp_path, case):
     told = refusal(lumbar.read, written(tmp_path, case["header"]))
     assert [words for words in case["words"] if words not in told] == []
 
 
 @pytest.mark.parametrize("case", cases(__file__, "values"))
-def test_axes_are_checked_one_by_one_and_one_may_rest(tmp_path, case):
+def test_each_axis_is_checked_and_one_may_be_constant(tmp_path, case):
     values = [
         eval(text, {"np": np, "w": np.sin(5 * TIME), "t": TIME}) for text in case["position"] + case["force"]
     ]
@@ -65,7 +65,7 @@ def test_axes_are_checked_one_by_one_and_one_may_rest(tmp_path, case):
 
 
 @pytest.mark.parametrize("case", cases(__file__, "layouts"))
-def test_a_layout_names_every_axis_of_both_sides_alike(case):
+def test_layout_needs_equal_axes_of_both_sides(case):
     words = {"i": ("mm", "position"), "o": ("N", "force")}
     roles = {
         role: (role, case["units"].get(role, words[role[0]][0]), words[role[0]][1]) for role in case["roles"]
@@ -75,7 +75,7 @@ def test_a_layout_names_every_axis_of_both_sides_alike(case):
     assert [words for words in case["words"] if words not in str(caught.value)] == []
 
 
-def test_a_layout_may_name_the_axes(tmp_path):
+def test_layout_may_name_axes(tmp_path):
     roles = {
         f"{side}_{axis}": (f"{side[0]}{axis}", "mm", side) for side in ("input", "output") for axis in "xz"
     }
@@ -91,7 +91,7 @@ def test_records_of_one_set_have_the_same_axes(tmp_path):
     assert "other: one axis, but x, y, z in trial" in refusal(lumbar.read, [one, other])
 
 
-def test_a_study_that_names_axes_has_no_default_columns_beside_them(tmp_path):
+def test_study_with_axes_has_no_default_columns(tmp_path):
     lines = [
         f"{side}_{axis}: {{column: {side[0]}{axis}, unit: mm}}"
         for side in ("input", "output")

@@ -27,7 +27,7 @@ def test_imports_are_followed_at_any_depth(dependencies, project):
     assert not any("diagnosis" in path.parts for path in sources)
 
 
-def test_an_effect_of_the_catalogue_is_a_source_of_what_diagnoses(dependencies, project):
+def test_catalogue_effect_is_a_dependency_of_diagnosis(dependencies, project):
     effects = project / "workflow" / "lumbar" / "tissue" / "effects"
     sources = set(map(Path, dependencies.library_sources("diagnose_records.py")))
     assert set(effects.glob("*/*.yaml")) <= sources

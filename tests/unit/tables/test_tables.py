@@ -66,14 +66,14 @@ def test_three_formats_hold_the_same_cells(tmp_path):
     assert "unused" not in tex
 
 
-def test_decimals_are_those_asked_for():
+def test_decimals_are_applied():
     assert "0.333 " in made(decimals={"value_N": 3}).to_latex()
     assert made(decimals={"value_N": 0}).cell("value_N", 2.6) == "3"
     assert made().cell("value_N", 2.5e-16) == "2.5·10⁻¹⁶"
     assert [made().cell("p_value", value) for value in (0.0, 1e-4)] == ["< 0.0001", "0.0001"]
 
 
-def test_page_needs_nothing_from_outside_and_escapes_text():
+def test_page_is_self_contained_and_escaped():
     page = made(notes=("<script>alert(1)</script>",)).to_html()
     assert "<script" not in page
     assert "http" not in page
@@ -89,7 +89,7 @@ def test_page_needs_nothing_from_outside_and_escapes_text():
         ({"p": [0.1, math.inf]}, NumericalError, "inf in column p, row 2"),
     ],
 )
-def test_columns_need_definitions_and_values_where_none_may_be_missing(change, error, words):
+def test_columns_need_definitions_and_values(change, error, words):
     changes = change if "definitions" in change else {"frame": made().frame.assign(**change)}
     with pytest.raises(error, match=words):
         made(**changes)
@@ -109,7 +109,7 @@ def wide(rows: int, columns: int, **changes) -> Table:
     return Table("Table 4.1: percent.", frame, dict.fromkeys(names, "x"), "test", **changes)
 
 
-def test_what_does_not_fit_a_page_is_folded_and_nothing_is_lost():
+def test_wide_table_is_folded_without_loss():
     table = wide(60, 30)
     page = table.to_html()
     shown, folded = page.split("<details>", 1)
@@ -120,13 +120,13 @@ def test_what_does_not_fit_a_page_is_folded_and_nothing_is_lost():
     assert {f"Value {number} (mm)" for number in range(30)} <= set(re.findall("<th [^>]*>(.*?)</th>", folded))
 
 
-def test_columns_asked_for_stand_first():
+def test_first_columns_are_shown_first():
     shown, folded = wide(3, 4, first=("com", "value_2_mm"), first_rows=(1,)).to_html().split("<details>", 1)
     assert "Value 2 (mm)" in shown and "Value 1 (mm)" not in shown and "Value 1 (mm)" in folded
     assert shown.count("<tr>") == 2 and folded.count("<tr>") == 4
 
 
-def test_latex_leaves_the_number_to_the_journal_and_breaks_long_tables():
+def test_latex_numbers_and_splits_long_tables():
     tex = wide(100, 2, first_rows=tuple(range(100))).to_latex()
     assert r"\caption{Percent. Data: test.}" in tex
     assert tex.count(r"\begin{table}") == tex.count(r"\end{table}") == 3
@@ -135,7 +135,7 @@ def test_latex_leaves_the_number_to_the_journal_and_breaks_long_tables():
     assert r"\begin{table*}" in wide(2, 6).to_latex()
 
 
-def test_latex_is_balanced_and_names_no_sign_that_ends_it():
+def test_latex_is_balanced_and_escaped():
     tex = made(notes=("100 % & more_or_less {x} ~ 1.2·10⁻¹⁶.",)).to_latex()
     assert sorted(re.findall(r"\\begin\{(\w+)\}", tex)) == sorted(re.findall(r"\\end\{(\w+)\}", tex))
     bare = re.sub(r"\\[\\%&_{}~#$]", "", tex)
@@ -153,7 +153,7 @@ def test_numbers_in_latex_have_powers_of_ten(text, expected):
     assert escape_latex(text) == expected
 
 
-def test_a_new_column_is_shown_in_latex_unless_it_is_folded(tmp_path):
+def test_latex_omits_only_folded_columns(tmp_path):
     description = "t: {title: T, folded: [more_*], columns: {name: n, more_1: m, added_N: a}}"
     (tmp_path / "tables.yaml").write_text(description)
     table = table_from_schema(str(tmp_path), "t", [{"name": "x", "more_1": 1, "added_N": 2}], "test")
@@ -162,7 +162,7 @@ def test_a_new_column_is_shown_in_latex_unless_it_is_folded(tmp_path):
     assert page.index("Added (N)") < page.index("<details>") < page.index("More 1")
 
 
-def test_a_column_without_a_header_is_shown_next_to_those_with_one():
+def test_column_without_header_is_shown():
     assert "Value (N)" in made(headers={"model": "Model"}).to_latex()
 
 
