@@ -1,4 +1,4 @@
-"""Channels of the force that are exchanged or count the other way are told, with the columns that read them rightly."""
+"""Exchanged or inverted channels of the force are reported, with the columns that read them correctly."""
 
 from dataclasses import replace
 from itertools import permutations, product
@@ -16,10 +16,10 @@ from lumbar.tissue.diagnosis.spatial.spatial_findings import exchanged_channels
 from space_records import FRICTION, NOISE, POSITION, STIFFNESS, record, record_of, white
 
 TURNED = np.array([[0.9, -0.4, 0.2], [-0.4, 0.5, 0.1], [0.2, 0.1, 0.3]])
-"""Stiffness beside the spring's, positive with it, in no frame of the axes."""
+"""Stiffness in addition to the spring's, positive with it, in no frame of the axes."""
 
 
-def told(item):
+def find_exchange(item):
     return exchanged_channels(prepare([item], DiagnosisSettings()), None)
 
 
@@ -39,8 +39,8 @@ READINGS = [*product(permutations(range(3)), product((1, -1), repeat=3))]
         for number, reading in enumerate(READINGS[1:])
     ],
 )
-def test_every_other_reading_is_told_with_the_columns_that_take_it_back(order, signs):
-    result = told(misread(order, signs))
+def test_every_wrong_reading_is_reported_with_its_columns(order, signs):
+    result = find_exchange(misread(order, signs))
     columns = yaml.safe_load(result.sentence.partition("\n")[2])["tissue"]["layout"]["columns"]
     for axis, name in enumerate("xyz"):
         column = columns[f"output_{name}"]
@@ -51,18 +51,18 @@ def test_every_other_reading_is_told_with_the_columns_that_take_it_back(order, s
 
 
 @pytest.mark.parametrize("axes", ["xyz", "xz"])
-def test_channels_as_they_should_be_are_not_accused(axes):
-    assert told(record(FRICTION, axes=axes)) is None
-    assert told(misread(*READINGS[0])) is None
+def test_correct_channels_are_not_reported(axes):
+    assert find_exchange(record(FRICTION, axes=axes)) is None
+    assert find_exchange(misread(*READINGS[0])) is None
 
 
-def test_no_effect_is_named_beside_them():
+def test_exchanged_channels_have_no_effect():
     result = diagnose([misread((0, 1, 2), (1, 1, -1))], DiagnosisSettings())
     assert (result.status, result.selected) == ("unexplained", ())
     assert result.orientation.kind == "force_channels"
 
 
-def test_a_channel_that_is_dead_is_named():
+def test_dead_channel_is_rejected():
     item = record(FRICTION)
     dead = replace(item.with_values(output_z=np.zeros(len(item))), name="bench")
     with pytest.raises(InputError, match="bench: the force along z is 0 N throughout"):

@@ -24,7 +24,7 @@ from lumbar.tissue.diagnosis.residuals.candidate_causes import (
 from lumbar.tissue.diagnosis.residuals.compare import Comparison, compare_record, settling_samples
 from lumbar.tissue.diagnosis.residuals.motion_diagnostics import motion_view, reversal_view
 from lumbar.tissue.diagnosis.residuals.residual import SIGNIFICANT, Residual, View, percent, steady_velocity
-from lumbar.tissue.diagnosis.residuals.time_frequency import frequency_view, time_view
+from lumbar.tissue.diagnosis.residuals.time_frequency import band_view, line_view, time_view
 from lumbar.tissue.identification.metrics import settling_time
 from lumbar.tissue.models.measured_motion import for_base
 from lumbar.tissue.models.motion import Motion
@@ -91,9 +91,9 @@ class Location:
     @classmethod
     def of_residual(cls, record: str, residual: Residual, causes: Sequence[Cause]) -> Location:
         """Return all views of a record's residual; the causes are those of all records."""
-        views = [
-            view(residual) for view in (time_view, frequency_view, motion_view, reversal_view, causes_view)
-        ]
+        spectrum_view = band_view if residual.folding is None else line_view
+        kinds = (time_view, spectrum_view, motion_view, reversal_view, causes_view)
+        views = [view(residual) for view in kinds]
         return cls(record, residual, {view.name: view for view in views}, tuple(causes))
 
     @property

@@ -144,12 +144,8 @@ def line_classes(excited: np.ndarray, count: int) -> np.ndarray:
     return classes
 
 
-def frequency_view(residual: Residual) -> View:
-    """Return the shares of lines of a record that repeats, or of bands. Numbers: the share of every class of lines."""
-    return _bands(residual) if residual.folding is None else _lines(residual)
-
-
-def _lines(residual: Residual) -> View:
+def line_view(residual: Residual) -> View:
+    """Return the spectrum of the error of a record that repeats, by line; numbers are the shares of the classes of lines."""
     folding = residual.folding
     periods, samples = len(folding.rows), folding.samples
     mean = folding.fold(residual.values).mean(axis=0)
@@ -226,8 +222,8 @@ def _line_sentence(residual: Residual, shares, p_values, excited, classes, exces
     return "; ".join(parts) + "."
 
 
-def _bands(residual: Residual) -> View:
-    """Return the view of a record without lines, by band."""
+def band_view(residual: Residual) -> View:
+    """Return the spectrum of the error of a record that does not repeat, by band."""
     size = len(residual.values)
     frequency = np.fft.rfftfreq(size, residual.sampling_time)
     window = np.hanning(size + 2)[1:-1]
