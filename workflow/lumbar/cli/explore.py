@@ -119,8 +119,7 @@ def _study_sets(options) -> tuple[Study, list[ExploredSet]]:
             [*map(Path, paths), options.target or DEFAULT_FILES[0], *DEFAULT_FILES],
         )
         make = partial(_diagnose_set, study, name, paths)
-        output = (options.output or EXPLORED) / study.name / name
-        sets.append(ExploredSet(name, make, output, stored=stored))
+        sets.append(ExploredSet(name, make, (options.output or EXPLORED) / study.name / name, stored=stored))
     return study, sets
 
 

@@ -110,8 +110,7 @@ def check_at_rest(equation: Equation) -> Faults:
     arrays |= {name: np.zeros(1) for name in equation.slopes}
     faults = []
     with np.errstate(all="ignore"):
-        begin = Evaluator(list(equation.begin.values()))(arrays)
-        arrays |= dict(zip(equation.begin, begin, strict=True))
+        arrays |= dict(zip(equation.begin, Evaluator(list(equation.begin.values()))(arrays), strict=True))
         for key, tree in trees:
             checked = {"value": tree}
             for name in filter(symbols(tree).__contains__, _SLOPE_SIGNALS):

@@ -84,8 +84,7 @@ def smooth_angle(record: Record) -> Record:
         inner = np.linspace(0, samples[-1], max(int(len(angle) / spacing), 1) + 1)
         knots = np.concatenate([np.full(5, inner[0]), inner, np.full(5, inner[-1])])
         values = scipy.interpolate.make_lsq_spline(samples, angle, knots, k=5)(samples)
-        coefficients = len(knots) - 6
-        error = np.mean((values - angle) ** 2) / (1 - coefficients / len(angle)) ** 2
+        error = np.mean((values - angle) ** 2) / (1 - (len(knots) - 6) / len(angle)) ** 2
         if error < least:
             best, least = (None if spacing == _KNOT_SPACINGS[0] else values), error
         elif error > _MAX_ERROR_RATIO * least:

@@ -65,8 +65,7 @@ def play(motion: Motion, gap: float) -> np.ndarray:
         elif place > high:
             place = high
         reached.append(place)
-    start = np.array(reached)[motion.interval]
-    return np.clip(start, position - gap, position + gap)
+    return np.clip(np.array(reached)[motion.interval], position - gap, position + gap)
 
 
 def presliding(motion: Motion, distance: float) -> np.ndarray:
@@ -242,8 +241,7 @@ def surface_of_dashpot(motion: Motion, retardation_time: float) -> tuple[np.ndar
 def _next_true(condition: np.ndarray) -> list[int]:
     """Return for every sample the index of the next one, itself included, that meets a condition; else their number."""
     size = len(condition)
-    index = np.where(condition, np.arange(size), size)
-    return np.minimum.accumulate(index[::-1])[::-1].tolist()
+    return np.minimum.accumulate(np.where(condition, np.arange(size), size)[::-1])[::-1].tolist()
 
 
 _BLOCK_SAMPLES = 512  # searched together

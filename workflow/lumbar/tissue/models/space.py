@@ -326,15 +326,13 @@ class PlaneContact:
 
     def freeze(self, nonlinear: Sequence[float]) -> "PlaneContact":
         """Return the base with the plane moved by these parameters."""
-        numbers = np.asarray(nonlinear)
-        normal, depth = self.plane(numbers)
+        normal, depth = self.plane(np.asarray(nonlinear))
         return replace(self, frames=(tuple(frame_of(normal).ravel().tolist()),), depth=depth)
 
 
 def frame_of(normal: np.ndarray) -> np.ndarray:
     """Return a rotation matrix with this direction as first column."""
-    matrix = np.column_stack([normal, np.eye(len(normal))])
-    frame = np.linalg.qr(matrix)[0][:, : len(normal)]
+    frame = np.linalg.qr(np.column_stack([normal, np.eye(len(normal))]))[0][:, : len(normal)]
     frame *= np.sign(frame[:, 0] @ normal)
     frame[:, -1] *= np.sign(np.linalg.det(frame))
     return frame

@@ -182,8 +182,7 @@ class StateEquation:
         tried = (self._newton(known, steps, begin, guess) for guess in guesses if by_newton)
         states = next((path for path in tried if path is not None), None)
         if states is None:
-            solve = self._solve_in_numbers if one else self.solve_stepwise
-            states = solve(known, steps, begin=begin)
+            states = (self._solve_in_numbers if one else self.solve_stepwise)(known, steps, begin=begin)
         if np.isfinite(states).all():
             near[self.names] = states
         return dict(zip(self.names, states, strict=True))
@@ -218,8 +217,7 @@ class StateEquation:
         matrix = numbers[size:].reshape(size, size, steps).transpose(2, 0, 1)
         stretch = _phi1_of_steps(matrix, states)
         after = np.array([values[name] for name in self.names]) + (stretch @ increments)[:, :states, 0].T
-        slopes = np.eye(size) + matrix @ stretch
-        return after, slopes[:, :states, :states].transpose(1, 2, 0)
+        return after, (np.eye(size) + matrix @ stretch)[:, :states, :states].transpose(1, 2, 0)
 
     def _newton(
         self,
@@ -258,8 +256,7 @@ class StateEquation:
 
         With a clock the step is φ₁(x) h f + φ₂(x) g, x = hJ, with the derivative g of h f by the clock.
         """
-        cells = [self.increments[0], *self.matrix[0]]
-        evaluate = Evaluator(cells, MATH)
+        evaluate = Evaluator([self.increments[0], *self.matrix[0]], MATH)
         constants = {name: float(value) for name, value in known.items() if not np.ndim(value)}
         series = {name: np.asarray(value).tolist() for name, value in known.items() if np.ndim(value)}
         (symbol,) = self.names

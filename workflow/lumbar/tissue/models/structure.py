@@ -141,8 +141,7 @@ _Any = TypeVar("_Any", LinearParameter, NonlinearParameter)
 
 def _swap_units(item: _Any) -> _Any:
     """Return a parameter with the unit for a model with the force as input."""
-    swapped = item.unit.replace("{x}", "{?}").replace("{y}", "{x}").replace("{?}", "{y}")
-    return replace(item, unit=swapped)
+    return replace(item, unit=item.unit.replace("{x}", "{?}").replace("{y}", "{x}").replace("{?}", "{y}"))
 
 
 @dataclass(frozen=True)
