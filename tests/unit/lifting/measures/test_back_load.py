@@ -59,10 +59,10 @@ def test_two_links_agree_with_lagrange_s_equations():
         Link(masses[0], centres[0] * axes[0], axes[0], gyrations[0]),
         Link(masses[1], second, axes[1], gyrations[1]),
     ]
-    found = net_moment(np.zeros((len(TIME), 3)), links, RATE, G)
+    actual = net_moment(np.zeros((len(TIME), 3)), links, RATE, G)
     # An inclination grows forward, against the rotation about the axis to the right.
-    assert found[5:-5, 0] == pytest.approx(expected[5:-5], rel=1e-4, abs=0.01)
-    assert np.abs(found[:, 1:]).max() < 1e-9
+    assert actual[5:-5, 0] == pytest.approx(expected[5:-5], rel=1e-4, abs=0.01)
+    assert np.abs(actual[:, 1:]).max() < 1e-9
 
 
 def test_a_body_in_free_flight_needs_no_moment_about_its_own_centre():

@@ -27,8 +27,8 @@ def base(corners, grounded=None):
     ],
 )
 def test_distance_to_the_edge_of_a_square(point, margin, direction):
-    found, towards = base(SQUARE).margin(np.array([point]))
-    assert found == pytest.approx([margin], abs=1e-12)
+    actual, towards = base(SQUARE).margin(np.array([point]))
+    assert actual == pytest.approx([margin], abs=1e-12)
     if direction is not None:
         assert towards[0] == pytest.approx(direction, abs=1e-12)
 
@@ -36,22 +36,22 @@ def test_distance_to_the_edge_of_a_square(point, margin, direction):
 def test_inside_any_hull_it_is_the_distance_to_qhull_s_nearest_facet():
     rng = np.random.default_rng(2)
     corners, points = rng.normal(size=(40, 8, 2)), 0.3 * rng.normal(size=(40, 2))
-    found, _ = base(corners).margin(points)
+    actual, _ = base(corners).margin(points)
     nearest = [
         -(ConvexHull(hull).equations @ [*point, 1.0]).max()
         for hull, point in zip(corners, points, strict=True)
     ]
     inside = np.array(nearest) > 0
     assert inside.sum() > 20
-    assert found[inside] == pytest.approx(np.array(nearest)[inside], abs=1e-12)
+    assert actual[inside] == pytest.approx(np.array(nearest)[inside], abs=1e-12)
     # Outside, the nearest facet's plane is a lower bound of how far the hull is.
-    assert (found[~inside] <= np.array(nearest)[~inside] + 1e-12).all()
+    assert (actual[~inside] <= np.array(nearest)[~inside] + 1e-12).all()
 
 
 def test_corners_in_the_air_do_not_count():
     on_ground = np.array([[True, True, False, False, False]])
-    found, _ = base(SQUARE, on_ground).margin(np.array([[0.5, 0.3]]))
-    assert found == pytest.approx([-0.3])  # the ground is touched along a line
+    actual, _ = base(SQUARE, on_ground).margin(np.array([[0.5, 0.3]]))
+    assert actual == pytest.approx([-0.3])  # the ground is touched along a line
     nothing = base(SQUARE, np.zeros((1, 5), bool))
     assert np.isnan(nothing.margin(np.array([[0.5, 0.5]]))[0])
     assert np.isnan(nothing.reach(np.array([[0.5, 0.5]]), np.array([[1.0, 0.0]])))
@@ -82,7 +82,7 @@ def test_a_foot_is_off_the_ground_where_it_is_high_or_fast():
     marker = np.zeros((len(time), 3))
     marker[:, 2] = 0.04 + 0.1 * ((time > 1) & (time < 1.5))  # held up, at rest
     marker[:, 1] = np.clip(time - 2, 0, 0.5)  # pushed over the ground at 1 m/s
-    found = ground_contact(marker, 100.0, 0.03, 0.3)
-    assert not found[(time > 1.02) & (time < 1.48)].any()
-    assert not found[(time > 2.02) & (time < 2.48)].any()
-    assert found[(time < 0.98) | ((time > 1.52) & (time < 1.98)) | (time > 2.52)].all()
+    actual = ground_contact(marker, 100.0, 0.03, 0.3)
+    assert not actual[(time > 1.02) & (time < 1.48)].any()
+    assert not actual[(time > 2.02) & (time < 2.48)].any()
+    assert actual[(time < 0.98) | ((time > 1.52) & (time < 1.98)) | (time > 2.52)].all()

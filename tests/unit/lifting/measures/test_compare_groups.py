@@ -23,39 +23,39 @@ def compare(*sides):
 def test_groups_are_compared_by_welchs_test():
     rng = np.random.default_rng(1)
     first, second = rng.normal(3.0, 1.0, 6), rng.normal(2.0, 3.0, 9)
-    found = compare(("expert", 23, first), ("novice", 23, second))
+    actual = compare(("expert", 23, first), ("novice", 23, second))
     parts = first.var(ddof=1) / 6, second.var(ddof=1) / 9
     freedom = sum(parts) ** 2 / (parts[0] ** 2 / 5 + parts[1] ** 2 / 8)
     half_width = stats.t.ppf(0.975, freedom) * np.sqrt(sum(parts))
     difference = first.mean() - second.mean()
-    assert (found.first, found.second) == pytest.approx((first.mean(), second.mean()))
-    assert (found.low, found.high) == pytest.approx((difference - half_width, difference + half_width))
-    assert found.freedom == pytest.approx(freedom) and found.persons == (6, 9)
+    assert (actual.first, actual.second) == pytest.approx((first.mean(), second.mean()))
+    assert (actual.low, actual.high) == pytest.approx((difference - half_width, difference + half_width))
+    assert actual.freedom == pytest.approx(freedom) and actual.persons == (6, 9)
     expected = stats.ttest_ind(first, second, equal_var=False)
-    assert found.p_value == pytest.approx(expected.pvalue) and found.freedom == pytest.approx(expected.df)
-    assert (found.low, found.high) == pytest.approx(tuple(expected.confidence_interval()))
+    assert actual.p_value == pytest.approx(expected.pvalue) and actual.freedom == pytest.approx(expected.df)
+    assert (actual.low, actual.high) == pytest.approx(tuple(expected.confidence_interval()))
     pooled = np.sqrt((5 * first.var(ddof=1) + 8 * second.var(ddof=1)) / 13)
-    assert found.person_sd == pytest.approx(pooled)
-    assert found.percent == pytest.approx(100 * difference / second.mean())
+    assert actual.person_sd == pytest.approx(pooled)
+    assert actual.percent == pytest.approx(100 * difference / second.mean())
 
 
 def test_boxes_are_compared_within_the_persons_who_lifted_both():
     heavy, light = [3.0, 5.0, 4.0, 8.0, 99.0], [4.0, 5.5, 6.0, 9.0]
-    found = compare(("expert", 15, light), ("expert", 23, heavy))
+    actual = compare(("expert", 15, light), ("expert", 23, heavy))
     changes = np.array([1.0, 0.5, 2.0, 1.0])
     half_width = stats.t.ppf(0.975, 3) * changes.std(ddof=1) / 2
-    assert found.difference == pytest.approx(changes.mean()) and found.persons == (4, 4)
-    assert (found.low, found.high) == pytest.approx(
+    assert actual.difference == pytest.approx(changes.mean()) and actual.persons == (4, 4)
+    assert (actual.low, actual.high) == pytest.approx(
         (changes.mean() - half_width, changes.mean() + half_width)
     )
-    assert found.freedom == 3 and found.person_sd == pytest.approx(changes.std(ddof=1))
-    assert found.p_value == pytest.approx(stats.ttest_rel(light, heavy[:4]).pvalue)
+    assert actual.freedom == 3 and actual.person_sd == pytest.approx(changes.std(ddof=1))
+    assert actual.p_value == pytest.approx(stats.ttest_rel(light, heavy[:4]).pvalue)
 
 
 def test_no_interval_without_persons_or_scatter():
-    found = compare(("expert", 23, [1.0, 2.0]), ("novice", 23, range(5)))
-    assert found.p_value is None and found.low is None and found.difference == pytest.approx(-0.5)
-    assert found.remark == "no interval: 2 persons (expert), at least 3 are needed"
+    actual = compare(("expert", 23, [1.0, 2.0]), ("novice", 23, range(5)))
+    assert actual.p_value is None and actual.low is None and actual.difference == pytest.approx(-0.5)
+    assert actual.remark == "no interval: 2 persons (expert), at least 3 are needed"
     paired = compare(("expert", 15, [1.0, 2.0]), ("expert", 23, range(5)))
     assert paired.remark == "no interval: 2 persons (15 kg), at least 3 are needed"
     constant = compare(("expert", 23, [1.0] * 4), ("novice", 23, [2.0] * 4))
@@ -69,12 +69,14 @@ def table():
     rng, rows = np.random.default_rng(1), []
     for group, count, margin in (("expert", 5, 40.0), ("novice", 4, 20.0)):
         for person in range(count):
-            own = rng.normal(margin, 4)
+            individual = rng.normal(margin, 4)
             for mass in (15, 23):
                 for _ in range(2):
                     key = (f"{group}_{person}", group, mass)
-                    rows.append((*key, "margin", own - (mass - 15) / 2 + rng.normal(0, 2), "mm", "higher"))
-                    rows.append((*key, "moment", 300 - own + rng.normal(0, 2), "N·m", "lower"))
+                    rows.append(
+                        (*key, "margin", individual - (mass - 15) / 2 + rng.normal(0, 2), "mm", "higher")
+                    )
+                    rows.append((*key, "moment", 300 - individual + rng.normal(0, 2), "N·m", "lower"))
                     rows.append((*key, "sway", rng.normal(10, 3), "mm", "lower"))
     columns = ["person", "group", "box_mass_kg", "measure", "value", "unit", "safer"]
     frame = pd.DataFrame(rows, columns=columns).assign(plane="all")

@@ -60,8 +60,8 @@ def fall(angle, velocity, reach):
 
     rest.terminal = fallen.terminal = True
     rest.direction, fallen.direction = -1, 1
-    found = solve_ivp(motion, (0, 20), [angle, velocity], events=(rest, fallen), rtol=1e-10, atol=1e-12)
-    return bool(found.t_events[0].size)
+    actual = solve_ivp(motion, (0, 20), [angle, velocity], events=(rest, fallen), rtol=1e-10, atol=1e-12)
+    return bool(actual.t_events[0].size)
 
 
 @pytest.mark.parametrize(("angle", "reach"), [(0.0, 0.15), (-0.3, 0.15), (0.1, 0.2), (-0.1, 0.05)])

@@ -35,26 +35,26 @@ def lifts(expert):
 
 
 @pytest.fixture(scope="module")
-def found(lifts):
+def actual(lifts):
     return {name: lumbar.measure_movement(item) for name, item in lifts.items()}
 
 
-def value(found, measure, plane="all"):
-    rows = found.values.set_index(["measure", "plane"])
+def value(actual, measure, plane="all"):
+    rows = actual.values.set_index(["measure", "plane"])
     return rows.loc[(measure, plane), "value"]
 
 
-def test_the_lumbar_spine_bends_as_it_was_made_to(found):
+def test_the_lumbar_spine_bends_as_it_was_made_to(actual):
     """Thorax 1, pelvis 0.45 of the flexion (`lumbar.twin.lifter`): 24° and 36° beyond the 4° of carrying."""
     for name, flexion in (("expert_23kg", 28), ("novice_23kg", 40)):
-        bent = value(found[name], "lumbar_flexion_release", "flexion_extension")
+        bent = value(actual[name], "lumbar_flexion_release", "flexion_extension")
         assert bent == pytest.approx(0.55 * flexion, abs=1.5)
 
 
-def test_numbers_at_the_release_by_hand(lifts, found):
+def test_numbers_at_the_release_by_hand(lifts, actual):
     """Static enough at the release: margin over the toes and moment from the masses' places alone, within a few per cent."""
     body, facts = lifts["expert_23kg"].body, lifts["expert_23kg"].facts
-    course = found["expert_23kg"].instants
+    course = actual["expert_23kg"].instants
     at = course.index[course["phase"] == "deposit"][-1]
     point = {name: body.loc[at, [f"{name}_{axis}_m" for axis in "xyz"]].to_numpy(float) for name in (
         "WHOLE_BODY", "LOAD", "L5S1", "HEAD", "THORAX_COM", "ABDOMEN_COM", "L_TOE", "L_HEEL",
@@ -80,10 +80,10 @@ def test_numbers_at_the_release_by_hand(lifts, found):
     assert facts["no_deposit"] is None
 
 
-def test_saved_lift_gives_the_same_measures(lifts, found, tmp_path):
+def test_saved_lift_gives_the_same_measures(lifts, actual, tmp_path):
     lifts["expert_23kg"].save(tmp_path)
     read = lumbar.measure_movement(tmp_path / "body.csv")
-    pd.testing.assert_frame_equal(read.values, found["expert_23kg"].values, rtol=1e-9)
+    pd.testing.assert_frame_equal(read.values, actual["expert_23kg"].values, rtol=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -104,16 +104,16 @@ def test_measure_without_its_markers_has_a_reason(expert, gone, measure, reason)
     assert rows["reason"].str.contains(reason or "").all()
 
 
-def test_foot_without_a_toe_marker_has_the_length_of_its_stature(expert, found):
+def test_foot_without_a_toe_marker_has_the_length_of_its_stature(expert, actual):
     toeless = measured(without(expert, "TOE"))
     assert len(toeless.course.notes) == 2
     assert "L_TOE has no marker" in str(toeless)
-    marked = value(found["expert_23kg"], "margin_of_stability")
+    marked = value(actual["expert_23kg"], "margin_of_stability")
     assert value(toeless, "margin_of_stability") == pytest.approx(marked, abs=0.01)
 
 
-def test_missing_deposit_keeps_carry_measures(expert, found):
-    rows, complete = measured(cut(expert, expert.time < 5.0)).values, found["expert_23kg"].values
+def test_missing_deposit_keeps_carry_measures(expert, actual):
+    rows, complete = measured(cut(expert, expert.time < 5.0)).values, actual["expert_23kg"].values
     whole = rows["measure"].str.endswith("_carried")
     assert rows.loc[~whole, "value"].isna().all()
     assert rows.loc[~whole, "reason"].str.contains("the deposit is not known").all()

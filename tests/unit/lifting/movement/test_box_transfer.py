@@ -1,4 +1,4 @@
-"""A real recording of a box set on a shelf: its study's rules and its run, and what is said of mishaps of a laboratory."""
+"""A real recording of a box set on a shelf: its study's rules and its run, and mishaps of a laboratory."""
 
 import ezc3d
 import numpy as np
@@ -80,10 +80,10 @@ def test_the_shape_of_another_person_s_static_trial_fills_no_gap(points, lift_of
     gappy = hide(points, slice(250, 350), "PSISl")
     noise = np.random.default_rng(1).normal(0, 2e-4, (60, 3))
     static = {label: larger * np.nanmean(values[:50], axis=0) + noise for label, values in points.items()}
-    found = lift_of(gappy, static)
-    methods = [gap.method for gap in found.analysed.gaps if gap.marker == "PSISl" and gap.filled]
+    actual = lift_of(gappy, static)
+    methods = [gap.method for gap in actual.analysed.gaps if gap.marker == "PSISl" and gap.filled]
     assert methods and all(("shape from the static trial" in method) == same_person for method in methods)
-    findings = [finding for finding in found.quality.findings if finding.kind == "static"]
+    findings = [finding for finding in actual.quality.findings if finding.kind == "static"]
     assert len(findings) == (not same_person)
 
 

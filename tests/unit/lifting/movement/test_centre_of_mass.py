@@ -216,20 +216,20 @@ def test_all_points_lie_inside_the_body_where_all_markers_are_there():
 
 
 @pytest.mark.parametrize(
-    ("left_out", "on_skin", "said"),
+    ("left_out", "on_skin", "message"),
     [
         (("L_ASIS",), {"L4L5", "L5S1", "MID_HIP"}, "no marker L_ASIS"),
         (("MANUBRIUM", "XIPHOID"), {"C7T1", "T12L1"}, "no marker MANUBRIUM"),
         (("L_PSIS", "SACRUM"), {"L4L5", "L5S1", "MID_HIP"}, "no marker L_PSIS"),
     ],
 )
-def test_what_lies_on_the_skin_is_said_with_how_far_it_may_be_off(left_out, on_skin, said):
+def test_what_lies_on_the_skin_is_said_with_how_far_it_may_be_off(left_out, on_skin, message):
     points = points_of(body(*left_out))
     assert {name for name, point in points.points.items() if not point.inner} == on_skin
     assert len(points.list_skin_rules(points.points)) == len(on_skin)
     for name in on_skin:
         point = points.points[name]
-        assert said in point.rule
+        assert message in point.rule
         assert f"about {point.off_mm:g} mm from the joint's centre" in point.rule
         assert point.markers == (("L_HIP", "R_HIP") if name == "MID_HIP" else (SPINE[name],))
 

@@ -92,8 +92,8 @@ def test_stretch_that_is_too_short_is_named():
     values = np.zeros((100, 3))
     values[40] = values[40 + frames_of_cutoff(6.0, 100.0) + 1] = np.nan
     recording = MarkerRecording("lift", np.arange(100) / 100, 100.0, {"C7": values, "L5": np.zeros((100, 3))})
-    said = refusal(filter_markers, recording)
-    assert "C7: frames 42 to 58: 17 frames without a gap" in said and "L5" not in said
+    message = refusal(filter_markers, recording)
+    assert "C7: frames 42 to 58: 17 frames without a gap" in message and "L5" not in message
 
 
 def test_derivatives_of_a_parabola_are_exact_to_the_ends():
@@ -120,7 +120,7 @@ ISLAND_FRAMES = slice(100, 110)
 
 
 def standing_up():
-    """Somebody who stands up, 3 s at 100 Hz, and leans a little forward meanwhile."""
+    """A person who stands up, 3 s at 100 Hz, and leans a little forward meanwhile."""
     time = np.arange(300) / 100
     risen = 0.5 - 0.5 * np.cos(np.pi * np.clip(time, 0, 2) / 2)
     places = {

@@ -97,9 +97,9 @@ def test_known_events_are_found(seed, shuffle):
 )  # fmt: skip
 def test_events_of_the_twin_are_found_at_six_times_the_noise(tmp_path, lift, seed, noise_mm, off_s):
     config = study_settings()
-    found = lumbar.lift(noisy_recording(lift, seed, noise_mm, tmp_path), ANN, 15.0, settings=config.lifting)
+    actual = lumbar.lift(noisy_recording(lift, seed, noise_mm, tmp_path), ANN, 15.0, settings=config.lifting)
     for name, true in vars(config.twin.lifting.lifts[lift].events_s).items():
-        assert found.analysed.events[name].time_s == pytest.approx(true, abs=off_s), name
+        assert actual.analysed.events[name].time_s == pytest.approx(true, abs=off_s), name
 
 
 def box_set(value, kept=slice(None)):
@@ -180,13 +180,13 @@ def test_a_box_that_is_not_set_down_is_no_deposit():
 
 
 @pytest.mark.parametrize("drop", [0.046, 0.039])
-@pytest.mark.parametrize(("bob", "found"), [(0.0, True), (0.003, True), (0.02, False)])
-def test_a_small_descent_is_a_deposit_where_the_box_hardly_goes_down_otherwise(drop, bob, found):
-    """Steps of 2 Hz move the box up and down while it is carried: what goes down hardly further than they is none."""
+@pytest.mark.parametrize(("bob", "actual"), [(0.0, True), (0.003, True), (0.02, False)])
+def test_a_small_descent_is_a_deposit_where_the_box_hardly_goes_down_otherwise(drop, bob, actual):
+    """Steps of 2 Hz move the box up and down while it is carried: a descent hardly larger than theirs is no deposit."""
     steps = bob * np.sin(4 * np.pi * TIME) * (ramp(3.2, 3.4) - ramp(4.6, 4.9))
     event = events_of(moved(scene(drop=drop), 2, steps, *CARRIED))["deposit_start"]
-    assert (event.time_s is not None) == found
-    if found:
+    assert (event.time_s is not None) == actual
+    if actual:
         assert event.earliest_s <= 5.0 + 0.02 and event.time_s == pytest.approx(5.2, abs=0.05)
     else:
         assert "needs 0.05 m" in event.how and "lifting.events.descent_m" in event.how

@@ -40,7 +40,7 @@ def test_cubic_motion_is_restored_exactly(gap):
     """A cubic spline reproduces cubics; the gaps reach within two frames of the ends."""
     filled, gaps = clean(with_gaps(CUBIC, gap))
     np.testing.assert_allclose(filled, CUBIC, atol=1e-9)
-    assert [(found.first_frame, found.n_frames, found.outcome) for found in gaps] == [
+    assert [(actual.first_frame, actual.n_frames, actual.outcome) for actual in gaps] == [
         (gap.start, gap.stop - gap.start, FILLED)
     ]
     assert gaps[0].start_s == pytest.approx(TIME[gap.start])

@@ -105,13 +105,13 @@ def test_the_thesis_s_pendulums_are_those_of_a_study_that_chooses_them(tmp_path)
     person, settings = example_lift(tmp_path / "lift.c3d"), lumbar.load_settings().lifting
     events = {"deposit_start": choice["deposit_start"]}
     thesis = changed(settings, pivot=choice["pivot"], segment_ends=choice["segment_ends"], events=events)
-    own, alone = (
+    individual, alone = (
         lumbar.lift(tmp_path / "lift.c3d", person, box_mass_kg=15, settings=item)
         for item in (settings, thesis)
     )
-    facts = own.facts["thesis_pendulum"]
-    pd.testing.assert_frame_equal(own.thesis_states, alone.states)
+    facts = individual.facts["thesis_pendulum"]
+    pd.testing.assert_frame_equal(individual.thesis_states, alone.states)
     assert {name: facts[name] for name in choice} == {name: alone.facts[name] for name in choice} == choice
     assert facts["length_m"] == alone.facts["length_m"] and facts["missing"] == {}
-    assert not own.thesis_states["angle_rad"].equals(own.states["angle_rad"])
+    assert not individual.thesis_states["angle_rad"].equals(individual.states["angle_rad"])
     assert alone.facts["thesis_pendulum"] is None and alone.thesis_states.empty

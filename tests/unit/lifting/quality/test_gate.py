@@ -25,25 +25,25 @@ RECORDINGS = {
     **{f"sts_trunk_flexion_trc/sts_unperturbed_{trial}.trc": ("+y", CHAIR) for trial in range(1, 6)},
 }
 EACH_LABORATORY = [name for name in RECORDINGS if "sts_" not in name or name.endswith("perturbed_2.trc")]
-"""Of ten trials alike, one disturbed and one not."""
+"""One disturbed and one undisturbed of ten equal trials."""
 SYNTHETIC = ("expert_23kg", "expert_15kg", "novice_23kg", "novice_15kg")
 
 
 @pytest.fixture(scope="module")
 def recordings(request, twin_lift):
     """Return a function that reads a recording once: markers by the file's labels, the nearest trunk markers."""
-    made = {}
+    tables = {}
 
     def read(name):
-        if name not in made:
+        if name not in tables:
             if name in SYNTHETIC:
                 path, up, trunk = twin_lift(name), "+z", Trunk("C7", "T12", "L5")
             else:
                 path = request.getfixturevalue("shared") / "real" / "lifting" / name
                 up, trunk = RECORDINGS[name]
             layout = lumbar.MarkerLayout(up=up, forward="+x", check_axes=False)
-            made[name] = lumbar.read(path, layout=layout), trunk
-        return made[name]
+            tables[name] = lumbar.read(path, layout=layout), trunk
+        return tables[name]
 
     return read
 
@@ -58,12 +58,12 @@ def test_nothing_is_found_in_an_untouched_recording(recordings, name):
 @pytest.mark.parametrize("name", [*EACH_LABORATORY, *SYNTHETIC[:1]])
 def test_a_silent_corruption_is_named_with_its_markers_and_frames(recordings, name, corruption):
     recording, trunk = recordings(name)
-    made = corrupted(corruption, recording.positions, recording.rate, trunk, np.random.default_rng(1))
-    findings = examine(made.points, np.arange(len(recording)) / made.rate, made.rate)
-    assert [finding.kind for finding in findings] == [made.kind], findings
+    tables = corrupted(corruption, recording.positions, recording.rate, trunk, np.random.default_rng(1))
+    findings = examine(tables.points, np.arange(len(recording)) / tables.rate, tables.rate)
+    assert [finding.kind for finding in findings] == [tables.kind], findings
     (finding,) = findings
-    assert frozenset(finding.markers) == made.markers
-    frames = made.frames or slice(0, len(recording))
+    assert frozenset(finding.markers) == tables.markers
+    frames = tables.frames or slice(0, len(recording))
     assert abs(finding.frames.start - frames.start) <= 1
     assert abs(finding.frames.stop - frames.stop) <= 1
 
@@ -117,19 +117,19 @@ def test_both_legs_that_change_sides_during_a_walk_are_named_pair_by_pair_and_fr
     spoilt = {label: positions.copy() for label, positions in points.items()}
     for left, right in pairs:
         spoilt[left][200:], spoilt[right][200:] = points[right][200:], points[left][200:]
-    found = examine(spoilt, time, rate)
-    assert {finding.kind for finding in found} == {"exchanged"}
-    assert sorted(tuple(sorted(finding.markers)) for finding in found) == sorted(pairs)
-    assert {(finding.first_frame, finding.frames.stop) for finding in found} == {(200, len(time))}
+    actual = examine(spoilt, time, rate)
+    assert {finding.kind for finding in actual} == {"exchanged"}
+    assert sorted(tuple(sorted(finding.markers)) for finding in actual) == sorted(pairs)
+    assert {(finding.first_frame, finding.frames.stop) for finding in actual} == {(200, len(time))}
 
 
 def test_noise_of_all_markers_is_one_finding(recordings):
     walk, _ = recordings("ktk_pig_com_oracle/gait.c3d")
     points, time, rate = walk.positions, walk.time, walk.rate
     rng = np.random.default_rng(0)
-    (found,) = examine({k: v + rng.normal(0, 5e-3, v.shape) for k, v in points.items()}, time, rate)
-    assert (found.kind, found.markers) == ("jitter", ())
-    least, largest = map(float, re.findall(r"\d+\.\d", found.evidence))
+    (actual,) = examine({k: v + rng.normal(0, 5e-3, v.shape) for k, v in points.items()}, time, rate)
+    assert (actual.kind, actual.markers) == ("jitter", ())
+    least, largest = map(float, re.findall(r"\d+\.\d", actual.evidence))
     assert [least, largest] == pytest.approx([np.sqrt(3) * 5] * 2, rel=0.1)
 
 
@@ -150,18 +150,18 @@ def drifted(recording, label, start, direction=(1.0, 0.0, 0.0)):
 
 
 def test_frames_wrong_in_a_real_recording_are_left_out_and_no_others(shared):
-    """Of RSK1 its distance to RSK2 is 103 to 111 mm but in frames 137 to 166, where it grows to 157 mm."""
+    """The distance of RSK1 from RSK2 is 103 to 111 mm except in frames 137 to 166, where it grows to 157 mm."""
     recording = lumbar.read(shared / "real" / "c3d_edge" / "01_intel_int.c3d", layout=LAYOUT)
-    found = {
+    actual = {
         finding.markers: finding.frames
         for finding in examine(recording.positions, recording.time, recording.rate)
     }
-    assert set(found) == {("RSK1",), ("RTH2",), ("LFT3",)}
-    assert (found["RSK1",].start, found["RSK1",].stop) == (pytest.approx(137, abs=3), 167)
-    assert (found["RTH2",].start, found["RTH2",].stop) == (pytest.approx(416, abs=3), 424)
-    assert found["LFT3",] == slice(0, 43)
+    assert set(actual) == {("RSK1",), ("RTH2",), ("LFT3",)}
+    assert (actual["RSK1",].start, actual["RSK1",].stop) == (pytest.approx(137, abs=3), 167)
+    assert (actual["RTH2",].start, actual["RTH2",].stop) == (pytest.approx(416, abs=3), 424)
+    assert actual["LFT3",] == slice(0, 43)
     distance = np.linalg.norm(recording["RSK1"] - recording["RSK2"], axis=1)
-    kept = np.delete(distance, np.r_[found["RSK1",]])
+    kept = np.delete(distance, np.r_[actual["RSK1",]])
     assert np.nanmin(kept) > 0.1
     assert np.nanmax(kept) < 0.115
 
@@ -214,7 +214,7 @@ def part(names, origin, movement):
 
 @pytest.fixture
 def two_feet():
-    """A person stands for half a minute and steps once: the heel first, then the other foot's whole."""
+    """A person rests for half a minute and steps once: the heel first, then the other foot's whole."""
     step = [0, 0.3, 0] * ramp(14.0, 14.5)
     left = part(("L_HEEL", "L_TOE", "L_ANKLE", "L_FOOT"), np.zeros(3), step)
     left["L_HEEL"] = left["L_HEEL"] + [0, 0, 0.12] * (ramp(13.8, 14.0) - ramp(14.5, 14.7))

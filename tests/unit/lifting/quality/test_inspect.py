@@ -28,21 +28,21 @@ def points(lift_file):
 
 
 def test_gaps_are_those_of_the_file(lift_file, points):
-    found = lumbar.inspect(lift_file)
+    actual = lumbar.inspect(lift_file)
     missing = {label: np.isnan(positions[:, 0]).mean() for label, positions in points.items()}
-    assert {gap.marker: gap.missing_share for gap in found.sheet.gaps} == {
+    assert {gap.marker: gap.missing_share for gap in actual.sheet.gaps} == {
         label: share for label, share in missing.items() if share
     }
-    assert found.sheet.missing_share == pytest.approx(np.mean(list(missing.values())))
+    assert actual.sheet.missing_share == pytest.approx(np.mean(list(missing.values())))
 
 
 def test_error_of_the_pipeline_is_reported_and_does_not_stop_inspection(points, tmp_path):
     write_recording(
         tmp_path / "tenfold.c3d", {label: 0.1 * p for label, p in points.items()}, subject="expert"
     )
-    found = lumbar.inspect(tmp_path / "tenfold.c3d", height_m=1.75)
-    assert [finding.kind for finding in found.sheet.findings] == ["unit"]
-    is_analysed, reason = found.pipeline
+    actual = lumbar.inspect(tmp_path / "tenfold.c3d", height_m=1.75)
+    assert [finding.kind for finding in actual.sheet.findings] == ["unit"]
+    is_analysed, reason = actual.pipeline
     assert not is_analysed and "set markers.scale to 10" in reason
 
 
@@ -88,14 +88,14 @@ def test_other_picture_format_is_rejected_before_reading(tmp_path, run):
 
 
 def test_motionless_marker_does_not_affect_axes(shared, tmp_path):
-    """C7 left behind at the first frame: it is left out, and up and forward are told by the others."""
+    """C7 left behind at the first frame: it is left out, and up and forward follow from the others."""
     path = shared / "real" / "lifting" / "ktk_pig_com_oracle" / "gait.c3d"
     points = lumbar.read(path, layout=lumbar.MarkerLayout(check_axes=False)).positions
     points["C7"] = np.tile(points["C7"][0], (len(points["C7"]), 1))
     write_recording(tmp_path / "walk.c3d", points, subject="ann")
-    found = lumbar.inspect(tmp_path / "walk.c3d")
-    assert found.axes == "up +z, forward +y"
-    assert [(finding.kind, finding.markers) for finding in found.sheet.findings] == [("frozen", ("C7",))]
+    actual = lumbar.inspect(tmp_path / "walk.c3d")
+    assert actual.axes == "up +z, forward +y"
+    assert [(finding.kind, finding.markers) for finding in actual.sheet.findings] == [("frozen", ("C7",))]
 
 
 @pytest.fixture
@@ -125,15 +125,15 @@ def test_wrong_unit_stops_the_trial_and_the_named_key_corrects_it(points, lift_o
 def test_a_short_freeze_becomes_a_gap_that_is_filled_and_reported(points, lift_of, tmp_path):
     start = int(0.3 * len(points["C7"]))
     frames = slice(start, start + 16)
-    found = lift_of(changed(points, "C7", frames, points["C7"][start]))
-    (finding,) = found.quality.findings
+    actual = lift_of(changed(points, "C7", frames, points["C7"][start]))
+    (finding,) = actual.quality.findings
     assert (finding.kind, finding.markers, finding.frames) == ("frozen", ("C7",), frames)
-    assert [gap.outcome for gap in found.analysed.gaps if (gap.marker, gap.first_frame) == ("C7", start)] == [
-        "filled"
-    ]
-    assert {gap.marker for gap in found.analysed.gaps if gap.first_frame == start} == {"C7"}
-    assert "left out: frozen: C7, " in str(found)
-    found.save(tmp_path / "out")
+    assert [
+        gap.outcome for gap in actual.analysed.gaps if (gap.marker, gap.first_frame) == ("C7", start)
+    ] == ["filled"]
+    assert {gap.marker for gap in actual.analysed.gaps if gap.first_frame == start} == {"C7"}
+    assert "left out: frozen: C7, " in str(actual)
+    actual.save(tmp_path / "out")
     sheet = json.loads((tmp_path / "out" / "quality.json").read_text())
     assert [(entry["kind"], entry["markers"]) for entry in sheet["findings"]] == [("frozen", ["C7"])]
     assert (sheet["n_frames"], sheet["rate_Hz"], len(sheet["markers"])) == (950, 100.0, len(points))
@@ -154,10 +154,10 @@ def test_exchanged_labels_are_proposed_and_an_alias_corrects_them(points, lift_o
 def test_frames_left_out_of_the_deposit_are_not_reported_as_gaps(points, lift_of):
     """C7 and T12 change places for 0.35 s: the reason names that and its remedy; gaps of the file have another."""
     frames = slice(630, 665)
-    found = lift_of(exchanged(points, "C7", "T12", frames))
-    (finding,) = found.quality.findings
+    actual = lift_of(exchanged(points, "C7", "T12", frames))
+    (finding,) = actual.quality.findings
     assert (finding.outcome, set(finding.concerns)) == ("proposed", {"C7", "T12"})
-    reason = found.analysed.missing["thorax"]
+    reason = actual.analysed.missing["thorax"]
     assert "from 6.30 to 6.65 s (exchanged)" in reason
     assert "maximum_s" not in reason
 

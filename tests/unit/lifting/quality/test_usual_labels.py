@@ -26,13 +26,13 @@ FACING = (
 )
 
 
-@pytest.mark.parametrize(("name", "up", "forward", "said"), FACING)
-def test_forward_is_told_by_usual_labels_where_no_alias_names_them(shared, run, name, up, forward, said):
+@pytest.mark.parametrize(("name", "up", "forward", "message"), FACING)
+def test_forward_is_told_by_usual_labels_where_no_alias_names_them(shared, run, name, up, forward, message):
     layout = LiftingSettings().markers.model_copy(update={"up": up})
     path = shared / "real" / "lifting" / name
     assert not read_upright(path, layout.model_copy(update={"forward": forward})).notes
     for wrong in {"+x", "-x", "+y", "-y", "+z", "-z"} - {forward, up, up.replace("+", "-")}:
         for read in (read_upright, read_screened):
             words = refusal(read, path, layout.model_copy(update={"forward": wrong}))
-            assert f"{said} along {forward} by its usual labels, which no alias names" in words
+            assert f"{message} along {forward} by its usual labels, which no alias names" in words
             assert f'set forward: "{forward}"' in words

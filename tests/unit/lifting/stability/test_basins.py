@@ -69,11 +69,11 @@ WHOLE = slice(None)
     ],
 )
 def test_invalid_trajectories_are_named_and_drop_out(tmp_path, change, facts, reason):
-    found = basins_of(tmp_path, change, **facts)
-    rows = found.failures().set_index(["com", "plane"])
+    actual = basins_of(tmp_path, change, **facts)
+    rows = actual.failures().set_index(["com", "plane"])
     row = rows.loc[("abdomen", "flexion_extension")]
     assert (row["subject"], row["basin"]) == ("expert", "trajectory") and row["reason"].startswith(reason)
-    kept = set(zip(found.areas["com"], found.areas["plane"], strict=True))
+    kept = set(zip(actual.areas["com"], actual.areas["plane"], strict=True))
     assert kept == {(com, plane) for com in COMS for plane in PLANES} - set(rows.index)
 
 

@@ -58,8 +58,8 @@ def rows_of(values):
 
 def test_percent_differences_by_hand():
     areas = {("expert", 23.0): 2.2, ("expert", 15.0): 2.75, ("novice", 23.0): 2.0, ("novice", 15.0): 1.0}
-    found = percent_differences(rows_of(areas), "mean_area", comparisons_of(list(areas)))
-    rows = {row["comparison"]: row for row in found}
+    actual = percent_differences(rows_of(areas), "mean_area", comparisons_of(list(areas)))
+    rows = {row["comparison"]: row for row in actual}
     assert rows["expert_vs_novice"]["lateral_bending"] == pytest.approx(10.0)
     assert rows["decrease_in_mass_expert"]["flexion_extension"] == pytest.approx(25.0)
     assert rows["decrease_in_mass_novice"]["flexion_extension"] == pytest.approx(-50.0)

@@ -77,14 +77,14 @@ def test_a_solver_that_gives_up_is_told_with_the_basin(loops, monkeypatch):
         raise cp.SolverError("Solver 'CLARABEL' failed")
 
     monkeypatch.setattr(cp.Problem, "solve", give_up)
-    said = r"expert 23 kg, abdomen, .*: Eq. 4.6 in cvxpy: Solver 'CLARABEL' failed"
-    with pytest.raises(NumericalError, match=said):
+    message = r"expert 23 kg, abdomen, .*: Eq. 4.6 in cvxpy: Solver 'CLARABEL' failed"
+    with pytest.raises(NumericalError, match=message):
         RateProgramme(3).solve(loops, 0, 0, level=1.0)
 
 
 def test_status_other_than_solved_is_no_result():
-    with pytest.raises(NumericalError, match="somebody: the sum-of-squares programme ended as"):
-        Certificate(3).solve(np.full(len(monomials(4)), np.nan), "somebody")
+    with pytest.raises(NumericalError, match="a pendulum: the sum-of-squares programme ended as"):
+        Certificate(3).solve(np.full(len(monomials(4)), np.nan), "a pendulum")
 
 
 SETTINGS = {"knots": 9, "initial_level": 1.0, "ratio": 0.8, "alternations": 2}
@@ -108,8 +108,8 @@ def largest_level(coefficients, rate, multiplier):
     constant = padded - circle_map(3) @ multiplier - coefficients
     constant[0] += rate
     programme = SumOfSquares(np.array([-1.0]), padded[:, None], [gram_map(3)])
-    found = programme.solve(constant)
-    return np.nan if found is None else found[0]
+    actual = programme.solve(constant)
+    return np.nan if actual is None else actual[0]
 
 
 @pytest.mark.parametrize("slack", [0.0003, 0.03, 3.0])
@@ -118,9 +118,9 @@ def test_level_step_is_its_semidefinite_programme(loops, slack):
     growth = growth_polynomial(loops.form(slice(0, 14, 2)), level, 3).reshape(14, -1)
     rates, multipliers = zip(*(Certificate(3, 1e-6).solve(row, "test") for row in growth), strict=True)
     rate = np.array(rates) + slack
-    found = level_factors(growth, rate, np.stack(multipliers))
+    actual = level_factors(growth, rate, np.stack(multipliers))
     expected = [largest_level(*row) for row in zip(growth, rate, multipliers, strict=True)]
-    assert found == pytest.approx(np.array(expected), rel=1e-5)
+    assert actual == pytest.approx(np.array(expected), rel=1e-5)
 
 
 def test_level_step_by_hand():
@@ -135,7 +135,7 @@ def test_level_step_by_hand():
 
 def test_areas_of_one_alternation_have_the_digits_they_are_published_with(loops):
     """Rounding moves nothing that is printed; a solver that stops elsewhere moves no more than `RESOLUTION` says."""
-    found = alternate(loops, **SETTINGS).after[0]
+    actual = alternate(loops, **SETTINGS).after[0]
     moved = replace(loops.pendulums, angle=loops.pendulums.angle * (1 + 1e-13))
     rounded = alternate(regulate(moved, WEIGHTS), **SETTINGS).after[0]
     others = [
@@ -143,9 +143,9 @@ def test_areas_of_one_alternation_have_the_digits_they_are_published_with(loops)
         for accuracy in (1e-4, 1e-5, 1e-7)
     ]
     for name in ("mean_area", "initial_area", "minimum_area"):
-        np.testing.assert_allclose(getattr(rounded, name), getattr(found, name), rtol=1e-5)
+        np.testing.assert_allclose(getattr(rounded, name), getattr(actual, name), rtol=1e-5)
         for other in others:
-            np.testing.assert_allclose(getattr(other, name), getattr(found, name), rtol=RESOLUTION[name])
+            np.testing.assert_allclose(getattr(other, name), getattr(actual, name), rtol=RESOLUTION[name])
 
 
 def test_half_a_milliradian_decides_where_the_level_jumps():
@@ -154,11 +154,11 @@ def test_half_a_milliradian_decides_where_the_level_jumps():
     phase = np.linspace(0.0, 1.0, len(pendulums.angle))[:, None]
     path = 0.014 * phase + 0.0005 * np.sin(5 * phase + np.arange(6))
     loops = regulate(replace(pendulums, angle=path), replace(WEIGHTS, control=np.array(3e-3)))
-    found = alternate(loops, **{**SETTINGS, "knots": 101})
-    assert (found.jumps != 1).sum(axis=0).tolist() == [0, 0, 0, 0, 1, 1]
-    assert (found.jumps.max(axis=0)[4:] > 2.5).all()
-    assert np.isnan(found.jump_range[:, :4]).all() and (found.jump_range[:, 4:] < 0.2).all()
-    first, second = (item.mean_area for item in (found.after[0], found.funnels))
+    actual = alternate(loops, **{**SETTINGS, "knots": 101})
+    assert (actual.jumps != 1).sum(axis=0).tolist() == [0, 0, 0, 0, 1, 1]
+    assert (actual.jumps.max(axis=0)[4:] > 2.5).all()
+    assert np.isnan(actual.jump_range[:, :4]).all() and (actual.jump_range[:, 4:] < 0.2).all()
+    first, second = (item.mean_area for item in (actual.after[0], actual.funnels))
     assert np.ptp(first) < 0.002 * first.min()
     assert (second[4:] > 1.01 * first[4:]).all()
     np.testing.assert_array_equal(second[:4], first[:4])
@@ -168,8 +168,8 @@ def test_half_a_milliradian_decides_where_the_level_jumps():
 def case(request):
     items = [minimum_jerk(), minimum_jerk(start=0.1, end=-0.1, mass=18.0, length=0.95)]
     loops = regulate(pendulums_of(items, request.param), WEIGHTS)
-    found = funnel_variants(loops, 1.0, margin=0.02, negative_control=0.3)
-    return loops, found.exact, found.with_margin, found.negative_control
+    actual = funnel_variants(loops, 1.0, margin=0.02, negative_control=0.3)
+    return loops, actual.exact, actual.with_margin, actual.negative_control
 
 
 def random_intervals(count, seed):
@@ -186,7 +186,7 @@ def test_results_contain_every_point(name):
         second = Interval(np.abs(second.low) + 0.1, np.abs(second.low) + 0.1 + second.high - second.low)
     x = first.low + generator.uniform(size=4000) * (first.high - first.low)
     y = second.low + generator.uniform(size=4000) * (second.high - second.low)
-    found, expected = {
+    actual, expected = {
         "add": lambda: (first + second, x + y),
         "sub": lambda: (first - second, x - y),
         "mul": lambda: (first * second, x * y),
@@ -195,7 +195,7 @@ def test_results_contain_every_point(name):
         "sin": lambda: (first.sin(), np.sin(x)),
         "cos": lambda: (first.cos(), np.cos(x)),
     }[name]()
-    assert ((found.low <= expected) & (expected <= found.high)).all()
+    assert ((actual.low <= expected) & (expected <= actual.high)).all()
     # And they are tight: single numbers stay nearly single.
     point = Interval(x)
     tight = {"square": point.square, "sin": point.sin, "cos": point.cos}.get(name)
@@ -221,8 +221,8 @@ def pieces_at(curves, interval, offset):
     gravity = Interval(curves.gravity)
     zero = Interval(np.zeros_like(curves.step))
     derivatives = _derivatives(local, Interval(offset * curves.step), zero)
-    found = _coefficients(derivatives, gravity)
-    return found, _coefficient_rates(derivatives, found, gravity)
+    actual = _coefficients(derivatives, gravity)
+    return actual, _coefficient_rates(derivatives, actual, gravity)
 
 
 def value_of(coefficients, angle):

@@ -44,8 +44,8 @@ def test_the_claim_is_judged_in_both_states(reach, agrees):
         "angle_reach_rad": reach,
     }
     row |= {"velocity_range_rad_s": 0.1, "velocity_reach_rad_s": 0.5}
-    found = claim.judge({"boa": pd.DataFrame([row])})
-    assert found.agrees is agrees and f"{reach / 0.01:.3g} times in angle" in found.value
+    actual = claim.judge({"boa": pd.DataFrame([row])})
+    assert actual.agrees is agrees and f"{reach / 0.01:.3g} times in angle" in actual.value
     fast = {**row, "velocity_reach_rad_s": 0.1 * MAX_RATIO * 1.01}
     assert claim.judge({"boa": pd.DataFrame([fast])}).agrees is False
     still = {**row, "angle_range_rad": 0.0}
@@ -121,8 +121,8 @@ def table(project, jumps):
 
 
 def test_cells_of_the_basin_that_jumps_move_and_no_others(project):
-    made = table(project, jumps=4.0)
-    cells = made.frame.set_index(["comparison", "com", "plane"])
+    tables = table(project, jumps=4.0)
+    cells = tables.frame.set_index(["comparison", "com", "plane"])
     assert cells.loc[("expert_vs_novice", "pelvis", "lateral_bending"), "published_percent"] == 4.44
     moved = cells[cells["thesis_percent"] != 0]["thesis_percent"].to_dict()
     assert moved == {
@@ -130,7 +130,7 @@ def test_cells_of_the_basin_that_jumps_move_and_no_others(project):
         ("decrease_in_mass_expert", "pelvis", "lateral_bending"): pytest.approx(100 * (2 / 2.1 - 1)),
     }
     assert (cells[["after_1_percent", "exact_percent"]] == 0).all(axis=None)
-    jumps, sizes, more, digits = made.notes
+    jumps, sizes, more, digits = tables.notes
     assert re.findall(r"[-+]?\d+\.\d+", jumps) == ["0.015", "0.022", "3.7", "+5.0"]
     assert [float(size) for size in re.findall(r"\d+\.\d", sizes.split(";")[0])] == [7.5, 0.0, 0.0, 5.0]
     assert "95" in more

@@ -38,7 +38,7 @@ def published(project):
 
 @pytest.mark.parametrize("named", [True, False])
 def test_all_at_once_and_what_fails_by_itself(named):
-    """Who is named drops out and the others stay together; where nobody is, each is tried by itself."""
+    """A named one drops out and the others stay together; without a name each is computed separately."""
     calls = []
 
     def compute(items):
@@ -51,8 +51,8 @@ def test_all_at_once_and_what_fails_by_itself(named):
             return [item.com for item in some]
 
         failures = []
-        found = compute_together(coms, items, "exact, hanging", failures)
-        return [result for _, result in found], failures
+        actual = compute_together(coms, items, "exact, hanging", failures)
+        return [result for _, result in actual], failures
 
     results, failures = compute(lift())
     others = ["thorax", "thorax", "abdomen", "abdomen"]
@@ -88,8 +88,8 @@ def test_table_4_1_names_the_missing_basin_in_place_of_its_number(published, mon
     gone = (study.boa["subject"] == "novice") & (study.boa["com"] == "thorax") & (study.boa["time"] == "real")
     parts = decomposition_table(study)[0].frame
     monkeypatch.setattr(changed_pendulums, "varied_areas", areas)
-    made = tables_4_1(replace(study, boa=study.boa[~gone]), parts)
-    table, controls, missing = made.table, made.controls, made.missing
+    tables = tables_4_1(replace(study, boa=study.boa[~gone]), parts)
+    table, controls, missing = tables.table, tables.controls, tables.missing
     rows = table.frame.set_index(["comparison", "com"])
     row = rows.loc["expert_vs_novice", "thorax"]
     assert row["status"].startswith("no basin: novice 23 kg thorax lateral_bending")

@@ -39,8 +39,8 @@ def test_small_inertia_is_integrated_implicitly():
     a, b = matrices(pendulums, 0.0)
     expected = solve_continuous_are(a, b, full(WEIGHTS.state), [[float(WEIGHTS.control)]])
     # After 1.5 s the slow mode has nearly settled; the fast one has at once.
-    found = full(cost_to_go(pendulums, WEIGHTS)[0, 0])
-    assert found == pytest.approx(expected, rel=1e-3)
+    actual = full(cost_to_go(pendulums, WEIGHTS)[0, 0])
+    assert actual == pytest.approx(expected, rel=1e-3)
 
 
 @pytest.mark.parametrize("sign", ["hanging", "inverted"])
@@ -125,7 +125,7 @@ def loops_of(items, sign, **keywords):
 
 
 def growth_by_brute_force(loops, knot, index, level):
-    """Return the largest V̇/ρ from the error dynamics themselves, written down anew, on a fine grid."""
+    """Return the largest V̇/ρ from the error dynamics themselves, written down again, on a fine grid."""
     pendulums, point = loops.pendulums, 2 * knot
     cost = full(loops.cost[point, index])
     rate = -full(riccati_rate(pendulums, loops.weights, pendulums.angle[point], loops.cost[point])[index])
@@ -152,9 +152,9 @@ def test_boundary_growth_finds_the_global_maximum_of_random_forms(sign, knot):
     generator = np.random.default_rng(5)
     loops = loops_of([minimum_jerk(start=start) for start in generator.uniform(-2.5, 2.5, 40)], sign)
     level = 10 ** generator.uniform(-4, 3, 40)
-    found = boundary_growth(loops.form(2 * knot), level)
+    actual = boundary_growth(loops.form(2 * knot), level)
     expected = [growth_by_brute_force(loops, knot, index, level[index]) for index in range(40)]
-    assert found == pytest.approx(np.array(expected), rel=1e-5, abs=1e-5)
+    assert actual == pytest.approx(np.array(expected), rel=1e-5, abs=1e-5)
 
 
 def test_without_gravity_the_rate_is_an_eigenvalue():
@@ -239,8 +239,8 @@ def test_goal_set_beyond_every_funnel_is_named():
 def test_knots_too_far_apart_for_the_loop_are_named():
     strong = Weights(WEIGHTS.state, WEIGHTS.control / 1000, WEIGHTS.terminal)
     loops = regulate(pendulums_of([minimum_jerk(mass=3.0, length=0.3)], "hanging", knots=51), strong)
-    said = r"raise stability\.regulator\.control_weight .*, or stability\.knots"
-    with pytest.raises(NumericalError, match=said):
+    message = r"raise stability\.regulator\.control_weight .*, or stability\.knots"
+    with pytest.raises(NumericalError, match=message):
         list(simulate(loops, np.zeros((2, 1, 1))))
 
 

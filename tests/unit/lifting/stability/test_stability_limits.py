@@ -20,11 +20,11 @@ def loops_of(items, sign, **keywords):
 
 def test_reference_torque_is_inverse_dynamics():
     item = minimum_jerk()
-    found = reference_of(pendulums_of([item], "inverted", knots=401)).torque[:, 0]
+    actual = reference_of(pendulums_of([item], "inverted", knots=401)).torque[:, 0]
     expected = np.interp(
         np.linspace(0, item.duration, 801), item.time, feedforward_torque(item, "inverted", 1.0, GRAVITY)
     )
-    assert found[20:-20] == pytest.approx(expected[20:-20], abs=0.02)
+    assert actual[20:-20] == pytest.approx(expected[20:-20], abs=0.02)
 
 
 def test_ankle_torque_keeps_the_pressure_below_the_foot():
@@ -41,13 +41,13 @@ def test_a_limit_is_exceeded_if_a_state_of_the_funnel_asks_for_more():
     loops = loops_of([minimum_jerk()], "inverted")
     level, reference = exact_funnels(loops).level, reference_of(loops.pendulums)
     circle = np.linspace(0, 2 * np.pi, 2001)
-    asked = []
+    required = []
     for knot, rho in enumerate(level[:, 0]):
         s11, s12, s22 = loops.cost[2 * knot, 0]
         eigen, vectors = np.linalg.eigh(np.array([[s11, s12], [s12, s22]]) / rho)
         edge = vectors / np.sqrt(eigen) @ [np.cos(circle), np.sin(circle)]
-        asked.append(reference.torque[2 * knot, 0] - loops.gains[2 * knot, 0] @ edge)
-    lowest, highest = np.min(asked), np.max(asked)
+        required.append(reference.torque[2 * knot, 0] - loops.gains[2 * knot, 0] @ edge)
+    lowest, highest = np.min(required), np.max(required)
     for low, high, beyond in (
         (lowest - 0.1, highest + 0.1, False),
         (lowest + 0.1, highest + 0.1, True),

@@ -20,21 +20,21 @@ from lumbar.lifting.stability.changed_pendulums import (
 def table(lifts, project):
     published = pd.read_csv(project / "resources" / "thesis" / "table_4_1.csv")
     study = study_of(lifts, INVERTED, published)
-    found, failures = decomposition_table(study)
+    actual, failures = decomposition_table(study)
     assert not failures
-    return study, found.frame
+    return study, actual.frame
 
 
 def printed(study, frame):
     """The differences of Table 4.1 by row of `frame`."""
-    found = study.percent_differences(study.areas("exact", OWN))
-    cells = pd.DataFrame(found).set_index(["comparison", "com"])
+    actual = study.percent_differences(study.areas("exact", OWN))
+    cells = pd.DataFrame(actual).set_index(["comparison", "com"])
     return [cells.loc[(row.comparison, row.com), row.plane] for row in frame.itertuples()]
 
 
 def test_contributions_of_what_adds_are_the_summands_and_alike_parts_share_a_product():
-    own = dict(zip(PARTS, (1.0, 2.0, -0.5, 0.0, 4.0), strict=True))
-    summed = np.array([10 + sum(own[part] for part in taken) for taken in EXCHANGED])
+    individual = dict(zip(PARTS, (1.0, 2.0, -0.5, 0.0, 4.0), strict=True))
+    summed = np.array([10 + sum(individual[part] for part in taken) for taken in EXCHANGED])
     assert contributions(summed) == pytest.approx([10, 20, -5, 0, 40])
     product = np.array([2.0 ** len({"length", "mass"} & taken) for taken in EXCHANGED])
     assert contributions(product) == pytest.approx([0, 150, 150, 0, 0])
@@ -44,12 +44,12 @@ def test_nothing_and_everything_exchanged_are_the_two_pendulums():
     before, after = lift(subject="novice", duration=1.9)[3], lift(box=15.0)[3]
     after = replace(after, angle=after.angle + 0.05)
     for taken, whole in ((EXCHANGED[0], before), (EXCHANGED[-1], after)):
-        found = exchanged(before, after, taken)
-        assert (found.duration, found.mass_kg, found.length_m) == pytest.approx(
+        actual = exchanged(before, after, taken)
+        assert (actual.duration, actual.mass_kg, actual.length_m) == pytest.approx(
             (whole.duration, whole.mass_kg, whole.length_m)
         )
         for name in ("angle", "angular_velocity", "angular_acceleration"):
-            np.testing.assert_allclose(getattr(found, name), getattr(whole, name), atol=1e-12)
+            np.testing.assert_allclose(getattr(actual, name), getattr(whole, name), atol=1e-12)
     slower = exchanged(before, after, frozenset({"course"}))
     assert slower.duration == pytest.approx(before.duration)
     assert np.gradient(slower.angle, slower.time)[50] == pytest.approx(slower.angular_velocity[50], rel=0.01)
@@ -71,8 +71,8 @@ def test_the_five_add_up_to_the_table_and_a_box_acts_by_its_mass(project):
 def test_persons_give_an_interval_and_groups_of_unequal_size_the_difference_of_the_table(project):
     lifts = []
     for number, label in enumerate(("expert",) * 3 + ("novice",) * 4):
-        made = lift_states(label, duration=1.5 + 0.07 * number, body=17.0 + number % 3)
-        lifts.append(replace(made, facts={**made.facts, "subject": f"{label}_{number}"}))
+        tables = lift_states(label, duration=1.5 + 0.07 * number, body=17.0 + number % 3)
+        lifts.append(replace(tables, facts={**tables.facts, "subject": f"{label}_{number}"}))
     study, frame = table(lifts, project)
     people = frame[frame["comparison"] == "expert_vs_novice"]
     assert people["percent"].tolist() == pytest.approx(printed(study, people), abs=0.05)

@@ -40,12 +40,12 @@ def lift_states(subject="expert", box=23.0, duration=1.5, body=17.0, thesis=True
 
 
 def study_of(lifts, settings, published):
-    """What the tables of made lifts are made of."""
+    """Inputs of the tables of made lifts."""
     boa = []
     for item in lifts:
-        found = item.trajectories(OWN)[0]
+        actual = item.trajectories(OWN)[0]
         thesis = item.trajectories(THESIS)[0]
-        summary = basins_of_lift(found, settings, 1, thesis).summary
+        summary = basins_of_lift(actual, settings, 1, thesis).summary
         boa.append(summary.assign(experience=item.facts["experience"]))
     return ComparedLifts(lifts, join_rows(boa), settings, published, "test")
 
@@ -63,7 +63,7 @@ def study(published):
 
 
 @pytest.fixture(scope="module")
-def made(study):
+def tables_made(study):
     return tables_4_1(study, decomposition_table(study)[0].frame)
 
 
@@ -135,28 +135,28 @@ def areas_from_the_file(one, convention, still=False):
 
 @pytest.mark.parametrize("convention", [THESIS, OWN])
 def test_an_outsider_gets_the_same_area_from_the_file(convention):
-    """Of the flexion of the thorax, at 1e-6."""
+    """For the flexion of the thorax, at 1e-6."""
     one = lift_states()
-    found, _ = one.trajectories(convention)
-    item = next(item for item in found if (item.com, item.plane) == ("thorax", "flexion_extension"))
+    actual, _ = one.trajectories(convention)
+    item = next(item for item in actual if (item.com, item.plane) == ("thorax", "flexion_extension"))
     loops = close_loops([item], convention.sign, INVERTED.model_copy(update={"knots": 801}))
     assert exact_funnels(loops).mean_area[0] == pytest.approx(areas_from_the_file(one, convention), rel=1e-6)
 
 
 @pytest.mark.nightly
-def test_null_control_compares_the_same_pendulums_standing_still(made):
+def test_null_control_compares_the_same_pendulums_standing_still(tables_made):
     """Standing still, expert and novice differ in mass and duration only."""
     lifts = lift_states(), lift_states("novice", duration=1.9, body=15.0)
     expert, novice = (areas_from_the_file(one, OWN, still=True) for one in lifts)
-    rows = made.controls.frame.set_index(["comparison", "com", "plane"])
+    rows = tables_made.controls.frame.set_index(["comparison", "com", "plane"])
     row = rows.loc[("expert_vs_novice", "thorax", "flexion_extension")]
     assert row["null_percent"] == pytest.approx(100 * (expert / novice - 1), abs=0.01)
     assert abs(row["null_percent"] - row["percent"]) > 0.1
 
 
 def test_without_the_thesiss_pendulums_each_is_named():
-    found, failures = lift_states(thesis=False).trajectories(THESIS)
-    assert found == [] and len(failures) == 6
+    actual, failures = lift_states(thesis=False).trajectories(THESIS)
+    assert actual == [] and len(failures) == 6
     reasons = {item.reason for item in failures}
     assert reasons == {
         "no pendulum states of mid_ankle, skin, wrist_minimum: 'lumbar lift' writes thesis_pendulum.csv"
@@ -164,9 +164,9 @@ def test_without_the_thesiss_pendulums_each_is_named():
     assert len(lift_states(thesis=False).trajectories(OWN)[0]) == 6
 
 
-def test_table_4_1_stands_beside_the_published_one(made, published):
-    table, controls = made.table, made.controls
-    assert made.missing.empty
+def test_table_4_1_stands_beside_the_published_one(tables_made, published):
+    table, controls = tables_made.table, tables_made.controls
+    assert tables_made.missing.empty
     assert table.frame[["comparison", "com"]].equals(published[["comparison", "com"]])
     assert set(published.columns) <= set(table.frame.columns)
     assert (
@@ -181,8 +181,8 @@ def test_table_4_1_stands_beside_the_published_one(made, published):
         assert not re.search(f"<th[^>]*>{name}", table.to_html() + controls.to_html())
 
 
-def test_controls_hold_the_headline_within_its_range(made, study):
-    table, controls = made.table, made.controls
+def test_controls_hold_the_headline_within_its_range(tables_made, study):
+    table, controls = tables_made.table, tables_made.controls
     rows = controls.frame[controls.frame["comparison"] == "expert_vs_novice"]
     assert ((rows["lowest_percent"] <= rows["percent"]) & (rows["percent"] <= rows["highest_percent"])).all()
     first = rows.set_index(["com", "plane"]).loc[("pelvis", "flexion_extension"), "percent"]

@@ -1,7 +1,7 @@
 """Balance over the feet: base of support, extrapolated centre of mass, and coming to rest without a step.
 
 *Base of support*: the convex hull of the grounded parts of the feet. A hull is stored as its corners and which of them are on
-the ground. Its support function h(n) = max over corners of n·corner treats one foot, two feet and a foot on its toes alike: the
+the ground. Its support function h(n) = max over corners of n·corner serves one foot, two feet and a foot on its toes: the
 signed distance of a point p to the edge of a convex set is the smallest h(n) − n·p over all unit directions n, positive inside.
 
 *Extrapolated centre of mass* (Hof, Gazendam and Sinke, The condition for dynamic stability, J. Biomech. 38 (2005) 1-8): a

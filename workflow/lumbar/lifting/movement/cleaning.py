@@ -257,11 +257,11 @@ def derivative(values: np.ndarray, rate: float, order: Literal[1, 2] = 1) -> np.
 def _finite_runs(values: np.ndarray, too_few: int, purpose: str) -> list[slice]:
     """Return the intervals without a NaN; `InputError` if one has no more than `too_few` frames."""
     finite = np.isfinite(values)
-    found = list(runs(finite if finite.ndim == 1 else finite.all(axis=tuple(range(1, finite.ndim)))))
-    for part in found:
+    intervals = list(runs(finite if finite.ndim == 1 else finite.all(axis=tuple(range(1, finite.ndim)))))
+    for part in intervals:
         if part.stop - part.start <= too_few:
             raise InputError(
                 f"frames {part.start + 1} to {part.stop}: {part.stop - part.start} frames without a gap; {purpose} needs more "
                 f"than {too_few}"
             )
-    return found
+    return intervals

@@ -165,7 +165,7 @@ def pendulum_states(
     spline = CubicSpline(time[samples], relative[samples])
     grid = np.linspace(start, stop, points)
     motion = [spline(grid, order) for order in range(3)]
-    found = {}
+    planes = {}
     for plane, axis in PLANES.items():
         (r, r1, r2), (z, z1, z2) = ([values[:, index] for values in motion] for index in (axis, 2))
         length = np.hypot(r, z)
@@ -178,5 +178,5 @@ def pendulum_states(
         velocity = (r1 * z - r * z1) / length**2
         acceleration = (r2 * z - r * z2) / length**2 - 2 * length_rate * velocity / length
         angle = np.unwrap(np.arctan2(r, z))
-        found[plane] = PendulumStates(grid, angle, velocity, acceleration, length, length_rate)
-    return found
+        planes[plane] = PendulumStates(grid, angle, velocity, acceleration, length, length_rate)
+    return planes

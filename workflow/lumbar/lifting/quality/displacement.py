@@ -79,11 +79,11 @@ def displacements(
             earlier = [other.first for other in inside if other.first <= leap.last]
             later = [other.last + 1 for other in inside if other.last >= leap.first]
             span = slice(max([section.start, *earlier]), min([section.stop, *later]))
-            found = _displacement(distance, steady, leap, span, better, rate)
-            if found is None:
+            result = _displacement(distance, steady, leap, span, better, rate)
+            if result is None:
                 unknown.append(leap)
             else:
-                displaced.append(found)
+                displaced.append(result)
         if unknown:
             displaced += _pair_leaps(section, inside, visible)
             starts, stops = ({getattr(one.frames, end) for one in displaced} for end in ("start", "stop"))
