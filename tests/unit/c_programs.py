@@ -6,9 +6,9 @@ import os
 import shutil
 import subprocess
 import sys
-import zipfile
 from pathlib import Path
 
+import fmpy
 import numpy as np
 import pytest
 
@@ -40,17 +40,12 @@ def zig_cc(arguments: list[str], folder: Path, cache: Path) -> None:
 def loader_program(source: Path, target: str, folder: Path, cache: Path) -> Path:
     """Compile one C file that loads FMUs into a program for a target."""
     suffix = ".exe" if target.endswith("windows") else ""
-    import fmpy
-
     headers = Path(fmpy.__file__).parent / "c-code"
     program = folder / f"{source.stem}{suffix}"
     flags = ["-std=c99", "-O2", "-Wall", "-Wextra", "-Werror", "-I", str(headers)]
     libraries = [] if target.endswith("windows") else ["-ldl", "-lm", "-lpthread"]
-    zig_cc(
-        ["-target", TARGETS[target].triple, *flags, str(source), *libraries, "-o", str(program)],
-        folder,
-        cache,
-    )
+    options = ["-target", TARGETS[target].triple, *flags, str(source), *libraries, "-o", str(program)]
+    zig_cc(options, folder, cache)
     return program
 
 
@@ -167,12 +162,10 @@ DAMPING = 2.75
 
 def energies(client, model, folder, steps: int, gain: float = 0.0) -> list[float]:
     """Least energies in FMI 2.0, with forces displayed at once and late, and in FMI 3.0's event mode, in J; work done."""
-    unzipped = folder / f"{model.identifier}_unzipped"
-    with zipfile.ZipFile(folder / f"{model.name}_fmi3.fmu") as archive:
-        archive.extractall(unzipped)
-        description = archive.read("modelDescription.xml").decode()
-    token = description.split('instantiationToken="')[1].split('"')[0]
-    library = unzipped / "binaries" / "x86_64-linux" / f"{model.identifier}.so"
+    fmu = folder / f"{model.identifier}_unzipped"
+    fmpy.extract(str(folder / f"{model.name}_fmi3.fmu"), str(fmu))
+    token = fmpy.read_model_description(str(fmu)).instantiationToken
+    library = library_path(fmu, "x86_64-linux")
     unit = model.units.position * model.resistance
     command = [client, "passive", library, token, steps, model.sampling_time, unit, DAMPING, gain]
     done = subprocess.run([*map(str, command)], capture_output=True, text=True, check=True)

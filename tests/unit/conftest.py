@@ -7,7 +7,7 @@ from unittest import mock
 import numpy as np
 import pytest
 from effect_entries import effect_entry
-from runtime_models import SETTINGS, export, models_json, selected
+from runtime_models import SETTINGS, export, models_json, selected, unzipped
 
 from running import ZIG_CACHE
 from study_settings import changed, study_settings
@@ -72,43 +72,19 @@ def fmu_folder(fmu_models, made_once):
 @pytest.fixture
 def fmu_instance(fmu_folder, tmp_path):
     """Return a function that instantiates an FMU; all instances are freed at the end."""
-    import fmpy
-    from fmpy.fmi2 import FMU2Slave
-    from fmpy.fmi3 import FMU3Slave
+    from lumbar.tissue.fmu.instance import Instance, UnzippedFmu
 
     made = []
 
-    def instantiate(
-        name: str, version: int, event_mode: bool = False, early_return: bool = False, folder=fmu_folder
-    ):
+    def instantiate(name: str, version: int, event_mode: bool = False, folder=fmu_folder):
         path = folder / f"{name}_fmi{version}.fmu"
-        unzipped = tmp_path / "unzipped" / folder.name / path.stem
-        if not unzipped.exists():
-            fmpy.extract(str(path), str(unzipped))
-        description = fmpy.read_model_description(str(unzipped))
-        common = {
-            "guid": description.guid,
-            "unzipDirectory": str(unzipped),
-            "modelIdentifier": description.coSimulation.modelIdentifier,
-            "instanceName": f"instance {len(made)}",
-        }
-        if version == 2:
-            slave = FMU2Slave(**common)
-            slave.instantiate()
-            slave.setupExperiment(startTime=0.0)
-            slave.enterInitializationMode()
-        else:
-            slave = FMU3Slave(**common)
-            slave.instantiate(
-                eventModeUsed=event_mode, earlyReturnAllowed=early_return, logMessage=lambda *_: None
-            )
-            slave.enterInitializationMode(startTime=0.0)
-        made.append(slave)
-        return slave
+        fmu = UnzippedFmu(unzipped(path, tmp_path / "unzipped" / folder.name / path.stem))
+        made.append(Instance(fmu, event_mode))
+        return made[-1].slave
 
     yield instantiate
-    for slave in made:
-        slave.freeInstance()
+    for instance in made:
+        instance.free()
 
 
 @pytest.fixture(scope="session")

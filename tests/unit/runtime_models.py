@@ -4,6 +4,7 @@ import zipfile
 from collections.abc import Mapping
 from pathlib import Path
 
+import fmpy
 import numpy as np
 from c_programs import CModel
 from effect_entries import COMBINATIONS, effect_entry
@@ -106,8 +107,8 @@ def contents(path: Path) -> dict[str, bytes]:
 
 def unzipped(path: Path, folder: Path) -> Path:
     """Unzip an FMU into a folder, and return this."""
-    with zipfile.ZipFile(path) as archive:
-        archive.extractall(folder)
+    if not folder.exists():
+        fmpy.extract(str(path), str(folder))
     return folder
 
 

@@ -94,8 +94,10 @@ def test_event_iteration_may_change_the_input(fmu_models, fmu_instance):
     assert get(slave) == pytest.approx(1.9 / 3, rel=1e-15)
 
 
-def test_early_return_leads_to_every_sample(fmu_instance):
-    slave = fmu_instance("KB", 3, event_mode=True, early_return=True)
+def test_early_return_leads_to_every_sample(fmu_folder, tmp_path):
+    slave = DrivenFmu(unzipped(fmu_folder / "KB_fmi3.fmu", tmp_path / "fmu")).slave
+    slave.instantiate(eventModeUsed=True, earlyReturnAllowed=True, logMessage=lambda *_: None)
+    slave.enterInitializationMode(startTime=0.0)
     slave.exitInitializationMode()
     slave.updateDiscreteStates()
     slave.enterStepMode()
@@ -198,7 +200,7 @@ def fmu(request, fmu_folder, guarded_folder, tmp_path_factory):
     path = fmu_folder / f"{kind}_fmi{version}.fmu"
     if kind == "guarded":
         path = guarded_folder / f"KB_fmi{version}.fmu"
-    return DrivenFmu(unzipped(path, tmp_path_factory.mktemp("unzipped")))
+    return DrivenFmu(unzipped(path, tmp_path_factory.mktemp("unzipped") / path.stem))
 
 
 def run_fmu(fmu, event_mode, positions, **parameters) -> list[float]:

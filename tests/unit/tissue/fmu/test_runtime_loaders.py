@@ -365,8 +365,8 @@ def test_unity_package_is_complete():
 
 def fmusim(fmu: Path, folder: Path, *options: str, step: str = "0.01") -> list:
     """Forces that fmusim, the FMI project's own simulator, records for the file's reference input, one per instant."""
-    unzipped(fmu, folder)
-    inputs, outputs = folder / "resources" / "reference_input.csv", folder / "forces.csv"
+    inputs = unzipped(fmu, folder / "fmu") / "resources" / "reference_input.csv"
+    outputs = folder / "forces.csv"
     with inputs.open() as file:
         end = list(csv.DictReader(file))[-1]["time"]
     command = [FMUSIM, "simulate", "--input-file", inputs, "--output-file", outputs, "--stop-time", end]
@@ -416,7 +416,12 @@ def test_fmusim_reads_vectors_of_an_independent_integration(version, options, tm
     (fmu,) = tmp_path.glob(f"*_fmi{version}.fmu")
     subprocess.run([FMUSIM, "validate", fmu], check=True, capture_output=True)
     read = np.array(fmusim(fmu, tmp_path, *options, step="0.001"))
-    cells = (tmp_path / "resources" / "reference_input.csv").read_text().replace(",", " ").splitlines()[1:]
+    cells = (
+        (tmp_path / "fmu" / "resources" / "reference_input.csv")
+        .read_text()
+        .replace(",", " ")
+        .splitlines()[1:]
+    )
     expected = integrated(np.array([row.split()[1:] for row in cells], dtype=float), 1e-3)
     if not options:
         expected = np.concatenate([expected[:1], expected[:-1]])

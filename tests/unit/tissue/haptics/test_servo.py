@@ -117,13 +117,13 @@ def random_intervals(low: float, high: float) -> np.ndarray:
     ids=["equal", "ten times faster", "half", "a third and more", "faster", "uneven", "nearly equal"],
 )
 def test_header_and_its_rule_give_equal_forces(intervals, header, fmu_folder, fmu_models, tmp_path):
-    unzipped(fmu_folder / "KB_fmi3.fmu", tmp_path)
+    folder = unzipped(fmu_folder / "KB_fmi3.fmu", tmp_path / "fmu")
     device = STYLUS.model_copy(update={"damping_N_s_m": 40.0, "encoder_um": 0.0, "delay_ms": 0.3})
     rendered = render_model(next(model for model in fmu_models if model.name == "KB"), device)
-    with stepping(UnzippedFmu(tmp_path)) as step:
+    with stepping(UnzippedFmu(folder)) as step:
         rule = TissueForce(rendered.loop_step(step), rendered.sampled[0].sampling_time)
         expected = simulate(rule, intervals, device, 15.0, HandPush(duration_s=1.0))
-    tissue = header.loader_open(str(tmp_path).encode())
+    tissue = header.loader_open(str(folder).encode())
     start = 1234.5
 
     def tick(time: float, position: float) -> float:
