@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from c_programs import ON_LINUX
 from periodic_records import multisine, noise, record
-from runtime_models import SETTINGS, held_to_its_simulation, selected
+from runtime_models import SETTINGS, check_simulation, selected
 from scipy.signal import StateSpace, lsim
 
 import lumbar
@@ -99,7 +99,7 @@ def test_user_defined_base_becomes_fmu(refined, zig_cache, tmp_path):
         SETTINGS, models=["two_masses"], trained_on="long", estimator="output_error", moving_average_ms=0
     )
     (model,) = selected(content, chosen)
-    held_to_its_simulation(model, tmp_path, zig_cache)
+    check_simulation(model, tmp_path, zig_cache)
 
 
 @pytest.mark.parametrize(

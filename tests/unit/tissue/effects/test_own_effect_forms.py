@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from c_programs import ON_LINUX
 from effect_entries import entry_of_effects
-from runtime_models import SETTINGS, held_to_its_simulation, models_json, selected
+from runtime_models import SETTINGS, check_simulation, models_json, selected
 from test_own_effect_yaml import CREEP, DAHL, RIBS
 
 from lumbar.tissue.effects.catalogue import catalogue_with, read_base
@@ -119,7 +119,7 @@ def test_equation_in_yaml_becomes_an_fmu(text, linear, nonlinear, zig_cache, tmp
     entry = entry_of_effects("KB", {f"{name}/equation": (linear, nonlinear)}, catalogue)
     chosen = changed(SETTINGS, models=[entry["name"]], moving_average_ms=0)
     (model,) = selected(models_json(entry), chosen, catalogue)
-    held_to_its_simulation(model, tmp_path, zig_cache)
+    check_simulation(model, tmp_path, zig_cache)
     if text == CREEP:  # it starts at rest at any position
         force = model.dynamics.response(np.full(50, 3.0))
         np.testing.assert_allclose(force, force[0], rtol=1e-14)
