@@ -97,7 +97,7 @@ def test_same_coordinates_as_ezc3d(shared, name):
 
 
 @pytest.mark.parametrize(
-    ("name", "said"),
+    ("name", "fragment"),
     [
         ("12_bad_parameter_section", "parameter LABELS would end at byte"),
         ("13_phasespace", "POINT:USED: missing"),
@@ -106,10 +106,10 @@ def test_same_coordinates_as_ezc3d(shared, name):
         ("91_derived_truncated_params", "700 bytes"),
     ],
 )
-def test_broken_files_are_refused(shared, name, said):
+def test_broken_files_are_refused(shared, name, fragment):
     path = shared / "real" / "c3d_edge" / f"{name}.c3d"
-    words = refusal(read_c3d, path)
-    assert said in words and path.name in words
+    message = refusal(read_c3d, path)
+    assert fragment in message and path.name in message
 
 
 # Built files
@@ -205,7 +205,7 @@ def test_points_without_unique_label_are_dropped(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "fragment"),
     [
         ({"replace": {"POINT:RATE": [50.0]}}, "rate: 100 in the header, 50 in POINT:RATE"),
         ({"rate": 0.0}, "both must be positive"),
@@ -214,9 +214,8 @@ def test_points_without_unique_label_are_dropped(tmp_path):
         ({"extra": {"POINT:LABELS": [1.0, 2.0]}}, "POINT:LABELS: [1.0, 2.0]; text is needed"),
     ],
 )
-def test_contradictions_are_refused(tmp_path, points, change, said):
-    """Beside those of the page of messages."""
-    assert said in refusal(read_c3d, write(tmp_path, build_c3d(points, LABELS, **change)))
+def test_contradictions_are_refused(tmp_path, points, change, fragment):
+    assert fragment in refusal(read_c3d, write(tmp_path, build_c3d(points, LABELS, **change)))
 
 
 @pytest.mark.parametrize("missing_bytes", [1, 48, 1900])
@@ -251,7 +250,7 @@ ANALOG = np.random.default_rng(4).integers(-900, 900, (40, 10)).astype(float)
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "fragment"),
     [
         ({"replace": {"POINT:FRAMES": [39]}}, "40 in the header, 39 in POINT:FRAMES; 39 were read"),
         ({"extra": {"POINT:LONG_FRAMES": [41.0]}}, "41 in POINT:LONG_FRAMES; 40 were read"),
@@ -265,17 +264,17 @@ ANALOG = np.random.default_rng(4).integers(-900, 900, (40, 10)).astype(float)
         ({"replace": {"ANALOG:RATE": [200.7]}}, "20.07 in ANALOG:USED and ANALOG:RATE; the header's"),
     ],
 )
-def test_harmless_contradictions_are_read_and_noted(tmp_path, points, change, said):
+def test_harmless_contradictions_are_read_and_noted(tmp_path, points, change, fragment):
     analog = np.zeros((40, 20))
     file = read_c3d(write(tmp_path, build_c3d(points, LABELS, analog=analog, analog_per_frame=2, **change)))
     np.testing.assert_allclose(stacked(file), points[: len(file.time)], rtol=1e-6)
     assert len(file.time) in (39, 40)
     assert file.rate == 100
-    assert any(said in note for note in file.notes), file.notes
+    assert any(fragment in note for note in file.notes), file.notes
 
 
 @pytest.mark.parametrize(
-    ("processor", "place", "new", "said"),
+    ("processor", "place", "new", "fragment"),
     [
         (INTEL, 2, b"\x09", "POINT:USED is 3, 9 in the header; 3 fits"),
         (INTEL, 16, b"\x05", "POINT:DATA_START is 3, 5 in the header; 3 fits"),
@@ -284,15 +283,15 @@ def test_harmless_contradictions_are_read_and_noted(tmp_path, points, change, sa
         (INTEL, 515, bytes([DEC]), "processor type 85; 84 (Intel) fits"),
     ],
 )
-def test_header_is_corrected_by_file_size(tmp_path, points, processor, place, new, said):
+def test_header_is_corrected_by_file_size(tmp_path, points, processor, place, new, fragment):
     content = build_c3d(points, LABELS, processor=processor)
     file = read_c3d(write(tmp_path, content[:place] + new + content[place + 1 :]))
     np.testing.assert_allclose(stacked(file), points, rtol=1e-6)
-    assert said in " ".join(file.notes)
+    assert fragment in " ".join(file.notes)
 
 
 def test_reals_are_read_whatever_the_size_of_the_scale_factor(tmp_path, points):
-    """Its sign says how coordinates are stored; reals are not multiplied by it."""
+    """The sign of the scale factor means that coordinates are stored as reals, which are not multiplied by it."""
     file = read_c3d(write(tmp_path, build_c3d(points, LABELS, scale=-0.05, replace={"POINT:SCALE": [-0.04]})))
     np.testing.assert_allclose(stacked(file), points, rtol=1e-6)
 

@@ -1,4 +1,4 @@
-"""Coordinates of C3D files that ezc3d rejects, or reads wrongly, compared with the package c3d."""
+"""Coordinates of C3D files that ezc3d rejects or reads with errors, compared with the package c3d."""
 
 import c3d
 import numpy as np
@@ -11,7 +11,7 @@ from lumbar.records.markers import read_markers
 
 @pytest.mark.parametrize("name", ["05_mips_int", "06_mips_float", "29_type1_forceplate"])
 def test_same_coordinates_as_the_c3d_package(shared, name):
-    """Files that ezc3d refuses, or reads wrongly."""
+    """Files that ezc3d rejects or reads with errors."""
     path = shared / "real" / "c3d_edge" / f"{name}.c3d"
     with path.open("rb") as stream:
         frames = list(c3d.Reader(stream).read_frames(copy=True))

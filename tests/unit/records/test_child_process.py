@@ -1,4 +1,4 @@
-"""A parser of a stranger's file answers in numbers and texts, and ends at its limits, whatever this process does meanwhile."""
+"""Parsing of untrusted files in a child process with limits."""
 
 import os
 import re
@@ -37,7 +37,7 @@ def test_child_returns_all_kinds_of_values(path):
     np.testing.assert_array_equal(arrays["rows"], [[0, 2], [4, 6], [8, 10]])
     np.testing.assert_array_equal(arrays["big"], range(5))
     assert arrays["none"].shape == (0, 3)
-    arrays["rows"][0] = 7  # belongs to whoever asked
+    arrays["rows"][0] = 7  # it is writable
 
 
 def test_child_does_not_import_from_working_directory(path, monkeypatch):
@@ -76,7 +76,7 @@ def test_waiting_child_is_ended(path, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    "reader, said",
+    "reader, fragment",
     [
         (readers.crashing, r"its reader ended \(SIGABRT\); copy or export it again"),
         (readers.leaving, "its reader returned an invalid answer"),
@@ -84,8 +84,8 @@ def test_waiting_child_is_ended(path, monkeypatch):
         (readers.of_objects, r"its reader stopped at TypeError \(no numbers: ndarray"),
     ],
 )
-def test_failing_reader_is_reported_with_file(path, reader, said):
-    with pytest.raises(InputError, match=rf"{re.escape(str(path))}: broken: {said}"):
+def test_failing_reader_is_reported_with_file(path, reader, fragment):
+    with pytest.raises(InputError, match=rf"{re.escape(str(path))}: broken: {fragment}"):
         read_in_child(reader, path)
 
 

@@ -1,4 +1,4 @@
-"""What a stranger wrote so that it reads other files, or fills the machine, is refused in words."""
+"""Untrusted files that read other files or exhaust the machine are rejected with a message."""
 
 import os
 import re
@@ -90,7 +90,7 @@ WORDS = {
     "merged.yaml": "aliases of aliases",
     "tags.yaml": "leave the tag out",
 }
-"""What is said of some of them."""
+"""Parts of the messages of some files."""
 
 
 def became_of(folder, drawn_too):

@@ -53,11 +53,11 @@ def test_saved_axes_are_read_back(tmp_path, force_unit):
 
 def test_variables_of_matlab_have_axes_too(tmp_path):
     moved = np.column_stack(MOVED[:4])
-    told = {"position_unit": "mm", "force_unit": "N"}
+    options = {"position_unit": "mm", "force_unit": "N"}
     savemat(tmp_path / "matrix.mat", {"t": TIME, "pos": moved[:, :3], "force": moved[:, 1:]})
     by_axis = [{"x": moved[:, at], "y": moved[:, at + 1]} for at in (0, 2)]
     savemat(tmp_path / "fields.mat", {"trial": {"t": TIME, "pos": by_axis[0], "force": by_axis[1]}})
-    [matrix] = lumbar.import_recordings(tmp_path / "matrix.mat", **told).records
+    [matrix] = lumbar.import_recordings(tmp_path / "matrix.mat", **options).records
     assert matrix.stacked("output") == pytest.approx(moved[:, 1:].T)
-    [fields] = lumbar.import_recordings(tmp_path / "fields.mat", **told).records
+    [fields] = lumbar.import_recordings(tmp_path / "fields.mat", **options).records
     assert fields.stacked("output") == pytest.approx(moved[:, 2:].T)

@@ -64,8 +64,8 @@ def test_records_and_a_study_are_written(run, sources, tmp_path, project):
 def test_imports_are_added_to_folder(run, sources, tmp_path):
     output = tmp_path / "records"
     assert run("import", sources / "labview.lvm", "--output", output)[0] == 0
-    told = ("--force-unit", "lbf", "--output", output)
-    assert run("import", sources / "excel_deutsch.csv", *told)[0] == 0
+    options = ("--force-unit", "lbf", "--output", output)
+    assert run("import", sources / "excel_deutsch.csv", *options)[0] == 0
     assert run("import", sources / "labview.lvm", "--flip-force", "--output", output)[0] == 0
     records = lumbar.read(output)
     np.testing.assert_allclose(records["excel_deutsch"]["output"], FORCE * 4.4482216152605, atol=1e-4)
@@ -80,12 +80,12 @@ def test_recordings_side_by_side_in_one_file(run, tmp_path):
     columns = [time, np.sin(time), 2 * np.sin(time), np.cos(time), 3 * np.cos(time)]
     np.savetxt(file, np.transpose(columns), delimiter=",", header="time_s,z1,F1,z2,F2", comments="")
     for name, position, force in (("fit", "z1", "F1"), ("unseen", "z2", "F2")):
-        told = ("--position", position, "--position-unit", "mm", "--force", force, "--force-unit", "N")
-        assert run("import", file, *told, "--name", name, "--output", tmp_path / "records")[0] == 0
+        options = ("--position", position, "--position-unit", "mm", "--force", force, "--force-unit", "N")
+        assert run("import", file, *options, "--name", name, "--output", tmp_path / "records")[0] == 0
     records = lumbar.read(tmp_path / "records")
     assert records.names == ["fit", "unseen"]
     np.testing.assert_allclose(records["unseen"]["output"], 3 * np.cos(time), atol=1e-6)
-    err = run.refused("import", file, file, *told, "--name", "a", "--dry-run")
+    err = run.refused("import", file, file, *options, "--name", "a", "--dry-run")
     assert "--name names one file, and 2 are given" in err
 
 
@@ -126,8 +126,16 @@ def test_records_that_the_default_layout_does_not_read(run, tmp_path, project):
         clipped = np.clip(FORCE, -4, 4)
         table = rows(",", columns=(POSITION, clipped))
         (tmp_path / f"{name}.txt").write_text("angle [deg],torque [V]\n" + table)
-        told = ("--force-unit", "V", "--rate", rate, "--accept-clipped", "--output", tmp_path / "no: records")
-        out = run.done("import", tmp_path / f"{name}.txt", *map(str, told))
+        options = (
+            "--force-unit",
+            "V",
+            "--rate",
+            rate,
+            "--accept-clipped",
+            "--output",
+            tmp_path / "no: records",
+        )
+        out = run.done("import", tmp_path / f"{name}.txt", *map(str, options))
     assert "--config" in out.splitlines()[-1]
     path = tmp_path / "no: records" / "study.yaml"
     study = load_study(yaml.safe_load(path.read_text()), project, [path]).settings
@@ -165,7 +173,7 @@ def test_files_of_one_name(run, sources, tmp_path):
 
 def test_imports_agree_with_studies_by_hand(shared, project):
     """The layouts of two studies, written by hand, are an independent reading of the same files."""
-    for study, told in (
+    for study, options in (
         ("friction_damper", {}),
         (
             "davinci_tool",
@@ -181,7 +189,7 @@ def test_imports_agree_with_studies_by_hand(shared, project):
         settings = lumbar.load_settings(project / f"config/studies/{study}.yaml").tissue
         path = shared / "real" / settings.records[0].file
         by_hand = read_record(path, settings.layout)
-        [imported] = lumbar.import_recordings(path, **told)
+        [imported] = lumbar.import_recordings(path, **options)
         factors = {"friction_damper": (1.0, 1e3), "davinci_tool": (1.0, 1.0)}[study]
         np.testing.assert_allclose(imported.record.time, by_hand.time, rtol=1e-12)
         for role, factor in zip(("input", "output"), factors, strict=True):

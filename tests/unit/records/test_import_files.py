@@ -70,8 +70,8 @@ def test_trials_of_several_lengths_need_choice(tmp_path):
     trial = {"time_s": TIME, "position_mm": POSITION, "force_N": FORCE}
     short = {name: values[:300] for name, values in trial.items()}
     savemat(tmp_path / "a.mat", {"trial": np.array([trial, short], dtype=object)})
-    said = r"trial\(2\).time_s, .* \(300 values\).*choose a part with --table VARIABLE"
-    with pytest.raises(lumbar.InputError, match=said):
+    fragment = r"trial\(2\).time_s, .* \(300 values\).*choose a part with --table VARIABLE"
+    with pytest.raises(lumbar.InputError, match=fragment):
         lumbar.import_recordings(tmp_path / "a.mat")
     check(lumbar.import_recordings(tmp_path / "a.mat", table="trial(1)"))
     assert "no variable 'trial(3)'; there are trial(1).time_s" in refusal(
@@ -129,8 +129,8 @@ def test_compound_data_sets_have_their_fields(tmp_path):
 def test_missing_package_is_named(tmp_path, monkeypatch, package, first):
     monkeypatch.setitem(sys.modules, package, None)
     (tmp_path / "a.bin").write_bytes(first + bytes(600))
-    said = f"needs the package {package}: pip install 'lumbar[import]'"
-    assert said in refusal(lumbar.import_recordings, tmp_path / "a.bin")
+    fragment = f"needs the package {package}: pip install 'lumbar[import]'"
+    assert fragment in refusal(lumbar.import_recordings, tmp_path / "a.bin")
 
 
 def test_sheet_of_workbook_is_read(tmp_path):
@@ -257,7 +257,7 @@ def test_all_wrong_cuts_are_listed(run, source):
 
 
 def test_number_column_splits_trials(tmp_path):
-    """The clock of each may begin anew."""
+    """The clock of each trial may start at 0."""
     numbers = np.repeat([1, 2, 3], 200)
     path = trials(tmp_path / "bench.csv", numbers, time=np.tile(TIME[:200], 3))
     imported = lumbar.import_recordings(path, cut_by="trial")

@@ -1,4 +1,4 @@
-"""What is guessed of columns, units and clocks, what is refused with candidates, and columns that are no position."""
+"""Detection of columns, units and clocks, candidates in messages, and columns of other quantities."""
 
 import numpy as np
 import pytest
@@ -10,17 +10,17 @@ from refusing import refusal
 HEAD = "time_s,position_mm,force_N\n"
 
 
-def imported(tmp_path, text, name="trial.csv", **told):
+def imported(tmp_path, text, name="trial.csv", **options):
     (tmp_path / name).write_text(text, encoding="utf-8")
-    [recording] = lumbar.import_recordings(tmp_path / name, **told)
+    [recording] = lumbar.import_recordings(tmp_path / name, **options)
     return recording
 
 
 def test_two_forces_need_choice(tmp_path):
     text = "t (s),z (mm),force 1 (N),force 2 (N)\n" + rows(",", columns=(TIME, POSITION, FORCE, 2 * FORCE))
-    told = refusal(imported, tmp_path, text)
-    assert "force may be column 3 'force 1' [N] or column 4 'force 2' [N]; choose by --force" in told
-    assert "column 2 'z' [mm]: 1.26221, 1.4775, 1.67825, …, from -4.7325 to 4.73246" in told
+    message = refusal(imported, tmp_path, text)
+    assert "force may be column 3 'force 1' [N] or column 4 'force 2' [N]; choose by --force" in message
+    assert "column 2 'z' [mm]: 1.26221, 1.4775, 1.67825, …, from -4.7325 to 4.73246" in message
     chosen = imported(tmp_path, text, force="force 2")
     assert chosen.record["output"] == pytest.approx(2 * FORCE, abs=2e-5)
     assert "as given by --force" in chosen.grounds["force"]
@@ -65,7 +65,7 @@ def stamped(moved: dict[int, int]) -> str:
 
 
 @pytest.mark.parametrize(
-    ("text", "told", "words"),
+    ("text", "options", "fragment"),
     [
         ("time_s,position,force_N\n" + rows(","), {}, "'position', by its name, without a unit; give --position-unit"),
         ("time_s,position_mm,load [V]\n" + rows(","), {}, "as in --force-unit '35.15 N', or --force-unit V"),
@@ -96,8 +96,8 @@ def stamped(moved: dict[int, int]) -> str:
         (stamped({50: 49, 120: 110}), {}, "line 122: 1 time stamps backward"),
     ],
 )  # fmt: skip
-def test_missing_and_ambiguous_facts_are_reported(tmp_path, text, told, words):
-    assert words in refusal(imported, tmp_path, text, **told)
+def test_missing_and_ambiguous_facts_are_reported(tmp_path, text, options, fragment):
+    assert fragment in refusal(imported, tmp_path, text, **options)
 
 
 def test_nameless_columns_have_roles_in_order(tmp_path):
@@ -114,7 +114,7 @@ def test_nameless_columns_have_roles_in_order(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("text", "told", "step", "factor"),
+    ("text", "options", "step", "factor"),
     [
         (MICROSECONDS, {"time_unit": "s"}, 1 / RATE, 1),
         (IN_MILLISECONDS, {"time_unit": "ms"}, 1 / RATE, 1),
@@ -123,8 +123,8 @@ def test_nameless_columns_have_roles_in_order(tmp_path):
         (TWO_TABLES, {"table": 2}, 1 / RATE, 2),
     ],
 )
-def test_options_override_detection(tmp_path, text, told, step, factor):
-    record = imported(tmp_path, text, **told).record
+def test_options_override_detection(tmp_path, text, options, step, factor):
+    record = imported(tmp_path, text, **options).record
     assert record.sampling_time == pytest.approx(step)
     assert record["input"] == pytest.approx(factor * POSITION, abs=2e-5)
 
@@ -170,9 +170,9 @@ def test_missing_samples_suggest_longest_complete_part(tmp_path):
     force = FORCE.copy()
     force[100:103] = np.nan
     text = HEAD + rows(",", columns=(TIME, POSITION, force))
-    told = refusal(imported, tmp_path, text)
-    assert "line 102: force is missing in 3 samples, 0.005 of all" in told
-    option = told.split("--trim ")[1].split()[0]
+    message = refusal(imported, tmp_path, text)
+    assert "line 102: force is missing in 3 samples, 0.005 of all" in message
+    option = message.split("--trim ")[1].split()[0]
     start, stop = map(float, option.split(":"))
     part = imported(tmp_path, text, trim=(start, stop))
     assert part.record.time == pytest.approx(TIME[103:])
@@ -209,10 +209,10 @@ def test_resampled_values_stay_between_neighbours(tmp_path):
 
 
 @pytest.mark.parametrize("rate", [1024.0, 600.0, 857.0, 300.0])
-@pytest.mark.parametrize("told", [np.rint, np.floor])
-def test_rounded_millisecond_stamps_give_even_clock(tmp_path, rate, told):
+@pytest.mark.parametrize("options", [np.rint, np.floor])
+def test_rounded_millisecond_stamps_give_even_clock(tmp_path, rate, options):
     time = np.arange(600) / rate
-    whole = told(1e3 * time)
+    whole = options(1e3 * time)
     text = "time_ms,position_mm,force_N\n" + rows(",", columns=(whole, POSITION, FORCE))
     one = imported(tmp_path, text)
     assert 1 / one.record.sampling_time == pytest.approx(rate, rel=3e-4)
@@ -238,9 +238,9 @@ def test_dropped_and_repeated_samples_are_not_rounding(tmp_path, rate):
 
 def test_gap_in_uneven_clock_is_rejected(tmp_path):
     keep = np.r_[0:200, 230:600]
-    told = refusal(imported, tmp_path, HEAD + rows(",", columns=(TIME[keep], POSITION[keep], FORCE[keep])))
-    assert "line 202: 0.155 s without samples, 31 median steps" in told
-    start, stop = map(float, told.split("--trim ")[1].split()[0].split(":"))
+    message = refusal(imported, tmp_path, HEAD + rows(",", columns=(TIME[keep], POSITION[keep], FORCE[keep])))
+    assert "line 202: 0.155 s without samples, 31 median steps" in message
+    start, stop = map(float, message.split("--trim ")[1].split()[0].split(":"))
     assert (start, stop) == pytest.approx((TIME[230], TIME[-1] + 0.0025))
 
 
@@ -260,14 +260,14 @@ MOTION = 4 * np.sin(RADIAN * TIME)
 DRIVEN = 1.3 * MOTION + 0.02 * np.random.default_rng(5).normal(size=len(TIME))
 
 
-def given(tmp_path, head, columns=(TIME, VELOCITY, DRIVEN), **told):
+def given(tmp_path, head, columns=(TIME, VELOCITY, DRIVEN), **options):
     (tmp_path / "trial.csv").write_text(head + "\n" + rows(",", columns=columns, digits=7), encoding="utf-8")
-    [recording] = lumbar.import_recordings(tmp_path / "trial.csv", **told)
+    [recording] = lumbar.import_recordings(tmp_path / "trial.csv", **options)
     return recording
 
 
 @pytest.mark.parametrize(
-    ("head", "told"),
+    ("head", "options"),
     [
         ("time_s,v [mm/s],force_N", {}),
         ("time_s,speed/mm/s,force_N", {}),
@@ -276,15 +276,15 @@ def given(tmp_path, head, columns=(TIME, VELOCITY, DRIVEN), **told):
         ("time_s,drive [V],force_N", {"position": "drive", "position_unit": "1 mm/s"}),
     ],
 )
-def test_velocity_is_integrated_with_note(tmp_path, head, told):
-    one = given(tmp_path, head, **told)
+def test_velocity_is_integrated_with_note(tmp_path, head, options):
+    one = given(tmp_path, head, **options)
     step = 1 / RATE
     assert one.record["input"][0] == 0
     assert one.record["input"] == pytest.approx(MOTION, abs=step**2 / 12 * np.ptp(RADIAN * VELOCITY) + 1e-6)
     assert list(one.frame()) == ["time_s", "position_mm", "force_N"]
     [note] = [note for note in one.notes if "integral" in note]
-    for words in ("0 at the first sample", "is unknown", "would drift the position"):
-        assert words in note
+    for fragment in ("0 at the first sample", "is unknown", "would drift the position"):
+        assert fragment in note
 
 
 def test_position_is_preferred_to_velocity(tmp_path):
@@ -297,15 +297,15 @@ def test_position_is_preferred_to_velocity(tmp_path):
 
 def test_unclear_velocities_need_choice(tmp_path):
     head, columns = "time_s,v1 [mm/s],v2 [mm/s],force_N", (TIME, VELOCITY, VELOCITY, DRIVEN)
-    words = "position may be column 2 'v1' [mm/s] or column 3 'v2' [mm/s], integrated; choose by"
-    assert words in refusal(given, tmp_path, head, columns=columns)
+    fragment = "position may be column 2 'v1' [mm/s] or column 3 'v2' [mm/s], integrated; choose by"
+    assert fragment in refusal(given, tmp_path, head, columns=columns)
     assert "give --position-unit, e.g. mm/s" in refusal(given, tmp_path, "time_s,velocity,force_N")
     note = given(tmp_path, "time_s,velocity,force_N", position="velocity", position_unit="mm").notes[0]
     assert "has the name of a velocity, and is used as a position, as given" in note
 
 
 def test_parts_share_zero_of_integration(tmp_path):
-    """As long as nothing is missing before them; else each has its own, and says so."""
+    """If samples are missing before a part, it has its own zero, with a note."""
     whole = given(tmp_path, "time_s,v [mm/s],force_N").record
     part = given(tmp_path, "time_s,v [mm/s],force_N", trim=(1, 2)).record
     assert part["input"] == pytest.approx(whole["input"][200:400])

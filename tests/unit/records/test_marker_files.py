@@ -95,7 +95,7 @@ def test_missing_samples_and_other_columns(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "fragment"),
     [
         (table(ONE.replace("C7_z", "C7_y")), "C7_y: duplicate"),
         ("time_s,angle_rad\n0,1\n1,2\n", "no column of a marker among time_s, angle_rad"),
@@ -111,10 +111,10 @@ def test_missing_samples_and_other_columns(tmp_path):
         (table().replace("C7_x", '"' + "C" * 200_000 + '_x"'), "C7: has the columns y, z; x, y and z"),
     ],
 )
-def test_tables_that_are_refused(tmp_path, text, said):
+def test_tables_that_are_refused(tmp_path, text, fragment):
     path = write(tmp_path, text)
-    words = refusal(read_markers, path, MILLIMETRES)
-    assert said in words and str(path) in words
+    message = refusal(read_markers, path, MILLIMETRES)
+    assert fragment in message and str(path) in message
 
 
 def test_declared_rate_that_the_times_contradict(tmp_path):
@@ -233,7 +233,7 @@ def test_joints_may_have_position_channels(tmp_path, around):
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "fragment"),
     [
         (lambda text: text.replace("MOTION", "MOTIONS"), "not a BVH file"),
         (lambda text: text.replace("Frame Time: 0.01", "Frame Time: 0"), "Frame Time is 0 s"),
@@ -249,7 +249,7 @@ def test_joints_may_have_position_channels(tmp_path, around):
         (lambda text: text[: text.rindex(" ")] + " inf\n", "line 43: inf in column 12"),
     ],
 )
-def test_files_that_are_refused(tmp_path, change, said):
+def test_files_that_are_refused(tmp_path, change, fragment):
     path = write(tmp_path, change(BVH + rows(np.hstack([ROOT, ANGLES]))), "walk.bvh")
-    words = refusal(read_markers, path, CENTIMETRES)
-    assert said in words and str(path) in words
+    message = refusal(read_markers, path, CENTIMETRES)
+    assert fragment in message and str(path) in message

@@ -60,9 +60,11 @@ def test_unit_of_the_file(tmp_path, unit):
     np.testing.assert_allclose(recording["C7"].mean(axis=0)[2], 1.45, atol=0.003)
 
 
-@pytest.mark.parametrize(("stated", "said"), [("", "states no unit"), ("inch", "states the unit 'inch'")])
-def test_units_that_do_not_fit(tmp_path, stated, said):
-    assert said in refusal(read_markers, write(tmp_path, BODY, unit=stated or " "), layout_of(unit="file"))
+@pytest.mark.parametrize(("stated", "fragment"), [("", "states no unit"), ("inch", "states the unit 'inch'")])
+def test_units_that_do_not_fit(tmp_path, stated, fragment):
+    assert fragment in refusal(
+        read_markers, write(tmp_path, BODY, unit=stated or " "), layout_of(unit="file")
+    )
 
 
 AXES = ["+x", "-x", "+y", "-y", "+z", "-z"]
@@ -80,7 +82,7 @@ def test_every_orientation_of_a_file(tmp_path, up, forward):
 
 
 @pytest.mark.parametrize(
-    ("up", "forward", "declared", "said"),
+    ("up", "forward", "declared", "fragment"),
     [
         ("+y", "+x", {}, 'set up: "+y"'),
         ("-z", "+y", {}, 'set up: "-z"'),
@@ -89,9 +91,9 @@ def test_every_orientation_of_a_file(tmp_path, up, forward):
         ("+z", "+y", {"up": "+z", "forward": "-z"}, "must be perpendicular"),
     ],
 )
-def test_axes_that_contradict_the_body(tmp_path, up, forward, declared, said):
+def test_axes_that_contradict_the_body(tmp_path, up, forward, declared, fragment):
     path = write(tmp_path, BODY, axes=file_axes(up, forward))
-    assert said in refusal(read_markers, path, layout_of(aliases=STANDARD, **declared))
+    assert fragment in refusal(read_markers, path, layout_of(aliases=STANDARD, **declared))
     if not declared:
         read_markers(path, layout_of(aliases=STANDARD, check_axes=False))
 
@@ -121,15 +123,15 @@ WALKING = (
 )
 
 
-@pytest.mark.parametrize(("name", "forward", "said"), WALKING)
-def test_axes_of_walking_subject_are_compared_per_frame(shared, name, forward, said):
+@pytest.mark.parametrize(("name", "forward", "fragment"), WALKING)
+def test_axes_of_walking_subject_are_compared_per_frame(shared, name, forward, fragment):
     """Markers of the feet are hidden in different halves of the walk: their medians over time lie metres apart."""
     layout = lumbar.StudySettings().lifting.markers
     path = shared / "real" / "c3d_edge" / name
     assert len(read_markers(path, layout.model_copy(update={"required": (), "forward": forward}))) > 100
     for wrong in {"+x", "-x", "+y", "-y"} - {forward}:
-        words = refusal(read_markers, path, layout.model_copy(update={"required": (), "forward": wrong}))
-        assert said in words and f'set forward: "{forward}"' in words
+        message = refusal(read_markers, path, layout.model_copy(update={"required": (), "forward": wrong}))
+        assert fragment in message and f'set forward: "{forward}"' in message
 
 
 def test_markers_never_seen_together_show_no_axis(tmp_path):
@@ -152,16 +154,16 @@ def test_sides_name_the_axis_that_fits_or_the_labels(tmp_path):
     front = {**sides, "L_ASIS": (-0.12, 0.1, 1.0), "R_ASIS": (0.12, 0.1, 1.0)}
     path = write(tmp_path, front)
     aliases = {name: name for name in front}
-    said = 'front of the pelvis is ahead of its back along +y; set forward: "+y" (or check'
-    assert said in refusal(read_markers, path, layout_of(aliases=aliases, forward="-y"))
+    fragment = 'front of the pelvis is ahead of its back along +y; set forward: "+y" (or check'
+    assert fragment in refusal(read_markers, path, layout_of(aliases=aliases, forward="-y"))
     aliases |= {f"{a}_{part}": f"{b}_{part}" for part in ("HIP", "HEEL") for a, b in ("LR", "RL")}
     assert "right labels are swapped (check" in refusal(read_markers, path, layout_of(aliases=aliases))
 
 
 def test_uncheckable_axes_are_reported(tmp_path, run):
     path = write(tmp_path, {f"Q{number}": point for number, point in enumerate(BODY.values())})
-    told = run.done("check", path)
-    assert "not checked: up and forward of the axes" in told
+    message = run.done("check", path)
+    assert "not checked: up and forward of the axes" in message
     assert "not checked" not in run("check", write(tmp_path, BODY))[1]
 
 
@@ -226,7 +228,7 @@ UNLIKE = {"C7": "CV7", "L_TOE": ["LTOE", "LFM1"], "SACRUM": "SACRUM"}
 
 
 @pytest.mark.parametrize(
-    ("positions", "layout", "said"),
+    ("positions", "layout", "fragment"),
     [
         (NEVER_TOGETHER, {"aliases": {"PELVIS": {"mean": ["L_HIP", "R_HIP"]}}}, "never seen: mean of L_HIP and R_HIP"),
         (BODY, {"aliases": UNLIKE}, "markers.aliases.C7: no CV7 in the file; similar in the file: C7"),
@@ -241,8 +243,10 @@ UNLIKE = {"C7": "CV7", "L_TOE": ["LTOE", "LFM1"], "SACRUM": "SACRUM"}
         (TWO_CENTRES, {"aliases": {"BODY_COM": "CentreOfMass"}}, "CentreOfMass is left out: computed for several subjects"),
     ],
 )  # fmt: skip
-def test_unresolved_labels_are_rejected(tmp_path, positions, layout, said):
-    assert said in refusal(read_markers, write(tmp_path, positions), layout_of(check_axes=False, **layout))
+def test_unresolved_labels_are_rejected(tmp_path, positions, layout, fragment):
+    assert fragment in refusal(
+        read_markers, write(tmp_path, positions), layout_of(check_axes=False, **layout)
+    )
 
 
 def test_subject_prefix_is_kept_or_chosen(tmp_path):
@@ -293,7 +297,7 @@ def test_plug_in_gait_centre_of_mass_needs_alias(shared):
     assert plain.dropped["CentreOfMass"] == "computed centre of mass"
     assert plain.dropped["PELO"] == "computed segment axis"
     assert len(plain.positions) == 35
-    asked = read_markers(path, layout_of(aliases={"BODY_COM": "CentreOfMass", "C7": "C7"}))
-    assert asked.derived == {"BODY_COM": "CentreOfMass: computed centre of mass"}
-    above = asked["C7"] - asked["BODY_COM"]
+    requested = read_markers(path, layout_of(aliases={"BODY_COM": "CentreOfMass", "C7": "C7"}))
+    assert requested.derived == {"BODY_COM": "CentreOfMass: computed centre of mass"}
+    above = requested["C7"] - requested["BODY_COM"]
     assert 0.3 < np.nanmedian(above[:, 2]) < 0.6

@@ -79,8 +79,8 @@ def test_resampling_does_not_ring_at_ends(rate):
 
 def test_short_record_cannot_be_resampled():
     record = record_of(np.arange(200) / 100, np.sin(np.arange(200)))
-    said = "2 s are too short to be resampled to 10 Hz: 10 samples are left out"
-    assert said in refusal(resample, record, 10.0)
+    fragment = "2 s are too short to be resampled to 10 Hz: 10 samples are left out"
+    assert fragment in refusal(resample, record, 10.0)
 
 
 def test_several_axes_are_cut_and_resampled_like_one():

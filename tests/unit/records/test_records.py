@@ -140,7 +140,7 @@ def commas(form: str) -> str:
 
 
 @pytest.mark.parametrize(
-    ("text", "changes", "said"),
+    ("text", "changes", "fragments"),
     [
         ("", {}, ["no data rows"]),
         ("t,z,f\n", {}, ["no data rows"]),
@@ -166,10 +166,10 @@ def commas(form: str) -> str:
         ),
     ],
 )  # fmt: skip
-def test_faulty_file_is_rejected_with_place(tmp_path, text, changes, said):
-    told = refusal(read_record, written(tmp_path, text), changed(LAYOUT, **changes))
-    for words in said:
-        assert words in told
+def test_faulty_file_is_rejected_with_place(tmp_path, text, changes, fragments):
+    message = refusal(read_record, written(tmp_path, text), changed(LAYOUT, **changes))
+    for words in fragments:
+        assert words in message
 
 
 @pytest.mark.parametrize("text", ["Zeit;Weg;Kraft\n0,0;1,0;2,0\n", "t,z,f\n0,eins,2\n", "t;z;f\n0;\xb5;2\n"])

@@ -43,8 +43,8 @@ def test_problems_of_all_files_are_listed(tmp_path):
     plan = [planned(good), planned(broken), planned(short), planned(tmp_path / "absent.csv")]
     message = refusal(check_recordings, plan)
     assert message.startswith("recordings: 3 problems")
-    for words in ("broken.csv", "line 5: time is 'abc'", "short.csv", "absent.csv: no such file"):
-        assert words in message
+    for message in ("broken.csv", "line 5: time is 'abc'", "short.csv", "absent.csv: no such file"):
+        assert message in message
 
 
 def test_units_agree_within_a_set_only(tmp_path):
@@ -107,7 +107,7 @@ def write(tmp_path, cell=None, name="record.csv"):
 
 
 @pytest.mark.parametrize(
-    ("cell", "said"),
+    ("cell", "fragment"),
     [
         ("1_000", "line 52: output is '1_000'; a number is needed"),
         ("\u0661\u0662", "line 52: output is"),  # Arabic digits, which Python's float reads
@@ -120,25 +120,25 @@ def write(tmp_path, cell=None, name="record.csv"):
     ],
 )
 @pytest.mark.parametrize("name", ["record.csv", "record.csv.gz"])
-def test_implausible_cells_are_rejected(tmp_path, cell, said, name):
+def test_implausible_cells_are_rejected(tmp_path, cell, fragment, name):
     path = write(tmp_path, cell, name)
-    words = refusal(lumbar.read, path)
-    assert said in words and str(path) in words
-    assert len(words) < 1000
+    message = refusal(lumbar.read, path)
+    assert fragment in message and str(path) in message
+    assert len(message) < 1000
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "fragment"),
     [
         (lambda packed: packed[:-20], "cut short|broken"),
         (lambda packed: packed[:30] + b"\xff" * 20 + packed[50:], "broken"),
         (lambda packed: b"\x1f\x8b" + b"\0" * 30, "broken"),
     ],
 )
-def test_broken_packed_files(tmp_path, change, said):
+def test_broken_packed_files(tmp_path, change, fragment):
     path = write(tmp_path, name="record.csv.gz")
     path.write_bytes(change(path.read_bytes()))
-    with pytest.raises(InputError, match=said):
+    with pytest.raises(InputError, match=fragment):
         lumbar.read(path)
 
 

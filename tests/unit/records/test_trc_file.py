@@ -95,7 +95,7 @@ def test_trajectories_without_a_name(tmp_path, names):
 @pytest.mark.parametrize("end", ["", "\t", "\t\t"])
 @pytest.mark.parametrize("lost", [0, 1, 3, 6])
 def test_lost_cell_is_rejected(tmp_path, end, lost):
-    """Rows that end in a tab have a spare empty cell, which must not stand in for the one that was lost."""
+    """Rows that end in a tab have a spare empty cell, which must not replace the lost one."""
     rows = [row + end for row in regular_rows(12)]
     cells = rows[4].split("\t")
     rows[4] = "\t".join(cells[:lost] + cells[lost + 1 :])
@@ -105,8 +105,8 @@ def test_lost_cell_is_rejected(tmp_path, end, lost):
 
 def test_lost_column_is_rejected(tmp_path):
     rows = ["\t".join([*row.split("\t")[:3], *row.split("\t")[4:], ""]) for row in regular_rows(12)]
-    said = "marker 2 has one or two coordinates and never three; a column is missing"
-    assert said in refusal(read_trc, trc(tmp_path, rows))
+    fragment = "marker 2 has one or two coordinates and never three; a column is missing"
+    assert fragment in refusal(read_trc, trc(tmp_path, rows))
 
 
 def test_clock_printed_with_two_digits(tmp_path):
@@ -133,7 +133,7 @@ def changed(row, text):
 
 
 @pytest.mark.parametrize(
-    ("options", "said"),
+    ("options", "fragment"),
     [
         ({"header": {"NumMarkers": "3"}}, "8 cells, as in most rows; 11 are needed for 3 markers"),
         ({"header": {"NumMarkers": "1"}}, "NumMarkers: 1; line 4 names 2 markers"),
@@ -153,11 +153,10 @@ def changed(row, text):
         ({"names": ""}, "line 4: no marker names"),
     ],
 )
-def test_files_that_are_refused(tmp_path, options, said):
-    """Beside those of the page of messages."""
+def test_files_that_are_refused(tmp_path, options, fragment):
     path = trc(tmp_path, **options)
-    words = refusal(read_trc, path)
-    assert said in words and str(path) in words
+    message = refusal(read_trc, path)
+    assert fragment in message and str(path) in message
 
 
 @pytest.mark.parametrize("content", [b"", b"time,x\n0,1\n", b"PathFileType\t4\n", bytes(range(256)) * 20])

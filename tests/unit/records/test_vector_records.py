@@ -47,8 +47,8 @@ def test_columns_of_axes_are_read_in_any_order(tmp_path, case):
 
 @pytest.mark.parametrize("case", cases(__file__, "refused"))
 def test_incomplete_axes_in_header_are_rejected(tmp_path, case):
-    told = refusal(lumbar.read, written(tmp_path, case["header"]))
-    assert [words for words in case["words"] if words not in told] == []
+    message = refusal(lumbar.read, written(tmp_path, case["header"]))
+    assert [words for words in case["words"] if words not in message] == []
 
 
 @pytest.mark.parametrize("case", cases(__file__, "values"))
@@ -60,8 +60,8 @@ def test_each_axis_is_checked_and_one_may_be_constant(tmp_path, case):
     if not case["words"]:
         assert lumbar.read(path)[0].stacked("input").shape == (3, len(TIME))
         return
-    told = refusal(lumbar.read, path)
-    assert [words for words in case["words"] if words not in told] == []
+    message = refusal(lumbar.read, path)
+    assert [words for words in case["words"] if words not in message] == []
 
 
 @pytest.mark.parametrize("case", cases(__file__, "layouts"))
@@ -104,5 +104,5 @@ def test_study_with_axes_has_no_default_columns(tmp_path):
         *(line.split(":")[0] for line in lines),
     ]
     study.write_text(study.read_text() + "\n      input: {column: z, unit: mm}")
-    told = refusal(lumbar.load_settings, study)
-    assert f"{study}, line 3: tissue.layout.columns: input together with roles of axes" in told
+    message = refusal(lumbar.load_settings, study)
+    assert f"{study}, line 3: tissue.layout.columns: input together with roles of axes" in message
