@@ -166,10 +166,13 @@ class Diagnosis:
         names = [item.name for item in getattr(experiment.training, "parts", (experiment.training,))]
         training = max((record for record in experiment.records if record.name in names), key=len)
         tests = [record for record in experiment.records if record is not training]
-        from lumbar.tissue.identification.identify_tissue import identify_quickly
+        from lumbar.tissue.identification.identify_tissue import identify
 
+        # Without the bootstrap, which takes most of the time and serves the physical parameters only.
+        tissue = self.study.tissue
+        bootstrap = tissue.bootstrap.model_copy(update={"resamples": 0})
         try:
-            models = identify_quickly(training, tests, self.study.tissue)
+            models, _ = identify(training, tests, tissue.model_copy(update={"bootstrap": bootstrap}), seed=0)
         except InputError as error:
             return ThesisModels(
                 remark=f"The thesis's models could not be identified on these records: {error}"

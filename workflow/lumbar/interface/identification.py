@@ -17,7 +17,7 @@ from lumbar.settings.tissue import TissueSettings
 from lumbar.tables.table import Table
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.selection.refine import refined_fit
-from lumbar.tissue.identification.identify_tissue import distinct, inverted_model
+from lumbar.tissue.identification.identify_tissue import distinct
 from lumbar.tissue.identification.identify_tissue import identify as identify_one
 from lumbar.tissue.identification.model_tables import physical_parameters_table, table_3_1
 from lumbar.tissue.models.bases import CHOSEN_BY_DATA
@@ -76,12 +76,10 @@ def identify(
     train = train or tissue.training or max(records, key=len).name
     chosen = [records[name] for name in ([train] if isinstance(train, str) else train)]
     models, grid = [], []
-    inverted = tissue.inverted_linear
     for training in chosen:
         tests = [record for record in records if record is not training]
         identified, rows = identify_one(training, tests, tissue, settings.seed)
         models += identified
-        models.append(inverted_model(training, tests, tissue.settling_s, inverted.force_max, inverted.travel))
         if improvement.effects:
             # Table 3.1 has the refined model and the thesis's, so its base does not depend on the data.
             base = "KB" if improvement.base == CHOSEN_BY_DATA else improvement.base

@@ -40,7 +40,7 @@ from lumbar.tissue.signals.spectrum import motion_range
 def identify(
     training: Record, tests: list[Record], settings: TissueSettings, seed: int
 ) -> tuple[list[FittedModel], list[dict]]:
-    """Identify LE, MW, Maxwell, KB and HO on one record by both estimators.
+    """Identify LE, MW, Maxwell, KB and HO on one record by both estimators; add the inverted linear model.
 
     Parameters
     ----------
@@ -98,51 +98,20 @@ def identify(
         fits += [estimators.arx(model, chosen, remark), estimators.output_error(model, chosen, nested)]
         if model is KB:
             nested = fits[-1].structure
-    return fits, grid
-
-
-def identify_quickly(training: Record, tests: list[Record], settings: TissueSettings) -> list[FittedModel]:
-    """Identify all models without bootstrap, in a small part of the time of `identify`; the given model is the last one.
-
-    Physical parameters, which need intervals, are left out.
-    """
-    bootstrap = settings.bootstrap.model_copy(update={"resamples": 0})
-    models, _ = identify(training, tests, settings.model_copy(update={"bootstrap": bootstrap}), seed=0)
-    given = settings.inverted_linear
-    return [*models, inverted_model(training, tests, settings.settling_s, given.force_max, given.travel)]
-
-
-def inverted_model(
-    training: Record, tests: list[Record], settling_s: float | None, force_max: float, travel: float
-) -> FittedModel:
-    """Return the inverted linear model with its errors on the records.
-
-    Parameters
-    ----------
-    training : Record
-        Record whose channels the model has.
-    tests : list of Record
-        Other records with errors.
-    settling_s : float or None
-        Seconds at the start that do not count; None follows the records.
-    force_max, travel : float
-        Largest force and the travel over which it is reached, in the units of output and input.
-    """
-    structure = inverted_linear(force_max, travel)
-    data = IdentificationData.from_record(training, settling_s)
-    others = [IdentificationData.from_record(test, settling_s) for test in tests]
-    return FittedModel(
+    inverted = inverted_linear(settings.inverted_linear.force_max, settings.inverted_linear.travel)
+    given = FittedModel(
         IL.name,
-        structure,
+        inverted,
         data.sampling_time,
         *ports_of(training, 0.0, 0.0),
         base=IL.name,
         estimator=GIVEN,
         trained_on=training.name,
         no_parameters_because=f"{IL.name}: {IL.no_parameters_because}",
-        scores=scores_of(structure, data, others, free_parameters=0, rank=0),
+        scores=scores_of(inverted, data, others, free_parameters=0, rank=0),
         remark="not identified",
     )
+    return [*fits, given], grid
 
 
 def distinct(models: list[FittedModel]) -> list[FittedModel]:
