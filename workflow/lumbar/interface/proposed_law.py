@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from lumbar.base.errors import InputError
 from lumbar.base.files import write_text
-from lumbar.tissue.effects.catalogue import check_name
+from lumbar.tissue.effects.notation import NAME
 from lumbar.tissue.models.form import Effect
 
 if TYPE_CHECKING:
@@ -59,7 +59,10 @@ class ProposedLaw:
         """
         if not self.found:
             raise InputError(f"no effect to write: {self.sentences[0]}")
-        check_name(name, self.candidates)
+        if not NAME.fullmatch(name):
+            raise InputError(f"effect {name!r}: use letters a to z, digits and _, a letter first")
+        if name in self.candidates:
+            raise InputError(f"effect {name!r} is taken by an effect of the catalogue; choose another name")
         from lumbar.tissue.diagnosis.law.proposal import effect_text
 
         return effect_text(self.proposal, name, self.source_label)

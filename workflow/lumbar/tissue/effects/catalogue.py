@@ -11,8 +11,6 @@ from lumbar.base.errors import InputError, Problems, did_you_mean
 from lumbar.base.yaml_file import YamlFile, parse_key_path, read_yaml, shipped_yaml
 from lumbar.settings.improvement import is_data, system_of
 from lumbar.tissue.effects.notation import (
-    NAME,
-    NAME_RULE,
     BaseEntry,
     EffectOfForms,
     EffectOfOneForm,
@@ -269,14 +267,6 @@ def _read_definitions(
             definitions[name] = read(YamlFile(place, entry), problems)
     problems.raise_if_any()
     return definitions
-
-
-def check_name(name: str, taken: Collection[str] = ()) -> None:
-    """Raise if a name is not allowed for a user-defined effect."""
-    if not NAME.fullmatch(name):
-        raise InputError(f"effect {name!r}: {NAME_RULE}")
-    if name in taken:
-        raise InputError(f"effect {name!r} is taken by an effect of the catalogue; choose another name")
 
 
 def _import_effects(path: Path) -> dict[str, Effect]:

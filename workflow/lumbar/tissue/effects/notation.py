@@ -21,7 +21,6 @@ from lumbar.tissue.models.form import Effect, Form, Place
 from lumbar.tissue.models.parameter import Constant, LinearParameter, NonlinearParameter, Scale
 
 NAME = re.compile(r"[a-z][a-z0-9_]*")
-NAME_RULE = "letters a to z, digits and _, a letter first"
 _SIGNS = {"positive": 1, "negative": -1, "any": 0}
 _NONLINEAR_KEYS = {"start", "scale", "points", "reach", "lines", "follows_record", "decisive"}
 
