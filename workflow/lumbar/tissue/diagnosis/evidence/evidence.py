@@ -19,15 +19,10 @@ from lumbar.base.files import write_csv, write_json, write_text
 from lumbar.settings.signals import MachineSettings
 from lumbar.tables.layout import unit_in_print
 from lumbar.tissue.diagnosis.evidence.discrimination import Separation, motion_csv, separating_excitation
+from lumbar.tissue.diagnosis.fitting import uncertainty
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.fitting.joint_fit import nonlinear_starts
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
-from lumbar.tissue.diagnosis.fitting.uncertainty import (
-    added_forces,
-    project_out,
-    tangent_basis,
-    whitened_simulation,
-)
 from lumbar.tissue.diagnosis.residuals.locate import ResidualReport, compare_and_locate
 from lumbar.tissue.diagnosis.residuals.residual import steady_velocity
 from lumbar.tissue.diagnosis.selection.candidate import Candidate, drop_effect
@@ -89,10 +84,12 @@ def signal_angles(diagnosis: DiagnosisResult) -> Ties | None:
     candidates = [item.candidate for item in diagnosis.ranking if not set(item.candidate.effects) > chosen]
     ranked = {frozenset(item.effects) for item in candidates}
     candidates += [item for item in diagnosis.tied_with if frozenset(item.effects) not in ranked]
-    basis = tangent_basis(diagnosis.base.fit, records)
-    base = whitened_simulation(diagnosis.base.fit, records)
-    added = np.stack([whitened_simulation(item.fit, records) - base for item in candidates], axis=1)
-    added = project_out(basis, added)
+    basis = uncertainty.tangent_basis(diagnosis.base.fit, records)
+    base = uncertainty.whitened_simulation(diagnosis.base.fit, records)
+    added = np.stack(
+        [uncertainty.whitened_simulation(item.fit, records) - base for item in candidates], axis=1
+    )
+    added = uncertainty.project_out(basis, added)
     size = np.sqrt(np.sum(added**2, axis=0))
     # A candidate that adds less than noise would hide has no direction.
     shown = [index for index in range(len(candidates)) if index == 0 or size[index] ** 2 > TIED * noise**2]
@@ -157,7 +154,7 @@ def detectable_effects(
     """
     fit, data = diagnosis.model.fit, diagnosis.experiment.training
     least = diagnosis.noise_rms * np.sqrt(null.threshold(number_of_forms(catalogue)) / data.size)
-    basis, residual = tangent_basis(fit, [data]), data.force - fit.simulate(data.motion)
+    basis, residual = uncertainty.tangent_basis(fit, [data]), data.force - fit.simulate(data.motion)
     detectable = []
     for effect in catalogue.values():
         if effect.name in diagnosis.selected:
@@ -167,8 +164,8 @@ def detectable_effects(
             starts = nonlinear_starts(form, data, residual)
             # The first, the middle and the last starting values of the form.
             for index in sorted({0, len(starts) // 2, len(starts) - 1}):
-                for signal in added_forces(fit, form, data, starts[index]).T:
-                    energy, left = float(signal @ signal), project_out(basis, signal)
+                for signal in uncertainty.added_forces(fit, form, data, starts[index]).T:
+                    energy, left = float(signal @ signal), uncertainty.project_out(basis, signal)
                     if energy > 0 and left @ left > _ROUNDING_SHARE * energy:
                         shares.append(float(left @ left) / energy)
         if shares:

@@ -292,14 +292,10 @@ def rank_causes(residuals: Sequence[Residual]) -> list[Cause]:
         if share > 0
     ]
     # A constant comes last if anything else is worth naming, linear dynamics after a cause that takes most of what they leave.
-    last = {
-        "constant offset": any(item.share > _MAJOR_SHARE for item in causes if item.name != "constant offset")
-    }
-    last["linear dynamics"] = any(
-        item.share > _MAJOR_SHARE and item.share_of_rest > _MAJOR_SHARE_OF_REST
-        for item in causes
-        if item.name not in _OUTSIDE_REST
-    )
+    is_known = any(item.share > _MAJOR_SHARE for item in causes if item.name != "constant offset")
+    others = [item for item in causes if item.name not in _OUTSIDE_REST and item.share > _MAJOR_SHARE]
+    is_beaten = any(item.share_of_rest > _MAJOR_SHARE_OF_REST for item in others)
+    last = {"constant offset": is_known, "linear dynamics": is_beaten}
     return sorted(causes, key=lambda item: (last.get(item.name, False), -item.share))
 
 

@@ -6,16 +6,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy
 
-from lumbar.tissue.diagnosis.fitting import joint_fit
+from lumbar.tissue.diagnosis.fitting import joint_fit, uncertainty
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData
 from lumbar.tissue.diagnosis.fitting.joint_fit import Fit, shape_bounds
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
-from lumbar.tissue.diagnosis.fitting.uncertainty import (
-    estimates,
-    prediction_variance,
-    scaled_covariance,
-    variance_of_sum,
-)
 from lumbar.tissue.diagnosis.noise.noise_floor import autocovariance, prediction_error_filter
 from lumbar.tissue.diagnosis.selection.thresholds import MOST_OF_REST, WORTHWHILE, WORTHWHILE_BLIND
 from lumbar.tissue.models.bases import Base
@@ -182,7 +176,7 @@ def loss_improvement(before: Fit, after: Fit, records: list[FitData]) -> float:
     differences = [_loss(first, scale) - _loss(second, scale) for first, second in errors]
     size = sum(len(item) for item in differences)
     mean = sum(float(item.sum()) for item in differences) / size
-    variance = variance_of_sum([item - mean for item in differences])
+    variance = uncertainty.variance_of_sum([item - mean for item in differences])
     if variance <= 0:
         return 0.0 if mean == 0 else float(np.copysign(np.inf, mean))
     return mean * size / float(np.sqrt(variance))
@@ -216,7 +210,7 @@ def is_adequate(candidate: Candidate, experiment: Experiment, factor: float = AD
     if candidate.test_rms <= largest(tests):
         return True
     left = candidate.test_rms**2 - largest(tests) ** 2
-    return left <= _UNCERTAIN_VARIANCES * prediction_variance(candidate.fit, training, tests)
+    return left <= _UNCERTAIN_VARIANCES * uncertainty.prediction_variance(candidate.fit, training, tests)
 
 
 def is_worthwhile(base: Candidate, before: Candidate, after: Candidate, experiment: Experiment) -> bool:
@@ -269,7 +263,7 @@ def contradictions(fit: Fit, experiment: Experiment) -> list[str]:
     sentences = []
     if count and structure.base.system == "tissue" and not np.any(fit.linear[:count] > 0):
         sentences.append(f"nothing is left of {structure.base.name}: all its stiffnesses are 0")
-    known = estimates(fit, training, experiment.input_unit, experiment.output_unit)
+    known = uncertainty.estimates(fit, training, experiment.input_unit, experiment.output_unit)
     low, high = shape_bounds(structure, training, fit.nonlinear) if len(fit.nonlinear) else ((), ())
     position = len(structure.base.nonlinear)
     for form in structure.forms:
@@ -299,7 +293,7 @@ def _are_jointly_significant(form: Form, names: tuple[str, ...], fit: Fit, train
     items = fit.structure.linear[len(fit.structure.base.linear) :]
     mine = [index for index, item in enumerate(items) if owners[index] is form and item.name in names]
     chosen = np.array(mine) + len(fit.structure.base.linear)
-    scaled, size = scaled_covariance(fit, training)
+    scaled, size = uncertainty.scaled_covariance(fit, training)
     amplitudes = fit.linear[chosen] * size[chosen]
     wald = amplitudes @ np.linalg.pinv(scaled[np.ix_(chosen, chosen)], rcond=1e-12) @ amplitudes
     return bool(wald > scipy.special.chdtri(len(chosen), 0.05))

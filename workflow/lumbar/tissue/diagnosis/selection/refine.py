@@ -14,15 +14,10 @@ from lumbar.tissue.diagnosis.fitting.fit_data import FitData
 from lumbar.tissue.diagnosis.fitting.joint_fit import Fit
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.fitting.uncertainty import check_excited, derived_estimates, estimates
+from lumbar.tissue.diagnosis.selection import sentences
 from lumbar.tissue.diagnosis.selection.base_choice import find_base
 from lumbar.tissue.diagnosis.selection.candidate import Candidate, is_adequate, select_forms
 from lumbar.tissue.diagnosis.selection.forward_selection import exchange, extend
-from lumbar.tissue.diagnosis.selection.sentences import (
-    distinguishing_digits,
-    effects_text,
-    noise_sentence,
-    times_floor,
-)
 from lumbar.tissue.effects.catalogue import choose, usable_effects
 from lumbar.tissue.identification.metrics import FreeRunErrors
 from lumbar.tissue.models.bases import BASES
@@ -235,8 +230,8 @@ def ladder_sentences(path: Sequence[Candidate], experiment: Experiment) -> list[
     461-464).
     """
     unit, floor, model = experiment.output_unit, experiment.floor, path[-1]
-    training = distinguishing_digits([item.train_rms for item in path], 4)
-    unseen = distinguishing_digits([item.test_rms for item in path], 4)
+    training = sentences.distinguishing_digits([item.train_rms for item in path], 4)
+    unseen = sentences.distinguishing_digits([item.test_rms for item in path], 4)
     names = [path[0].fit.structure.base.name, *(f"+ {name}" for name in model.effects)]
     changes = [""]
     for before, after in pairwise(path):
@@ -250,16 +245,14 @@ def ladder_sentences(path: Sequence[Candidate], experiment: Experiment) -> list[
     if floor is None:
         verdict = f"Verdict: it is unknown whether something is {still}missing."
     else:
-        times = times_floor(max(model.train_rms, model.test_rms), floor)
+        times = sentences.times_floor(max(model.train_rms, model.test_rms), floor)
         left = f"the remaining error is at most {times} times the noise floor"
         verdict = f"Verdict: something is {still}missing: {left}; locate shows where it is."
         if is_adequate(model, experiment):
             verdict = f"Verdict: {left}, only noise as far as these records show."
     idle = [after.effects[-1] for before, after in pairwise(path) if after.score >= before.score]
     if idle:
-        verdict += (
-            f" These records do not support {effects_text(idle)}: no more is gained than parameters cost."
-        )
+        verdict += f" These records do not support {sentences.effects_text(idle)}: no more is gained than parameters cost."
     if len(idle) < len(path) - 1:
         verdict += " Use diagnose to see whether other effects do as well."
-    return [*lines, noise_sentence(experiment), verdict]
+    return [*lines, sentences.noise_sentence(experiment), verdict]
