@@ -11,7 +11,7 @@ from lumbar.base.errors import LumbarError, did_you_mean
 from lumbar.settings.improvement import ImprovementSettings
 from lumbar.settings.stability import GROUPS
 from lumbar.settings.study_settings import StudySettings
-from lumbar.settings.tissue import TissueSettings
+from lumbar.settings.survey import SurveySettings
 from lumbar.study.study import (
     HIP_MOMENTS,
     TWIN_HIP_MOMENT,
@@ -37,7 +37,8 @@ def _check_names(key: str, names: list[str], add: Add) -> None:
             add(key, f"{name!r} is repeated", "names must differ")
 
 
-def _check_tissue(tissue: TissueSettings, add: Add) -> None:
+def _check_tissue(study: Study, add: Add) -> None:
+    tissue, trained_on = study.settings.tissue, study.settings.runtime.trained_on
     names = [record.name for record in tissue.records]
     _check_names("tissue.records", names, add)
     for number, name in enumerate(tissue.training):
@@ -47,6 +48,8 @@ def _check_tissue(tissue: TissueSettings, add: Add) -> None:
         add("tissue.training", "none", f"name at least one of the records: {', '.join(names)}")
     if tissue.search.selection == "test" and len(names) < 2:
         add("tissue.search.selection", "'test' with a single record", "use training")
+    if study.has("runtime") and trained_on not in tissue.training:
+        add("runtime.trained_on", f"{trained_on!r} is not trained on", "take one of tissue.training")
 
 
 def _check_record_sets(settings: StudySettings, root: Path, add: Add) -> None:
@@ -75,6 +78,29 @@ def _check_record_sets(settings: StudySettings, root: Path, add: Add) -> None:
     if is_weightless and any(record_set(settings, entry.name).base == "pendulum" for entry in sets):
         allowed = "record sets with the base pendulum need gravity: leave them out of improvement.record_sets, or set this key"
         add("stability.pendulum.gravity_m_s2", "0", allowed)
+
+
+def _check_survey(survey: SurveySettings, add: Add) -> None:
+    models = [model.name for model in survey.layout.models]
+    if survey.baseline not in models:
+        add("survey.baseline", f"{survey.baseline!r} is not rated", f"models: {', '.join(models)}")
+    points, labels = survey.layout.scale_points, len(survey.scale_labels)
+    if labels != points:
+        add("survey.scale_labels", f"{labels} names", f"survey.layout.scale_points is {points}")
+
+
+def _check_lifting(study: Study, add: Add) -> None:
+    checks, chapters = study.settings.stability.checks, set(study.settings.chapters)
+    if {"lifting", "population"} & chapters and not study.lifts:
+        add("lifting.subjects", "none", "the chapter needs at least one file of config/subjects")
+    for name, subject in study.subjects.items():
+        if not subject.trials:
+            add("lifting.subjects", f"{name} has no trials", "list its recordings in config/subjects")
+    if {"stability", "population"} & chapters:
+        _check_groups(study, add)
+    if "stability" in chapters and "cvxpy" in checks and "thesis_method" not in checks:
+        allowed = "it checks the programmes of that method: choose both"
+        add("stability.checks", "cvxpy without thesis_method", allowed)
 
 
 def _check_groups(study: Study, add: Add) -> None:
@@ -180,33 +206,13 @@ def check_consistency(study: Study, root: Path, origins: Origins, sources: Mappi
     if study.has("surgeon"):
         _check_names("surgeon.records", [record.name for record in settings.surgeon.records], add)
     if study.has("tissue"):
-        _check_tissue(settings.tissue, add)
-        trained_on = settings.runtime.trained_on
-        if study.has("runtime") and trained_on not in settings.tissue.training:
-            add("runtime.trained_on", f"{trained_on!r} is not trained on", "take one of tissue.training")
+        _check_tissue(study, add)
         check_effects(settings.improvement, root, add)
     if study.has("improvement"):
         _check_record_sets(settings, root, add)
     if study.has("survey"):
-        survey = settings.survey
-        models = [model.name for model in survey.layout.models]
-        if survey.baseline not in models:
-            add("survey.baseline", f"{survey.baseline!r} is not rated", f"models: {', '.join(models)}")
-        points, labels = survey.layout.scale_points, len(survey.scale_labels)
-        if labels != points:
-            add("survey.scale_labels", f"{labels} names", f"survey.layout.scale_points is {points}")
-    if (study.has("lifting") or study.has("population")) and not study.lifts:
-        add("lifting.subjects", "none", "the chapter needs at least one file of config/subjects")
-    for name, subject in study.subjects.items():
-        if not subject.trials:
-            add("lifting.subjects", f"{name} has no trials", "list its recordings in config/subjects")
-    if study.has("stability") or study.has("population"):
-        _check_groups(study, add)
-    if study.has("stability"):
-        checks = settings.stability.checks
-        if "cvxpy" in checks and "thesis_method" not in checks:
-            allowed = "it checks the programmes of that method: choose both"
-            add("stability.checks", "cvxpy without thesis_method", allowed)
+        _check_survey(settings.survey, add)
+    _check_lifting(study, add)
     if study.synthetic:
         _check_twin_movements(settings, add)
         if not study.cohort:

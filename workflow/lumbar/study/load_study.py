@@ -203,6 +203,7 @@ def load_settings(*files: str | os.PathLike, trust: bool = False) -> StudySettin
     Parameters
     ----------
     *files : path
+        Files of settings.
     trust : bool
         Whether effects in Python are run wherever they come from; otherwise only if they and the files are in the project
         that is the working directory.

@@ -287,21 +287,6 @@ def _c_lines(stem: str, trees: Sequence[Expression], names: Mapping[str, str]) -
     uses: Counter = Counter()  # how many different operations use an operation; operands come first
     order: dict[Expression, None] = {}
 
-    def count(tree: Expression) -> None:
-        if not isinstance(tree, Operation):
-            return
-        uses[tree] += 1
-        if tree in order:
-            return
-        for operand in tree.operands:
-            count(operand)
-            if tree.name == "**" and whole_power(
-                tree.operands[1]
-            ):  # a product, which uses its base repeatedly
-                uses[operand] += 1
-        if tree.name not in COMPARISONS:
-            order[tree] = None
-
     replaced: dict[Expression, Symbol] = {}
 
     def replace_shared(tree: Expression) -> Expression:
@@ -310,7 +295,7 @@ def _c_lines(stem: str, trees: Sequence[Expression], names: Mapping[str, str]) -
         return Operation(tree.name, tuple(map(replace_shared, tree.operands)))
 
     for tree in trees:
-        count(tree)
+        _count_uses(tree, uses, order)
     known = dict(names)
     lines: list[str] = []
     for part in (part for part in order if uses[part] > 1):
@@ -319,3 +304,17 @@ def _c_lines(stem: str, trees: Sequence[Expression], names: Mapping[str, str]) -
         known[name] = name
         replaced[part] = Symbol(name)
     return lines, [c_text(replace_shared(tree), known) for tree in trees]
+
+
+def _count_uses(tree: Expression, uses: Counter, order: dict[Expression, None]) -> None:
+    if not isinstance(tree, Operation):
+        return
+    uses[tree] += 1
+    if tree in order:
+        return
+    for operand in tree.operands:
+        _count_uses(operand, uses, order)
+        # A whole power is a product, which uses its base repeatedly.
+        uses[operand] += tree.name == "**" and bool(whole_power(tree.operands[1]))
+    if tree.name not in COMPARISONS:
+        order[tree] = None

@@ -2,6 +2,7 @@
 
 import re
 from collections import Counter
+from collections.abc import Iterator
 from contextlib import suppress
 from typing import Any
 
@@ -26,17 +27,7 @@ _FINITE = "write tanh(v/vs) for sign(v), sqrt(v**2 + e**2) for abs(v) in a root 
 def check_equation(equation: Equation) -> Faults:
     """Return the faults in the text of an equation or in its symbols."""
     declared = [item.symbol for item in equation.declared] + [name for name, _ in equation.states]
-    faults: Faults = []
-    # Names of parameters, constants and states are symbols, not reserved, each declared a single time.
-    for symbol, count in Counter(declared).items():
-        if not _SYMBOL.fullmatch(symbol):
-            allowed = "letters a to z, digits and _ are allowed, a letter first"
-            faults.append(("symbol", f"{symbol!r} is not a symbol; {allowed}"))
-        elif symbol in _RESERVED:
-            meaning = SIGNALS[symbol].meaning if symbol in SIGNALS else "a name of its own"
-            faults.append(("symbol", f"{symbol} is reserved: {meaning}; choose another name"))
-        if count > 1:
-            faults.append(("symbol", f"{symbol} is declared {count} times; once is allowed"))
+    faults: Faults = [("symbol", fault) for fault in _wrong_declarations(declared)]
     # Read every expression; a power with a broken exponent needs a base that is never negative.
     positive = {
         item.symbol for item in (*equation.nonlinear, *equation.linear) if getattr(item, "sign", 1) > 0
@@ -69,6 +60,18 @@ def check_equation(equation: Equation) -> Faults:
         except InputError as error:
             faults.append(("equation", str(error)))
     return faults
+
+
+def _wrong_declarations(declared: list[str]) -> Iterator[str]:
+    """Report names of parameters, constants and states that are not symbols, reserved, or declared several times."""
+    for symbol, count in Counter(declared).items():
+        if not _SYMBOL.fullmatch(symbol):
+            yield f"{symbol!r} is not a symbol; letters a to z, digits and _ are allowed, a letter first"
+        elif symbol in _RESERVED:
+            meaning = SIGNALS[symbol].meaning if symbol in SIGNALS else "a name of its own"
+            yield f"{symbol} is reserved: {meaning}; choose another name"
+        if count > 1:
+            yield f"{symbol} is declared {count} times; once is allowed"
 
 
 def _unknown_symbols(equation: Equation, declared: list[str], key: str, used: set[str]) -> list[str]:

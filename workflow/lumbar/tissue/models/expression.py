@@ -238,13 +238,7 @@ class _Reader:
             raise InputError(f"{_quote(self.text)} is nested more than {MAX_DEPTH} deep")
         match node:
             case ast.Constant(value=int() | float() as value) if not isinstance(value, bool):
-                try:
-                    number = float(value)
-                except OverflowError:
-                    number = math.inf
-                if not math.isfinite(number):
-                    raise self._error(node, "numbers are finite")
-                return Number(number)
+                return self._number(node, value)
             case ast.Name(id=name):
                 if name in OPERANDS:
                     raise self._error(node, f"the function {name} needs operands: {name}(…)")
@@ -264,6 +258,15 @@ class _Reader:
     def _error(self, node: ast.expr, allowed: str) -> InputError:
         source = ast.get_source_segment(self.text, node) or self.text
         return InputError(f"{_quote(source)} is not allowed; {allowed}")
+
+    def _number(self, node: ast.expr, value: float) -> Number:
+        try:
+            number = float(value)
+        except OverflowError:
+            number = math.inf
+        if not math.isfinite(number):
+            raise self._error(node, "numbers are finite")
+        return Number(number)
 
     def _operation(self, name: str, operands, depth: int) -> Operation:
         self.operations += 1

@@ -113,6 +113,12 @@ class _Latex:
             case Operation("**", (base, exponent)):
                 raised = self._operand(exponent)
                 return self._base(base) + (f"^{raised}" if len(raised) == 1 else f"^{{{raised}}}"), _POWER
+        assert isinstance(expression, Operation)
+        return self._function(expression)
+
+    def _function(self, function: Operation) -> tuple[str, int]:
+        """Return the LaTeX of a function or comparison and how strongly it binds."""
+        match function:
             case Operation("where", (Operation() as condition, yes, no)):
                 # Iverson's brackets: 1 if the condition is true, 0 if not.
                 other = Operation(_OPPOSITE[condition.name], condition.operands)
@@ -129,9 +135,8 @@ class _Latex:
                 return _FUNCTIONS["hypot"].format(*map(self._base, operands)), _ATOM
             case Operation(name, (left, right)) if name in COMPARISONS:
                 return f"{self.text(left)} {_RELATIONS[name]} {self.text(right)}", 0
-        assert isinstance(expression, Operation)
-        rank = _POWER if expression.name == "exp" else _ATOM
-        return _FUNCTIONS[expression.name].format(*map(self._operand, expression.operands)), rank
+        rank = _POWER if function.name == "exp" else _ATOM
+        return _FUNCTIONS[function.name].format(*map(self._operand, function.operands)), rank
 
     def _base(self, base: Expression) -> str:
         """Return the base of a power; functions get brackets, since a power after a name is read as that of the name."""

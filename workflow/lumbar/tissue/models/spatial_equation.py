@@ -106,14 +106,22 @@ def _apply_to_vectors(
             return Operation("hypot", tuple(sizes))
         case "where", Expression() as condition, tuple(yes), tuple(no):
             return tuple(Operation("where", (condition, *pair)) for pair in zip(yes, no, strict=True))
-        case "neg", tuple(vector):
+        case _, tuple(vector):
+            return _apply_to_vector(name, vector)
+    return None
+
+
+def _apply_to_vector(name: str, vector: Vector) -> Expression | Vector | None:
+    """Return the result of a function of one vector; None if it has no meaning for it."""
+    size = length(vector)
+    match name:
+        case "neg":
             return tuple(map(operator.neg, vector))
-        case "abs", tuple(vector):
-            return length(vector)
-        case "cos", tuple(vector):  # even: a number
-            return Operation("cos", (length(vector),))
-        case "sign" | "tanh" | "sinh" | "sin" | "arctan", tuple(vector):  # odd: along its argument
-            size = length(vector)
+        case "abs":
+            return size
+        case "cos":  # even: a number
+            return Operation("cos", (size,))
+        case "sign" | "tanh" | "sinh" | "sin" | "arctan":  # odd: along its argument
             value = ONE if name == "sign" else Operation(name, (size,))
             return tuple(value * (item / size) for item in vector)
     return None
