@@ -1,20 +1,8 @@
 """Reader of column files (CSV, TXT, MAT; also gzipped) with a layout, which gives meaning and unit of each column.
 
-A layout is `lumbar.settings.layout.ColumnLayout`; in a study's YAML::
-
-    format: text            # text or mat
-    delimiter: ","          # one character, or "whitespace"
-    header: true            # a line of column names before the data
-    comment: "%"            # lines that start with it are skipped
-    decimal: "."
-    clipped: refuse         # or accept: flat tops of force and position
-    columns:
-      time:   {column: time_s, quantity: time, unit: s}
-      input:  {column: 2, quantity: angle, unit: rad, scale: 7.6699e-4, offset: 0}
-      output: {column: force_N, quantity: force, unit: N}
-
-``column`` is a name from the header or a number counted from 1. Values become ``raw * scale + offset`` in
-``unit``. A column with ``optional: true`` may be absent from a file with a header, and may be constant.
+The layout is `lumbar.settings.layout.ColumnLayout`. A column is named by the header or numbered from 1. Values become
+``raw * scale + offset`` in its unit. A column with ``optional: true`` may be absent from a file with a header, and may be
+constant.
 """
 
 import itertools

@@ -153,7 +153,13 @@ def read_frames(
     """
     columns = {f"column {position + 1}": position for position in range(width)}
     table = read_numbers(rows, columns, source, dialect, width, columns if may_be_missing else ())
-    table.require_sizes(source, LARGEST, may_be_missing)
+    is_allowed = (np.abs(table.values) <= LARGEST) | (may_be_missing & np.isnan(table.values))
+    if not is_allowed.all():
+        row, column = np.argwhere(~is_allowed)[0]
+        raise InputError(
+            f"{source}: line {table.lines[row]}: {table.values[row, column]:g} in column {column + 1}; finite numbers up to "
+            f"{LARGEST:g} are needed"
+        )
     return table.values
 
 

@@ -1,21 +1,9 @@
 """Marker recordings: C3D, TRC, CSV and BVH files as positions in metres with standard names.
 
-Axes are those of chapter 4 of the thesis: x lateral (to the right), y forward, z up; right-handed. The layout in a study's
-YAML::
-
-    unit: file                 # file, m, cm or mm
-    scale: 1.0                 # factor on the coordinates, if the unit in the file is wrong
-    up: "+z"                   # axis of the file that points up
-    forward: "+y"              # axis of the file in which the subject faces
-    subject_prefix: strip      # strip, keep, or the subject's name
-    aliases: {C7: [C7, CV7], L_WRIST: {mean: [LWRA, LWRB]}}
-    required: null             # required names; null: every alias
-    check_axes: true           # compare the axes with head-to-feet, heel-to-toe and left-to-right
-    rate_Hz: null              # frames per second, if a CSV file has no times or the file's are wrong
-
-`lumbar.records.marker_aliases` explains the aliases. Standard names are C7, T12, L5 (the spine at L4/L5), MANUBRIUM, XIPHOID,
-SACRUM; SHOULDER, HIP (greater trochanter), WRIST, ANKLE, HEEL and TOE with the prefix L_ or R_; BOX_1, BOX_2 and so on for
-markers on the box.
+Axes are those of chapter 4 of the thesis: x lateral (to the right), y forward, z up; right-handed. The layout is
+`lumbar.settings.layout.MarkerLayout`; `lumbar.records.marker_aliases` explains its aliases. Standard names are C7, T12, L5 (the
+spine at L4/L5), MANUBRIUM, XIPHOID, SACRUM; SHOULDER, HIP (greater trochanter), WRIST, ANKLE, HEEL and TOE with the prefix L_ or
+R_; BOX_1, BOX_2 and so on for markers on the box.
 """
 
 import os
@@ -110,7 +98,7 @@ def read_markers(
     path : path
         A file with the ending ``.c3d``, ``.trc``, ``.csv`` or ``.bvh``, also gzipped (``.gz``).
     layout : MarkerLayout, optional
-        See the module's description. Without aliases every marker keeps its label.
+        Unit, axes and aliases. Without aliases every marker keeps its label.
     name : str, optional
         Name of the recording; default that of the file.
     minimum_frames : int

@@ -76,16 +76,6 @@ class NumberTable:
     lines: Sequence[int]
     """Line of each row in the file, from 1."""
 
-    def require_sizes(self, source: str, largest: float, may_be_missing: bool) -> None:
-        """Raise unless the size of all numbers is at most `largest`; NaN may be allowed."""
-        allowed = (np.abs(self.values) <= largest) | (may_be_missing & np.isnan(self.values))
-        if not allowed.all():
-            row, column = np.argwhere(~allowed)[0]
-            raise InputError(
-                f"{source}: line {self.lines[row]}: {self.values[row, column]:g} in column {column + 1}; finite numbers up to "
-                f"{largest:g} are needed"
-            )
-
 
 def parse_number(text: str) -> float:
     """Return the number in a text, also with Fortran's exponents.

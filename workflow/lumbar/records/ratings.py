@@ -1,19 +1,4 @@
-"""Answers of a survey: one row per participant, with declared columns, all checked.
-
-A layout is `lumbar.settings.survey.RatingsLayout`; in a study's YAML::
-
-    delimiter: ","
-    participant: participant            # column of the participants' names
-    models:                             # rating questions, in the order of the tables
-      - {name: IL, column: IL}
-      - {name: MW, column: MW}
-    scale_points: 5                     # ratings are 1, 2, ..., scale_points
-    best: best                          # column of the model that was picked as the best
-    yes_no: [clinician, palpation]      # columns that describe the participants
-    experience: experience              # column of a single choice, or null
-    experience_levels: ["<5", "5-20", ">20"]
-    source: source                      # column of the origin of an answer, or null
-"""
+"""Answers of a survey: one row per participant, with the columns of `lumbar.settings.survey.RatingsLayout`, all checked."""
 
 import os
 from collections import Counter

@@ -17,18 +17,7 @@ from lumbar.base.errors import NumericalError
 from lumbar.base.files import write_text
 from lumbar.base.templates import template
 from lumbar.base.yaml_file import shipped_yaml
-from lumbar.tables.layout import (
-    EMPTY,
-    SMALLEST_P,
-    Column,
-    column_in_words,
-    count_fitting,
-    count_key_columns,
-    scientific,
-    split_columns,
-    split_number,
-    value_in_words,
-)
+from lumbar.tables import layout
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -137,22 +126,24 @@ class Table:
     def cell(self, column: str, value) -> str:
         """Format one cell for print: missing as an en dash, floats rounded, names as separate words."""
         if value is None or value != value:
-            return EMPTY
+            return layout.EMPTY
         if isinstance(value, bool) or getattr(getattr(value, "dtype", None), "kind", "") == "b":
             return "yes" if value else "no"
         if not isinstance(value, float):
-            return value_in_words(str(value)) or EMPTY
-        if value < SMALLEST_P and column.startswith("p_"):
-            return f"< {SMALLEST_P:f}".rstrip("0")
-        return scientific(f"{value:.{self.decimals[column]}f}" if column in self.decimals else f"{value:.4g}")
+            return layout.value_in_words(str(value)) or layout.EMPTY
+        if value < layout.SMALLEST_P and column.startswith("p_"):
+            return f"< {layout.SMALLEST_P:f}".rstrip("0")
+        return layout.scientific(
+            f"{value:.{self.decimals[column]}f}" if column in self.decimals else f"{value:.4g}"
+        )
 
     def header(self, name: str) -> str:
         """Return the header of a column."""
-        return self.headers.get(name, column_in_words(name))
+        return self.headers.get(name, layout.column_in_words(name))
 
-    def _columns(self, names: Iterable[str], rows: Sequence[int]) -> list[Column]:
+    def _columns(self, names: Iterable[str], rows: Sequence[int]) -> list[layout.Column]:
         return [
-            Column(
+            layout.Column(
                 self.header(name),
                 tuple(self.cell(name, value) for value in self.frame[name].iloc[rows]),
                 tuple(svg_address(self.pictures[name][row]) for row in rows) if name in self.pictures else (),
@@ -167,7 +158,7 @@ class Table:
         names = [str(name) for name in self.frame.columns]
         if self.first or self.headers:
             return list(self.first or names), rows
-        return names[: count_fitting(self._columns(names, every))], rows
+        return names[: layout.count_fitting(self._columns(names, every))], rows
 
     def to_latex(self) -> str:
         """Return ``booktabs`` table environments of what is shown first: a journal's column, or both."""
@@ -183,20 +174,20 @@ class Table:
         names, rows = self._first_shown()
         every = range(len(self.frame))
         folded = [str(name) for name in self.frame.columns if name not in names]
-        rest: list[list[Column]] = []
+        rest: list[list[layout.Column]] = []
         if folded or len(rows) < len(every):
             columns = self._columns([*names, *folded], every)
-            rest = split_columns(columns, count_key_columns(columns))
+            rest = layout.split_columns(columns, layout.count_key_columns(columns))
         shown = self._columns(names, rows)
         return template("tables/table.html.jinja").render(
             title=self.title,
             source_label=self.source_label,
-            shown=split_columns(shown, count_key_columns(shown)),
+            shown=layout.split_columns(shown, layout.count_key_columns(shown)),
             rest=rest,
             counts=(len(rows), len(every), len(names), len(names) + len(folded)),
             notes=self.notes,
             definitions=[(self.header(name), self.definitions[name]) for name in (*names, *folded)],
-            split=split_number,
+            split=layout.split_number,
         )
 
 
@@ -292,7 +283,9 @@ def escape_latex(text: str) -> str:
     return _POWER.sub(lambda match: rf"$\cdot10^{{{match[1].translate(_LOWERED)}}}$", escaped)
 
 
-def latex_table(title: str, columns: Sequence[Column], remarks: Sequence[str], source_label: str) -> str:
+def latex_table(
+    title: str, columns: Sequence[layout.Column], remarks: Sequence[str], source_label: str
+) -> str:
     """Return ``booktabs`` table environments; LaTeX numbers the table."""
     wide = sum(column.width for column in columns) > LATEX_WIDTH
     environment = "table*" if wide else "table"
@@ -332,7 +325,7 @@ def latex_table(title: str, columns: Sequence[Column], remarks: Sequence[str], s
     return "\n".join(lines) + "\n"
 
 
-def _latex_header(column: Column) -> str:
+def _latex_header(column: layout.Column) -> str:
     """Return a header, in several lines if it is wider than the cells."""
     lines, width = [""], max(column.width, 8)
     for word in column.header.split():
@@ -347,11 +340,11 @@ def _latex_header(column: Column) -> str:
     return rf"\begin{{tabular}}[b]{{@{{}}{side}@{{}}}}{stacked}\end{{tabular}}"
 
 
-def _latex_cell(column: Column, row: int) -> str:
+def _latex_cell(column: layout.Column, row: int) -> str:
     """Return a cell, padded with invisible digits so that decimal signs are aligned."""
     text = column.cells[row]
-    if not column.numeric or text == EMPTY or "·" in text:
+    if not column.numeric or text == layout.EMPTY or "·" in text:
         return escape_latex(text)
-    missing = column.fraction - len(split_number(text)[1])
+    missing = column.fraction - len(layout.split_number(text)[1])
     fill = "." + "0" * (missing - 1) if missing == column.fraction else "0" * missing
     return escape_latex(text).replace("-", "$-$", 1) + (rf"\phantom{{{fill}}}" if missing else "")

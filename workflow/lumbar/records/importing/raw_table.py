@@ -112,13 +112,6 @@ class Unit:
     """Unit of the records."""
 
 
-def _normalize(spelling: str) -> str:
-    word = spelling.replace("µ", "u").replace("μ", "u").replace("⋅", "·").replace(" ", "")
-    return re.sub(
-        r"(?:_per_|per|/)(s|sec|min)$|_(s)$|[·*.]?s(?:\^?-1|⁻¹)$", lambda per: f"/{per[1] or 's'}", word
-    )
-
-
 def _known_units() -> tuple[dict[str, Unit], dict[str, Unit]]:
     """Return units by spelling, and by the spellings in lower case that are unambiguous."""
     exact = {
@@ -143,6 +136,7 @@ def _known_units() -> tuple[dict[str, Unit], dict[str, Unit]]:
 
 
 _EXACT, _LOWER = _known_units()
+_PER_TIME = re.compile(r"(?:_per_|per|/)(s|sec|min)$|_(s)$|[·*.]?s(?:\^?-1|⁻¹)$")
 _BRACKETS = re.compile(r"^[\[(<{]\s*(.*?)\s*[\])>}]$")
 
 
@@ -157,7 +151,10 @@ def find_unit(spelling: str) -> Unit | None:
     ('force', 1000000.0, None)
     """
     bracketed = _BRACKETS.match(spelling.strip())
-    word = _normalize((bracketed.group(1) if bracketed else spelling).strip())
+    word = bracketed[1] if bracketed else spelling
+    for sign, plain in (("µ", "u"), ("μ", "u"), ("⋅", "·"), (" ", "")):
+        word = word.strip().replace(sign, plain)
+    word = _PER_TIME.sub(lambda per: f"/{per[1] or 's'}", word)
     return _EXACT.get(word) or _LOWER.get(word.casefold())
 
 

@@ -194,6 +194,7 @@ def _choose_column(
 ) -> tuple[RawColumn, str] | None:
     """Return the column that the user or its name gives a role, and the reason; None without candidates."""
     request, _ = requests[role]
+    choice: tuple[RawColumn, str] | None
     if request:
         choice = select_column(table.columns, request, role)
     else:

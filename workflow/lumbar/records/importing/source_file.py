@@ -8,7 +8,6 @@ import hashlib
 import io
 import re
 import zipfile
-from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -199,7 +198,10 @@ def _read_lines(lines: list[str], source: str, encoding: str, table: str | None 
     for column in sorted(dialect.text_columns):
         remarks.append(f"column {column + 1} is no number ({cells[column]!r})")
         labels = [dialect.split(lines[line - 1])[column] for line in numbers.lines]
-        texts.append(_number_labels(column, names[column], labels))
+        number = {label: index for index, label in enumerate([*dict.fromkeys(labels)][:_MAX_LABELS])}
+        values = np.array([number.get(label, np.nan) for label in labels], dtype=float)
+        values[[label.casefold() in MISSING for label in labels]] = np.nan
+        texts.append(RawColumn(column + 1, names[column], "", values, "", tuple(number)))
     form = "; ".join([f"{encoding}, {dialect}, lines {first + 1} to {last + 1}", *remarks])
     rates = tuple(_stated_rates(lines[:first]))
     return RawTable(source, form, tuple(columns), numbers.lines, rates, tuple(texts))
@@ -212,13 +214,6 @@ def _read_plain_rows(lines: list[str], dialect: TableDialect) -> NumberTable | N
     if last - first < MIN_ROWS or dialect.text_columns or dialect.decimal == dialect.delimiter:
         return None
     return read_plain_numbers(lines[first:last], dialect, dialect.width, first + 1)
-
-
-def _number_labels(column: int, name: str, cells: Sequence[str]) -> RawColumn:
-    """Return a text column as numbers of its labels; NaN if a cell is empty, or if there are too many labels."""
-    number = {label: index for index, label in enumerate(dict.fromkeys(cells)) if index < _MAX_LABELS}
-    values = [np.nan if cell.casefold() in MISSING else number.get(cell, np.nan) for cell in cells]
-    return RawColumn(column + 1, name, "", np.array(values, dtype=float), "", tuple(number))
 
 
 def _choose_block(blocks: list[tuple[int, int]], table: str | None, source: str) -> tuple[int, int]:
