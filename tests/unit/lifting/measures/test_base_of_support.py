@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
 
-from lumbar.lifting.measures.balance import BaseOfSupport, footprint, ground_contact, join_bases
+from lumbar.lifting.measures.balance import BaseOfSupport, footprint, ground_contact
 
 SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0], [0.4, 0.6]])  # the last one lies inside
 
@@ -74,7 +74,10 @@ def test_a_foot_ends_at_its_toe_or_at_its_length_whichever_is_further():
     assert raised.reach(middle, -ahead) == pytest.approx([-0.2])
     aside = np.array([0.4, 0.0, 0.0])
     other = footprint(heel + aside, far + aside, flat, flat, 0.26, 0.1)
-    assert join_bases(foot, other).reach(middle, np.array([[1.0, 0.0]])) == pytest.approx([0.45])
+    both = BaseOfSupport(
+        *(np.hstack([getattr(one, name) for one in (foot, other)]) for name in ("corners", "grounded"))
+    )
+    assert both.reach(middle, np.array([[1.0, 0.0]])) == pytest.approx([0.45])
 
 
 def test_a_foot_is_off_the_ground_where_it_is_high_or_fast():

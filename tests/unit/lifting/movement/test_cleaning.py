@@ -1,15 +1,11 @@
 """Cleaning of recordings, the same wherever one is used; low-pass filter and derivatives against closed forms."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from scipy.signal import sosfilt, sosfiltfilt, sosfreqz
 
 from lumbar.base.errors import InputError
 from lumbar.lifting.movement.cleaning import (
-    ISLAND,
-    clean,
     derivative,
     dual_pass_sections,
     extension_frames,
@@ -18,7 +14,6 @@ from lumbar.lifting.movement.cleaning import (
     low_pass,
 )
 from lumbar.records.markers import MarkerRecording
-from lumbar.settings.lifting import LiftingSettings
 from refusing import refusal
 
 
@@ -113,36 +108,3 @@ def test_derivative_of_each_stretch_on_its_own():
     values[12] = np.nan
     with pytest.raises(InputError, match="frames 11 to 12: 2 frames"):
         derivative(values, 1.0)
-
-
-SETTINGS = LiftingSettings()
-ISLAND_FRAMES = slice(100, 110)
-
-
-def standing_up():
-    """A person who stands up, 3 s at 100 Hz, and leans a little forward meanwhile."""
-    time = np.arange(300) / 100
-    risen = 0.5 - 0.5 * np.cos(np.pi * np.clip(time, 0, 2) / 2)
-    places = {
-        "SACRUM": (-0.4 + 0.35 * risen, 0.5 + 0.4 * risen),
-        "C7": (-0.3 + 0.3 * risen, 1.0 + 0.4 * risen),
-        "HEAD": (-0.3 + 0.3 * risen, 1.2 + 0.4 * risen),
-    }
-    positions = {name: np.stack([0 * time, *place], axis=1) for name, place in places.items()}
-    return MarkerRecording("trial", time, 100.0, positions, source="trial.c3d")
-
-
-def with_an_island(recording, marker):
-    """A marker that is seen for 0.1 s between two gaps that no spline bridges."""
-    points = recording[marker].copy()
-    points[60 : ISLAND_FRAMES.start] = points[ISLAND_FRAMES.stop : 160] = np.nan
-    return replace(recording, positions={**recording.positions, marker: points})
-
-
-def test_an_island_between_gaps_that_stay_is_left_out():
-    recording = standing_up()
-    cleaned = clean(with_an_island(recording, "HEAD"), SETTINGS)
-    assert np.isnan(cleaned.complete["HEAD"][ISLAND_FRAMES]).all()
-    assert np.flatnonzero(np.isnan(cleaned.smooth["HEAD"][:, 0])).tolist() == list(range(60, 160))
-    assert [(gap.first_frame, gap.n_frames) for gap in cleaned.gaps if gap.outcome == ISLAND] == [(100, 10)]
-    np.testing.assert_array_equal(cleaned.smooth["C7"], low_pass(recording["C7"], 100.0))

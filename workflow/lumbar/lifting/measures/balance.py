@@ -99,12 +99,6 @@ def corners_around(points: np.ndarray) -> np.ndarray:
     return points
 
 
-def join_bases(*bases: BaseOfSupport) -> BaseOfSupport:
-    """Return the hull around several bases, such as both feet."""
-    parts = zip(*((base.corners, base.grounded) for base in bases), strict=True)
-    return BaseOfSupport(*(np.concatenate(part, axis=1) for part in parts))
-
-
 def footprint(
     heel: np.ndarray,
     toe: np.ndarray,

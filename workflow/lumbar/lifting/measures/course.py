@@ -172,7 +172,11 @@ def base_of_support(lifter: Lifter) -> tuple[balance.BaseOfSupport, np.ndarray]:
         heel, toe = toe - foot if heel is None else heel, heel + foot if toe is None else toe
         on_ground = (balance.ground_contact(marker, lifter.rate, *limits) for marker in (heel, toe))
         feet.append(balance.footprint(heel, toe, *on_ground, *size))
-    return balance.join_bases(*feet), np.stack([foot.grounded.any(axis=1) for foot in feet], axis=1)
+    parts = (
+        np.concatenate([getattr(foot, name) for foot in feet], axis=1) for name in ("corners", "grounded")
+    )
+    standing = np.stack([foot.grounded.any(axis=1) for foot in feet], axis=1)
+    return balance.BaseOfSupport(*parts), standing
 
 
 def base_from_course(course: pd.DataFrame) -> balance.BaseOfSupport:

@@ -98,12 +98,7 @@ def analyse_lift(
     missing = absent_segments(points, table)
     times = [event.time_s for event in events.values() if event.time_s is not None]
     if len(missing) == len(COMS) and not times:
-        problems = Problems(f"{smooth.source}: neither an event of a lift nor a centre of mass")
-        for problem in {**missing, "lift_off": events["lift_off"].how}.items():
-            problems.add(*problem)
-        unused = f"markers of the file that no alias names: {', '.join(smooth.unused[:60]) or 'none'}"
-        problems.add("", unused, recognised_unaliased(smooth))
-        problems.raise_if_any()
+        _reject_recording(smooth, {**missing, "lift_off": events["lift_off"].how})
     if settings.gaps.longer == "error" and times:
         needed, span = _needed(points, table.ends, settings.pivot), (min(times), max(times))
         problems = Problems(smooth.source)
@@ -234,6 +229,16 @@ def cut_to_window(
             f"from {smooth.time[0]:g} to {smooth.time[-1]:g} s; more than {shortest} are needed"
         )
     return smooth.select_frames(inside)
+
+
+def _reject_recording(recording: MarkerRecording, reasons: dict[str, str]) -> None:
+    """Raise an error for a recording that holds neither an event of a lift nor a centre of mass."""
+    problems = Problems(f"{recording.source}: neither an event of a lift nor a centre of mass")
+    for name, reason in reasons.items():
+        problems.add(name, reason)
+    unused = f"markers of the file that no alias names: {', '.join(recording.unused[:60]) or 'none'}"
+    problems.add("", unused, recognised_unaliased(recording))
+    problems.raise_if_any()
 
 
 def recognised_unaliased(recording: MarkerRecording) -> str:

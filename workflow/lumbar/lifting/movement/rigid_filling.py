@@ -142,7 +142,16 @@ def fill_rigid(
         for gap in open_gaps:
             for part in runs(np.isfinite(estimate[gap]).all(axis=1)):
                 piece, frames = slice(gap.start + part.start, gap.start + part.stop), part.stop - part.start
-                filled[label][piece] = estimate[piece] + _edge_error(points[label], estimate, piece)
+                # The error next to the piece is spread over it linearly, so that the trajectory does not jump.
+                error = points[label] - estimate
+                sides = (
+                    error[max(0, piece.start - EDGE_FRAMES) : piece.start],
+                    error[piece.stop : piece.stop + EDGE_FRAMES],
+                )
+                known = [side[np.isfinite(side).all(axis=1)] for side in sides]
+                means = [side.mean(axis=0) for side in known if len(side)] or [np.zeros(3)]
+                share = np.arange(1, frames + 1)[:, None] / (frames + 1)
+                filled[label][piece] = estimate[piece] + (means[0] + share * (means[-1] - means[0]))
                 start = start_s + piece.start / rate
                 gaps.append(Gap(label, piece.start, frames, start, frames / rate, FILLED, method))
     return filled, gaps
@@ -232,13 +241,3 @@ def _estimate_from_others(points: Mapping[str, np.ndarray], shape: BodyShape, la
         frames = np.stack([points[name][when] for name in names], axis=1)
         estimate[when] = fit_shape(np.vstack([known, place[label]]), frames)[:, -1]
     return estimate
-
-
-def _edge_error(values: np.ndarray, estimate: np.ndarray, piece: slice) -> np.ndarray:
-    """Return the estimate's error next to a piece, spread over it linearly, shape (frames, 3); 0 if it is unknown."""
-    error, start, stop = values - estimate, piece.start, piece.stop
-    sides = error[max(0, start - EDGE_FRAMES) : start], error[stop : stop + EDGE_FRAMES]
-    known = [side[np.isfinite(side).all(axis=1)] for side in sides]
-    means = [side.mean(axis=0) for side in known if len(side)] or [np.zeros(3)]
-    share = (np.arange(start, stop) - start + 1)[:, None] / (stop - start + 1)
-    return means[0] + share * (means[-1] - means[0])

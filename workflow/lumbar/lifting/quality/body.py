@@ -271,19 +271,21 @@ def rightward(points: dict[str, np.ndarray], named: dict[str, str]) -> tuple[dic
     # Front and back at the same level of the trunk, toe and heel.
     labels = {landmark: label for label, landmark in named.items()}
     fronts = [landmark for landmark in labels if _part(landmark) in _FRONT]
-    pairs = [(front, back) for front in fronts for back in labels if _is_front_and_back(front, back)]
+    backs = [
+        back for back in labels if _part(back) in ("PSIS", "SACRUM") or back == "C7" or back[1:].isdigit()
+    ]
+    pairs = [
+        (front, back)
+        for front in fronts
+        for back in backs
+        if abs(level(front) - level(back)) < 0.2 and {front[:2], back[:2]} != {"L_", "R_"}
+    ]
     pairs += [
         (f"{side}_TOE", f"{side}_HEEL") for side in "LR" if {f"{side}_TOE", f"{side}_HEEL"} <= labels.keys()
     ]
     for pair in ((labels[front], labels[back]) for front, back in pairs):
         depths[pair] = np.cross(points[pair[0]] - points[pair[1]], up(*pair))
     return keep_clear(sides), keep_clear(depths)
-
-
-def _is_front_and_back(front: str, back: str) -> bool:
-    if _part(back) not in ("PSIS", "SACRUM") and not (back in ("C7", "SACRUM") or back[1:].isdigit()):
-        return False
-    return abs(level(front) - level(back)) < 0.2 and {front[:2], back[:2]} != {"L_", "R_"}
 
 
 def estimate_stature(points: dict[str, np.ndarray], named: dict[str, str]) -> tuple[float, int]:

@@ -113,21 +113,7 @@ def _displacement(
     Correct is the side that the body shows as `better` (0 before the leap, 1 after it); without one the side of most frames.
     """
     near = max(_AT.back_frames, round(_AT.beside_s * rate))
-    # Noise (share of the change), label, distance before the leap and its change, of markers with a clearly changed distance.
-    mates = []
-    for other in others:
-        # Median distance of three frames on each side.
-        about = slice(max(0, leap.last - 2), leap.last + 1), slice(leap.first, leap.first + 3)
-        ends = [end[np.isfinite(end)] for end in map(distance(other).__getitem__, about)]
-        if not all(end.size for end in ends):
-            continue
-        before, after = (float(np.sort(end)[[(end.size - 1) // 2, end.size // 2]].mean()) for end in ends)
-        change = after - before
-        if abs(change) > _AT.clear * _AT.least_unrest_m:
-            unrest = max(_AT.least_unrest_m, _spread(distance(other), leap))
-            if abs(change) > _AT.clear * unrest:
-                mates.append((unrest / abs(change), other, before, change))
-    mates = sorted(mates, key=lambda mate: mate[0])[: _AT.mates]
+    mates = _changed_distances(distance, others, leap)
     if len(mates) < _AT.least_mates:
         return None
     # Mean of x over the mates, weighted by the inverse variance; NaN if less than half of the weight is seen.
@@ -169,6 +155,26 @@ def _displacement(
             count, grown = grown, _extend_until_steady(outward, grown, near)
         frames = frames[:grown]
     return Displacement(slice(int(frames.min()), int(frames.max()) + 1), leap, evidence)
+
+
+def _changed_distances(
+    distance: Callable[[str], np.ndarray], others: list[str], leap: Leap
+) -> list[tuple[float, str, float, float]]:
+    """Return noise (share of the change), label, distance before the leap and its change, of clearly changed distances."""
+    mates = []
+    for other in others:
+        # Median distance of three frames on each side.
+        about = slice(max(0, leap.last - 2), leap.last + 1), slice(leap.first, leap.first + 3)
+        ends = [end[np.isfinite(end)] for end in map(distance(other).__getitem__, about)]
+        if not all(end.size for end in ends):
+            continue
+        before, after = (float(np.sort(end)[[(end.size - 1) // 2, end.size // 2]].mean()) for end in ends)
+        change = after - before
+        if abs(change) > _AT.clear * _AT.least_unrest_m:
+            unrest = max(_AT.least_unrest_m, _spread(distance(other), leap))
+            if abs(change) > _AT.clear * unrest:
+                mates.append((unrest / abs(change), other, before, change))
+    return sorted(mates, key=lambda mate: mate[0])[: _AT.mates]
 
 
 def _spread(distance: np.ndarray, leap: Leap) -> float:

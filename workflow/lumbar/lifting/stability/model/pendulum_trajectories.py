@@ -118,11 +118,17 @@ def find_problems(trajectory: Trajectory) -> Problems:
         bad = np.flatnonzero(~np.isfinite(values))
         if bad.size:
             problems.add(f"sample {bad[0] + 1}", f"{name} is {values[bad[0]]}", "every value must be finite")
-    if not 0 < trajectory.mass_kg < np.inf:
-        problems.add("mass_kg", f"{trajectory.mass_kg:g}", "a positive mass is needed")
-    if not MIN_LENGTH_M <= trajectory.length_m < np.inf:
-        allowed = f"a pendulum shorter than {MIN_LENGTH_M} m describes no trunk segment: choose another pivot"
-        problems.add("length_m", f"{trajectory.length_m:g}", allowed)
+    limits = {
+        "mass_kg": (0.0, "a positive mass is needed"),
+        "length_m": (
+            MIN_LENGTH_M,
+            f"a pendulum shorter than {MIN_LENGTH_M} m describes no trunk segment: choose another pivot",
+        ),
+    }
+    for name, (least, allowed) in limits.items():
+        value = getattr(trajectory, name)
+        if not (least <= value < np.inf and value > 0):
+            problems.add(name, f"{value:g}", allowed)
     if problems.entries:
         return problems
     backward, turned = np.flatnonzero(np.diff(time) <= 0), np.flatnonzero(np.abs(angle) >= np.pi)
