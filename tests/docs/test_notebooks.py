@@ -16,7 +16,7 @@ def test_every_notebook_is_tried():
 
 
 @pytest.mark.parametrize("name", PRINTED)
-def test_a_notebook_is_kept_without_outputs_and_says_what_its_data_are(name):
+def test_notebook_has_no_outputs_and_states_its_data(name):
     notebook = nbformat.read(FOLDER / f"{name}.ipynb", as_version=4)
     nbformat.validate(notebook)
     assert "synthetic twin" in notebook.cells[0].source

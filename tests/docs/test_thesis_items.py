@@ -81,7 +81,7 @@ def anchors(name: str) -> set[str]:
     return set(map(anchor, headings))
 
 
-def test_every_claim_is_named_by_an_item_and_every_claim_named_exists(project):
+def test_items_name_all_claims_and_only_claims(project):
     claims = set(pd.read_csv(project / "tests" / "reference" / "claims.csv").claim)
     patterns = {pattern for item in ITEMS for pattern in item.claims}
     assert all(any(fnmatch(claim, pattern) for claim in claims) for pattern in patterns)

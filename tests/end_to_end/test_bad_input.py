@@ -94,7 +94,7 @@ def changed(line, row):
     return text([*rows[:line], row, *rows[line + 1 :]])
 
 
-def test_unsound_records_are_refused_before_anything_runs_each_with_what_is_wrong(folder):
+def test_invalid_records_end_the_run_with_all_faults(folder):
     """One start of Snakemake tells it of all files; what is refused in one file, tests of its reader ask."""
     unsound = {
         "number": (changed(9, "0.09,abc,0.1"), ("line 11", "'abc'")),

@@ -182,7 +182,7 @@ def test_one_core_gives_the_same_bytes_as_two(coarse_run, tmp_path):
 
 
 @pytest.mark.nightly
-def test_only_the_mass_changed_moves_that_persons_basins_alone(coarse_run, copy):
+def test_changed_mass_moves_only_basins_of_its_subject(coarse_run, copy):
     change_mass(copy, "expert")
     done(copy, "--cores", "2", "table_4_1", "table_3_1", "table_3_2")
     before, after = (pd.read_csv(results(at) / "stability" / "boa.csv") for at in (coarse_run, copy))
@@ -226,7 +226,7 @@ def test_another_seed_moves_table_3_1_but_not_its_order(coarse_run, copy):
 
 
 @pytest.mark.nightly
-def test_report_holds_every_artefact_and_nothing_from_elsewhere(whole_run):
+def test_report_contains_every_artefact_and_no_external_link(whole_run):
     done(whole_run, "--cores", "1", "report")
     text = (results(whole_run) / "report.html").read_text(encoding="utf-8")
     links = set(re.findall(r'href="([^"#]+)"', text))

@@ -37,7 +37,7 @@ def move(folders, column, value):
 
 
 @pytest.mark.parametrize(("column", "value"), [("vaf", None), ("note", "c")])
-def test_a_number_that_is_lost_or_another_word_fails(check, folders, capsys, column, value):
+def test_missing_number_or_changed_text_fails(check, folders, capsys, column, value):
     move(folders, column, value)
     assert call(check, folders) == 1
     assert "NOT ALLOWED: tables/t.csv [KB]" in capsys.readouterr().out

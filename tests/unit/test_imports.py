@@ -75,14 +75,14 @@ def _arrows(imports, inside: str) -> set[tuple[str, str]]:
     return {(one, other) for one, other in pairs if one and other and one != other} - {("__main__", "cli")}
 
 
-def test_no_module_needs_itself_by_way_of_others(imports):
+def test_imports_have_no_cycle(imports):
     try:
         TopologicalSorter(imports).prepare()
     except CycleError as error:
         pytest.fail(" -> ".join(error.args[1]))
 
 
-def test_the_first_level_has_these_rooms_and_no_others(project):
+def test_library_has_only_these_packages(project):
     library = project / "workflow" / "lumbar"
     rooms = {path.parent.name for path in library.glob("*/__init__.py")}
     assert rooms == {room for row in ROOMS for room in row}
@@ -99,7 +99,7 @@ def test_arrows_run_downwards(imports, inside, rows):
     assert not {(room, other) for room, other in arrows if row[other] <= row[room]}
 
 
-def test_the_library_knows_nothing_of_what_runs_it(named):
+def test_library_imports_nothing_of_the_workflow(named):
     """Neither of Snakemake and what serves it alone, nor of the scripts."""
     for name, others in named.items():
         assert not {other for other in others if other.split(".")[0] in ("run", "job", "snakemake")}, name

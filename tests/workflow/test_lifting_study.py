@@ -47,20 +47,20 @@ def study(tmp_path_factory):
     return folder
 
 
-def test_labels_that_are_not_compared_end_the_run_before_anything_runs(study):
+def test_unknown_groups_end_the_run_before_any_job(study):
     run = plan(study, "stability")
     assert run.status != 0
     assert "stability.compare.groups: no subject has the label 'expert' or 'novice'" in run.text
     assert "trained, untrained" in run.text
 
 
-def test_another_label_recomputes_no_basin(study):
+def test_other_labels_recompute_no_basin(study):
     (study / "config" / "groups.yaml").write_text(STUDY + NAMED, encoding="utf-8")
     planned = set(plan(study, "--dry-run", "stability").jobs)
     assert planned == {"stability", "stability_tables", "measure_movement"}
 
 
-def test_a_person_whose_file_was_copied_is_all_that_is_lifted_and_computed_anew(study):
+def test_added_subject_recomputes_only_its_lifts(study):
     """The twin moves the third person as of the label; what is pooled is made again, nobody's lift is."""
     people = study / "config" / "subjects"
     text = (people / "expert.yaml").read_text(encoding="utf-8").replace("expert", "third")
@@ -76,7 +76,7 @@ def test_a_person_whose_file_was_copied_is_all_that_is_lifted_and_computed_anew(
     assert "third_23kg: basins of attraction" in run.text and "expert_23kg: " not in run.text
 
 
-def test_a_lift_without_a_deposit_leaves_the_others_their_basins(study):
+def test_lift_without_deposit_keeps_basins_of_others(study):
     """The window of one trial ends while the box is carried: its rows say why they are empty, the run goes on."""
     (study / "config" / "groups.yaml").write_text(STUDY + NAMED, encoding="utf-8")
     path = study / "config" / "subjects" / "novice.yaml"

@@ -40,7 +40,7 @@ def laboratory(shared, tmp_path_factory):
     return project, found, found.save(project)
 
 
-def test_what_was_found_is_written_down(laboratory):
+def test_new_study_contains_recognised_markers(laboratory):
     _, found, (study, subject) = laboratory
     assert (study.name, subject.name) == ("my_lab.yaml", "my_lab.yaml")
     text = study.read_text(encoding="utf-8")
@@ -52,7 +52,7 @@ def test_what_was_found_is_written_down(laboratory):
 
 
 @pytest.mark.nightly
-def test_nothing_runs_before_it_is_filled_in_and_the_chapter_runs_after(laboratory):
+def test_new_study_runs_only_after_it_is_filled_in(laboratory):
     project, _, paths = laboratory
     planned = ("--cores", "1", "lifting", "--configfile", "config/studies/my_lab.yaml")
     unfilled = snakemake(project, "--dry-run", *planned)
@@ -97,7 +97,7 @@ def test_marker_sets_and_axes_of_real_recordings_are_recognised(shared, tmp_path
 
 
 @pytest.mark.parametrize("name", [REAL[index][0] for index in (0, 4, 5, 7)])
-def test_every_real_recording_is_analysed_with_the_study_written_for_it(shared, tmp_path, name):
+def test_new_study_analyses_its_real_recording(shared, tmp_path, name):
     """Lifts give pendulums, other movements the reasons why there are none; what no spine is seen in is refused by name."""
     folder = tmp_path / "one"
     folder.mkdir()

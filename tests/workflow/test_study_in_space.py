@@ -10,7 +10,7 @@ from space_records import TABLE
 
 
 @pytest.mark.nightly
-def test_an_imported_study_of_several_axes_is_made_to_its_report(tmp_path):
+def test_imported_study_of_several_axes_makes_its_report(tmp_path):
     (tmp_path / "bench.csv").write_text(TABLE)
     lumbar.import_recordings([tmp_path / "bench.csv"]).save(tmp_path / "lab")
     project = copy_project(tmp_path / "project")

@@ -51,7 +51,7 @@ def suit(path):
     path.write_text(head + "".join(" ".join(f"{value:.4f}" for value in row) + "\n" for row in rows))
 
 
-def test_a_suits_lift_becomes_pendulums_of_its_own_joints(tmp_path):
+def test_lift_of_a_suit_becomes_pendulums_of_its_joints(tmp_path):
     (file := tmp_path / "lab" / "lift.bvh").parent.mkdir()
     suit(file)
     study, _ = lumbar.new_study(file.parent).save(tmp_path)

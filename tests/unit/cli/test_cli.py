@@ -167,7 +167,7 @@ def test_lift_and_basin_follow_each_other(run, project, twin_lift, tmp_path):
 
 
 @pytest.mark.parametrize("command", [("diagnose",), ("propose",), ("refine", "--add", "drift")])
-def test_where_results_go_is_looked_at_before_the_fit(run, tissue, tmp_path, monkeypatch, command):
+def test_output_is_checked_before_the_fit(run, tissue, tmp_path, monkeypatch, command):
     """A file in the way, a full disk: told before the records are even read, and nothing is made."""
     (tmp_path / "taken").write_text("")
     broken = tmp_path / "broken.csv"

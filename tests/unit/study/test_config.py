@@ -54,7 +54,7 @@ def test_the_default_study_is_sound(config, folder):
     assert study.recording("survey.csv") == "results/thesis/twin/survey.csv"
 
 
-def test_the_reading_plan_covers_every_recording_and_only_reading(config, folder):
+def test_reading_plan_covers_every_recording(config, folder):
     study = load_study(config, folder)
     for chapter, files in recordings_of(study).items():
         plan = reading_plan(study, [chapter])
@@ -70,7 +70,7 @@ def test_the_reading_plan_covers_every_recording_and_only_reading(config, folder
     assert reading_plan(changed, recordings_of(changed)) == before
 
 
-def test_a_record_set_names_its_base_and_with_it_its_layout(config, folder):
+def test_record_set_determines_base_and_layout(config, folder):
     config["tissue"]["rate_Hz"] = 50
     study = load_study(config, folder)
     settings = study.settings
@@ -131,7 +131,7 @@ def test_contradictions_between_keys_are_reported(config, folder, changes, words
     assert all(word in message for word in words)
 
 
-def test_records_of_several_axes_leave_out_what_takes_one(config, folder):
+def test_records_of_several_axes_omit_artefacts_of_one_axis(config, folder):
     columns = {"time": {"column": "time_s", "unit": "s"}}
     for axis in "xy":
         columns |= {f"input_{axis}": {"column": f"position_{axis}_mm", "unit": "mm"}}
@@ -182,7 +182,7 @@ def stranger(tmp_path, monkeypatch, project):
     return strange
 
 
-def test_python_of_a_stranger_s_study_is_not_run(stranger):
+def test_python_effects_of_untrusted_studies_are_not_run(stranger):
     refused = r"study.yaml, line 2: improvement.effect_files.0: .*own.py is Python, which would be run, and .* or give --trust"
     for load in (load_settings, lambda file: load_study_file(Path(), file)):
         with pytest.raises(InputError, match=refused):
@@ -199,7 +199,7 @@ def test_python_of_a_stranger_s_study_is_not_run(stranger):
     assert Path("ran").exists()
 
 
-def test_python_of_one_s_own_project_is_run_and_nothing_of_no_project(stranger, project, monkeypatch):
+def test_python_effects_run_only_in_their_own_project(stranger, project, monkeypatch):
     effect = (project / "examples" / "own_effect" / "hertzian_contact.py").read_text(encoding="utf-8")
     Path("own.py").write_text(effect, encoding="utf-8")
     Path("study.yaml").write_text(NAMED, encoding="utf-8")
@@ -210,7 +210,7 @@ def test_python_of_one_s_own_project_is_run_and_nothing_of_no_project(stranger, 
     assert not Path("ran").exists()
 
 
-def test_missing_recordings_name_source_licence_and_where_to_get_them(config, folder, monkeypatch):
+def test_missing_recordings_name_source_and_licence(config, folder, monkeypatch):
     monkeypatch.delenv("LUMBAR_DATA", raising=False)
     (data := folder / "data").mkdir()
     for root, problem in ((folder / "nowhere", "LUMBAR_DATA"), ("data", f"survey.csv is not in {data}")):
@@ -242,7 +242,7 @@ def test_recordings_are_in_a_folder_or_an_object_store(config, folder, monkeypat
         ("link.csv", "link.csv leads out of data_root"),
     ],
 )
-def test_recordings_cannot_be_named_outside_the_root_or_with_braces(config, folder, name, words):
+def test_recordings_outside_the_root_or_with_braces_are_rejected(config, folder, name, words):
     (folder / "data").mkdir()
     (folder / "data" / "{lift}.csv").write_text("x")
     (folder / "data" / "link.csv").symlink_to(__file__)
@@ -262,7 +262,7 @@ def test_subject_files_are_checked_too(config, folder):
     assert "no file config/subjects/nobody.yaml; there are: " in message
 
 
-def test_a_person_of_a_study_has_trials(config, folder):
+def test_subject_without_trials_is_rejected(config, folder):
     """Without them a file serves single lifts alone."""
     subject = folder / "config" / "subjects" / "novice.yaml"
     lines = subject.read_text(encoding="utf-8").splitlines()
@@ -271,7 +271,7 @@ def test_a_person_of_a_study_has_trials(config, folder):
     assert "lifting.subjects: novice has no trials" in refusal(load_study, config, folder)
 
 
-def test_what_the_twin_cannot_lift_is_refused_with_file_and_line(config, folder):
+def test_lifts_that_the_twin_cannot_make_are_rejected(config, folder):
     """A person's file that was copied and half changed, with a label that nobody has, and movements of nobody."""
     people = folder / "config" / "subjects"
     text = (people / "expert.yaml").read_text(encoding="utf-8")
@@ -295,7 +295,7 @@ def test_what_the_twin_cannot_lift_is_refused_with_file_and_line(config, folder)
         assert words in message
 
 
-def test_every_artefact_with_a_label_has_a_caption_and_something_to_look_at(project):
+def test_labelled_artefacts_have_captions_and_pictures(project):
     shown = [row for row in read_artefacts(project / "config" / "artefacts.tsv") if row.label]
     captions = {path.stem for path in (project / "workflow" / "report").glob("*.rst")}
     assert {row.id for row in shown} == captions
@@ -394,13 +394,13 @@ def test_messages_name_the_file_that_said_it_last(tmp_path):
         ({"twin": {"seed": -5}}, "--config: twin.seed: found -5"),
     ],
 )  # fmt: skip
-def test_a_bad_value_of_the_command_line_is_at_no_line_of_a_file(config, given, line):
+def test_faults_of_the_command_line_have_no_file_line(config, given, line):
     message = refusal(load_study, overlay(config, given), PROJECT, [PROJECT / path for path in DEFAULT_FILES])
     assert line in message
     assert "config.yaml, line" not in message
 
 
-def test_a_bad_value_of_a_file_is_at_its_line_with_a_command_line_too(tmp_path, config):
+def test_faults_of_a_file_have_its_line_despite_a_command_line(tmp_path, config):
     study = tmp_path / "study.yaml"
     study.write_text("lifting:\n  filter: {order: 99}\n")
     merged = overlay(config, {"lifting": {"filter": {"order": 99, "cutoff_Hz": 5}}})

@@ -39,7 +39,7 @@ def reference(rates, states=2):
     return solve_ivp(rates, (0, TIME[-1]), np.zeros(states), **settings).y[0]
 
 
-def left(time, position, speed):
+def driving_force(time, position, speed):
     return force(time) - STIFFNESS * position - VISCOSITY * speed
 
 
@@ -48,7 +48,7 @@ ALPHA, BETA, GAMMA, DELTA = 5.0, 1.7, 0.8, -1.1
 REFERENCES = {
     "coulomb_friction/coulomb": (
         (0.5, 1.0),
-        lambda t, y: [y[1], (left(t, *y) - 0.5 * np.tanh(y[1])) / MASS],
+        lambda t, y: [y[1], (driving_force(t, *y) - 0.5 * np.tanh(y[1])) / MASS],
         2,
         1e-5,
     ),
@@ -56,7 +56,7 @@ REFERENCES = {
         (0.8, 0.3),
         lambda t, y: [
             y[1],
-            (left(t, *y[:2]) - 0.8 * y[2]) / MASS,
+            (driving_force(t, *y[:2]) - 0.8 * y[2]) / MASS,
             y[1] / 0.3 * (1 - max(y[2] * np.sign(y[1]), 0) ** 2),
         ],
         3,
@@ -66,7 +66,7 @@ REFERENCES = {
         (ALPHA / (2 * BETA * GAMMA), 1 / (2 * BETA * GAMMA), (GAMMA - DELTA) / (2 * GAMMA)),
         lambda t, y: [
             y[1],
-            (left(t, *y[:2]) - y[2]) / MASS,
+            (driving_force(t, *y[:2]) - y[2]) / MASS,
             ALPHA * y[1] - BETA * (GAMMA * abs(y[1]) * y[2] + DELTA * y[1] * abs(y[2])),
         ],
         3,
@@ -80,17 +80,17 @@ REFERENCES = {
 def test_motions_match_adaptive_solver(key):
     values, rates, states, allowed = REFERENCES[key]
     drive, parameters = driven(key, values=values)
-    found = drive.motion(parameters, np.zeros(states))
-    np.testing.assert_allclose(found.position, reference(rates, states), atol=allowed)
+    result = drive.motion(parameters, np.zeros(states))
+    np.testing.assert_allclose(result.position, reference(rates, states), atol=allowed)
 
 
 def test_sticking_friction_matches_adaptive_solver():
     """A slope of 50 N s/mm against a dashpot of 0.05: Newton's method goes to and fro, and must not give up."""
     drive, parameters = driven("coulomb_friction/coulomb", values=(0.5, 0.01))
-    found = drive.motion(parameters, np.zeros(2))
+    result = drive.motion(parameters, np.zeros(2))
     rates = REFERENCES["coulomb_friction/coulomb"][1]
-    sticking = reference(lambda t, y: [y[1], (left(t, *y) - 0.5 * np.tanh(y[1] / 0.01)) / MASS])
-    np.testing.assert_allclose(found.position, sticking, atol=0.02)
+    sticking = reference(lambda t, y: [y[1], (driving_force(t, *y) - 0.5 * np.tanh(y[1] / 0.01)) / MASS])
+    np.testing.assert_allclose(result.position, sticking, atol=0.02)
     assert np.abs(sticking - reference(rates)).max() > 0.1, "or smooth friction would pass as well"
 
 
@@ -98,18 +98,18 @@ def test_sticking_friction_matches_adaptive_solver():
 def test_sensitivities_match_differences_of_motions(key):
     drive, parameters = driven(key, values=(0.5, 0.4))
     start = np.zeros(2 + len(drive.balance.states))
-    found = drive.motion(parameters, start)
+    result = drive.motion(parameters, start)
     slopes = drive.sensitivities(
-        parameters, found, [(name, 1e-6 * value) for name, value in parameters.items()], True
+        parameters, result, [(name, 1e-6 * value) for name, value in parameters.items()], True
     )
     for column, (name, value) in enumerate(parameters.items()):
         changed = ({**parameters, name: value * (1 + sign * 1e-5)} for sign in (1, -1))
-        more, less = (drive.motion(item, start, found.points).position for item in changed)
+        more, less = (drive.motion(item, start, result.points).position for item in changed)
         difference = (more - less) / (2e-5 * value)
         np.testing.assert_allclose(slopes[:, column], difference, atol=1e-4 * np.abs(difference).max())
-    moved = drive.motion(parameters, start + 1e-5 * np.eye(len(start))[0], found.points).position
+    moved = drive.motion(parameters, start + 1e-5 * np.eye(len(start))[0], result.points).position
     by_start = slopes[:, len(parameters)]
-    np.testing.assert_allclose(by_start, (moved - found.position) / 1e-5, atol=1e-3 * np.abs(by_start).max())
+    np.testing.assert_allclose(by_start, (moved - result.position) / 1e-5, atol=1e-3 * np.abs(by_start).max())
 
 
 COMPLIANCES = {
@@ -132,10 +132,10 @@ def test_bases_match_linear_systems(name):
     else:
         fine = np.arange(0, TIME[-1] + 1e-9, STEP / 20)
         expected = lsim(system, np.sin(2 * np.pi * 0.7 * fine) ** 3, fine)[1][::20]
-    found = ForwardStructure(BASES[name]).simulate(
+    result = ForwardStructure(BASES[name]).simulate(
         Motion(TIME, drive, STEP), np.array(linear), np.array(nonlinear)
     )
-    np.testing.assert_allclose(found, expected, atol=2e-4 * np.abs(expected).max())
+    np.testing.assert_allclose(result, expected, atol=2e-4 * np.abs(expected).max())
 
 
 def smooth_motion():
@@ -158,10 +158,10 @@ def test_forward_simulation_recovers_motion(key):
     base = [MASS, STIFFNESS, VISCOSITY]
     structure = Structure(BASES["KV-mass"], (form,))
     force = structure.simulate(motion, np.array([*base, *linear]), nonlinear)
-    found = ForwardStructure(BASES["KV-mass"], (form,)).simulate(
+    result = ForwardStructure(BASES["KV-mass"], (form,)).simulate(
         Motion(TIME, force, STEP), np.array([*base, *linear]), nonlinear
     )
-    np.testing.assert_allclose(found, motion.position, atol=0.01 * np.abs(motion.position).max())
+    np.testing.assert_allclose(result, motion.position, atol=0.01 * np.abs(motion.position).max())
 
 
 def test_start_is_estimated_from_measured_motion():
@@ -184,8 +184,8 @@ def test_delayed_force_delays_motion():
     motion = Motion(TIME, np.sin(2 * np.pi * 0.7 * TIME) ** 3, STEP)
     linear, late = np.array([MASS, STIFFNESS, VISCOSITY]), 7 * STEP
     plain = ForwardStructure(BASES["KV-mass"]).simulate(motion, linear, np.zeros(0))
-    found = ForwardStructure(BASES["KV-mass"], (delay,)).simulate(motion, linear, np.array([late]))
-    np.testing.assert_allclose(found[7:], plain[:-7], atol=1e-5)
+    result = ForwardStructure(BASES["KV-mass"], (delay,)).simulate(motion, linear, np.array([late]))
+    np.testing.assert_allclose(result[7:], plain[:-7], atol=1e-5)
 
 
 @pytest.mark.parametrize("name", ["KV-mass", "KB-mass"])

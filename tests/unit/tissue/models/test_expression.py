@@ -27,7 +27,7 @@ SMOOTH = cases(__file__, "smooth")
 GIVEN = {"a": 0.7, "b": -1.3, "c": 1.9, "d": 0.4}
 
 
-def in_sympy(text: str) -> sympy.Expr:
+def read_with_sympy(text: str) -> sympy.Expr:
     """The text as sympy reads it, with real symbols."""
     functions = {
         "abs": sympy.Abs, "min": sympy.Min, "max": sympy.Max, "arctan": sympy.atan, "sign": sympy.sign,
@@ -40,26 +40,26 @@ def in_sympy(text: str) -> sympy.Expr:
     return sympy.sympify(text, locals={**functions, **names})
 
 
-def at(expression, given=GIVEN) -> float:
+def evaluate(expression, given=GIVEN) -> float:
     return float(Evaluator([expand_sums(expression)])(given)[0])
 
 
 @pytest.mark.parametrize("text", SMOOTH)
 def test_values_and_derivatives_match_sympy(text):
-    reading = in_sympy(text)
+    reading = read_with_sympy(text)
     points = {sympy.Symbol(name, real=True): value for name, value in GIVEN.items()}
-    assert at(parse(text)) == pytest.approx(float(reading.subs(points)), rel=1e-13)
+    assert evaluate(parse(text)) == pytest.approx(float(reading.subs(points)), rel=1e-13)
     for name in symbols(parse(text)):
         slope = reading.diff(sympy.Symbol(name, real=True)).subs(points).doit()
-        assert at(derivative(parse(text), name)) == pytest.approx(float(slope), rel=1e-12, abs=1e-13)
+        assert evaluate(derivative(parse(text), name)) == pytest.approx(float(slope), rel=1e-12, abs=1e-13)
 
 
 def test_operations_keep_the_order_in_which_they_are_written():
-    """Of three terms and factors no two orders round alike here."""
+    """Three terms or factors round differently in each order here."""
     for text in ("a + b + c", "a + (b + c)", "a*b*c", "a*(b*c)", "a/b*c", "a*b/c"):
         given = {"a": 0.1, "b": 0.2, "c": 0.3}
-        assert at(parse(text), given) == eval(text, {}, given)  # the test's own text
-    assert at(parse("a + b + c"), given) != at(parse("a + (b + c)"), given)
+        assert evaluate(parse(text), given) == eval(text, {}, given)  # the test's own text
+    assert evaluate(parse("a + b + c"), given) != evaluate(parse("a + (b + c)"), given)
 
 
 @pytest.mark.parametrize("text", [*SMOOTH, *EQUATIONS])
@@ -77,13 +77,13 @@ def test_linear_parts_sum_to_equation(text):
     generator = np.random.default_rng(3)
     given = {name: generator.uniform(0.1, 2.0) for name in symbols(tree)}
     split = linear_parts(tree, [item.symbol for item in form.linear])
-    total = sum(given[name] * at(part, given) for name, part in split.items())
-    assert total == pytest.approx(at(tree, given), rel=1e-13)
+    total = sum(given[name] * evaluate(part, given) for name, part in split.items())
+    assert total == pytest.approx(evaluate(tree, given), rel=1e-13)
     assert not set().union(*map(symbols, split.values())) & {item.symbol for item in form.linear}
 
 
 @pytest.mark.parametrize(
-    ("text", "words"),
+    ("text", "message"),
     [
         *cases(__file__, "refused"),
         (f"{10**400}*z", "numbers are finite"),
@@ -93,13 +93,13 @@ def test_linear_parts_sum_to_equation(text):
         ("+".join(f"({'+'.join(['z'] * 30)})" for _ in range(15)), "more than 400 operations"),
     ],
 )
-def test_forbidden_expressions_are_rejected(text, words):
-    with pytest.raises(InputError, match=words):
+def test_forbidden_expressions_are_rejected(text, message):
+    with pytest.raises(InputError, match=message):
         parse(text)
 
 
 @pytest.mark.parametrize(
-    ("text", "words"),
+    ("text", "message"),
     [
         ("z + k*v", "z has no linear parameter"),
         ("tanh(k*z)", r"tanh\(k\*z\) is not proportional to k"),
@@ -109,8 +109,8 @@ def test_forbidden_expressions_are_rejected(text, words):
         ("where(k > z, k, c)", "is not proportional to c, k"),
     ],
 )
-def test_a_force_that_is_not_proportional_is_rejected(text, words):
-    with pytest.raises(InputError, match=words):
+def test_a_force_that_is_not_proportional_is_rejected(text, message):
+    with pytest.raises(InputError, match=message):
         linear_parts(parse(text), ("k", "c"))
 
 
@@ -136,7 +136,7 @@ def test_broken_powers_need_a_base_that_is_never_negative():
         ("c*r", "sqrt(abs(v)) - r", "state.r: form odd: the derivative by v is not finite at z = 0, v = 0"),
     ],
 )
-def test_check_of_a_form_reports_values_and_slopes_that_are_not_finite_at_rest(equation, state, fault):
+def test_form_check_reports_infinite_values_and_slopes_at_rest(equation, state, fault):
     states = (("r", state),) if state else ()
     form = Form("odd", equation, Place.PARALLEL, (LinearParameter("c", "{y}", symbol="c"),), state=states)
     with pytest.raises(InputError, match=re.escape(fault)):
@@ -194,7 +194,7 @@ def equations(**slopes: str) -> StateEquation:
 
 def solved(state: StateEquation, motion: Motion, slope, values: dict) -> np.ndarray:
     """States by Runge and Kutta between samples, where nothing has a kink; shape (states, samples)."""
-    found = [np.zeros(len(state.names))]
+    result = [np.zeros(len(state.names))]
     for k in range(len(motion) - 1):
         velocity = motion.increments[k + 1] / motion.sampling_time
 
@@ -204,8 +204,8 @@ def solved(state: StateEquation, motion: Motion, slope, values: dict) -> np.ndar
             return slope(r, position, velocity, motion.time[k] + time, path, **values)
 
         step = (0, motion.sampling_time)
-        found.append(solve_ivp(rate, step, found[-1], "DOP853", rtol=1e-11, atol=1e-13).y[:, -1])
-    return np.array(found).T
+        result.append(solve_ivp(rate, step, result[-1], "DOP853", rtol=1e-11, atol=1e-13).y[:, -1])
+    return np.array(result).T
 
 
 CASES = {
@@ -229,10 +229,10 @@ CASES = {
 def test_linear_equations_are_solved_exactly(case):
     texts, slope, values = CASES[case]
     state, motion = equations(**texts), straight(walk(1))
-    found = state.trajectory(motion, values)
+    result = state.trajectory(motion, values)
     expected = solved(state, motion, slope, values)
     for name, wanted in zip(state.names, expected, strict=True):
-        assert np.abs(found[name] - wanted).max() < 1e-9 * np.abs(expected).max()
+        assert np.abs(result[name] - wanted).max() < 1e-9 * np.abs(expected).max()
 
 
 NONLINEAR = {
@@ -257,7 +257,7 @@ def test_other_equations_are_solved_to_the_second_order(case):
     coarse = straight(walk(2, 200))
     expected = solved(state, coarse, slope, values)
     errors = [
-        np.abs(in_finer_steps(state, coarse, values, parts) - expected).max() / np.abs(expected).max()
+        np.abs(solve_in_finer_steps(state, coarse, values, parts) - expected).max() / np.abs(expected).max()
         for parts in (4, 8, 16)
     ]
     assert errors[0] < 0.02
@@ -265,7 +265,7 @@ def test_other_equations_are_solved_to_the_second_order(case):
     assert errors[1] / errors[2] == pytest.approx(4, abs=0.4)
 
 
-def in_finer_steps(state: StateEquation, motion: Motion, values: dict, parts: int) -> np.ndarray:
+def solve_in_finer_steps(state: StateEquation, motion: Motion, values: dict, parts: int) -> np.ndarray:
     """States at the samples of a motion, computed in `parts` steps between two of them."""
     time = np.arange((len(motion) - 1) * parts + 1) / parts
     fine = straight(np.interp(time, np.arange(len(motion)), motion.position), STEP / parts)
@@ -276,8 +276,8 @@ def test_an_iteration_that_does_not_end_falls_back_to_steps():
     """A state that jumps between two branches: Newton's linearisation sees no slope."""
     state, motion = equations(r="v*c*where(r > 0, -1, 1) + where(r > 0.1, -c, 0)"), straight(walk(4))
     known = {"c": 300.0, **state._between(motion)}
-    found = state.trajectory(motion, {"c": 300.0})["r"]
-    np.testing.assert_array_equal(found, state.solve_stepwise(known, len(motion) - 1)[0])
+    result = state.trajectory(motion, {"c": 300.0})["r"]
+    np.testing.assert_array_equal(result, state.solve_stepwise(known, len(motion) - 1)[0])
 
 
 @pytest.mark.parametrize(
@@ -295,12 +295,14 @@ def test_closed_forms_are_what_their_equations_say(key, numbers):
     values = {item.symbol: value for item, value in zip(form.nonlinear, nonlinear, strict=True)}
     closed = np.array(form.solution(motion, nonlinear))
     state = form.parsed_equation.state
-    found = np.array(list(state.trajectory(motion, values).values()))
+    result = np.array(list(state.trajectory(motion, values).values()))
     if state.is_linear:
-        assert np.abs(found - closed).max() < 1e-12 * np.abs(closed).max()
+        assert np.abs(result - closed).max() < 1e-12 * np.abs(closed).max()
         return
-    errors = [np.abs(found - closed).max()]
-    errors += [np.abs(in_finer_steps(state, motion, values, parts) - closed).max() for parts in (10, 100)]
+    errors = [np.abs(result - closed).max()]
+    errors += [
+        np.abs(solve_in_finer_steps(state, motion, values, parts) - closed).max() for parts in (10, 100)
+    ]
     assert errors[1] < 0.1 * errors[0]
     assert errors[2] < 0.02 * errors[1]
 
@@ -309,10 +311,10 @@ def test_independent_equations_are_solved_separately():
     state = equations(q="v - q/tau", r="(s - q*r)/tau", u="(z - u)/tau", p="v - p*abs(p)/tau")
     assert [part.names for part in state.apart] == [("q", "r"), ("u",), ("p",)]
     motion, values = straight(walk(3)), {"tau": 0.3}
-    found = state.trajectory(motion, values)
+    result = state.trajectory(motion, values)
     together = state.solve_stepwise({**values, **state._between(motion)}, len(motion) - 1)
-    assert list(found) == list(state.names)
-    for path, reference in zip(found.values(), together, strict=True):
+    assert list(result) == list(state.names)
+    for path, reference in zip(result.values(), together, strict=True):
         assert path == pytest.approx(reference, abs=1e-9 * np.abs(reference).max())
 
 
@@ -327,12 +329,12 @@ def test_bistable_state_matches_ode_solver():
     def slope(u, position, velocity, time, path, w, tau):
         return (position + u * (1 - (u / w) ** 2)) / tau
 
-    found = state.trajectory(motion, values)["u"]
+    result = state.trajectory(motion, values)["u"]
     truth = solved(state, motion, slope, values)[0]
     assert np.ptp(np.sign(truth)) == 2
-    assert np.abs(found - truth).max() < 2e-3 * np.abs(truth).max()
+    assert np.abs(result - truth).max() < 2e-3 * np.abs(truth).max()
 
 
 def test_unbounded_state_ends_in_nan():
-    found = equations(r="exp(r)*(1 + abs(z)) + sin(r)").trajectory(straight(walk(5)), {})["r"]
-    assert np.isfinite(found[:5]).all() and not np.isfinite(found[-1])
+    result = equations(r="exp(r)*(1 + abs(z)) + sin(r)").trajectory(straight(walk(5)), {})["r"]
+    assert np.isfinite(result[:5]).all() and not np.isfinite(result[-1])

@@ -77,12 +77,12 @@ def test_base_matches_its_transfer_function(base):
     model, fine = given(base), T / 50 * np.arange(200 * 50 + 1)
     position = np.sin(5 * fine) - 0.4 * np.sin(23 * fine)
     expected = control.forced_response(model.to_control(), fine, position).outputs[::50]
-    found = model.simulate(record(position[::50]))
-    np.testing.assert_allclose(found, expected, atol=2e-5 * np.abs(expected).max())
+    result = model.simulate(record(position[::50]))
+    np.testing.assert_allclose(result, expected, atol=2e-5 * np.abs(expected).max())
     assert model.to_state_space()(2j) == pytest.approx(model.to_control()(2j))
 
 
-def test_kelvin_voigt_and_the_linearised_pendulum_are_improper_and_have_no_state_space():
+def test_improper_models_have_no_state_space():
     (spring, viscosity), _ = BASE_NUMBERS["KV"]
     s = 2j
     assert given("KV").to_control()(s) == pytest.approx(spring + viscosity * s)
@@ -108,12 +108,12 @@ def test_a_discrete_model_is_the_same_in_all_its_forms():
     assert gain.to_control()(z[3]) == -0.125
 
 
-def test_a_model_with_effects_is_no_transfer_function():
+def test_effects_have_no_transfer_function():
     with pytest.raises(NumericalError, match=r"its effects \(coulomb_friction\)"):
         given("KB", "coulomb_friction/coulomb").to_control()
 
 
-def test_a_discrete_model_is_simulated_about_its_rest_and_only_at_its_rate():
+def test_discrete_model_is_simulated_about_rest_at_its_rate():
     held = DISCRETE.simulate(record(np.full(50, 4.0)))
     np.testing.assert_allclose(held, -2.0 + 0.7 / 0.55)
     with pytest.raises(InputError, match="walk is sampled at 200 Hz, KB is a difference equation at 100 Hz"):
@@ -132,11 +132,11 @@ def test_written_content_is_read_again(model):
     assert content["models"][0] == model.to_json()
 
 
-@pytest.mark.parametrize(("change", "words"), cases(__file__, "wrong"))
-def test_problems_of_models_file_name_their_place(change, words):
+@pytest.mark.parametrize(("change", "message"), cases(__file__, "wrong"))
+def test_problems_of_models_file_name_their_place(change, message):
     content = models_document([DISCRETE], "test")
     content["models"][0] |= change
-    with pytest.raises(InputError, match=words):
+    with pytest.raises(InputError, match=message):
         read_models(json.loads(json.dumps(content)), CATALOGUES)
 
 
@@ -160,7 +160,7 @@ def test_given_constants_are_written_with_model():
 
 
 @pytest.mark.parametrize(
-    ("content", "words"),
+    ("content", "message"),
     [
         ([], "schema: list"),
         (None, "schema: NoneType"),
@@ -170,8 +170,8 @@ def test_given_constants_are_written_with_model():
         ({"schema": "lumbar.models/2", "models": [3]}, r"models\.0: top level: found 3; "),
     ],
 )
-def test_other_content_than_models_is_rejected(content, words):
-    with pytest.raises(InputError, match=words):
+def test_other_content_than_models_is_rejected(content, message):
+    with pytest.raises(InputError, match=message):
         read_models(content, CATALOGUES)
 
 
@@ -212,14 +212,14 @@ def test_elements_have_formula_and_intervals_by_simulation():
     assert [item.name for item in estimates(fit, training, "mm", "N")] == [
         item.name for item in (*KB.base.linear, *KB.base.nonlinear)
     ]
-    found = derived_estimates(fit, training, "mm", "N")
+    result = derived_estimates(fit, training, "mm", "N")
     scaled, size = scaled_covariance(fit, training)
     centre = np.array([*fit.linear, *np.log(fit.nonlinear), fit.zero])
     draws = np.random.default_rng(3).multivariate_normal(centre, scaled / np.outer(size, size), 4000)
     elements = [KB.derive(spring, branch, np.exp(log)) for spring, branch, log, _ in draws]
-    for item in found:
+    for item in result:
         low, high = np.quantile([element[item.name] for element in elements], [0.025, 0.975])
         assert item.derived
         assert item.high - item.low == pytest.approx(high - low, rel=0.1)
         assert item.low == pytest.approx(low, rel=0.01)
-    assert {item.name: item.value for item in found} == pytest.approx(KB.derive(*fit.linear, *fit.nonlinear))
+    assert {item.name: item.value for item in result} == pytest.approx(KB.derive(*fit.linear, *fit.nonlinear))

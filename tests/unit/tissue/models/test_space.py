@@ -33,15 +33,15 @@ def _motion(axes: int, seed: int = 0) -> SpatialMotion:
     return SpatialMotion(tuple(Motion(TIME, wave, 0.01) for wave in waves), names=XYZ[:axes])
 
 
-def _turned(motion: SpatialMotion, matrix: np.ndarray) -> SpatialMotion:
+def _rotate(motion: SpatialMotion, matrix: np.ndarray) -> SpatialMotion:
     rows = matrix @ motion.position.reshape(len(matrix), -1)
     return SpatialMotion(tuple(Motion(TIME, row, 0.01) for row in rows), names=motion.names)
 
 
 def _force(base, motion: SpatialMotion, linear, nonlinear=(), forms=()) -> np.ndarray:
-    """Of a base with forms, shape (axes, samples)."""
-    found = Structure(base.structural, forms).simulate(motion, np.array(linear), np.array(nonlinear))
-    return found.reshape(len(motion.names), -1)
+    """Return the force of a base with forms, shape (axes, samples)."""
+    result = Structure(base.structural, forms).simulate(motion, np.array(linear), np.array(nonlinear))
+    return result.reshape(len(motion.names), -1)
 
 
 FORMS = [
@@ -71,7 +71,7 @@ def test_form_is_invariant_under_rotation(form, spatial):
     """A rotated motion has the rotated force; a force with one parameter per axis (a drift) is independent of the motion."""
     motion, matrix = _motion(3), turn(np.array([0.4, -0.7, 0.2]))
     nonlinear = _numbers(spatial, motion)
-    forces, turned = (_forces(spatial, item, nonlinear) for item in (motion, _turned(motion, matrix)))
+    forces, turned = (_forces(spatial, item, nonlinear) for item in (motion, _rotate(motion, matrix)))
     assert np.isfinite(forces).all() and np.any(forces)
     wanted = forces if len(spatial.linear) > len(form.linear) else matrix @ forces
     assert np.allclose(turned, wanted, atol=1e-9 * np.abs(forces).max())
@@ -83,14 +83,14 @@ def test_spatial_form_along_one_axis_matches_one_axis_form(form, spatial):
     along = SpatialMotion((motion.parts[0], *(Motion(TIME, 0 * TIME, 0.01),) * 2), names=XYZ)
     nonlinear = _numbers(form, motion.parts[0])
     if form.effect == "hysteresis":
-        nonlinear = 20 * nonlinear  # where it turns between two samples is told by neither to the last digit
-    found = _forces(spatial, along, nonlinear)
+        nonlinear = 20 * nonlinear  # both round the turning point between two samples
+    result = _forces(spatial, along, nonlinear)
     if form.place == "output":
         force = motion.position + 0.3 * motion.velocity
         single = form.output_transform(force, motion.parts[0], nonlinear)[None]
     else:
         single = np.array(form.columns(motion.parts[0], nonlinear))
-    of_x = found[:: 3 if len(spatial.linear) > len(form.linear) else 1]
+    of_x = result[:: 3 if len(spatial.linear) > len(form.linear) else 1]
     # A state in closed form is exact where the solver takes the position as straight in a quarter of a sample.
     tolerance = 1e-3 if form.solution and "hysteresis" in form.key else 1e-9
     assert np.allclose(of_x[:, 0], single, atol=tolerance * np.abs(single).max())
@@ -116,8 +116,8 @@ def test_an_expression_in_components(text, components):
     "name", ["quadratic_stiffness", "contact_loss", "depth_dependent_damping", "backlash"]
 )
 def test_effect_without_form_in_space_gives_reason(name):
-    found, without = TISSUE[name].in_space(XYZ)
-    assert found is None
+    result, without = TISSUE[name].in_space(XYZ)
+    assert result is None
     assert len(without) == len(TISSUE[name].forms)
     reasons = ("direction in space", "meaning for vectors", "one axis")
     assert all(any(reason in text for reason in reasons) for text in without.values())
@@ -136,7 +136,7 @@ def test_spatial_base_matches_its_matrices(symmetry):
     rng = np.random.default_rng(1)
     linear = rng.uniform(0.3, 2.0, len(base.linear))
     nonlinear = np.array([0.15, *np.exp(rng.normal(0, 0.2, len(base.nonlinear) - 1))])
-    found = _force(base, motion, linear, nonlinear)
+    result = _force(base, motion, linear, nonlinear)
     matrices = base.matrices(linear, nonlinear)
     for matrix in matrices.values():
         assert np.linalg.eigvalsh(matrix)[0] > 0 and np.allclose(matrix, matrix.T)
@@ -147,7 +147,7 @@ def test_spatial_base_matches_its_matrices(symmetry):
 
     q = scipy.integrate.solve_ivp(rate, (0, TIME[-1]), np.zeros(3), t_eval=TIME, rtol=1e-10, atol=1e-12).y
     wanted = matrices["spring_stiffness"] @ motion.position.reshape(3, -1) + matrices["branch_stiffness"] @ q
-    assert np.allclose(found, wanted, atol=1e-5 * np.abs(wanted).max())
+    assert np.allclose(result, wanted, atol=1e-5 * np.abs(wanted).max())
 
 
 def test_held_base_keeps_its_frames():
@@ -189,7 +189,7 @@ def test_force_sensor_rotates_and_mixes_forces():
     ("zeros", "wanted"), [((1, 2, 3), (1, 2, 3, 1, 2, 3)), ((1, 2, 3, 4, 5, 6), (1, 2, 3, 4, 5, 6))]
 )
 def test_zero_is_added_to_its_channel(zeros, wanted):
-    """Of all records, or of each."""
+    """Zeros are common to all records, or one per record."""
     motions = JoinedMotions((_motion(3), _motion(3, 1)))
     structure = Structure(_base(Symmetry.ISOTROPIC, "LE").structural)
     fit = Fit(structure, np.zeros(1), np.zeros(0), 0.0, zeros=np.array(zeros, float))
@@ -202,12 +202,12 @@ def test_a_form_of_one_channel_leaves_the_others():
     names += ["sharp_xy", "sharp_xz", "sharp_yz", "sharp_xyz", "soft", "rounded"]
     assert [form.name for form in forms] == names
     motion, limit = _motion(3), np.array([0.2])
-    found = forms[2].output_transform(motion.position, motion, limit).reshape(3, -1)
+    result = forms[2].output_transform(motion.position, motion, limit).reshape(3, -1)
     position = motion.position.reshape(3, -1)
-    assert np.array_equal(found[[0, 2]], position[[0, 2]]) and np.array_equal(
-        found[1], np.clip(position[1], -0.2, 0.2)
+    assert np.array_equal(result[[0, 2]], position[[0, 2]]) and np.array_equal(
+        result[1], np.clip(position[1], -0.2, 0.2)
     )
-    found = forms[5].output_transform(motion.position, motion, np.array([0.3, 0.1])).reshape(3, -1)
+    result = forms[5].output_transform(motion.position, motion, np.array([0.3, 0.1])).reshape(3, -1)
     assert [item.name for item in forms[5].nonlinear] == ["limit_x", "limit_z"]
     limits = np.array([0.3, np.inf, 0.1])
-    assert np.array_equal(found, np.clip(position.T, -limits, limits).T)
+    assert np.array_equal(result, np.clip(position.T, -limits, limits).T)

@@ -22,7 +22,7 @@ T = 0.01
         (models.MAXWELL, maxwell(3.2, 0.13), {"k": 3.2, "b": 0.13}),
     ],
 )
-def test_equation_of_table_2_1_follows_from_the_mechanical_analogue(model, system, elements):
+def test_equation_of_table_2_1_matches_mechanical_analogue(model, system, elements):
     s = 1j * np.geomspace(1e-2, 1e4, 50)
     numerator, denominator = polynomials(system)
     expected = np.polyval(numerator, s) / np.polyval(denominator, s)
@@ -38,8 +38,8 @@ def test_filter_matches_scipy():
         denominator = np.poly(draws.uniform(-1, 1, draws.integers(0, 9))) * draws.uniform(0.5, 2)
         inputs = draws.normal(size=draws.integers(1, 200))
         expected = signal.lfilter(numerator, denominator, inputs)
-        found = filtered(numerator, np.atleast_1d(denominator), inputs)
-        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9 * np.abs(expected).max())
+        result = filtered(numerator, np.atleast_1d(denominator), inputs)
+        np.testing.assert_allclose(result, expected, rtol=0, atol=1e-9 * np.abs(expected).max())
     turning = [1.0, -np.exp(-0.1 + 0.3j)]
     np.testing.assert_allclose(filtered([1.0], turning, inputs), signal.lfilter([1.0], turning, inputs))
     away = filtered((1.0,), (1.0, -1e200), np.ones(9))
@@ -59,11 +59,11 @@ def test_physical_parameters_are_recovered(ratio):
     gamma = T / ratio
     k1, k2 = 0.4, 3.2
     discrete = discretise(kelvin_boltzmann(k1, k2, gamma * (k1 + k2)), T)
-    found = models.KB.physical_parameters(discrete, T)
+    result = models.KB.physical_parameters(discrete, T)
     k = k1 * k2 / (k1 + k2)
     base = {"spring_stiffness": k, "branch_stiffness": k2 - k, "relaxation_time": gamma}
     elements = {"k": k, "nu": gamma * k2, "gamma": gamma, "k1": k1, "k2": k2, "b": gamma * (k1 + k2)}
-    assert found == pytest.approx({**base, **elements}, rel=1e-5)
+    assert result == pytest.approx({**base, **elements}, rel=1e-5)
     discrete = discretise(maxwell(3.2, 3.2 * gamma), T)
     expected = {"branch_stiffness": 3.2, "relaxation_time": gamma, "k": 3.2, "b": 3.2 * gamma, "alpha": gamma}
     assert models.MAXWELL.physical_parameters(discrete, T) == pytest.approx(expected, rel=1e-5)
@@ -90,7 +90,7 @@ def test_maxwell_has_no_static_force_and_eq_3_3_has_one():
         (models.HO, TransferFunction((1.0, 0.2, 0.3), (1.0, 0.1, 0.1)), "black box"),
     ],
 )
-def test_models_without_mechanical_counterpart_are_refused_with_the_reason(model, transfer_function, reason):
+def test_models_without_mechanical_counterpart_are_rejected(model, transfer_function, reason):
     with pytest.raises(NumericalError, match=reason):
         model.physical_parameters(transfer_function, T)
 
@@ -103,20 +103,20 @@ def test_an_unstable_model_is_never_simulated(denominator):
         model.simulate(np.ones(10))
 
 
-def test_search_space_of_the_higher_order_model_is_proper_and_complete():
+def test_higher_order_structures_are_proper_and_complete():
     structures = models.higher_order_structures(5)
     assert len(structures) == len(set(structures)) == sum(2 * order + 1 for order in range(2, 6))
     assert all(0 <= item.input_lags[0] <= item.input_lags[-1] <= item.order for item in structures)
     assert min(item.order for item in structures) == 2
 
 
-def test_inverted_linear_reaches_its_force_and_opposes_the_other_models():
+def test_inverted_linear_opposes_the_other_models():
     model = models.inverted_linear(5.0, 40.0)
     assert model.simulate(np.array([0.0, 20.0, 40.0])).tolist() == [0.0, -2.5, -5.0]
     with pytest.raises(InputError, match="must be > 0"):
         models.inverted_linear(5.0, 0.0)
 
 
-def test_the_names_of_the_settings_are_those_of_the_models():
+def test_settings_and_models_have_equal_base_names():
     assert (CHOSEN_BY_DATA, *BASES) == BASE_NAMES
     assert {name: system_of(name) for name in BASES} == {name: base.system for name, base in BASES.items()}
