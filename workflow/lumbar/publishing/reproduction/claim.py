@@ -1,10 +1,9 @@
-"""A claim of the thesis, the comparison of its number with a run's, and the four verdicts."""
+"""A claim of the thesis, its outcome in a run, and the four verdicts."""
 
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 from lumbar.base.errors import LumbarError
 from lumbar.base.yaml_file import shipped_yaml
@@ -54,30 +53,6 @@ class Claim:
     """Raises `UntestableError` if the results have no value."""
     on_twin: str = ""
     """`BUILT_IN` if the synthetic twin was made to show it, `CANNOT_BE_TESTED` if it is about real lifters."""
-
-
-@dataclass(frozen=True)
-class Comparison:
-    """When a number of a run agrees with the thesis's."""
-
-    kind: Literal["difference", "ratio", "sign", "below", "none"]
-    tolerance: float
-    """Largest difference or ratio, or the printed limit; 0 for others."""
-    criterion: str
-
-    def agrees(self, thesis: float | str, value: float) -> bool | None:
-        """Return whether `value` agrees with the thesis's; None if nothing can be compared."""
-        match self.kind:
-            case "difference":
-                return abs(value - thesis) <= self.tolerance
-            case "ratio":
-                both = thesis > 0 and value > 0
-                return both and abs(math.log(value / thesis)) <= math.log(self.tolerance)
-            case "sign":
-                return thesis * value > 0
-            case "below":
-                return value < self.tolerance
-        return None
 
 
 def sentences(

@@ -1,7 +1,9 @@
 """All claims of the thesis: every number of Tables 3.1, 3.2 and 4.1 and the sentences, and the rows of ``claims.csv``."""
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import pandas as pd
 
@@ -13,7 +15,6 @@ from lumbar.publishing.reproduction.claim import (
     DOES_NOT_HOLD,
     HOLDS,
     Claim,
-    Comparison,
     Outcome,
     Results,
     UntestableError,
@@ -23,30 +24,41 @@ from lumbar.settings.stability import GROUPS
 from lumbar.tables.table import Table, columns_of, table_from_schema
 
 _SCALED = "scaling of α not stated in the thesis"
-_ALPHA = Comparison("none", 0, "none: α scales with samples and units, which the thesis does not state")
+Criterion = tuple[str, Callable[[Any, float], bool | None]]
+"""Text, and a function of the thesis's value and that of a run; it returns None if they cannot be compared."""
 
 
-def _factor(limit: float) -> Comparison:
-    return Comparison("ratio", limit, f"within a factor of {limit:g}")
+def _within(tolerance: float, text: str) -> Criterion:
+    return text, lambda thesis, value: abs(value - thesis) <= tolerance
 
 
-TABLE_3_1: dict[str, tuple[str, Comparison]] = {
-    "order": ("order of the transfer function", Comparison("difference", 1, "within 1")),
+def _factor(limit: float) -> Criterion:
+    def agrees(thesis: float, value: float) -> bool:
+        return thesis > 0 and value > 0 and abs(math.log(value / thesis)) <= math.log(limit)
+
+    return f"within a factor of {limit:g}", agrees
+
+
+TABLE_3_1: dict[str, tuple[str, Criterion]] = {
+    "order": ("order of the transfer function", _within(1, "within 1")),
     "condition_number": ("condition number of the regressors", _factor(5)),
-    "vaf_percent": ("%VAF", Comparison("difference", 10, "within 10 percentage points")),
-    "fit_percent": ("FIT", Comparison("difference", 10, "within 10 percentage points")),
+    "vaf_percent": ("%VAF", _within(10, "within 10 percentage points")),
+    "fit_percent": ("FIT", _within(10, "within 10 percentage points")),
     "mru_percent": ("maximum relative uncertainty in percent", _factor(10)),
     "mean_residual_N": ("mean residual in N", _factor(2)),
     "nmse_train": ("NMSE on the training record", _factor(3)),
     "nmse_test_1": ("NMSE on the first test record", _factor(3)),
     "nmse_test_2": ("NMSE on the second test record", _factor(3)),
-    "alpha": ("ridge coefficient α", _ALPHA),
+    "alpha": (
+        "ridge coefficient α",
+        ("none: α scales with samples and units, which the thesis does not state", lambda *_: None),
+    ),
 }
 """Meaning of each column and when a run agrees. α depends on a scaling that the thesis does not state."""
 _BUILT_IN = {"condition_number", "vaf_percent", "fit_percent", "mean_residual_N"}
 """Columns of Table 3.1 that the twin's tissue was made to show."""
-_DIGITS = Comparison("difference", 0.051, "equal to the printed digits")
-_SIGN = Comparison("sign", 0, "same sign")
+_DIGITS = _within(0.051, "equal to the printed digits")
+_SIGN = ("same sign", lambda thesis, value: thesis * value > 0)
 
 
 def all_claims(thesis_tables: dict[str, pd.DataFrame], groups: tuple[str, str] = GROUPS) -> list[Claim]:
@@ -80,7 +92,7 @@ class _Cell:
     row: dict[str, str]
     """Values of the columns that select this run's row."""
     thesis: float | str
-    comparison: Comparison
+    criterion: Criterion
     absent: str
     """Remark if this run has no such cell."""
     on_twin: str = ""
@@ -96,14 +108,14 @@ class _Cell:
         if frame.empty or column not in frame or pd.isna(frame.iloc[0][column]):
             raise UntestableError(self.absent)
         value = float(frame.iloc[0][column])
-        agrees = self.comparison.agrees(self.thesis, value)
+        agrees = self.criterion[1](self.thesis, value)
         return Outcome(value, agrees, self.absent if agrees is None else "")
 
     def claim(self) -> Claim:
         """Return the claim that this run's cell agrees with the published one."""
-        table, criterion = self.name.split(".")[0], self.comparison.criterion
+        table = self.name.split(".")[0]
         location = f"Table {table.removeprefix('table_').replace('_', '.')}"
-        claimed = (self.name, location, self.statement, self.thesis, criterion)
+        claimed = (self.name, location, self.statement, self.thesis, self.criterion[0])
         return Claim(*claimed, (table,), self.judge, self.on_twin)
 
 
@@ -112,10 +124,10 @@ def _table_3_1_cells(thesis: pd.DataFrame) -> list[_Cell]:
     for row in thesis.to_dict("records"):
         record, model = row["trained_on"], row["model"]
         selected = {"trained_on": record, "model": model, "estimator": "arx"}
-        for column, (meaning, comparison) in TABLE_3_1.items():
+        for column, (meaning, criterion) in TABLE_3_1.items():
             text = f"{model} trained on {record}"
             absent = _SCALED if column == "alpha" else f"no {column} for {text}"
-            compared = float(row[column]), comparison, absent, BUILT_IN if column in _BUILT_IN else ""
+            compared = float(row[column]), criterion, absent, BUILT_IN if column in _BUILT_IN else ""
             cells.append(
                 _Cell(f"table_3_1.{record}.{model}.{column}", f"{text}: {meaning}", selected, *compared)
             )
@@ -136,9 +148,10 @@ def _table_3_2_cells(thesis: pd.DataFrame) -> list[_Cell]:
             if printed == "nan":
                 continue
             if printed.startswith("<"):
-                compared = printed, Comparison("below", float(printed[1:]), "as printed")
+                limit = float(printed[1:])
+                compared = printed, ("as printed", lambda _, value, limit=limit: value < limit)
             else:
-                compared = float(printed), Comparison("difference", 0.05, "within 0.05")
+                compared = float(printed), _within(0.05, "within 0.05")
             statement = f"Mann–Whitney p of {model} against {other}"
             more = f"{model} and {other} were not both rated", BUILT_IN
             cells.append(
