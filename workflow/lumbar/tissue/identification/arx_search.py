@@ -9,7 +9,7 @@ condition number and α do not depend on units. α enters as in Eq. 3.7, ‖Ax �
 """
 
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Self
 
@@ -17,7 +17,7 @@ import numpy as np
 
 from lumbar.base.errors import InputError, NumericalError
 from lumbar.records.record import Record
-from lumbar.tissue.identification.metrics import FreeRunErrors, settling_time
+from lumbar.tissue.identification.metrics import free_run_errors, settling_time
 from lumbar.tissue.models.transfer_function import ArxStructure, TransferFunction, full_regressors
 
 
@@ -67,11 +67,11 @@ class IdentificationData:
         return cls(record.name, *demeaned, *offsets, record.sampling_time, skip)
 
 
-def free_run(model: TransferFunction, data: IdentificationData) -> FreeRunErrors | None:
+def free_run(model: TransferFunction, data: IdentificationData) -> dict[str, float] | None:
     """Return the errors after the settling time (Eqs 3.10–3.12); None for an unstable model, which has no free run."""
     if not model.stable:
         return None
-    return FreeRunErrors.from_output(data.outputs[data.skip :], model.simulate(data.inputs)[data.skip :])
+    return free_run_errors(data.outputs[data.skip :], model.simulate(data.inputs)[data.skip :])
 
 
 def one_step_nmse(model: TransferFunction, data: IdentificationData) -> float:
@@ -207,7 +207,7 @@ class ArxCandidate:
         return self.structure.transfer_function(self.path.solution(self.alpha))
 
     @cached_property
-    def training(self) -> FreeRunErrors | None:
+    def training(self) -> dict[str, float] | None:
         """Errors on the training record; None for an unstable model."""
         return free_run(self.transfer_function, self.data)
 
@@ -216,7 +216,8 @@ class ArxCandidate:
         """Mean %VAF of the free runs on the other records; None without them."""
         if not self.stable or not self.tests:
             return None
-        return float(np.mean([free_run(self.transfer_function, test).vaf_percent for test in self.tests]))
+        runs = [free_run(self.transfer_function, test) for test in self.tests]
+        return float(np.mean([run["vaf_percent"] for run in runs]))
 
     @property
     def stable(self) -> bool:
@@ -231,7 +232,7 @@ class ArxCandidate:
     def score(self, selection: str) -> float:
         """Return the %VAF by which it is selected; −∞ if it has none."""
         if selection == "training":
-            return -np.inf if self.training is None else self.training.vaf_percent
+            return -np.inf if self.training is None else self.training["vaf_percent"]
         return -np.inf if self.test_vaf_percent is None else self.test_vaf_percent
 
 
@@ -314,8 +315,9 @@ def grid_rows(
     tested = simulated if selection == "test" else set(best.values())
     rows = []
     for item in candidates:
-        run = item.training if item in simulated else None
-        errors = asdict(run) if run else dict.fromkeys(("vaf_percent", "fit_percent", "mean_residual"))
+        errors = dict.fromkeys(("vaf_percent", "fit_percent", "mean_residual"))
+        if item in simulated and item.training:
+            errors |= item.training
         rows.append(
             {
                 "trained_on": item.data.name,

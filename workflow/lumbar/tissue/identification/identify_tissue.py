@@ -1,7 +1,7 @@
 """Identification of every model on one record by ridge ARX, as in the thesis, and by output error."""
 
 from contextlib import suppress
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -140,10 +140,10 @@ def scores_of(
     """Return the errors of the free run and of the prediction one step ahead; `more` are further fields."""
     trained, tested = free_run(structure, data), [free_run(structure, test) for test in tests]
     return Scores(
-        **(asdict(trained) if trained else {}),
+        **(trained or {}),
         nmse_train=one_step_nmse(structure, data),
         tests=tuple(test.name for test in tests),
-        vaf_tests_percent=tuple(run and run.vaf_percent for run in tested),
+        vaf_tests_percent=tuple(run and run["vaf_percent"] for run in tested),
         nmse_tests=tuple(one_step_nmse(structure, test) for test in tests),
         **more,
     )

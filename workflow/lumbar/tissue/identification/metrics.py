@@ -6,9 +6,6 @@ that every block has, such as that of ARX with noisy outputs, remains: the inter
 kind would move the estimate, not the distance from the truth.
 """
 
-from dataclasses import dataclass
-from typing import Self
-
 import numpy as np
 
 from lumbar.base.errors import InputError, NumericalError
@@ -57,19 +54,13 @@ def fit_ratio(measured: np.ndarray, modelled: np.ndarray) -> float:
     return float(100.0 * (1.0 - rms / np.sqrt(_variance(measured))))
 
 
-@dataclass(frozen=True)
-class FreeRunErrors:
-    """%VAF, FIT and mean residual of a free run, Eqs 3.10–3.12, as `lumbar.tissue.models.model_data.Scores` names them."""
-
-    vaf_percent: float
-    fit_percent: float
-    mean_residual: float
-
-    @classmethod
-    def from_output(cls, measured: np.ndarray, modelled: np.ndarray) -> Self:
-        """Return the errors of a simulated output."""
-        metrics = variance_accounted_for, fit_ratio, mean_residual
-        return cls(*(metric(measured, modelled) for metric in metrics))
+def free_run_errors(measured: np.ndarray, modelled: np.ndarray) -> dict[str, float]:
+    """Return %VAF, FIT and mean residual of a free run, Eqs 3.10–3.12, with the names of `Scores`."""
+    return {
+        "vaf_percent": variance_accounted_for(measured, modelled),
+        "fit_percent": fit_ratio(measured, modelled),
+        "mean_residual": mean_residual(measured, modelled),
+    }
 
 
 def _variance(measured: np.ndarray) -> float:

@@ -1,7 +1,7 @@
 """Adding effects that the user names: base and effects refitted jointly, and the error ladder in sentences."""
 
 from collections.abc import Sequence
-from dataclasses import asdict, replace
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -19,7 +19,7 @@ from lumbar.tissue.diagnosis.selection.base_choice import find_base
 from lumbar.tissue.diagnosis.selection.candidate import Candidate, is_adequate, select_forms
 from lumbar.tissue.diagnosis.selection.forward_selection import exchange, extend
 from lumbar.tissue.effects.catalogue import choose, usable_effects
-from lumbar.tissue.identification.metrics import FreeRunErrors
+from lumbar.tissue.identification.metrics import free_run_errors
 from lumbar.tissue.models.bases import BASES
 from lumbar.tissue.models.fitted_model import FittedModel, models_document
 from lumbar.tissue.models.form import Effect
@@ -71,9 +71,9 @@ def fitted_model(candidate: Candidate, experiment: Experiment) -> FittedModel:
         if item.value and abs(item.value) > 1e-8 * max(abs(item.low), abs(item.high))
     ]
     scores = Scores(
-        **asdict(_free_run(fit, training)),
+        **_free_run(fit, training),
         tests=tuple(test.name for test in experiment.tests),
-        vaf_tests_percent=tuple(_free_run(fit, test).vaf_percent for test in experiment.tests),
+        vaf_tests_percent=tuple(_free_run(fit, test)["vaf_percent"] for test in experiment.tests),
         nmse_tests=(None,) * len(experiment.tests),
         train_rms=candidate.train_rms,
         test_rms=candidate.test_rms,
@@ -129,10 +129,10 @@ def refined_document(path: list[Candidate], experiment: Experiment, source_label
     return models_document(models, source_label, None if experiment.floor is None else experiment.floor.rms)
 
 
-def _free_run(fit: Fit, data: FitData) -> FreeRunErrors:
+def _free_run(fit: Fit, data: FitData) -> dict[str, float]:
     """Return the errors, both signals about their means as for the identified models."""
     measured, simulated = data.trim(data.force), data.trim(fit.simulate(data.motion))
-    return FreeRunErrors.from_output(measured - np.mean(measured), simulated - np.mean(simulated))
+    return free_run_errors(measured - np.mean(measured), simulated - np.mean(simulated))
 
 
 def refine(
