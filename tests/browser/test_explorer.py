@@ -29,7 +29,7 @@ def saved(diagnosis, tmp_path_factory):
 
 def lumbar_model(diagnosis, name, estimator):
     return next(
-        item for item in diagnosis.thesis_models.models if (item.name, item.estimator) == (name, estimator)
+        item for item in diagnosis.thesis_models[0] if (item.name, item.estimator) == (name, estimator)
     )
 
 

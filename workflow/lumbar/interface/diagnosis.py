@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -158,11 +158,14 @@ class Diagnosis:
         return evidence_sections(self.result, self.evidence, self.candidates, pictures)
 
     @cached_property
-    def thesis_models(self) -> ThesisModels:
-        """The thesis's models, ridge ARX and output error, of the longest training record; none of a pendulum or of forces."""
+    def thesis_models(self) -> tuple[list[FittedModel], str]:
+        """The thesis's models, ridge ARX and output error, of the longest training record, and a remark on missing ones.
+
+        A pendulum and records with the force as input have none.
+        """
         experiment = self.result.experiment
         if self.settings.forward or self.settings.system != "tissue":
-            return ThesisModels()
+            return [], ""
         names = [item.name for item in getattr(experiment.training, "parts", (experiment.training,))]
         training = max((record for record in experiment.records if record.name in names), key=len)
         tests = [record for record in experiment.records if record is not training]
@@ -174,12 +177,10 @@ class Diagnosis:
         try:
             models, _ = identify(training, tests, tissue.model_copy(update={"bootstrap": bootstrap}), seed=0)
         except InputError as error:
-            return ThesisModels(
-                remark=f"The thesis's models could not be identified on these records: {error}"
-            )
+            return [], f"The thesis's models could not be identified on these records: {error}"
         unstable = [f"{model.name} ({model.estimator})" for model in models if not model.stable]
         remark = f"Unstable, and without a free run: {', '.join(unstable)}." if unstable else ""
-        return ThesisModels([model for model in models if model.stable], remark)
+        return [model for model in models if model.stable], remark
 
     @property
     def no_page_reason(self) -> str:
@@ -205,7 +206,7 @@ class Diagnosis:
             raise InputError(f"{self.no_page_reason}; save and to_html show what was found")
         from lumbar.publishing.explorer.explorer_page import ExplorerPage
 
-        others = self.thesis_models if thesis else ThesisModels(remark=_MISSING_MODELS_REMARK)
+        others, remark = self.thesis_models if thesis else ([], _MISSING_MODELS_REMARK)
         linear = self.result.linear
         return ExplorerPage(
             self.result,
@@ -214,8 +215,8 @@ class Diagnosis:
             locate.axis_reports(self.reports),
             self.source_label,
             self._sections(pictures or {}),
-            [*([] if linear is None else [fitted_model(linear, self.result.experiment)]), *others.models],
-            others.remark,
+            [*([] if linear is None else [fitted_model(linear, self.result.experiment)]), *others],
+            remark,
         )
 
     def save(
@@ -273,15 +274,6 @@ class Diagnosis:
 
     def _repr_html_(self) -> str:
         return self.to_html()
-
-
-@dataclass(frozen=True)
-class ThesisModels:
-    """Models of the thesis that can be simulated."""
-
-    models: list[FittedModel] = field(default_factory=list)
-    remark: str = ""
-    """Missing models and the reasons; empty if none is missing."""
 
 
 _MISSING_MODELS_REMARK = (

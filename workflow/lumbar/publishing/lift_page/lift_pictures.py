@@ -1,5 +1,7 @@
 """Pictures of a lift's page: body from two sides and above, courses over time, and a pendulum's funnel."""
 
+from collections.abc import Callable
+
 import numpy as np
 from bokeh.models import ColumnDataSource, CustomJS, DataRange1d, LabelSet, Range1d, Span
 from bokeh.plotting import figure
@@ -34,14 +36,15 @@ def lift_pictures() -> list[figure]:
     velocity = _course("velocity", "Angular velocity (rad/s)", x_range=angle.x_range)
     _draw_margin(margin)
     for picture, name in ((angle, "angles"), (velocity, "velocities")):
-        source = _source(name, "time", *SEGMENTS)
+        source = empty_source(name, ("time", *SEGMENTS))
         for com, colour in SEGMENTS.items():
             picture.line("time", com, source=source, color=colour, line_width=2.2, line_dash=DASHES[com])
     return [side, behind, _top_view(), margin, angle, velocity, *_funnel()]
 
 
-def _source(name: str, *columns: str) -> ColumnDataSource:
-    return empty_source(name, columns)
+def _draw(glyph: Callable, source: str, *columns: str, **look) -> None:
+    """Draw a glyph of a source that the script fills; the first two columns are the coordinates."""
+    glyph(*columns[:2], source=empty_source(source, columns), **look)
 
 
 def _figure(name: str, across: str, up: str, height: int, tools: str = "", **more) -> figure:
@@ -61,21 +64,15 @@ def _body(name: str, across: str) -> figure:
     """Draw stick figure, centres of mass and pendulums."""
     picture = _figure(name, across, "z, up (m)", 420, match_aspect=True)
     _fix_ranges(picture, f"{name}:bounds")
-    head = _source(f"{name}:head", "x", "z")
-    picture.scatter(
-        "x", "z", source=head, size=20, fill_color=None, line_color=MEASURED, line_width=2.5, name="ink head"
-    )
-    picture.multi_line(
-        "x", "z", source=_source(f"{name}:limbs", "x", "z", "dash"), color=MEASURED, line_width=2.5,
-        line_dash={"field": "dash"}, line_cap="round", name="ink limbs",
-    )  # fmt: skip
-    picture.multi_line(
-        "x", "z", source=_source(f"{name}:pendulums", "x", "z", "colour", "dash"), color={"field": "colour"},
-        line_width=1.5, line_dash={"field": "dash"},
-    )  # fmt: skip
-    centres = _source(f"{name}:centres", "x", "y", "mark", "colour", "size")
+    ink, dash = {"line_color": MEASURED, "line_width": 2.5}, {"line_dash": {"field": "dash"}}
+    _draw(picture.scatter, f"{name}:head", "x", "z", size=20, fill_color=None, name="ink head", **ink)
+    limbs = {"line_cap": "round", "name": "ink limbs", **ink, **dash}
+    _draw(picture.multi_line, f"{name}:limbs", "x", "z", "dash", **limbs)
+    rods = {"color": {"field": "colour"}, "line_width": 1.5, **dash}
+    _draw(picture.multi_line, f"{name}:pendulums", "x", "z", "colour", "dash", **rods)
     look = {"marker": {"field": "mark"}, "fill_color": {"field": "colour"}, "size": {"field": "size"}}
-    picture.scatter("x", "y", source=centres, line_color="white", **look)
+    columns = ("x", "y", "mark", "colour", "size")
+    _draw(picture.scatter, f"{name}:centres", *columns, line_color="white", **look)
     return picture
 
 
@@ -83,16 +80,12 @@ def _top_view() -> figure:
     """Draw base of support, centre of mass and extrapolated centre from above."""
     picture = _figure("above", "x, to the right (m)", "y, forward (m)", 420, match_aspect=True)
     _fix_ranges(picture, "above:bounds")
-    picture.patch(
-        "x", "y", source=_source("above:base", "x", "y"), fill_color=GREY, fill_alpha=0.35, line_color=GREY
-    )
-    picture.line(
-        "x", "y", source=_source("above:used", "x", "y"), color=MEASURED, line_width=1.6, name="ink used"
-    )
-    picture.line("x", "y", source=_source("above:trail", "x", "y"), color=SERIES[3], line_width=1, alpha=0.6)
+    _draw(picture.patch, "above:base", "x", "y", fill_color=GREY, fill_alpha=0.35, line_color=GREY)
+    _draw(picture.line, "above:used", "x", "y", color=MEASURED, line_width=1.6, name="ink used")
+    _draw(picture.line, "above:trail", "x", "y", color=SERIES[3], line_width=1, alpha=0.6)
     for name, marker, size, colour in (("com", "diamond", 13, SERIES[0]), ("xcom", "star", 16, SERIES[3])):
         look = {"marker": marker, "size": size, "fill_color": colour, "line_color": "white"}
-        picture.scatter("x", "y", source=_source(f"above:{name}", "x", "y"), **look)
+        _draw(picture.scatter, f"above:{name}", "x", "y", **look)
     return picture
 
 
@@ -109,26 +102,25 @@ def _course(name: str, up: str, **more) -> figure:
 
 def _draw_margin(picture: figure) -> None:
     """Draw the margin over time with the phases behind."""
-    phases = _source("phases", "start", "stop", "shade", "phase")
+    phases = empty_source("phases", ("start", "stop", "shade", "phase"))
     grey = {"fill_color": GREY, "fill_alpha": "shade", "line_color": None}
     picture.vstrip(x0="start", x1="stop", source=phases, level="underlay", **grey)
     label = {"text": "phase", "text_font_size": "11px", "text_color": MEASURED, "name": "ink phases"}
     picture.add_layout(LabelSet(x="start", y=2, x_offset=3, y_units="screen", source=phases, **label))
     picture.add_layout(Span(dimension="width", location=0, line_color=GREY, line_dash=[4, 3]))
-    margins = _source("margins", "time", "margin")
-    picture.line("time", "margin", source=margins, color=SERIES[3], line_width=1.8)
+    _draw(picture.line, "margins", "time", "margin", color=SERIES[3], line_width=1.8)
 
 
 def _funnel() -> list[figure]:
     """Draw cross-sections with the push, the funnel over time, and V/ρ over time."""
     over_time = _course("funnel", "Angle off it (rad)")
     level = _course("level", "V/ρ", x_range=over_time.x_range, y_axis_type="log")
-    band = _source("band", "time", "low", "high", "least", "most")
+    band = empty_source("band", ("time", "low", "high", "least", "most"))
     over_time.varea("time", "low", "high", source=band, fill_color=CERTIFIED, fill_alpha=0.4)
     for edge in ("least", "most"):
         over_time.line("time", edge, source=band, color=MEASURED, line_dash=[5, 3], name=f"ink {edge}")
     level.add_layout(Span(dimension="width", location=1, line_color=CERTIFIED, line_width=2.5))
-    path = _source("path", "time", "angle", "velocity", "level")
+    path = empty_source("path", ("time", "angle", "velocity", "level"))
     for picture, up in ((over_time, "angle"), (level, "level")):
         picture.line("time", up, source=path, color=PUSHED, line_width=2.2)
     return [_plane(path), over_time, level]
@@ -136,30 +128,20 @@ def _funnel() -> list[figure]:
 
 def _plane(path: ColumnDataSource) -> figure:
     """Draw the phase plane about the trajectory: a click or dragging there pushes the pendulum."""
-    picture = _figure(
-        "plane", "Angle off the trajectory (rad)", "Angular velocity off it (rad/s)", 460,
-        x_range=Range1d(-1, 1), y_range=Range1d(-1, 1),
-    )  # fmt: skip
-    shaded = _source("certified", "x", "y")
-    picture.patch(
-        "x", "y", source=shaded, fill_color=CERTIFIED, fill_alpha=0.45, line_color=SERIES[0], line_width=2.5
-    )
-    outlines = _source("outlines", "x", "y", "alpha")
-    picture.multi_line("x", "y", source=outlines, color=SERIES[0], alpha={"field": "alpha"}, line_width=1)
-    picture.line("x", "y", source=_source("goal", "x", "y"), color=GOAL, line_width=2, line_dash=[2, 3])
-    reached = _source("reached", "x", "y")
-    picture.line(
-        "x", "y", source=reached, color=MEASURED, line_width=1.8, line_dash=[6, 3], name="ink reached"
-    )
+    labels = ("Angle off the trajectory (rad)", "Angular velocity off it (rad/s)")
+    picture = _figure("plane", *labels, 460, x_range=Range1d(-1, 1), y_range=Range1d(-1, 1))
+    blue, ink = {"line_color": SERIES[0], "line_width": 2.5}, {"line_color": MEASURED}
+    _draw(picture.patch, "certified", "x", "y", fill_color=CERTIFIED, fill_alpha=0.45, **blue)
+    outlines = {"color": SERIES[0], "alpha": {"field": "alpha"}, "line_width": 1}
+    _draw(picture.multi_line, "outlines", "x", "y", "alpha", **outlines)
+    _draw(picture.line, "goal", "x", "y", color=GOAL, line_width=2, line_dash=[2, 3])
+    _draw(picture.line, "reached", "x", "y", line_width=1.8, line_dash=[6, 3], name="ink reached", **ink)
     picture.line("angle", "velocity", source=path, color=PUSHED, line_width=2.2)
-    pushed, present = _source("pushed", "x", "y"), _source("present", "x", "y")
-    picture.scatter(
-        "x", "y", source=pushed, marker="circle_cross", size=22, color=PUSHED, fill_alpha=0.25, line_width=2
-    )
-    picture.scatter(
-        "x", "y", source=present, marker="diamond", size=13, fill_color=PUSHED, line_color="white"
-    )
-    picture.scatter([0], [0], marker="cross", size=12, line_color=MEASURED, name="ink trajectory")
+    push = {"marker": "circle_cross", "size": 22, "color": PUSHED, "fill_alpha": 0.25, "line_width": 2}
+    _draw(picture.scatter, "pushed", "x", "y", **push)
+    present = {"marker": "diamond", "size": 13, "fill_color": PUSHED, "line_color": "white"}
+    _draw(picture.scatter, "present", "x", "y", **present)
+    picture.scatter([0], [0], marker="cross", size=12, name="ink trajectory", **ink)
     for event in ("tap", "panstart", "pan", "panend"):
         picture.js_on_event(event, CustomJS(code="window.lumbarLift.dragged(cb_obj)"))
     return picture
