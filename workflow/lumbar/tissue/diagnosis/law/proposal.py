@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -200,7 +200,7 @@ def search_law(proposal: Proposal, terms: Sequence[Term]) -> Proposal:
         if passed and is_adequate(passed[0][0].candidate, experiment):
             break  # on the base by itself it leaves only noise: no law with effects is preferred to it
     if not passed:
-        return replace(proposal, tried=tried)
+        return Proposal(experiment, base, before, tried=tried)
     best = min(passed, key=lambda item: item[0].candidate.test_rms)
     if passed[0][0].candidate.test_rms <= best[0].candidate.test_rms * _MAX_BASE_ERROR_RATIO:
         best = passed[0]

@@ -48,16 +48,16 @@ class Term:
     def times(self, name: str, meaning: str, other: "Term") -> "Term":
         """Return the product with another term, its parameters and states last."""
         text = "*".join(item.parts[0] for item in (self, other) if item.parts != ("1",)) or "1"
-        return replace(
-            self,
-            name=name,
-            words=meaning,
-            parts=(text,),
-            nonlinear=self.nonlinear + other.nonlinear,
-            state=self.state + other.state,
-            constants=self.constants + other.constants,
-            knows=self.knows + other.knows,
-            becomes=name.removesuffix("_exp") if name.endswith("_exp") else "",
+        return Term(
+            name,
+            meaning,
+            (text,),
+            self.nonlinear + other.nonlinear,
+            self.state + other.state,
+            self.constants + other.constants,
+            self.knows + other.knows,
+            self.place,
+            name.removesuffix("_exp") if name.endswith("_exp") else "",
         )
 
 

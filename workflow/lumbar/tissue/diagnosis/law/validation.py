@@ -69,13 +69,14 @@ def alternate(experiment: Experiment) -> tuple[Experiment, Experiment]:
 
     Choices are made with the first and tested with the second.
     """
-    first, second = [], []
-    for item in experiment.tests:
-        block = max(1, round(BLOCK * item.scale("time") / item.motion.sampling_time))
-        even = np.arange(item.size) // block % 2 == 0
-        first.append(PartialData.from_record(item, even))
-        second.append(PartialData.from_record(item, ~even))
-    return replace(experiment, tests=first), replace(experiment, tests=second)
+    halves = []
+    for parity in (0, 1):
+        tests = []
+        for item in experiment.tests:
+            block = max(1, round(BLOCK * item.scale("time") / item.motion.sampling_time))
+            tests.append(PartialData.from_record(item, np.arange(item.size) // block % 2 == parity))
+        halves.append(replace(experiment, tests=tests))
+    return halves[0], halves[1]
 
 
 def is_within(data: FitData, fitted: FitData, share: float) -> np.ndarray:

@@ -1,6 +1,6 @@
 """A set of effects fitted with a base: how well it explains all records, compared with others and with the noise."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -134,6 +134,12 @@ def select_forms(fit: Fit, forms: Sequence[Form]) -> Fit:
         linear=np.concatenate([first, *(linear[form.key] for form in forms)]),
         nonlinear=np.concatenate([base, *(nonlinear[form.key] for form in forms)]),
     )
+
+
+def order_effects(model: Candidate, names: Iterable[str]) -> Candidate:
+    """Return a model with its effects in another order."""
+    forms = {form.effect: form for form in model.fit.structure.forms}
+    return replace(model, fit=select_forms(model.fit, [forms[name] for name in names]))
 
 
 def _student_scale(errors: np.ndarray) -> float:

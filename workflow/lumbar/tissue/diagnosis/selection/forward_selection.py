@@ -5,7 +5,6 @@ record and of the unseen records together: a wrong effect also lowers the traini
 """
 
 from collections.abc import Callable
-from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -26,9 +25,9 @@ from lumbar.tissue.diagnosis.selection.candidate import (
     is_worthwhile,
     likelihood_ratio,
     loss_improvement,
+    order_effects,
     refit,
     refit_from_starts,
-    select_forms,
     sort_by_score,
     unseen_improvement,
 )
@@ -224,8 +223,7 @@ class Selection:
             forms = [form for form in forms if form.effect != best.effects[-1]]
             if not forms and best.score > model.score:
                 # The last one is the model itself, with its effects in the order in which they help.
-                by_effect = {form.effect: form for form in model.fit.structure.forms}
-                best = replace(model, fit=select_forms(model.fit, [by_effect[name] for name in best.effects]))
+                best = order_effects(model, best.effects)
             path.append(best)
         while len(path) > 2 and not self.passes(path[-2], path[-1]):
             path.pop()

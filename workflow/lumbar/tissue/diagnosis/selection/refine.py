@@ -16,7 +16,7 @@ from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.fitting.uncertainty import check_excited, derived_estimates, estimates
 from lumbar.tissue.diagnosis.selection import sentences
 from lumbar.tissue.diagnosis.selection.base_choice import find_base
-from lumbar.tissue.diagnosis.selection.candidate import Candidate, is_adequate, select_forms
+from lumbar.tissue.diagnosis.selection.candidate import Candidate, is_adequate, order_effects
 from lumbar.tissue.diagnosis.selection.forward_selection import exchange, extend
 from lumbar.tissue.effects.catalogue import choose, usable_effects
 from lumbar.tissue.identification.metrics import free_run_errors
@@ -201,9 +201,8 @@ def add_in_turn(experiment: Experiment, first: Candidate, chosen: dict[str, Effe
     if len(chosen) > 1:
         # Forms were chosen one by one; with all effects in place another form of one may fit better.
         best = exchange(path[-1], chosen, experiment)
-        by_effect = {form.effect: form for form in best.fit.structure.forms}
-        if by_effect.keys() == chosen.keys():  # in the order given, as the models before are
-            path[-1] = replace(best, fit=select_forms(best.fit, [by_effect[name] for name in chosen]))
+        if set(best.effects) == chosen.keys():
+            path[-1] = order_effects(best, chosen)  # in the order given, as the models before
     if chosen and not path[-1].fit.converged:
         raise NumericalError(
             f"{first.fit.structure.base.name} with {', '.join(chosen)}: the fit on {experiment.training.name} did not converge; "
