@@ -65,7 +65,7 @@ def simulate_limited(loops, lowest, highest):
 
 
 def test_push_agrees_with_the_simulation_of_the_library(page, trajectories, monkeypatch):
-    monkeypatch.setattr(monte_carlo_check, "LONGEST_STRIDE", 1)  # a step from knot to knot, as in the page
+    monkeypatch.setattr(monte_carlo_check, "MAX_STRIDE", 1)  # a step from knot to knot, as in the page
     assert len(trajectories) == 6
     for item, limited in product(trajectories, (False, True)):
         loops = close_loops([item], SETTINGS.pendulum.sign, SETTINGS)

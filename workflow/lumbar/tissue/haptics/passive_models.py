@@ -202,22 +202,16 @@ class PassiveFits:
             free = {model.estimator: model for model in self.free if model.name == name}
             best = free[OUTPUT_ERROR].scores.vaf_percent if OUTPUT_ERROR in free else None
             for estimator, model in free.items():
-                rows.append(
-                    self._row(name, _FREE_FITS.get(estimator, estimator), "as identified", model, best)
-                )
+                fit = _FREE_FITS.get(estimator, estimator)
+                rows.append(self._row(name, fit, "as identified", model, best))
             for model in self.passive:
                 base, _, ending = model.name.partition(f"-{PASSIVE}")
                 if base == name:
                     fit = f"{PASSIVE}{f' on the device at {ending[1:]}' if ending else ''}"
                     rows.append(self._row(name, fit, model.remark, model, best))
             if name not in _STRUCTURES and OUTPUT_ERROR in free:
-                none = {
-                    "consists_of": "none but 0",
-                    "takes_energy": "yes",
-                    "vaf_percent": 0.0,
-                    "vaf_cost": best,
-                }
-                rows.append({"model": name, "fit": PASSIVE, **none})
+                row = {"model": name, "fit": PASSIVE, "consists_of": "none but 0", "takes_energy": "yes"}
+                rows.append({**row, "vaf_percent": 0.0, "vaf_cost": best})
         slow, servo = self.rates
         facts = {"device": device_text(self.settings.device), "own": slow, "servo": servo}
         return table_from_schema("tissue/haptics", "passive_fits", rows, source_label, facts)
@@ -225,9 +219,14 @@ class PassiveFits:
     def _row(self, name: str, fit: str, consists_of: str, model: FittedModel, best: float | None) -> dict:
         vaf, estimator = model.scores.vaf_percent, model.estimator
         tests = [value for value in model.scores.vaf_tests_percent if value is not None]
-        slow, servo = None, None
-        if is_renderable(model):
-            slow, servo = (_analyse_at(model, self.settings, rate) for rate in self.rates)
+        analyses: list[LoopAnalysis | None] = []
+        for rate in self.rates if is_renderable(model) else ():
+            try:
+                device, exported = self.settings.device, export_at(model, self.settings, rate)
+                analyses.append(analyse(render_model(exported, device), device))
+            except NumericalError:  # no counterpart at this rate
+                analyses.append(None)
+        slow, servo = analyses or (None, None)
         return {
             "model": name,
             "fit": fit,
@@ -324,11 +323,3 @@ def takes_energy(structure: TransferFunction) -> bool:
     return bool(
         structure.stable and structure.static_gain >= -rounding and (response.imag >= -rounding).all()
     )
-
-
-def _analyse_at(model: FittedModel, settings: RuntimeSettings, rate: float) -> LoopAnalysis | None:
-    """Return the analysis at a rate in Hz; None if the model has no counterpart there."""
-    try:
-        return analyse(render_model(export_at(model, settings, rate), settings.device), settings.device)
-    except NumericalError:
-        return None

@@ -193,13 +193,6 @@ def simulate(
     """
     motion = cache(lambda part: [*propagation(device, part)[0].ravel(), *propagation(device, part)[1]])
     resolution = device.encoder_um * 1e-6
-
-    def hand_force(time: float) -> float:
-        """Return the force in N along the push that the moving rest position of the hand adds."""
-        phase = math.pi * min(time / PUSH_S, 1.0)
-        depth, speed = (1.0 - math.cos(phase)) / 2.0, math.pi / PUSH_S * math.sin(phase) / 2.0
-        return 1e-3 * push.depth_mm * (device.hand_stiffness_N_m * depth + device.hand_damping_N_s_m * speed)
-
     # A stylus without a hand is not pushed: it comes in at a push's mean speed.
     velocity = (0.0 if device.hand_stiffness_N_m else 1e-3 * push.depth_mm / PUSH_S) * push.direction
     position = acting = 0.0 * push.direction
@@ -227,8 +220,11 @@ def simulate(
             xx, xv, vx, vv, x_by_force, v_by_force = motion(part)
             for _ in range(count):
                 points.append((time, position, acting))
-                # The hand moves slowly compared with a part: its force is constant over it.
-                net = hand_force(time + part / 2) * push.direction - acting
+                # The moving rest position of the hand adds a force, constant over a part: the hand moves slowly.
+                phase = math.pi * min((time + part / 2) / PUSH_S, 1.0)
+                depth, speed = (1.0 - math.cos(phase)) / 2.0, math.pi / PUSH_S * math.sin(phase) / 2.0
+                hand = device.hand_stiffness_N_m * depth + device.hand_damping_N_s_m * speed
+                net = 1e-3 * push.depth_mm * hand * push.direction - acting
                 # Dry friction stops the stylus by the end of the part if it can (J. J. Moreau, 1988), else the stylus slides
                 # throughout. It is late by a part when the motion changes its direction.
                 stopping = net + (vx * position + vv * velocity) / v_by_force

@@ -113,9 +113,8 @@ class ExportModel:
         if not (math.isfinite(self.sampling_time) and self.sampling_time > 0):
             problems.add("sampling_time_s", f"{self.sampling_time}", "a finite number above 0 is needed")
         if self.input.variable == self.output.variable:
-            problems.add(
-                "quantities", f"input and output are both {self.input.quantity!r}", "they need two names"
-            )
+            fault = f"input and output are both {self.input.quantity!r}"
+            problems.add("quantities", fault, "they need two names")
         if not abs(self.output.offset) <= self.output_limit:
             problems.add(
                 "output_offset",
@@ -247,11 +246,8 @@ def find_models(fitted: list[FittedModel], settings: RuntimeSettings) -> list[Fi
         fits = [
             model
             for model in named
-            if model.trained_on is None
-            or (
-                model.trained_on == settings.trained_on
-                and (not model.discrete or model.estimator == settings.estimator)
-            )
+            if model.trained_on in (None, settings.trained_on)
+            and (model.trained_on is None or not model.discrete or model.estimator == settings.estimator)
         ]
         if not named:
             known = list(dict.fromkeys(model.name for model in fitted))
@@ -306,17 +302,13 @@ def _export_model(model: FittedModel, settings: RuntimeSettings) -> ExportModel:
     # The rotation of the force sensor's axes is not part of the tissue.
     forms = getattr(model.structure, "forms", ())
     sensor = " and ".join(form.effect.replace("_", " ") for form in forms if form.place is Place.FRAME)
-    runtime = (
-        f"Forces are along the axes of the position: {sensor} of the force sensor is left out."
-        if sensor
-        else ""
-    )
+    runtime = f"Forces are along the axes of the position: {sensor} of the force sensor is left out."
+    runtime = runtime if sensor else ""
     is_as_in_thesis = model.name.endswith(AS_IN_THESIS)
     if is_as_in_thesis:
         units = work_units(model.input.unit, model.output.unit)
-        limit = min(
-            settings.output_limit, _MAX_THESIS_FORCE_N / units.force if units.is_of_length else math.inf
-        )
+        largest = _MAX_THESIS_FORCE_N / units.force if units.is_of_length else math.inf
+        limit = min(settings.output_limit, largest)
         settings = settings.model_copy(
             update={
                 "rate_Hz": None,

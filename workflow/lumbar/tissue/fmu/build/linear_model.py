@@ -1,7 +1,6 @@
 """A linear model of an FMU: its transfer function, its C data, and its conversion to a faster loop."""
 
 import math
-from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
@@ -99,10 +98,15 @@ class LinearModel:
         names = [f"x{index + 1}" for index in range(system.nstates)]
         heads = [*(f"{name}[k+{self.phases}]" for name in names), "y[k]"]
         symbols = [*(f"{name}[k]" for name in names), f"u[k{late}]"]
-        rows = np.block([[system.A, system.B], [system.C, system.D]])
-        return [
-            f"{head} = {_sum(zip(row, symbols, strict=True))}" for head, row in zip(heads, rows, strict=True)
-        ]
+        lines = []
+        for head, row in zip(heads, np.block([[system.A, system.B], [system.C, system.D]]), strict=True):
+            text = ""
+            for value, symbol in zip(row, symbols, strict=True):
+                if value != 0.0:
+                    sign = ("−" if value < 0 else "") if not text else (" − " if value < 0 else " + ")
+                    text += f"{sign}{symbol}" if abs(value) == 1.0 else f"{sign}{abs(value):.6g} {symbol}"
+            lines.append(f"{head} = {text or '0'}")
+        return lines
 
     def c_data(self) -> list[str]:
         """Return the lines of model_data.h: hexadecimal floats are exact and do not depend on the machine."""
@@ -130,15 +134,6 @@ class LinearModel:
 def hex_row(values) -> str:
     """Return a C initialiser of hexadecimal floats."""
     return "{" + ", ".join(float(value).hex() for value in values) + "}"
-
-
-def _sum(terms: Iterable[tuple[float, str]]) -> str:
-    text = ""
-    for value, symbol in terms:
-        if value != 0.0:
-            sign = ("−" if value < 0 else "") if not text else (" − " if value < 0 else " + ")
-            text += f"{sign}{symbol}" if abs(value) == 1.0 else f"{sign}{abs(value):.6g} {symbol}"
-    return text or "0"
 
 
 _WHOLE = 1e-6
