@@ -101,15 +101,8 @@ def analyse_lift(
         _reject_recording(smooth, {**missing, "lift_off": events["lift_off"].how})
     if settings.gaps.longer == "error" and times:
         needed, span = _needed(points, table.ends, settings.pivot), (min(times), max(times))
-        problems = Problems(smooth.source)
-        for gap in gaps:
-            if gap.marker in needed and _overlaps(gap, *span) and not gap.filled:
-                evidence = f"not seen for {gap.length_s:.3g} s from {gap.start_s:.3f} s ({gap.outcome})"
-                problems.add(gap.marker, evidence)
-        if problems.entries:
-            longest = settings.gaps.maximum_s
-            problems.add("", f"gaps up to {longest:g} s between seen frames are filled", CUT_OR_KEEP)
-        problems.raise_if_any()
+        harmful = [gap for gap in gaps if gap.marker in needed and _overlaps(gap, *span)]
+        _reject_open_gaps(smooth, harmful, settings.gaps.maximum_s)
 
     # The axes of the planes are those of the laboratory, or rotated with the hips at the start of the deposit.
     angle, without_frame = 0.0, None
@@ -238,6 +231,17 @@ def _reject_recording(recording: MarkerRecording, reasons: dict[str, str]) -> No
         problems.add(name, reason)
     unused = f"markers of the file that no alias names: {', '.join(recording.unused[:60]) or 'none'}"
     problems.add("", unused, recognised_unaliased(recording))
+    problems.raise_if_any()
+
+
+def _reject_open_gaps(recording: MarkerRecording, gaps: Sequence[Gap], maximum_s: float) -> None:
+    """Raise an error that lists those of some gaps that stay open, with a remedy."""
+    problems = Problems(recording.source)
+    for gap in (gap for gap in gaps if not gap.filled):
+        evidence = f"not seen for {gap.length_s:.3g} s from {gap.start_s:.3f} s ({gap.outcome})"
+        problems.add(gap.marker, evidence)
+    if problems.entries:
+        problems.add("", f"gaps up to {maximum_s:g} s between seen frames are filled", CUT_OR_KEEP)
     problems.raise_if_any()
 
 

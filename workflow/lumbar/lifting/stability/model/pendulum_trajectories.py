@@ -106,31 +106,30 @@ def in_unit_time(trajectory: Trajectory) -> Trajectory:
 
 def find_problems(trajectory: Trajectory) -> Problems:
     """Return the problems that keep a trajectory from having a basin of attraction."""
-    from scipy.integrate import cumulative_trapezoid
-
     problems = Problems(trajectory.label)
-    time, angle = trajectory.time, trajectory.angle
-    if len(time) < MIN_SAMPLES:
-        problems.add("", f"{len(time)} samples", f"at least {MIN_SAMPLES} are needed")
+    if len(trajectory.time) < MIN_SAMPLES:
+        problems.add("", f"{len(trajectory.time)} samples", f"at least {MIN_SAMPLES} are needed")
         return problems
     for name in ("time", "angle", "angular_velocity", "angular_acceleration"):
         values = getattr(trajectory, name)
         bad = np.flatnonzero(~np.isfinite(values))
         if bad.size:
             problems.add(f"sample {bad[0] + 1}", f"{name} is {values[bad[0]]}", "every value must be finite")
-    limits = {
-        "mass_kg": (0.0, "a positive mass is needed"),
-        "length_m": (
-            MIN_LENGTH_M,
-            f"a pendulum shorter than {MIN_LENGTH_M} m describes no trunk segment: choose another pivot",
-        ),
-    }
-    for name, (least, allowed) in limits.items():
-        value = getattr(trajectory, name)
-        if not (least <= value < np.inf and value > 0):
-            problems.add(name, f"{value:g}", allowed)
-    if problems.entries:
-        return problems
+    if not 0 < trajectory.mass_kg < np.inf:
+        problems.add("mass_kg", f"{trajectory.mass_kg:g}", "a positive mass is needed")
+    if not MIN_LENGTH_M <= trajectory.length_m < np.inf:
+        allowed = f"a pendulum shorter than {MIN_LENGTH_M} m describes no trunk segment: choose another pivot"
+        problems.add("length_m", f"{trajectory.length_m:g}", allowed)
+    if not problems.entries:
+        _add_motion_problems(trajectory, problems)
+    return problems
+
+
+def _add_motion_problems(trajectory: Trajectory, problems: Problems) -> None:
+    """Add problems of time, angle and velocity, which must belong to one motion."""
+    from scipy.integrate import cumulative_trapezoid
+
+    time, angle = trajectory.time, trajectory.angle
     backward, turned = np.flatnonzero(np.diff(time) <= 0), np.flatnonzero(np.abs(angle) >= np.pi)
     if backward.size:
         row = backward[0] + 1
@@ -141,7 +140,7 @@ def find_problems(trajectory: Trajectory) -> Problems:
         row, allowed = turned[0], "a COM over or under its pivot lies within ±π"
         problems.add(f"sample {row + 1}", f"angle {angle[row]:.3g} rad", allowed)
     if problems.entries:
-        return problems
+        return
     error = angle - angle[0] - cumulative_trapezoid(trajectory.angular_velocity, time, initial=0.0)
     # A hundredth of a radian is below what markers resolve: a COM that hardly moves must not fail.
     deviation = float(np.ptp(error) / max(np.ptp(angle), 0.1))
@@ -151,7 +150,6 @@ def find_problems(trajectory: Trajectory) -> Problems:
             f"its integral strays from the angle by {100 * deviation:.0f} % of the angle's range",
             f"at most {100 * MAX_VELOCITY_DEVIATION:.0f} %: it must be the derivative of the angle",
         )
-    return problems
 
 
 NO_TRAJECTORY = "trajectory"
