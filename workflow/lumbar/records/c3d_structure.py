@@ -134,8 +134,7 @@ def check_structure(path: Path) -> C3dStructure:
 def _read_structure(path: Path, content: mmap.mmap, start: int, processor: int) -> C3dStructure:
     """Read and check a file as written by a processor; `start` is the first byte of the parameter section."""
     if processor not in _PROCESSORS:
-        known = ", ".join(f"{number} ({name})" for number, name in _PROCESSORS.items())
-        raise InputError(f"{path}: processor type {processor}; allowed are {known}")
+        raise InputError(f"{path}: processor type {processor}; allowed are {_PROCESSORS}")
     order = ">" if processor == MIPS else "<"
     points, analog, first, last, _, _, _, data_block, _ = struct.unpack(order + "9H", content[2:20])
     scale, rate = (
@@ -160,8 +159,7 @@ def _read_structure(path: Path, content: mmap.mmap, start: int, processor: int) 
     structure = _choose_fitting_values(structure, start)
     if not start < structure.data_start < size:
         raise InputError(
-            f"{path}: the data should start at byte {structure.data_start}, after the parameters at {start} and before "
-            f"the end of the file at {size}; the file is cut short or its header is corrupt"
+            f"{path}: data at byte {structure.data_start}, parameters at {start}, end at {size}; it is cut short or corrupt"
         )
     if not structure.n_points and analog:
         raise InputError(
@@ -319,10 +317,9 @@ def _stated_frames(structure: C3dStructure) -> dict[str, int]:
 def _check_agreement(path: Path, structure: C3dStructure) -> None:
     """Compare header and parameters."""
     problems, parameters = Problems(str(path)), structure.parameters
-    for name in ("USED", "SCALE", "RATE", "LABELS"):
-        if not parameters.get(f"POINT:{name}"):
-            problems.add(f"POINT:{name}", "missing or empty", "a reader cannot do without it")
-    problems.raise_if_any()
+    required = (f"POINT:{name}" for name in ("USED", "SCALE", "RATE", "LABELS"))
+    if missing := [name for name in required if not parameters.get(name)]:
+        raise InputError(f"{path}: {', '.join(missing)}: missing or empty; export the recording again")
     stated = {
         "number of points": (structure.n_points, int(parameters["POINT:USED"][0]) % 65536, "POINT:USED"),
         "scale factor": (structure.scale, parameters["POINT:SCALE"][0], "POINT:SCALE"),
@@ -332,16 +329,14 @@ def _check_agreement(path: Path, structure: C3dStructure) -> None:
         stated["data block"] = (structure.data_start // BLOCK + 1, start, "POINT:DATA_START")
     for quantity, (in_header, in_parameters, name) in stated.items():
         if not np.isclose(in_header, in_parameters, rtol=_RATE_TOLERANCE, atol=0):
-            problem = f"{in_header:g} in the header, {in_parameters:g} in {name}"
-            problems.add(quantity, problem, "they must agree")
+            problems.add(quantity, f"{in_header:g} in the header, {in_parameters:g} in {name}")
     problems.raise_if_any()
-    # A rate of another processor's format is about 1e-42.
-    if not structure.n_points or not RATES_HZ[0] <= structure.rate <= RATES_HZ[1]:
-        allowed = f"both must be positive, the rate {RATES_HZ[0]:g} to {RATES_HZ[1]:g} Hz"
-        problems.add("header", f"{structure.n_points} points at {structure.rate:g} Hz", allowed)
+    low, high = RATES_HZ  # in another processor's format the rate is about 1e-42
+    if not structure.n_points or not low <= structure.rate <= high:
+        problem = f"{structure.n_points} points at {structure.rate:g} Hz"
+        raise InputError(f"{path}: {problem}; both must be positive, the rate {low:g} to {high:g} Hz")
     if not np.isfinite(structure.scale) or structure.scale == 0:
-        problems.add("header", f"scale factor {structure.scale:g}", "a finite number other than 0 is needed")
-    problems.raise_if_any()
+        raise InputError(f"{path}: scale factor {structure.scale:g}; it must be finite and not 0")
 
 
 def _count_frames(path: Path, structure: C3dStructure) -> int:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from lumbar.base.errors import InputError, Problems
+from lumbar.base.errors import InputError
 from lumbar.settings.layout import MarkerLayout
 
 _UPPER = ("C7", "T12", "MANUBRIUM", "XIPHOID", "L_SHOULDER", "R_SHOULDER", "SACRUM", "L5", "L_HIP", "R_HIP")
@@ -74,21 +74,20 @@ def check_axes(positions: dict[str, np.ndarray], layout: MarkerLayout, source: s
     InputError
         With the correct axis of the file.
     """
-    problems = Problems(source)
     rotation = rotation_to_standard(layout.up, layout.forward)
     upward = _upward(positions)
     if upward is not None and _contradicts(upward, 2):
         axis = _file_axis(upward, rotation)
-        problem = f"{layout.up}, but the body stands along {axis}{remark}"
-        problems.add("markers.up", problem, f'set up: "{axis}"')
-        problems.raise_if_any()
+        raise InputError(
+            f'{source}: markers.up: {layout.up}, but the body stands along {axis}{remark}; set up: "{axis}"'
+        )
     facing, description = _facing(positions)
     if facing is not None and _contradicts(facing, 1):
         axis = _file_axis(facing, rotation)
-        problem = f"{layout.forward}, but {description} along {axis}{remark}"
-        remedy = f'set forward: "{axis}" (or check_axes: false if the person turns around)'
-        problems.add("markers.forward", problem, remedy)
-        problems.raise_if_any()
+        raise InputError(
+            f"{source}: markers.forward: {layout.forward}, but {description} along {axis}{remark}; set forward: "
+            f'"{axis}" (or check_axes: false if the person turns around)'
+        )
     across = _segments(positions, _SIDES)
     if across and _contradicts(np.mean(across, axis=0) * [1, 1, 0], 0):
         # Either the labels are swapped or forward is wrong; the front of the body may decide.
@@ -100,9 +99,10 @@ def check_axes(positions: dict[str, np.ndarray], layout: MarkerLayout, source: s
             remedy = "left and right labels are swapped"
         elif front != faces:
             remedy += ", unless left and right labels are swapped"
-        problem = f"the right side of the body is not to the right of the left side{remark}"
-        problems.add("markers", problem, f"{remedy} (check_axes: false skips this check)")
-    problems.raise_if_any()
+        raise InputError(
+            f"{source}: the right side of the body is not to the right of the left side{remark}; {remedy} (check_axes: "
+            "false skips this check)"
+        )
 
 
 def uncheckable_axes(positions: dict[str, np.ndarray]) -> list[str]:

@@ -201,9 +201,8 @@ def check_record(
         channel.
     """
     problems = Problems(record.source or record.name)
-    if len(record.time) < MIN_SAMPLES:
-        problems.add("", f"{len(record.time)} samples", f"at least {MIN_SAMPLES} are needed")
-        problems.raise_if_any()
+    if len(record) < MIN_SAMPLES:
+        raise InputError(f"{problems.subject}: {len(record)} samples; at least {MIN_SAMPLES} are needed")
     series = {role: channel.values for role, channel in record.channels.items()}
     with np.errstate(invalid="ignore"):  # values that are not finite are reported separately
         constant = {role for role, values in series.items() if np.ptp(values) == 0}
