@@ -111,21 +111,13 @@ def test_all_wrong_keys_are_named_at_once(config, folder):
 
 
 ALIAS = "allowed: text, {mean}, {between, share}, {from, offset_m}, list of text"
+WRONG_ALIASES = [
+    ({"lifting": {"markers": {"aliases": {"C7": alias}}}}, ["lifting.markers.aliases.C7: found", ALIAS])
+    for alias in (7, {"median": ["A", "B"]}, {"mean": ["A"]}, {"from": "A", "offset_m": [0, 0, 3]})
+]
 
 
-@pytest.mark.parametrize(
-    ("changes", "words"),
-    [
-        *cases(__file__, "refused_together"),
-        *(
-            (
-                {"lifting": {"markers": {"aliases": {"C7": alias}}}},
-                ["lifting.markers.aliases.C7: found", ALIAS],
-            )
-            for alias in (7, {"median": ["A", "B"]}, {"mean": ["A"]}, {"from": "A", "offset_m": [0, 0, 3]})
-        ),
-    ],
-)
+@pytest.mark.parametrize(("changes", "words"), [*cases(__file__, "refused_together"), *WRONG_ALIASES])
 def test_contradictions_between_keys_are_reported(config, folder, changes, words):
     message = refusal(load_study, overlay(config, changes), folder)
     assert all(word in message for word in words)

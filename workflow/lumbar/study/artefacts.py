@@ -31,12 +31,12 @@ class Artefact:
     rule: str
     """Rule that makes it."""
     path: str
-    """Below the study's results; ``{csv,tex,html}`` stands for each of these, ``{lift}`` for every lift, ``{model}`` for
-    every exported model, ``{record_set}`` for every record set of the improvement chapter."""
+    """Path below the study's results. ``{csv,tex,html}`` means each of these; ``{lift}``, ``{model}`` and ``{record_set}`` mean
+    every lift, exported model and record set of the improvement chapter."""
     chapter: str
     """One of `CHAPTERS`."""
     label: str = ""
-    """What the report calls it; empty where it is not shown there."""
+    """Name in the report; empty if it is not shown there."""
     source: str = ""
     """Equations, figure, table or section of the thesis that it follows."""
     function: str = ""
@@ -45,56 +45,48 @@ class Artefact:
     """One of ``stability.checks`` without which it would be empty: then it is not made."""
 
     def expanded(self, **choices: Iterable[str]) -> Self:
-        """Return the artefact with ``{name}`` standing for each of the choices given for it."""
+        """Return the artefact with each of the given choices in place of ``{name}``."""
         path = self.path
         for name, values in choices.items():
-            values = list(values)
-            choice = "{" + ",".join(values) + "}" if len(values) > 1 else "".join(values)
-            path = path.replace(f"{{{name}}}", choice)
+            joined = ",".join(values)
+            path = path.replace(f"{{{name}}}", f"{{{joined}}}" if "," in joined else joined)
         return replace(self, path=path)
 
     def paths(self, lifts: Iterable[str] = ()) -> list[str]:
-        """Every file of the artefact, below the study's results."""
+        """Return every file of the artefact, below the study's results."""
         return [path for path, _ in self.labelled(lifts)]
 
     def labelled(self, lifts: Iterable[str] = ()) -> list[tuple[str, str]]:
-        """Every file of the artefact with what the report calls it; other names in braces stay."""
-        choices = lifts if "{lift}" in self.path else [""]
+        """Return every file of the artefact with its name in the report; other names in braces stay."""
         return [
             (path, self.label.replace("{lift}", lift))
-            for lift in choices
+            for lift in (lifts if "{lift}" in self.path else [""])
             for path in _expand_braces(self.path.replace("{lift}", lift))
         ]
 
 
 def _expand_braces(pattern: str) -> list[str]:
-    """Return what ``a{b,c}`` stands for; a name alone in braces is a wildcard and stays."""
-    found = re.search(r"\{([^{}]*,[^{}]*)\}", pattern)
-    if found is None:
+    """Return the paths of ``a{b,c}``; a single name in braces is a wildcard and stays."""
+    braces = re.search(r"\{([^{}]*,[^{}]*)\}", pattern)
+    if braces is None:
         return [pattern]
-    before, after = pattern[: found.start()], pattern[found.end() :]
-    return [path for choice in found[1].split(",") for path in _expand_braces(before + choice + after)]
+    before, after = pattern[: braces.start()], pattern[braces.end() :]
+    return [path for choice in braces[1].split(",") for path in _expand_braces(before + choice + after)]
 
 
 def read_artefacts(path: Path) -> list[Artefact]:
-    """Read the sheet of artefacts (tab-separated: id, rule, path, chapter, label in the report, source, function, check)."""
+    """Read the sheet of artefacts: tab-separated fields of `Artefact` below a header."""
     with path.open(encoding="utf-8", newline="") as stream:
-        rows = list(csv.DictReader(stream, delimiter="\t"))
+        cells = csv.DictReader(stream, delimiter="\t")
+        rows = [Artefact(**{name: text or "" for name, text in row.items()}) for row in cells]
     problems = Problems(str(path))
-    for line, row in enumerate(rows, start=2):
-        if row["chapter"] not in CHAPTERS:
-            problems.add(f"line {line}", f"chapter {row['chapter']!r}", f"allowed: {', '.join(CHAPTERS)}")
-        if row["id"] in (earlier["id"] for earlier in rows[: line - 2]):
-            problems.add(f"line {line}", f"{row['id']!r} is repeated", "ids are names of targets")
-        if row["label"] and row["label"] in (earlier["label"] for earlier in rows[: line - 2]):
-            problems.add(
-                f"line {line}", f"label {row['label']!r} is repeated", "the report could show one only"
-            )
+    for number, row in enumerate(rows):
+        place, earlier = f"line {number + 2}", rows[:number]
+        if row.chapter not in CHAPTERS:
+            problems.add(place, f"chapter {row.chapter!r}", f"allowed: {', '.join(CHAPTERS)}")
+        if row.id in [item.id for item in earlier]:
+            problems.add(place, f"{row.id!r} is repeated", "ids are names of targets")
+        if row.label and row.label in [item.label for item in earlier]:
+            problems.add(place, f"label {row.label!r} is repeated", "the report could show one only")
     problems.raise_if_any()
-    optional = ("label", "source", "function", "check")
-    return [
-        Artefact(
-            row["id"], row["rule"], row["path"], row["chapter"], *(row.get(name) or "" for name in optional)
-        )
-        for row in rows
-    ]
+    return rows
