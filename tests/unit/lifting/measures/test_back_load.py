@@ -84,7 +84,7 @@ def table():
     return long_table(lifts, {"expert": "expert", "novice": "novice"})
 
 
-def test_the_page_has_the_mean_of_a_group_and_says_what_is_absent(table):
+def test_page_has_group_means_and_missing_measures(table):
     page = measures_page(table, SYNTHETIC_TWIN)
     rows = page.frame.set_index(["measure", "plane"])
     again = table[(table["measure"] == "l5s1_moment_peak") & (table["plane"] == "all")].set_index("group")[

@@ -33,7 +33,7 @@ def test_distance_to_the_edge_of_a_square(point, margin, direction):
         assert towards[0] == pytest.approx(direction, abs=1e-12)
 
 
-def test_inside_any_hull_it_is_the_distance_to_qhull_s_nearest_facet():
+def test_margin_inside_a_hull_is_the_distance_to_qhull_s_facet():
     rng = np.random.default_rng(2)
     corners, points = rng.normal(size=(40, 8, 2)), 0.3 * rng.normal(size=(40, 2))
     actual, _ = base(corners).margin(points)
@@ -63,7 +63,7 @@ def test_the_functional_part_is_similar_about_the_centre():
     assert part.reach(np.array([[0.5, 0.5]]), np.array([[0.6, 0.8]])) == pytest.approx([0.3 * 1.4])
 
 
-def test_a_foot_ends_at_its_toe_or_at_its_length_whichever_is_further():
+def test_foot_ends_at_the_farther_of_toe_and_length():
     heel, near, far = np.array([[0.0, 0.1, 0.0]]), np.array([[0.0, 0.28, 0.0]]), np.array([[0.0, 0.4, 0.0]])
     flat, middle, ahead = np.array([True]), np.array([[0.0, 0.2]]), np.array([[0.0, 1.0]])
     assert footprint(heel, near, flat, flat, 0.26, 0.1).reach(middle, ahead) == pytest.approx([0.16])

@@ -107,7 +107,7 @@ def test_p_values_are_adjusted_after_holm_by_comparison_and_box(compared):
         assert ranked["p_holm"].to_numpy() == pytest.approx(np.minimum(steps, 1.0))
 
 
-def test_trials_are_no_people(table, compared):
+def test_repeated_trials_change_no_interval(table, compared):
     """Every trial counted twice changes no interval: a person is one value."""
     twice = lumbar.compare_groups(pd.concat([table, table])).table.frame
     columns = ["low", "high", "df", "p"]
@@ -122,7 +122,7 @@ def test_picture_has_the_safer_group_on_its_side(compared):
     assert len(effects) == 6 and min(effects[:4]) > 0
 
 
-def test_too_few_people_are_named_and_not_tested(table):
+def test_too_few_people_are_reported_and_not_tested(table):
     few = lumbar.compare_groups(table[table["person"].isin(["expert_0", "expert_1", "novice_0"])])
     between = few.table.frame[few.table.frame["comparison"] == "expert_vs_novice"]
     assert between["p"].isna().all() and (between["safer"] == "cannot be told").all()
@@ -131,7 +131,7 @@ def test_too_few_people_are_named_and_not_tested(table):
     assert "at least 3 are needed" in str(few)
 
 
-def test_wrong_tables_are_refused(table, tmp_path):
+def test_wrong_tables_are_rejected(table, tmp_path):
     with pytest.raises(lumbar.InputError, match="no columns person"):
         lumbar.compare_groups(table.drop(columns="person"))
     with pytest.raises(lumbar.InputError, match="no subject is labelled 'trained'"):

@@ -37,7 +37,7 @@ def best_braking(point, velocity, duration=4.0):
 
 
 @pytest.mark.parametrize("velocity", [(0.0, 0.1), (0.12, -0.05), (-0.2, 0.05)])
-def test_the_smallest_impulse_is_the_one_that_makes_the_linear_pendulum_fall(velocity):
+def test_smallest_impulse_makes_the_linear_pendulum_fall(velocity):
     point, velocity = np.array([0.01, 0.04]), np.array(velocity)
     margin, direction = BASE.margin(extrapolated_centre(point[None], velocity[None], OMEGA))
     push = smallest_impulse(MASS, OMEGA, margin)[0] * direction[0]
@@ -65,13 +65,13 @@ def fall(angle, velocity, reach):
 
 
 @pytest.mark.parametrize(("angle", "reach"), [(0.0, 0.15), (-0.3, 0.15), (0.1, 0.2), (-0.1, 0.05)])
-def test_the_nonlinear_pendulum_stops_just_below_the_separatrix_and_falls_just_above(angle, reach):
+def test_nonlinear_pendulum_stops_below_the_separatrix_only(angle, reach):
     speed = braking_speed(np.array([angle]), LENGTH, reach, G)[0]
     assert fall(angle, 0.999 * speed, reach)
     assert not fall(angle, 1.001 * speed, reach)
 
 
-def test_beyond_the_saddle_only_a_pendulum_that_swings_back_fast_enough_returns():
+def test_beyond_the_saddle_only_a_fast_pendulum_returns():
     reach, angle = 0.1, 0.3
     speed = braking_speed(np.array([angle]), LENGTH, reach, G)[0]
     assert speed < 0
@@ -114,7 +114,7 @@ def test_weak_ankles_or_short_feet_limit_the_centre_of_pressure():
     assert np.concatenate(limits["lateral_bending"]) == pytest.approx([9 / weight[0], 12 / weight[0]])
 
 
-def test_strength_is_the_published_one_and_the_mean_of_both_sexes_where_none_is_known():
+def test_strength_of_unknown_sex_is_the_mean_of_published_ones():
     assert ankle_torques("unknown").plantar_flexion == pytest.approx((158.1 + 100.4) / 2)
     assert trunk_extension_strength(np.array([0.0, 20.0, 50.0, 90.0]), "male") == pytest.approx(
         [288, 288, (232 + 171) / 2, 171]

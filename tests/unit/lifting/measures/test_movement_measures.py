@@ -131,7 +131,7 @@ def test_hidden_heel_drops_only_dependent_measures(expert):
     assert rows.loc["lumbar_flexion_peak", "reason"] == ""
 
 
-def test_joint_angles_and_margin_of_an_athlete_who_stands_with_spread_arms(shared):
+def test_joint_angles_and_margin_of_a_standing_athlete(shared):
     path = shared / "real" / "lifting" / "athlete_static_full_spine" / "c3dfile1.c3d"
     settings = changed(LIFTING, markers={"aliases": ATHLETE, "check_axes": False})
     athlete = ANN.model_copy(update={"sex": "female", "mass_kg": 62.0, "height_m": 1.6})

@@ -27,7 +27,7 @@ def share_along(start, end, point):
     return float(np.nanmean(np.sum(line * offset, axis=1) / np.sum(line**2, axis=1)))
 
 
-def test_t12_lies_where_a_static_trial_with_the_whole_spine_has_it(study, shared):
+def test_t12_agrees_with_a_static_trial_of_the_whole_spine(study, shared):
     points = raw(shared / "real" / "lifting" / "athlete_static_full_spine" / "c3dfile1.c3d")
     sacrum = (points["LPSI"] + points["RPSI"]) / 2
     t10 = points["T12"] + (points["T6"] - points["T12"]) / 3
@@ -76,7 +76,7 @@ def lift_of(tmp_path):
 
 
 @pytest.mark.parametrize(("larger", "same_person"), [(1.0, True), (1.15, False)])
-def test_the_shape_of_another_person_s_static_trial_fills_no_gap(points, lift_of, larger, same_person):
+def test_static_trial_of_another_person_fills_no_gap(points, lift_of, larger, same_person):
     gappy = hide(points, slice(250, 350), "PSISl")
     noise = np.random.default_rng(1).normal(0, 2e-4, (60, 3))
     static = {label: larger * np.nanmean(values[:50], axis=0) + noise for label, values in points.items()}

@@ -192,7 +192,7 @@ def test_spine_as_an_independent_implementation_has_it(sex, cervical, thoracic):
 
 
 @pytest.mark.parametrize(("sex", "expected"), [("male", (-0.336, -0.149)), ("female", (-0.371, -0.050))])
-def test_dumas_pelvis_lies_where_the_other_table_of_the_same_authors_has_it(sex, expected):
+def test_dumas_pelvis_agrees_with_the_authors_other_table(sex, expected):
     """Dumas et al., J. Biomech. 40 (2007), Table 2 alternative: from the middle of the ASIS, shares of the width."""
     points = points_of(pelvis(1000, 600), "reed", sex=sex)
     top, bottom = points["L5S1"], points["MID_HIP"]
@@ -204,7 +204,7 @@ def test_dumas_pelvis_lies_where_the_other_table_of_the_same_authors_has_it(sex,
     assert centre == pytest.approx([0, *expected], abs=1e-3)
 
 
-def test_all_points_lie_inside_the_body_where_all_markers_are_there():
+def test_all_points_are_inside_the_body_with_all_markers():
     points = points_of(body())
     assert not points.list_skin_rules(points.points)
     assert not points.missing
@@ -223,7 +223,7 @@ def test_all_points_lie_inside_the_body_where_all_markers_are_there():
         (("L_PSIS", "SACRUM"), {"L4L5", "L5S1", "MID_HIP"}, "no marker L_PSIS"),
     ],
 )
-def test_what_lies_on_the_skin_is_said_with_how_far_it_may_be_off(left_out, on_skin, message):
+def test_points_on_the_skin_report_their_possible_error(left_out, on_skin, message):
     points = points_of(body(*left_out))
     assert {name for name, point in points.points.items() if not point.inner} == on_skin
     assert len(points.list_skin_rules(points.points)) == len(on_skin)
@@ -234,14 +234,14 @@ def test_what_lies_on_the_skin_is_said_with_how_far_it_may_be_off(left_out, on_s
         assert point.markers == (("L_HIP", "R_HIP") if name == "MID_HIP" else (SPINE[name],))
 
 
-def test_the_sacrum_stands_for_both_psis_and_c7_for_t8_and_it_is_said():
+def test_sacrum_replaces_psis_and_c7_replaces_t8():
     points = points_of(body("R_PSIS", "T8")).points
     assert "SACRUM" in points["MID_HIP"].markers
     assert "C7 in place of T8" in points["T12L1"].rule
     assert points["T12L1"].off_mm > points["C7T1"].off_mm
 
 
-def test_a_point_without_any_of_its_markers_is_missing_and_names_each_marker_once():
+def test_missing_point_lists_each_marker_once():
     points = points_of(body("C7", "MANUBRIUM"))
     assert points.missing["C7T1"] == "no marker C7, MANUBRIUM"
     points = points_of(body("C7", "T8", "T12"))
@@ -272,7 +272,7 @@ PLUG_IN_GAIT = {
 
 
 @pytest.mark.parametrize(("trial", "behind", "headless"), [("static", 24.3, 25.7), ("gait", 32.4, 33.4)])
-def test_head_markers_bring_the_body_s_centre_nearer_to_plug_in_gait_s(shared, trial, behind, headless):
+def test_head_markers_reduce_the_distance_from_plug_in_gait(shared, trial, behind, headless):
     markers = {"unit": "m", "aliases": PLUG_IN_GAIT, "required": [], "check_axes": False}
     layout, file = lumbar.MarkerLayout(**markers), shared / "real/lifting/ktk_pig_com_oracle" / f"{trial}.c3d"
     recording = lumbar.read(file, layout=layout)

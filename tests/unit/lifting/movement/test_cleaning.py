@@ -66,7 +66,7 @@ def test_extension_of_order_2_is_three_periods():
     np.testing.assert_array_equal(low_pass(values, rate), expected)
 
 
-def test_each_stretch_is_filtered_on_its_own():
+def test_intervals_are_filtered_separately():
     generator = np.random.default_rng(1)
     values = np.cumsum(generator.normal(size=(200, 3)), axis=0)
     holes = values.copy()
@@ -83,7 +83,7 @@ def test_cut_off_must_fit_the_rate(cutoff):
         low_pass(np.zeros(100), 100.0, cutoff)
 
 
-def test_stretch_that_is_too_short_is_named():
+def test_too_short_interval_is_reported():
     values = np.zeros((100, 3))
     values[40] = values[40 + frames_of_cutoff(6.0, 100.0) + 1] = np.nan
     recording = MarkerRecording("lift", np.arange(100) / 100, 100.0, {"C7": values, "L5": np.zeros((100, 3))})
@@ -99,7 +99,7 @@ def test_derivatives_of_a_parabola_are_exact_to_the_ends():
     np.testing.assert_allclose(derivative(values, 50.0, 2), np.tile([6, -2], (30, 1)), atol=1e-8)
 
 
-def test_derivative_of_each_stretch_on_its_own():
+def test_intervals_are_differentiated_separately():
     values = np.arange(20.0) ** 2
     values[9] = np.nan
     result = derivative(values, 1.0)

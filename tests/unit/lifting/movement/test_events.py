@@ -181,7 +181,7 @@ def test_a_box_that_is_not_set_down_is_no_deposit():
 
 @pytest.mark.parametrize("drop", [0.046, 0.039])
 @pytest.mark.parametrize(("bob", "actual"), [(0.0, True), (0.003, True), (0.02, False)])
-def test_a_small_descent_is_a_deposit_where_the_box_hardly_goes_down_otherwise(drop, bob, actual):
+def test_small_descent_is_a_deposit_if_others_are_smaller(drop, bob, actual):
     """Steps of 2 Hz move the box up and down while it is carried: a descent hardly larger than theirs is no deposit."""
     steps = bob * np.sin(4 * np.pi * TIME) * (ramp(3.2, 3.4) - ramp(4.6, 4.9))
     event = events_of(moved(scene(drop=drop), 2, steps, *CARRIED))["deposit_start"]

@@ -56,7 +56,7 @@ def test_the_spline_does_not_end_where_the_deposit_ends():
     assert short.angular_velocity == pytest.approx(1.5 * np.cos(5 * short.time), abs=1e-4)
 
 
-def test_missing_samples_within_the_deposit_are_refused_and_outside_do_not_matter():
+def test_missing_samples_are_rejected_only_within_the_deposit():
     bob = rod(0.2 * np.sin(3 * TIME), 1.0, "lateral_bending")
     bob[20:60] = np.nan
     bob[350:360] = np.nan
@@ -67,7 +67,7 @@ def test_missing_samples_within_the_deposit_are_refused_and_outside_do_not_matte
         pendulum_states(TIME, bob, START, STOP, 50, "rod")
 
 
-def test_a_deposit_of_three_samples_is_refused():
+def test_deposit_of_three_samples_is_rejected():
     with pytest.raises(InputError, match="has 3 samples; 4 are needed"):
         pendulum_states(TIME, rod(0 * TIME, 1.0, "lateral_bending"), 1.0, 1.004, 50, "rod")
 
@@ -77,7 +77,7 @@ def test_a_bob_at_the_pivot_has_no_angle():
         pendulum_states(TIME, rod(0 * TIME, 0.005, "lateral_bending"), START, STOP, 50, "rod")
 
 
-def test_missing_markers_are_refused_with_the_pivots_that_are_possible():
+def test_missing_markers_are_rejected_with_possible_pivots():
     recording = MarkerRecording("x", np.arange(5) / 100, 100.0, {"L5": np.ones((5, 3))}, source="x.c3d")
     points = trunk_points(recording, "inner", "harrington", "male")
     with pytest.raises(InputError, match=r"2 problems(.|\n)*pivots possible with this recording: L5"):

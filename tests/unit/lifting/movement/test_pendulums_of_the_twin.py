@@ -62,7 +62,7 @@ def errors_mm(study, recording, ends):
     return distance, np.abs(states.angle - np.interp(states.time, movement.time, angle)).max()
 
 
-def test_joint_centres_recover_the_true_centres_of_mass_and_the_skin_does_not(study, recording):
+def test_joint_centres_recover_true_centres_of_mass(study, recording):
     """The lifter wears its markers on a skin of its own anatomy, not that of the regressions."""
     inner, inner_angle = errors_mm(study, recording, "inner")
     skin, skin_angle = errors_mm(study, recording, "skin")
@@ -74,7 +74,7 @@ def test_joint_centres_recover_the_true_centres_of_mass_and_the_skin_does_not(st
     assert skin_angle > 0.05
 
 
-def test_states_do_not_depend_on_place_nor_on_the_laboratorys_heading(study, recording):
+def test_states_do_not_depend_on_place_or_heading(study, recording):
     settings, _, subject, trial = study
     settings = changed(settings, frame="pelvis")
     shift = np.array([3.0, -7.0, 0.4])
@@ -88,7 +88,7 @@ def test_states_do_not_depend_on_place_nor_on_the_laboratorys_heading(study, rec
         assert there[column].to_numpy() == pytest.approx(here[column].to_numpy(), abs=1e-8)
 
 
-def test_the_box_pulls_the_pendulum_forward_where_it_counts_in_the_position(study, recording):
+def test_box_in_the_position_moves_the_pendulum_forward(study, recording):
     settings, _, subject, trial = study
     without, boxed = (
         lumbar.lift(recording, subject, trial=trial, settings=changed(settings, box={"in_position": counts}))

@@ -56,7 +56,7 @@ def test_the_error_at_the_edges_is_spread_over_the_gap():
     np.testing.assert_allclose(filled["C"], slid["C"], atol=1e-10)
 
 
-def test_short_gaps_are_left_to_splines_and_two_markers_tell_nothing():
+def test_short_gaps_and_bodies_of_two_markers_are_not_filled():
     points = moving()
     shape = body_shape(points, LABELS, "the static trial")
     short = hide(points, slice(100, 110), "C")
@@ -78,7 +78,7 @@ def test_markers_on_one_line_do_not_tell_how_the_body_turns():
     assert not gaps
 
 
-def test_a_corner_hidden_for_a_second_of_a_real_box_comes_back_within_5_mm(shared):
+def test_hidden_corner_of_a_real_box_is_restored_within_5_mm(shared):
     """A spline through the same gap is off by ten times as much: the box is swung onto a shelf meanwhile."""
     file = shared / "real" / "lifting" / "s2m_box_transfer" / "Vicon.c3d"
     recording = lumbar.read(file, layout=lumbar.MarkerLayout(forward="-x", check_axes=False))

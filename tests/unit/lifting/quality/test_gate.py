@@ -49,7 +49,7 @@ def recordings(request, twin_lift):
 
 
 @pytest.mark.parametrize("name", [*RECORDINGS, *SYNTHETIC])
-def test_nothing_is_found_in_an_untouched_recording(recordings, name):
+def test_untouched_recording_has_no_findings(recordings, name):
     recording, _ = recordings(name)
     assert examine(recording.positions, recording.time, recording.rate) == []
 
@@ -90,7 +90,7 @@ def test_small_and_short_corruptions_of_any_marker_are_named(recordings, name, s
             assert max(finding.frames.stop for finding in findings) == pytest.approx(frames.stop, abs=1)
 
 
-def test_all_labels_of_a_side_exchanged_are_told_as_a_mirrored_body(recordings):
+def test_all_sides_exchanged_are_reported_as_a_mirrored_body(recordings):
     recording, _ = recordings("ktk_pig_com_oracle/gait.c3d")
     points = dict(recording.positions)
     for left, right in side_pairs(points):
@@ -109,7 +109,7 @@ def test_lengths_of_the_body_are_compared_with_the_stature(recordings, height_m,
     assert [finding.kind for finding in findings] == kinds
 
 
-def test_both_legs_that_change_sides_during_a_walk_are_named_pair_by_pair_and_from_the_frame_on(recordings):
+def test_legs_that_change_sides_are_reported_pair_by_pair(recordings):
     """All leap at once, each to where its fellow was and near to where others were."""
     walk, _ = recordings("ktk_pig_com_oracle/gait.c3d")
     points, time, rate = walk.positions, walk.time, walk.rate
@@ -149,7 +149,7 @@ def drifted(recording, label, start, direction=(1.0, 0.0, 0.0)):
     return changed(recording.positions, label, frames, recording[label][frames] + away)
 
 
-def test_frames_wrong_in_a_real_recording_are_left_out_and_no_others(shared):
+def test_only_wrong_frames_of_a_real_recording_are_left_out(shared):
     """The distance of RSK1 from RSK2 is 103 to 111 mm except in frames 137 to 166, where it grows to 157 mm."""
     recording = lumbar.read(shared / "real" / "c3d_edge" / "01_intel_int.c3d", layout=LAYOUT)
     actual = {
@@ -167,14 +167,14 @@ def test_frames_wrong_in_a_real_recording_are_left_out_and_no_others(shared):
 
 
 @pytest.mark.parametrize("start", [140, 270, 430])
-def test_a_drift_that_ends_in_a_leap_back_is_left_out_alone(box_transfer, start):
+def test_drift_that_ends_in_a_leap_is_left_out(box_transfer, start):
     (finding,) = examine(drifted(box_transfer, "T10", start), box_transfer.time, box_transfer.rate)
     assert (finding.kind, finding.outcome, finding.markers) == ("jump", "left out", ("T10",))
     assert finding.frames.start == pytest.approx(start, abs=6)
     assert finding.frames.stop == start + DRIFT
 
 
-def test_where_distances_do_not_tell_it_is_said_and_nothing_is_left_out():
+def test_undecided_leap_is_noted_and_nothing_is_left_out():
     """Markers that move at will have no distance that says where one of them belongs."""
     rng = np.random.default_rng(3)
     time = np.arange(400) / 100
@@ -190,7 +190,7 @@ def test_where_distances_do_not_tell_it_is_said_and_nothing_is_left_out():
 
 
 @pytest.mark.parametrize("cut", [200, 290])
-def test_frames_cut_out_are_one_error_and_no_marker_is_left_out(box_transfer, cut):
+def test_cut_out_frames_are_one_error(box_transfer, cut):
     kept = np.delete(np.arange(len(box_transfer)), np.r_[cut : cut + 30])
     points = {label: positions[kept] for label, positions in box_transfer.positions.items()}
     (finding,) = examine(points, np.arange(len(kept)) / box_transfer.rate, box_transfer.rate)
@@ -248,7 +248,7 @@ def test_a_racket_at_50_Hz_does_not_jump(recordings):
 
 
 @pytest.mark.parametrize("label", ["C7", "LASI"])
-def test_of_a_jump_the_part_that_is_no_body_is_left_out_also_where_it_is_the_longer_one(recordings, label):
+def test_wrong_side_of_a_jump_is_left_out_even_if_longer(recordings, label):
     recording, _ = recordings("weird_squat_trc/markers_Squat2.trc")
     wrong = slice(0, 320)
     moved = recording.positions[label][wrong] + [0.06, 0.08, 0.0]

@@ -36,7 +36,7 @@ def test_gaps_are_those_of_the_file(lift_file, points):
     assert actual.sheet.missing_share == pytest.approx(np.mean(list(missing.values())))
 
 
-def test_error_of_the_pipeline_is_reported_and_does_not_stop_inspection(points, tmp_path):
+def test_error_of_the_pipeline_does_not_stop_inspection(points, tmp_path):
     write_recording(
         tmp_path / "tenfold.c3d", {label: 0.1 * p for label, p in points.items()}, subject="expert"
     )
@@ -46,7 +46,7 @@ def test_error_of_the_pipeline_is_reported_and_does_not_stop_inspection(points, 
     assert not is_analysed and "set markers.scale to 10" in reason
 
 
-def test_the_command_prints_draws_and_names_files_that_cannot_be_read(points, tmp_path, run):
+def test_command_prints_draws_and_reports_unreadable_files(points, tmp_path, run):
     frozen = tmp_path / "frozen.c3d"
     write_recording(frozen, changed(points, "C7", slice(300, 400), points["C7"][300]), subject="expert")
     status, out, err = run("inspect", frozen, "--height", "1.75", "--picture", tmp_path / "frozen.svg")
@@ -62,7 +62,7 @@ def test_the_command_prints_draws_and_names_files_that_cannot_be_read(points, tm
     assert [finding["kind"] for finding in entry["findings"]] == ["frozen"]
 
 
-def test_a_record_of_force_and_position_is_sent_to_the_diagnosis(tmp_path):
+def test_record_of_force_and_position_is_rejected(tmp_path):
     n = np.arange(300)
     write_columns(tmp_path / "record.csv", time_s=n / 100, position_mm=np.sin(n / 9), force_N=np.cos(n / 7))
     with pytest.raises(lumbar.InputError, match=r"lumbar diagnose .* examines records"):

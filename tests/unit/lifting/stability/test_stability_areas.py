@@ -24,7 +24,7 @@ def basins():
     return basins_of_lift(lift(), SETTINGS, 1, [in_unit_time(item) for item in lift()])
 
 
-def test_figure_4_3_draws_the_thesiss_funnel_beside_the_exact_ones(basins):
+def test_figure_4_3_has_the_thesis_s_and_the_exact_funnels(basins):
     axes = np.reshape(figure_4_3(basins.funnels, SETTINGS).axes[:9], (3, 3))
     columns = [("thesis", "thesis"), ("thesis", "exact"), ("study", "exact")]
     rows = basins.funnels.query("com == 'abdomen' and plane == 'flexion_extension'")
@@ -65,7 +65,7 @@ def test_percent_differences_by_hand():
     assert rows["decrease_in_mass_novice"]["flexion_extension"] == pytest.approx(-50.0)
 
 
-def test_variants_are_what_they_say():
+def test_variants_change_the_named_weight():
     items = lift()[:2]
     fine = SETTINGS.model_copy(update={"fewer_knots": SETTINGS.knots})
     varied = varied_areas(dict.fromkeys(("R/", "b*"), items), fine)

@@ -63,7 +63,7 @@ def test_rate_is_the_maximum_on_a_dense_grid(degree):
         assert circle_maximum(row, degree + 1) == pytest.approx(values.max(), abs=1e-7)
 
 
-def test_rates_are_those_of_eq_4_6_from_the_equation_of_motion_in_cvxpy(loops):
+def test_rates_agree_with_eq_4_6_in_cvxpy(loops):
     level = np.linspace(2.0, 0.5, loops.knots)[:, None] * np.ones(2)
     knots = [0, loops.knots // 3, loops.knots - 1]
     assert rate_differences(loops, level, knots).max() < AGREEMENT
@@ -72,7 +72,7 @@ def test_rates_are_those_of_eq_4_6_from_the_equation_of_motion_in_cvxpy(loops):
     assert rate_differences(other, level, knots).min() > 10 * AGREEMENT
 
 
-def test_a_solver_that_gives_up_is_told_with_the_basin(loops, monkeypatch):
+def test_solver_failure_names_the_basin(loops, monkeypatch):
     def give_up(problem, **options):
         raise cp.SolverError("Solver 'CLARABEL' failed")
 
@@ -82,7 +82,7 @@ def test_a_solver_that_gives_up_is_told_with_the_basin(loops, monkeypatch):
         RateProgramme(3).solve(loops, 0, 0, level=1.0)
 
 
-def test_status_other_than_solved_is_no_result():
+def test_status_other_than_solved_is_an_error():
     with pytest.raises(NumericalError, match="a pendulum: the sum-of-squares programme ended as"):
         Certificate(3).solve(np.full(len(monomials(4)), np.nan), "a pendulum")
 
@@ -133,7 +133,7 @@ def test_level_step_by_hand():
     assert np.isnan(level_factors(np.zeros((1, 15)), np.array([-0.25]), ring)).all()
 
 
-def test_areas_of_one_alternation_have_the_digits_they_are_published_with(loops):
+def test_areas_of_one_alternation_have_their_published_digits(loops):
     """Rounding moves nothing that is printed; a solver that stops elsewhere moves no more than `RESOLUTION` says."""
     actual = alternate(loops, **SETTINGS).after[0]
     moved = replace(loops.pendulums, angle=loops.pendulums.angle * (1 + 1e-13))
@@ -210,7 +210,7 @@ def test_rounding_is_outward():
     assert Fraction(total.low[0]) <= Fraction(0.1) + Fraction(0.2) <= Fraction(total.high[0])
 
 
-def test_division_by_zero_is_refused():
+def test_division_by_zero_is_rejected():
     with pytest.raises(ZeroDivisionError, match="contains zero"):
         Interval(np.array([1.0])) / Interval(np.array([-1.0]), np.array([1.0]))
 
@@ -245,7 +245,7 @@ def test_derivatives_of_g_against_differences(case):
         assert _g_time(over, rates, thin.cos(), thin.sin()).low == pytest.approx(slope, abs=1e-4)
 
 
-def test_a_margin_is_proved_at_all_times_and_too_large_funnels_are_not(case):
+def test_proof_succeeds_with_a_margin_and_fails_for_large_funnels(case):
     loops, exact, smaller, negative_control = case
     assert (proved_share(loops, smaller) == 1).all()
     assert (smaller.mean_area / exact.mean_area > 0.97).all()

@@ -37,7 +37,7 @@ def published(project):
 
 
 @pytest.mark.parametrize("named", [True, False])
-def test_all_at_once_and_what_fails_by_itself(named):
+def test_failing_trajectories_are_computed_separately(named):
     """A named one drops out and the others stay together; without a name each is computed separately."""
     calls = []
 
@@ -65,7 +65,7 @@ def test_all_at_once_and_what_fails_by_itself(named):
     assert compute(lift()[:2])[0] == [["thorax", "thorax"]]
 
 
-def test_what_is_no_numerical_failure_stops_everything():
+def test_other_errors_stop_the_computation():
     def compute(items):
         raise InputError("weights")
 

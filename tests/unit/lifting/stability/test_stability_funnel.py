@@ -109,7 +109,7 @@ def test_feedforward_keeps_the_reference(sign):
     assert end == pytest.approx([item.angle[-1], 0.0], abs=1e-7)
 
 
-def test_remainder_is_what_linearisation_leaves_out():
+def test_remainder_is_the_error_of_linearisation():
     angle, error = np.meshgrid(np.linspace(-3, 3, 13), np.linspace(-4, 4, 17))
     expected = np.sin(angle + error) - np.sin(angle) - error * np.cos(angle)
     assert remainder(angle, error) == pytest.approx(expected, abs=1e-14)
@@ -223,7 +223,7 @@ def test_reachable_area_is_that_of_the_simulated_boundary(sign):
     assert funnels.initial_area[0] < reachable_area(loops)[0]
 
 
-def test_basin_of_many_turns_is_no_result():
+def test_basin_of_many_turns_is_rejected():
     strong = Weights(WEIGHTS.state * 50, WEIGHTS.control / 1000, WEIGHTS.terminal)
     loops = regulate(pendulums_of([minimum_jerk(duration=8.0)], "hanging"), strong)
     with pytest.raises(NumericalError, match=r"expert 23 kg, abdomen, .*the basin reaches"):

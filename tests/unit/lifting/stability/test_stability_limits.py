@@ -36,7 +36,7 @@ def test_ankle_torque_keeps_the_pressure_below_the_foot():
     assert aside == pytest.approx((-30 * 9.81 * 0.17, 30 * 9.81 * 0.17))
 
 
-def test_a_limit_is_exceeded_if_a_state_of_the_funnel_asks_for_more():
+def test_limit_is_exceeded_if_a_state_of_the_funnel_needs_more():
     """Against the torque at 2,000 points on the edge of every cross-section."""
     loops = loops_of([minimum_jerk()], "inverted")
     level, reference = exact_funnels(loops).level, reference_of(loops.pendulums)

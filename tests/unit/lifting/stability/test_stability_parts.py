@@ -32,7 +32,7 @@ def printed(study, frame):
     return [cells.loc[(row.comparison, row.com), row.plane] for row in frame.itertuples()]
 
 
-def test_contributions_of_what_adds_are_the_summands_and_alike_parts_share_a_product():
+def test_contributions_of_sums_and_of_products():
     individual = dict(zip(PARTS, (1.0, 2.0, -0.5, 0.0, 4.0), strict=True))
     summed = np.array([10 + sum(individual[part] for part in taken) for taken in EXCHANGED])
     assert contributions(summed) == pytest.approx([10, 20, -5, 0, 40])
@@ -40,7 +40,7 @@ def test_contributions_of_what_adds_are_the_summands_and_alike_parts_share_a_pro
     assert contributions(product) == pytest.approx([0, 150, 150, 0, 0])
 
 
-def test_nothing_and_everything_exchanged_are_the_two_pendulums():
+def test_exchange_of_nothing_and_everything_gives_the_two_pendulums():
     before, after = lift(subject="novice", duration=1.9)[3], lift(box=15.0)[3]
     after = replace(after, angle=after.angle + 0.05)
     for taken, whole in ((EXCHANGED[0], before), (EXCHANGED[-1], after)):
@@ -68,7 +68,7 @@ def test_the_five_add_up_to_the_table_and_a_box_acts_by_its_mass(project):
 
 
 @pytest.mark.nightly
-def test_persons_give_an_interval_and_groups_of_unequal_size_the_difference_of_the_table(project):
+def test_unequal_groups_give_an_interval_and_the_table_s_difference(project):
     lifts = []
     for number, label in enumerate(("expert",) * 3 + ("novice",) * 4):
         tables = lift_states(label, duration=1.5 + 0.07 * number, body=17.0 + number % 3)

@@ -154,7 +154,7 @@ def test_null_control_compares_the_same_pendulums_standing_still(tables_made):
     assert abs(row["null_percent"] - row["percent"]) > 0.1
 
 
-def test_without_the_thesiss_pendulums_each_is_named():
+def test_missing_thesis_pendulums_are_reported():
     actual, failures = lift_states(thesis=False).trajectories(THESIS)
     assert actual == [] and len(failures) == 6
     reasons = {item.reason for item in failures}
@@ -164,7 +164,7 @@ def test_without_the_thesiss_pendulums_each_is_named():
     assert len(lift_states(thesis=False).trajectories(OWN)[0]) == 6
 
 
-def test_table_4_1_stands_beside_the_published_one(tables_made, published):
+def test_table_4_1_includes_the_published_columns(tables_made, published):
     table, controls = tables_made.table, tables_made.controls
     assert tables_made.missing.empty
     assert table.frame[["comparison", "com"]].equals(published[["comparison", "com"]])
