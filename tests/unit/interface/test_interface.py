@@ -85,11 +85,11 @@ def test_diagnosis_selects_prints_and_refines(diagnosis, records):
 
 
 def test_fitted_and_identified_models_are_compared_with_records(diagnosis, records):
-    found = lumbar.compare(records, diagnosis.model)
-    assert found["noise"].comparison.vaf.value > 99.9
+    result = lumbar.compare(records, diagnosis.model)
+    assert result["noise"].comparison.vaf.value > 99.9
     identified = lumbar.identify(records, "multisine")
     linear = lumbar.compare(records, identified["KB"])
-    assert linear["noise"].comparison.vaf.value < found["noise"].comparison.vaf.value
+    assert linear["noise"].comparison.vaf.value < result["noise"].comparison.vaf.value
     assert identified["KB"].scores.vaf_percent == pytest.approx(
         linear["multisine"].comparison.vaf.value, abs=0.2
     )

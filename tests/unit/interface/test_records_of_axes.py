@@ -29,14 +29,14 @@ def test_positions_may_count_from_a_distant_origin(diagnosis, tmp_path):
     moved = record(FRICTION)
     foot = dict(zip("xyz", (300.0, -450.0, 120.0), strict=True))
     moved = moved.with_values(**{f"input_{axis}": moved[f"input_{axis}"] + at for axis, at in foot.items()})
-    found = lumbar.diagnose([moved], settings=SETTINGS, source_label="made up")
-    assert found.selected == ("coulomb_friction",)
-    (offset,) = [item for item in found.result.findings if item.kind == "position_offset"]
-    assert offset.sentence == found.sentences[2]
-    assert found.model.rests == pytest.approx(tuple(foot.values()), abs=0.1)
-    found.save(tmp_path, pictures=False)
+    result = lumbar.diagnose([moved], settings=SETTINGS, source_label="made up")
+    assert result.selected == ("coulomb_friction",)
+    (offset,) = [item for item in result.result.findings if item.kind == "position_offset"]
+    assert offset.sentence == result.sentences[2]
+    assert result.model.rests == pytest.approx(tuple(foot.values()), abs=0.1)
+    result.save(tmp_path, pictures=False)
     read = lumbar.load_models(tmp_path / "refined.json")[-1]
-    assert read.rests == found.model.rests and read.zeros == found.model.zeros
+    assert read.rests == result.model.rests and read.zeros == result.model.zeros
     assert not diagnosis.model.rests
 
 
@@ -49,21 +49,21 @@ def test_functions_of_one_axis_reject_several(function):
 
 
 def test_spatial_diagnosis_has_no_interactive_page_and_no_law(diagnosis):
-    with pytest.raises(
-        lumbar.InputError, match=r"records of several axes: .*; save and to_html show what was found"
-    ):
+    with pytest.raises(lumbar.InputError, match="records of several axes: "):
         diagnosis.page()
     with pytest.raises(lumbar.InputError, match="propose takes records of one axis"):
         diagnosis.propose()
 
 
 def test_effect_along_an_unrecorded_axis_is_rejected(tmp_path):
-    own = tmp_path / "y_spring.yaml"
+    effect_file = tmp_path / "y_spring.yaml"
     parameter = '{name: cubic_stiffness, unit: "{y}/{x}^3"}'
     form = f"{{name: cubic, equation: ky*z_y**2*z, parameters: {{ky: {parameter}}}}}"
-    own.write_text(f"name: y_spring\nmechanism: It stiffens along y.\nsource: made up\nforms: [{form}]\n")
+    effect_file.write_text(
+        f"name: y_spring\nmechanism: It stiffens along y.\nsource: made up\nforms: [{form}]\n"
+    )
     settings = SETTINGS.model_copy(
-        update={"improvement": SETTINGS.improvement.model_copy(update={"effect_files": (str(own),)})}
+        update={"improvement": SETTINGS.improvement.model_copy(update={"effect_files": (str(effect_file),)})}
     )
     flat = record_of("flat", TIME, POSITION[:2], record(FRICTION).stacked("output")[:2], "xz")
     with pytest.raises(lumbar.InputError, match="y_spring: needs another axis than x, z"):

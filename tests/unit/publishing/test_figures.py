@@ -142,7 +142,7 @@ def test_table_2_1_shows_the_analogues_and_every_reference_it_names(tmp_path):
         r'<img alt="" src="data:image/svg\+xml;base64,([^"]+)"><br>([^<]+)</td>', table.to_html()
     )
     assert [base64.b64decode(picture).decode() for picture, _ in shown] == pictures
-    assert [unescape(words) for _, words in shown] == table.frame["mechanical_analogue"].tolist()
+    assert [unescape(text) for _, text in shown] == table.frame["mechanical_analogue"].tolist()
     named = re.findall(r"(\w+) (\d{4})", " ".join(table.frame["references"]))
     assert all(any(name in full and year in full for full in REFERENCES) for name, year in named)
 
@@ -161,8 +161,8 @@ def test_figure_4_1_draws_the_pendulum_of_the_total_body(drawn):
     total = angles.lines[0].get_ydata()
     assert total[-1] == pytest.approx(np.arctan2(*relative[-1]), abs=2e-3)
     assert np.arctan2(*(rod[1] - rod[0])) == pytest.approx(total[-1])
-    words = " ".join(text.get_text() for text in person.texts)
-    assert all(word in words for word in (f"m = {facts['body_mass_kg']:g} kg", "ℓ = ", "u_0", "θ"))
+    text = " ".join(text.get_text() for text in person.texts)
+    assert all(word in text for word in (f"m = {facts['body_mass_kg']:g} kg", "ℓ = ", "u_0", "θ"))
     # The two signs of gravity differ by 2·m·g·ℓ·sin θ.
     inverted, hanging = (line.get_ydata() for line in torques.lines)
     weight = facts["body_mass_kg"] * pendulum.gravity_m_s2 * np.hypot(*(rod[1] - rod[0]))
@@ -203,9 +203,12 @@ def tests():
 def test_comparison_shows_segment_residual_floor_and_shares(tests):
     (periodic, simulated), (other, response) = tests
     floor = noise_floor(periodic)
-    found = [compare_record(periodic, simulated, floor), compare_record(other, response, floor, "multisine")]
-    figure = record_comparison_figure(periodic, simulated, found)
-    low, high = default_segment(periodic, simulated, found[0].start)
+    comparisons = [
+        compare_record(periodic, simulated, floor),
+        compare_record(other, response, floor, "multisine"),
+    ]
+    figure = record_comparison_figure(periodic, simulated, comparisons)
+    low, high = default_segment(periodic, simulated, comparisons[0].start)
     response_axis, residual_axis, shares = figure.axes
     measured, model = (line.get_ydata() for line in response_axis.lines)
     inside = (periodic.time >= low - 1e-9) & (periodic.time <= high + 1e-9)
@@ -214,12 +217,12 @@ def test_comparison_shows_segment_residual_floor_and_shares(tests):
     assert residual_axis.lines[0].get_ydata() == pytest.approx(measured - model)
     assert residual_axis.patches[0].get_height() == pytest.approx(4 * floor.rms)
     heights = [[bar.get_height() for bar in container] for container in shares.containers[:2]]
-    left = [100 * item.rms.value**2 / item.output_variance for item in found]
+    left = [100 * item.rms.value**2 / item.output_variance for item in comparisons]
     assert np.sum(heights, axis=0) == pytest.approx(left)
-    assert heights[1] == pytest.approx([item.explainable_percent for item in found])
+    assert heights[1] == pytest.approx([item.explainable_percent for item in comparisons])
     assert [tick.get_text() for tick in shares.get_xticklabels()] == ["multisine", "a record of noise"]
     texts = " ".join(text.get_text() for text in shares.texts)
-    assert f"{found[0].vaf.value:.4g} %" in texts
+    assert f"{comparisons[0].vaf.value:.4g} %" in texts
     assert len({line.get_linestyle() for line in response_axis.lines}) == 2
 
 

@@ -33,8 +33,8 @@ def test_pendulums_end_at_the_centres_of_mass(folder, page):
         for plane, axis in (("flexion_extension", "y"), ("lateral_bending", "x")):
             assert np.isfinite(drawn[f"{com}/{plane}/up"]).tolist() == deposit.tolist()
             for name, wanted in (("across", axis), ("up", "z")):
-                found = drawn[f"{com}/{plane}/{name}"][deposit]
-                assert found == pytest.approx(rows[f"{wanted}_m"][deposit].to_numpy(), abs=1e-4)
+                result = drawn[f"{com}/{plane}/{name}"][deposit]
+                assert result == pytest.approx(rows[f"{wanted}_m"][deposit].to_numpy(), abs=1e-4)
 
 
 def test_outlines_of_the_base_hold_the_margin(page):
@@ -43,10 +43,10 @@ def test_outlines_of_the_base_hold_the_margin(page):
     drawn = balance_columns(page.course.frame, share, EVERY)
     corners = np.stack([drawn["used_x"], drawn["used_y"]], axis=-1)
     base = BaseOfSupport(corners, np.isfinite(corners).all(axis=-1))
-    found, _ = base.margin(np.stack([drawn["xcom_x_m"], drawn["xcom_y_m"]], axis=-1))
-    known = np.isfinite(found)
+    result, _ = base.margin(np.stack([drawn["xcom_x_m"], drawn["xcom_y_m"]], axis=-1))
+    known = np.isfinite(result)
     assert known.sum() > 10
-    assert found[known] == pytest.approx(drawn["margin_of_stability_m"][known], abs=1e-9)
+    assert result[known] == pytest.approx(drawn["margin_of_stability_m"][known], abs=1e-9)
 
 
 def test_saved_lifts_of_a_folder_and_of_a_study_are_listed(folder, tmp_path):

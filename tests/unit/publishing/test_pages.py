@@ -39,11 +39,11 @@ def test_effect_of_the_detectable_size_gains_the_threshold():
     tests = records()
     diagnosis = diagnose(tests)
     assert diagnosis.selected == ()
-    found = {item.effect: item for item in detectable_effects(diagnosis, TISSUE, null_distribution())}
+    result = {item.effect: item for item in detectable_effects(diagnosis, TISSUE, null_distribution())}
     forms = sum(len(effect.forms) for effect in TISSUE.values())
     threshold = null_distribution().threshold(forms)
     # Inertia has one form and no shape: one size is stated.
-    stated = found["inertia"]
+    stated = result["inertia"]
     assert stated.easiest == pytest.approx(stated.hardest)
     data = diagnosis.experiment.training
     mass = 3 * stated.easiest / np.sqrt(np.mean(data.motion.acceleration[data.first :] ** 2))

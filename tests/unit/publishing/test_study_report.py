@@ -34,17 +34,17 @@ def test_only_the_first_of_many_lifts_are_shown(results):
 
 def test_published_cells_are_compared_with_this_runs():
     rows = list(CLAIMS.itertuples())
-    found = compare_cells(rows, "table_3_1")
-    assert found.head == ("Trained on", "Model", "VAF (%)", "Order")
-    assert found.rows[0] == ("noise", "KB", ("80.21", "66.16", "does not hold"), ("1", "1", "holds"))
-    assert found.rows[1][2:] == (("–", "–", ""), ("–", "4", "cannot be tested on this data"))
-    assert found.fractions == [3, 0]
+    result = compare_cells(rows, "table_3_1")
+    assert result.head == ("Trained on", "Model", "VAF (%)", "Order")
+    assert result.rows[0] == ("noise", "KB", ("80.21", "66.16", "does not hold"), ("1", "1", "holds"))
+    assert result.rows[1][2:] == (("–", "–", ""), ("–", "4", "cannot be tested on this data"))
+    assert result.fractions == [3, 0]
     assert compare_cells(rows, "table_4_1") is None
 
 
 def test_what_fails_comes_before_what_warns(results, page):
-    found = troubles(results)
-    assert [(item.grade, item.where) for item in found] == [
+    result = troubles(results)
+    assert [(item.grade, item.where) for item in result] == [
         (FAILS, "diagnosis of two"),
         (FAILS, "a 1 kg, thorax, lateral bending"),
         (FAILS, "KB_fmi3.fmu"),
@@ -54,27 +54,18 @@ def test_what_fails_comes_before_what_warns(results, page):
         (WARNS, "diagnosis of two"),
         (WARNS, "export/fmu"),
     ]
-    assert found[-1].sentence == "not safe:\n  MW is unstable\n  raise the rate"
-    first = [
-        page.index(words)
-        for words in ("exact: ρ is negative", "1 of the thesis's sentences", "MW is unstable")
-    ]
+    assert result[-1].sentence == "not safe:\n  MW is unstable\n  raise the rate"
+    texts = ("exact: ρ is negative", "1 of the thesis's sentences", "MW is unstable")
+    first = [page.index(text) for text in texts]
     assert first == sorted(first) and first[-1] < page.index('id="chapter-tissue"')
 
 
 def test_every_file_is_linked_and_nothing_comes_from_elsewhere(results, page):
     links = set(map(unescape, re.findall(r'href="([^"#]+)"', page)))
-    files = {
-        str(path.relative_to(results))
-        for path in results.rglob("*")
-        if path.suffix in (".svg", ".pdf", ".tex")
-    }
-    assert files | {"tissue/models.json", "tables/table_3_1.csv"} <= links
-    assert not [
-        link
-        for link in links
-        if not (results / link).exists() and "basins" not in link and "run_config" not in link
-    ]
+    written = {str(path.relative_to(results)) for path in results.rglob("*.*")}
+    shown = {name for name in written if name.endswith((".svg", ".pdf", ".tex"))}
+    assert shown | {"tissue/models.json", "tables/table_3_1.csv"} <= links
+    assert all(link in written or "basins" in link or "run_config" in link for link in links)
     targets = set(re.findall(r'href="#([^"]+)"', page))
     assert targets <= set(re.findall(r'id="([^"]+)"', page)) | {"claims_table"}
     assert "http" not in page and "<script" not in page and set(re.findall(r'src="(.{5})', page)) == {"data:"}
@@ -86,10 +77,8 @@ def test_the_same_results_make_the_same_bytes(results, page):
 
 def test_svg_is_shortened_to_hundredths_of_a_point():
     svg = '<svg>\n   <path id="a1.23456" d="M 1.23456 -0.00012 L 12.5 3"/>\n  <text>1.23456</text>\n</svg>\n'
-    assert (
-        shorten_svg(svg)
-        == '<svg>\n<path id="a1.23456" d="M 1.23 -0 L 12.5 3"/>\n<text>1.23456</text>\n</svg>\n'
-    )
+    short = '<svg>\n<path id="a1.23456" d="M 1.23 -0 L 12.5 3"/>\n<text>1.23456</text>\n</svg>\n'
+    assert shorten_svg(svg) == short
 
 
 def test_every_artefact_of_the_sheet_says_where_it_comes_from(project):

@@ -163,7 +163,7 @@ class SpatialDiagnosis(Diagnosis):
     @property
     def no_page_reason(self) -> str:
         """Reason for the missing interactive page: it shows models of one axis."""
-        return "records of several axes: one can look around in models of one axis"
+        return "records of several axes: the interactive page shows models of one axis"
 
     def complete_html(self) -> str:
         """Return the page without script with all its pictures."""

@@ -203,7 +203,7 @@ class Diagnosis:
             For points of a static test and for records of several axes.
         """
         if self.no_page_reason:
-            raise InputError(f"{self.no_page_reason}; save and to_html show what was found")
+            raise InputError(f"{self.no_page_reason}; save and to_html show the result")
         from lumbar.publishing.explorer.explorer_page import ExplorerPage
 
         others, remark = self.thesis_models if thesis else ([], _MISSING_MODELS_REMARK)
