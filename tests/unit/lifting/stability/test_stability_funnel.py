@@ -220,7 +220,7 @@ def test_reachable_area_is_that_of_the_simulated_boundary(sign):
     funnels = exact_funnels(loops)
     outside = quadratic_form(funnels.cost[0], np.stack([x, y])[:, None, :])
     assert outside.min() >= funnels.level[0, 0] * (1 - 1e-6)
-    assert funnels.initial_area[0] < reachable_area(loops)[0]
+    assert funnels.area[0, 0] < reachable_area(loops)[0]
 
 
 def test_basin_of_many_turns_is_rejected():

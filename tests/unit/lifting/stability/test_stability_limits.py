@@ -60,7 +60,7 @@ def test_best_v_of_a_linear_loop_reaches_liouvilles_area():
     """Without gravity λ = 0 maps the goal set back exactly: no set can be larger."""
     loops = loops_of([minimum_jerk()], "hanging", gravity=0.0)
     best = best_of_family(loops, 1.0, [0.0, 0.5, 1.0])
-    assert best.initial_area == pytest.approx(reachable_area(loops), rel=1e-5)
+    assert best.area[0] == pytest.approx(reachable_area(loops), rel=1e-5)
     assert best.mean_area > 1.01 * exact_funnels(loops).mean_area
 
 

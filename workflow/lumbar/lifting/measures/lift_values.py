@@ -23,8 +23,6 @@ if TYPE_CHECKING:
     from lumbar.lifting.measures.course import Course
 
 
-ALL, SAGITTAL, FRONTAL = "all", "flexion_extension", "lateral_bending"
-"""All directions, or one of the planes of `lumbar.lifting.movement.pendulum_states.PLANES`."""
 CARRIED, DEPOSIT = "carried", "deposit"
 WINDOWS = {
     CARRIED: "from lift-off to release, or as far of it as was recorded",

@@ -24,7 +24,6 @@ from lumbar.base.errors import InputError
 from lumbar.lifting.movement.rigid_filling import fill_from_body
 from lumbar.records.markers import MarkerRecording
 
-HIP_RULES = ("harrington", "hara", "reed")
 _HIPS = {"male": (-0.095, -0.370, 0.361), "female": (-0.139, -0.336, 0.372)}
 _LUMBOSACRAL = {"male": (-0.335, -0.032), "female": (-0.340, 0.049)}
 """Forward and up of the middle of the ASIS, shares of the pelvis's width; hips also to the right."""
@@ -122,8 +121,8 @@ def trunk_points(recording: MarkerRecording, ends: str, hips: str, sex: str) -> 
         Filtered.
     ends : {"inner", "skin"}
         Joint centres, or the thesis's markers.
-    hips : str
-        One of `HIP_RULES`.
+    hips : {"harrington", "hara", "reed"}
+        Rule for the hips.
     sex : str
         As in the subject's file.
     """

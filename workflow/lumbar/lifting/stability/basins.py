@@ -169,8 +169,8 @@ def _rows_and_funnels(
     funnels, first, pendulum = result.funnels, trajectories[0], settings.pendulum
     columns = {
         "mean_area": funnels.mean_area,
-        "initial_area": funnels.initial_area,
-        "minimum_area": funnels.minimum_area,
+        "initial_area": funnels.area[0],
+        "minimum_area": funnels.area.min(axis=0),
         "final_area": funnels.area[-1],
         **dict(zip(RANGES, np.transpose([item.ranges for item in trajectories]), strict=True)),
         **(dict(zip(REACHES, funnels.reach.T, strict=True)) if method == "exact" else {}),

@@ -148,16 +148,6 @@ class Funnels:
         return simpson(self.area, x=np.linspace(0.0, 1.0, len(self.level)), axis=0)
 
     @property
-    def initial_area(self) -> np.ndarray:
-        """Cross-section at t = 0 in rad²/s, shape (pendulums,)."""
-        return self.area[0]
-
-    @property
-    def minimum_area(self) -> np.ndarray:
-        """Smallest cross-section in rad²/s, shape (pendulums,)."""
-        return self.area.min(axis=0)
-
-    @property
     def reach(self) -> np.ndarray:
         """Largest |θ − θ0| and |θ̇ − θ̇0| in any cross-section, √(ρ(S⁻¹)ᵢᵢ) in rad and rad/s, shape (pendulums, 2)."""
         squares = self.level[..., None] * self.cost[..., [2, 0]] / determinant(self.cost)[..., None]
