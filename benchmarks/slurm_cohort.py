@@ -155,8 +155,8 @@ def write_slurm_configuration(folder: Path, processors: int) -> dict[str, str]:
 @contextmanager
 def slurm_node(folder: Path, processors: int) -> Iterator[dict[str, str]]:
     """Run a SLURM with one node; yield the environment variables with which its programs find it."""
-    found = write_slurm_configuration(folder, processors)
-    environment = os.environ | found
+    variables = write_slurm_configuration(folder, processors)
+    environment = os.environ | variables
 
     def is_idle() -> bool:
         command = ["sinfo", "--noheader", "--format=%T"]
@@ -183,7 +183,7 @@ def slurm_node(folder: Path, processors: int) -> Iterator[dict[str, str]]:
             command = (program, "-D", "-f", folder / "slurm.conf")
             stack.enter_context(daemon(folder / f"{program}.log", *command, env=environment))
         wait_for(is_idle, f"an idle node ({folder}/slurmctld.log, {folder}/slurmd.log)")
-        yield found
+        yield variables
         subprocess.run(["scancel", "--me"], env=environment, check=False)
 
 
@@ -233,8 +233,8 @@ def compare_cohort(work: Path, persons: int, processors: int) -> tuple[int, list
     print(f"{submitted} jobs were submitted to SLURM", flush=True)
     if not submitted:
         raise RuntimeError(f"no job went through SLURM\n{text[-4000:]}")
-    expected, found = (results_on_disk(folder / "results") for folder in (local, slurm))
-    return len(expected), differing(expected, found)
+    expected, received = (results_on_disk(folder / "results") for folder in (local, slurm))
+    return len(expected), differing(expected, received)
 
 
 def compare_object_store(work: Path, moto_server: Path) -> tuple[int, list[str]]:

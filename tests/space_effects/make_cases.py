@@ -98,8 +98,9 @@ def draw_truth(rng: np.random.Generator, case: dict, motion: Motion) -> dict:
     truth["sensor_fault"] = case.get("sensor")
     force = float(np.linalg.norm(rms(space_tissue.base_force(tissue, motion))))
     for effect in case.get("effects", []):
-        truth["effects"][effect] = draw_effect(rng, effect, tissue, motion, force)
-    if "saturation" in truth["effects"]:
+        if effect != "saturation":
+            truth["effects"][effect] = draw_effect(rng, effect, tissue, motion, force)
+    if "saturation" in case.get("effects", []):
         truth["effects"]["saturation"] = draw_limits(rng, truth, motion)
     return truth
 
@@ -194,8 +195,6 @@ def draw_effect(
         case "drift":
             share = rng.uniform(0.3, 0.8, axes) * rng.choice([-1, 1], axes)
             return {"r": (share * force / np.sqrt(axes) / motion.time[-1]).tolist()}
-        case "saturation":
-            return {"Fs": [None] * axes}
         case "softening":
             lost = rng.uniform(0.35, 0.6) * min(tissue["K_e_principal"])
             return {"ks": lost, "s0": rng.uniform(0.08, 0.2) * float(motion.path[-1])}

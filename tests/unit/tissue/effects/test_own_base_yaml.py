@@ -103,7 +103,7 @@ def test_user_defined_base_becomes_fmu(refined, zig_cache, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "words"),
+    ("old", "new", "message"),
     [
         ("name: two_masses", "name: KB", "name: .*letters a to z"),
         ("name: two_masses", "name: pendulum", "name: 'pendulum' is taken"),
@@ -113,10 +113,10 @@ def test_user_defined_base_becomes_fmu(refined, zig_cache, tmp_path):
         ("  g: {", "  h: {name: of_none, unit: s}\n  g: {", "h is declared and never used"),
     ],
 )
-def test_problems_of_base_file_are_reported(old, new, words, tmp_path):
+def test_problems_of_base_file_are_reported(old, new, message, tmp_path):
     (tmp_path / "own.yaml").write_text(DRIVE.replace(old, new), encoding="utf-8")
     (tmp_path / "study.yaml").write_text("improvement: {base: own.yaml}", encoding="utf-8")
-    with pytest.raises(lumbar.InputError, match=re.compile(f"base own.yaml.*{words}", re.DOTALL)):
+    with pytest.raises(lumbar.InputError, match=re.compile(f"base own.yaml.*{message}", re.DOTALL)):
         lumbar.load_settings(tmp_path / "study.yaml")
 
 

@@ -185,9 +185,9 @@ def test_effect_in_models_file_is_checked(refined, changes, message):
 )
 def test_models_file_with_other_effects_is_rejected(refined, effects, message):
     content = json.loads((refined / "refined.json").read_text("utf-8"))
-    own = content["effects"]["own_friction"]
+    definition = content["effects"]["own_friction"]
     if isinstance(effects, dict):
-        effects = {name: {**own, **entry} for name, entry in effects.items()}
+        effects = {name: {**definition, **entry} for name, entry in effects.items()}
     (refined / "changed.json").write_text(json.dumps({**content, "effects": effects}), encoding="utf-8")
     with pytest.raises(lumbar.InputError, match=message):
         lumbar.load_models(refined / "changed.json")

@@ -140,7 +140,7 @@ def test_starts_over_all_poles_find_the_lowest_minimum(model):
 
 
 def test_bootstrap_intervals_of_output_error_only_cover_the_truth():
-    """Of 20 experiments a 95 % interval misses each parameter once on average; ARX is biased."""
+    """A 95 % interval misses each parameter in one of 20 experiments on average; ARX is biased."""
     covered, arx_covered = np.zeros(3), 0
     truth = KB.structure.coefficients(discretise(kelvin_boltzmann(**TRUTH), T))
     for seed in range(20):

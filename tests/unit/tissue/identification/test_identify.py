@@ -28,11 +28,11 @@ TRUTH = {"k1": 0.4, "k2": 3.2, "b": 0.126}
 FITTED = ("LE", "MW", "Maxwell", "KB", "HO")
 
 
-def tissue_record(name, seed, samples=1500, noise=0.3, offset=(3.0, -2.0), scale=(1.0, 1.0), step=0.01):
+def tissue_record(name, seed, samples=1500, offset=(3.0, -2.0), scale=(1.0, 1.0), step=0.01):
     rng = np.random.default_rng([11, seed])
     motion = np.convolve(rng.standard_normal(samples + 20), np.hanning(15))[20 : samples + 20]
     force = discretise(kelvin_boltzmann(**TRUTH), 0.01).simulate(motion)
-    force = force + noise * force.std() * rng.standard_normal(samples)
+    force = force + 0.3 * force.std() * rng.standard_normal(samples)
     return record(scale[0] * motion + offset[0], scale[1] * force + offset[1], name, step=step)
 
 
@@ -163,7 +163,7 @@ def test_pure_sine_determines_two_coefficients():
     assert frame[(frame.model == "KB") & (frame.estimator == "arx")].condition_number.isna().all()
 
 
-def in_pounds(item):
+def convert_to_pounds(item):
     channels = {**item.channels, "output": replace(item.channels["output"], unit="lbf")}
     return replace(item, channels=channels)
 
@@ -172,7 +172,7 @@ def in_pounds(item):
     ("other", "message"),
     [
         (tissue_record("b", 3, step=0.02), "b is sampled at 50 Hz, long at 100 Hz.*rate_Hz"),
-        (in_pounds(tissue_record("b", 3)), "force in lbf, but force in N in long"),
+        (convert_to_pounds(tissue_record("b", 3)), "force in lbf, but force in N in long"),
         (tissue_record("b", 3, samples=40), r"the first 0\.5 s"),
     ],
 )
@@ -229,6 +229,6 @@ def test_saved_models_keep_their_contract_and_simulate_the_same(identified, reco
 
 def test_table_of_physical_parameters_has_fitted_and_derived_ones(identified):
     frame = identified.physical_parameters.frame
-    kept = frame[(frame.model == "KB") & (frame.estimator == "output_error") & (frame.trained_on == "long")]
-    assert list(kept.derived) == [False] * 3 + [True] * 6
-    assert list(kept.parameter[:3]) == ["spring_stiffness", "branch_stiffness", "relaxation_time"]
+    fitted = frame[(frame.model == "KB") & (frame.estimator == "output_error") & (frame.trained_on == "long")]
+    assert list(fitted.derived) == [False] * 3 + [True] * 6
+    assert list(fitted.parameter[:3]) == ["spring_stiffness", "branch_stiffness", "relaxation_time"]

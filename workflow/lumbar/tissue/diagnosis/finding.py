@@ -10,9 +10,9 @@ class Finding:
     kind: str
     """E.g. ``"force_offset"``, ``"position_noise"``, ``"higher_order_linear"``."""
     sentence: str
-    """What is the case, with numbers and units, and what to do."""
+    """The property with numbers and units, and advice."""
     value: float
-    """Its size."""
+    """Size of the property."""
     unit: str
     record: str = ""
     """Name of the record with this property; empty if all have it."""

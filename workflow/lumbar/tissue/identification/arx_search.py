@@ -254,7 +254,7 @@ def search(
 
 
 def eligible(candidates: list[ArxCandidate], condition_max: float | None) -> list[ArxCandidate]:
-    """Return the stable candidates with reasonable conditioning; if there are none, those of the best conditioned structure."""
+    """Return the stable candidates with reasonable conditioning; or else those of the best conditioned structure."""
     stable = [item for item in candidates if item.stable]
     within = [item for item in stable if condition_max is None or item.condition <= condition_max]
     best = min((item.condition for item in stable), default=None)

@@ -107,7 +107,7 @@ class SpatialResidual:
 
     @property
     def noise_freedom(self) -> float:
-        """Degrees of freedom of the noise floor; ∞ if there is none."""
+        """Degrees of freedom of the noise floor; ∞ without one."""
         floors = (part.floor for part in self.parts)
         return min((floor.degrees_of_freedom for floor in floors if floor is not None), default=np.inf)
 
