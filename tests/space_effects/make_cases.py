@@ -252,9 +252,7 @@ def main() -> None:
         truth = write(options.folder, name, options.seed)
         for record, row in truth["records"].items():
             noise = " ".join(f"{100 * share:.2f}" for share in row["noise"])
-            effects = ", ".join(
-                f"{effect} {100 * share:.1f} %" for effect, share in shares["effects"].items()
-            )
+            effects = ", ".join(f"{effect} {100 * share:.1f} %" for effect, share in row["effects"].items())
             print(f"{name:24} {record:10} noise {noise} % {effects} {row.get('clipped', '')}", flush=True)
 
 
