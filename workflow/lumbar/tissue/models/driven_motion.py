@@ -20,6 +20,7 @@ from lumbar.tissue.models.algebra import Evaluator, derivative
 from lumbar.tissue.models.expression import Expression, Number, Symbol, parse, substitute, symbols
 from lumbar.tissue.models.form import Form, Place
 from lumbar.tissue.models.parameter import SIGNALS
+from lumbar.tissue.models.state_equation import step_bands
 
 MOTION = ("z", "v", "a")
 """Symbols of position, velocity and acceleration."""
@@ -367,12 +368,7 @@ def recursion(slope: np.ndarray, driven: np.ndarray, first: np.ndarray | None = 
     columns); the result has shape (steps + 1, size, columns).
     """
     steps, size, columns = driven.shape
-    lower = 2 * size - 1
-    bands = np.zeros((lower + 1, size * (steps + 1)))
-    bands[0] = 1.0
-    for row in range(size):
-        for column in range(size):
-            bands[size + row - column, column : size * steps : size] = -slope[:, row, column]
+    bands = step_bands(slope.transpose(1, 2, 0))
     right = np.concatenate([np.zeros((1, size, columns)) if first is None else first[None], driven])
     right = right.reshape(size * (steps + 1), columns)
     if not (np.isfinite(bands).all() and np.isfinite(right).all()):

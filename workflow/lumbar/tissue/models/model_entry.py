@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import Annotated, Literal
 
@@ -200,7 +200,7 @@ def _form(item: _Effect, catalogue: Mapping[str, Effect], problems: Problems) ->
 
 
 def _check_parameters(
-    parameters: tuple[FittedParameter, ...], structure, base: str, problems: Problems
+    parameters: Sequence[FittedParameter], structure, base: str, problems: Problems
 ) -> None:
     """Check that a continuous model has exactly its parameters, a discrete one only those of its base; elements are optional."""
     parts = (structure.base, *structure.forms) if isinstance(structure, Structure) else ()

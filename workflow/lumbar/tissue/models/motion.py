@@ -349,3 +349,5 @@ def along_axes(motion: Motion | JoinedMotions) -> list[Motion | JoinedMotions]:
 
 OneMotion = Motion | SpatialMotion
 """Motion of one record, along one axis or several."""
+AnyMotion = Motion | JoinedMotions
+"""Motion of one record or several."""

@@ -220,14 +220,9 @@ class StateEquation:
         return after, (np.eye(size) + matrix @ stretch)[:, :states, :states].transpose(1, 2, 0)
 
     def _newton(
-        self,
-        known: Mapping,
-        steps: int,
-        begin: np.ndarray | float = 0.0,
-        guess: np.ndarray | None = None,
+        self, known: Mapping, steps: int, begin: np.ndarray, guess: np.ndarray | None
     ) -> np.ndarray | None:
         """Return the states at all samples, shape (states, steps + 1), from a `guess`; None if the iteration does not end."""
-        begin = np.broadcast_to(begin, len(self.names))
         # Begin with constant states; linearise every step; solve all steps as one banded system.
         states = np.repeat(begin[:, None], steps + 1, axis=1) if guess is None else guess
         with np.errstate(all="ignore"):
@@ -335,14 +330,23 @@ def _matrix_phi1(matrix: np.ndarray) -> np.ndarray:
 def _recursion(slopes: np.ndarray, driven: np.ndarray) -> np.ndarray:
     """Solve rₖ = Sₖ rₖ₋₁ + dₖ from r₀ = 0: shapes (states, states, steps), (states, steps), (states, steps + 1)."""
     states, steps = driven.shape
-    lower = 2 * states - 1
-    bands = np.zeros((lower + 1, states * (steps + 1)))
-    bands[0] = 1.0
-    for row in range(states):
-        for column in range(states):
-            bands[states + row - column, column : states * steps : states] = -slopes[row, column]
     right = np.concatenate([np.zeros(states), driven.T.ravel()])
     solved = scipy.linalg.solve_banded(
-        (lower, 0), bands, right, overwrite_ab=True, overwrite_b=True, check_finite=False
+        (2 * states - 1, 0),
+        step_bands(slopes),
+        right,
+        overwrite_ab=True,
+        overwrite_b=True,
+        check_finite=False,
     )
     return solved.reshape(steps + 1, states).T
+
+
+def step_bands(slopes: np.ndarray) -> np.ndarray:
+    """Return the lower bands of yₖ − Sₖ yₖ₋₁ for slopes of shape (size, size, steps)."""
+    size, _, steps = slopes.shape
+    bands = np.zeros((2 * size, size * (steps + 1)))
+    bands[0] = 1.0
+    for row, column in np.ndindex(size, size):
+        bands[size + row - column, column : size * steps : size] = -slopes[row, column]
+    return bands

@@ -15,7 +15,7 @@ from lumbar.tissue.models.bases import Base
 from lumbar.tissue.models.driven_motion import POINTS, DrivenMotion, ForceBalance, ForceDrive
 from lumbar.tissue.models.form import Form, LinearParameter, NonlinearParameter, Place
 from lumbar.tissue.models.measured_motion import MEASURED, is_held
-from lumbar.tissue.models.motion import JoinedMotions, Motion, SpatialMotion
+from lumbar.tissue.models.motion import AnyMotion, JoinedMotions, Motion, SpatialMotion
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ class Structure:
             position += len(form.nonlinear)
         return nonlinear[: len(self.base.nonlinear)], parts
 
-    def design(self, motion: Motion | JoinedMotions, nonlinear: np.ndarray) -> np.ndarray:
+    def design(self, motion: AnyMotion, nonlinear: np.ndarray) -> np.ndarray:
         """Return the force of every amplitude at size 1, before output forms; shape (samples, linear parameters)."""
         if isinstance(motion, JoinedMotions) and not isinstance(motion, SpatialMotion):
             return np.concatenate([self.design(part, nonlinear) for part in motion.parts])
@@ -93,7 +93,7 @@ class Structure:
                 motion = _compute_cached(form.memory_key, form.input_transform, motion, parts[form.key])
         return motion
 
-    def output(self, force: np.ndarray, motion: Motion | JoinedMotions, nonlinear: np.ndarray) -> np.ndarray:
+    def output(self, force: np.ndarray, motion: AnyMotion, nonlinear: np.ndarray) -> np.ndarray:
         """Return the measured force for the force at the tissue, shape (samples,)."""
         if isinstance(motion, JoinedMotions) and not isinstance(motion, SpatialMotion):
             pieces = zip(motion.split(force), motion.parts, strict=True)
@@ -104,9 +104,7 @@ class Structure:
                 force = form.output_transform(force, motion, parts[form.key])
         return force
 
-    def simulate(
-        self, motion: Motion | JoinedMotions, linear: np.ndarray, nonlinear: np.ndarray
-    ) -> np.ndarray:
+    def simulate(self, motion: AnyMotion, linear: np.ndarray, nonlinear: np.ndarray) -> np.ndarray:
         """Simulate the measured force as a free run, shape (samples,)."""
         return self.output(self.design(motion, nonlinear) @ linear, motion, nonlinear)
 
@@ -115,7 +113,7 @@ def _compute_cached(name: Hashable, function: Callable, motion: Any, nonlinear: 
     return motion.cache.compute_at(name, nonlinear, lambda: function(motion, nonlinear))
 
 
-def forces_of(form: Form, motion: Motion | JoinedMotions, nonlinear: np.ndarray) -> np.ndarray:
+def forces_of(form: Form, motion: AnyMotion, nonlinear: np.ndarray) -> np.ndarray:
     """Return the forces that a parallel form adds, one per amplitude at size 1; shape (samples, linear parameters)."""
     if isinstance(motion, JoinedMotions) and not isinstance(motion, SpatialMotion):
         return np.concatenate([forces_of(form, part, nonlinear) for part in motion.parts])
@@ -182,7 +180,7 @@ class ForwardStructure(Structure):
         return dict(zip(self.balance.parameters, values, strict=True))
 
     def simulate(
-        self, motion: Motion | JoinedMotions, linear: np.ndarray, nonlinear: np.ndarray, zero: float = 0.0
+        self, motion: AnyMotion, linear: np.ndarray, nonlinear: np.ndarray, zero: float = 0.0
     ) -> np.ndarray:
         """Simulate the position without its sensor's zero as a free run, shape (samples,).
 
@@ -195,7 +193,7 @@ class ForwardStructure(Structure):
         return self.output(driven.position[:: drive.parts], motion, nonlinear)
 
     def sensitivities(
-        self, motion: Motion | JoinedMotions, linear: np.ndarray, nonlinear: np.ndarray, zero: float = 0.0
+        self, motion: AnyMotion, linear: np.ndarray, nonlinear: np.ndarray, zero: float = 0.0
     ) -> np.ndarray:
         """Return the derivatives of the position by linear parameters and logarithms of nonlinear ones.
 
@@ -267,9 +265,7 @@ class ForwardStructure(Structure):
         compute = partial(self._motion, motion, drive, self.parameters(linear, nonlinear), zero)
         return drive, motion.cache.compute_at(self._key, numbers, compute)
 
-    def _motion(
-        self, motion: Motion, drive: ForceDrive, values: dict[str, float], zero: float
-    ) -> DrivenMotion:
+    def _motion(self, motion: Motion, drive: ForceDrive, values: dict, zero: float) -> DrivenMotion:
         # A search changes parameters in small steps: the last motion is a good guess of the next one.
         last: dict = motion.cache.compute_once("last driven motions", dict)
         guess, start = last.get(self._key, (None, None))
