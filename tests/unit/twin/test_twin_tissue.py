@@ -1,4 +1,4 @@
-"""Synthetic tissue tests and surgeon trials: against the matrix exponential, and by estimators not the library's."""
+"""Synthetic tissue tests and surgeon trials against the matrix exponential and independent estimators."""
 
 import numpy as np
 import pytest
@@ -37,9 +37,7 @@ def test_force_solves_the_equation_of_motion_between_ramps():
     b = tau * (k1 + k2)
     # b·ẇ = k2·(x − w) − k1·w (the force in k2 is that in k1 and the dashpot), ẋ = v, v̇ = 0 on each ramp
     equation = np.array([[-(k1 + k2) / b, k2 / b, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, 0.0]])
-    # The speed jumps at the samples, so each ramp is solved by itself. The matrix exponential is exact but for
-    # rounding: some units in the last place of b, x and v·step per sample, of which three quarters are carried on.
-    # An adaptive solver that steps across the jumps errs by 1e-6 instead, by more or less as rounding has it.
+    # The speed jumps at the samples, so that each ramp is solved separately; the matrix exponential is exact to rounding.
     over_a_step = expm(0.01 * equation)
     elongation = np.empty(40)
     elongation[0] = k2 * position[0] / (k1 + k2)
@@ -47,17 +45,15 @@ def test_force_solves_the_equation_of_motion_between_ramps():
         speed = (position[now] - position[now - 1]) / 0.01
         elongation[now] = over_a_step[0] @ [elongation[now - 1], position[now - 1], speed]
     expected = k2 * (position - elongation) + cubic * position**3
-    found = tissue_force(time, position, k1, k2, tau, cubic)
-    np.testing.assert_allclose(
-        found, expected, rtol=0, atol=50 * np.finfo(float).eps * np.abs(expected).max()
-    )
+    force = tissue_force(time, position, k1, k2, tau, cubic)
+    tolerance = 50 * np.finfo(float).eps * np.abs(expected).max()
+    np.testing.assert_allclose(force, expected, rtol=0, atol=tolerance)
 
 
-def test_recording_has_the_stated_noise_and_is_the_same_at_every_run(tmp_path):
+def test_recording_has_declared_noise_and_depends_on_number(tmp_path):
     time, position = write_signal(tmp_path / "signal.csv")
-    play(tmp_path / "signal.csv", tmp_path / "one.csv", TISSUE, seed=45, number=0)
-    play(tmp_path / "signal.csv", tmp_path / "two.csv", TISSUE, seed=45, number=0)
-    play(tmp_path / "signal.csv", tmp_path / "three.csv", TISSUE, seed=45, number=1)
+    for name, number in (("one", 0), ("two", 0), ("three", 1)):
+        play(tmp_path / "signal.csv", tmp_path / f"{name}.csv", TISSUE, seed=45, number=number)
     assert (tmp_path / "one.csv").read_bytes() == (tmp_path / "two.csv").read_bytes()
     record = read_record(tmp_path / "one.csv", LAYOUT)
     np.testing.assert_array_equal(record["input"], position)
@@ -68,7 +64,7 @@ def test_recording_has_the_stated_noise_and_is_the_same_at_every_run(tmp_path):
     assert abs(np.corrcoef(noise[1:], noise[:-1])[0, 1]) < 0.1
 
 
-def test_a_file_that_is_no_signal_is_refused(tmp_path):
+def test_file_without_signal_is_rejected(tmp_path):
     (tmp_path / "signal.csv").write_text("t,x\n0,1\n")
     with pytest.raises(InputError, match="header t,x; a signal has time_s,position_mm"):
         play(tmp_path / "signal.csv", tmp_path / "out.csv", TISSUE, seed=45, number=0)
@@ -77,7 +73,7 @@ def test_a_file_that_is_no_signal_is_refused(tmp_path):
 TWIN = TwinSettings()
 
 
-def test_the_records_are_those_of_a_pair_of_the_benchmark():
+def test_records_are_those_of_pair_of_benchmark():
     ours = two_hidden_effects(TWIN.two_hidden_effects, TWIN.seed)
     wanted = HiddenEffectsSettings(
         seed=TWIN.seed,
@@ -94,7 +90,7 @@ def test_the_records_are_those_of_a_pair_of_the_benchmark():
 
 
 @pytest.mark.parametrize("kind", ["multisine", "chirp", "noise"])
-def test_velocity_and_acceleration_are_the_derivatives_of_position(kind):
+def test_velocity_and_acceleration_are_derivatives(kind):
     motion = draw_motions(np.random.default_rng(1), 5.0, -0.5, schroeder=False, periods=2)[kind]
     for values, derivative in ((motion.position, motion.velocity), (motion.velocity, motion.acceleration)):
         central = (values[2:] - values[:-2]) / (2 * motion.step)
@@ -102,7 +98,7 @@ def test_velocity_and_acceleration_are_the_derivatives_of_position(kind):
     assert np.abs(motion.sampled(motion.position)).max() == pytest.approx(5.0, rel=2e-3)
 
 
-def test_multisine_has_its_fifty_lines_repeats_and_schroeder_keeps_the_crest_low():
+def test_multisine_has_fifty_lines_and_low_crest_factor():
     motions = draw_motions(np.random.default_rng(1), 5.0, 0.0, schroeder=True, periods=3)
     position = motions["multisine"].sampled(motions["multisine"].position)
     assert len(position) == 3000
@@ -115,11 +111,9 @@ def test_multisine_has_its_fifty_lines_repeats_and_schroeder_keeps_the_crest_low
     noise = motions["noise"].sampled(motions["noise"].position)
     assert not np.isclose(noise[0], noise[-1], atol=1e-3)
 
-
-def test_chirp_sweeps_from_0_1_to_5_hz():
-    motion = chirp_motion("chirp", 10.0, 1.0)
-    # ∫f dt = 10 (0.1 + 5)/2 = 25.5 turns, so 51 half turns less the one at the very end.
-    assert np.count_nonzero(np.diff(np.sign(motion.position[1:]))) == 50
+    # ∫f dt of the chirp from 0.1 to 5 Hz is 25.5 turns: 51 half turns less the one at the very end.
+    chirp = chirp_motion("chirp", 10.0, 1.0)
+    assert np.count_nonzero(np.diff(np.sign(chirp.position[1:]))) == 50
 
 
 @pytest.fixture(scope="module")
@@ -129,22 +123,16 @@ def settings(project):
 
 def test_strokes_become_shallower(settings):
     """Over many trials without noise: depth of the strokes in the last third against the first."""
-    one = settings.surgeons["surgeon_1"].model_copy(update={"tremor_rms_mm": 0.0})
-    quiet = settings.model_copy(
-        update={
-            "noise_rms_mm": 0.0,
-            "reposition_mm": 0.0,
-            "gain_mm_per_stroke": 0.0,
-            "surgeons": {"one": one},
-        }
-    )
+    surgeons = {"one": settings.surgeons["surgeon_1"].model_copy(update={"tremor_rms_mm": 0.0})}
+    zeros = dict.fromkeys(("noise_rms_mm", "reposition_mm", "gain_mm_per_stroke"), 0.0)
+    quiet = settings.model_copy(update={**zeros, "surgeons": surgeons})
     depths = [surgeon_trial(f"t{index}", "one", quiet, 1).z_mm.to_numpy() for index in range(30)]
     early = np.mean([depth[1000:2000].max() for depth in depths]) - settings.puncture_mm
     late = np.mean([depth[4900:5900].max() for depth in depths]) - settings.puncture_mm
     assert late / early == pytest.approx(0.49 / 0.85, abs=0.12)
 
 
-def test_tremor_has_its_strength_and_place():
+def test_tremor_has_declared_rms_and_band():
     tremor = tremor_noise(200_000, 100.0, 9.0, 1.0, np.random.default_rng(1))
     assert np.sqrt(np.mean(tremor**2)) == pytest.approx(1, abs=0.03)
     frequency = np.fft.rfftfreq(len(tremor), 0.01)
@@ -154,7 +142,7 @@ def test_tremor_has_its_strength_and_place():
     assert np.sqrt(np.average((frequency - centre) ** 2, weights=power)) == pytest.approx(1, abs=0.05)
 
 
-def test_minimum_jerk_movement_has_its_closed_form():
+def test_minimum_jerk_movement_has_closed_form():
     time = np.linspace(0, 3, 3001)
     position = minimum_jerk_chain(time, np.array([1.0]), np.array([0.5]), np.array([2.0, 12.0]))
     assert position[time <= 1].tolist() == [2.0] * 1001
@@ -163,20 +151,19 @@ def test_minimum_jerk_movement_has_its_closed_form():
     assert position[1250] == pytest.approx(7.0)
 
 
-def test_a_trial_is_the_same_bytes_whatever_else_there_is(settings):
-    first = surgeon_trial("surgeon_1_trial_1", "surgeon_1", settings, 45)
+def test_trial_depends_only_on_name_and_seed(settings):
     fewer = settings.model_copy(update={"surgeons": {"surgeon_1": settings.surgeons["surgeon_1"]}})
-    assert first.to_csv() == surgeon_trial("surgeon_1_trial_1", "surgeon_1", fewer, 45).to_csv()
-    assert first.to_csv() != surgeon_trial("surgeon_1_trial_2", "surgeon_1", settings, 45).to_csv()
-    assert first.to_csv() != surgeon_trial("surgeon_1_trial_1", "surgeon_1", settings, 46).to_csv()
+    cases = (("1", settings, 45), ("1", fewer, 45), ("2", settings, 45), ("1", settings, 46))
+    first, same, *others = (
+        surgeon_trial(f"surgeon_1_trial_{number}", "surgeon_1", chosen, seed).to_csv()
+        for number, chosen, seed in cases
+    )
+    assert first == same and first not in others
+    short = surgeon_trial("any", "surgeon_2", settings.model_copy(update={"duration_s": 5}), 3)
+    assert len(short) == 5 * settings.rate_Hz
+    assert np.isfinite(short.to_numpy()).all()
 
 
-def test_unknown_surgeon_is_named_with_those_there_are(settings):
+def test_unknown_surgeon_is_rejected_with_known_ones(settings):
     with pytest.raises(InputError, match=r"any is by 'nobody'.*surgeon_1, surgeon_2"):
         surgeon_trial("any", "nobody", settings, 1)
-
-
-def test_a_trial_shorter_than_the_approach_has_no_stroke(settings):
-    trial = surgeon_trial("any", "surgeon_2", settings.model_copy(update={"duration_s": 5}), 3)
-    assert len(trial) == 5 * settings.rate_Hz
-    assert np.isfinite(trial.to_numpy()).all()

@@ -39,7 +39,7 @@ def test_fitted_records_need_one_sampling_time():
 @pytest.mark.nightly
 def test_only_errors_of_the_size_of_noise_are_whitened():
     texture = lambda time, force: 3.0 * np.sin(7.0 * force)  # noqa: E731, not in the catalogue
-    settings = lumbar.StudySettings(improvement=lumbar.ImprovementSettings(most_effects=1))
+    settings = lumbar.StudySettings(improvement=lumbar.ImprovementSettings(most_effects=1, propose_law=False))
     large, small = (
         lumbar.diagnose([noisy_record(6, sigma, 1, 0.9, extra=extra)], base="KB", settings=settings).result
         for sigma, extra in ((0.02, texture), (0.3, None))
@@ -51,7 +51,7 @@ def test_only_errors_of_the_size_of_noise_are_whitened():
 
 
 NOISE = 0.005
-TOGETHER = lumbar.StudySettings(improvement=lumbar.ImprovementSettings(session=True))
+TOGETHER = lumbar.StudySettings(improvement=lumbar.ImprovementSettings(session=True, propose_law=False))
 DURATIONS, SLOWEST = (24, 12, 12), (0.25, 0.261, 0.283)
 """Seconds of the records, and the lowest frequencies (Hz) of their motions."""
 

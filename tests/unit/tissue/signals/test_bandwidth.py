@@ -61,7 +61,7 @@ def test_level_takes_the_last_crossing():
     assert level_frequency(FREQUENCY, psd, -20, 50) == pytest.approx(4.0, abs=0.01)
 
 
-def test_power_beyond_the_analysis_band_and_at_zero_does_not_count():
+def test_power_outside_analysis_band_does_not_count():
     psd = np.where(FREQUENCY <= 2.0, 1.0, 0.0)
     with_tremor = psd + 5 * np.exp(-0.5 * ((FREQUENCY - 10) / 0.5) ** 2)
     with_tremor[0] = 1e6
@@ -73,7 +73,7 @@ def test_power_beyond_the_analysis_band_and_at_zero_does_not_count():
 
 
 @pytest.mark.parametrize("maximum", [0.005, 51.0, -1.0, float("nan")])
-def test_analysis_band_outside_the_spectrum_is_refused(maximum):
+def test_analysis_band_outside_spectrum_is_rejected(maximum):
     with pytest.raises(InputError, match="maximum_Hz"):
         power_share_frequency(FREQUENCY, np.ones_like(FREQUENCY), 0.95, maximum)
 
@@ -116,14 +116,14 @@ def test_surgeons_have_equal_weight_and_every_trial_a_bandwidth():
     assert values == pytest.approx([1.9, 2.85], abs=0.06)
 
 
-def test_interval_holds_the_value_and_grows_with_confidence():
+def test_interval_covers_value_and_grows_with_confidence():
     spectra = flat_spectra([2.0, 2.2, 2.4, 2.6, 3.0, 3.2], "aabbcc")
     entry = share(motion_bandwidths(spectra, INTERVAL, 1))
     narrow = share(motion_bandwidths(spectra, INTERVAL.model_copy(update={"confidence": 0.6}), 1))
     assert entry["low_Hz"] < narrow["low_Hz"] < entry["value_Hz"] < narrow["high_Hz"] < entry["high_Hz"]
 
 
-def test_like_surgeons_have_a_narrow_interval_of_the_right_width():
+def test_interval_of_similar_surgeons_has_width_of_t():
     """Logarithms of the bandwidth with a spread of 3 % over 16 surgeons: mean ± t·s/√n."""
     logs = np.log(4) + 0.03 * np.random.default_rng(4).standard_normal(16)
     # Gaussian densities that are 20 dB below their peak at these frequencies.
@@ -136,23 +136,22 @@ def test_like_surgeons_have_a_narrow_interval_of_the_right_width():
 
 
 def test_trials_of_one_surgeon_are_not_independent():
-    """Four surgeons of three like trials: the interval must be as wide as if each had one trial."""
-    one = share(motion_bandwidths(flat_spectra([2, 2.5, 3, 3.5], "abcd"), INTERVAL, 1))
-    widths = [2] * 3 + [2.5] * 3 + [3] * 3 + [3.5] * 3
-    three = share(motion_bandwidths(flat_spectra(widths, "aaabbbcccddd"), INTERVAL, 1))
-    apart = share(motion_bandwidths(flat_spectra(widths, "abcdefghijkl"), INTERVAL, 1))
+    """Four surgeons with three equal trials: the interval must be as wide as if each had one trial."""
 
-    def width(entry):
+    def width(widths, surgeons):
+        entry = share(motion_bandwidths(flat_spectra(widths, surgeons), INTERVAL, 1))
         return entry["high_Hz"] - entry["low_Hz"]
 
-    assert width(three) == pytest.approx(width(one), rel=0.2)
-    assert width(apart) < 0.75 * width(three)
+    widths = [2, 2.5, 3, 3.5]
+    three = width(np.repeat(widths, 3), "aaabbbcccddd")
+    assert three == pytest.approx(width(widths, "abcd"), rel=0.2)
+    assert width(np.repeat(widths, 3), "abcdefghijkl") < 0.75 * three
 
 
 def test_one_surgeon_resamples_trials_and_one_trial_has_no_interval():
-    alone = motion_bandwidths(flat_spectra([2, 3], "aa"), INTERVAL, 1)
-    assert alone["interval"]["resampled"] == "trials"
-    assert share(alone)["low_Hz"] < share(alone)["high_Hz"]
+    one = motion_bandwidths(flat_spectra([2, 3], "aa"), INTERVAL, 1)
+    assert one["interval"]["resampled"] == "trials"
+    assert share(one)["low_Hz"] < share(one)["high_Hz"]
     single = motion_bandwidths(flat_spectra([2], "a"), INTERVAL, 1)
     assert single["interval"]["resampled"] is None
     assert share(single)["low_Hz"] is None
@@ -178,7 +177,7 @@ def trial(name, rate=100.0, seconds=30, unit="mm"):
     )
 
 
-def test_table_of_spectra_is_tidy_and_holds_the_mean():
+def test_table_of_spectra_has_mean():
     spectra = motion_spectra([trial("one"), trial("other")], ["a", "b"], WelchSettings(segment_s=10.24))
     table = spectra_table(spectra)
     assert len(table) == 2 * 3 * len(spectra.frequency)
@@ -195,7 +194,7 @@ def test_table_of_spectra_is_tidy_and_holds_the_mean():
         ([trial("metres", unit="m")], r"metres\.csv: position is in 'm'"),
     ],
 )
-def test_trials_that_cannot_be_pooled_are_named(records, words):
+def test_trials_that_cannot_be_pooled_are_rejected(records, words):
     with pytest.raises(InputError, match=words):
         motion_spectra(records, ["a"] * len(records), WelchSettings(segment_s=10.24))
 
@@ -207,8 +206,8 @@ LOW, HIGH = (np.sin(2 * np.pi * line * np.arange(SAMPLES) / SAMPLES) for line in
 @pytest.mark.parametrize(
     ("share", "line"), [(0.1, 39), (0.5, 40), (0.75, 41), (0.82, 199), (0.9, 200), (0.99, 201)]
 )
-def test_a_hann_window_spreads_a_line_over_three(share, line):
-    """By 1/6, 2/3, 1/6; of the signal's power 0.8 is in the lower line and 0.2 in the higher one."""
+def test_hann_window_spreads_line_over_three(share, line):
+    """By 1/6, 2/3, 1/6; 0.8 of the signal's power is in the lower line and 0.2 in the higher one."""
     assert spectral_edge(2 * LOW + HIGH, share) == line / SAMPLES
 
 
@@ -218,7 +217,7 @@ def test_drift_has_low_spectral_edge():
     assert spectral_edge(np.ones(SAMPLES), 0.5) == 1 / SAMPLES
 
 
-def test_the_band_of_a_motion():
+def test_occupied_band_of_motion():
     time = np.arange(SAMPLES) / 100
     position = 3.0 + np.cos(2 * np.pi * 0.5 * time) + 0.2 * np.cos(2 * np.pi * 4.0 * time)
     assert occupied_band(position, 0.01) == pytest.approx((0.5, 4.0))
@@ -243,8 +242,8 @@ def test_power_of_a_sinusoid_in_position_and_velocity(rate, frequency):
     assert power(*motion_psd(sine, rate, WELCH, "velocity")) == pytest.approx(expected, rel=0.02)
 
 
-def test_steady_advance_does_not_leak_into_the_velocity_spectrum():
-    """Why the recording is differenced first: (2πf)² times the position's density would be far off."""
+def test_steady_advance_does_not_leak_into_velocity_spectrum():
+    """The recording is differenced first, because (2πf)² times the position's density would be far off."""
     rate = 100.0
     time = np.arange(6000) / rate
     slow = np.random.default_rng(3).standard_normal(6000) * 0.001 + 50 * time
@@ -256,7 +255,7 @@ def test_steady_advance_does_not_leak_into_the_velocity_spectrum():
     assert np.mean((2 * np.pi * frequency[band]) ** 2 * position[band] / white) > 10
 
 
-def test_linear_detrending_takes_a_ramp_off_the_position():
+def test_linear_detrending_subtracts_ramp():
     rate = 100.0
     ramp = 5.0 * np.arange(6000) / rate
     linear = power(*motion_psd(ramp, rate, WelchSettings(segment_s=10.24, detrend="linear")))

@@ -32,7 +32,7 @@ from study_settings import study_settings
 
 @pytest.fixture(scope="module")
 def settings(project) -> SurveySettings:
-    """The study's, with a thousand resamples: how well intervals cover is tested of the intervals themselves."""
+    """Those of the study, with fewer resamples."""
     return study_settings().survey.model_copy(update={"resamples": 1000})
 
 
@@ -59,7 +59,7 @@ def made(scores, best=None, models=("A", "B", "C", "D")) -> Ratings:
     )
 
 
-def test_table_3_2_has_the_published_numbers(analysed, project):
+def test_table_3_2_has_published_numbers(analysed, project):
     table = analysed.tables["table_3_2"]
     published = (project / "resources" / "thesis" / "table_3_2.csv").read_text(encoding="utf-8").splitlines()
     header = published[0].split(",")
@@ -76,7 +76,7 @@ def test_table_3_2_has_the_published_numbers(analysed, project):
             assert ("" if cell is None or cell != cell else cell) == wanted[f"p_vs_{other}"]
 
 
-def test_tests_of_the_thesis_give_the_reference_values(ratings):
+def test_tests_of_thesis_have_reference_values(ratings):
     # H and p computed by R's kruskal.test and wilcox.test on the same answers.
     overall = kruskal_wallis(ratings)
     assert overall.statistic == pytest.approx(29.29, abs=0.005)
@@ -84,35 +84,24 @@ def test_tests_of_the_thesis_give_the_reference_values(ratings):
     assert overall.p_value == pytest.approx(stats.chi2.sf(overall.statistic, 3))
     expected = ["1.7e-02", "7.2e-06", "1.6e-05", "6.3e-03", "1.1e-02", "7.9e-01"]
     assert [f"{p_value:.1e}" for p_value in mann_whitney(ratings)] == expected
-    assert pairs(ratings) == [
-        ("IL", "MW"),
-        ("IL", "KB"),
-        ("IL", "HO"),
-        ("MW", "KB"),
-        ("MW", "HO"),
-        ("KB", "HO"),
-    ]
-
-
-def test_holm_steps_down():
-    # Worked by hand: 6 * 0.001, 5 * 0.01, 4 * 0.02, 3 * 0.03 and then the running maximum.
+    assert pairs(ratings) == [*itertools.combinations(("IL", "MW", "KB", "HO"), 2)]
+    # Holm's adjustment by hand: 6 * 0.001, 5 * 0.01, 4 * 0.02, 3 * 0.03 and then the running maximum.
     p = np.array([0.5, 0.03, 0.001, 0.02, 0.01, 0.04])
     assert holm(p) == pytest.approx([0.5, 0.09, 0.006, 0.08, 0.05, 0.09])
 
 
-def test_all_modes_are_named():
-    assert modes(np.array([1, 5, 0, 5, 2])) == "2/4"
-    assert modes(np.array([0, 0, 7, 1, 2])) == "3"
+@pytest.mark.parametrize(("counts", "mode"), [((1, 5, 0, 5, 2), "2/4"), ((0, 0, 7, 1, 2), "3")])
+def test_all_modes_are_listed(counts, mode):
+    assert modes(np.array(counts)) == mode
 
 
 def brute_force_signed_rank(differences, zeros):
-    """P-value by going through every assignment of signs, with exact rational ranks."""
+    """Statistic and p-value from every assignment of signs, with exact rational ranks."""
     values = [d for d in differences if d != 0] if zeros == "wilcox" else list(differences)
     sizes = [abs(v) for v in values]
     doubled = [sum(s < t for s in sizes) * 2 + sum(s == t for s in sizes) + 1 for t in sizes]
-    kept = [(rank, value) for rank, value in zip(doubled, values, strict=True) if value != 0]
-    observed = sum(rank for rank, value in kept if value > 0)
-    ranks = [rank for rank, _ in kept]
+    ranks = [rank for rank, value in zip(doubled, values, strict=True) if value != 0]
+    observed = sum(rank for rank, value in zip(doubled, values, strict=True) if value > 0)
     middle = sum(ranks)
     hits = sum(
         abs(2 * sum(itertools.compress(ranks, signs)) - middle) >= abs(2 * observed - middle)
@@ -123,7 +112,7 @@ def brute_force_signed_rank(differences, zeros):
 
 @pytest.mark.parametrize("zeros", ["pratt", "wilcox"])
 @pytest.mark.parametrize("seed", range(12))
-def test_signed_rank_p_is_the_enumerated_one(zeros, seed):
+def test_signed_rank_p_is_enumerated_one(zeros, seed):
     random = np.random.default_rng(seed)
     differences = random.integers(-4, 5, size=random.integers(1, 12))
     result = signed_rank_test(differences, zeros)
@@ -135,23 +124,22 @@ def test_signed_rank_p_is_the_enumerated_one(zeros, seed):
 
 @pytest.mark.parametrize("zeros", ["pratt", "wilcox"])
 def test_large_samples_use_the_normal_approximation(zeros):
-    differences = np.random.default_rng(1).integers(-4, 5, 3 * EXACT_LIMIT) + (
-        np.arange(3 * EXACT_LIMIT) % 9 == 0
-    )
+    differences = np.random.default_rng(1).integers(-4, 5, 3 * EXACT_LIMIT)
+    differences[::9] += 1
     result = signed_rank_test(differences, zeros)
     assert not result.exact
     reference = stats.wilcoxon(differences, zero_method=zeros, method="asymptotic", correction=False)
     assert result.p_value == pytest.approx(reference.pvalue, rel=1e-9)
 
 
-def test_no_difference_at_all_has_p_one():
+def test_zero_differences_have_p_one():
     assert signed_rank_test(np.zeros(20)).p_value == 1.0
     assert signed_rank_test(np.array([])).p_value == 1.0
     with pytest.raises(ValueError, match="pratt, wilcox"):
         signed_rank_test(np.arange(5), "zsplit")
 
 
-def test_friedman_and_kendall_on_a_worked_example():
+def test_friedman_and_kendall_of_worked_example():
     # Ranks of three judges, no ties: W = 12 S / (m² (n³ − n)) with S the squared deviations of the rank sums.
     scores = np.array([[1, 2, 3, 4], [2, 1, 3, 4], [1, 3, 2, 4]])
     sums = scores.sum(axis=0)
@@ -162,14 +150,14 @@ def test_friedman_and_kendall_on_a_worked_example():
     assert overall.p_value == pytest.approx(stats.chi2.sf(3 * 3 * w, 3))
 
 
-def test_superiority_counts_all_pairs_of_ratings(ratings):
+def test_superiority_is_share_of_all_pairs(ratings):
     a, b = ratings.scores_of("IL"), ratings.scores_of("KB")
     brute = np.mean([(x > y) + 0.5 * (x == y) for x in a for y in b])
     counts = dict(zip(ratings.models, ratings.counts(), strict=True))
     assert vargha_delaney(counts["IL"], counts["KB"]) == pytest.approx(brute, rel=1e-12)
 
 
-def test_bootstrap_interval_agrees_with_resampling_rows_one_by_one(ratings):
+def test_bootstrap_interval_is_that_of_resampled_rows(ratings):
     result = compare_pairs(ratings, 0.95, 20_000, 1)[-1]
     random = np.random.default_rng(99)
     values = []
@@ -180,7 +168,7 @@ def test_bootstrap_interval_agrees_with_resampling_rows_one_by_one(ratings):
     assert result.low < result.narrow_low < result.narrow_high < result.high
 
 
-def test_bootstrap_keeps_every_participants_answers_together():
+def test_bootstrap_draws_whole_participants():
     # Two kinds of participants with opposite answers: the counts of the two models must move together.
     counts = resampled_counts(made([[1, 5]] * 10 + [[5, 1]] * 10), 500, [1])
     assert (counts[:, 0, 0] == counts[:, 1, 4]).all()
@@ -197,7 +185,7 @@ def test_equivalence_is_two_one_sided_tests():
     assert not replace(inside, narrow_low=0.43).is_equivalent(0.06)
 
 
-def test_intervals_of_the_picks_are_the_closed_forms(ratings):
+def test_intervals_of_picks_are_closed_forms(ratings):
     shares = pick_shares(ratings, 0.95)
     assert shares.picks.tolist() == [2, 14, 12, 17]
     n = len(ratings)
@@ -212,7 +200,7 @@ def test_intervals_of_the_picks_are_the_closed_forms(ratings):
     assert (shares.goodman[:, 0] < shares.wilson[:, 0]).all()
 
 
-def test_chi_square_of_the_picks():
+def test_chi_square_of_picks():
     assert equal_shares_test(np.array([2, 14, 12, 17])).p_value == pytest.approx(0.010, abs=5e-4)
     rest = equal_shares_test(np.array([14, 12, 17]))
     expected = sum((x - 43 / 3) ** 2 / (43 / 3) for x in (14, 12, 17))
@@ -223,36 +211,33 @@ def test_chi_square_of_the_picks():
         equal_shares_test(np.array([0, 0, 0]))
 
 
-def test_participants_are_described_as_in_the_thesis(ratings):
+def test_participants_are_described_as_in_thesis(ratings):
     described = describe_participants(ratings)
     assert described["number"] == 45
     assert described["groups"]["clinician"]["count"] == 34
     percents = {name: round(group["percent"], 1) for name, group in described["groups"].items()}
     assert percents == {"clinician": 75.6, "dry_needling": 15.6, "acupuncture": 13.3, "palpation": 93.3}
-    experience = {level: round(group["percent"], 1) for level, group in described["experience"].items()}
-    assert experience["<5"] == 11.1
-    assert experience[">20"] == 35.6
+    assert [round(described["experience"][level]["percent"], 1) for level in ("<5", ">20")] == [11.1, 35.6]
 
 
 @pytest.mark.nightly
-def test_analysis_is_the_same_at_every_run_and_says_what_the_answers_are(analysed, ratings, settings):
-    first, second = analysed, analyse_survey(ratings, settings, 7, "synthetic twin")
-    for name, table in first.tables.items():
-        assert table.to_html() == second.tables[name].to_html()
+def test_analysis_depends_only_on_seed_and_states_reconstruction(analysed, ratings, settings):
+    second, other = (analyse_survey(ratings, settings, seed, "synthetic twin").tables for seed in (7, 8))
+    for name, table in analysed.tables.items():
+        assert table.to_html() == second[name].to_html()
         assert table.source_label == "reconstructed survey (not real answers), synthetic twin"
         assert any("a demonstration here, not evidence" in note for note in table.notes)
-    other = analyse_survey(ratings, settings, 8, "synthetic twin")
-    assert other.tables["survey_paired"].to_html() != first.tables["survey_paired"].to_html()
+    assert other["survey_paired"].to_html() != second["survey_paired"].to_html()
 
 
-def test_only_reconstructed_answers_are_called_so(ratings, settings):
+def test_real_answers_are_not_called_reconstructed(ratings, settings):
     real = replace(ratings, sources=("laboratory X",))
     for table in analyse_survey(real, settings, 1, "laboratory X").tables.values():
         assert table.source_label == "laboratory X"
         assert "reconstructed" not in table.to_html()
 
 
-def test_equivalence_is_not_claimed_from_a_large_p(analysed):
+def test_large_p_does_not_show_equivalence(analysed):
     table = analysed.tables["survey_paired"]
     kb_ho = table.frame.iloc[-1]
     assert kb_ho["p_wilcoxon"] > 0.5
@@ -260,8 +245,8 @@ def test_equivalence_is_not_claimed_from_a_large_p(analysed):
     assert any(note.startswith("KB and HO") and "is not equivalence" in note for note in table.notes)
 
 
-def test_what_hangs_on_the_treatment_of_zeros_is_said_to():
-    # Fifteen alike; of the others fifteen up and five down.
+def test_result_that_depends_on_treatment_of_zeros_is_undecided():
+    # Fifteen equal; of the others fifteen up and five down.
     first = np.r_[[3] * 15, [4] * 13, [5] * 2, [2] * 4, [1]]
     scores = np.column_stack([first, [3] * 35, [1, 2, 3, 4, 5] * 7])
     pair = compare_pairs(made(scores), 0.95, 1000, 1)[0]
@@ -269,21 +254,24 @@ def test_what_hangs_on_the_treatment_of_zeros_is_said_to():
     assert pair.test.p_value == signed_rank_test(difference, "pratt").p_value
     assert pair.test_without_zeros.p_value == signed_rank_test(difference, "wilcox").p_value
     assert pair.test.p_value != pytest.approx(pair.test_without_zeros.p_value, rel=0.05)
-    told = replace(pair, p_holm=0.034, p_holm_without_zeros=0.054)
-    assert any("not decided" in note for note in paired_analysis._notes(made(scores), [told], 0.06))
+    pair = replace(pair, p_holm=0.034, p_holm_without_zeros=0.054)
+    assert any("not decided" in note for note in paired_analysis._notes(made(scores), [pair], 0.06))
 
 
-def test_answers_that_do_not_differ_are_refused():
-    same = made([[3, 3, 3]] * 10)
-    with pytest.raises(NumericalError, match="nothing to rank"):
-        friedman(same)
-    with pytest.raises(NumericalError, match="all ratings are equal"):
-        kruskal_wallis(same)
-    with pytest.raises(NumericalError, match="at least 3"):
-        friedman(made([[1, 2], [2, 3]]))
+@pytest.mark.parametrize(
+    ("test", "scores", "words"),
+    [
+        (friedman, [[3, 3, 3]] * 10, "nothing to rank"),
+        (kruskal_wallis, [[3, 3, 3]] * 10, "all ratings are equal"),
+        (friedman, [[1, 2], [2, 3]], "at least 3"),
+    ],
+)
+def test_equal_answers_are_rejected(test, scores, words):
+    with pytest.raises(NumericalError, match=words):
+        test(made(scores))
 
 
-def test_two_constant_models_among_others_do_not_break_the_tests():
+def test_two_constant_models_have_p_one():
     ratings = made(np.column_stack([np.full(9, 3), np.full(9, 3), np.tile([1, 2, 5], 3)]))
     assert mann_whitney(ratings)[0] == 1.0
     assert compare_pairs(ratings, 0.95, 1000, 1)[0].test.p_value == 1.0
