@@ -77,13 +77,8 @@ def test_default_study_weighs_box(twin, tmp_path):
     assert result.experiment.floor.rms == pytest.approx(twin.hip_moment.noise_N_m, rel=0.1)
     estimates = {item.name: item for item in result.ranking[0].estimates}
     inertia, gravity = trunk_of(twin.people["expert"])
-    truth = {
-        "inertia": inertia,
-        "damping": twin.hip_moment.damping_N_m_s,
-        "gravity_moment": -gravity,
-        "box_mass": 23.0,
-        "hand_distance": twin.hip_moment.hidden.hand_distance_m,
-    }
+    truth = {"inertia": inertia, "damping": twin.hip_moment.damping_N_m_s, "gravity_moment": -gravity}
+    truth |= {"box_mass": 23.0, "hand_distance": twin.hip_moment.hidden.hand_distance_m}
     for name, value in truth.items():
         spread = (estimates[name].high - estimates[name].low) / 2
         assert abs(estimates[name].value - value) < 2 * spread, name

@@ -25,7 +25,6 @@ from lumbar.twin.cohort import (
     draw_lift,
     draw_person,
     lift_name,
-    person_names,
     single_lift_settings,
     single_person_cohort,
 )
@@ -125,7 +124,7 @@ def test_written_file_is_equal_for_every_reader(tmp_path):
     np.testing.assert_array_equal(content["data"]["points"][:3].transpose(2, 1, 0), points.astype("f4"))
     assert content["parameters"]["POINT"]["LABELS"]["value"] == LABELS
     with path.open("rb") as stream, warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of the analog part, which there is not
+        warnings.simplefilter("ignore")  # the file has no analog part
         reader = c3d.Reader(stream)
         quads = np.array([quads for _, quads, _ in reader.read_frames()])
     np.testing.assert_array_equal(quads[..., 3] < 0, np.isnan(points[..., 0]))
@@ -144,6 +143,10 @@ def with_persons(cohort, count, **changes):
     """The cohort with `count` persons in every group."""
     groups = {name: group.model_copy(update={"persons": count}) for name, group in cohort.groups.items()}
     return cohort.model_copy(update={"groups": groups, **changes})
+
+
+def names_and_groups(cohort):
+    return [(name, subject.experience) for name, subject in cohort_subjects(cohort, SEED).items()]
 
 
 def test_added_person_or_trial_changes_no_other(cohort):
@@ -181,7 +184,7 @@ def test_cohort_is_study_of_its_people(project):
 def test_people_have_declared_distribution(cohort):
     """A normal distribution truncated at 2.5 standard deviations has 0.955 of the standard deviation."""
     large = with_persons(cohort, 600)
-    people = [draw_person(large, name, group, SEED) for name, group in person_names(large)]
+    people = [draw_person(large, *who, SEED) for who in names_and_groups(large)]
     left = stats.truncnorm(-MAX_DRAWN_SD, MAX_DRAWN_SD).std()
     for sex in ("female", "male"):
         truth, declared = (
@@ -205,7 +208,7 @@ def test_drawn_lifts_are_valid(cohort):
     """Numbers within the limits of a declared lift, and events in order."""
     problems = Problems("lifts")
     large = with_persons(cohort, 40)
-    for name, group in person_names(large):
+    for name, group in names_and_groups(large):
         person = draw_person(large, name, group, SEED)
         for mass, trial in cohort_lifts(large):
             lift = draw_lift(large, person, mass, lift_name(name, mass, trial), SEED)

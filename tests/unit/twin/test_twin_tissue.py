@@ -1,6 +1,7 @@
 """Synthetic tissue tests and surgeon trials against the matrix exponential and independent estimators."""
 
 import numpy as np
+import pandas as pd
 import pytest
 from scipy.linalg import expm
 
@@ -25,8 +26,7 @@ LAYOUT = TissueSettings().layout
 def write_signal(path, samples=2000):
     time = 0.01 * np.arange(samples)
     position = 3 * np.sin(2 * np.pi * 0.7 * time) + np.cos(2 * np.pi * 2.3 * time)
-    lines = [f"{t},{x}" for t, x in zip(time, position, strict=True)]
-    path.write_text("\n".join(["time_s,position_mm", *lines]) + "\n")
+    pd.DataFrame({"time_s": time, "position_mm": position}).to_csv(path, index=False)
     return time, position
 
 

@@ -63,14 +63,8 @@ def _normal(rng: np.random.Generator) -> float:
     return float(number)
 
 
-def person_names(cohort: CohortSettings) -> Iterator[tuple[str, str]]:
-    """Yield name, e.g. ``expert_0001``, and group of every person."""
-    for group, content in cohort.groups.items():
-        yield from ((f"{group}_{number:04d}", group) for number in range(1, content.persons + 1))
-
-
 def draw_person(cohort: CohortSettings, name: str, group: str, seed: int) -> CohortPerson:
-    """Draw one of `person_names`; `seed` is the twin's."""
+    """Draw the person of this name, e.g. ``expert_0001``; `seed` is the twin's."""
     rng, number = _generator(seed, "person", name), int(name.rsplit("_", 1)[1])
     share = cohort.female_share
     sex = "female" if math.floor(number * share) > math.floor((number - 1) * share) else "male"
@@ -140,8 +134,9 @@ def single_person_cohort(cohort: CohortSettings, group: str) -> CohortSettings:
 
 def cohort_subjects(cohort: CohortSettings, seed: int) -> dict[str, SubjectSettings]:
     """Return all persons as subjects of a study: with measured mass and stature."""
-    subjects = {}
-    for name, group in person_names(cohort):
+    subjects, groups = {}, cohort.groups.items()
+    for group, number in ((name, number) for name, content in groups for number in range(content.persons)):
+        name = f"{group}_{number + 1:04d}"
         person = draw_person(cohort, name, group, seed)
         trials = tuple(
             TrialSettings(box_mass_kg=mass, markers=marker_file(name, mass, trial))

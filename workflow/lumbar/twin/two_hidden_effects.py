@@ -61,15 +61,16 @@ def maxwell_force(position: np.ndarray, step: float, stiffness: float, relaxatio
     return lfilter([stiffness / (1 + half)], [1.0, -(1 - half) / (1 + half)], change)
 
 
-def kelvin_boltzmann_residual(motion: ToolMotion, force: np.ndarray) -> np.ndarray:
-    """Return the residual in N of the best Kelvin–Boltzmann tissue at the recorded samples after `SETTLING_S`.
+def residual_rms(motion: ToolMotion, force: np.ndarray) -> float:
+    """Return the RMS residual in N of the best Kelvin–Boltzmann tissue, for a force on the simulation's grid.
 
-    Stiffnesses are fitted by least squares, the time constant is searched between 2 ms and 20 s.
+    Stiffnesses are fitted to the recorded samples after `SETTLING_S` by least squares, the time constant is searched between 2 ms
+    and 20 s.
     """
     start = round(SETTLING_S * RATE_HZ)
     coarse, step = motion.position[::_FIT_STRIDE], motion.step * _FIT_STRIDE
     elastic = motion.sampled(motion.position)[start:]
-    target = force[start:]
+    target = motion.sampled(force)[start:]
 
     def residual(log_relaxation: float) -> np.ndarray:
         branch = maxwell_force(coarse, step, 1.0, np.exp(log_relaxation))
@@ -85,7 +86,8 @@ def kelvin_boltzmann_residual(motion: ToolMotion, force: np.ndarray) -> np.ndarr
     grid = np.log([0.002, 0.004, 0.02, 0.05, 0.1, 0.2, 0.4, 1.2, 8.0, 20.0])
     best = 1 + int(np.argmin([cost(value) for value in grid[1:-1]]))
     bounds = grid[best - 1], grid[best + 1]
-    return residual(minimize_scalar(cost, bounds=bounds, method="bounded", options={"xatol": 1e-4}).x)
+    best_fit = minimize_scalar(cost, bounds=bounds, method="bounded", options={"xatol": 1e-4})
+    return float(np.sqrt(np.mean(residual(best_fit.x) ** 2)))
 
 
 def severity_leaving(
@@ -110,11 +112,6 @@ def severity_leaving(
         if excess(high) > 0:
             return 0.0 if excess(low) > 0 else float(brentq(near, low, high, xtol=1e-4))
     return max(tried, key=excess)
-
-
-def residual_rms(motion: ToolMotion, force: np.ndarray) -> float:
-    """Return the RMS residual in N of the best Kelvin–Boltzmann tissue, for a force on the simulation's grid."""
-    return float(np.sqrt(np.mean(kelvin_boltzmann_residual(motion, motion.sampled(force)) ** 2)))
 
 
 @dataclass(frozen=True)
@@ -181,14 +178,12 @@ def two_hidden_effects(
     force_N, half_depth = float(rest.std()), 0.5 * float(np.abs(multisine.position).max())
     noise_N = settings.noise_share * force_N
 
-    def friction(motion: ToolMotion, strength: float) -> np.ndarray:
-        return strength * 2 / np.pi * np.arctan(motion.velocity / speed_mm_s)
-
-    def hardening(motion: ToolMotion, strength: float) -> np.ndarray:
-        return strength * motion.position**3
-
+    effects = (
+        (lambda motion, strength: strength * 2 / np.pi * np.arctan(motion.velocity / speed_mm_s), 1.0),
+        (lambda motion, strength: strength * motion.position**3, half_depth**3),
+    )
     strengths = {}
-    for effect, unit_N in ((friction, 1.0), (hardening, half_depth**3)):
+    for effect, unit_N in effects:
         # By itself the effect leaves the wanted residual.
         severity = severity_leaving(
             noise_N * settings.residual_over_noise,

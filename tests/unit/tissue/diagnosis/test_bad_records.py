@@ -37,16 +37,12 @@ NOISE = np.random.default_rng(5).standard_normal(len(GOOD))
 
 def bad_training() -> dict[str, tuple]:
     """Training record by its fault, and words of the message."""
-    force = force_of(GOOD)
-    with_gap = force.copy()
-    with_gap[100] = np.nan
-    enormous = force.copy()
-    enormous[100] = 1e308
+    force, is_bad = force_of(GOOD), np.arange(len(GOOD)) == 100
     return {
         "constant input": (np.full(len(GOOD), 1.0), force, "input: constant (1)"),
         "constant output": (GOOD, np.full(len(GOOD), 2.0), "output: constant (2)"),
-        "not a number": (GOOD, with_gap, "line 102: output is nan"),
-        "too large": (GOOD, enormous, "line 102: output is 1e+308"),
+        "not a number": (GOOD, np.where(is_bad, np.nan, force), "line 102: output is nan"),
+        "too large": (GOOD, np.where(is_bad, 1e308, force), "line 102: output is 1e+308"),
         "clipped force": (GOOD, np.clip(force, -1.5, 1.5), "output: clipped: "),
         "clipped position": (np.clip(GOOD, -1.5, 1.5), force, "input: clipped: "),
         "no motion": (5e-4 * NOISE, 0.02 * NOISE[::-1], "cannot predict b"),
@@ -95,8 +91,8 @@ def test_equal_rests_and_repeated_motions_are_not_copies(run, tmp_path):
 
 
 def test_small_motions_at_several_depths_are_accepted(run, tmp_path):
-    depths = {f"depth_{depth}": depth + 0.03 * GOOD for depth in (2, 4, 8)}
-    records = {name: (position, force_of(position, len(name))) for name, position in depths.items()}
+    depths = {depth: depth + 0.03 * GOOD for depth in (2, 4, 8)}
+    records = {f"depth_{depth}": (position, force_of(position, depth)) for depth, position in depths.items()}
     write(tmp_path / "in", **records)
     run.done("compare", tmp_path / "in", "--output", tmp_path / "out")
 

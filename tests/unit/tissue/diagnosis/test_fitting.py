@@ -5,13 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from periodic_records import moved, softening_record
+from periodic_records import moved, record, softening_record
 from scipy.optimize import lsq_linear
 from scipy.signal import butter, lfilter
 
 from case_tables import cases
 from lumbar.base.errors import InputError
-from lumbar.records.record import Channel, Record
 from lumbar.tissue.diagnosis.fitting import joint_fit
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData, JointData
 from lumbar.tissue.diagnosis.fitting.joint_fit import Fit, add, fit, fit_base, shape_bounds, solve_linear
@@ -59,16 +58,15 @@ def experiment(key, linear, nonlinear, noise=0.01, seed=0):
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_amplitudes_against_a_bounded_solver(seed):
+def test_amplitudes_are_those_of_bounded_solver(seed):
     random = np.random.default_rng(seed)
     design = random.standard_normal((60, 5)) * 10.0 ** random.uniform(-3, 3, 5)
     force = random.standard_normal(60)
     signs = tuple(random.integers(-1, 2, 5).tolist())
     bounds = ([0 if sign > 0 else -np.inf for sign in signs], [0 if sign < 0 else np.inf for sign in signs])
     expected = lsq_linear(design, force, bounds, method="bvls", tol=1e-14).x
-    found = solve_linear(design, force, signs)
-    error = [np.sum((design @ item - force) ** 2) for item in (found, expected)]
-    assert error[0] == pytest.approx(error[1], rel=1e-8)
+    errors = [np.sum((design @ item - force) ** 2) for item in (solve_linear(design, force, signs), expected)]
+    assert errors[0] == pytest.approx(errors[1], rel=1e-8)
 
 
 CASES = cases(__file__, "cases")
@@ -87,8 +85,8 @@ def test_effect_and_base_are_recovered_together(key):
 
 
 @pytest.mark.parametrize("key", FORMS)
-def test_a_larger_model_never_fits_worse_but_at_a_bound(key):
-    """A delay, play or limit of zero size is outside its range: such forms hold the smaller model in the limit only."""
+def test_larger_model_fits_worse_only_at_bound(key):
+    """A delay, play or limit of zero size is outside its range: such forms contain the smaller model only in the limit."""
     data = experiment("", (), ())
     base = fit_base(Structure(BASES["KB"]), data)
     found = add(base, FORMS[key], data)
@@ -101,23 +99,20 @@ def test_a_larger_model_never_fits_worse_but_at_a_bound(key):
     assert at_bound[1:].any() and found.converged
 
 
-@pytest.mark.parametrize(("key", "kept"), [("coulomb_friction/coulomb", 1.0), ("backlash/play", 7.0)])
-def test_an_optimiser_that_ends_worse_has_not_converged(monkeypatch, key, kept):
+@pytest.mark.parametrize(("key", "ratio"), [("coulomb_friction/coulomb", 1.0), ("backlash/play", 7.0)])
+def test_optimiser_that_ends_worse_has_not_converged(monkeypatch, key, ratio):
     """Parallel forms keep the smaller model's error; others show their own."""
     data = experiment("", (), ())
     base = fit_base(Structure(BASES["KB"]), data)
 
     def failing(structure, data, start):
-        nonlinear = np.array([0.3, 0.5])
-        return Fit(
-            structure, np.ones(len(structure.signs)), nonlinear, 7.0 * base.squared_error, converged=True
-        )
+        return Fit(structure, np.ones(len(structure.signs)), np.array([0.3, 0.5]), 7.0 * base.squared_error)
 
     monkeypatch.setattr(joint_fit, "fit", failing)
     found = add(base, FORMS[key], data)
     assert not found.converged
-    assert found.squared_error == pytest.approx(kept * base.squared_error)
-    if kept == 1.0:
+    assert found.squared_error == pytest.approx(ratio * base.squared_error)
+    if ratio == 1.0:
         assert np.allclose(found.simulate(data.motion), base.simulate(data.motion))
 
 
@@ -140,7 +135,7 @@ def wandering(random, samples: int = SAMPLES) -> Motion:
     return Motion(np.arange(samples) * STEP, position, STEP)
 
 
-def test_correlation_time_of_an_autoregressive_process():
+def test_correlation_time_of_autoregressive_process():
     """1/2 + Σ ρᵏ = (1 + ρ)/(2 (1 − ρ))."""
     random = np.random.default_rng(1)
     for pole in (0.0, 0.5, 0.9):
@@ -148,8 +143,7 @@ def test_correlation_time_of_an_autoregressive_process():
         assert correlation_times(records)[0] == pytest.approx(0.5 * (1 + pole) / (1 - pole), rel=0.07)
 
 
-def test_covariance_of_scores_is_the_sum_over_lags():
-    """Bartlett's sum written out, in the time domain; records apart."""
+def test_covariance_of_scores_is_bartletts_sum_over_lags():
     random = np.random.default_rng(2)
     scores = [autoregressive(random, size, 0.8, 3) for size in (700, 500)]
     mean = np.concatenate(scores).mean(axis=0)
@@ -168,14 +162,13 @@ def test_covariance_of_scores_is_the_sum_over_lags():
 
 
 @pytest.mark.parametrize("pole", [0.0, 0.2])
-def test_white_errors_pass_for_white_and_others_do_not(pole):
+def test_only_white_errors_pass_test_of_whiteness(pole):
     random = np.random.default_rng(4)
-    found = [are_white([autoregressive(random, SAMPLES, pole)[:, 0]]) for _ in range(400)]
-    assert np.mean(found) == pytest.approx(0.99, abs=0.015) if pole == 0 else not any(found)
+    white = [are_white([autoregressive(random, SAMPLES, pole)[:, 0]]) for _ in range(400)]
+    assert np.mean(white) == pytest.approx(0.99, abs=0.015) if pole == 0 else not any(white)
 
 
-def test_white_residuals_keep_the_curvature_and_zero_is_in_its_interval():
-    """s²(JᵀJ)⁻¹, to the last digit."""
+def test_covariance_of_white_residuals_is_inverse_curvature():
     random = np.random.default_rng(5)
     motion = wandering(random)
     force = VISCOELASTIC.simulate(motion, np.array([STIFFNESS, VISCOSITY]), np.zeros(0))
@@ -196,19 +189,19 @@ ERRORS = {
     "hardening": lambda random, motion: 0.02 * motion.position**3,
     "friction": lambda random, motion: 0.4 * np.sign(motion.velocity),
 }
-"""Noise, and what a spring and dashpot does not know: it is part of the measured force."""
+"""Noise, or a force that a spring and dashpot does not explain."""
 GAUSSIAN = {
     "hardening": ("spring_stiffness", lambda speed: STIFFNESS + 3 * 0.02 * 2.0**2),
     "friction": ("viscosity", lambda speed: VISCOSITY + 0.4 * np.sqrt(2 / np.pi) / speed),
 }
-"""Parameter that a model error goes to, and where a fit to endless records ends: of Gaussian motions E[z z³]/E[z²] = 3σ² and
+"""Parameter that a model error changes, and its limit in long records: in Gaussian motions E[z z³]/E[z²] = 3σ² and
 E[v sign v]/E[v²] = √(2/π)/σ."""
 
 
 @pytest.mark.statistical
 @pytest.mark.parametrize("kind", ERRORS)
-def test_intervals_hold_the_best_parameters(kind):
-    """93 to 97 % of them, over 400 experiments, each with a motion and a noise of its own."""
+def test_intervals_cover_best_parameters(kind):
+    """93 to 97 % of them, over 400 experiments with different motions and noises."""
     speed = np.std(wandering(np.random.default_rng(0), 400_000).velocity)
     truth = {"spring_stiffness": STIFFNESS, "viscosity": VISCOSITY}
     if kind in GAUSSIAN:
@@ -225,8 +218,7 @@ def test_intervals_hold_the_best_parameters(kind):
     assert 0.93 <= np.mean(inside) <= 0.97
 
 
-def test_records_fitted_together_are_independent():
-    """The correlation of one record's end with the next one's beginning is none."""
+def test_scores_of_joint_records_are_independent():
     random = np.random.default_rng(8)
     parts = []
     for name in ("first", "second"):
@@ -247,17 +239,12 @@ def test_records_fitted_together_are_independent():
     assert len(errors) == sum(map(len, scores))
 
 
-def record_of(position, force, step=STEP, name="a"):
-    channels = {"input": Channel(position, "position", "mm"), "output": Channel(force, "force", "N")}
-    return Record(name, np.arange(len(position)) * step, channels, f"{name}.csv")
-
-
 def test_fit_that_did_not_converge_is_reported():
     records = []
     for name, motion in (("a", excitation(1)), ("b", excitation(2, 12))):
         noise = 0.02 * np.random.default_rng(9).standard_normal(len(motion))
         force = 0.8 * motion.position + 0.01 * motion.position**3 + noise
-        records.append(record_of(motion.position, force, name=name))
+        records.append(record(motion.position, force, name))
     result = diagnose(records)
     assert result.model.fit.converged
     stopped = replace(result.model, fit=replace(result.model.fit, converged=False))
@@ -268,7 +255,7 @@ def test_fit_that_did_not_converge_is_reported():
 def test_period_of_more_than_half_the_record_is_rejected():
     position = excitation(seconds=20).position
     with pytest.raises(InputError, match=r"are 1\.33 periods of 15 s; at least 2 are needed"):
-        fold_periods(record_of(position, position), 15.0)
+        fold_periods(record(position, position), 15.0)
 
 
 @pytest.mark.nightly
@@ -276,9 +263,9 @@ def test_search_for_faults_of_long_record_needs_little_memory():
     random = np.random.default_rng(12)
     slow, fast = (np.sin(2 * np.pi * line * np.arange(1_000_000) / 1000.0) for line in (0.37, 1.1))
     position = slow + 0.5 * fast + 1e-3 * random.standard_normal(len(slow))
-    record = record_of(position, 0.4 * slow + 0.01 * random.standard_normal(len(slow)), step=1e-3)
+    long = record(position, 0.4 * slow + 0.01 * random.standard_normal(len(slow)), step=1e-3)
     tracemalloc.start()
-    faults = sensor_faults(record)
+    faults = sensor_faults(long)
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert [item.kind for item in faults] == ["position_noise"]
@@ -292,10 +279,9 @@ def test_joint_records_do_not_share_path_memory_or_limits():
     motions = [Motion(np.arange(900) * STEP, moved(seed)[:900], STEP) for seed in (1, 2)]
     structure = Structure(BASES["KB"], (WORN, CLIPPED))
     numbers = np.array([0.8, 1.0, -0.3]), np.array([0.1, 200.0, 3.0])
-    together = structure.simulate(JoinedMotions(tuple(motions)), *numbers)
-    np.testing.assert_array_equal(
-        together, np.concatenate([structure.simulate(motion, *numbers) for motion in motions])
-    )
+    joint = structure.simulate(JoinedMotions(tuple(motions)), *numbers)
+    single = [structure.simulate(motion, *numbers) for motion in motions]
+    np.testing.assert_array_equal(joint, np.concatenate(single))
     columns = forces_of(WORN, JoinedMotions(tuple(motions)), np.array([200.0]))
     assert columns.shape == (1800, 1)
     assert columns[900, 0] == forces_of(WORN, motions[1], np.array([200.0]))[0, 0]
@@ -309,9 +295,8 @@ def test_start_of_every_record_does_not_count():
     assert joint.name == "first+second"
     assert joint.size == 700
     np.testing.assert_array_equal(joint.trim(signal), np.concatenate([signal[50:400], signal[450:]]))
-    np.testing.assert_array_equal(
-        joint.whiten(signal), np.concatenate([parts[0].whiten(signal[:400]), parts[1].whiten(signal[400:])])
-    )
+    white = np.concatenate([parts[0].whiten(signal[:400]), parts[1].whiten(signal[400:])])
+    np.testing.assert_array_equal(joint.whiten(signal), white)
     early, later = joint.split(0.5)
     assert (len(early.force), early.size, later.size) == (400, 300, 400)
 
@@ -334,10 +319,9 @@ def test_linear_joint_fit_is_least_squares_of_stacked_records():
 
 def test_tangent_basis_and_errors_allow_zero_of_every_record():
     records = [softening_record(name, seed, 8.0) for name, seed in (("a", 7), ("b", 8), ("c", 9))]
-    shifted = [
-        one.with_values(output=one["output"] + step) for one, step in zip(records, (5, -3, 1), strict=True)
-    ]
-    found = []
+    steps = zip(records, (5, -3, 1), strict=True)
+    shifted = [one.with_values(output=one["output"] + step) for one, step in steps]
+    errors = []
     for items in (records, shifted):
         experiment = prepare(items, ["a", "b"]).allow_own_zeros()
         fit = fit_base(Structure(BASES["KV"]), experiment.training)
@@ -345,7 +329,7 @@ def test_tangent_basis_and_errors_allow_zero_of_every_record():
         basis = tangent_basis(fit, together)
         assert basis.shape[1] == 2 + 3  # stiffness and damping, and the zero of each record
         assert np.abs(project_out(basis, np.repeat([5.0, -3.0, 1.0], 760))).max() < 1e-9
-        found.append(np.concatenate([fit.errors(item) for item in together]))
+        errors.append(np.concatenate([fit.errors(item) for item in together]))
         choosing = alternate(experiment)[0]
         assert np.mean(fit.errors(choosing.tests[0])) == pytest.approx(0, abs=1e-9)
-    np.testing.assert_allclose(*found, atol=1e-6)
+    np.testing.assert_allclose(*errors, atol=1e-6)

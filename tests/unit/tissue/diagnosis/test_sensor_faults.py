@@ -97,7 +97,7 @@ def test_stuck_samples_are_counted_and_interpolated(role):
 
 def test_rests_crests_and_flat_tops_are_not_stuck_samples():
     time = np.arange(4000) / 100.0
-    stairs = np.cumsum(np.where((time * 2) % 1 < 0.7, 0.01, 0.0))  # moves, rests for 15 samples, moves on
+    stairs = np.cumsum(np.where((time * 2) % 1 < 0.7, 0.01, 0.0))  # rests for 15 samples
     crest = np.sin(2 * np.pi * (time - 0.005))  # two equal samples at every crest
     for position in (stairs, crest, np.clip(crest, -0.5, 0.5)):
         force = lfilter([0.1], [1, -0.9], position) + 0.01 * np.random.default_rng(1).standard_normal(4000)

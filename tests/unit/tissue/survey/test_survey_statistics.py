@@ -66,10 +66,8 @@ def test_table_3_2_has_published_numbers(analysed, project):
     assert set(header) <= set(table.frame.columns)
     for line, (_, row) in zip(published[1:], table.frame.iterrows(), strict=True):
         wanted = dict(zip(header, line.split(","), strict=True))
-        assert row["model"] == wanted["model"]
-        assert row["median"] == float(wanted["median"])
-        assert row["mode"] == wanted["mode"]
-        assert row["mode_count"] == int(wanted["mode_count"])
+        for column in ("model", "median", "mode", "mode_count"):
+            assert row[column] == type(row[column])(wanted[column])
         assert abs(row["best_percent"] - float(wanted["best_percent"])) < 0.05
         for other in ("MW", "KB", "HO"):
             cell = row[f"printed_vs_{other}"]
@@ -159,8 +157,7 @@ def test_superiority_is_share_of_all_pairs(ratings):
 
 def test_bootstrap_interval_is_that_of_resampled_rows(ratings):
     result = compare_pairs(ratings, 0.95, 20_000, 1)[-1]
-    random = np.random.default_rng(99)
-    values = []
+    random, values = np.random.default_rng(99), []
     for _ in range(3000):
         rows = ratings.scores[random.integers(0, len(ratings), len(ratings))]
         values.append(np.mean(np.sign(rows[:, 2][:, None] - rows[:, 3])) / 2 + 0.5)
@@ -186,11 +183,9 @@ def test_equivalence_is_two_one_sided_tests():
 
 
 def test_intervals_of_picks_are_closed_forms(ratings):
-    shares = pick_shares(ratings, 0.95)
+    shares, n = pick_shares(ratings, 0.95), len(ratings)
     assert shares.picks.tolist() == [2, 14, 12, 17]
-    n = len(ratings)
-    z = stats.norm.ppf(0.975)
-    chi2 = stats.chi2.ppf(1 - 0.05 / 4, 1)
+    z, chi2 = stats.norm.ppf(0.975), stats.chi2.ppf(1 - 0.05 / 4, 1)
     for row, x in enumerate(shares.picks):
         centre, half = (x + z**2 / 2) / (n + z**2), z / (n + z**2) * math.sqrt(x * (n - x) / n + z**2 / 4)
         assert shares.wilson[row] == pytest.approx([centre - half, centre + half])
@@ -272,6 +267,6 @@ def test_equal_answers_are_rejected(test, scores, words):
 
 
 def test_two_constant_models_have_p_one():
-    ratings = made(np.column_stack([np.full(9, 3), np.full(9, 3), np.tile([1, 2, 5], 3)]))
+    ratings = made([[3, 3, rating] for rating in (1, 2, 5) * 3])
     assert mann_whitney(ratings)[0] == 1.0
     assert compare_pairs(ratings, 0.95, 1000, 1)[0].test.p_value == 1.0

@@ -7,6 +7,7 @@ Ratings on a few points have many ties, and many differences are zero; tables of
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 
 from lumbar.base.errors import NumericalError
 from lumbar.records.ratings import Ratings
@@ -50,14 +51,12 @@ def signed_rank_test(differences: np.ndarray, zeros: str = "pratt") -> SignedRan
         that many zeros are evidence of no difference; ``"wilcox"`` drops them before ranking. To split the ranks of the
         zeros between the signs (zsplit) gives the exact p-value of ``"pratt"``.
     """
-    from scipy.stats import norm, rankdata
-
     if zeros not in ZEROS:
         raise ValueError(f"zeros is {zeros!r}; allowed are {', '.join(ZEROS)}")
     differences = np.asarray(differences, dtype=float)
     if zeros == "wilcox":
         differences = differences[differences != 0]
-    ranks = rankdata(np.abs(differences)) if differences.size else np.zeros(0)
+    ranks = scipy.stats.rankdata(np.abs(differences)) if differences.size else np.zeros(0)
     ranks, positive = ranks[differences != 0], differences[differences != 0] > 0
     statistic, expected = float(ranks[positive].sum()), float(ranks.sum() / 2)
     nonzero = len(ranks)
@@ -67,7 +66,7 @@ def signed_rank_test(differences: np.ndarray, zeros: str = "pratt") -> SignedRan
         tail = float(min(probability[: place + 1].sum(), probability[place:].sum()))
         return SignedRank(statistic, expected, min(1.0, 2 * tail), nonzero, True)
     deviate = (statistic - expected) / np.sqrt((ranks**2).sum() / 4)
-    return SignedRank(statistic, expected, float(2 * norm.sf(abs(deviate))), nonzero, False)
+    return SignedRank(statistic, expected, float(2 * scipy.stats.norm.sf(abs(deviate))), nonzero, False)
 
 
 def positive_rank_sum_distribution(ranks: np.ndarray) -> np.ndarray:
@@ -98,8 +97,6 @@ def friedman(ratings: Ratings) -> tuple[Overall, float]:
     NumericalError
         With fewer than three models, or if every participant rated all models equally.
     """
-    from scipy.stats import friedmanchisquare
-
     participants, models = ratings.scores.shape
     if models < 3:
         raise NumericalError(f"Friedman's test: {models} models; it needs at least 3")
@@ -107,7 +104,7 @@ def friedman(ratings: Ratings) -> tuple[Overall, float]:
         raise NumericalError(
             "Friedman's test: every participant rated all models equally; there is nothing to rank"
         )
-    result = friedmanchisquare(*ratings.scores.T)
+    result = scipy.stats.friedmanchisquare(*ratings.scores.T)
     dof = models - 1
     overall = Overall(float(result.statistic), dof, float(result.pvalue))
     return overall, overall.statistic / (participants * dof)

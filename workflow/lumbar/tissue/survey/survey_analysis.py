@@ -4,12 +4,13 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 import pandas as pd
+import scipy
 
 from lumbar.base.errors import NumericalError
 from lumbar.records.ratings import Ratings
 from lumbar.settings.survey import SurveySettings
 from lumbar.tables.table import Table, table_from_schema
-from lumbar.tissue.survey.paired_analysis import PairedComparison, compare_pairs, friedman, paired_table
+from lumbar.tissue.survey.paired_analysis import compare_pairs, friedman, paired_table
 from lumbar.tissue.survey.table_3_2 import (
     Overall,
     holm,
@@ -62,13 +63,11 @@ def equal_shares_test(picks: np.ndarray) -> Overall:
     NumericalError
         If there are no picks, or fewer than two models.
     """
-    from scipy.stats import chisquare
-
     if len(picks) < 2 or picks.sum() == 0:
         raise NumericalError(
             f"chi-square test of {picks.sum()} picks among {len(picks)} models: nothing to compare"
         )
-    result = chisquare(picks)
+    result = scipy.stats.chisquare(picks)
     return Overall(float(result.statistic), len(picks) - 1, float(result.pvalue))
 
 
@@ -129,30 +128,10 @@ def analyse_survey(
         "survey_paired": paired_table(ratings, comparisons, settings, label),
         "survey_best_picks": best_picks_table(ratings, shares, baseline, confidence, label),
     }
-    return SurveyAnalysis(tables, _results(ratings, comparisons, shares, baseline, label))
-
-
-def describe_participants(ratings: Ratings) -> dict:
-    """Count the participants, with count and percentage of every group and level of experience."""
-
-    def share(count: int) -> dict:
-        return {"count": count, "percent": 100 * count / len(ratings)}
-
-    return {
-        "number": len(ratings),
-        "groups": {name: share(int(np.sum(answers))) for name, answers in ratings.groups.items()},
-        "experience": {level: share(ratings.experience.count(level)) for level in ratings.experience_levels},
-        "sources": list(ratings.sources),
-    }
-
-
-def _results(
-    ratings: Ratings, comparisons: list[PairedComparison], shares: PickShares, baseline: str, label: str
-) -> dict:
     overall, concordance = friedman(ratings)
     p_values = mann_whitney(ratings)
     rest = shares.drop(baseline)
-    return {
+    results = {
         "schema": "lumbar.survey/1",
         "data": label,
         "participants": describe_participants(ratings),
@@ -179,4 +158,19 @@ def _results(
             "without_baseline": asdict(equal_shares_test(rest)) if rest.sum() else None,
             "baseline": baseline,
         },
+    }
+    return SurveyAnalysis(tables, results)
+
+
+def describe_participants(ratings: Ratings) -> dict:
+    """Count the participants, with count and percentage of every group and level of experience."""
+
+    def share(count: int) -> dict:
+        return {"count": count, "percent": 100 * count / len(ratings)}
+
+    return {
+        "number": len(ratings),
+        "groups": {name: share(int(np.sum(answers))) for name, answers in ratings.groups.items()},
+        "experience": {level: share(ratings.experience.count(level)) for level in ratings.experience_levels},
+        "sources": list(ratings.sources),
     }

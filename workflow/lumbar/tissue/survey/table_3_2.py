@@ -9,6 +9,7 @@ from itertools import combinations
 
 import numpy as np
 import pandas as pd
+import scipy
 
 from lumbar.base.errors import NumericalError
 from lumbar.records.ratings import NOT_REAL, Ratings
@@ -58,11 +59,9 @@ def kruskal_wallis(ratings: Ratings) -> Overall:
     NumericalError
         If every participant gave every model the same rating.
     """
-    from scipy.stats import kruskal
-
     if np.ptp(ratings.scores) == 0:
         raise NumericalError("Kruskal-Wallis test: all ratings are equal, so there is nothing to compare")
-    result = kruskal(*ratings.scores.T)
+    result = scipy.stats.kruskal(*ratings.scores.T)
     return Overall(float(result.statistic), len(ratings.models) - 1, float(result.pvalue))
 
 
@@ -72,13 +71,13 @@ def mann_whitney(ratings: Ratings) -> np.ndarray:
     Normal approximation with correction for ties and for continuity, because the exact distribution is not valid for ties. If
     all ratings of two models are equal, p = 1.
     """
-    from scipy.stats import mannwhitneyu
-
     p_values = []
     for a, b in pairs(ratings):
         both = ratings.scores_of(a), ratings.scores_of(b)
         are_equal = np.ptp(np.concatenate(both)) == 0
-        p_values.append(1.0 if are_equal else float(mannwhitneyu(*both, method="asymptotic").pvalue))
+        p_values.append(
+            1.0 if are_equal else float(scipy.stats.mannwhitneyu(*both, method="asymptotic").pvalue)
+        )
     return np.array(p_values)
 
 
@@ -118,20 +117,10 @@ def table_3_2(ratings: Ratings, source_label: str) -> Table:
             columns[f"{prefix}_vs_{second}"] = [by_pair.get((first, second)) for first in ratings.models]
     fields = {"points": ratings.scale_points, "pairs": len(pairs(ratings))}
     first = tuple(name for name in columns if not name.startswith("p_"))  # the thesis's columns
-    notes = _notes(ratings, p_values, adjusted)
-    return table_from_schema(
-        "tissue/survey", "table_3_2", pd.DataFrame(columns), source_label, fields, notes=notes, first=first
-    )
-
-
-def _notes(ratings: Ratings, p_values: np.ndarray, adjusted: np.ndarray) -> tuple[str, ...]:
     overall = kruskal_wallis(ratings)
-    changed = [
-        f"{a} and {b}"
-        for (a, b), p, p_holm in zip(pairs(ratings), p_values, adjusted, strict=True)
-        if p < 0.05 <= p_holm
-    ]
-    return (
+    tested = zip(pairs(ratings), p_values, adjusted, strict=True)
+    changed = [f"{a} and {b}" for (a, b), p, p_holm in tested if p < 0.05 <= p_holm]
+    notes = (
         f"Kruskal-Wallis over {len(ratings.models)} models: H = {overall.statistic:.2f}, {overall.dof} degrees of freedom, "
         f"p = {overall.p_value:#.2g}; {len(ratings)} participants.",
         "Pairs that lose significance at 0.05 by Holm's correction: " + (", ".join(changed) or "none") + ".",
@@ -139,4 +128,7 @@ def _notes(ratings: Ratings, p_values: np.ndarray, adjusted: np.ndarray) -> tupl
         "within-subject analysis (survey_paired).",
         "A large p-value does not prove that two models are rated equally.",
         *reality_notes(ratings),
+    )
+    return table_from_schema(
+        "tissue/survey", "table_3_2", pd.DataFrame(columns), source_label, fields, notes=notes, first=first
     )

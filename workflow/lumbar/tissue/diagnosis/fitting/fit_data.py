@@ -49,8 +49,8 @@ class FitData:
 
     @property
     def length(self) -> int:
-        """Number of samples of the record, without its session history."""
-        return len(self.force) - self.begins
+        """Number of samples of the records, without their session history."""
+        return sum(len(item.force) - item.begins for item in self.records)
 
     @property
     def size(self) -> int:
@@ -114,10 +114,6 @@ class FitData:
     def _about_zero(self, errors: np.ndarray) -> np.ndarray:
         return errors - errors.mean() if self.has_own_zero else errors
 
-    def longest_record(self, signal: np.ndarray) -> tuple[Motion, np.ndarray]:
-        """Return the motion of the longest record, and its part of a signal over all samples."""
-        return self.motion, signal
-
     def scale(self, kind: str) -> float:
         """Return the size of a quantity for starting values; ``force`` is the largest force of the record."""
         return float(np.abs(self.force).max()) if kind == "force" else self.motion.scale(kind)
@@ -131,7 +127,7 @@ class JointData(FitData):
     """Records with the same sampling time."""
 
     @classmethod
-    def join(cls, parts: list[FitData]) -> Self:
+    def join(cls, parts: list[FitData], has_own_zero: bool = False) -> Self:
         """Return the joint data of records, with a name that lists theirs."""
         return cls(
             "+".join(part.name for part in parts),
@@ -139,6 +135,7 @@ class JointData(FitData):
             np.concatenate([part.force for part in parts]),
             parts[0].whitening,
             parts[0].settling,
+            has_own_zero,
             parts=tuple(parts),
         )
 
@@ -152,7 +149,7 @@ class JointData(FitData):
         return self._rebuild([part.apply(change) for part in self.parts])
 
     def _rebuild(self, parts: list[FitData]) -> JointData:
-        return replace(type(self).join(parts), has_own_zero=self.has_own_zero)
+        return type(self).join(parts, self.has_own_zero)
 
     @cached_property
     def zeros(self) -> np.ndarray:
@@ -164,11 +161,6 @@ class JointData(FitData):
     def records(self) -> tuple[FitData, ...]:
         """The records that are fitted together."""
         return self.parts
-
-    @property
-    def length(self) -> int:
-        """Number of samples of the records, without their session history."""
-        return sum(part.length for part in self.parts)
 
     @property
     def size(self) -> int:
@@ -188,11 +180,6 @@ class JointData(FitData):
         """Return the whitened signal (samples first) without the samples of each record that do not count."""
         pieces = zip(self.parts, self.motion.split(signal), strict=True)
         return np.concatenate([part.whiten(piece) for part, piece in pieces])
-
-    def longest_record(self, signal: np.ndarray) -> tuple[Motion, np.ndarray]:
-        """Return the motion of the longest record, and its part of a signal over all samples."""
-        pieces = zip(self.motion.parts, self.motion.split(signal), strict=True)
-        return max(pieces, key=lambda pair: len(pair[0]))
 
 
 class FreeRun:

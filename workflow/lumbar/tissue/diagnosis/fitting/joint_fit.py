@@ -134,9 +134,14 @@ def shape_bounds(structure: Structure, data: FitData, start: np.ndarray) -> tupl
 
 def nonlinear_starts(form: Form, data: FitData, residual: np.ndarray) -> list[np.ndarray]:
     """Return the starting nonlinear parameters of a form: its own for a residual, or the grid of all its parameters."""
-    if form.starts is not None:
-        return form.starts(*data.longest_record(residual))
-    return combinations(form.nonlinear, data)
+    if form.starts is None:
+        return combinations(form.nonlinear, data)
+    motion = data.motion
+    if isinstance(motion, JoinedMotions):  # the axis with the largest residual, or the longest record
+        size = np.var if isinstance(motion, SpatialMotion) else len
+        pieces = zip(motion.parts, motion.split(residual), strict=True)
+        motion, residual = max(pieces, key=lambda piece: size(piece[1]))
+    return form.starts(motion, residual)
 
 
 def combinations(parameters: Sequence[NonlinearParameter], data: FitData) -> list[np.ndarray]:
@@ -165,10 +170,8 @@ def fit(structure: Structure, data: FitData, start: np.ndarray) -> Fit:
     notify_progress()
 
     def search() -> Fit:
-        if not len(start):
-            return (
-                fit_at(structure, data, start) if structure.is_linear else _search_all(structure, data, start)
-            )
+        if structure.is_linear and not len(start):
+            return fit_at(structure, data, start)
         low, high = shape_bounds(structure, data, start)
         margin = (high / low) ** _OFF_BOUND
         method = _search_nonlinear if structure.is_linear else _search_all
@@ -256,7 +259,7 @@ def from_log_ratio(vector: np.ndarray, start: np.ndarray) -> np.ndarray:
     return start * np.exp(vector - 1.0)
 
 
-def _search_all(structure, data, start, low=(), high=()) -> Fit:
+def _search_all(structure, data, start, low, high) -> Fit:
     """Search all parameters together: derivatives by the output forms' parameters are differences, the rest columns."""
     force = data.whiten(data.force)
     count, amplitudes = len(structure.nonlinear), len(structure.linear)

@@ -184,16 +184,16 @@ class Experiment:
         drift = 0.0 if floor is None or floor.certain_structure_rms else floor.structured_rms
         return float(np.hypot(self.position_noise_force, drift))
 
-    def shift_origin(self, surface: float) -> Self:
-        """Return the same records with positions counted from `surface`."""
+    def shift_origin(self, surface: float, **fields) -> Self:
+        """Return the same records with positions counted from `surface`; `fields` are other new values."""
         shift = surface - self.surface
-        return self.each(lambda item: item.shift_origin(shift), surface=surface) if shift else self
+        return self.each(lambda item: item.shift_origin(shift) if shift else item, surface=surface, **fields)
 
     def shift_to_rest(self) -> Self:
         """Return the same records of one axis with positions counted from `resting_position`."""
         records = (*self.training.records, *self.tests)
         rest = resting_position([item.drop_history(item.motion.position)[None] for item in records])
-        return replace(self.shift_origin(float(rest[0])), rest=tuple(rest))
+        return self.shift_origin(float(rest[0]), rest=tuple(rest))
 
     @property
     def has_own_zeros(self) -> bool:
@@ -202,12 +202,10 @@ class Experiment:
 
     def allow_own_zeros(self) -> Self:
         """Return the same records, each with its zero of the sensor."""
-        training = self.training
-        if isinstance(training, JointData):  # a single record has one zero anyway: its fits stay valid
-            training = replace(training, has_own_zero=True)
-        return replace(
-            self, training=training, tests=[replace(item, has_own_zero=True) for item in self.tests]
-        )
+        own = [replace(item, has_own_zero=True) for item in (self.training, *self.tests)]
+        # A single training record has one zero anyway: its fits stay valid.
+        training = own[0] if isinstance(self.training, JointData) else self.training
+        return replace(self, training=training, tests=own[1:])
 
     def drop_whitening(self) -> Self:
         """Return the same records without whitening of their errors."""
@@ -215,13 +213,13 @@ class Experiment:
 
     def change_data(self, change: Callable[[FitData], FitData], joint: type[JointData] = JointData) -> Self:
         """Return the experiment with a change of every single record; `joint` is the class of joint data."""
-
-        def change_parts(data: FitData) -> FitData:
-            if isinstance(data, JointData):
-                return replace(joint.join(list(map(change, data.parts))), has_own_zero=data.has_own_zero)
-            return change(data)
-
-        return self.each(change_parts)
+        return self.each(
+            lambda data: (
+                joint.join(list(map(change, data.parts)), data.has_own_zero)
+                if isinstance(data, JointData)
+                else change(data)
+            )
+        )
 
     def each(self, change: Callable[[FitData], FitData], **fields) -> Self:
         """Return the experiment with a change of training and tests; `fields` are other new values."""

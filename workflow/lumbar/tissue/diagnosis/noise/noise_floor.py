@@ -185,8 +185,13 @@ def noise_floor(record: Record, period: float | None = None, fewest: int = MIN_P
         # The transient at the start of the first period is over in its second half; all that differs there counts as noise.
         degrees, parts, noise = folding.samples // 2, [], deviations.copy()
         noise[:, :-degrees] = 0.0
-        if not _is_white(noise[0, folding.samples - degrees :]):
-            return None  # two periods cannot separate a drift or a long transient from noise
+        # Two periods cannot separate a drift or a long transient from noise: the means of intervals must be as of white noise.
+        intervals = noise[0, folding.samples - degrees :]
+        width = max(degrees // _INTERVALS, 1)
+        means = intervals[: degrees // width * width].reshape(-1, width).mean(axis=1)
+        spread = np.sum(means**2) * width / max(np.mean(intervals**2), 1e-300)
+        if scipy.special.chdtrc(len(means), spread) <= _WHITE_LEVEL:
+            return None
     else:
         split = remove_structure(deviations, mean_period, folding.fold(record["input"]).mean(axis=0))
         noise, parts, degrees = split.rest, split.parts, split.degrees
@@ -227,14 +232,6 @@ def _rms_interval(variance: float, degrees: float) -> dict[str, float]:
     spread = 2 / (9 * degrees)
     low, high = (variance / (1 - spread + sign * _NORMAL_975 * np.sqrt(spread)) ** 3 for sign in (1, -1))
     return {"rms": float(np.sqrt(variance)), "low": float(np.sqrt(low)), "high": float(np.sqrt(high))}
-
-
-def _is_white(values: np.ndarray) -> bool:
-    """Return whether the means of intervals differ by no more than those of white noise."""
-    width = max(len(values) // _INTERVALS, 1)
-    means = values[: len(values) // width * width].reshape(-1, width).mean(axis=1)
-    spread = np.sum(means**2) * width / max(np.mean(values**2), 1e-300)
-    return scipy.special.chdtrc(len(means), spread) > _WHITE_LEVEL
 
 
 def _subtract_input_deviations(

@@ -30,15 +30,15 @@ class SpatialData(JointData):
     """One record of several axes, which are its parts; a signal has the samples of one axis after those of another."""
 
     @classmethod
-    def join(cls, parts: list[FitData], axes: tuple[str, ...] = ()) -> Self:
+    def join(cls, parts: list[FitData], has_own_zero: bool = False, axes: tuple[str, ...] = ()) -> Self:
         """Return the record with these parts along axes of these names."""
-        joint = super().join(parts)
+        joint = super().join(parts, has_own_zero)
         motion = SpatialMotion(tuple(part.motion for part in parts), names=axes)  # type: ignore[misc]
         return replace(joint, name=parts[0].name, motion=motion)
 
     def _rebuild(self, parts: list[FitData]) -> Self:
         assert isinstance(self.motion, SpatialMotion)
-        return replace(type(self).join(parts, self.motion.names), has_own_zero=self.has_own_zero)
+        return type(self).join(parts, self.has_own_zero, self.motion.names)
 
     @property
     def records(self) -> tuple[FitData, ...]:
@@ -54,12 +54,6 @@ class SpatialData(JointData):
         """Return the part of a signal that belongs to the record itself, one axis after the other."""
         pieces = zip(self.parts, self.motion.split(signal), strict=True)
         return np.concatenate([part.drop_history(piece) for part, piece in pieces])
-
-    def longest_record(self, signal: np.ndarray) -> tuple[Motion, np.ndarray]:
-        """Return the motion along the axis with the largest variance of a signal, and the signal there."""
-        assert isinstance(self.motion, SpatialMotion)
-        pieces = zip(self.motion.parts, self.motion.split(signal), strict=True)
-        return max(pieces, key=lambda pair: float(np.var(pair[1])))
 
     def _about_zero(self, errors: np.ndarray) -> np.ndarray:
         if not self.has_own_zero:
@@ -117,7 +111,7 @@ def prepare(records: list[Record], settings: DiagnosisSettings) -> Experiment:
             FitData(record.name, Motion.of(single, offset=rest), single["output"], whitening, settling)
             for single, whitening, rest in zip(map(record.axis, axes), taps, rests, strict=True)
         ]
-        return SpatialData.join(parts, axes)
+        return SpatialData.join(parts, axes=axes)
 
     return assemble_experiment(
         first.widest,
