@@ -124,6 +124,6 @@ if study.has("stability"):
             settings=plain(settings.stability, {*MEASURED, "limits", "knots"}),
             source_label=DATA,
         message:
-            "A page of every lift to look around in, with pushes against the funnel"
+            "An interactive page of every lift, with pushes against the funnel"
         script:
             "../scripts/show_lifts.py"

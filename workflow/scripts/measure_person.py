@@ -20,8 +20,7 @@ def main(
     from lumbar.interface.movement import measure_person
 
     table = measure_person(
-        dict(zip(trials, input.markers, strict=True)),
-        trials,
+        dict(zip(trials, zip(input.markers, trials.values(), strict=True), strict=True)),
         SubjectSettings.model_construct(**subject, experience="not said"),
         lifting,
         stability,

@@ -1,4 +1,4 @@
-"""A page of every lift to look around in, with pushes against the funnel."""
+"""An interactive page of every lift, with pushes against the funnel."""
 
 from job import run
 

@@ -138,8 +138,7 @@ BASIN_SOURCE = "lumbar.lifting.stability: exact funnel of Eq. 4.1 with the regul
 
 
 def measure_person(
-    markers: Mapping[str, str | os.PathLike],
-    trials: Mapping[str, TrialSettings],
+    recordings: Mapping[str, tuple[str | os.PathLike, TrialSettings]],
     subject: SubjectSettings,
     lifting: LiftingSettings,
     stability: StabilitySettings,
@@ -153,10 +152,8 @@ def measure_person(
 
     Parameters
     ----------
-    markers : mapping of str to path
-        Marker file of every lift.
-    trials : mapping of str to TrialSettings
-        Trials by the same names.
+    recordings : mapping of str to tuple (path, TrialSettings)
+        Marker file and trial of every lift by its name.
     subject, lifting, stability
         Settings of the subject, of the pipeline, and of pendulum and measures.
     static : path, optional
@@ -167,9 +164,9 @@ def measure_person(
     lifts: dict[str, Lift] = {}
     frames: dict[str, pd.DataFrame] = {}
     common: dict[str, Any] = {"settings": lifting, "static": static, "source_label": source_label}
-    for name, path in markers.items():
+    for name, (path, trial) in recordings.items():
         try:
-            analysed = lift(path, subject, trial=trials[name], name=name, **common)
+            analysed = lift(path, subject, trial=trial, name=name, **common)
             frames[name] = measure_movement(analysed, settings=stability).values
             lifts[name] = analysed
         except LumbarError as error:
@@ -178,7 +175,7 @@ def measure_person(
     counts: Counter = Counter()
     tables = []
     for name, values in frames.items():
-        mass = trials[name].box_mass_kg
+        mass = recordings[name][1].box_mass_kg
         counts[mass] += 1
         table = pd.concat([values, areas[areas["lift"] == name]], ignore_index=True)
         tables.append(table.assign(lift=name, person=subject.name, box_mass_kg=mass, trial=counts[mass]))

@@ -1,1 +1,1 @@
-"""The page of a diagnosis that one can look around in: alone as a file, or served and computing."""
+"""The interactive page of a diagnosis: as a file, or served and computing."""

@@ -1,1 +1,1 @@
-"""The page of a lift that one can look around in: body, balance, pendulums, and a push against the funnel."""
+"""The interactive page of a lift: body, balance, pendulums, and a push against the funnel."""
