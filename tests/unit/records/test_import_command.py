@@ -5,17 +5,9 @@ import os
 
 import numpy as np
 import pytest
-import yaml
 from foreign_files import FORCE, POSITION, foreign_files, rows
 
 import lumbar
-from lumbar.interface.reading import read_listed
-from lumbar.records.checking import check_recordings
-from lumbar.records.columns import read_record
-from lumbar.records.importing.study_file import PROVENANCE
-from lumbar.study.load_study import load_study
-from lumbar.study.study import reading_plan
-from refusing import refusal
 
 FILES = foreign_files()
 
@@ -50,13 +42,9 @@ def test_records_and_a_study_are_written(run, sources, tmp_path, project):
     records = lumbar.read(output)
     assert records.names == ["excel_deutsch", "labview"]
     np.testing.assert_allclose(records["labview"]["output"], FORCE, atol=2e-5)
-    text = (output / "study.yaml").read_text()
-    study = load_study(yaml.safe_load(text), project, [output / "study.yaml"])
-    assert study.settings.data_source.licence == "CC0"
-    assert [study.recording(record.file) for record in study.settings.tissue.records] == [
-        str(output / "labview.csv"),
-        str(output / "excel_deutsch.csv"),
-    ]
+    study = lumbar.load_settings(output / "study.yaml")
+    assert (study.data_source.licence, str(study.data_root)) == ("CC0", str(output))
+    assert [record.file for record in study.tissue.records] == ["labview.csv", "excel_deutsch.csv"]
     out = run.done("check", output)
     assert "labview.csv: 600 samples, 200 Hz, 3 s; input: position in mm, output: force in N" in out
 
@@ -70,7 +58,7 @@ def test_imports_are_added_to_folder(run, sources, tmp_path):
     records = lumbar.read(output)
     np.testing.assert_allclose(records["excel_deutsch"]["output"], FORCE * 4.4482216152605, atol=1e-4)
     np.testing.assert_allclose(records["labview"]["output"], -FORCE, atol=2e-5)
-    content = json.loads((output / PROVENANCE).read_text())
+    content = json.loads((output / "imported.json").read_text())
     assert [entry["name"] for entry in content["records"]] == ["excel_deutsch", "labview"]
 
 
@@ -93,8 +81,7 @@ def test_forward_import_makes_force_the_input(run, sources, tmp_path, project):
     output = tmp_path / "records"
     out = run.done("import", sources / "labview.lvm", "--forward", "--output", output)
     assert out.splitlines()[-1].endswith(f"next: lumbar diagnose {output} --forward --output out")
-    text = (output / "study.yaml").read_text()
-    assert load_study(yaml.safe_load(text), project, [output / "study.yaml"]).settings.improvement.forward
+    assert lumbar.load_settings(output / "study.yaml").improvement.forward
     err = run.refused("import", sources / "excel_deutsch.csv", "--output", output)
     assert "its records were imported as driven by the load (--forward)" in err
 
@@ -138,7 +125,7 @@ def test_records_that_the_default_layout_does_not_read(run, tmp_path, project):
         out = run.done("import", tmp_path / f"{name}.txt", *map(str, options))
     assert "--config" in out.splitlines()[-1]
     path = tmp_path / "no: records" / "study.yaml"
-    study = load_study(yaml.safe_load(path.read_text()), project, [path]).settings
+    study = lumbar.load_settings(path)
     assert study.tissue.rate_Hz == 100
     records = lumbar.read(path.parent, layout=study.tissue.layout, rate=study.tissue.rate_Hz)
     assert records["a"].channels["output"].label == "Force (V)"
@@ -188,28 +175,12 @@ def test_imports_agree_with_studies_by_hand(shared, project):
     ):
         settings = lumbar.load_settings(project / f"config/studies/{study}.yaml").tissue
         path = shared / "real" / settings.records[0].file
-        by_hand = read_record(path, settings.layout)
+        [by_hand] = lumbar.read(path, layout=settings.layout)
         [imported] = lumbar.import_recordings(path, **options)
         factors = {"friction_damper": (1.0, 1e3), "davinci_tool": (1.0, 1.0)}[study]
         np.testing.assert_allclose(imported.record.time, by_hand.time, rtol=1e-12)
         for role, factor in zip(("input", "output"), factors, strict=True):
             np.testing.assert_allclose(imported.record[role], by_hand[role] * factor, rtol=1e-7)
-
-
-def test_study_trims_record(sources, tmp_path, project, run):
-    """``trim_s`` of a record reaches both the check of the recordings and their reading."""
-    assert run("import", sources / "labview.lvm", "--output", tmp_path / "records")[0] == 0
-    path = tmp_path / "records" / "study.yaml"
-    content = yaml.safe_load(path.read_text())
-    content["tissue"]["records"][0]["trim_s"] = [0.5, 2]
-    study = load_study(content, project)
-    [described] = check_recordings(reading_plan(study, ["tissue"]))["tissue"]
-    assert (described["samples"], described["duration_s"]) == (300, 1.5)
-    tissue = study.settings.tissue
-    [record] = read_listed([path.parent / "labview.csv"], tissue.records, tissue.layout)
-    np.testing.assert_allclose(record["output"], FORCE[100:400], atol=2e-5)
-    content["tissue"]["records"][0]["trim_s"] = [2, 0.5]
-    assert "the start must be before the end" in refusal(load_study, content, project)
 
 
 def test_control_characters_do_not_reach_terminal(run, tmp_path):

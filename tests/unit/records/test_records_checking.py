@@ -6,15 +6,20 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
+from foreign_files import FORCE, rows
 from periodic_records import noise, record, relaxing_force
 
 import lumbar
 from column_files import write_columns
 from lumbar.base.errors import InputError
+from lumbar.interface.reading import read_listed
 from lumbar.records.checking import check_recordings
 from lumbar.records.unpacking import read_readable
 from lumbar.settings.improvement import ImprovementSettings
 from lumbar.settings.study_settings import StudySettings
+from lumbar.study.load_study import load_study
+from lumbar.study.study import reading_plan
 from refusing import refusal
 
 LAYOUT = {
@@ -146,3 +151,20 @@ def test_packed_in_two_parts(tmp_path):
     path = tmp_path / "two.gz"
     path.write_bytes(gzip.compress(b"a" * 3_000_000) + gzip.compress(b"b") + b"\0" * 10)
     assert read_readable(path, Path.read_bytes) == b"a" * 3_000_000 + b"b"
+
+
+def test_study_trims_record(tmp_path, project):
+    """``trim_s`` of a record reaches both the check of the recordings and their reading."""
+    (tmp_path / "labview.csv").write_text("time_s,position_mm,force_N\n" + rows(","))
+    lumbar.import_recordings(tmp_path / "labview.csv").save(tmp_path / "records")
+    path = tmp_path / "records" / "study.yaml"
+    content = yaml.safe_load(path.read_text())
+    content["tissue"]["records"][0]["trim_s"] = [0.5, 2]
+    study = load_study(content, project)
+    [described] = check_recordings(reading_plan(study, ["tissue"]))["tissue"]
+    assert (described["samples"], described["duration_s"]) == (300, 1.5)
+    tissue = study.settings.tissue
+    [record] = read_listed([path.parent / "labview.csv"], tissue.records, tissue.layout)
+    np.testing.assert_allclose(record["output"], FORCE[100:400], atol=2e-5)
+    content["tissue"]["records"][0]["trim_s"] = [2, 0.5]
+    assert "the start must be before the end" in refusal(load_study, content, project)
