@@ -77,7 +77,8 @@ def test_nothing_is_written_through_a_link(tab, explored, tmp_path, monkeypatch,
     link.parent.mkdir(exist_ok=True)
     elsewhere.mkdir()
     link.symlink_to(elsewhere)
-    assert f"{link}: leads by a link to {elsewhere}" in request(tab, "save", "coulomb_friction")[0]["error"]
+    error = request(tab, "save", "coulomb_friction")[0]["error"]
+    assert error.startswith(f"{link}: ") and str(elsewhere) in error
     assert not any(elsewhere.iterdir())
     assert sorted(tmp_path.rglob("*")) == sorted({link.parent, link, elsewhere} - {tmp_path})
 
@@ -118,7 +119,7 @@ def test_records_are_not_written_through_a_link(tmp_path, texts):
     (tmp_path / "own").symlink_to(tmp_path / "elsewhere")
     session = UploadSession("")
     session.add("a.txt", texts["other.txt"])
-    with pytest.raises(InputError, match=r"own/mine/records: leads by a link to .*elsewhere"):
+    with pytest.raises(InputError, match=r"own/mine/records: .*elsewhere"):
         session.save(
             {"choices": {"force_unit": "N"}, "name": "mine"}, UploadDiagnosis(None, tmp_path / "own")
         )
