@@ -1,4 +1,6 @@
-"""The message of an input error."""
+"""The message of an input error, and the tokens in it that do not change with its wording."""
+
+import re
 
 import pytest
 
@@ -10,3 +12,9 @@ def refusal(action, *arguments, **keywords) -> str:
     with pytest.raises(InputError) as caught:
         action(*arguments, **keywords)
     return str(caught.value)
+
+
+def has_tokens(text: str, tokens: str) -> bool:
+    """Return whether one line of a text has these tokens, separated by ``…``, as whole words in this order."""
+    parts = [re.sub(r"^\b|\b$", r"\\b", re.escape(token.strip())) for token in tokens.split("…")]
+    return re.search(".*?".join(parts), text) is not None

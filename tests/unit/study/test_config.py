@@ -18,7 +18,7 @@ from lumbar.settings.validation import Key, overlay
 from lumbar.study.artefacts import read_artefacts
 from lumbar.study.load_study import DEFAULT_FILES, load_settings, load_study, load_study_file
 from lumbar.study.study import reading_plan, record_set, recordings_of
-from refusing import refusal
+from refusing import has_tokens, refusal
 from running import PROJECT
 from study_settings import study_config, study_settings
 
@@ -79,7 +79,7 @@ def test_record_set_determines_base_and_layout(config, folder):
     assert record_set(settings, "tissue").records == settings.tissue.records
     assert record_layout(settings, "pendulum") == (settings.lifting.moment_layout, None)
     assert record_layout(settings, "KV") == (settings.tissue.layout, 50)
-    with pytest.raises(InputError, match="unknown base model 'HO'"):
+    with pytest.raises(InputError, match=r"base.*'HO'"):
         record_layout(settings, "HO")
     plan = {item["path"]: item for item in reading_plan(study, ["improvement"])}
     moment = plan["results/thesis/twin/hip_moment/paced.csv"]
@@ -88,11 +88,11 @@ def test_record_set_determines_base_and_layout(config, folder):
     force = plan["results/thesis/twin/two_hidden_effects/chirp.csv"]
     assert force["layout"] == settings.tissue.layout.model_dump(mode="json")
     config["improvement"]["record_sets"][0]["base"] = "pendulum"
-    assert "tissue has the base pendulum and no records" in refusal(load_study, config, folder)
+    assert has_tokens(refusal(load_study, config, folder), "tissue … base … pendulum … records")
     config["improvement"]["record_sets"][2]["base"] = "HO"
     allowed = "auto, LE, Maxwell, KV, KB, KV-mass, KB-mass, LE-contact, KV-contact, KB-contact, pendulum"
     message = refusal(load_study, config, folder)
-    assert f'improvement.record_sets.2.base: found "HO"; allowed: {allowed}' in message
+    assert has_tokens(message, f'improvement.record_sets.2.base … "HO" … {allowed}')
 
 
 def test_all_wrong_keys_are_named_at_once(config, folder):
@@ -105,22 +105,22 @@ def test_all_wrong_keys_are_named_at_once(config, folder):
     config["tissue"]["layout"] = {"format": "excel"}
     config["lifting"]["subjects"] = ["nobody"]
     message = refusal(load_study, config, folder)
-    for words in cases(__file__, "all_at_once"):
-        assert words in message
-    assert "10 problems" in message
+    for tokens in cases(__file__, "all_at_once"):
+        assert has_tokens(message, tokens), tokens
+    assert has_tokens(message, "configuration: 10")
 
 
-ALIAS = "allowed: text, {mean}, {between, share}, {from, offset_m}, list of text"
+ALIAS = "{mean} … {between, share} … {from, offset_m}"
 WRONG_ALIASES = [
-    ({"lifting": {"markers": {"aliases": {"C7": alias}}}}, ["lifting.markers.aliases.C7: found", ALIAS])
+    ({"lifting": {"markers": {"aliases": {"C7": alias}}}}, [f"lifting.markers.aliases.C7 … {ALIAS}"])
     for alias in (7, {"median": ["A", "B"]}, {"mean": ["A"]}, {"from": "A", "offset_m": [0, 0, 3]})
 ]
 
 
-@pytest.mark.parametrize(("changes", "words"), [*cases(__file__, "refused_together"), *WRONG_ALIASES])
-def test_contradictions_between_keys_are_reported(config, folder, changes, words):
+@pytest.mark.parametrize(("changes", "problems"), [*cases(__file__, "refused_together"), *WRONG_ALIASES])
+def test_contradictions_between_keys_are_reported(config, folder, changes, problems):
     message = refusal(load_study, overlay(config, changes), folder)
-    assert all(word in message for word in words)
+    assert [tokens for tokens in problems if not has_tokens(message, tokens)] == []
 
 
 def test_records_of_several_axes_omit_artefacts_of_one_axis(config, folder):
@@ -130,7 +130,7 @@ def test_records_of_several_axes_omit_artefacts_of_one_axis(config, folder):
         columns |= {f"output_{axis}": {"column": f"force_{axis}_N", "unit": "N"}}
     one = {row.id for row in load_study(config, folder).artefacts}
     several = {**config, "tissue": {**config["tissue"], "layout": {"columns": columns}}}
-    with pytest.raises(InputError, match="chapters: runtime with records of several axes"):
+    with pytest.raises(InputError, match=r"chapters.*runtime.*axes"):
         load_study(several, folder)
     several["chapters"] = [name for name in config["chapters"] if name != "runtime"]
     made = {row.id for row in load_study(several, folder).artefacts}
@@ -143,8 +143,8 @@ def test_record_sets_of_a_pendulum_need_gravity(config, folder):
     config["stability"] = {"pendulum": {"gravity_m_s2": 1.62}}
     load_study(config, folder)
     config["stability"] = {"pendulum": {"gravity_m_s2": 0}}
-    words = "stability.pendulum.gravity_m_s2: 0; record sets with the base pendulum need gravity"
-    assert words in refusal(load_study, config, folder)
+    tokens = "stability.pendulum.gravity_m_s2 … 0 … base pendulum"
+    assert has_tokens(refusal(load_study, config, folder), tokens)
     config["improvement"]["record_sets"] = [{"name": "tissue"}]
     load_study(config, folder)
 
@@ -175,18 +175,18 @@ def stranger(tmp_path, monkeypatch, project):
 
 
 def test_python_effects_of_untrusted_studies_are_not_run(stranger):
-    refused = r"study.yaml, line 2: improvement.effect_files.0: .*own.py is Python, which would be run, and .* or give --trust"
+    refused = r"study\.yaml, line 2: improvement\.effect_files\.0: .*own\.py.*--trust"
     for load in (load_settings, lambda file: load_study_file(Path(), file)):
         with pytest.raises(InputError, match=refused):
             load(stranger / "study.yaml")
     Path("link.py").symlink_to(stranger / "own.py")
     Path("study.yaml").write_text(NAMED.replace("own.py", "link.py"), encoding="utf-8")
-    with pytest.raises(InputError, match="is Python"):
+    with pytest.raises(InputError, match=r"study\.yaml, line 2.*link\.py.*--trust"):
         load_settings("study.yaml")
     assert not Path("ran").exists()
     assert main(["diagnose", str(stranger), "--output", "out", "--config", str(stranger / "study.yaml")]) != 0
     assert not Path("ran").exists()
-    with pytest.raises(InputError, match="defines no Effect"):
+    with pytest.raises(InputError, match=r"own\.py.* Effect"):
         load_settings(stranger / "study.yaml", trust=True)
     assert Path("ran").exists()
 
@@ -197,7 +197,7 @@ def test_python_effects_run_only_in_their_own_project(stranger, project, monkeyp
     Path("study.yaml").write_text(NAMED, encoding="utf-8")
     assert load_settings("study.yaml").improvement.effect_files == ("own.py",)
     monkeypatch.chdir(stranger)  # no project, even where one is
-    with pytest.raises(InputError, match="is Python"):
+    with pytest.raises(InputError, match=r"study\.yaml, line 2.*own\.py.*--trust"):
         load_settings("study.yaml")
     assert not Path("ran").exists()
 
@@ -205,11 +205,11 @@ def test_python_effects_run_only_in_their_own_project(stranger, project, monkeyp
 def test_missing_recordings_name_source_and_licence(config, folder, monkeypatch):
     monkeypatch.delenv("LUMBAR_DATA", raising=False)
     (data := folder / "data").mkdir()
-    for root, problem in ((folder / "nowhere", "LUMBAR_DATA"), ("data", f"survey.csv is not in {data}")):
+    for root, problem in ((folder / "nowhere", "LUMBAR_DATA"), ("data", f"survey.csv … {data}")):
         message = refusal(load_study, recorded(config, root), folder)
-        assert all(text in message for text in (*SOURCE.values(), problem))
-    for key, problem in (("data_root", "data_root: not set"), ("data_source", "data_source: missing")):
-        assert problem in refusal(load_study, recorded(config, "x", **{key: None}), folder)
+        assert all(has_tokens(message, tokens) for tokens in (*SOURCE.values(), problem))
+    for key in ("data_root", "data_source"):
+        assert f"{key}: " in refusal(load_study, recorded(config, "x", **{key: None}), folder)
 
 
 def test_recordings_are_in_a_folder_or_an_object_store(config, folder, monkeypatch):
@@ -225,22 +225,22 @@ def test_recordings_are_in_a_folder_or_an_object_store(config, folder, monkeypat
 
 
 @pytest.mark.parametrize(
-    ("name", "words"),
+    ("name", "tokens"),
     [
-        ("../survey.csv", "without '..'"),
-        ("/etc/passwd", "without '..'"),
-        ("a/../../survey.csv", "without '..'"),
-        ("{lift}.csv", "{lift}.csv'; no braces, which"),  # Snakemake takes them for wildcards
-        ("link.csv", "link.csv leads out of data_root"),
+        ("../survey.csv", "survey: … '..'"),
+        ("/etc/passwd", "survey: … /etc/passwd … '..'"),
+        ("a/../../survey.csv", "survey: … '..'"),
+        ("{lift}.csv", "survey: … {lift}.csv … braces"),  # Snakemake takes them for wildcards
+        ("link.csv", "link.csv … data_root"),
     ],
 )
-def test_recordings_outside_the_root_or_with_braces_are_rejected(config, folder, name, words):
+def test_recordings_outside_the_root_or_with_braces_are_rejected(config, folder, name, tokens):
     (folder / "data").mkdir()
     (folder / "data" / "{lift}.csv").write_text("x")
     (folder / "data" / "link.csv").symlink_to(__file__)
     config["survey"]["file"] = name
-    assert words in refusal(load_study, recorded(config, "data"), folder)
-    assert name == "link.csv" or words in refusal(load_study, config, folder)
+    assert has_tokens(refusal(load_study, recorded(config, "data"), folder), tokens)
+    assert name == "link.csv" or has_tokens(refusal(load_study, config, folder), tokens)
 
 
 def test_subject_files_are_checked_too(config, folder):
@@ -250,8 +250,8 @@ def test_subject_files_are_checked_too(config, folder):
     subject.write_text(yaml.safe_dump(content), encoding="utf-8")
     config["lifting"]["subjects"] = ["expert", "novice", "nobody"]
     message = refusal(load_study, config, folder)
-    assert "config/subjects/novice.yaml, line 4: subject.mass_kg: found -70; allowed: number > 0" in message
-    assert "no file config/subjects/nobody.yaml; there are: " in message
+    assert has_tokens(message, "config/subjects/novice.yaml, line 4 … subject.mass_kg … -70 … > 0")
+    assert has_tokens(message, "config/subjects/nobody.yaml … expert, novice")
 
 
 def test_subject_without_trials_is_rejected(config, folder):
@@ -260,7 +260,7 @@ def test_subject_without_trials_is_rejected(config, folder):
     lines = subject.read_text(encoding="utf-8").splitlines()
     kept = [line for line in lines if not line.lstrip().startswith(("- {", "trials:"))]
     subject.write_text("\n".join([*kept, "  trials: []"]), encoding="utf-8")
-    assert "lifting.subjects: novice has no trials" in refusal(load_study, config, folder)
+    assert has_tokens(refusal(load_study, config, folder), "lifting.subjects … novice … trials")
 
 
 def test_lifts_that_the_twin_cannot_make_are_rejected(config, folder):
@@ -276,15 +276,15 @@ def test_lifts_that_the_twin_cannot_make_are_rejected(config, folder):
     twin["hip_moment"]["trials"]["fast"]["lift"] = "third_23kg"
     message = refusal(load_study, config, folder)
     file = "config/subjects/third.yaml, line"
-    for words in (
-        "twin.lifting.lifts.novice_15kg.person: 'robot'; people: expert, novice",
-        "twin.lifting.hip_moment.trials.fast.lift: 'third_23kg'; lifts: expert_23kg,",
-        "improvement.record_sets.2.records.0.name: 'paced'; twin.lifting.hip_moment.trials: fast,",
-        f"{file} 10: subject.trials.0.markers: 'lifting/expert_23kg.c3d'; the twin records it as lifting/third_23kg.c3d",
-        f"{file} 12: subject.static: 'standing.c3d'; the twin records none",
-        f"{file} 8: subject.experience: 'nurse'; the twin has no movement of this label for third_23kg, third_15kg",
+    for tokens in (
+        "twin.lifting.lifts.novice_15kg.person … 'robot' … expert, novice",
+        "twin.lifting.hip_moment.trials.fast.lift … 'third_23kg' … expert_23kg,",
+        "improvement.record_sets.2.records.0.name … 'paced' … twin.lifting.hip_moment.trials … fast,",
+        f"{file} 10 … subject.trials.0.markers … lifting/expert_23kg.c3d … lifting/third_23kg.c3d",
+        f"{file} 12 … subject.static … 'standing.c3d' … twin",
+        f"{file} 8 … subject.experience … 'nurse' … twin … third_23kg, third_15kg",
     ):
-        assert words in message
+        assert has_tokens(message, tokens), tokens
 
 
 def test_labelled_artefacts_have_captions_and_pictures(project):
@@ -298,11 +298,10 @@ def test_labelled_artefacts_have_captions_and_pictures(project):
         assert ("{record_set}" in row.path) == ("{record_set}" in row.label)
 
 
-def test_the_sheet_of_artefacts_is_checked(tmp_path):
+def test_artefacts_with_unknown_chapter_or_repeated_id_are_rejected(tmp_path):
     sheet = tmp_path / "artefacts.tsv"
     sheet.write_text("id\trule\tpath\tchapter\tlabel\na\tr\tp\tsurvey\tA\na\tr\tp\tsurveys\tA\n")
-    said = r"(?s)line 3: chapter 'surveys'.*line 3: 'a' is repeated.*label .A. is repeated"
-    with pytest.raises(InputError, match=said):
+    with pytest.raises(InputError, match=r"(?s)line 3: chapter 'surveys'.*line 3: 'a' .*label 'A'"):
         read_artefacts(sheet)
 
 
@@ -310,14 +309,14 @@ def test_every_key_has_a_meaning():
     assert [path for path, key, _ in keys(Key.from_class(StudySettings), {}) if not key.meaning] == []
 
 
-def test_plain_data_come_back_as_the_settings_they_were():
+def test_settings_survive_a_round_trip_through_yaml():
     settings = study_settings("studies/box_transfer.yaml")
     assert StudySettings.model_validate(settings.model_dump(mode="json")) == settings
     written = yaml.safe_dump(settings.model_dump(mode="json"))
     assert StudySettings.model_validate(yaml.safe_load(written)) == settings
 
 
-def test_content_and_lines(tmp_path):
+def test_yaml_file_keeps_content_and_lines(tmp_path):
     text = "a: 1\nb:\n  c: [x, {d: 2}]\n  e: &e {f: 3}\ng:\n  <<: *e\n  h: 1.5e+3\n"
     (tmp_path / "a.yaml").write_text(text, encoding="utf-8")
     problems = Problems("x")
@@ -330,38 +329,38 @@ def test_content_and_lines(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("content", "words"),
+    ("content", "tokens"),
     [
-        (b"a: 1\n\tb: 2\n", "a.yaml, line 2: not valid YAML: while scanning"),
+        (b"a: 1\n\tb: 2\n", "a.yaml, line 2 … YAML"),
         (b"a: !!python/object/apply:os.system [ls]\n", "a.yaml, line 1: a: tag 'tag:yaml.org,2002:python"),
-        (b"a: 1\n---\nb: 2\n", "not valid YAML"),
-        ("a: 1\nb: Prüfstand\n".encode("latin-1"), "a.yaml, line 2: byte 0xfc is not UTF-8"),
-        (b"a: 1\nb: {c: 2,\n  c: 3}\na: 4\n", "a.yaml, lines 1 and 4: duplicate key 'a'; keep one"),
-        (b"a: 1\nb: {c: 2,\n  c: 3}\na: 4\n", "a.yaml, lines 2 and 3: duplicate key 'b.c'"),
-        (b"- 1\n", "a.yaml: no mapping"),
-        (b"a: " + b"[" * 1000 + b"]" * 1000, "a.yaml: nested too deep"),
-        (b"b: 1\na: " + b"9" * 200, "a.yaml, line 2: a: a number of 200 digits"),
-        (b"a: " + b"9" * 5000, "a.yaml, line 1: a: a number of 5000 digits"),
+        (b"a: 1\n---\nb: 2\n", "a.yaml, line 2 … YAML"),
+        ("a: 1\nb: Prüfstand\n".encode("latin-1"), "a.yaml, line 2 … 0xfc … UTF-8"),
+        (b"a: 1\nb: {c: 2,\n  c: 3}\na: 4\n", "a.yaml … 1 … 4 … key 'a'"),
+        (b"a: 1\nb: {c: 2,\n  c: 3}\na: 4\n", "a.yaml … 2 … 3 … key 'b.c'"),
+        (b"- 1\n", "a.yaml … mapping"),
+        (b"a: " + b"[" * 1000 + b"]" * 1000, "a.yaml … nested"),
+        (b"b: 1\na: " + b"9" * 200, "a.yaml, line 2: a: … 200"),
+        (b"a: " + b"9" * 5000, "a.yaml, line 1: a: … 5000"),
         (b"a: &a [x, x, x, x, x, x, x, x, x, x]\n", ""),
         (
             b"a: &a [x, x, x, x, x, x, x, x, x]\n"
             + b"".join(
                 b"%c: &%c [%s]\n" % (k, k, b", ".join([b"*%c" % (k - 1)] * 9)) for k in range(98, 106)
             ),
-            "a.yaml: nested too deep, or aliases of aliases; at most",
+            "a.yaml … aliases",
         ),
-        (b"a: " + b"x" * 1_100_000, "at most 1000000 are read"),
+        (b"a: " + b"x" * 1_100_000, "a.yaml … 1000000"),
     ],
 )
-def test_faults_of_yaml_are_reported_with_their_lines(tmp_path, content, words):
+def test_faults_of_yaml_are_reported_with_their_lines(tmp_path, content, tokens):
     (tmp_path / "a.yaml").write_bytes(content)
     problems = Problems("x")
     read_yaml(tmp_path / "a.yaml", problems, "a.yaml")
-    assert bool(problems.entries) == bool(words)
-    assert words in " ".join(problems.entries)
+    assert bool(problems.entries) == bool(tokens)
+    assert has_tokens("\n".join(problems.entries), tokens)
 
 
-def test_messages_name_the_file_that_said_it_last(tmp_path):
+def test_problems_name_the_file_that_set_the_value(tmp_path):
     upper = tmp_path / "upper.yaml"
     upper.write_text("title: x\nsurvey:\n  confidence: 95\n  note: a\n  note: b\nseed: 5\n")
     lower = tmp_path / "lower.yaml"
@@ -369,26 +368,29 @@ def test_messages_name_the_file_that_said_it_last(tmp_path):
     survey = {"confidence": 95, "note": "b", "resamples": 3}
     config = {"title": "x", "chapters": ["survey"], "survey": survey, "seed": -5}
     message = refusal(load_study, config, PROJECT, [lower, upper])
-    assert f"{upper}, line 3: survey.confidence: found 95" in message
-    assert f"{lower}, line 2: survey.resamples: found 3" in message
-    assert f"{upper}, lines 4 and 5: duplicate key 'survey.note'" in message
-    assert "--config: seed: found -5" in message
-    assert "4 problems" in message
+    for tokens in (
+        f"{upper}, line 3 … survey.confidence … 95",
+        f"{lower}, line 2 … survey.resamples … 3",
+        f"{upper}, … 4 … 5 … 'survey.note'",
+        "--config: seed … -5",
+        "configuration: 4",
+    ):
+        assert has_tokens(message, tokens), tokens
 
 
 @pytest.mark.parametrize(
-    ("given", "line"),
+    ("given", "tokens"),
     [
-        ({"lifting": {"filter": {"order": 99}}}, "--config: lifting.filter.order: found 99; allowed: whole number ≥ 1, ≤ 8"),
-        ({"lifting": {"filtr": {"order": 2}}}, "--config: lifting.filtr: unknown key; did you mean 'filter'?"),
-        ({"lifting": {"subjects": ["expert", "nobody"]}}, "--config: lifting.subjects.1: no file config/subjects/nobody.yaml"),
-        ({"chapters": []}, "--config: chapters: none"),
-        ({"twin": {"seed": -5}}, "--config: twin.seed: found -5"),
+        ({"lifting": {"filter": {"order": 99}}}, "--config: lifting.filter.order … 99 … ≥ 1, ≤ 8"),
+        ({"lifting": {"filtr": {"order": 2}}}, "--config: lifting.filtr: … 'filter'"),
+        ({"lifting": {"subjects": ["expert", "nobody"]}}, "--config: lifting.subjects.1 … config/subjects/nobody.yaml"),
+        ({"chapters": []}, "--config: chapters:"),
+        ({"twin": {"seed": -5}}, "--config: twin.seed … -5"),
     ],
 )  # fmt: skip
-def test_faults_of_the_command_line_have_no_file_line(config, given, line):
+def test_faults_of_the_command_line_have_no_file_line(config, given, tokens):
     message = refusal(load_study, overlay(config, given), PROJECT, [PROJECT / path for path in DEFAULT_FILES])
-    assert line in message
+    assert has_tokens(message, tokens)
     assert "config.yaml, line" not in message
 
 
@@ -397,15 +399,15 @@ def test_faults_of_a_file_have_its_line_despite_a_command_line(tmp_path, config)
     study.write_text("lifting:\n  filter: {order: 99}\n")
     merged = overlay(config, {"lifting": {"filter": {"order": 99, "cutoff_Hz": 5}}})
     message = refusal(load_study, merged, PROJECT, [*(PROJECT / path for path in DEFAULT_FILES), study])
-    assert f"{study}, line 2: lifting.filter.order: found 99" in message
+    assert has_tokens(message, f"{study}, line 2: lifting.filter.order … 99")
 
 
-@pytest.mark.parametrize(("content", "words"), [("a: Pr\xfcfung", "line 1: byte 0xfc is not"), ("a: x", "")])
-def test_a_study_is_read_before_snakemake_reads_it(tmp_path, content, words):
+@pytest.mark.parametrize(("content", "tokens"), [("a: Pr\xfcfung", "line 1: … 0xfc"), ("a: x", "")])
+def test_a_study_is_read_before_snakemake_reads_it(tmp_path, content, tokens):
     """As ``make`` does: nothing of the workflow runs before Snakemake has read its ``--configfile``."""
     path = tmp_path / "study.yaml"
     path.write_text(content, encoding="latin-1")
     command = [sys.executable, "-m", "lumbar.base.yaml_file", str(path)]
     run = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert run.returncode == bool(words)
-    assert words in run.stderr and "Traceback" not in run.stderr
+    assert run.returncode == bool(tokens)
+    assert has_tokens(run.stderr, tokens) and "Traceback" not in run.stderr
