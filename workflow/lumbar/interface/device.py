@@ -229,6 +229,7 @@ def fit_passive(
     Parameters
     ----------
     models : sequence of FittedModel
+        Identified models.
     records : sequence of Record
         Records that the models were identified on.
     train : str, optional

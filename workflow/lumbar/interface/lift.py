@@ -270,6 +270,12 @@ def _find_trial(
         if box_mass_kg is not None:
             chosen = chosen.model_copy(update={"box_mass_kg": box_mass_kg})
         return f"{subject.name}_{chosen.box_mass_kg:g}kg", chosen
+    return _listed_trial(subject, markers, box_mass_kg, trial)
+
+
+def _listed_trial(
+    subject: SubjectSettings, markers: Path, box_mass_kg: float | None, trial: str | None
+) -> tuple[str, TrialSettings]:
     lifts = subject.lifts
     if trial is not None:
         matches = {name: item for name, item in lifts.items() if name == trial}
