@@ -54,10 +54,6 @@ class Structure:
         """Return the structure with one more form."""
         return replace(self, forms=(*self.forms, form))
 
-    def remove_effect(self, effect: str) -> Self:
-        """Return the structure without one effect."""
-        return replace(self, forms=tuple(form for form in self.forms if form.effect != effect))
-
     def nonlinear_of(self, nonlinear: np.ndarray) -> tuple[np.ndarray, dict[str, np.ndarray]]:
         """Split all nonlinear parameters into the base's and those of each form by its key."""
         position = len(self.base.nonlinear)

@@ -109,7 +109,8 @@ def add_form(model: Candidate, form: Form, experiment: Experiment) -> Candidate:
 
 def drop_effect(model: Candidate, name: str, experiment: Experiment) -> Candidate:
     """Refit a model without one of its effects."""
-    rest = select_forms(model.fit, model.fit.structure.remove_effect(name).forms)
+    others = tuple(form for form in model.fit.structure.forms if form.effect != name)
+    rest = select_forms(model.fit, others)
     return refit(rest.structure, rest.nonlinear, experiment)
 
 
