@@ -28,7 +28,10 @@ def surgeon_trial(name: str, surgeon: str, settings: SyntheticSurgeonSettings, s
     rng = np.random.default_rng([seed, zlib.crc32(name.encode())])
     samples = round(settings.duration_s * settings.rate_Hz)
     time = np.arange(samples) / settings.rate_Hz
-    depth, twist = (plan.sample(time) for plan in _draw_movements(person, settings, rng))
+    depth, twist = (
+        minimum_jerk_chain(time, start, duration, np.append(first, target))
+        for first, (start, duration, target) in _draw_movements(person, settings, rng)
+    )
     radius, angle = settings.lateral_mm, np.radians(twist)
     motion = {"x_mm": radius * np.sin(angle), "y_mm": radius * (1 - np.cos(angle)), "z_mm": depth}
     frame = {"time_s": np.round(time, 6)}
@@ -82,22 +85,27 @@ def tremor_noise(
 
 def _draw_movements(
     person: SyntheticSurgeon, settings: SyntheticSurgeonSettings, rng: np.random.Generator
-) -> tuple["_Plan", "_Plan"]:
-    """Draw the movements of a trial in depth and twist."""
+) -> list[tuple[float, np.ndarray]]:
+    """Draw the movements of a trial: first position, and start, duration and target of each, in depth and in twist."""
+    depth: list[tuple[float, float, float]] = []
+    twist: list[tuple[float, float, float]] = []
 
     def varied(mean: float) -> float:
         return float(mean * np.exp(settings.variation * rng.standard_normal()))
 
+    def move(start: float, duration: float, target: float) -> float:
+        depth.append((start, duration, target))
+        return start + duration
+
     clock = varied(settings.pause_s)
-    depth, twist = _Plan(-settings.approach_mm), _Plan(0.0)
-    clock = depth.move(clock, varied(settings.approach_s), 0.0) + varied(settings.pause_s)
+    clock = move(clock, varied(settings.approach_s), 0.0) + varied(settings.pause_s)
     reached = settings.puncture_mm
-    clock = depth.move(clock, varied(settings.puncture_s), reached) + varied(settings.pause_s)
+    clock = move(clock, varied(settings.puncture_s), reached) + varied(settings.pause_s)
     end = settings.duration_s - settings.pause_s
     while clock < end:
         # Between bouts the tool is repositioned about the depth reached: the slow, large part of the motion.
         floor = reached + settings.reposition_mm * rng.standard_normal()
-        clock = depth.move(clock, varied(settings.reposition_s), floor) + varied(settings.pause_s)
+        clock = move(clock, varied(settings.reposition_s), floor) + varied(settings.pause_s)
         for _ in range(1 + rng.poisson(settings.strokes_per_bout - 1)):
             # Strokes become shallower as the access deepens.
             done = min(clock / settings.duration_s, 1.0)
@@ -106,29 +114,13 @@ def _draw_movements(
             reached += settings.gain_mm_per_stroke
             half = varied(person.stroke_s)
             side = 1 if rng.random() < 0.5 else -1
-            twist.move(clock, half, side * varied(settings.twist_deg))
-            clock = depth.move(clock, half, floor + stroke)
+            twist.append((clock, half, side * varied(settings.twist_deg)))
+            clock = move(clock, half, floor + stroke)
             half = varied(person.stroke_s)
-            twist.move(clock, half, 0.0)
-            clock = depth.move(clock, half, floor)
+            twist.append((clock, half, 0.0))
+            clock = move(clock, half, floor)
             if clock >= end:
                 break
         clock += varied(settings.pause_s)
-    return depth, twist
-
-
-class _Plan:
-    """Successive movements of one coordinate."""
-
-    def __init__(self, first: float):
-        self.first, self.moves = first, []
-
-    def move(self, start: float, duration: float, target: float) -> float:
-        """Add a movement and return its end, s."""
-        self.moves.append((start, duration, target))
-        return start + duration
-
-    def sample(self, time: np.ndarray) -> np.ndarray:
-        """Return the coordinate at `time` in seconds."""
-        start, duration, target = np.reshape(self.moves, (-1, 3)).T
-        return minimum_jerk_chain(time, start, duration, np.append(self.first, target))
+    starts = (-settings.approach_mm, depth), (0.0, twist)
+    return [(first, np.reshape(moves, (-1, 3)).T) for first, moves in starts]

@@ -56,10 +56,20 @@ def line_spectrum_motion(
     duration_s: float,
     peak_mm: float,
 ) -> ToolMotion:
-    """Return a sum of cosines with these amplitudes and phases (rad) at multiples of `spacing_Hz`.
+    """Return a sum of cosines at multiples of `spacing_Hz`, scaled to a recorded peak.
 
-    It is scaled to a recorded peak of `peak_mm`. A period 1/spacing_Hz has an integer number of samples; the record has whole
-    periods, or the beginning of one.
+    Parameters
+    ----------
+    record : str
+        Name of the record.
+    amplitudes, phases : numpy.ndarray, shape (lines,)
+        Of the lines ``spacing_Hz``, ``2 spacing_Hz`` …; radians.
+    spacing_Hz : float
+        A period 1/spacing_Hz has an integer number of samples.
+    duration_s : float
+        Whole periods, or the beginning of one.
+    peak_mm : float
+        Largest recorded displacement.
     """
     rate = RATE_HZ * OVERSAMPLING
     points = round(rate / spacing_Hz)

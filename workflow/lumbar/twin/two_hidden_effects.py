@@ -96,8 +96,8 @@ def severity_leaving(
     """Return the least severity at which the best Kelvin–Boltzmann tissue leaves a residual; else that of the largest residual.
 
     The residual need not rise throughout: the weakest sufficient effect is the plausible one. `wanted_N` is the residual's RMS
-    on the record of `motion`, below `least_N` there is none. `force_at` returns the noise-free force on the simulation's grid at
-    severities from 0 to 1.
+    on the record of `motion`, `least_N` the smallest that counts. `force_at` returns the noise-free force on the simulation's
+    grid at severities from 0 to 1.
     """
 
     @cache

@@ -61,6 +61,15 @@ def estimates(fit: Fit, data: FitData, input_unit: str, output_unit: str) -> lis
 
     Intervals of nonlinear parameters are those of their logarithms: positive and asymmetric (`scaled_covariance`). An interval
     that reaches a bound ends there.
+
+    Parameters
+    ----------
+    fit : Fit
+        Model fitted to `data`.
+    data : FitData
+        Training data.
+    input_unit, output_unit : str
+        Units of the records.
     """
     scaled, size = scaled_covariance(fit, data)
     deviations = 1.96 * np.sqrt(np.maximum(np.diag(scaled), 0.0)) / size
@@ -196,8 +205,26 @@ def added_forces(fit: Fit, form: Form, data: FitData, start: np.ndarray) -> np.n
 def check_excited(without: Fit, form: Form, data: FitData, nonlinear: np.ndarray, name: str) -> None:
     """Reject an effect that the training record does not excite.
 
-    A force as large as the whole response would then change the error of the model `without` the effect by less than the noise:
-    the 95 % interval of the effect's size covers everything. `nonlinear` are the form's parameters, `name` is the model's.
+    A force as large as the whole response would then change the model's error by less than the noise: the 95 % interval of the
+    effect's size covers everything.
+
+    Parameters
+    ----------
+    without : Fit
+        Model without the effect.
+    form : Form
+        Form of the effect.
+    data : FitData
+        Training data.
+    nonlinear : numpy.ndarray
+        Nonlinear parameters of the form.
+    name : str
+        Name of the model in the message.
+
+    Raises
+    ------
+    InputError
+        If the effect is not excited.
     """
     basis = tangent_basis(without, [data])
     forces = added_forces(without, form, data, nonlinear)
