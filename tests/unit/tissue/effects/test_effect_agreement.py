@@ -150,12 +150,8 @@ def evaluate_expressions(model, positions: np.ndarray, functions: dict) -> np.nd
     with np.errstate(over="ignore"):
         for term in model.terms:
             equation = term.form.parsed_equation
-            values = {
-                item.symbol: value
-                for item, value in zip(
-                    (*term.form.linear, *term.form.nonlinear), (*term.linear, *term.nonlinear), strict=True
-                )
-            }
+            parameters = (*term.form.linear, *term.form.nonlinear)
+            values = {item.symbol: term.numbers[item.name] for item in parameters}
             if equation.state is not None:
                 values |= _states(equation.state, motion, values, functions)
             values |= {name: signal.of(motion) for name, signal in SIGNALS.items() if not signal.channel}
