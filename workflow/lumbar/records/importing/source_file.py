@@ -32,6 +32,7 @@ from lumbar.records.importing.raw_table import (
     split_name_and_unit,
 )
 from lumbar.records.importing.roles import Choices
+from lumbar.records.importing.variables import read_variables
 from lumbar.records.number_table import (
     NumberTable,
     decode_lines,
@@ -87,13 +88,9 @@ def read_content(stored: bytes, path: Path, choices: Choices) -> tuple[RawTable,
         content = file.getvalue()
     if content.startswith(_HDF5) or content[512:520] == _HDF5:  # MATLAB 7.3 puts 512 bytes before
         _require_package("h5py", "an HDF5 file (MATLAB 7.3 writes them too)", path)
-        from lumbar.records.importing.variables import read_hdf5
-
-        table = read_hdf5(content, source, choices)
+        table = read_variables(content, source, "HDF5", choices)
     elif content.startswith(b"MATLAB 5.0 MAT-file") or ending == ".mat":
-        from lumbar.records.importing.variables import read_matlab
-
-        table = read_matlab(content, source, choices)
+        table = read_variables(content, source, "MATLAB", choices)
     elif content.startswith(b"PK\x03\x04"):
         _require_package("openpyxl", "an Excel workbook", path)
         table = _read_workbook(content, source, choices)

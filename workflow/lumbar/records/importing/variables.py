@@ -35,14 +35,14 @@ def _to_table(
     source: str,
     form: str,
     choices: Choices,
-    units: Mapping[str, str] | None = None,
+    units: Mapping[str, str],
 ) -> RawTable:
     """Make a table of the vectors, and columns of matrices, with one length; scalars may state the sampling rate.
 
     `arrays` and `units` are by the variable's path, samples along the first axis. `choices.table` is the path of a group of
     variables; the named columns choose among several lengths.
     """
-    table, units = choices.table, units or {}
+    table = choices.table
     if table is not None:
         below = (f"{table}/", f"{table}.", f"{table}(")
         selected = {
@@ -116,15 +116,24 @@ def _stated_rates(arrays: Mapping[str, np.ndarray]) -> Iterator[StatedRate]:
             yield StatedRate(value if name in _RATES else 1 / value, path)
 
 
-def read_matlab(content: bytes, source: str, choices: Choices) -> RawTable:
-    """Read a MATLAB file; raise if it has no vectors of one length."""
-    result = read_in_child(_matlab_variables, source, content)
+def read_variables(content: bytes, source: str, kind: str, choices: Choices) -> RawTable:
+    """Read a file of `kind` ``"MATLAB"`` or ``"HDF5"``.
+
+    The samples of a matrix in an HDF5 file are along its longer axis, because MATLAB transposes matrices in these files.
+
+    Raises
+    ------
+    InputError
+        If the file is broken, refers to another file, or has no vectors of one length.
+    """
+    read = _matlab_variables if kind == "MATLAB" else _hdf5_variables
+    result = read_in_child(read, source, content)
     if result["opaque"] and not result["arrays"]:
         raise InputError(
             f"{source}: holds MATLAB objects (tables, timetables, …), which other programs cannot read; save their columns "
             "as variables, or the table T as table2struct(T, 'ToScalar', true)"
         )
-    return _to_table(result["arrays"], source, "MATLAB", choices)
+    return _to_table(result["arrays"], source, kind, choices, result["units"])
 
 
 def _matlab_variables(source: str, content: bytes) -> dict[str, Any]:
@@ -149,16 +158,7 @@ def _matlab_variables(source: str, content: bytes) -> dict[str, Any]:
     for name, value in load_matlab(content, source, squeeze_me=True, struct_as_record=False).items():
         if not name.startswith("__") or name == "__function_workspace__":
             collect(name, value)
-    return {"arrays": arrays, "opaque": opaque}
-
-
-def read_hdf5(content: bytes, source: str, choices: Choices) -> RawTable:
-    """Read an HDF5 file; raise if it has no vectors of one length.
-
-    The samples of a matrix are along its longer axis, because MATLAB transposes matrices in these files.
-    """
-    result = read_in_child(_hdf5_variables, source, content)
-    return _to_table(result["arrays"], source, "HDF5", choices, result["units"])
+    return {"arrays": arrays, "opaque": opaque, "units": {}}
 
 
 def _hdf5_variables(source: str, content: bytes) -> dict[str, Any]:
@@ -189,7 +189,7 @@ def _hdf5_variables(source: str, content: bytes) -> dict[str, Any]:
         file.visititems(collect)
         arrays.update(_hdf5_attributes(file))
     numbers = {path: values for path, values in arrays.items() if values.dtype.kind in "fiu"}
-    return {"arrays": numbers, "units": units}
+    return {"arrays": numbers, "opaque": [], "units": units}
 
 
 def _hdf5_size(path: str, item, source: str) -> int:
