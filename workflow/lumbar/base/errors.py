@@ -96,7 +96,7 @@ def did_you_mean(word: object, known: Iterable[str]) -> str:
 
 
 _CONTROL_CHARACTERS = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
-"""Characters that control a terminal, change the direction of text, or are no text."""
+"""Characters that control a terminal, change the direction of text, or cannot be encoded."""
 
 
 def printable(text: str) -> str:

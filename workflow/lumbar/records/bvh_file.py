@@ -35,7 +35,7 @@ def read_bvh(path: str | os.PathLike) -> MarkerFile:
     Raises
     ------
     InputError
-        A skeleton that is no tree of joints, an unknown channel, rows with another length than the channels, or another
+        A skeleton that is not a tree of joints, an unknown channel, rows with another length than the channels, or another
         number of frames than stated.
     """
     path = Path(path)

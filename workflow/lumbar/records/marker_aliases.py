@@ -132,7 +132,7 @@ def resolve_aliases(
     points, model_points : dict of str to ndarray, shape (n_frames, 3)
         Markers and computed points by label; metres, standard axes.
     dropped : dict of str to str
-        Other labels of the file with the reason why they are no markers.
+        Other labels of the file with the reason why they are not markers.
     source : str
         The file, for messages.
     required : list of str, optional

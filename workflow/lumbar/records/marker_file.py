@@ -149,7 +149,7 @@ def read_frames(
     Raises
     ------
     InputError
-        With the lines of another width, or a cell that is no number or an implausible one.
+        With the lines of another width, or a cell with no or an implausible number.
     """
     columns = {f"column {position + 1}": position for position in range(width)}
     table = read_numbers(rows, columns, source, dialect, width, columns if may_be_missing else ())

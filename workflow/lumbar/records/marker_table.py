@@ -44,7 +44,7 @@ _UNITS = {"Meters": "m", "Centimeters": "cm", "Millimeters": "mm"}
 
 @dataclass(frozen=True)
 class _Table:
-    """A table with one name per column, as ``C7_x``; a name is empty if the column is no coordinate of a marker."""
+    """A table with one name per column, as ``C7_x``; a name is empty if the column is not a coordinate of a marker."""
 
     header: list[str]
     rows: Sequence[Row]
@@ -66,7 +66,7 @@ def read_marker_table(path: str | os.PathLike, rate: float | None = None) -> Mar
     Raises
     ------
     InputError
-        A header without a marker with its three axes, a row of another length, a cell that is no number, a clock that is
+        A header without a marker with its three axes, a row of another length, a cell without a number, a clock that is
         missing or not even.
     """
     path = Path(path)

@@ -58,7 +58,7 @@ class Dialect:
         return [cell.strip() for cell in cells]
 
     def number(self, cell: str) -> float:
-        """Return the number in a cell; raise ValueError if there is none."""
+        """Return the number in a cell; raise ValueError for other texts."""
         return parse_number(cell if self.decimal == "." else cell.replace(self.decimal, "."))
 
     @property
@@ -85,7 +85,7 @@ def parse_number(text: str) -> float:
     Raises
     ------
     ValueError
-        The text is no number.
+        The text is not a number.
 
     Examples
     --------
@@ -259,7 +259,7 @@ def read_numbers(
     Raises
     ------
     InputError
-        With the lines that have more or fewer cells, or a cell that is no number.
+        With the lines that have more or fewer cells, or a cell without a number.
     """
     problems = Problems(source, most=MAX_PROBLEMS)
     positions = list(columns.values())

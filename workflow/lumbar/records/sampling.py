@@ -105,7 +105,7 @@ def resample(record: Record, rate: float) -> Record:
     Raises
     ------
     InputError
-        If the ratio of the rates is no fraction with terms up to 1000, or fewer than `MIN_SAMPLES` are left.
+        If the ratio of the rates is not a fraction with terms up to 1000, or fewer than `MIN_SAMPLES` are left.
     """
     from scipy.signal import resample_poly
 

@@ -38,7 +38,7 @@ def value_in_words(text: str) -> str:
 
 
 def unit_in_print(unit: str) -> str:
-    """Return a unit as journals print it; a broken exponent stays, because there are no raised signs for it.
+    """Return a unit as journals print it; a broken exponent stays, because it has no raised signs.
 
     Parameters
     ----------

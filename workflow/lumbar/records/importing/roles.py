@@ -26,7 +26,7 @@ _VELOCITIES, _UNMEASURED = ROLE_WORDS["velocity"].split(), frozenset(ROLE_WORDS[
 _WEAK = {"time": "t", "position": "x y z", "force": "f fx fy fz"}
 """Names of one letter, which are used for other quantities too."""
 _OTHERS = frozenset([*_VELOCITIES, *_UNMEASURED, *ROLE_WORDS["others"].split()])
-"""Words for other quantities and commands; columns with such names are only used if the user names them."""
+"""Names of other quantities and commands; columns with such names are only used if the user names them."""
 _MIN_SECONDS_HZ = 20.0
 """Rate at or above which a clock without a unit is in seconds: in milliseconds it would be at least 20 kHz."""
 _PLAUSIBLE_HZ = (1.0, 1e5)
@@ -133,7 +133,7 @@ def find_roles(
     excluded: Collection[int] = (),
     rate: float | None = None,
 ) -> dict[str, Role]:
-    """Find the columns of time (unless there is none), position and force with their units.
+    """Find the columns of time (optional), position and force with their units.
 
     A column has a role by its name, else by its unit. Columns without name and unit take the remaining roles in the order
     time, position, force, if there is one for each; without one for the time if the rate is known.
@@ -143,8 +143,8 @@ def find_roles(
     table : RawTable
         The columns.
     requests : dict of str to tuple
-        The user's column (name or number) and unit for each role, None if not given; `NONE` as the column of time means
-        that there is none.
+        The user's column (name or number) and unit for each role, None if not given; `NONE` means a table
+        without a column of time.
     wanted : sequence of str
         Roles to find.
     excluded : collection of int
@@ -248,7 +248,7 @@ def select_column(columns: Sequence[RawColumn], request: str, option: str) -> tu
     Raises
     ------
     InputError
-        If there is none.
+        If it does not exist.
     """
 
     def letters(text: str) -> str:

@@ -268,7 +268,7 @@ def _remarks_on_names(above: list[str], row: str, dialect: TableDialect, source:
 
 
 def _header_cells(line: str, dialect: TableDialect) -> list[str] | None:
-    """Return the cells of a header row, one per column; None if the line is no header.
+    """Return the cells of a header row, one per column; None if it is not a header.
 
     If blanks separate the columns, a name may contain a blank before its unit, or between words if two blanks separate
     names.

@@ -24,7 +24,7 @@ from lumbar.settings.layout import AXES
 
 QUANTITIES = {"position": "length", "force": "force"}
 _LETTERS = {"position": ("", "p"), "force": ("f",)}
-"""What is left of a name such as px or x without its axis."""
+"""Rest of a name such as px or x without its axis."""
 _KNOWN = "|".join(
     re.escape(word) for role in QUANTITIES for word in (*ROLE_WORDS[role].split(), *_LETTERS[role])
 )
@@ -138,7 +138,7 @@ def find_roles_of_axes(table: RawTable, requests: Requests, rate: float | None =
 
 
 def _choose_axes(table: RawTable, requests: Requests) -> dict[str, dict[str, RawColumn]] | None:
-    """Return columns by role and axis; None if there are no columns of several axes."""
+    """Return columns by role and axis; None without columns of several axes."""
     every, problems, chosen = find_axes(table.columns), [], {}
     in_axes = {column.number for axes in every for column in axes.columns.values()}
     for role in QUANTITIES:
