@@ -29,10 +29,14 @@ def _variables(model: ExportModel, version: str) -> list[dict]:
     """Return the variables that a user sees, for the templates; in FMI 2.0 a vector is one variable per axis."""
     x, y, guards, size = model.input, model.output, model.guards, len(model.axes) or 1
     rest, output = model.rest.tolist() if model.axes else [model.rest], y.quantity.capitalize()
-    is_upright = model.resisting_sign > 0
-    resists = "where positive it resists" if is_upright else "INVERTED: where negative it answers"
+    resists = (
+        "where positive it resists" if model.resisting_sign > 0 else "INVERTED: where negative it answers"
+    )
+    position = f"Measured {x.quantity}, sampled by the model; it grows into the model"
+    force = f"{output} of the model; {resists} a growing {x.quantity}"
     gain = f"Factor on the model's {y.quantity}, at any time: 0 is off; documentation/index.html says what a rise does"
     largest = f"Largest magnitude of the {y.quantity}; it can be lowered, not raised"
+    offset = f"{x.quantity.capitalize()} at which the model is at rest"
 
     def up_to(high: float, nominal: float) -> dict[str, float]:
         return {"min": 0.0, "max": high, "nominal": nominal}
@@ -41,45 +45,17 @@ def _variables(model: ExportModel, version: str) -> list[dict]:
     within = {**up_to(limit, limit), "min": -limit}
     # Value reference (as in sampled_force.h), kind, name, description, unit, start values, bounds.
     rows = [
-        (
-            1,
-            "input",
-            x.variable,
-            f"Measured {x.quantity}, sampled by the model; it grows into the model",
-            x.unit,
-            rest,
-            {},
-        ),
-        (
-            2,
-            "output",
-            y.variable,
-            f"{output} of the model; {resists} a growing {x.quantity}",
-            y.unit,
-            [None] * size,
-            within,
-        ),
+        (1, "input", x.variable, position, x.unit, rest, {}),
+        (2, "output", y.variable, force, y.unit, [None] * size, within),
         (3, "parameter", "gain", gain, "", [1.0], up_to(model.settings.gain_limit, 1.0)),
         (4, "parameter", f"{y.variable}_offset", f"{output} at rest", y.unit, [y.offset] * size, within),
         (5, "parameter", f"{y.variable}_limit", largest, y.unit, [limit], up_to(limit, limit)),
-        (
-            6,
-            "parameter",
-            f"{x.variable}_offset",
-            f"{x.quantity.capitalize()} at which the model is at rest",
-            x.unit,
-            rest,
-            {},
-        ),
+        (6, "parameter", f"{x.variable}_offset", offset, x.unit, rest, {}),
     ]
     if guards.rate_limit > 0:
-        text, rate = (
-            f"Largest change of the {y.quantity} in a second; it can be lowered, not raised",
-            guards.rate_limit,
-        )
-        rows.append(
-            (7, "parameter", f"{y.variable}_rate_limit", text, f"{y.unit}/s", [rate], up_to(rate, rate))
-        )
+        name, rate = f"{y.variable}_rate_limit", guards.rate_limit
+        text = f"Largest change of the {y.quantity} in a second; it can be lowered, not raised"
+        rows.append((7, "parameter", name, text, f"{y.unit}/s", [rate], up_to(rate, rate)))
     if guards.passive:
         damping = (
             f"Damping that the device surely has at the tool: with less of it the FMU bounds the {y.quantity} more; 0 lets none "
@@ -143,6 +119,7 @@ def model_description(model: ExportModel, version: str, source_label: str) -> st
             if item["kind"] == "output"
         ]
 
+    units = (item["attributes"].get("unit") for item in listed)
     stability = "" if model.stable else " UNSTABLE: the output runs into its limit."
     texts = (
         f"{model.input.quantity.capitalize()} to {model.output.quantity} model {model.name}, discrete at "
@@ -172,9 +149,7 @@ def model_description(model: ExportModel, version: str, source_label: str) -> st
         meaning={key: str(value).lower() for key, value in meaning.items()},
         meaning_json=_escape(json.dumps(meaning), quotes=False),
         base_unit=base_unit,
-        units_of_variables=list(
-            dict.fromkeys(item["attributes"]["unit"] for item in listed if "unit" in item["attributes"])
-        ),
+        units_of_variables=[unit for unit in dict.fromkeys(units) if unit],
         variables=listed,
         outputs=unknowns(initial=False),
         initial_unknowns=unknowns(initial=True),
