@@ -9,11 +9,12 @@ from lumbar.settings.tissue import TissueSettings
 def main(input, output, settings: RuntimeSettings, tissue: TissueSettings, source_label: str):
     """Judge the exported models on the study's device, fit passive ones, write tables, figures and the passive models."""
     from lumbar.base.files import write_json
-    from lumbar.interface.device import fit_passive, judge_rendering, load_models
+    from lumbar.interface.device import judge_rendering, load_models
     from lumbar.interface.reading import read_listed
     from lumbar.publishing.figures.runtime_figures import placeholder_figure
     from lumbar.publishing.figures.style import save
     from lumbar.tissue.fmu.build.export_model import find_models
+    from lumbar.tissue.haptics.passive_models import fit_passive_models
     from lumbar.tissue.models.fitted_model import models_document
 
     models = load_models(input.models, input.effects)
@@ -24,7 +25,7 @@ def main(input, output, settings: RuntimeSettings, tissue: TissueSettings, sourc
     width = found.z_width_figure() if found.linear else placeholder_figure(found.refused)
     save(width, stem(output.z_width), source_label)
     records = read_listed(input.recordings, tissue.records, tissue.layout, tissue.rate_Hz)
-    fits = fit_passive(models, records, settings.trained_on, settings=settings, settling_s=tissue.settling_s)
+    fits = fit_passive_models(models, records, settings.trained_on, settings, tissue.settling_s)
     fits.table(source_label).write(stem(output.passive_fits))
     write_json(output.models, models_document(fits.passive, source_label))
 

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 from lumbar.base.errors import InputError
 from lumbar.base.files import read_json
 from lumbar.interface.result import UNKNOWN_SOURCE, Result
-from lumbar.records.record import Record, RecordSet
 from lumbar.settings.runtime import Platform, RuntimeSettings
 from lumbar.tables.table import Table
 from lumbar.tissue.effects.catalogue import catalogues_with
@@ -24,8 +23,6 @@ from lumbar.tissue.models.fitted_model import FittedModel, read_models
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-    from lumbar.tissue.haptics.passive_models import PassiveFits
 
 
 def load_models(path: str | os.PathLike, effect_files: Iterable[str | os.PathLike] = ()) -> list[FittedModel]:
@@ -214,40 +211,6 @@ def judge_rendering(models: Sequence[FittedModel], settings: RuntimeSettings, so
     """Judge models on the device of the settings; keep the reasons why models cannot be judged."""
     verdicts, reasons = judge_models(models, settings)
     return Rendering(tuple(verdicts), tuple(reasons), settings, source_label)
-
-
-def fit_passive(
-    models: Sequence[FittedModel],
-    records: Sequence[Record],
-    train: str | None = None,
-    *,
-    settings: RuntimeSettings | None = None,
-    settling_s: float | None = None,
-) -> PassiveFits:
-    """Fit models again so that they give off no energy, as they are and on a device.
-
-    Parameters
-    ----------
-    models : sequence of FittedModel
-        Identified models.
-    records : sequence of Record
-        Records that the models were identified on.
-    train : str, optional
-        Record to fit on; default the first of the models'.
-    settings : RuntimeSettings, optional
-        Its ``models``, moving average and device.
-    settling_s : float, optional
-        Seconds at the start of each record that do not count.
-
-    Raises
-    ------
-    InputError
-        If the training record does not exist.
-    """
-    from lumbar.tissue.haptics.passive_models import fit_passive_models
-
-    training = RecordSet(records)[train or str(models[0].trained_on)]
-    return fit_passive_models(models, records, training.name, settings or RuntimeSettings(), settling_s)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

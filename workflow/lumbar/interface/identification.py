@@ -174,11 +174,11 @@ class Identification(Result):
         PassiveFits
             ``table(source_label)`` has the errors; ``save(folder, source_label)`` writes ``passive_models.json`` and the table.
         """
-        from lumbar.interface.device import fit_passive
+        from lumbar.tissue.haptics.passive_models import fit_passive_models
 
-        return fit_passive(
-            self.models, records, train, settings=settings, settling_s=self.settings.settling_s
-        )
+        training = RecordSet(records)[train or str(self.models[0].trained_on)].name
+        settings, settling_s = settings or RuntimeSettings(), self.settings.settling_s
+        return fit_passive_models(self.models, records, training, settings, settling_s)
 
     def files(self) -> Iterator[tuple[str, Any]]:
         """``models.json``, ``search.csv``, tables ``table_3_1`` and ``physical_parameters``."""

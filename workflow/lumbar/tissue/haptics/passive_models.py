@@ -260,8 +260,20 @@ def fit_passive_models(
 ) -> PassiveFits:
     """Fit the exported models again, within the passive ones.
 
-    Parameters: see `lumbar.interface.device.fit_passive`. Fits for the device are left out if the records are not of a
-    length and a force.
+    Fits for the device are left out if the records are not of a length and a force.
+
+    Parameters
+    ----------
+    models : sequence of FittedModel
+        Identified models.
+    records : sequence of Record
+        Records that the models were identified on.
+    train : str
+        Name of the record to fit on.
+    settings : RuntimeSettings
+        Its ``models``, moving average and device.
+    settling_s : float or None
+        Seconds at the start of each record that do not count; None for the default.
     """
     free = tuple(
         model
