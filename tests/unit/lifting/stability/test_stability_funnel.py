@@ -84,13 +84,11 @@ def test_euler_blows_up_where_the_accurate_solution_does_not():
     ],
 )
 def test_inadmissible_weights_are_named(weights):
-    with pytest.raises(ValidationError) as refused:
+    with pytest.raises(ValidationError) as rejected:
         RegulatorSettings(**weights)
-    assert [error["loc"] for error in refused.value.errors()] == [tuple(weights)]
-
-
-def test_semidefinite_weight_of_the_state_is_allowed():
-    assert RegulatorSettings(state_weight=[[1, 1], [1, 1]]).state_weight == ((1, 1), (1, 1))
+    assert [error["loc"] for error in rejected.value.errors()] == [tuple(weights)]
+    semidefinite = ((1, 1), (1, 1))
+    assert RegulatorSettings(state_weight=semidefinite).state_weight == semidefinite
 
 
 @pytest.mark.parametrize("sign", ["hanging", "inverted"])

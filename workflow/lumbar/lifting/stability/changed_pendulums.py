@@ -10,7 +10,7 @@ II (1953) 307–317): the five add up to the difference.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from itertools import combinations, product
 from math import factorial
@@ -187,17 +187,6 @@ MIN_PERSONS = 3
 """Subjects of either side that an interval needs."""
 
 
-@dataclass(frozen=True)
-class _LiftPair:
-    """Two lifts that are compared."""
-
-    before: Trajectory
-    after: Trajectory
-    weight: int
-    subject: str
-    """Subject of both lifts, or of the side with fewer subjects."""
-
-
 def exchanged(before: Trajectory, after: Trajectory, taken: frozenset[str]) -> Trajectory:
     """Return the pendulum `before` with some parts of the one `after`."""
     of = {part: after if part in taken else before for part in PARTS}
@@ -236,8 +225,8 @@ def decomposition_table(study: ComparedLifts) -> tuple[Table, list[Failure]]:
         for com, plane in product(COMS, PLANES) if comparison.status == COMPUTED else ():
             sides = [lifts.get((*side, com, plane), []) for side in (comparison.before, comparison.after)]
             pairs, areas = [], []
-            for pair in _pairs(*sides):
-                between = [exchanged(pair.before, pair.after, taken) for taken in EXCHANGED]
+            for pair in _pair_lifts(*sides):
+                between = [exchanged(*pair[:2], taken) for taken in EXCHANGED]
                 try:
                     areas.append(varied_areas({"parts": between}, study.settings)["parts"])
                     pairs.append(pair)
@@ -245,7 +234,8 @@ def decomposition_table(study: ComparedLifts) -> tuple[Table, list[Failure]]:
                     failures.append(Failure.from_trajectory(between[0], "Table 4.1, its parts", str(error)))
             if pairs:
                 key = {"comparison": comparison.name, "com": com, "plane": plane}
-                rows.append({**key, **_row(pairs, np.array(areas))})
+                weights, subjects = (np.array([pair[index] for pair in pairs]) for index in (2, 3))
+                rows.append({**key, **_row(weights, subjects, np.array(areas))})
     fields = {"comparison": comparison_definition(study.settings), "headline": headline_label(study.settings)}
     columns = ["comparison", "com", "plane", "percent"]
     columns += [f"{part}{end}_percent" for part in PARTS for end in ("", "_low", "_high")] + ["pairs"]
@@ -255,10 +245,11 @@ def decomposition_table(study: ComparedLifts) -> tuple[Table, list[Failure]]:
     ), failures
 
 
-def _pairs(before: list[Trajectory], after: list[Trajectory]) -> list[_LiftPair]:
+def _pair_lifts(before: list[Trajectory], after: list[Trajectory]) -> list[tuple]:
     """Pair the lifts of one subject, or subject by subject; evenly chosen among many.
 
-    Equal shares of both sides overlap in a pair, so that all lifts of a side have the same weight.
+    A pair has the lifts before and after, its weight and the subject, that of the side with fewer subjects. Equal shares of both
+    sides overlap in a pair, so that all lifts of a side have the same weight.
     """
     people = [{item.subject for item in side} for side in (before, after)]
     if shared := people[0] & people[1]:
@@ -274,25 +265,24 @@ def _pairs(before: list[Trajectory], after: list[Trajectory]) -> list[_LiftPair]
     pairs = []
     for start, weight in zip(starts, np.diff(starts, append=first * second), strict=True):
         lifts = before[start // second], after[start // first]
-        pairs.append(_LiftPair(*lifts, int(weight), lifts[fewer].subject))
+        pairs.append((*lifts, int(weight), lifts[fewer].subject))
     chosen = np.unique(np.linspace(0, len(pairs) - 1, min(len(pairs), MAX_PAIRS)).astype(int))
     return [pairs[index] for index in chosen]
 
 
-def _row(pairs: list[_LiftPair], areas: np.ndarray) -> dict[str, float]:
+def _row(weights: np.ndarray, subject: np.ndarray, areas: np.ndarray) -> dict[str, float]:
     """Return contributions, and their intervals from leaving out one subject's pairs after the other.
 
-    `areas`, shape (pairs, 32), are by `EXCHANGED`.
+    Weights and subjects have shape (pairs,); `areas`, shape (pairs, 32), are by `EXCHANGED`.
     """
     from scipy.stats import t
 
-    weight, subject = np.array([pair.weight for pair in pairs]), np.array([pair.subject for pair in pairs])
-    whole, subjects = contributions(np.average(areas, axis=0, weights=weight)), np.unique(subject)
+    whole, subjects = contributions(np.average(areas, axis=0, weights=weights)), np.unique(subject)
     row = {"percent": float(whole.sum()), "pairs": len(areas)}
     ends = np.full((2, len(PARTS)), np.nan)
     if len(subjects) >= MIN_PERSONS:
         # Jackknife: Student's 95 % interval from the contributions without each subject.
-        omitted = [np.average(areas, axis=0, weights=weight * (subject != one)) for one in subjects]
+        omitted = [np.average(areas, axis=0, weights=weights * (subject != one)) for one in subjects]
         error = np.sqrt((len(subjects) - 1) * np.var(contributions(np.array(omitted)), axis=0))
         half_width = t.ppf(0.975, len(subjects) - 1) * error
         ends = np.array([whole - half_width, whole + half_width])
