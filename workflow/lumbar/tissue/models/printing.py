@@ -26,13 +26,7 @@ _GREEK = {
 
 
 def symbol_latex(symbol: str) -> str:
-    """Return the LaTeX of a symbol; everything after its first letter, Greek name or underscore is an index.
-
-    Examples
-    --------
-    >>> symbol_latex("Fc"), symbol_latex("tau_2"), symbol_latex("k3"), symbol_latex("v_St")
-    ('F_c', '\\\\tau_2', 'k_3', 'v_{St}')
-    """
+    """Return the LaTeX of a symbol, e.g. F_c of Fc: the part after its first letter, Greek name or underscore is an index."""
     head, _, index = symbol.partition("_")
     if head not in _GREEK and len(head) > 1:
         start = max((name for name in _GREEK if head.startswith(name)), key=len, default=head[0])
@@ -42,13 +36,7 @@ def symbol_latex(symbol: str) -> str:
 
 
 def number_latex(text: str) -> str:
-    """Return the LaTeX of a formatted number, with powers of ten instead of an ``e``.
-
-    Examples
-    --------
-    >>> number_latex("1e-06"), number_latex("-2.5e+07"), number_latex("0.5")
-    ('10^{-6}', '-2.5 \\\\cdot 10^{7}', '0.5')
-    """
+    """Return the LaTeX of a formatted number, with powers of ten instead of an ``e``: 10^{-6} of 1e-06."""
     mantissa, e, exponent = text.partition("e")
     if not e:
         return text
@@ -60,12 +48,6 @@ def latex(expression: Expression, names: Mapping[str, str]) -> str:
     """Return the LaTeX of an expression, in commands that matplotlib knows too.
 
     `names` contains the LaTeX of symbols; that of other symbols is derived.
-
-    Examples
-    --------
-    >>> from lumbar.tissue.models.expression import parse
-    >>> latex(parse("Fc*tanh(v/vs)"), {})
-    'F_c \\\\tanh(v/v_s)'
     """
     return _Latex(names).text(expression)
 

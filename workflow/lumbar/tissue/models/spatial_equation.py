@@ -57,18 +57,12 @@ def length(vector: Vector) -> Expression:
 
 
 def vectorise(expression: Expression, vectors: Mapping[str, Vector]) -> Expression | Vector:
-    """Read an expression in space: `vectors` contains the components of the symbols that are vectors.
+    """Read an expression in space, with the components of the symbols that are `vectors`: k*z**3 is k*(z·z)*z.
 
     Raises
     ------
     InputError
         If a part of it has no meaning in space, with this part.
-
-    Examples
-    --------
-    >>> from lumbar.tissue.models.expression import parse
-    >>> [to_text(part) for part in vectorise(parse("k*z**3"), {"z": (Symbol("z_x"), Symbol("z_y"))})]
-    ['k*((z_x*z_x + z_y*z_y)*z_x)', 'k*((z_x*z_x + z_y*z_y)*z_y)']
     """
     match expression:
         case Symbol(name):
