@@ -21,6 +21,7 @@ from c_programs import (
     with_wine,
     write_sources,
 )
+from driven_fmu import DrivenFmu
 from effect_entries import COMBINATIONS, effect_entry
 from runtime_models import RANGE, TARGET, contents, entry, export, exported, unzipped
 from spatial_models import FIVE, integrated, spatial_export
@@ -180,12 +181,6 @@ def run_player(command: list, folder: Path, rows, *parameters: str, environment=
     return forces[:, 0] if forces.shape[1] == 1 else forces
 
 
-def signal(folder: Path, name: str) -> np.ndarray:
-    """Time and value of a reference signal."""
-    text = (folder / "resources" / f"reference_{name}.csv").read_text().replace(",", " ")
-    return np.array([line.split() for line in text.splitlines()[1:]], dtype=float)
-
-
 def compile_csharp(program: Path, sources: list[Path], *flags: str) -> None:
     command = ["mcs", "-warn:4", "-warnaserror", *flags, f"-out:{program}", "-r:System.Xml", *sources]
     subprocess.run(command, check=True)
@@ -217,7 +212,7 @@ def windows_player(fmus, zig_cache, tmp_path_factory):
 def test_the_embedded_reference_is_run_player(name, fmus, player):
     folder = fmus / name
     forces = player(folder, folder / "resources" / "reference_input.csv")
-    expected = signal(folder, "output")[:, 1:].squeeze()
+    expected = DrivenFmu(folder).signal("resources/reference_output.csv")
     np.testing.assert_allclose(forces, expected, atol=1e-13)
     assert np.abs(expected).max() > 0.1
 
