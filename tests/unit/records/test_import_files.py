@@ -9,7 +9,7 @@ from foreign_files import FORCE, POSITION, RATE, TIME, foreign_files, rows
 from scipy.io import savemat
 
 import lumbar
-from refusing import refusal
+from refusing import has_tokens, refusal
 
 FILES = foreign_files()
 
@@ -46,7 +46,7 @@ def test_structure_may_state_rate(tmp_path):
     savemat(tmp_path / "a.mat", {"speed_test": trial})
     imported = lumbar.import_recordings(tmp_path / "a.mat")
     check(imported)
-    assert imported[0].grounds["time"] == "no column; 200 Hz as speed_test.fs says"
+    assert has_tokens(imported[0].grounds["time"], "200 Hz … speed_test.fs")
 
 
 def test_simulink_signals_are_named_by_labels(tmp_path):
@@ -54,13 +54,13 @@ def test_simulink_signals_are_named_by_labels(tmp_path):
     savemat(tmp_path / "a.mat", {"out": {"time": TIME, "signals": np.array(signals, dtype=object)}})
     imported = lumbar.import_recordings(tmp_path / "a.mat")
     check(imported)
-    assert imported[0].grounds["force"].startswith("column 3 'out.signals(2).load' [N], by its name")
+    assert has_tokens(imported[0].grounds["force"], "column 3 'out.signals(2).load' [N] … name")
 
 
 def test_columns_of_a_matrix_are_chosen_by_name(tmp_path):
     savemat(tmp_path / "a.mat", {"data": np.column_stack([TIME, FORCE, POSITION])})
     told = {"position_unit": "mm", "force_unit": "N", "time_unit": "s"}
-    with pytest.raises(lumbar.InputError, match=r"choose by --position NAME or NUMBER among .*'data\(:,2\)'"):
+    with pytest.raises(lumbar.InputError, match=r"--position .*'data\(:,2\)'"):
         lumbar.import_recordings(tmp_path / "a.mat", **told)
     names = {"time": "data(:,1)", "position": "data(:,3)", "force": "data(:,2)"}
     check(lumbar.import_recordings(tmp_path / "a.mat", **names, **told))
@@ -70,13 +70,12 @@ def test_trials_of_several_lengths_need_choice(tmp_path):
     trial = {"time_s": TIME, "position_mm": POSITION, "force_N": FORCE}
     short = {name: values[:300] for name, values in trial.items()}
     savemat(tmp_path / "a.mat", {"trial": np.array([trial, short], dtype=object)})
-    fragment = r"trial\(2\).time_s, .* \(300 values\).*choose a part with --table VARIABLE"
+    fragment = r"trial\(2\).time_s, .* \(300 values\).*--table VARIABLE"
     with pytest.raises(lumbar.InputError, match=fragment):
         lumbar.import_recordings(tmp_path / "a.mat")
     check(lumbar.import_recordings(tmp_path / "a.mat", table="trial(1)"))
-    assert "no variable 'trial(3)'; there are trial(1).time_s" in refusal(
-        lumbar.import_recordings, tmp_path / "a.mat", table="trial(3)"
-    )
+    message = refusal(lumbar.import_recordings, tmp_path / "a.mat", table="trial(3)")
+    assert has_tokens(message, "'trial(3)' … trial(1).time_s")
 
 
 def test_named_vectors_choose_length(tmp_path):
@@ -84,16 +83,15 @@ def test_named_vectors_choose_length(tmp_path):
     parts = {"uEst": POSITION[:200], "yEst": FORCE[:200], "uVal": POSITION, "yVal": FORCE, "fs": RATE}
     savemat(tmp_path / "a.mat", parts)
     units = {"position_unit": "mm", "force_unit": "N"}
-    offered = r"--position uEst --force yEst, or --position uVal --force yVal"
+    offered = r"--position uEst --force yEst.*--position uVal --force yVal"
     with pytest.raises(lumbar.InputError, match=offered):
         lumbar.import_recordings(tmp_path / "a.mat", **units)
     check(lumbar.import_recordings(tmp_path / "a.mat", position="uVal", force="yVal", **units))
     [short] = lumbar.import_recordings(tmp_path / "a.mat", position="uEst", force="yest", **units)
     assert short.record["output"] == pytest.approx(FORCE[:200])
-    assert "'uEst' has 200 and 'yVal' has 600 values" in refusal(
-        lumbar.import_recordings, tmp_path / "a.mat", position="uEst", force="yVal", **units
-    )
-    with pytest.raises(lumbar.InputError, match=r"--force 'yTest': no such column.*; there are .*uEst"):
+    message = refusal(lumbar.import_recordings, tmp_path / "a.mat", position="uEst", force="yVal", **units)
+    assert has_tokens(message, "'uEst' … 200 … 'yVal' … 600")
+    with pytest.raises(lumbar.InputError, match=r"--force 'yTest'.*'uEst'"):
         lumbar.import_recordings(tmp_path / "a.mat", position="uEst", force="yTest", **units)
 
 
@@ -114,7 +112,7 @@ def test_hdf5_states_units_and_rate_as_attributes(tmp_path):
         file.attrs["sampling_rate"] = RATE
     check(lumbar.import_recordings(tmp_path / "a.h5"))
     (tmp_path / "broken.h5").write_bytes((tmp_path / "a.h5").read_bytes()[:600])
-    assert "broken HDF5 file" in refusal(lumbar.import_recordings, tmp_path / "broken.h5")
+    assert has_tokens(refusal(lumbar.import_recordings, tmp_path / "broken.h5"), "broken.h5 … HDF5")
 
 
 def test_compound_data_sets_have_their_fields(tmp_path):
@@ -129,8 +127,8 @@ def test_compound_data_sets_have_their_fields(tmp_path):
 def test_missing_package_is_named(tmp_path, monkeypatch, package, first):
     monkeypatch.setitem(sys.modules, package, None)
     (tmp_path / "a.bin").write_bytes(first + bytes(600))
-    fragment = f"needs the package {package}: pip install 'lumbar[import]'"
-    assert fragment in refusal(lumbar.import_recordings, tmp_path / "a.bin")
+    message = refusal(lumbar.import_recordings, tmp_path / "a.bin")
+    assert has_tokens(message, f"a.bin … {package} … pip install 'lumbar[import]'")
 
 
 def test_sheet_of_workbook_is_read(tmp_path):
@@ -146,15 +144,15 @@ def test_sheet_of_workbook_is_read(tmp_path):
     book.create_sheet("Notes").append(["nothing"])
     book.save(tmp_path / "a.xlsx")
     message = refusal(lumbar.import_recordings, tmp_path / "a.xlsx")
-    assert "2 sheets hold something: Trial, Notes; choose by --sheet NAME" in message
+    assert has_tokens(message, "2 sheets … Trial, Notes … --sheet NAME")
     check(lumbar.import_recordings(tmp_path / "a.xlsx", table="Trial"))
 
 
 @pytest.mark.parametrize(
     ("name", "first", "message"),
-    [("a.xls", b"\xd0\xcf\x11\xe0", "save it as"), ("a.c3d", b"\x02P", "file of markers")],
+    [("a.xls", b"\xd0\xcf\x11\xe0", r"a\.xls.*\.xlsx"), ("a.c3d", b"\x02P", r"a\.c3d.*markers")],
 )
-def test_files_of_other_kinds(tmp_path, name, first, message):
+def test_old_workbooks_and_marker_files_are_rejected(tmp_path, name, first, message):
     (tmp_path / name).write_bytes(first + bytes(600))
     with pytest.raises(lumbar.InputError, match=message):
         lumbar.import_recordings(tmp_path / name)
@@ -176,7 +174,7 @@ CHINESE = "试验机 3\n时间 [s],位移 [mm],力 [N]\n" + rows(",")
 def test_unknown_encoding_must_be_given(tmp_path, encoding, text):
     path = tmp_path / "trial.txt"
     path.write_bytes(text.encode(encoding))
-    with pytest.raises(lumbar.InputError, match=r"line 1 is not UTF-8 \(.*\); give .*--encoding gbk"):
+    with pytest.raises(lumbar.InputError, match=r"line 1 .*UTF-8.*--encoding gbk"):
         lumbar.import_recordings(path)
     [one] = lumbar.import_recordings(path, encoding=encoding)
     np.testing.assert_allclose(one.record["input"], POSITION, atol=2e-5)
@@ -188,7 +186,7 @@ def test_unknown_encoding_must_be_given(tmp_path, encoding, text):
 def test_utf_encodings_are_detected(tmp_path, encoding):
     (tmp_path / "trial.txt").write_bytes(CHINESE.encode(encoding))
     [one] = lumbar.import_recordings(tmp_path / "trial.txt")
-    assert one.grounds["force"].startswith("column 3 '力' [N], by its name")
+    assert has_tokens(one.grounds["force"], "column 3 '力' [N]")
     [told] = lumbar.import_recordings(tmp_path / "trial.txt", encoding=encoding)
     assert told.record["output"] == pytest.approx(one.record["output"])
 
@@ -204,9 +202,11 @@ def test_wrong_encoding_is_rejected(run, tmp_path):
     path = tmp_path / "trial.txt"
     path.write_bytes(CHINESE.encode("gbk"))
     err = run.refused("import", path, "--encoding", "klingon", "--dry-run")
-    assert "--encoding 'klingon': no encoding of text in Python, such as gbk" in err
-    assert "no encoding of text" in refusal(lumbar.import_recordings, path, encoding="base64")
-    assert "line 1 cannot be read" in refusal(lumbar.import_recordings, path, encoding="utf-8")
+    assert has_tokens(err, "--encoding 'klingon' … gbk")
+    message = refusal(lumbar.import_recordings, path, encoding="base64")
+    assert has_tokens(message, "--encoding 'base64' … gbk")
+    message = refusal(lumbar.import_recordings, path, encoding="utf-8")
+    assert has_tokens(message, "trial.txt … line 1 … utf-8")
 
 
 HEAD = "time_s,position_mm,force_N\n"
@@ -245,14 +245,14 @@ def test_all_wrong_cuts_are_listed(run, source):
     cuts = ("fit=0:1", "unseen=0.5:2", "late=10:20", "../up=2:2.5", "fit=2.5:2.6", "back=2.9:2.7")
     status, out, err = run("import", source, *(word for cut in cuts for word in ("--cut", cut)), "--dry-run")
     assert (status, out) == (1, "")
-    for words in (
-        "fit and unseen share 0.5 to 1 s",
-        "--cut late=10:20: 0 samples from 10 to 20 s; the clock runs from 0 to 2.995 s",
-        "'../up' names no record; letters, digits, _, . and - are allowed",
-        "2 parts are named 'fit'",
-        "--cut back=2.9:2.7: the start must lie before the stop",
+    for tokens in (
+        "fit … unseen … 0.5 … 1 s",
+        "--cut late=10:20 … 0 samples … 10 … 20 s … 0 … 2.995 s",
+        "'../up' … letters, digits, _",
+        "2 … 'fit'",
+        "--cut back=2.9:2.7",
     ):
-        assert words in err
+        assert has_tokens(err, tokens), tokens
     assert "5 problems" in err
 
 
@@ -279,9 +279,9 @@ def test_text_column_splits_trials(tmp_path):
 
 def test_invalid_trials_are_rejected(tmp_path):
     path = trials(tmp_path / "bench.csv", np.repeat([1, 2, 3], [300, 295, 5]))
-    for column, words in (
-        ("trial", "bench_3: 5 samples; at least 8 are needed"),
-        ("cycle", "--cut-by 'cycle': no such column; there are"),
-        ("time", "has 600 intervals of one value"),
+    for column, tokens in (
+        ("trial", "bench_3 … 5 samples … 8"),
+        ("cycle", "--cut-by 'cycle' … column 4 'trial'"),
+        ("time", "--cut-by … 600 intervals"),
     ):
-        assert words in refusal(lumbar.import_recordings, path, cut_by=column)
+        assert has_tokens(refusal(lumbar.import_recordings, path, cut_by=column), tokens), tokens

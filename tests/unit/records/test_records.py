@@ -8,7 +8,7 @@ import pytest
 from scipy.io import savemat
 
 import lumbar
-from refusing import refusal
+from refusing import has_tokens, refusal
 from study_settings import changed
 
 LAYOUT = lumbar.ColumnLayout.model_validate(
@@ -62,12 +62,9 @@ def test_optional_column_may_be_absent_or_constant(tmp_path, values):
     resting = np.column_stack([values, np.full(len(values), 0.4)])
     text = text_of(resting, "t,z,f,l", "{:.6f},{:.6f},{:.6f},{:.6f}")
     assert read_record(written(tmp_path, text), layout)["length"] == pytest.approx(0.4)
-    assert "no column 'l'" in refusal(
-        read_record,
-        written(tmp_path, text_of(values)),
-        changed(LAYOUT, columns={"length": {**optional, "optional": False}}),
-    )
-    with pytest.raises(lumbar.InputError, match=r"length is nan"):
+    needed = changed(LAYOUT, columns={"length": {**optional, "optional": False}})
+    assert has_tokens(refusal(read_record, written(tmp_path, text_of(values)), needed), "length … 'l'")
+    with pytest.raises(lumbar.InputError, match=r"line 2\b.*length\b.*\bnan"):
         broken = text.replace("0.400000\n", "nan\n", 1)
         read_record(written(tmp_path, broken), layout)
     savemat(tmp_path / "trial.mat", dict(zip("tzf", values.T, strict=True)))
@@ -109,10 +106,10 @@ def test_matlab_files(tmp_path, values):
     record = read_record(path, changed(LAYOUT, format="mat"))
     assert record["input"] == pytest.approx(values[:, 1])
     savemat(path, {"t": values[:, 0], "z": values[:5, 1], "f": 1j * values[:, 2]})
-    with pytest.raises(lumbar.InputError, match=r"(?s)not a vector of real numbers.*different lengths"):
+    with pytest.raises(lumbar.InputError, match=r"(?s)trial\.mat.*\bf\b.*real.*lengths"):
         read_record(path, changed(LAYOUT, format="mat"))
     path.write_bytes(b"nonsense")
-    assert "not a MATLAB file" in refusal(read_record, path, changed(LAYOUT, format="mat"))
+    assert has_tokens(refusal(read_record, path, changed(LAYOUT, format="mat")), "trial.mat … MATLAB")
 
 
 def test_empty_first_cells_and_quoted_headers_keep_their_columns(tmp_path, values):
@@ -140,36 +137,35 @@ def commas(form: str) -> str:
 
 
 @pytest.mark.parametrize(
-    ("text", "changes", "fragments"),
+    ("text", "changes", "problems"),
     [
-        ("", {}, ["no data rows"]),
-        ("t,z,f\n", {}, ["no data rows"]),
-        ("t,z\n0,1\n", {}, ["output: no column 'f'; the header has t, z"]),
-        ("t,z,f\n0,1,2\n", {}, ["1 samples; at least 8"]),
-        ("t,z,f\n" + "x,y\n" * 10_000, {}, ["stopped after 20 problems"]),
+        ("", {}, ["trial.csv … rows"]),
+        ("t,z,f\n", {}, ["trial.csv … rows"]),
+        ("t,z\n0,1\n", {}, ["output: … 'f' … t, z"]),
+        ("t,z,f\n0,1,2\n", {}, ["1 samples … 8"]),
+        ("t,z,f\n" + "x,y\n" * 10_000, {}, ["20 problems"]),
         (
             with_lines({4: "0.02,abc,1", 8: "0.06,,1"}), {},
-            ["2 problems", "line 4: input is 'abc'", "line 8: input is ''"],
+            ["2 problems", "line 4: input … 'abc'", "line 8: input … ''"],
         ),
-        (commas("{:.3f};{:.3f};{:.3f}"), {}, ["line 2: 6 cells; 3 are needed: check delimiter and decimal"]),
-        (commas("{:.3f};{:.3f};{:.3f}"), {"decimal": ","}, ["both as delimiter and as decimal mark"]),
+        (commas("{:.3f};{:.3f};{:.3f}"), {}, ["line 2: 6 cells … 3 … delimiter … decimal"]),
+        (commas("{:.3f};{:.3f};{:.3f}"), {"decimal": ","}, ["',' … delimiter … decimal"]),
         # Comments and empty lines count: it is the line an editor shows.
         (
             with_lines({6: "0.04,1,nan"}, "# a comment", ""), {"comment": "#"},
-            ["line 8: output is nan; every value must be a finite number, of at most 1e+06 N in size"],
+            ["line 8: output … nan … 1e+06 N"],
         ),
-        (with_lines({5: "0.03,1"}), {}, ["line 5: 2 cells; 3 are needed"]),
-        (with_lines({5: "0.03,1,1e307"}), {"columns": {"output": {"scale": 1e3}}}, ["line 5: output is inf"]),
+        (with_lines({5: "0.03,1"}), {}, ["line 5: 2 cells … 3"]),
+        (with_lines({5: "0.03,1,1e307"}), {"columns": {"output": {"scale": 1e3}}}, ["line 5: output … inf"]),
         (
             text_of(TWICE, "t,z,f,f", "{:.6f},{:.6f},{:.6f},{:.6f}"), {},
-            ["output: columns 3 and 4 have the name 'f'; give the number of one of them"],
+            ["output: … 3 and 4 … 'f'"],
         ),
     ],
 )  # fmt: skip
-def test_faulty_file_is_rejected_with_place(tmp_path, text, changes, fragments):
+def test_faulty_file_is_rejected_with_place(tmp_path, text, changes, problems):
     message = refusal(read_record, written(tmp_path, text), changed(LAYOUT, **changes))
-    for words in fragments:
-        assert words in message
+    assert [tokens for tokens in problems if not has_tokens(message, tokens)] == []
 
 
 @pytest.mark.parametrize("text", ["Zeit;Weg;Kraft\n0,0;1,0;2,0\n", "t,z,f\n0,eins,2\n", "t;z;f\n0;\xb5;2\n"])
@@ -186,11 +182,10 @@ def test_trim_ignores_faults_outside(tmp_path, values):
     """A gap before the part is no fault; lines are still counted in the file."""
     text = text_of(values).replace("0.050000,", "0.049000,").replace("0.200000,", "0.190000,")
     path = written(tmp_path, text)
-    assert "line 22: time 0.19 s after 0.19 s" in refusal(read_record, path, LAYOUT)
+    assert has_tokens(refusal(read_record, path, LAYOUT), "line 22: … 0.19 s … 0.19 s")
     record = read_record(path, LAYOUT, trims={"trial": (0.205, 0.4)})
     assert record.time == pytest.approx(TIME[21:40])
     assert record["output"] == pytest.approx(values[21:40, 2], abs=1e-6)
-    assert "line 22" in refusal(read_record, path, LAYOUT, trims={"trial": (0.1, 0.4)})
-    assert "4 samples from 0.45 to 0.485 s; the clock runs from 0 to 0.49 s" in refusal(
-        read_record, path, LAYOUT, trims={"trial": (0.45, 0.485)}
-    )
+    assert has_tokens(refusal(read_record, path, LAYOUT, trims={"trial": (0.1, 0.4)}), "line 22")
+    message = refusal(read_record, path, LAYOUT, trims={"trial": (0.45, 0.485)})
+    assert has_tokens(message, "4 samples … 0.45 … 0.485 s … 0 … 0.49 s")
