@@ -2,7 +2,6 @@
 
 import os
 import sys
-import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +10,7 @@ from lumbar.base.errors import InputError
 
 
 def all_kinds(source, content):
-    """What a reader may return."""
+    """Return all kinds of values."""
     texts = ["é\ud800", None, True, -0.0, float("inf")]
     arrays = {
         "rows": np.arange(12.0).reshape(3, 4)[:, ::2],
@@ -21,7 +20,7 @@ def all_kinds(source, content):
     return {"array": arrays, "texts": texts, "number": np.float32(2), "pair": (1, 2), "size": len(content)}
 
 
-def of_a_path(path):
+def read_path(path):
     return Path(path).read_text()
 
 
@@ -29,21 +28,21 @@ def refusing(path):
     raise InputError(f"{path}: line 3: force is 'x'; a number is needed")
 
 
-def without_memory(_):
+def exhaust_memory(_):
     return np.ones(10**9)
 
 
 def hiding_it(path):
     try:
-        return without_memory(path)
+        return exhaust_memory(path)
     except Exception as error:
         raise InputError("broken") from error
 
 
 def growing(_):
-    held = []
+    pieces = []
     while True:
-        held.append(bytes(10_000_000))
+        pieces.append(bytes(10_000_000))
 
 
 def endless(_):
@@ -57,68 +56,43 @@ def sleeping(_):
     time.sleep(600)
 
 
-def crashing(_):
-    os.abort()
-
-
-def leaving(_):
-    os._exit(0)
-
-
-def mistaken(_):
-    return {}["x"]
-
-
-def of_objects(_):
-    return np.array([{"a": 1}], dtype=object)
-
-
-def where_modules_are_looked_for(_):
+def module_folders(_):
     return sys.path
 
 
-def _ending_with(answer):
-    sys.stdout.buffer.write(answer)
+def endless_answer(_):
+    while True:
+        sys.stdout.buffer.write(bytes(1_000_000))
+
+
+def _answer(*arrays, text: bytes):
+    np.savez(sys.stdout.buffer, *arrays, np.frombuffer(text, np.uint8))
+
+
+FORGED = {
+    "no archive": lambda: sys.stdout.buffer.write(b"\xff" * 100),
+    "pickled": lambda: _answer(np.array([os.getpid, 1], dtype=object), text=b'["value", 1]'),
+    "array of texts": lambda: _answer(np.array(["a"]), text=b'["value", {"\\u0000": 0}]'),
+    "too few arrays": lambda: _answer(text=b'["value", {"\\u0000": 7}]'),
+    "no JSON": lambda: _answer(text=b"[" * 100_000),
+    "packed zeros": lambda: np.savez_compressed(sys.stdout.buffer, np.zeros(7_000_000, np.uint8)),
+    "no answer": lambda: None,
+}
+"""Writers of forged answers by name."""
+FAILING = {
+    "crash": os.abort,
+    "mistake": lambda: {}["x"],
+    "objects": lambda: np.array([{"a": 1}], dtype=object),
+}
+
+
+def forge_answer(path):
+    """Write the forged answer that the file names, and end."""
+    FORGED[Path(path).read_text()]()
     sys.stdout.flush()
     os._exit(0)
 
 
-def no_archive(_):
-    _ending_with(b"\xff" * 100)
-
-
-def pickled(_):
-    np.savez(
-        sys.stdout.buffer, np.array([os.getpid, 1], dtype=object), np.frombuffer(b'["value", 1]', np.uint8)
-    )
-    _ending_with(b"")
-
-
-def of_texts(_):
-    np.savez(sys.stdout.buffer, np.array(["a"]), np.frombuffer(b'["value", {"\\u0000": 0}]', np.uint8))
-    _ending_with(b"")
-
-
-def too_few_arrays(_):
-    np.savez(sys.stdout.buffer, np.frombuffer(b'["value", {"\\u0000": 7}]', np.uint8))
-    _ending_with(b"")
-
-
-def no_json(_):
-    np.savez(sys.stdout.buffer, np.frombuffer(b"[" * 100_000, np.uint8))
-    _ending_with(b"")
-
-
-def a_bomb(_):
-    """A packed answer: 7 MB of zeros."""
-    with (
-        zipfile.ZipFile(sys.stdout.buffer, "w", zipfile.ZIP_DEFLATED) as archive,
-        archive.open("a", "w") as part,
-    ):
-        part.write(bytes(7_000_000))
-    _ending_with(b"")
-
-
-def without_end(_):
-    while True:
-        sys.stdout.buffer.write(bytes(1_000_000))
+def fail(path):
+    """Fail in the way that the file names."""
+    return FAILING[Path(path).read_text()]()

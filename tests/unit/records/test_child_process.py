@@ -26,9 +26,9 @@ def path(tmp_path):
 
 
 def test_child_returns_all_kinds_of_values(path):
-    found = read_in_child(readers.all_kinds, path, b"12345")
-    arrays = found.pop("array")
-    assert found == {
+    values = read_in_child(readers.all_kinds, path, b"12345")
+    arrays = values.pop("array")
+    assert values == {
         "texts": ["é\ud800", None, True, -0.0, float("inf")],
         "number": 2.0,
         "pair": [1, 2],
@@ -45,8 +45,8 @@ def test_child_does_not_import_from_working_directory(path, monkeypatch):
     (path.parent / "numpy.py").write_text("raise SystemExit")
     monkeypatch.syspath_prepend("")
     monkeypatch.setenv("PYTHONPATH", str(path.parent))
-    assert read_in_child(readers.of_a_path, Path(path.name)) == "1 2 3"
-    assert "" not in read_in_child(readers.where_modules_are_looked_for, path)
+    assert read_in_child(readers.read_path, Path(path.name)) == "1 2 3"
+    assert "" not in read_in_child(readers.module_folders, path)
 
 
 def test_input_error_of_child_is_unchanged(path):
@@ -56,7 +56,7 @@ def test_input_error_of_child_is_unchanged(path):
 
 
 @limited
-@pytest.mark.parametrize("bomb", [readers.without_memory, readers.hiding_it, readers.growing])
+@pytest.mark.parametrize("bomb", [readers.exhaust_memory, readers.hiding_it, readers.growing])
 def test_memory_is_limited(path, bomb, monkeypatch):
     monkeypatch.setattr(child_process, "MEMORY", 400_000_000)
     assert "trial.bin: its 5e-06 MB need more memory" in refusal(read_in_child, bomb, path)
@@ -76,40 +76,37 @@ def test_waiting_child_is_ended(path, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    "reader, fragment",
+    ("failure", "fragment"),
     [
-        (readers.crashing, r"its reader ended \(SIGABRT\); copy or export it again"),
-        (readers.leaving, "its reader returned an invalid answer"),
-        (readers.mistaken, r"its reader stopped at KeyError \('x'; child_readers.py, line \d+\)"),
-        (readers.of_objects, r"its reader stopped at TypeError \(no numbers: ndarray"),
+        ("crash", r"its reader ended \(SIGABRT\); copy or export it again"),
+        ("mistake", r"its reader stopped at KeyError \('x'; child_readers.py, line \d+\)"),
+        ("objects", r"its reader stopped at TypeError \(no numbers: ndarray"),
     ],
 )
-def test_failing_reader_is_reported_with_file(path, reader, fragment):
+def test_failing_reader_is_reported_with_file(path, failure, fragment):
+    path.write_text(failure)
     with pytest.raises(InputError, match=rf"{re.escape(str(path))}: broken: {fragment}"):
-        read_in_child(reader, path)
+        read_in_child(readers.fail, path)
 
 
-@pytest.mark.parametrize(
-    "forged",
-    [
-        readers.no_archive, readers.pickled, readers.of_texts, readers.too_few_arrays, readers.no_json, readers.a_bomb,
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize("forged", readers.FORGED)
 def test_forged_answer_is_rejected(path, forged, monkeypatch):
     monkeypatch.setattr(child_process, "MAX_ANSWER_BYTES", 1_000_000)
-    assert "trial.bin: broken: its reader returned an invalid answer" in refusal(read_in_child, forged, path)
+    path.write_text(forged)
+    message = refusal(read_in_child, readers.forge_answer, path)
+    assert "trial.bin: broken: its reader returned an invalid answer" in message
 
 
 @limited
 def test_size_of_answer_is_limited(path, monkeypatch):
     monkeypatch.setattr(child_process, "MAX_ANSWER_BYTES", 3_000_000)
-    assert "trial.bin: broken: its reader ended" in refusal(read_in_child, readers.without_end, path)
+    assert "trial.bin: broken: its reader ended" in refusal(read_in_child, readers.endless_answer, path)
 
 
 def test_pipe_is_not_opened(path):
     path.unlink()
     os.mkfifo(path)
-    assert "trial.bin: a pipe or a device" in refusal(read_in_child, readers.of_a_path, path)
+    assert "trial.bin: a pipe or a device" in refusal(read_in_child, readers.read_path, path)
 
 
 def test_child_works_beside_computing_threads(path):
@@ -125,7 +122,7 @@ def test_child_works_beside_computing_threads(path):
     other = threading.Thread(target=compute)
     other.start()
     asking = [
-        threading.Thread(target=lambda: found.append(read_in_child(readers.of_a_path, path)))
+        threading.Thread(target=lambda: found.append(read_in_child(readers.read_path, path)))
         for _ in range(4)
     ]
     try:
