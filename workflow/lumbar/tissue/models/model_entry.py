@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
 from lumbar.base.errors import Problems
 from lumbar.settings.section import Positive, Section, Unique
 from lumbar.settings.validation import Origins, adapter_of, check_types
-from lumbar.tissue.models.bases import BASES, Base
+from lumbar.tissue.models.bases import BASES
 from lumbar.tissue.models.form import Effect, Form
 from lumbar.tissue.models.model_data import FittedParameter, ModelData
 from lumbar.tissue.models.structure import ForwardStructure, Structure
@@ -21,7 +21,8 @@ from lumbar.tissue.models.transfer_function import TransferFunction
 
 OWN_BASES = "bases"
 """Key of the user-defined bases of a file of models in the catalogues by system."""
-Catalogues = Mapping[str, Mapping[str, Effect | Base]]
+Catalogues = Mapping[str, Mapping[str, Any]]
+"""Effects by name for every system, and the user-defined bases by `OWN_BASES`."""
 Coefficients = Annotated[tuple[float, ...], Field(min_length=1, max_length=33)]
 """Coefficients of a numerator or denominator: at most twice as many as in an FMU."""
 
@@ -127,21 +128,17 @@ def _structure(
     base: str, written: _Structure, catalogues: Catalogues, problems: Problems
 ) -> Structure | None:
     before = len(problems.entries)
-    user_bases = {
-        name: item for name, item in catalogues.get(OWN_BASES, {}).items() if isinstance(item, Base)
-    }
-    bases = {**user_bases, **BASES}
+    bases = {**catalogues.get(OWN_BASES, {}), **BASES}
     if base not in bases:
         problems.add("base", repr(base), f"bases are {', '.join(bases)}")
         return None
-    effects = catalogues.get(bases[base].system, {})
-    catalogue = {name: item for name, item in effects.items() if isinstance(item, Effect)}
+    catalogue = catalogues.get(bases[base].system, {})
     if written.space is not None:
         from lumbar.tissue.models.space import force_sensor_effects
 
-        axes = written.space.axes
-        read = [item.in_space(axes)[0] for item in catalogue.values()]
-        catalogue = {item.name: item for item in read if item} | force_sensor_effects(axes)
+        read = [item.in_space(written.space.axes)[0] for item in catalogue.values()]
+        sensor_effects = force_sensor_effects(written.space.axes)
+        catalogue = {item.name: item for item in read if item} | sensor_effects
     forms: list[Form] = []
     for item in written.effects or ():
         form = _form(item, catalogue, problems)
