@@ -99,35 +99,21 @@ class LiftPage:
 
     def variables(self) -> dict[str, Any]:
         """Return the template's variables."""
-        facts, events, pendulum = self.lift.facts, self.lift.events, self.settings.pendulum
+        pendulum = self.settings.pendulum
         pendulums, failures = self._pendulums
         return {
             "title": self.title,
             "data": self.lift.source_label,
-            "facts": facts,
-            "events": [
-                (EVENT_LABELS[name], event["time_s"])
-                for name, event in events.items()
-                if event["time_s"] is not None
-            ],
-            "absent": [
-                f"No {EVENT_LABELS[name]}: {event['how']}."
-                for name, event in events.items()
-                if event["time_s"] is None
-            ],
+            "facts": self.lift.facts,
+            "events": self.lift.events,
+            "event_labels": EVENT_LABELS,
             "measures": self._measures(),
-            "phases": self._strip(),
             "notes": self.course.notes,
             "no_balance": self.course.missing.get("margin_of_stability_m", ""),
             "share": self.settings.measures.functional_share,
             "centres": self._centres,
             "has_states": not self.lift.states.empty,
             "planes": PLANE_TITLES,
-            "coms": list(SEGMENTS),
-            "looks": {
-                com: {"colour": colour, "dashed": bool(lift_pictures.DASHES[com])}
-                for com, colour in SEGMENTS.items()
-            },
             "pendulums": pendulums,
             "failures": sorted(
                 {f"{item.com}, {PLANE_TITLES[item.plane]}: {item.reason}" for item in failures}
@@ -151,19 +137,6 @@ class LiftPage:
         return [
             {**item, "colour": colours[item["name"]], "mark": marks[item["name"]]}
             for item in lift_data.centres(self.lift.body)
-        ]
-
-    def _strip(self) -> list[dict[str, Any]]:
-        """Return the phases along the slider in percent of the recording."""
-        phases = self._phases()
-        first, length = phases[0][1], phases[-1][2] - phases[0][1]
-        return [
-            {
-                "name": name,
-                "left": f"{100 * (start - first) / length:.3f}",
-                "width": f"{100 * (stop - start) / length:.3f}",
-            }
-            for name, start, stop in phases
         ]
 
     def _measures(self) -> list[dict[str, str]]:
