@@ -8,7 +8,7 @@ from __future__ import annotations
 import argparse
 from collections import Counter
 
-from lumbar.tissue.diagnosis.sensors.sensor_faults import sensor_faults
+from lumbar.tissue.diagnosis.sensors.sensor_faults import repair
 from sensor_records import clean_records, tissue_record
 
 SIZES = {
@@ -28,12 +28,14 @@ KIND = {
     "held_force": "held_samples",
 }  # fmt: skip
 
+EFFECTS = ("none", "hardening", "coulomb", "quadratic_damping", "softening")
+
 
 def false_alarms(count: int) -> None:
     """Print how many sound records are accused, by kind of fault."""
     accused: Counter = Counter()
     for record in clean_records(count):
-        for finding in sensor_faults(record):
+        for finding in repair([record])[1]:
             accused[finding.kind] += 1
             print(
                 f"  accused: {record.name}, {record.duration:g} s at {1 / record.sampling_time:g} Hz: {finding.sentence}"
@@ -47,11 +49,11 @@ def detected(repeats: int) -> None:
         for kind, seconds in (("multisine", 100.0), ("shot", 20.0), ("chirp", 10.0), ("smooth_hold", 30.0)):
             cells = []
             for size in sizes:
-                kinds = [
-                    [(item.kind, item.value) for item in sensor_faults(
-                        tissue_record(kind, effect, seed=seed, seconds=seconds, fault=fault, size=size))]
-                    for seed, effect in enumerate(("none", "hardening", "coulomb", "quadratic_damping", "softening")[:repeats])
-                ]  # fmt: skip
+                records = [
+                    tissue_record(kind, effect, seed=seed, seconds=seconds, fault=fault, size=size)
+                    for seed, effect in enumerate(EFFECTS[:repeats])
+                ]
+                kinds = [[(item.kind, item.value) for item in repair([record])[1]] for record in records]
                 right = [value for found in kinds for name, value in found if name == KIND[fault]]
                 wrong = sum(name != KIND[fault] for found in kinds for name, _ in found)
                 mean = f" ({sum(right) / len(right):.3g})" if right else ""

@@ -29,7 +29,7 @@ from lumbar.tissue.diagnosis.law.validation import alternate
 from lumbar.tissue.diagnosis.noise.periods import fold_periods
 from lumbar.tissue.diagnosis.selection.diagnose import diagnose
 from lumbar.tissue.diagnosis.selection.sentences import details
-from lumbar.tissue.diagnosis.sensors.sensor_faults import sensor_faults
+from lumbar.tissue.diagnosis.sensors.sensor_faults import repair
 from lumbar.tissue.effects.catalogue import TISSUE
 from lumbar.tissue.models.bases import BASES
 from lumbar.tissue.models.form import Place
@@ -265,7 +265,7 @@ def test_search_for_faults_of_long_record_needs_little_memory():
     position = slow + 0.5 * fast + 1e-3 * random.standard_normal(len(slow))
     long = record(position, 0.4 * slow + 0.01 * random.standard_normal(len(slow)), step=1e-3)
     tracemalloc.start()
-    faults = sensor_faults(long)
+    _, faults = repair([long])
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert [item.kind for item in faults] == ["position_noise"]

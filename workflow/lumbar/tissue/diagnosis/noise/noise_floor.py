@@ -24,7 +24,13 @@ from lumbar.tissue.diagnosis.noise.nonrepeating import (
     remove_structure,
     smooth_power,
 )
-from lumbar.tissue.diagnosis.noise.periods import MIN_PERIODS, Folding, find_period, fold_periods, repeats
+from lumbar.tissue.diagnosis.noise.periods import (
+    MAX_DIFFERENCE,
+    MIN_PERIODS,
+    Folding,
+    find_period,
+    fold_periods,
+)
 
 _MIN_BURST_SIGMAS = 6.0
 """Standard errors of the relation of sizes above which noise of any colour and distribution cannot cause it."""
@@ -173,7 +179,7 @@ def noise_floor(record: Record, period: float | None = None, fewest: int = MIN_P
         return None
     folding = fold_periods(record, period)
     others = record.channels.keys() - {"output", "input"}
-    if not all(repeats(record, folding, other) for other in others):
+    if any(folding.difference(record[other]) > MAX_DIFFERENCE for other in others):
         return None
     folded = folding.fold(record["output"])
     mean_period = folded.mean(axis=0)

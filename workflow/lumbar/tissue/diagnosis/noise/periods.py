@@ -9,6 +9,8 @@ from lumbar.records.record import Record
 
 REPEATS_WITHIN = 0.02
 """An input repeats if one period differs from another by less than this share of its RMS about the mean."""
+MAX_DIFFERENCE = 5 * REPEATS_WITHIN
+"""Largest difference of periods cut at a given period: they are cut up to half a sample off."""
 MIN_FULL_PERIODS = 3
 """Periods of which the first is the transient: two more are needed to show what does not repeat."""
 MIN_PERIODS = 2
@@ -35,6 +37,13 @@ class Folding:
     def fold(self, values: np.ndarray) -> np.ndarray:
         """Return `values` as one row per period, shape (periods, samples)."""
         return values[self.rows]
+
+    def difference(self, values: np.ndarray) -> float:
+        """Return the difference of periods from their mean, relative to the RMS; 0 for a channel at rest."""
+        folded, variance = self.fold(values), float(np.var(values[self.rows]))
+        return (
+            float(np.sqrt(np.mean((folded - folded.mean(axis=0)) ** 2) / variance)) if variance > 0 else 0.0
+        )
 
 
 def mismatch(values: np.ndarray, lags: int) -> np.ndarray:
@@ -110,22 +119,10 @@ def fold_periods(record: Record, period: float) -> Folding:
     starts = size - np.round(length * np.arange(max(periods - 1, MIN_PERIODS), 0, -1)).astype(int)
     starts = np.clip(starts, 0, size - samples)
     folding = Folding(period, samples, starts[:, None] + np.arange(samples))
-    difference = _relative_difference(folding.fold(record["input"]))
-    # The limit allows for periods that are not a whole number of samples: they are cut up to half a sample off.
-    if difference > 5 * REPEATS_WITHIN:
+    difference = folding.difference(record["input"])
+    if difference > MAX_DIFFERENCE:
         raise InputError(
             f"{name}: the input does not repeat after {period:g} s, its periods differ by {100 * difference:.2g} % of its RMS: "
             "correct the period, leave it out, or keep only the cycles that repeat (lumbar import --trim START:STOP)"
         )
     return folding
-
-
-def repeats(record: Record, folding: Folding, role: str) -> bool:
-    """Return whether a further channel repeats with a record's periods, or rests."""
-    return _relative_difference(folding.fold(record[role])) <= 5 * REPEATS_WITHIN
-
-
-def _relative_difference(folded: np.ndarray) -> float:
-    """Return the difference of periods from their mean, relative to the RMS; 0 for a channel at rest."""
-    variance = float(np.var(folded))
-    return float(np.sqrt(np.mean((folded - folded.mean(axis=0)) ** 2) / variance)) if variance > 0 else 0.0

@@ -181,21 +181,14 @@ _FINDERS = (
 """Searches in an order in which no repair hides a later fault: missing samples before noise."""
 
 
-def sensor_faults(record: Record) -> list[Finding]:
-    """Return the faults of the sensors of a record, with channels ``input`` and ``output``, and of its clock.
-
-    Findings are of the kinds ``gap``, ``wild_samples``, ``held_samples``, ``dropped_samples``, ``position_noise``,
-    ``quantisation``, ``jitter``, ``rough_acceleration`` and ``clock_skew``. A lag of the position sensor is not among them,
-    because it looks like a delay of the tissue.
-    """
-    return _repair_record(record)[1]
-
-
 def repair(records: Sequence[Record]) -> tuple[list[Record], list[Finding]]:
-    """Return the records of a set without their sensors' faults, and the findings; valid records are the same objects.
+    """Return records with channels ``input`` and ``output`` without faults of sensors and clocks, and the findings.
 
-    All records were made with the same clocks: a skew that one shows is removed from others too short to show it, or without
-    period, if a linear tissue then explains their force better.
+    Valid records are the same objects. Findings are of the kinds ``gap``, ``wild_samples``, ``held_samples``,
+    ``dropped_samples``, ``position_noise``, ``quantisation``, ``jitter``, ``rough_acceleration`` and ``clock_skew``. A lag of the
+    position sensor is not among them, because it looks like a delay of the tissue. All records were made with the same clocks: a
+    skew that one shows is removed from others too short to show it, or without period, if a linear tissue then explains their
+    force better.
     """
     repaired = [_repair_record(record) for record in records]
     skews = [item.value for _, findings in repaired for item in findings if item.kind == CLOCK_SKEW]
