@@ -8,6 +8,7 @@ import pytest
 from foreign_files import FORCE, POSITION, foreign_files, rows
 
 import lumbar
+from refusing import has_tokens
 
 FILES = foreign_files()
 
@@ -46,7 +47,7 @@ def test_records_and_a_study_are_written(run, sources, tmp_path, project):
     assert (study.data_source.licence, str(study.data_root)) == ("CC0", str(output))
     assert [record.file for record in study.tissue.records] == ["labview.csv", "excel_deutsch.csv"]
     out = run.done("check", output)
-    assert "labview.csv: 600 samples, 200 Hz, 3 s; input: position in mm, output: force in N" in out
+    assert has_tokens(out, "labview.csv … 600 samples … 200 Hz … 3 s … position … mm … force … N")
 
 
 def test_imports_are_added_to_folder(run, sources, tmp_path):
@@ -74,27 +75,27 @@ def test_recordings_side_by_side_in_one_file(run, tmp_path):
     assert records.names == ["fit", "unseen"]
     np.testing.assert_allclose(records["unseen"]["output"], 3 * np.cos(time), atol=1e-6)
     err = run.refused("import", file, file, *options, "--name", "a", "--dry-run")
-    assert "--name names one file, and 2 are given" in err
+    assert has_tokens(err, "--name … 2")
 
 
 def test_forward_import_makes_force_the_input(run, sources, tmp_path, project):
     output = tmp_path / "records"
     out = run.done("import", sources / "labview.lvm", "--forward", "--output", output)
-    assert out.splitlines()[-1].endswith(f"next: lumbar diagnose {output} --forward --output out")
+    assert out.splitlines()[-1].endswith(f"lumbar diagnose {output} --forward --output out")
     assert lumbar.load_settings(output / "study.yaml").improvement.forward
     err = run.refused("import", sources / "excel_deutsch.csv", "--output", output)
-    assert "its records were imported as driven by the load (--forward)" in err
+    assert has_tokens(err, f"{output.name} … --forward")
 
 
 def test_user_files_are_not_overwritten(run, sources, tmp_path):
     err = run.refused("import", sources / "labview.lvm", "--output", sources)
-    assert "holds excel_deutsch.csv, which were not imported" in err
+    assert has_tokens(err, f"{sources} … excel_deutsch.csv … imported")
     output = tmp_path / "records"
     assert run("import", sources / "labview.lvm", "--output", output)[0] == 0
     study = output / "study.yaml"
     study.write_text(study.read_text() + "# mine\n")
     err = run.refused("import", sources / "labview.lvm", "--output", output)
-    assert "study.yaml: was changed since it was made" in err
+    assert has_tokens(err, "study.yaml … changed")
     assert study.read_text().endswith("# mine\n")
 
 
@@ -104,11 +105,11 @@ def test_records_of_other_units_do_not_join(run, tmp_path):
     output = tmp_path / "records"
     assert run("import", tmp_path / "a.txt", "--output", output)[0] == 0
     err = run.refused("import", tmp_path / "b.txt", "--output", output)
-    assert "a has time_s, position_mm, force_N, but b has time_s, angle_rad, force_N" in err
+    assert has_tokens(err, "a … time_s, position_mm, force_N … b … time_s, angle_rad, force_N")
 
 
-def test_records_that_the_default_layout_does_not_read(run, tmp_path, project):
-    """A rotation in volts, clipped, at two rates: the study says all of it."""
+def test_study_states_units_clipping_and_rate_of_records(run, tmp_path, project):
+    """Clipped torque in volts at two rates over an angle."""
     for name, rate in (("a", 200), ("b", 100)):
         clipped = np.clip(FORCE, -4, 4)
         table = rows(",", columns=(POSITION, clipped))
@@ -133,8 +134,8 @@ def test_records_that_the_default_layout_does_not_read(run, tmp_path, project):
     np.testing.assert_allclose(records["b"]["input"], np.deg2rad(POSITION), atol=1e-6)
 
 
-def test_files_of_a_folder(run, tmp_path):
-    assert "no recordings (" in run.refused("import", tmp_path, "--dry-run")
+def test_folder_is_imported_without_its_texts(run, tmp_path):
+    assert has_tokens(run.refused("import", tmp_path, "--dry-run"), f"{tmp_path} … recordings")
     for name in ("b.csv", "a.txt", "c.dat"):
         (tmp_path / name).write_bytes(FILES["tidy.csv"][0])
     for name in ("README.txt", "notes.md"):
@@ -149,13 +150,13 @@ def test_wrong_options_have_usage_status(run, sources):
     assert run("import", sources / "labview.lvm")[0] == 2
     status, _, err = run("import", sources / "labview.lvm", "--dry-run", "--trim", "5")
     assert status == 2
-    assert "START:STOP is needed, e.g. 1.5:20" in err
+    assert has_tokens(err, "--trim … START:STOP")
 
 
-def test_files_of_one_name(run, sources, tmp_path):
+def test_files_of_one_name_are_rejected(run, sources, tmp_path):
     (tmp_path / "labview.csv").write_bytes(FILES["tidy.csv"][0])
     err = run.refused("import", sources / "labview.lvm", tmp_path / "labview.csv", "--dry-run")
-    assert "would all be the record 'labview'" in err
+    assert has_tokens(err, "labview.lvm … labview.csv … 'labview'")
 
 
 def test_imports_agree_with_studies_by_hand(shared, project):

@@ -1,6 +1,7 @@
 """Markers in CSV and BVH files."""
 
 import gzip
+import re
 import shutil
 from pathlib import Path
 
@@ -8,7 +9,7 @@ import numpy as np
 import pytest
 
 import lumbar
-from refusing import refusal
+from refusing import has_tokens, refusal
 
 
 def read_markers(path, layout):
@@ -72,14 +73,13 @@ def test_unit_behind_the_axis(tmp_path, name):
     )
     recording = read_markers(write(tmp_path, table(header)), lumbar.MarkerLayout())
     np.testing.assert_allclose(recording["THIGH"], POINTS[:, 1] / 1e3, atol=1e-9)
-    assert "states 'mm' but markers.unit is 'm'" in refusal(
-        read_markers, write(tmp_path, table(header)), lumbar.MarkerLayout(unit="m")
-    )
+    message = refusal(read_markers, write(tmp_path, table(header)), lumbar.MarkerLayout(unit="m"))
+    assert has_tokens(message, "'mm' … markers.unit … 'm'")
 
 
-def test_rate_of_a_file_without_times(tmp_path):
+def test_file_without_times_needs_rate(tmp_path):
     path = write(tmp_path, table(ONE.removeprefix("time_s,"), time=None))
-    assert "no column of times" in refusal(read_markers, path, MILLIMETRES)
+    assert has_tokens(refusal(read_markers, path, MILLIMETRES), "lift.csv … markers.rate_Hz")
     recording = read_markers(path, lumbar.MarkerLayout(unit="mm", rate_Hz=50))
     np.testing.assert_allclose(recording.time, np.arange(30) / 50)
 
@@ -91,36 +91,36 @@ def test_missing_samples_and_other_columns(tmp_path):
     lines[6] = ",".join([lines[6].split(",")[0], "0", "0", "0", *lines[6].split(",")[4:]])
     recording = read_markers(write(tmp_path, "\n".join(lines)), MILLIMETRES)
     assert np.flatnonzero(np.isnan(recording["C7"]).all(axis=1)).tolist() == [4, 5]
-    assert recording.notes == ("columns that are no coordinates were left out: sync",)
+    assert [has_tokens(note, "sync") for note in recording.notes] == [True]
 
 
 @pytest.mark.parametrize(
-    ("text", "fragment"),
+    ("text", "tokens"),
     [
-        (table(ONE.replace("C7_z", "C7_y")), "C7_y: duplicate"),
-        ("time_s,angle_rad\n0,1\n1,2\n", "no column of a marker among time_s, angle_rad"),
-        ("time_s,C7_x,C7_y,C7_z\n0,1,2,3\n", "2 lines; a line of names and two frames are needed"),
-        ("", "neither tab, semicolon nor comma"),
-        (table().replace(f"{TIME[4]:.4f},", ""), "line 6: 6 cells; 7 are needed"),
-        (table().replace(f"{TIME[4]:.4f},", "1_000,"), "line 6: column 1 is '1_000'; a number is needed"),
-        (table().replace(f"{TIME[4]:.4f},", "1e200,"), "line 6: 1e+200 in column 1"),
-        (table().replace(f"{TIME[4]:.4f},", ","), "frame 5 has no time"),
-        (table(time=np.delete(2 + np.arange(31) / 60, 14)), "the rate is another, or frames are missing"),
-        (table(time=0 * TIME), "it must increase"),
-        (table(ONE.replace("C7_x", "C7_x_mm")), "units , mm in the header"),
-        (table().replace("C7_x", '"' + "C" * 200_000 + '_x"'), "C7: has the columns y, z; x, y and z"),
+        (table(ONE.replace("C7_z", "C7_y")), "C7_y"),
+        ("time_s,angle_rad\n0,1\n1,2\n", "marker … time_s, angle_rad"),
+        ("time_s,C7_x,C7_y,C7_z\n0,1,2,3\n", "2 lines … frames"),
+        ("", "tab, semicolon … comma"),
+        (table().replace(f"{TIME[4]:.4f},", ""), "line 6: 6 cells … 7"),
+        (table().replace(f"{TIME[4]:.4f},", "1_000,"), "line 6: column 1 … '1_000'"),
+        (table().replace(f"{TIME[4]:.4f},", "1e200,"), "line 6: 1e+200 … column 1"),
+        (table().replace(f"{TIME[4]:.4f},", ","), "frame 5 … time"),
+        (table(time=np.delete(2 + np.arange(31) / 60, 14)), "rate … frames"),
+        (table(time=0 * TIME), "0 s … increase"),
+        (table(ONE.replace("C7_x", "C7_x_mm")), "units … mm … header"),
+        (table().replace("C7_x", '"' + "C" * 200_000 + '_x"'), "C7: … y, z … x"),
     ],
 )
-def test_tables_that_are_refused(tmp_path, text, fragment):
+def test_incomplete_or_contradictory_tables_are_rejected(tmp_path, text, tokens):
     path = write(tmp_path, text)
     message = refusal(read_markers, path, MILLIMETRES)
-    assert fragment in message and str(path) in message
+    assert has_tokens(message, tokens) and str(path) in message
 
 
-def test_declared_rate_that_the_times_contradict(tmp_path):
-    assert "times run at 60 Hz, but markers.rate_Hz is 100" in refusal(
-        read_markers, write(tmp_path, table()), lumbar.MarkerLayout(unit="mm", rate_Hz=100)
-    )
+def test_declared_rate_that_contradicts_times_is_rejected(tmp_path):
+    layout = lumbar.MarkerLayout(unit="mm", rate_Hz=100)
+    message = refusal(read_markers, write(tmp_path, table()), layout)
+    assert has_tokens(message, "lift.csv … 60 Hz … markers.rate_Hz … 100")
 
 
 LAYOUT = lumbar.MarkerLayout(check_axes=False)
@@ -149,13 +149,13 @@ def test_packed_markers_are_unchanged(tmp_path, shared, gait):
 def test_broken_and_huge_packed_markers_are_rejected(tmp_path, gait):
     shutil.copy(gait, tmp_path / "cut.c3d")
     (tmp_path / "cut.c3d").write_bytes(gait.read_bytes()[:-5000])
-    with pytest.raises(lumbar.InputError, match=r"^\S+cut\.c3d\.gz: .*it is cut short"):
+    with pytest.raises(lumbar.InputError, match=r"^\S+cut\.c3d\.gz: .*\d+ frames.*\bcut\b"):
         read_markers(packed(tmp_path / "cut.c3d", tmp_path / "cut.c3d.gz"), LAYOUT)
     (tmp_path / "short.trc.gz").write_bytes(gzip.compress(b"PathFileType" * 999)[:-30])
-    assert "the packed file is cut short" in refusal(read_markers, tmp_path / "short.trc.gz", LAYOUT)
+    assert has_tokens(refusal(read_markers, tmp_path / "short.trc.gz", LAYOUT), "short.trc.gz … cut")
     (tmp_path / "bomb.c3d.gz").write_bytes(gzip.compress(bytes(210_000_000), 1))
     message = refusal(read_markers, tmp_path / "bomb.c3d.gz", LAYOUT)
-    assert "unpacks to more than 200 MB" in message or "need more memory" in message
+    assert has_tokens(message, "bomb.c3d.gz … 200 MB") or has_tokens(message, "bomb.c3d.gz … memory")
 
 
 CENTIMETRES = lumbar.MarkerLayout(unit="cm", up="+y", forward="+z")
@@ -201,7 +201,9 @@ def test_vendor_exports_are_recognised(tmp_path, name):
     assert np.flatnonzero(np.isnan(recording["SACR"][:, 0])).tolist() == [3]
     less = text.splitlines(keepends=True)
     for broken in (text[: len(text) // 3], text[:-10], "".join((*less[:-4], *less[-2:]))):
-        with pytest.raises(lumbar.InputError, match=r"begins as an export of|cells; |the clock"):
+        with pytest.raises(
+            lumbar.InputError, match=rf"(?s){re.escape(name)}.*(\bexport\b|\bcells\b|\bclock\b)"
+        ):
             read_markers(write(tmp_path, broken, name), lumbar.MarkerLayout(check_axes=False))
 
 
@@ -218,7 +220,7 @@ def test_joints_of_a_chain(tmp_path):
 def test_joints_without_length_are_noted(tmp_path):
     text = BVH.replace("OFFSET 20 0 0", "OFFSET 0 0 0") + rows(np.hstack([ROOT, ANGLES]))
     recording = read_markers(write(tmp_path, text, "walk.bvh"), CENTIMETRES)
-    assert "before them: Arm (Chest)" in " ".join(recording.notes)
+    assert has_tokens(" ".join(recording.notes), "Arm (Chest)")
 
 
 @pytest.mark.parametrize("around", [0.0, 1.0])
@@ -233,23 +235,23 @@ def test_joints_may_have_position_channels(tmp_path, around):
 
 
 @pytest.mark.parametrize(
-    ("change", "fragment"),
+    ("change", "tokens"),
     [
-        (lambda text: text.replace("MOTION", "MOTIONS"), "not a BVH file"),
-        (lambda text: text.replace("Frame Time: 0.01", "Frame Time: 0"), "Frame Time is 0 s"),
-        (lambda text: text.replace("Frame Time:", "Time:"), "line 23: 'Time: 0.01'; 'Frame Time:'"),
-        (lambda text: text.replace("}\n}\nMOTION", "}\nMOTION"), "1 joints are not closed"),
-        (lambda text: text.replace("JOINT Chest", "ROOT Chest"), "line 6: 'ROOT Chest'; one ROOT with"),
-        (lambda text: text.replace("OFFSET 0 40 0", "OFFSET 0 40"), "line 8: 2 cells; 3 are needed"),
+        (lambda text: text.replace("MOTION", "MOTIONS"), "BVH"),
+        (lambda text: text.replace("Frame Time: 0.01", "Frame Time: 0"), "Frame Time … 0 s"),
+        (lambda text: text.replace("Frame Time:", "Time:"), "line 23: 'Time: 0.01' … 'Frame Time:'"),
+        (lambda text: text.replace("}\n}\nMOTION", "}\nMOTION"), "1 joints"),
+        (lambda text: text.replace("JOINT Chest", "ROOT Chest"), "line 6: 'ROOT Chest' … ROOT"),
+        (lambda text: text.replace("OFFSET 0 40 0", "OFFSET 0 40"), "line 8: 2 cells … 3"),
         (lambda text: text.replace("CHANNELS 3 X", "CHANNELS 4 X"), "line 13: 'CHANNELS 4 Xrotation"),
         (lambda text: text.replace("CHANNELS 3 X", "CHANNELS 3 W"), "line 13: 'CHANNELS 3 Wrotation"),
-        (lambda text: text.replace("OFFSET 30", "LENGTH 30"), "line 16: 'LENGTH 30 0 0'; ROOT, JOINT"),
-        (lambda text: text[: text.rindex(" ")] + "\n", "line 43: 11 cells; 12 are needed"),
-        (lambda text: text[: text.rindex(" ")] + " 1_0\n", "line 43: column 12 is '1_0'; a number is needed"),
-        (lambda text: text[: text.rindex(" ")] + " inf\n", "line 43: inf in column 12"),
+        (lambda text: text.replace("OFFSET 30", "LENGTH 30"), "line 16: 'LENGTH 30 0 0' … ROOT, JOINT"),
+        (lambda text: text[: text.rindex(" ")] + "\n", "line 43: 11 cells … 12"),
+        (lambda text: text[: text.rindex(" ")] + " 1_0\n", "line 43: column 12 … '1_0'"),
+        (lambda text: text[: text.rindex(" ")] + " inf\n", "line 43: inf … column 12"),
     ],
 )
-def test_files_that_are_refused(tmp_path, change, fragment):
+def test_invalid_bvh_files_are_rejected(tmp_path, change, tokens):
     path = write(tmp_path, change(BVH + rows(np.hstack([ROOT, ANGLES]))), "walk.bvh")
     message = refusal(read_markers, path, CENTIMETRES)
-    assert fragment in message and str(path) in message
+    assert has_tokens(message, tokens) and str(path) in message

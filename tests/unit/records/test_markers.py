@@ -6,7 +6,7 @@ from c3d_builder import build_c3d
 from lifting_cases import missing_share
 
 import lumbar
-from refusing import refusal
+from refusing import has_tokens, refusal
 
 pytestmark = pytest.mark.usefixtures("in_this_process")
 
@@ -60,11 +60,10 @@ def test_unit_of_the_file(tmp_path, unit):
     np.testing.assert_allclose(recording["C7"].mean(axis=0)[2], 1.45, atol=0.003)
 
 
-@pytest.mark.parametrize(("stated", "fragment"), [("", "states no unit"), ("inch", "states the unit 'inch'")])
-def test_units_that_do_not_fit(tmp_path, stated, fragment):
-    assert fragment in refusal(
-        read_markers, write(tmp_path, BODY, unit=stated or " "), layout_of(unit="file")
-    )
+@pytest.mark.parametrize(("stated", "tokens"), [("", "no unit"), ("inch", "unit 'inch'")])
+def test_missing_or_unknown_unit_is_rejected(tmp_path, stated, tokens):
+    path = write(tmp_path, BODY, unit=stated or " ")
+    assert has_tokens(refusal(read_markers, path, layout_of(unit="file")), f"trial.c3d … {tokens}")
 
 
 AXES = ["+x", "-x", "+y", "-y", "+z", "-z"]
@@ -82,18 +81,18 @@ def test_every_orientation_of_a_file(tmp_path, up, forward):
 
 
 @pytest.mark.parametrize(
-    ("up", "forward", "declared", "fragment"),
+    ("up", "forward", "declared", "tokens"),
     [
-        ("+y", "+x", {}, 'set up: "+y"'),
-        ("-z", "+y", {}, 'set up: "-z"'),
-        ("+z", "-y", {}, 'set forward: "-y"'),
-        ("+z", "+x", {}, 'set forward: "+x"'),
-        ("+z", "+y", {"up": "+z", "forward": "-z"}, "must be perpendicular"),
+        ("+y", "+x", {}, 'up: "+y"'),
+        ("-z", "+y", {}, 'up: "-z"'),
+        ("+z", "-y", {}, 'forward: "-y"'),
+        ("+z", "+x", {}, 'forward: "+x"'),
+        ("+z", "+y", {"up": "+z", "forward": "-z"}, "up … +z … forward … -z"),
     ],
 )
-def test_axes_that_contradict_the_body(tmp_path, up, forward, declared, fragment):
+def test_axes_that_contradict_the_body_are_rejected(tmp_path, up, forward, declared, tokens):
     path = write(tmp_path, BODY, axes=file_axes(up, forward))
-    assert fragment in refusal(read_markers, path, layout_of(aliases=STANDARD, **declared))
+    assert has_tokens(refusal(read_markers, path, layout_of(aliases=STANDARD, **declared)), tokens)
     if not declared:
         read_markers(path, layout_of(aliases=STANDARD, check_axes=False))
 
@@ -108,30 +107,31 @@ def test_facing_within_tolerance_is_accepted(tmp_path, degrees, fits):
     if fits:
         read_markers(path, layout_of(aliases=STANDARD))
     else:
-        assert "the toes are ahead of" in refusal(read_markers, path, layout_of(aliases=STANDARD))
+        message = refusal(read_markers, path, layout_of(aliases=STANDARD))
+        assert has_tokens(message, 'toes … forward: "')
 
 
-def test_swapped_sides_are_noticed(tmp_path):
+def test_swapped_sides_are_rejected(tmp_path):
     swapped = {name: name.replace("L_", "r_").replace("R_", "L_").replace("r_", "R_") for name in BODY}
     path = write(tmp_path, BODY)
-    assert "left and right labels are swapped" in refusal(read_markers, path, layout_of(aliases=swapped))
+    assert has_tokens(refusal(read_markers, path, layout_of(aliases=swapped)), "left … right … swapped")
 
 
 WALKING = (
-    ("10_plugin_outputs.c3d", "+x", "the toes are ahead of the heels along +x"),
-    ("07_subject_labels.c3d", "-x", "the toes are ahead of the ankles along -x"),
+    ("10_plugin_outputs.c3d", "+x", "toes … heels … +x"),
+    ("07_subject_labels.c3d", "-x", "toes … ankles … -x"),
 )
 
 
-@pytest.mark.parametrize(("name", "forward", "fragment"), WALKING)
-def test_axes_of_walking_subject_are_compared_per_frame(shared, name, forward, fragment):
+@pytest.mark.parametrize(("name", "forward", "tokens"), WALKING)
+def test_axes_of_walking_subject_are_compared_per_frame(shared, name, forward, tokens):
     """Markers of the feet are hidden in different halves of the walk: their medians over time lie metres apart."""
     layout = lumbar.StudySettings().lifting.markers
     path = shared / "real" / "c3d_edge" / name
     assert len(read_markers(path, layout.model_copy(update={"required": (), "forward": forward}))) > 100
     for wrong in {"+x", "-x", "+y", "-y"} - {forward}:
         message = refusal(read_markers, path, layout.model_copy(update={"required": (), "forward": wrong}))
-        assert fragment in message and f'set forward: "{forward}"' in message
+        assert has_tokens(message, f'{tokens} … forward: "{forward}"')
 
 
 def test_markers_never_seen_together_show_no_axis(tmp_path):
@@ -140,7 +140,7 @@ def test_markers_never_seen_together_show_no_axis(tmp_path):
     for side in "LR":
         markers[f"{side}_HEEL"][10:] = markers[f"{side}_TOE"][:10] = np.nan
     path, wrong = write(tmp_path, markers), layout_of(aliases=STANDARD, forward="-y")
-    assert 'set forward: "+y", unless' in refusal(read_markers, path, wrong)
+    assert has_tokens(refusal(read_markers, path, wrong), 'forward: "+y"')
     read_markers(path, layout_of(aliases=STANDARD))
 
 
@@ -148,23 +148,23 @@ def test_sides_name_the_axis_that_fits_or_the_labels(tmp_path):
     """Without toes the trunk's front tells; without it both causes stay."""
     sides = {name: BODY[name] for name in ("C7", "SACRUM", "L_HIP", "R_HIP", "L_HEEL", "R_HEEL")}
     path = write(tmp_path, sides)
-    assert 'set forward: "+y", unless left and right labels are swapped' in refusal(
-        read_markers, path, layout_of(aliases={name: name for name in sides}, forward="-y")
-    )
+    message = refusal(read_markers, path, layout_of(aliases={name: name for name in sides}, forward="-y"))
+    assert has_tokens(message, 'forward: "+y" … left … right … swapped')
     front = {**sides, "L_ASIS": (-0.12, 0.1, 1.0), "R_ASIS": (0.12, 0.1, 1.0)}
     path = write(tmp_path, front)
     aliases = {name: name for name in front}
-    fragment = 'front of the pelvis is ahead of its back along +y; set forward: "+y" (or check'
-    assert fragment in refusal(read_markers, path, layout_of(aliases=aliases, forward="-y"))
+    message = refusal(read_markers, path, layout_of(aliases=aliases, forward="-y"))
+    assert has_tokens(message, 'pelvis … +y … forward: "+y"') and not has_tokens(message, "swapped")
     aliases |= {f"{a}_{part}": f"{b}_{part}" for part in ("HIP", "HEEL") for a, b in ("LR", "RL")}
-    assert "right labels are swapped (check" in refusal(read_markers, path, layout_of(aliases=aliases))
+    message = refusal(read_markers, path, layout_of(aliases=aliases))
+    assert has_tokens(message, "left … right … swapped") and not has_tokens(message, "forward:")
 
 
 def test_uncheckable_axes_are_reported(tmp_path, run):
     path = write(tmp_path, {f"Q{number}": point for number, point in enumerate(BODY.values())})
     message = run.done("check", path)
-    assert "not checked: up and forward of the axes" in message
-    assert "not checked" not in run("check", write(tmp_path, BODY))[1]
+    assert has_tokens(message, "not checked … up … forward")
+    assert not has_tokens(run("check", write(tmp_path, BODY))[1], "not checked")
 
 
 def test_person_bent_to_the_floor_does_not_contradict_up(tmp_path):
@@ -228,25 +228,24 @@ UNLIKE = {"C7": "CV7", "L_TOE": ["LTOE", "LFM1"], "SACRUM": "SACRUM"}
 
 
 @pytest.mark.parametrize(
-    ("positions", "layout", "fragment"),
+    ("positions", "layout", "tokens"),
     [
-        (NEVER_TOGETHER, {"aliases": {"PELVIS": {"mean": ["L_HIP", "R_HIP"]}}}, "never seen: mean of L_HIP and R_HIP"),
-        (BODY, {"aliases": UNLIKE}, "markers.aliases.C7: no CV7 in the file; similar in the file: C7"),
-        (BODY, {"aliases": UNLIKE}, "no LTOE in the file; no LFM1 in the file; similar in the file: L_TOE"),
-        (BODY, {"aliases": UNLIKE}, "markers of the file: C7, SACRUM, L_HIP"),
-        (BODY, {"aliases": {"C7": []}}, "C7"),
-        (BODY, {"aliases": {"A": {"mean": ["B", "C7"]}, "B": {"mean": ["A", "C7"]}}}, "no A in the file"),
-        (BODY, {"aliases": {"C7": "C7"}, "required": ["T12"]}, "markers.required names T12"),
-        ({**BODY, "LHipAngles": (0.1, 0.2, 0.3)}, {"aliases": {"L_HIP": "LHipAngles"}}, "LHipAngles is left out: joint angle"),
-        (TWO, {}, "C7: labels of several subjects; set markers.subject_prefix to one of A, B, box"),
-        (TWO, {"subject_prefix": "C"}, "no label has the prefix 'C:'"),
-        (TWO_CENTRES, {"aliases": {"BODY_COM": "CentreOfMass"}}, "CentreOfMass is left out: computed for several subjects"),
+        (NEVER_TOGETHER, {"aliases": {"PELVIS": {"mean": ["L_HIP", "R_HIP"]}}}, "markers.aliases.PELVIS … L_HIP … R_HIP"),
+        (BODY, {"aliases": UNLIKE}, "markers.aliases.C7 … CV7 … C7"),
+        (BODY, {"aliases": UNLIKE}, "markers.aliases.L_TOE … LTOE … LFM1 … L_TOE"),
+        (BODY, {"aliases": UNLIKE}, "C7, SACRUM, L_HIP"),
+        (BODY, {"aliases": {"C7": []}}, "markers.aliases.C7"),
+        (BODY, {"aliases": {"A": {"mean": ["B", "C7"]}, "B": {"mean": ["A", "C7"]}}}, "markers.aliases.A … no A"),
+        (BODY, {"aliases": {"C7": "C7"}, "required": ["T12"]}, "markers.required … T12"),
+        ({**BODY, "LHipAngles": (0.1, 0.2, 0.3)}, {"aliases": {"L_HIP": "LHipAngles"}}, "markers.aliases.L_HIP … LHipAngles"),
+        (TWO, {}, "C7 … markers.subject_prefix … A, B, box"),
+        (TWO, {"subject_prefix": "C"}, "prefix 'C:'"),
+        (TWO_CENTRES, {"aliases": {"BODY_COM": "CentreOfMass"}}, "markers.aliases.BODY_COM … CentreOfMass … several subjects"),
     ],
 )  # fmt: skip
-def test_unresolved_labels_are_rejected(tmp_path, positions, layout, fragment):
-    assert fragment in refusal(
-        read_markers, write(tmp_path, positions), layout_of(check_axes=False, **layout)
-    )
+def test_unresolved_labels_are_rejected(tmp_path, positions, layout, tokens):
+    message = refusal(read_markers, write(tmp_path, positions), layout_of(check_axes=False, **layout))
+    assert has_tokens(message, tokens)
 
 
 def test_subject_prefix_is_kept_or_chosen(tmp_path):
@@ -258,19 +257,20 @@ def test_subject_prefix_is_kept_or_chosen(tmp_path):
 
 def test_optional_markers_may_be_absent(tmp_path):
     recording = read(tmp_path, {"C7": "C7", "T12": "T12"}, required=["C7"])
-    assert recording.absent == {"T12": "no T12 in the file"}
+    assert list(recording.absent) == ["T12"]
     assert "T12" not in recording
-    with pytest.raises(lumbar.InputError, match=r"no marker T12 \(no T12 in the file\)"):
+    with pytest.raises(lumbar.InputError, match=r"\bT12\b"):
         recording["T12"]
 
 
 # Files
 
 
-def test_other_files(tmp_path):
-    assert "no such file" in refusal(read_markers, tmp_path / "absent.c3d")
+def test_absent_file_and_unknown_suffix_are_rejected(tmp_path):
+    assert has_tokens(refusal(read_markers, tmp_path / "absent.c3d"), "absent.c3d: no … file")
     (tmp_path / "trial.xyz").write_text("time_s\n0\n")
-    assert "files, also with .gz, not '.xyz'" in refusal(read_markers, tmp_path / "trial.xyz")
+    message = refusal(read_markers, tmp_path / "trial.xyz")
+    assert has_tokens(message, "trial.xyz … .c3d … .gz … '.xyz'")
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,7 @@
 """The reader of numbers under a header: lines, rows, numbers."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -13,7 +15,7 @@ from lumbar.records.number_table import (
     read_plain_numbers,
     split_rows,
 )
-from refusing import refusal
+from refusing import has_tokens, refusal
 
 ROWS = np.random.default_rng(3).normal(0, 1e3, (40, 3)).round(6)
 
@@ -58,24 +60,24 @@ def test_quotes_join_lines_only_if_the_dialect_allows_it():
     assert [row.line for row in split_rows(lines, several, "a.csv")] == [1, 2, 4]
     assert [row.line for row in split_rows(lines, Dialect(), "a.csv")] == [1, 2, 3, 4]
     rows = split_rows(["a,b", '"' + "x" * 200_000], several, "a.csv")
-    assert "line 2: not a row of a table" in refusal(list, rows)
+    assert has_tokens(refusal(list, rows), "a.csv … line 2 … row")
 
 
 def test_all_wrong_cells_are_listed_with_line_and_column():
     message = refusal(read, ["1,2,3", "1,,3", "1,2", "", "1,abc,1_0", f"1,2,{'9' * 100}x"])
-    for problem in ("line 2: y is ''", "line 3: 2 cells; 3 are needed", "line 5: y is 'abc'; a number"):
-        assert problem in message
-    assert "line 5: z is '1_0'" in message and f"line 6: z is '{'9' * 60}…'" in message
+    for tokens in ("line 2: y … ''", "line 3: 2 cells … 3", "line 5: y … 'abc'", "line 5: z … '1_0'"):
+        assert has_tokens(message, tokens), tokens
+    assert has_tokens(message, f"line 6: z … '{'9' * 60}") and "9" * 61 not in message
 
 
 def test_empty_cells_are_missing_only_in_columns_that_allow_it():
     table = read(["1,2,3", ",2,3"], may_be_empty=["x"])
     assert np.isnan(table.values[1, 0]) and table.values[1, 1] == 2
-    assert "line 2: x is ''" in refusal(read, ["1,2,3", ",2,3"], may_be_empty=["y"])
+    assert has_tokens(refusal(read, ["1,2,3", ",2,3"], may_be_empty=["y"]), "line 2: x … ''")
 
 
 def test_narrow_table_names_missing_column():
-    assert "line 1: 2 columns; z is column 3" in refusal(read, ["1,2", "3,4"])
+    assert has_tokens(refusal(read, ["1,2", "3,4"]), "line 1: 2 columns … z … column 3")
 
 
 @pytest.mark.parametrize(("text", "value"), [("1D3", 1e3), ("-2.5d-01", -0.25), (".5", 0.5), ("+1E2", 100)])
@@ -85,7 +87,7 @@ def test_numbers_as_programs_write_them(text, value):
 
 @pytest.mark.parametrize("text", ["1_000", "١٢", "0x10", "1,5", "d3", "1d", ""])
 def test_invalid_numbers_are_rejected(text):
-    with pytest.raises(ValueError, match="could not convert"):
+    with pytest.raises(ValueError, match=re.escape(repr(text))):
         parse_number(text)
 
 
@@ -97,5 +99,5 @@ def test_encodings_of_western_text_are_recognised(encoding):
 
 def test_other_encodings_are_rejected_unless_lenient():
     content = "a\nМаркер".encode("cp1251")
-    assert "a.csv: line 2 is not UTF-8" in refusal(decode_lines, content, "a.csv")
+    assert has_tokens(refusal(decode_lines, content, "a.csv"), "a.csv … line 2 … UTF-8")
     assert decode_lines(content, "a.csv", lenient=True)[0][0] == "a"

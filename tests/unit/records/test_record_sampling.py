@@ -13,7 +13,7 @@ from lumbar.records.record import (
     use_load_as_input,
 )
 from lumbar.records.sampling import resample, rotate_forces
-from refusing import refusal
+from refusing import has_tokens, refusal
 
 TIME = np.arange(50) / 100
 
@@ -26,14 +26,14 @@ def record_of(time, *channels, name="r") -> Record:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda t, v: (t, np.where(np.arange(50) == 6, np.nan, v)), "sample 7: input is nan"),
-        (lambda t, v: (t, np.full(50, 2.0)), "input: constant"),
-        (lambda t, v: (np.where(np.arange(50) == 9, 0.0, t), v), "sample 10: time 0 s after 0.08 s"),
-        (lambda t, v: (t + 0.01 * (np.arange(50) >= 20), v), "sample 21: step of 0.02 s"),
-        (lambda t, v: (t**1.2, v), "sampled evenly"),
+        (lambda t, v: (t, np.where(np.arange(50) == 6, np.nan, v)), r"sample 7\b.*input.*nan"),
+        (lambda t, v: (t, np.full(50, 2.0)), r"input\b.*constant.*\b2\b"),
+        (lambda t, v: (np.where(np.arange(50) == 9, 0.0, t), v), r"sample 10\b.*\b0 s.*\b0\.08 s"),
+        (lambda t, v: (t + 0.01 * (np.arange(50) >= 20), v), r"sample 21\b.*\b0\.02 s"),
+        (lambda t, v: (t**1.2, v), "evenly"),
     ],
 )
-def test_records_that_cannot_be_analysed(change, message):
+def test_records_that_cannot_be_analysed_are_rejected(change, message):
     time, value = change(TIME, np.sin(TIME))
     with pytest.raises(InputError, match=message):
         check_record(record_of(time, value))
@@ -49,8 +49,9 @@ def test_sets_share_quantities_and_units():
     require_same_units([])
     require_same_units([a, b])
     b.channels["output"] = Channel(TIME, "output", "kN")
-    assert "b: output is output in kN, but output in mm in a" in refusal(require_same_units, [a, b])
-    assert "output is missing" in refusal(require_same_units, [a, record_of(TIME, TIME, name="b")])
+    assert has_tokens(refusal(require_same_units, [a, b]), "b: output … kN … mm … a")
+    message = refusal(require_same_units, [a, record_of(TIME, TIME, name="b")])
+    assert has_tokens(message, "b: output … missing")
 
 
 def test_resampling_keeps_what_lies_below_and_removes_what_lies_above():
@@ -63,7 +64,7 @@ def test_resampling_keeps_what_lies_below_and_removes_what_lies_above():
     # The window's ripple, at every sample: none is left that the filter could not see whole.
     assert result["input"] == pytest.approx(np.sin(2 * np.pi * 7 * result.time) + 10, abs=0.01)
     assert resample(record, 1000.0) is record
-    assert "simpler ratio" in refusal(resample, record, 0.3)
+    assert has_tokens(refusal(resample, record, 0.3), "1000 Hz … 0.3 Hz … ratio")
 
 
 @pytest.mark.parametrize("rate", [10.0, 25.0, 50.0, 64.0, 150.0, 400.0])
@@ -79,8 +80,7 @@ def test_resampling_does_not_ring_at_ends(rate):
 
 def test_short_record_cannot_be_resampled():
     record = record_of(np.arange(200) / 100, np.sin(np.arange(200)))
-    fragment = "2 s are too short to be resampled to 10 Hz: 10 samples are left out"
-    assert fragment in refusal(resample, record, 10.0)
+    assert has_tokens(refusal(resample, record, 10.0), "2 s … 10 Hz … 10 samples")
 
 
 def test_several_axes_are_cut_and_resampled_like_one():
@@ -136,7 +136,7 @@ def test_two_axes_are_rotated_only_in_their_plane(axes, normal, sign):
     one, other = record_of_axes(axes).stacked("output")
     turned = rotate_forces(record_of_axes(axes), vector).stacked("output")
     assert turned == pytest.approx(np.stack([-other, one]), abs=1e-14)
-    with pytest.raises(InputError, match=rf"only its component along {'xyz'[normal]} may differ from 0"):
+    with pytest.raises(InputError, match=rf"trial.*tissue\.force_frame.* along {'xyz'[normal]}\b"):
         rotate_forces(record_of_axes(axes), [5, 5, 5])
 
 
@@ -144,4 +144,4 @@ def test_force_frame_needs_several_axes():
     given = record_of_axes("xyz")
     assert rotate_forces(given, None) is given
     assert rotate_forces(given, (0, 0, 0)) is given
-    assert "has one axis" in refusal(rotate_forces, given.axis("y"), (0, 0, 1))
+    assert has_tokens(refusal(rotate_forces, given.axis("y"), (0, 0, 1)), "trial … one axis")

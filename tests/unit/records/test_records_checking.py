@@ -20,7 +20,7 @@ from lumbar.settings.improvement import ImprovementSettings
 from lumbar.settings.study_settings import StudySettings
 from lumbar.study.load_study import load_study
 from lumbar.study.study import reading_plan
-from refusing import refusal
+from refusing import has_tokens, refusal
 
 LAYOUT = {
     "columns": {
@@ -48,8 +48,8 @@ def test_problems_of_all_files_are_listed(tmp_path):
     plan = [planned(good), planned(broken), planned(short), planned(tmp_path / "absent.csv")]
     message = refusal(check_recordings, plan)
     assert message.startswith("recordings: 3 problems")
-    for message in ("broken.csv", "line 5: time is 'abc'", "short.csv", "absent.csv: no such file"):
-        assert message in message
+    for tokens in ("broken.csv", "line 5: time … 'abc'", "short.csv … 1 samples", "absent.csv … file"):
+        assert has_tokens(message, tokens), tokens
 
 
 def test_units_agree_within_a_set_only(tmp_path):
@@ -57,13 +57,14 @@ def test_units_agree_within_a_set_only(tmp_path):
     kilonewtons = {"output": {"column": "force_N", "quantity": "force", "unit": "kN"}}
     other = {"columns": LAYOUT["columns"] | kilonewtons}
     plan = [planned(a), planned(b, layout=other)]
-    assert "force in kN, but force in N in a" in refusal(check_recordings, plan)
+    assert has_tokens(refusal(check_recordings, plan), "b … force … kN … N … a")
     described = check_recordings([planned(a), planned(b, layout=other, chapter="surgeon", set="surgeon")])
     assert sorted(described) == ["surgeon", "tissue"]
 
 
 def test_impossible_rate_is_reported(tmp_path):
-    assert "simpler ratio" in refusal(check_recordings, [planned(written(tmp_path, "a.csv"), rate_Hz=0.01)])
+    message = refusal(check_recordings, [planned(written(tmp_path, "a.csv"), rate_Hz=0.01)])
+    assert has_tokens(message, "a.csv … 100 Hz … 0.01 Hz … ratio")
 
 
 ONE_EFFECT = StudySettings(improvement=ImprovementSettings(most_effects=1))
@@ -90,7 +91,7 @@ def test_sixty_samples_at_ten_hertz_are_located():
 @pytest.mark.parametrize("step", [0.1, 0.01])
 def test_fifty_samples_are_too_few_at_any_rate(step):
     position = np.cumsum(noise(50, 5))
-    with pytest.raises(InputError, match=r"50 samples are too few.*48 follow.*record longer or faster"):
+    with pytest.raises(InputError, match=r"\b50 samples\b.*\b48\b"):
         lumbar.diagnose([_at(record(position, relaxing_force(position)), step)])
 
 
@@ -112,42 +113,42 @@ def write(tmp_path, cell=None, name="record.csv"):
 
 
 @pytest.mark.parametrize(
-    ("cell", "fragment"),
+    ("cell", "tokens"),
     [
-        ("1_000", "line 52: output is '1_000'; a number is needed"),
-        ("\u0661\u0662", "line 52: output is"),  # Arabic digits, which Python's float reads
-        ("1e11", "line 52: output is 100000000000.0; every value must be a finite number"),
-        ("-2e6", "of at most 1e+06 N in size"),
-        ("9" * 400, "line 52: output is inf"),
-        ("\0", "line 52: output is '\\x00'"),
-        ('"' + "x" * 200_000, "line 52: "),
-        ("x" * 2_000_000, "line 52 has more than 1000000 characters"),
+        ("1_000", "line 52: output … '1_000'"),
+        ("\u0661\u0662", "line 52: output … '\u0661\u0662'"),  # Arabic digits, which Python's float reads
+        ("1e11", "line 52: output … 100000000000.0 … 1e+06 N"),
+        ("-2e6", "line 52: output … -2000000.0 … 1e+06 N"),
+        ("9" * 400, "line 52: output … inf"),
+        ("\0", "line 52: output … '\\x00'"),
+        ('"' + "x" * 200_000, "line 52:"),
+        ("x" * 2_000_000, "line 52 … 1000000"),
     ],
 )
 @pytest.mark.parametrize("name", ["record.csv", "record.csv.gz"])
-def test_implausible_cells_are_rejected(tmp_path, cell, fragment, name):
+def test_implausible_cells_are_rejected(tmp_path, cell, tokens, name):
     path = write(tmp_path, cell, name)
     message = refusal(lumbar.read, path)
-    assert fragment in message and str(path) in message
+    assert has_tokens(message, tokens) and str(path) in message
     assert len(message) < 1000
 
 
 @pytest.mark.parametrize(
-    ("change", "fragment"),
+    "change",
     [
-        (lambda packed: packed[:-20], "cut short|broken"),
-        (lambda packed: packed[:30] + b"\xff" * 20 + packed[50:], "broken"),
-        (lambda packed: b"\x1f\x8b" + b"\0" * 30, "broken"),
+        lambda packed: packed[:-20],
+        lambda packed: packed[:30] + b"\xff" * 20 + packed[50:],
+        lambda packed: b"\x1f\x8b" + b"\0" * 30,
     ],
 )
-def test_broken_packed_files(tmp_path, change, fragment):
+def test_broken_packed_files_are_rejected(tmp_path, change):
     path = write(tmp_path, name="record.csv.gz")
     path.write_bytes(change(path.read_bytes()))
-    with pytest.raises(InputError, match=fragment):
+    with pytest.raises(InputError, match=r"record\.csv\.gz\b.*(cut|broken)"):
         lumbar.read(path)
 
 
-def test_packed_in_two_parts(tmp_path):
+def test_parts_of_packed_file_are_joined(tmp_path):
     path = tmp_path / "two.gz"
     path.write_bytes(gzip.compress(b"a" * 3_000_000) + gzip.compress(b"b") + b"\0" * 10)
     assert read_readable(path, Path.read_bytes) == b"a" * 3_000_000 + b"b"
@@ -167,4 +168,4 @@ def test_study_trims_record(tmp_path, project):
     [record] = read_listed([path.parent / "labview.csv"], tissue.records, tissue.layout)
     np.testing.assert_allclose(record["output"], FORCE[100:400], atol=2e-5)
     content["tissue"]["records"][0]["trim_s"] = [2, 0.5]
-    assert "the start must be before the end" in refusal(load_study, content, project)
+    assert has_tokens(refusal(load_study, content, project), "tissue.records.0.trim_s: … 2 … 0.5")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import lumbar
-from refusing import refusal
+from refusing import has_tokens, refusal
 
 
 def layout_of(keys):
@@ -53,18 +53,18 @@ def test_all_problems_of_survey_are_listed(tmp_path):
     lines += [",1,2,3,KB,1,<5", "d,1,2,six,IL,1,<5"]
     message = refusal(read_ratings, written(tmp_path, *lines), LAYOUT)
     for entry in (
-        "line 2: rating_IL is '0'; allowed: 1, 2, 3, 4, 5",
-        "line 2: rating_KB is '2.5'",
-        "line 2: rating_HO is empty",
-        "line 2: best is 'KX'; allowed: IL, KB, HO",
-        "line 2: clinician is 'perhaps'",
-        "line 2: years is '10'; allowed: <5, >=5",
-        "line 4: who is 'a'; this participant is also in an earlier line",
-        "line 5: 4 cells; the header has 7",
-        "line 6: who is empty; fill it in",
-        "line 7: rating_HO is 'six'",
+        "line 2: rating_IL … '0' … 1, 2, 3, 4, 5",
+        "line 2: rating_KB … '2.5'",
+        "line 2: rating_HO … empty",
+        "line 2: best … 'KX' … IL, KB, HO",
+        "line 2: clinician … 'perhaps'",
+        "line 2: years … '10' … <5, >=5",
+        "line 4: who … 'a'",
+        "line 5: 4 cells … 7",
+        "line 6: who … empty",
+        "line 7: rating_HO … 'six'",
     ):
-        assert entry in message
+        assert has_tokens(message, entry), entry
     assert "10 problems" in message
 
 
@@ -72,39 +72,39 @@ def test_missing_columns_and_wrong_cells_are_listed(tmp_path):
     path = tmp_path / "survey.csv"
     path.write_text("who,rating_IL,best,years\na,9,IL,<5\nb,1,IL,<5\n")
     message = refusal(read_ratings, path, LAYOUT)
-    assert "no column 'rating_KB'" in message
-    assert "no column 'clinician'" in message
-    assert "line 2: rating_IL is '9'" in message
+    for tokens in ("column 'rating_KB'", "column 'clinician'", "line 2: rating_IL … '9'"):
+        assert has_tokens(message, tokens), tokens
 
 
 @pytest.mark.parametrize(
-    ("content", "message"),
+    ("content", "tokens"),
     [
-        (b"", "empty; a header with who"),
+        (b"", "survey.csv … empty … who"),
         ((HEADER + "\n").encode(), "0 participants"),
         ((HEADER + "\n" + GOOD[0] + "\n").encode(), "1 participants"),
-        (HEADER.replace("rating_KB", "rating_IL").encode() + b"\n", "duplicate 'rating_IL'"),
-        (HEADER.encode() + b'\n"a,1,2,3', "line 2: 1 cells; the header has 7"),
-        (HEADER.encode() + b"\n\xff\xfe,1", "not UTF-8 text"),
+        (HEADER.replace("rating_KB", "rating_IL").encode() + b"\n", "header … 'rating_IL'"),
+        (HEADER.encode() + b'\n"a,1,2,3', "line 2: 1 cells … 7"),
+        (HEADER.encode() + b"\n\xff\xfe,1", "survey.csv … UTF-8"),
     ],
 )
-def test_files_without_answers_are_rejected(tmp_path, content, message):
+def test_files_without_answers_are_rejected(tmp_path, content, tokens):
     path = tmp_path / "survey.csv"
     path.write_bytes(content)
-    assert message in refusal(read_ratings, path, LAYOUT)
+    assert has_tokens(refusal(read_ratings, path, LAYOUT), tokens)
 
 
 def test_answer_in_quotes_may_span_lines(tmp_path):
     lines = [GOOD[0], '"b\nfrom afar",5,4,4,HO,0,>=5', "c,9,2,2,IL,True,<5"]
-    assert "line 5: rating_IL is '9'" in refusal(read_ratings, written(tmp_path, *lines), LAYOUT)
+    message = refusal(read_ratings, written(tmp_path, *lines), LAYOUT)
+    assert has_tokens(message, "line 5: rating_IL … '9'")
     assert read_ratings(written(tmp_path, *lines[:2]), LAYOUT).participants == ("a", "b\nfrom afar")
 
 
-def test_contradictory_layouts(tmp_path):
+def test_contradictory_layouts_are_rejected(tmp_path):
     path = written(tmp_path, *GOOD)
     twice = LAYOUT.model_copy(update={"models": LAYOUT.models[:1] * 3})
-    assert "duplicate IL" in refusal(read_ratings, path, twice)
-    assert "column 'rating_IL' is used twice" in refusal(read_ratings, path, twice)
+    message = refusal(read_ratings, path, twice)
+    assert has_tokens(message, "models … IL") and has_tokens(message, "column 'rating_IL'")
     without = LAYOUT.model_copy(update={"experience_levels": ()})
     assert "experience_levels" in refusal(read_ratings, path, without)
 

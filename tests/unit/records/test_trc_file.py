@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import lumbar
-from refusing import refusal
+from refusing import has_tokens, refusal
 
 
 def read_trc(path):
@@ -100,13 +100,12 @@ def test_lost_cell_is_rejected(tmp_path, end, lost):
     cells = rows[4].split("\t")
     rows[4] = "\t".join(cells[:lost] + cells[lost + 1 :])
     message = refusal(read_trc, trc(tmp_path, rows))
-    assert "line 11: " in message and "are needed, as in the other rows: a cell was lost" in message
+    assert has_tokens(message, f"line 11: {len(cells) - 1} cells … {len(cells)}")
 
 
 def test_lost_column_is_rejected(tmp_path):
     rows = ["\t".join([*row.split("\t")[:3], *row.split("\t")[4:], ""]) for row in regular_rows(12)]
-    fragment = "marker 2 has one or two coordinates and never three; a column is missing"
-    assert fragment in refusal(read_trc, trc(tmp_path, rows))
+    assert has_tokens(refusal(read_trc, trc(tmp_path, rows)), "lift.trc … marker 2 … column")
 
 
 def test_clock_printed_with_two_digits(tmp_path):
@@ -133,37 +132,37 @@ def changed(row, text):
 
 
 @pytest.mark.parametrize(
-    ("options", "fragment"),
+    ("options", "tokens"),
     [
-        ({"header": {"NumMarkers": "3"}}, "8 cells, as in most rows; 11 are needed for 3 markers"),
-        ({"header": {"NumMarkers": "1"}}, "NumMarkers: 1; line 4 names 2 markers"),
-        ({"header": {"DataRate": "0"}}, "DataRate: 0; a positive number is needed"),
-        ({"header": {"DataRate": "inf"}}, "DataRate: inf; a positive number is needed, 0.001 to 1e+06"),
-        ({"header": {"NumFrames": "1e999"}}, "NumFrames: 1e999; a positive number is needed"),
-        ({"rows": changed(4, "6120\t17.54\t1_000\t2\t1450\t4\t-4\t1000")}, "line 11: column 3 is '1_000'"),
-        ({"header": {"DataRate": "fast"}}, "DataRate: 'fast'; a number is needed"),
-        ({"rows": [row + "\t3" for row in regular_rows(12)]}, "line 7: 9 cells, as in most rows; 8 are"),
-        ({"names": "C7 SACR", "first": "Frame# Time "}, "separated by neither tabs nor commas"),
-        ({"rows": changed(4, "6120\t17.54\t4\tx\t1450\t4\t-4\t1000")}, "line 11: column 4 is 'x'"),
-        ({"rows": changed(4, "6120\t\t4\t2\t1450\t4\t-4\t1000")}, "line 11: no time"),
-        ({"rows": changed(4, "6120\t17.54\t4\t1e308\t1450\t4\t-4\t1000")}, "line 11: 1e+308 in column 4"),
-        ({"rows": [*regular_rows(6), *regular_rows(6, start=17.6)]}, "frames are missing"),
-        ({"rows": [], "header": {"NumFrames": "1"}}, "no data rows"),
-        ({"first": "Time\tFrame\t"}, "line 4: starts with"),
-        ({"names": ""}, "line 4: no marker names"),
+        ({"header": {"NumMarkers": "3"}}, "8 cells … 11 … 3 markers"),
+        ({"header": {"NumMarkers": "1"}}, "NumMarkers: 1 … line 4 … 2 markers"),
+        ({"header": {"DataRate": "0"}}, "DataRate: 0 … positive"),
+        ({"header": {"DataRate": "inf"}}, "DataRate: inf … 0.001 … 1e+06"),
+        ({"header": {"NumFrames": "1e999"}}, "NumFrames: 1e999"),
+        ({"rows": changed(4, "6120\t17.54\t1_000\t2\t1450\t4\t-4\t1000")}, "line 11: column 3 … '1_000'"),
+        ({"header": {"DataRate": "fast"}}, "DataRate: 'fast'"),
+        ({"rows": [row + "\t3" for row in regular_rows(12)]}, "line 7: 9 cells … 8"),
+        ({"names": "C7 SACR", "first": "Frame# Time "}, "line 4 … tabs … commas"),
+        ({"rows": changed(4, "6120\t17.54\t4\tx\t1450\t4\t-4\t1000")}, "line 11: column 4 … 'x'"),
+        ({"rows": changed(4, "6120\t\t4\t2\t1450\t4\t-4\t1000")}, "line 11: … time"),
+        ({"rows": changed(4, "6120\t17.54\t4\t1e308\t1450\t4\t-4\t1000")}, "line 11: 1e+308 … column 4"),
+        ({"rows": [*regular_rows(6), *regular_rows(6, start=17.6)]}, "rate … frames"),
+        ({"rows": [], "header": {"NumFrames": "1"}}, "rows"),
+        ({"first": "Time\tFrame\t"}, "line 4: … Frame# … Time"),
+        ({"names": ""}, "line 4: … marker"),
     ],
 )
-def test_files_that_are_refused(tmp_path, options, fragment):
+def test_contradictory_trc_files_are_rejected(tmp_path, options, tokens):
     path = trc(tmp_path, **options)
     message = refusal(read_trc, path)
-    assert fragment in message and str(path) in message
+    assert has_tokens(message, tokens) and str(path) in message
 
 
 @pytest.mark.parametrize("content", [b"", b"time,x\n0,1\n", b"PathFileType\t4\n", bytes(range(256)) * 20])
-def test_other_files_are_refused(tmp_path, content):
+def test_files_of_other_kinds_are_rejected(tmp_path, content):
     path = tmp_path / "lift.trc"
     path.write_bytes(content)
-    assert "not a TRC file" in refusal(read_trc, path)
+    assert has_tokens(refusal(read_trc, path), "lift.trc … TRC")
 
 
 def test_real_irregular_file_against_its_own_text(shared):
