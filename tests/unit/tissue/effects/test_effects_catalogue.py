@@ -120,16 +120,16 @@ def test_user_defined_effect_in_python(tmp_path):
     path.write_text(path.read_text().replace("F1*where", "F_2*where"), encoding="utf-8")
     with pytest.raises(
         InputError,
-        match=r"own.py: 1 problem\n  - step/step, equation: unknown symbol F_2; known are .* F1 and the",
+        match=r"own\.py: 1 problem\n  - step/step, equation: .*\bF_2\b.*\bF1\b",
     ):
         load_effects(path)
     path.write_text("x = 1\n", encoding="utf-8")
-    with pytest.raises(InputError, match="defines no Effect"):
+    with pytest.raises(InputError, match=r"own\.py: .*\bEffect\b"):
         load_effects(path)
     path.write_text("import nothing_of_this_name\n", encoding="utf-8")
-    with pytest.raises(InputError, match="ModuleNotFoundError"):
+    with pytest.raises(InputError, match=r"own\.py: .*ModuleNotFoundError.*nothing_of_this_name"):
         load_effects(path)
-    with pytest.raises(InputError, match="not a Python file"):
+    with pytest.raises(InputError, match=r"absent\.py: .*improvement\.effect_files"):
         load_effects(tmp_path / "absent.py")
 
 
@@ -170,7 +170,7 @@ def test_catalogue_files_pass_checks_of_user_files(path):
     for form in effect.forms:
         form.check()
     if hooked := sorted(HOOKS.keys() & {key for form in strict.content["forms"] for key in form}):
-        with pytest.raises(InputError, match=f"{hooked[0]}: unknown key"):
+        with pytest.raises(InputError, match=rf"line \d+: \S+\.{hooked[0]}: .*equation, state, "):
             load_effects(path)
     else:
         assert load_effects(path)[path.stem] == effect

@@ -90,7 +90,7 @@ def test_box_and_varying_length_follow_gravity(name, sign, gravity):
 
 
 def test_gravity_must_be_positive():
-    with pytest.raises(InputError, match="gravity_m_s2 is 0: the effects on a pendulum need"):
+    with pytest.raises(InputError, match=r"gravity_m_s2 .*\b0\b.*m/s²"):
         catalogue_with([], "pendulum", 0.0)
     assert catalogue_with([], "KB", 0.0) == TISSUE
     assert catalogue_with([], "pendulum") == PENDULUM

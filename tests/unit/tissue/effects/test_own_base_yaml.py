@@ -87,7 +87,7 @@ def test_models_file_contains_user_defined_base(refined, tmp_path):
     np.testing.assert_array_equal(model.simulate(records()[1]), refined.model.simulate(records()[1]))
     content["bases"]["two_masses"]["state"]["twist"] = "motor - lode"
     (tmp_path / "changed.json").write_text(json.dumps(content), encoding="utf-8")
-    with pytest.raises(lumbar.InputError, match=r"bases\.two_masses: .*state\.twist.*unknown symbol lode"):
+    with pytest.raises(lumbar.InputError, match=r"bases\.two_masses: state\.twist: .*\blode\b.*\btwist\b"):
         lumbar.load_models(tmp_path / "changed.json")
 
 
@@ -105,12 +105,12 @@ def test_user_defined_base_becomes_fmu(refined, zig_cache, tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("name: two_masses", "name: KB", "name: .*letters a to z"),
-        ("name: two_masses", "name: pendulum", "name: 'pendulum' is taken"),
-        ("equation:", "place: output\nequation:", "place: unknown key; allowed: name, mechanism"),
-        ("r*k*twist", "g*r*k*twist", "state.load: g is linear"),
-        ("g*load", "g*load + 1", "equation: .*linear"),
-        ("  g: {", "  h: {name: of_none, unit: s}\n  g: {", "h is declared and never used"),
+        ("name: two_masses", "name: KB", r"own.yaml, line 2: name: .*\"KB\""),
+        ("name: two_masses", "name: pendulum", "own.yaml, line 2: name: .*'pendulum'"),
+        ("equation:", "place: output\nequation:", "own.yaml, line 4: place: .*name, mechanism, source"),
+        ("r*k*twist", "g*r*k*twist", r"own.yaml, line 7: state.load: .*\bg\b"),
+        ("g*load", "g*load + 1", r"own.yaml, line 4: equation: .*\b1\b.*\blinear"),
+        ("  g: {", "  h: {name: of_none, unit: s}\n  g: {", r"own.yaml, line 9: parameters: .*\bh\b"),
     ],
 )
 def test_problems_of_base_file_are_reported(old, new, message, tmp_path):
@@ -140,7 +140,7 @@ def test_forward_fit_takes_load_as_input(refined, base):
     ("base_key", "message"),
     [
         ("none.yaml", r"improvement\.base.*none\.yaml"),
-        ("KX", r'improvement\.base: found "KX"; allowed: auto, LE'),
+        ("KX", r'line 1: improvement\.base: .*"KX".*auto, LE'),
     ],
 )
 def test_settings_find_base_file_and_report_wrong_bases(base, base_key, message):

@@ -83,9 +83,9 @@ def test_problem_in_effect_file_names_key_and_line(old, new, message, tmp_path):
     ("content", "message"),
     [
         (b"", "name: missing"),
-        (b"- a\n- b\n", "no mapping"),
-        (b"x" * 2_000_000, "2000000 bytes; at most 1000000"),
-        (b"name: \xff\xfe", "line 1: byte 0xff is not UTF-8"),
+        (b"- a\n- b\n", "key: value"),
+        (b"x" * 2_000_000, "2000000 .*1000000"),
+        (b"name: \xff\xfe", "line 1: .*0xff.*UTF-8"),
     ],
     ids=["empty", "list", "large", "bytes"],
 )
@@ -96,10 +96,10 @@ def test_file_that_is_not_an_effect_is_rejected(content, message, tmp_path):
 @pytest.mark.parametrize(
     ("equation", "state", "place"),
     [
-        ("A*sign(v)*sqrt(abs(v))", "{}", "line 4: equation: form equation: the derivative by v"),
-        ("A/v", "{}", "line 4: equation: form equation: the value"),
-        ("A*sqrt(z**2)", "{}", "line 4: equation: form equation: the derivative by z"),
-        ("A*r", '{r: "sqrt(abs(v)) - r"}', "line 5: state.r: form equation: the derivative by v"),
+        ("A*sign(v)*sqrt(abs(v))", "{}", r"line 4: equation: .*\bderivative\b.*\bv\b"),
+        ("A/v", "{}", r"line 4: equation: .*\bvalue\b"),
+        ("A*sqrt(z**2)", "{}", r"line 4: equation: .*\bderivative\b.*\bz\b"),
+        ("A*r", '{r: "sqrt(abs(v)) - r"}', r"line 5: state.r: .*\bderivative\b.*\bv\b"),
     ],
 )
 def test_equation_without_finite_slope_at_rest_is_rejected(equation, state, place, tmp_path):
@@ -110,7 +110,7 @@ equation: {equation}
 state: {state}
 parameters: {{A: {{name: size, unit: "{{y}}"}}}}
 """
-    assert_rejected(tmp_path, text, re.escape(f"{place} is not finite at z = 0, v = 0; write tanh(v/vs)"))
+    assert_rejected(tmp_path, text, rf"{place}.*z = 0, v = 0.*tanh\(v/vs\)")
 
 
 @pytest.mark.parametrize(
@@ -130,7 +130,7 @@ parameters:
 
 
 def test_duplicate_effect_is_rejected(tmp_path):
-    with pytest.raises(lumbar.InputError, match="'ribs' is taken"):
+    with pytest.raises(lumbar.InputError, match=r"own_1\.yaml, line 2: name: .*'ribs'"):
         load_effects(tmp_path, RIBS, RIBS)
 
 
@@ -161,11 +161,14 @@ def test_models_file_contains_user_defined_effect(refined):
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"equation": "Fc*r*__import__('os')"}, "effects.own_friction: equation: "),
-        ({"by_hand": "play"}, "effects.own_friction: by_hand: unknown key"),
-        ({"equation": "Fc*r/z"}, "effects.own_friction: equation: .* is not finite"),
+        ({"equation": "Fc*r*__import__('os')"}, "effects.own_friction: equation: .*__import__"),
+        ({"by_hand": "play"}, "effects.own_friction: by_hand: .*name, mechanism, source"),
+        ({"equation": "Fc*r/z"}, "effects.own_friction: equation: .*z = 0, v = 0"),
         ({"name": "delay"}, "effects.own_friction: .*name: own_friction"),
-        ({"constants": {"c": {"value": 10**400, "unit": "1"}}}, "constants.c.value: .*which is not finite"),
+        (
+            {"constants": {"c": {"value": 10**400, "unit": "1"}}},
+            "effects.own_friction: constants.c.value: .*1000000",
+        ),
     ],
 )
 def test_effect_in_models_file_is_checked(refined, changes, message):
@@ -179,7 +182,7 @@ def test_effect_in_models_file_is_checked(refined, changes, message):
 @pytest.mark.parametrize(
     ("effects", "message"),
     [
-        ({"delay": {"name": "delay"}}, r"effects\.delay: not the effect that has this name"),
+        ({"delay": {"name": "delay"}}, r"effects\.delay: .*\bname\b"),
         (["own_friction"], r"effects: \['own_friction'\]"),
     ],
 )
@@ -196,6 +199,5 @@ def test_models_file_with_other_effects_is_rejected(refined, effects, message):
 def test_effect_file_changed_after_fit_is_rejected(refined, tmp_path):
     other = tmp_path / "own.yaml"
     other.write_text(DAHL.replace("1 - r*sign(v)", "1 - 2*r*sign(v)"), encoding="utf-8")
-    message = r"own_friction: not the effect .*leave the effect's file out, or fit"
-    with pytest.raises(lumbar.InputError, match=message):
+    with pytest.raises(lumbar.InputError, match=r"effects\.own_friction: .*\bfile\b"):
         lumbar.load_models(refined / "refined.json", [other])

@@ -38,7 +38,7 @@ def test_unstable_model_has_no_free_run():
     assert not chosen.stable
     assert chosen.training is None
     assert chosen.test_vaf_percent is None
-    assert remark == "unstable for every alpha"
+    assert "unstable" in remark
 
 
 STRUCTURES = [MW.structure, MAXWELL.structure, KB.structure, *higher_order_structures(4)]
@@ -66,7 +66,7 @@ def one_record():
 
 
 @pytest.mark.parametrize("structure", STRUCTURES, ids=str)
-def test_one_factorisation_gives_every_ridge_solution(one_record, structure):
+def test_ridge_solutions_equal_direct_solves(one_record, structure):
     path = ReducedRegression(*one_record, lag=4).path(structure)
     regressors, target = regressor_matrix(structure, *one_record, lag=4)
     column_scale, target_scale = np.sqrt(np.mean(regressors**2, axis=0)), np.sqrt(np.mean(target**2))
@@ -170,7 +170,7 @@ def test_bootstrap_of_a_ridge_solution_is_centred_on_it():
 
 
 def test_bootstrap_of_few_blocks_is_rejected():
-    with pytest.raises(InputError, match=r"make 4 blocks.*block_s"):
+    with pytest.raises(InputError, match=r"\b40\b.*\b4\b.*\b10\b.*tissue\.bootstrap\.block_s"):
         block_bootstrap(np.ones((40, 1)), np.ones(40), 10, 100, np.random.default_rng(0))
 
 
@@ -186,5 +186,5 @@ def test_unstable_start_is_reflected_and_reaches_the_minimum():
 
 def test_fit_without_starts_is_an_error():
     inputs, outputs = experiment(3)
-    with pytest.raises(NumericalError, match="no start"):
+    with pytest.raises(NumericalError, match=r"output-error.*\bstable"):
         fit_output_error(KB.structure, inputs, outputs, [], 50)

@@ -145,7 +145,7 @@ def test_condition_limit_restricts_the_choice(records):
     assert (chosen["condition_number"] <= 5000).all()
     identification = identify(records[1], search={"condition_max": 1.0})
     least = rows_of(identification, "HO")["condition_number"].min()
-    assert "every structure exceeds condition_max 1" in identification["HO"].remark
+    assert "condition_max 1" in identification["HO"].remark
     assert identification["HO"].scores.condition_number == least
 
 
@@ -158,7 +158,7 @@ def test_pure_sine_determines_two_coefficients():
     assert kb.scores.mru_percent is None
     assert kb.parameters == ()
     assert higher.scores.rank == 2
-    assert "every structure exceeds condition_max" in higher.remark
+    assert "condition_max" in higher.remark
     frame = identification.table_3_1.frame
     assert frame[(frame.model == "KB") & (frame.estimator == "arx")].condition_number.isna().all()
 
@@ -171,9 +171,9 @@ def convert_to_pounds(item):
 @pytest.mark.parametrize(
     ("other", "message"),
     [
-        (tissue_record("b", 3, step=0.02), "b is sampled at 50 Hz, long at 100 Hz.*rate_Hz"),
-        (convert_to_pounds(tissue_record("b", 3)), "force in lbf, but force in N in long"),
-        (tissue_record("b", 3, samples=40), r"the first 0\.5 s"),
+        (tissue_record("b", 3, step=0.02), r"\bb .*50 Hz.*long .*100 Hz.*tissue\.rate_Hz"),
+        (convert_to_pounds(tissue_record("b", 3)), r"\bb: output .*\blbf\b.*\bN\b.*\blong\b"),
+        (tissue_record("b", 3, samples=40), r"\bb: 0\.4 s .*0\.5 s .*tissue\.settling_s"),
     ],
 )
 def test_incompatible_records_are_rejected(records, other, message):
@@ -184,11 +184,11 @@ def test_incompatible_records_are_rejected(records, other, message):
 def test_unsuitable_training_records_are_rejected(records):
     still = tissue_record("b", 3)
     still["output"][50:] = 1.0
-    with pytest.raises(lumbar.InputError, match=r"the output does not move after the first 0\.5 s"):
+    with pytest.raises(lumbar.InputError, match=r"b: .*output.*0\.5 s .*tissue\.settling_s"):
         identify(still)
-    with pytest.raises(lumbar.InputError, match="too few for order 3"):
+    with pytest.raises(lumbar.InputError, match=r"b: (?=.*\b15\b).*\border 3\b"):
         identify(tissue_record("b", 3, samples=15), settling_s=0.0)
-    with pytest.raises(lumbar.InputError, match="single record"):
+    with pytest.raises(lumbar.InputError, match=r"tissue\.search\.selection .*'test'.*'training'"):
         identify(records[0], search={"selection": "test"})
 
 
