@@ -257,8 +257,8 @@ def _check_code(
 ) -> None:
     """Check, before anything is run, that effects in Python and the `files` of settings are in the user's `project`.
 
-    A study from another person could otherwise run any code; an effect in YAML is data. Outside of any project, `project`
-    is None.
+    A study from another person could otherwise run any code; an effect in YAML is data. `project` is None outside of any
+    project.
     """
     folder = project and project.resolve()
     for number, effect in enumerate(improvement.effect_files):
