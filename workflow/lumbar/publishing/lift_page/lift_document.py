@@ -90,13 +90,6 @@ class LiftPage:
             columns |= {f"loop:{item.key}": item.columns, f"level:{item.key}": {"level": item.level}}
         return [ColumnDataSource(values, name=name) for name, values in columns.items()]
 
-    def _phases(self) -> list[tuple[str, float, float]]:
-        """Return name, start and end of every phase."""
-        time, phase = (self.lift.body[name].to_numpy() for name in ("time_s", "phase"))
-        starts = [0, *(np.flatnonzero(phase[1:] != phase[:-1]) + 1)]
-        stops = [*starts[1:], len(time) - 1]
-        return [(str(phase[i]), float(time[i]), float(time[j])) for i, j in zip(starts, stops, strict=True)]
-
     def variables(self) -> dict[str, Any]:
         """Return the template's variables."""
         pendulum = self.settings.pendulum
@@ -170,11 +163,15 @@ class LiftPage:
         low, high = np.nanmin(every, axis=0), np.nanmax(every, axis=0)
         low[2] = min(low[2], 0.0)
         dashes = lift_pictures.DASHES
+        # Name, start and end of every phase.
+        time, phase = (self.lift.body[name].to_numpy() for name in ("time_s", "phase"))
+        starts = [0, *(np.flatnonzero(phase[1:] != phase[:-1]) + 1)]
+        ends = zip(starts, [*starts[1:], len(time) - 1], strict=True)
         return {
             "chains": lift_data.stick_figure(points),
             "centres": self._centres,
             "segments": {com: {"colour": colour, "dash": dashes[com]} for com, colour in SEGMENTS.items()},
-            "phases": self._phases(),
+            "phases": [(str(phase[i]), float(time[i]), float(time[j])) for i, j in ends],
             "deposit": None if facts["no_deposit"] else [facts["start_s"], facts["stop_s"]],
             "balance": bool(self._balance),
             "outlines": lift_pictures.OUTLINES,

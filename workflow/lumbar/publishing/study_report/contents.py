@@ -3,7 +3,7 @@
 import itertools
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from html import unescape
 from pathlib import Path
 
@@ -116,7 +116,7 @@ class Chapter:
     title: str
     place: str
     entries: tuple[Entry, ...]
-    files: tuple[tuple[Artefact, tuple[str, ...]], ...] = field(default_factory=tuple)
+    files: tuple[tuple[Artefact, tuple[str, ...]], ...] = ()
     """Artefacts that are not shown: those that are only files, and those beyond `MAX_ENTRIES`."""
 
 
