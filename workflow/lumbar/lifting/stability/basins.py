@@ -48,7 +48,15 @@ class MethodResult:
 
 
 def exact(loops: ClosedLoops, settings: StabilitySettings) -> MethodResult:
-    """Compute the largest funnels and prove those with a margin between the knots."""
+    """Compute the largest funnels and prove those with a margin between the knots.
+
+    Parameters
+    ----------
+    loops : ClosedLoops
+        Pendulums under their regulator.
+    settings : StabilitySettings
+        Settings of the study.
+    """
     simulated, proved = "simulation" in settings.checks, "proof" in settings.checks
     overstated = settings.attack.control_overstated if simulated else 0.0
     margin = settings.proof.margin_1_s if proved else 0.0
@@ -60,7 +68,15 @@ def exact(loops: ClosedLoops, settings: StabilitySettings) -> MethodResult:
 
 
 def thesis(loops: ClosedLoops, settings: StabilitySettings) -> MethodResult:
-    """Run the thesis's procedure, with checks of its areas."""
+    """Run the thesis's procedure, with checks of its areas.
+
+    Parameters
+    ----------
+    loops : ClosedLoops
+        Pendulums under their regulator.
+    settings : StabilitySettings
+        Settings of the study.
+    """
     result = alternate(loops, **vars(settings.thesis_method))
     areas = {f"mean_area_after_{number}": result.after[number - 1].mean_area for number in EVIDENCE}
     checks = {name: getattr(result, name) for name in ("violation_share", "unsolved_share", "euler_error")}
@@ -75,7 +91,13 @@ METHODS: dict[str, Callable[..., MethodResult]] = {"exact": exact, "thesis": the
 
 
 def thesis_methods(settings: StabilitySettings) -> list[str]:
-    """Return the methods that a configuration applies to the pendulums of the thesis's wording: always the exact one."""
+    """Return the methods that a configuration applies to the pendulums of the thesis's wording: always the exact one.
+
+    Parameters
+    ----------
+    settings : StabilitySettings
+        Settings of the study.
+    """
     return ["exact", *(["thesis"] if "thesis_method" in settings.checks else [])]
 
 
@@ -130,7 +152,7 @@ def basins_of_lift(
         Settings of the study.
     seed : int
         Seed of the simulated starts.
-    as_in_thesis : sequence of Trajectory
+    as_in_thesis : sequence of Trajectory, default ()
         In the convention `THESIS`: computed exactly and, if ``thesis_method`` is among the checks, by its own method.
     """
     rows: list[dict] = []
@@ -214,7 +236,15 @@ def _rows_and_funnels(
 
 
 def decimals(value: float, resolution: float) -> int:
-    """Return the digits after the point up to the first digit of the uncertainty `resolution`·|value|."""
+    """Return the digits after the point up to the first digit of the uncertainty.
+
+    Parameters
+    ----------
+    value : float
+        Value in any unit, not zero.
+    resolution : float
+        Relative uncertainty of the value.
+    """
     return -math.floor(math.log10(resolution * abs(value)))
 
 
@@ -230,7 +260,17 @@ def boa_columns() -> list[str]:
 
 
 def areas_table(boa: pd.DataFrame, settings: StabilitySettings, source_label: str) -> Table:
-    """Return the areas of all basins and their checks as a published table, without the columns of checks not chosen."""
+    """Return the areas of all basins and their checks as a published table, without the columns of checks not chosen.
+
+    Parameters
+    ----------
+    boa : pandas.DataFrame
+        Rows of ``boa.csv`` of all lifts.
+    settings : StabilitySettings
+        Settings of the study.
+    source_label : str
+        Source of the recordings, for the table's caption.
+    """
     others = [check for check in CHECK_COLUMNS if check not in settings.checks]
     left_out = {name for check in others for name in CHECK_COLUMNS[check]}
     shown = [name for name in boa_columns() if name not in left_out]

@@ -92,8 +92,17 @@ OTHER_MASSES = {
 def areas_under_changes(study: ComparedLifts) -> tuple[dict[str, pd.DataFrame], list[Failure]]:
     """Return average cross-sections under every change that the headline is tested with.
 
-    The areas by change have columns ``subject, experience, box_mass_kg, com, plane, mean_area``. Areas that could not
-    be computed have no row; they are the failures.
+    Parameters
+    ----------
+    study : ComparedLifts
+        Lifts of the study and their basins.
+
+    Returns
+    -------
+    areas : dict of str to pandas.DataFrame
+        By change; columns ``subject, experience, box_mass_kg, com, plane, mean_area`` (rad²/s).
+    failures : list of Failure
+        Areas that could not be computed: they have no row.
     """
     settings, trajectories = study.settings, study.trajectories()
     cases = dict.fromkeys((*VARIANTS, *TAYLOR), trajectories) | {
@@ -131,8 +140,17 @@ def _areas_of_change(items: list[Trajectory], name: str, settings: StabilitySett
 def varied_areas(cases: Mapping[str, list[Trajectory]], settings: StabilitySettings) -> dict[str, np.ndarray]:
     """Return average cross-sections (exact method) with Q, R and b changed, all computed together.
 
-    The areas are given by change, shape (trajectories,). A key of `cases` that is one of `VARIANTS` gets that change;
-    under any other name the trajectories are unchanged.
+    Parameters
+    ----------
+    cases : mapping of str to list of Trajectory
+        Trajectories by change, one of `VARIANTS`; under any other name the trajectories are unchanged.
+    settings : StabilitySettings
+        Settings of the study.
+
+    Returns
+    -------
+    dict of str to numpy.ndarray, shape (trajectories,)
+        Areas by change in rad²/s.
 
     Raises
     ------
@@ -154,6 +172,20 @@ def varied_areas(cases: Mapping[str, list[Trajectory]], settings: StabilitySetti
 
 def taylor_areas(trajectories: list[Trajectory], settings: StabilitySettings, degree: int) -> np.ndarray:
     """Return average cross-sections (exact method) with the sine replaced by its Taylor polynomial of a degree.
+
+    Parameters
+    ----------
+    trajectories : list of Trajectory
+        Valid trajectories in the headline's convention.
+    settings : StabilitySettings
+        Settings of the study.
+    degree : int
+        Degree of the polynomial.
+
+    Returns
+    -------
+    numpy.ndarray, shape (trajectories,)
+        Areas in rad²/s.
 
     Raises
     ------
@@ -188,7 +220,17 @@ MIN_PERSONS = 3
 
 
 def exchanged(before: Trajectory, after: Trajectory, taken: frozenset[str]) -> Trajectory:
-    """Return the pendulum `before` with some parts of the one `after`."""
+    """Return a pendulum with some parts of another one.
+
+    Parameters
+    ----------
+    before : Trajectory
+        Pendulum that is changed.
+    after : Trajectory
+        Pendulum that the parts come from.
+    taken : frozenset of str
+        Those of `PARTS` that come from `after`.
+    """
     of = {part: after if part in taken else before for part in PARTS}
     course, faster = of["course"], of["course"].duration / of["duration"].duration
     return replace(
@@ -203,7 +245,18 @@ def exchanged(before: Trajectory, after: Trajectory, taken: frozenset[str]) -> T
 
 
 def contributions(areas: np.ndarray) -> np.ndarray:
-    """Return the contribution of each of `PARTS`, in percent of the area before; `areas`, shape (..., 32), are by `EXCHANGED`."""
+    """Return the contribution of each part to a difference of areas.
+
+    Parameters
+    ----------
+    areas : numpy.ndarray, shape (..., 32)
+        Average cross-sections in rad²/s, by `EXCHANGED`.
+
+    Returns
+    -------
+    numpy.ndarray, shape (..., 5)
+        By `PARTS`, in percent of the area before.
+    """
     index = {taken: position for position, taken in enumerate(EXCHANGED)}
     parts = []
     for part in PARTS:
@@ -216,7 +269,13 @@ def contributions(areas: np.ndarray) -> np.ndarray:
 
 
 def decomposition_table(study: ComparedLifts) -> tuple[Table, list[Failure]]:
-    """Return the contributions to every difference of the headline, and the intermediate pendulums without a basin."""
+    """Return the contributions to every difference of the headline, and the intermediate pendulums without a basin.
+
+    Parameters
+    ----------
+    study : ComparedLifts
+        Lifts of the study and their basins.
+    """
     lifts: dict[tuple, list[Trajectory]] = {}
     for item in study.trajectories():
         lifts.setdefault((item.experience, item.box_mass_kg, item.com, item.plane), []).append(item)

@@ -56,19 +56,43 @@ class ComparedLifts:
         change_masses: Callable[[Mapping], Mapping] | None = None,
         convention: Convention | None = None,
     ) -> list[Trajectory]:
-        """Return the valid trajectories of all lifts, by default of the headline; `change_masses` changes their facts."""
+        """Return the valid trajectories of all lifts.
+
+        Parameters
+        ----------
+        change_masses : callable, optional
+            Returns a lift's facts with other masses.
+        convention : Convention, optional
+            Convention of the pendulums; default: the headline's.
+        """
         lifts = self.lifts
         if change_masses is not None:
             lifts = [replace(lift, facts=change_masses(lift.facts)) for lift in lifts]
         return [item for lift in lifts for item in lift.trajectories(convention or self.headline)[0]]
 
     def areas(self, method: str, convention: Convention) -> pd.DataFrame:
-        """Return the rows of `boa` of one method and convention."""
+        """Return the rows of `boa` of one method and convention.
+
+        Parameters
+        ----------
+        method : {"exact", "thesis"}
+            Method of the basins.
+        convention : Convention
+            Convention of the pendulums.
+        """
         chosen = {"method": method, **vars(convention)}
         return self.boa[(self.boa[list(chosen)] == list(chosen.values())).all(axis=1)]
 
     def percent_differences(self, areas: pd.DataFrame, column: str = "mean_area") -> list[dict]:
-        """Return `percent_differences` of the study's comparisons."""
+        """Return `percent_differences` of the study's comparisons.
+
+        Parameters
+        ----------
+        areas : pandas.DataFrame
+            Rows of ``boa.csv`` of one method and convention.
+        column : str, default "mean_area"
+            Column with the areas that are compared.
+        """
         return percent_differences(areas, column, self.comparisons)
 
 
@@ -88,7 +112,15 @@ class BasinComparison:
 def comparisons_of(
     lifts: Sequence[tuple[str, float]], groups: tuple[str, str] = GROUPS
 ) -> list[BasinComparison]:
-    """Return the comparisons of lifts, given by experience and box mass; `groups` are compared, the first with the second."""
+    """Return the comparisons that some lifts allow.
+
+    Parameters
+    ----------
+    lifts : sequence of (str, float)
+        Experience and box mass in kg of each lift.
+    groups : tuple of str, default `GROUPS`
+        Two groups; the first is compared with the second.
+    """
     masses: dict[str, list[float]] = {}
     for name, mass in sorted({(str(name), float(mass)) for name, mass in lifts}):
         masses.setdefault(name, []).append(mass)
@@ -123,7 +155,7 @@ def percent_differences(
         Columns ``experience, box_mass_kg, com, plane`` and `column`, of one method and sign. Several people
         and trials of the same experience are averaged.
     column : str
-        The areas compared.
+        Column with the areas that are compared.
     comparisons : sequence of BasinComparison
         Comparisons of the study.
 
@@ -156,6 +188,11 @@ def percent_differences(
 def comparison_names(groups: tuple[str, str]) -> dict[str, str]:
     """Return the names of the comparisons of two groups by those in the thesis's Table 4.1.
 
+    Parameters
+    ----------
+    groups : tuple of str
+        The study's groups in the order of `GROUPS`.
+
     Examples
     --------
     >>> comparison_names(("trained", "untrained"))["expert_vs_novice"]
@@ -168,14 +205,26 @@ def comparison_names(groups: tuple[str, str]) -> dict[str, str]:
 
 
 def headline_label(settings: StabilitySettings) -> str:
-    """Return the headline's sign, time and mass as text."""
+    """Return the headline's sign, time and mass as text.
+
+    Parameters
+    ----------
+    settings : StabilitySettings
+        Settings of the study.
+    """
     pendulum = settings.pendulum
     sign = {"inverted": "as people stand", "hanging": "hanging"}[pendulum.sign]
     return ", ".join([sign, f"{pendulum.time} time", pendulum.mass.replace("_", " ")])
 
 
 def regulator_note(settings: StabilitySettings) -> str:
-    """Return a note on the regulator of all basins."""
+    """Return a note on the regulator of all basins.
+
+    Parameters
+    ----------
+    settings : StabilitySettings
+        Settings of the study.
+    """
     regulator, damping = settings.regulator, settings.pendulum.damping_N_m_s
     state = [list(row) for row in regulator.state_weight]
     terminal = [list(row) for row in regulator.terminal_weight]
@@ -186,7 +235,13 @@ def regulator_note(settings: StabilitySettings) -> str:
 
 
 def comparison_definition(settings: StabilitySettings) -> str:
-    """Return the definition of the comparisons."""
+    """Return the definition of the comparisons.
+
+    Parameters
+    ----------
+    settings : StabilitySettings
+        Settings of the study.
+    """
     first, second = settings.compare.groups
     return (
         f"{first}_vs_{second}: 100(A_{first} − A_{second})/A_{second} with the heaviest box of both; decrease_in_mass_…: "

@@ -55,8 +55,14 @@ class Tables41:
 def tables_4_1(study: ComparedLifts, parts: pd.DataFrame, failures: pd.DataFrame | None = None) -> Tables41:
     """Return Table 4.1, the table of its controls, and all missing basins.
 
-    `parts` is the result of `decomposition_table`. `failures` are the basins of the lifts that could not be computed; those of
-    the controls are added.
+    Parameters
+    ----------
+    study : ComparedLifts
+        Lifts of the study and their basins.
+    parts : pandas.DataFrame
+        Rows of `decomposition_table`.
+    failures : pandas.DataFrame, optional
+        Basins of the lifts that could not be computed, rows of ``failures.csv``; those of the controls are added.
     """
     varied, failed = areas_under_changes(study)
     missing = join_rows([*([] if failures is None else [failures]), failures_frame(failed)])
@@ -178,7 +184,7 @@ def verdict(
     Parameters
     ----------
     percent : float or None
-        None without a value in the study.
+        Percentage of the headline; None without a value in the study.
     movement : float or None
         Share that comes from the posture at the start and the course, if known.
     changed : dict of str to float or None
@@ -221,7 +227,13 @@ def _compare_subjects(areas: pd.DataFrame, comparison: BasinComparison) -> Diffe
 
 
 def published_note(published: pd.DataFrame) -> str:
-    """Return a note on the agreement of the two published columns, computed from them."""
+    """Return a note on the agreement of the two published columns, computed from them.
+
+    Parameters
+    ----------
+    published : pandas.DataFrame
+        The thesis's Table 4.1, a column ``<plane>_percent`` per plane.
+    """
     lateral, forward = (published[f"{plane}_percent"].to_numpy(float) for plane in PLANES)
     opposite = int((lateral * forward < 0).sum())
     correlation = np.corrcoef(lateral, forward)[0, 1]
@@ -233,7 +245,13 @@ def published_note(published: pd.DataFrame) -> str:
 
 
 def alternations_table(study: ComparedLifts) -> Table:
-    """Return the table after one, two and four alternations of a study with the check ``thesis_method``."""
+    """Return the table after one, two and four alternations of a study with the check ``thesis_method``.
+
+    Parameters
+    ----------
+    study : ComparedLifts
+        Lifts of the study and their basins.
+    """
     areas = study.areas("thesis", THESIS)
     done = study.settings.thesis_method.alternations
     columns = {f"after_{number}": f"mean_area_after_{number}" for number in EVIDENCE} | {
