@@ -56,8 +56,6 @@ MOST_DECREASES = 10
 def level_factors(growth: np.ndarray, rate: np.ndarray, multiplier: np.ndarray) -> np.ndarray:
     """Return the largest s = ρ/ρ_before of step 2: −v + ρ̇/ρ_before + L·(|z|² − s) is a sum of squares.
 
-    NaN if no s is possible, or no s is the largest.
-
     Parameters
     ----------
     growth : numpy.ndarray, shape (programmes, 15)
@@ -65,7 +63,12 @@ def level_factors(growth: np.ndarray, rate: np.ndarray, multiplier: np.ndarray) 
     rate : numpy.ndarray, shape (programmes,)
         ρ̇/ρ_before in 1/s.
     multiplier : numpy.ndarray, shape (programmes, 6)
-        L, of degree 2.
+        L, of degree 2, in 1/s.
+
+    Returns
+    -------
+    numpy.ndarray, shape (programmes,)
+        s, dimensionless; NaN if no s is possible, or no s is the largest.
     """
     padded = np.zeros_like(growth)
     padded[:, : multiplier.shape[1]] = multiplier
@@ -192,13 +195,13 @@ def alternate(
     knots : int
         Knots at which ρ is searched; the nearest number that divides those of `loops` evenly is taken.
     initial_level : float
-        First guess of ρ at every knot.
+        First guess of ρ at every knot, dimensionless.
     ratio : float
-        Of the geometric progression, between 0 and 1.
+        Ratio of the geometric progression, between 0 and 1.
     alternations : int
-        The thesis: 2.
-    certificate : Certificate
-        Solver of step 1; Clarabel at `ACCURACY` unless given.
+        Number of alternations; the thesis: 2.
+    certificate : Certificate, optional
+        Solver of step 1; default: Clarabel at `ACCURACY`.
 
     Raises
     ------

@@ -59,17 +59,37 @@ class Polynomial(dict):
 
 
 def constant(value) -> Polynomial:
-    """Return a polynomial of degree 0."""
+    """Return a polynomial of degree 0.
+
+    Parameters
+    ----------
+    value : float or cvxpy.Expression
+        Its coefficient.
+    """
     return Polynomial({(0, 0): value})
 
 
 def unknown(exponents: list[tuple[int, int]], kind: type) -> Polynomial:
-    """Return a polynomial whose coefficients are variables (a multiplier L of Eq. 4.5) or parameters of cvxpy."""
+    """Return a polynomial with variables (a multiplier L of Eq. 4.5) or parameters of cvxpy as coefficients.
+
+    Parameters
+    ----------
+    exponents : list of (int, int)
+        Exponents of its monomials.
+    kind : type
+        ``cvxpy.Variable`` or ``cvxpy.Parameter``.
+    """
     return Polynomial({item: kind() for item in exponents})
 
 
 def is_sum_of_squares(polynomial: Polynomial) -> list[Constraint]:
-    """Return the constraints p = bᵀQb, Q ≽ 0 (Eqs 2.13–2.15), b all monomials (Eq. 2.14)."""
+    """Return the constraints p = bᵀQb, Q ≽ 0 (Eqs 2.13–2.15), b all monomials (Eq. 2.14).
+
+    Parameters
+    ----------
+    polynomial : Polynomial
+        p, with expressions of cvxpy as coefficients.
+    """
     import cvxpy as cp
 
     degree = max(map(sum, polynomial))
@@ -83,12 +103,30 @@ def is_sum_of_squares(polynomial: Polynomial) -> list[Constraint]:
 
 
 def s_procedure(positive: Polynomial, zero: Polynomial, multiplier: Polynomial) -> list[Constraint]:
-    """Return the constraints by which p ≥ 0 wherever g = 0: p − L·g is a sum of squares (Eq. 4.5, one equality)."""
+    """Return the constraints by which p ≥ 0 wherever g = 0: p − L·g is a sum of squares (Eq. 4.5, one equality).
+
+    Parameters
+    ----------
+    positive : Polynomial
+        p.
+    zero : Polynomial
+        g.
+    multiplier : Polynomial
+        L, with variables of cvxpy as coefficients.
+    """
     return is_sum_of_squares(positive - multiplier * zero)
 
 
 def lyapunov_function(cost: np.ndarray, state: tuple[Polynomial, Polynomial]) -> Polynomial:
-    """Return V = x̄ᵀSx̄ (Eq. 4.7); with Ṡ for S its partial derivative ∂V/∂t."""
+    """Return V = x̄ᵀSx̄ (Eq. 4.7); with Ṡ for S its partial derivative ∂V/∂t.
+
+    Parameters
+    ----------
+    cost : numpy.ndarray, shape (2, 2)
+        S, symmetric.
+    state : tuple of two Polynomial
+        Error x̄ = (e, ω) in rad and rad/s.
+    """
     e, w = state
     return e * e * cost[0, 0] + e * w * (2 * cost[0, 1]) + w * w * cost[1, 1]
 
@@ -96,7 +134,21 @@ def lyapunov_function(cost: np.ndarray, state: tuple[Polynomial, Polynomial]) ->
 def lyapunov_rate(
     loops: ClosedLoops, point: int, pendulum: int, state: tuple[Polynomial, Polynomial], degree: int
 ) -> Polynomial:
-    """Return V̇ = ∂V/∂t + ∂V/∂x̄·f (Eq. 2.17) with the sine's Taylor polynomial of a degree about θ0."""
+    """Return V̇ = ∂V/∂t + ∂V/∂x̄·f (Eq. 2.17) with the sine's Taylor polynomial of a degree about θ0.
+
+    Parameters
+    ----------
+    loops : ClosedLoops
+        Pendulums under their regulator.
+    point : int
+        Point of the grid of `loops`.
+    pendulum : int
+        Index of the pendulum.
+    state : tuple of two Polynomial
+        Error x̄ = (e, ω) in rad and rad/s.
+    degree : int
+        Degree of the Taylor polynomial.
+    """
     pendulums = loops.pendulums
     inertia, damping, gravity = (
         np.broadcast_to(values, len(pendulums.labels))[pendulum]
@@ -122,7 +174,13 @@ def lyapunov_rate(
 
 
 class RateProgramme:
-    """Eq. 4.6 at one moment, divided by ρ: the smallest ρ̇/ρ with −V̇ + ρ̇ + L·(V − ρ) a sum of squares."""
+    """Eq. 4.6 at one moment, divided by ρ: the smallest ρ̇/ρ with −V̇ + ρ̇ + L·(V − ρ) a sum of squares.
+
+    Parameters
+    ----------
+    degree : int
+        Degree of the sine's Taylor polynomial.
+    """
 
     def __init__(self, degree: int):
         import cvxpy as cp
@@ -137,7 +195,18 @@ class RateProgramme:
         self._problem = cp.Problem(cp.Minimize(self._rate), constraints)
 
     def solve(self, loops: ClosedLoops, point: int, pendulum: int, level: float) -> float:
-        """Return the smallest ρ̇/ρ in 1/s of one pendulum at one point of the grid of `loops`, where ρ is `level`.
+        """Return the smallest ρ̇/ρ in 1/s of one pendulum at one moment.
+
+        Parameters
+        ----------
+        loops : ClosedLoops
+            Pendulums under their regulator.
+        point : int
+            Point of the grid of `loops`.
+        pendulum : int
+            Index of the pendulum.
+        level : float
+            ρ > 0 at this point, dimensionless.
 
         Raises
         ------
@@ -170,7 +239,19 @@ class RateProgramme:
 def rate_differences(loops: ClosedLoops, level: np.ndarray, knots: list[int]) -> np.ndarray:
     """Return the largest difference of the rates that the alternation's programme and Eq. 4.6 in cvxpy certify, in 1/s.
 
-    Rates are compared at `knots`; the result has shape (pendulums,). `level` is ρ at the knots of `loops`, (knots, pendulums).
+    Parameters
+    ----------
+    loops : ClosedLoops
+        Pendulums under their regulator.
+    level : numpy.ndarray, shape (knots, pendulums)
+        ρ at all knots of `loops`, dimensionless.
+    knots : list of int
+        Knots at which the rates are compared.
+
+    Returns
+    -------
+    numpy.ndarray, shape (pendulums,)
+        Difference in 1/s.
     """
     own, written, labels = Certificate(DEGREE, ACCURACY), RateProgramme(DEGREE), loops.pendulums.labels
     differences = np.zeros((len(knots), len(labels)))
@@ -193,11 +274,23 @@ CHECK = "thesis, Eq. 4.6 in cvxpy"
 def cross_check(
     boa: pd.DataFrame, trajectories: list[Trajectory], settings: StabilitySettings
 ) -> tuple[pd.DataFrame, list[Failure]]:
-    """Fill ``sos_cvxpy_difference`` of the rows with the method thesis.
+    """Fill ``sos_cvxpy_difference`` of the rows with the method thesis; the programmes are compared on the exact funnels.
 
-    `boa` holds the summaries of all lifts, rows of ``boa.csv``, `trajectories` the valid ones of all lifts in the thesis's
-    convention. The programmes are compared on the exact funnels. Failures are the basins at which the two formulations do not
-    agree, or one of them has no optimum.
+    Parameters
+    ----------
+    boa : pandas.DataFrame
+        Rows of ``boa.csv`` of all lifts.
+    trajectories : list of Trajectory
+        Valid trajectories of all lifts in the thesis's convention.
+    settings : StabilitySettings
+        Settings of the study.
+
+    Returns
+    -------
+    boa : pandas.DataFrame
+        With the column filled, in 1/s.
+    failures : list of Failure
+        Basins at which the two formulations do not agree, or one of them has no optimum.
     """
     rows = boa["method"] == "thesis"
     if "cvxpy" not in settings.checks or not rows.any():

@@ -64,10 +64,21 @@ def _circle(samples: int) -> tuple[np.ndarray, ...]:
 
 
 def boundary_growth(form: NormalForm, level: np.ndarray) -> np.ndarray:
-    """Return the largest V̇/ρ on the boundary V = ρ in 1/s, shape (...).
+    """Return the largest V̇/ρ on the boundary V = ρ in 1/s.
 
     The boundary moves inward everywhere if this is negative; {V ≤ ρ(t)} is invariant as long as ρ̇/ρ is not below it.
-    `level` is ρ > 0, shape (...); its axes before those of `form` are levels of the same pendulums.
+
+    Parameters
+    ----------
+    form : NormalForm
+        V̇/ρ in normal coordinates.
+    level : numpy.ndarray, shape (...)
+        ρ > 0, dimensionless; axes before those of `form` are levels of the same pendulums.
+
+    Returns
+    -------
+    numpy.ndarray, shape (...)
+        V̇/ρ in 1/s.
     """
     # Sample the boundary, more densely for wider ellipses.
     root = np.sqrt(level)
@@ -129,7 +140,7 @@ class Funnels:
 
     method: str
     duration: np.ndarray
-    """Shape (pendulums,): seconds."""
+    """Shape (pendulums,): s."""
     cost: np.ndarray
     """Shape (knots, pendulums, 3): S(t)."""
     level: np.ndarray
@@ -166,7 +177,14 @@ class FunnelVariants:
 
 
 def exact_funnels(loops: ClosedLoops, terminal_level: float = 1.0) -> Funnels:
-    """Compute the largest invariant funnels of V = x̄ᵀSx̄ that end in {V ≤ ρ(T)}, ρ(T) = `terminal_level`.
+    """Compute the largest invariant funnels of V = x̄ᵀSx̄ that end in {V ≤ ρ(T)}.
+
+    Parameters
+    ----------
+    loops : ClosedLoops
+        Pendulums under their regulator, with the V of the funnels.
+    terminal_level : float, default 1.0
+        ρ(T), dimensionless.
 
     Raises
     ------
@@ -184,15 +202,20 @@ def funnel_variants(
     Parameters
     ----------
     loops : ClosedLoops
-        With the V of the funnels.
-    terminal_level : float
-        ρ(T).
-    margin : float
+        Pendulums under their regulator, with the V of the funnels.
+    terminal_level : float, default 1.0
+        ρ(T), dimensionless.
+    margin : float, default 0.0
         In 1/s: in those with a margin d ln ρ/dt is greater by it than the largest V̇/ρ; their area is about
         exp(−margin·T/2) of the exact one.
-    negative_control : float
+    negative_control : float, default 0.0
         In the negative control ρ falls faster by this share of |d ln ρ/dt|. (Scaling ρ itself would be no control: a
         linear loop's funnel stays invariant.)
+
+    Raises
+    ------
+    NumericalError
+        The goal set extends π rad or more from the trajectory, or a basin more than `MAX_SEMI_AXIS_RAD`.
     """
     pendulums = loops.pendulums
     # A goal set with the pendulum in every position: no funnel about a trajectory contains it.
@@ -230,14 +253,26 @@ def funnel_variants(
 
 
 def integrate_backward(loops: ClosedLoops, goal: np.ndarray, slope: Callable) -> np.ndarray:
-    """Integrate ln ρ backward from its value at T, from knot to knot; shape (knots, ..., pendulums).
+    """Integrate ln ρ backward from its value at T, from knot to knot.
 
     Adams's method of order 4, predicted and corrected with one search of the boundary per knot, started by Runge–Kutta steps: the
     equation for ln ρ is not stiff. The largest of several peaks has a kink at which another takes over: if predicted and
     corrected slope differ by more than `KINK`, the trapezoidal rule counts too and the largest is taken. It is never below the
     mean of a convex slope, so that ρ does not come out too large.
 
-    `goal` is ln ρ(T), shape (..., pendulums); `slope` gives d ln ρ/dt of (point of the grid, ln ρ).
+    Parameters
+    ----------
+    loops : ClosedLoops
+        Pendulums under their regulator.
+    goal : numpy.ndarray, shape (..., pendulums)
+        ln ρ(T).
+    slope : callable
+        Returns d ln ρ/dt in 1/s from a point of the grid and ln ρ.
+
+    Returns
+    -------
+    numpy.ndarray, shape (knots, ..., pendulums)
+        ln ρ.
     """
     log_level = np.empty((loops.knots, *goal.shape))
     log_level[-1] = goal
@@ -270,6 +305,13 @@ def reachable_area(loops: ClosedLoops, terminal_level: float = 1.0) -> np.ndarra
     By Liouville's theorem an area in phase space shrinks at the rate (b + K2)/I, whatever the
     nonlinearity: the area is that of the goal set times exp ∫(b + K2)/I dt. No funnel can be larger; how
     much smaller it is shows the cost of the choice of V.
+
+    Parameters
+    ----------
+    loops : ClosedLoops
+        Pendulums under their regulator.
+    terminal_level : float, default 1.0
+        ρ(T), dimensionless.
     """
     from scipy.integrate import simpson
 
@@ -285,7 +327,12 @@ LYAPUNOV_TOLERANCE = 1e-9
 def replace_lyapunov_function(loops: ClosedLoops, share: float | np.ndarray) -> ClosedLoops:
     """Return the same loops with the V of one λ, or each with its own.
 
-    The loops given have the Riccati solution; `share` is λ, a number or of shape (pendulums,).
+    Parameters
+    ----------
+    loops : ClosedLoops
+        Loops with the Riccati solution.
+    share : float or numpy.ndarray, shape (pendulums,)
+        λ from 0 to 1.
 
     Raises
     ------
@@ -337,7 +384,14 @@ def replace_lyapunov_function(loops: ClosedLoops, share: float | np.ndarray) -> 
 def best_of_family(loops: ClosedLoops, terminal_level: float, shares: Sequence[float]) -> Funnels:
     """Return the exact funnels of the largest average cross-section of each pendulum in the family.
 
-    `loops` have the Riccati solution; `terminal_level` is ρ(T), and `shares` are the λ to try.
+    Parameters
+    ----------
+    loops : ClosedLoops
+        Loops with the Riccati solution.
+    terminal_level : float
+        ρ(T), dimensionless.
+    shares : sequence of float
+        Each λ to try, from 0 to 1.
     """
     count = len(loops.pendulums.labels)
     every = loops.select(np.tile(np.arange(count), len(shares)))

@@ -37,7 +37,15 @@ UNIT, TINY = 2.0**-52, 2.0**-1074
 
 
 class Interval:
-    """Closed intervals [low, high], element by element; both arrays have the same shape."""
+    """Closed intervals [low, high], element by element.
+
+    Parameters
+    ----------
+    low : array_like
+        Lower ends.
+    high : array_like, optional
+        Upper ends, same shape; default: `low`.
+    """
 
     __slots__ = ("high", "low")
 
@@ -132,6 +140,17 @@ class IntervalBounds:
     """Pieces of time times arcs of the boundary.
 
     Holds the coefficients of g on the pieces: in the middle, over the piece, and their rates over the piece.
+
+    Parameters
+    ----------
+    curves : Interpolants
+        Interpolants through the knots.
+    index : numpy.ndarray, shape (pieces,)
+        Interval and pendulum of each piece: interval times the number of pendulums, plus the pendulum.
+    middle : numpy.ndarray, shape (pieces,)
+        Middle of each piece as a share of its interval.
+    width : float
+        Length of the pieces as a share of an interval.
     """
 
     def __init__(self, curves: Interpolants, index: np.ndarray, middle: np.ndarray, width: float):
@@ -150,7 +169,22 @@ class IntervalBounds:
         self.rates = _coefficient_rates(whole, self.whole, gravity)
 
     def bounds(self, piece: np.ndarray, arcs: np.ndarray, radius: float) -> tuple[np.ndarray, np.ndarray]:
-        """Return a lower bound of g in the middle of each box and an upper bound on it."""
+        """Return a lower bound of g in the middle of each box and an upper bound on it.
+
+        Parameters
+        ----------
+        piece : numpy.ndarray, shape (boxes,)
+            Index of each box's piece of time.
+        arcs : numpy.ndarray, shape (boxes,)
+            Middle of each box's arc, φ in rad.
+        radius : float
+            Half the length of the arcs in rad.
+
+        Returns
+        -------
+        low, high : numpy.ndarray, shape (boxes,)
+            Bounds in 1/s.
+        """
         c, s = Interval(arcs).cos(), Interval(arcs).sin()
         at, over, rates = (
             {name: values[piece] for name, values in each.items()}
@@ -245,12 +279,19 @@ BOXES_AT_ONCE = 200_000
 
 
 def interpolants(loops: ClosedLoops, funnels: Funnels) -> Interpolants:
-    """Return the stated interpolants through the funnel's knots.
+    """Return the interpolants of the proof through the funnel's knots.
+
+    Parameters
+    ----------
+    loops : ClosedLoops
+        Pendulums under their regulator.
+    funnels : Funnels
+        Funnels of the same pendulums.
 
     Raises
     ------
     NumericalError
-        The funnel has fewer than four knots, or they do not lie among those of `loops`.
+        The funnel has fewer than four knots, or they are not evenly among those of `loops`.
     """
     from scipy.interpolate import CubicSpline
 
@@ -281,8 +322,13 @@ def interpolants(loops: ClosedLoops, funnels: Funnels) -> Interpolants:
 def proved_share(loops: ClosedLoops, funnels: Funnels) -> np.ndarray:
     """Return the share of the time axis on which the funnel is proved invariant, shape (pendulums,).
 
-    The funnel must have a margin (`funnel_variants`): the exact one touches g = 0 at all times and no
-    finite precision can prove that.
+    Parameters
+    ----------
+    loops : ClosedLoops
+        Pendulums under their regulator.
+    funnels : Funnels
+        Funnels with a margin (`funnel_variants`): the exact one touches g = 0 at all times and no finite precision can prove
+        that.
     """
     curves = interpolants(loops, funnels)
     intervals, count = next(iter(curves.pieces.values())).shape[1:]

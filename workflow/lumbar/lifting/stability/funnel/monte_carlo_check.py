@@ -30,15 +30,23 @@ class MonteCarloCheck:
 
 
 def monte_carlo_check(loops: ClosedLoops, funnels: Funnels, starts: int, seed: list[int]) -> MonteCarloCheck:
-    """Simulate `starts` of each pendulum's first cross-section, half of them on its boundary, half inside.
+    """Simulate starts in each pendulum's first cross-section, half of them on its boundary, half inside.
 
-    The funnels are of the same pendulums; their knots lie evenly among those of `loops`.
+    Parameters
+    ----------
+    loops : ClosedLoops
+        Pendulums under their regulator.
+    funnels : Funnels
+        Funnels of the same pendulums; their knots are evenly among those of `loops`.
+    starts : int
+        Number of starts per pendulum.
+    seed : list of int
+        Seed of the random numbers.
 
     Raises
     ------
     NumericalError
-        The levels do not lie evenly among the knots of `loops`, or these are too far apart (see
-        `simulate`).
+        The funnels' knots are not evenly among those of `loops`, or these are too far apart (see `simulate`).
     """
     # Starts in the first cross-section.
     generator = np.random.default_rng(seed)
@@ -81,6 +89,7 @@ def simulate(loops: ClosedLoops, start: np.ndarray):
     knot : int
         Every one, or every few if the closed loop is slow enough.
     state : numpy.ndarray, shape (2, pendulums, starts)
+        Error at this knot, units as in `start`.
 
     Raises
     ------
@@ -100,7 +109,22 @@ def simulate(loops: ClosedLoops, start: np.ndarray):
 def preimage(loops: ClosedLoops, edge: np.ndarray) -> np.ndarray:
     """Follow states at T backward to t = 0 with the true sine: from the edge of a goal set to that of all states that reach it.
 
-    `edge` holds errors x̄ at T, shape (2, pendulums, points).
+    Parameters
+    ----------
+    loops : ClosedLoops
+        Pendulums under their regulator.
+    edge : numpy.ndarray, shape (2, pendulums, points)
+        Errors x̄ at T in rad and rad/s.
+
+    Returns
+    -------
+    numpy.ndarray, shape (2, pendulums, points)
+        Errors at t = 0.
+
+    Raises
+    ------
+    NumericalError
+        The knots are too far apart for the closed loop's fastest mode.
     """
     rate, stiffness, damping = _dynamics(loops)
     _stride(loops, stiffness, damping)
@@ -161,13 +185,34 @@ def _stride(loops: ClosedLoops, stiffness: np.ndarray, damping: np.ndarray) -> i
 
 
 def quadratic_form(cost: np.ndarray, state: np.ndarray) -> np.ndarray:
-    """Return V = x̄ᵀSx̄ (Eq. 4.7) of states of shape (2, pendulums, starts)."""
+    """Return V = x̄ᵀSx̄ (Eq. 4.7), shape (pendulums, starts).
+
+    Parameters
+    ----------
+    cost : numpy.ndarray, shape (pendulums, 3)
+        S.
+    state : numpy.ndarray, shape (2, pendulums, starts)
+        x̄ in rad and rad/s.
+    """
     s11, s12, s22 = (cost[:, entry, None] for entry in range(3))
     return s11 * state[0] ** 2 + 2 * s12 * state[0] * state[1] + s22 * state[1] ** 2
 
 
 def upper_share(exits: np.ndarray, starts: int) -> np.ndarray:
-    """Return the upper end of the Clopper–Pearson 95 % interval for `exits` of `starts`."""
+    """Return the upper end of the Clopper–Pearson 95 % interval of a share.
+
+    Parameters
+    ----------
+    exits : numpy.ndarray, shape (...)
+        Number of starts that left.
+    starts : int
+        Number of starts.
+
+    Returns
+    -------
+    numpy.ndarray, shape (...)
+        Share from 0 to 1.
+    """
     from scipy.special import betaincinv
 
     exits = np.asarray(exits)

@@ -18,14 +18,32 @@ from lumbar.lifting.stability.model.eqs_4_1_to_4_4_closed_loop import NormalForm
 
 
 def monomials(degree: int) -> list[tuple[int, int]]:
-    """Return the exponents of all monomials in two variables up to a degree."""
+    """Return the exponents of all monomials in two variables up to a degree.
+
+    Parameters
+    ----------
+    degree : int
+        Largest total degree.
+    """
     return [(total - second, second) for total in range(degree + 1) for second in range(total + 1)]
 
 
 def growth_polynomial(form: NormalForm, level: np.ndarray, degree: int) -> np.ndarray:
-    """Return the coefficients of V̇/ρ in z with the Taylor polynomial of sin(θ0 + e) in e, shape (..., monomials of degree + 1).
+    """Return the coefficients of V̇/ρ in z with the Taylor polynomial of sin(θ0 + e) in e.
 
-    `level` is ρ, of the same shape (...) as the entries of `form`.
+    Parameters
+    ----------
+    form : NormalForm
+        V̇/ρ in normal coordinates, entries of shape (...).
+    level : numpy.ndarray, shape (...)
+        ρ, dimensionless.
+    degree : int
+        Degree of the Taylor polynomial.
+
+    Returns
+    -------
+    numpy.ndarray, shape (..., monomials of degree + 1)
+        Coefficients in 1/s.
     """
     index = {exponents: position for position, exponents in enumerate(monomials(degree + 1))}
     coefficients = np.zeros((*np.shape(level), len(index)))
@@ -43,9 +61,17 @@ def growth_polynomial(form: NormalForm, level: np.ndarray, degree: int) -> np.nd
 
 @cache
 def harmonics_of_monomials(degree: int) -> np.ndarray:
-    """Return the matrix from coefficients of monomials up to `degree` to harmonics 1, cos φ, sin φ, cos 2φ, ….
+    """Return the matrix from coefficients of monomials to harmonics 1, cos φ, sin φ, cos 2φ, ….
 
-    Its entries are dyadic rationals and exact.
+    Parameters
+    ----------
+    degree : int
+        Largest total degree.
+
+    Returns
+    -------
+    numpy.ndarray, shape (2·degree + 1, monomials)
+        Entries are dyadic rationals and exact.
     """
     samples = 4 * (degree + 1)
     angle = 2 * np.pi * np.arange(samples) / samples
@@ -57,7 +83,15 @@ def harmonics_of_monomials(degree: int) -> np.ndarray:
 
 
 def harmonics(order: int, angle: np.ndarray) -> np.ndarray:
-    """Return the values of 1, cos φ, sin φ, …, cos nφ, sin nφ, shape (2n + 1, angles)."""
+    """Return the values of 1, cos φ, sin φ, …, cos nφ, sin nφ, shape (2n + 1, angles).
+
+    Parameters
+    ----------
+    order : int
+        n.
+    angle : numpy.ndarray, shape (angles,)
+        φ in rad.
+    """
     rows = [np.ones_like(angle)]
     for multiple in range(1, order + 1):
         rows += [np.cos(multiple * angle), np.sin(multiple * angle)]
@@ -71,7 +105,17 @@ NEGLIGIBLE = 1e-8
 def circle_maximum(coefficients: np.ndarray, degree: int) -> np.ndarray:
     """Return the largest value on the unit circle: samples, then Newton's method from the best of each part.
 
-    `coefficients` have shape (..., monomials).
+    Parameters
+    ----------
+    coefficients : numpy.ndarray, shape (..., monomials)
+        Coefficients of polynomials over `monomials`.
+    degree : int
+        Their total degree.
+
+    Returns
+    -------
+    numpy.ndarray, shape (...)
+        In the coefficients' unit.
     """
     # The best sample of every part of the circle.
     amplitudes = coefficients @ harmonics_of_monomials(degree).T
@@ -103,7 +147,18 @@ def _powers(angle: np.ndarray, degree: int) -> np.ndarray:
 
 
 def gram_map(degree: int) -> np.ndarray:
-    """Return the matrix that takes the scaled upper triangle of G, column by column, to the coefficients of bᵀGb."""
+    """Return the matrix that takes the scaled upper triangle of G, column by column, to the coefficients of bᵀGb.
+
+    Parameters
+    ----------
+    degree : int
+        The sine's Taylor degree.
+
+    Returns
+    -------
+    numpy.ndarray, shape (monomials of degree + 1, triangle)
+        Γ.
+    """
     index = {exponents: position for position, exponents in enumerate(monomials(degree + 1))}
     basis = monomials((degree + 1) // 2)
     triangle = [(row, column) for column in range(len(basis)) for row in range(column + 1)]
@@ -115,7 +170,18 @@ def gram_map(degree: int) -> np.ndarray:
 
 
 def circle_map(degree: int) -> np.ndarray:
-    """Return the matrix that takes the coefficients of L to those of L·(1 − |z|²)."""
+    """Return the matrix that takes the coefficients of L to those of L·(1 − |z|²).
+
+    Parameters
+    ----------
+    degree : int
+        The sine's Taylor degree.
+
+    Returns
+    -------
+    numpy.ndarray, shape (monomials of degree + 1, monomials of degree − 1)
+        Dimensionless.
+    """
     index = {exponents: position for position, exponents in enumerate(monomials(degree + 1))}
     matrix = np.zeros((len(index), len(monomials(degree - 1))))
     for column, (i, j) in enumerate(monomials(degree - 1)):
@@ -140,8 +206,8 @@ class SumOfSquares:
         F.
     grams : list of numpy.ndarray, shape (coefficients, triangle)
         Γ of each Gram matrix.
-    tolerance : float
-        Of gaps and residuals.
+    tolerance : float, default 1e-8
+        Tolerance of gaps and residuals.
     """
 
     def __init__(self, cost: np.ndarray, free: np.ndarray, grams: list[np.ndarray], tolerance: float = 1e-8):
@@ -171,7 +237,18 @@ class SumOfSquares:
         self.status = ""
 
     def solve(self, target: np.ndarray) -> np.ndarray | None:
-        """Return y, or None unless the solver's status is "solved" ("almost solved" is not)."""
+        """Return y, or None unless the solver's status is "solved" ("almost solved" is not).
+
+        Parameters
+        ----------
+        target : numpy.ndarray, shape (coefficients,)
+            Right-hand side.
+
+        Returns
+        -------
+        numpy.ndarray, shape (free,), or None
+            y.
+        """
         self._target[: self._equations] = target
         self._solver.update(b=self._target)
         solution = self._solver.solve()
@@ -180,7 +257,15 @@ class SumOfSquares:
 
 
 class Certificate:
-    """Eq. 4.6 with ρ given and ρ̇ a variable, at one Taylor degree and many knots."""
+    """Eq. 4.6 with ρ given and ρ̇ a variable, at one Taylor degree and many knots.
+
+    Parameters
+    ----------
+    degree : int
+        The sine's Taylor degree.
+    accuracy : float, default 1e-8
+        Tolerance of the solver.
+    """
 
     def __init__(self, degree: int, accuracy: float = 1e-8):
         constant = np.eye(len(monomials(degree + 1)))[:, :1]
@@ -190,6 +275,20 @@ class Certificate:
 
     def solve(self, coefficients: np.ndarray, label: str) -> tuple[float, np.ndarray]:
         """Return the smallest certified rate r in 1/s and the coefficients of L.
+
+        Parameters
+        ----------
+        coefficients : numpy.ndarray, shape (monomials of degree + 1,)
+            v = V̇/ρ in 1/s.
+        label : str
+            Name of the pendulum, for messages.
+
+        Returns
+        -------
+        rate : float
+            r in 1/s.
+        multiplier : numpy.ndarray, shape (monomials of degree − 1,)
+            L in 1/s.
 
         Raises
         ------

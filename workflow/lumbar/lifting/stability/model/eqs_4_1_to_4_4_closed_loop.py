@@ -32,8 +32,11 @@ class LinearPendulum(NamedTuple):
     """A = [[0, 1], [a21, a22]] and B = [0, b2] (Eq. 4.3)."""
 
     a21: np.ndarray
+    """Shape (..., pendulums): 1/s²."""
     a22: np.ndarray
+    """Shape (pendulums,): 1/s."""
     b2: np.ndarray
+    """Shape (pendulums,): 1/(kg·m²)."""
 
 
 @dataclass(frozen=True)
@@ -51,11 +54,16 @@ class Pendulums:
     duration: np.ndarray
     """Shape (pendulums,): length T of each trajectory in seconds."""
     angle: np.ndarray
-    """Shape (points, pendulums): θ0 in rad on an even grid from t = 0 to T: the knots and the points halfway between them.
-    """
+    """Shape (points, pendulums): θ0 in rad on an even grid from t = 0 to T: the knots and the points halfway between."""
 
     def linearisation(self, angle: np.ndarray) -> LinearPendulum:
-        """Return the linearised pendulum (Eq. 4.3) at angles of shape (..., pendulums)."""
+        """Return the linearised pendulum (Eq. 4.3) at some angles.
+
+        Parameters
+        ----------
+        angle : numpy.ndarray, shape (..., pendulums)
+            θ0 in rad.
+        """
         stiffness = self.gravity_torque * np.cos(angle)
         return LinearPendulum(-stiffness / self.inertia, -self.damping / self.inertia, 1 / self.inertia)
 
@@ -72,10 +80,10 @@ def gather(
     Parameters
     ----------
     trajectories : sequence of Trajectory
-        Valid ones.
+        Valid trajectories.
     sign : {"hanging", "inverted"} or sequence of them
-        Of all trajectories, or one per trajectory; `damping` likewise.
-    damping : float or numpy.ndarray
+        Sign of gravity of all trajectories, or one per trajectory.
+    damping : float or numpy.ndarray, shape (pendulums,)
         b in N·m·s/rad.
     gravity : float
         Gravitational acceleration in m/s².
@@ -101,7 +109,19 @@ def gather(
 
 
 def feedforward_torque(trajectory: Trajectory, sign: str, damping: float, gravity: float) -> np.ndarray:
-    """Return u0(t) in N·m by inverse dynamics of the reference states (Eq. 4.1)."""
+    """Return u0(t) in N·m by inverse dynamics of the reference states (Eq. 4.1), shape (samples,).
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+        Reference states of one pendulum.
+    sign : {"hanging", "inverted"}
+        Sign of gravity.
+    damping : float
+        b in N·m·s/rad.
+    gravity : float
+        Gravitational acceleration in m/s².
+    """
     inertia = trajectory.mass_kg * trajectory.length_m**2
     gravity_torque = SIGNS[sign] * trajectory.mass_kg * gravity * trajectory.length_m
     return (
@@ -112,7 +132,15 @@ def feedforward_torque(trajectory: Trajectory, sign: str, damping: float, gravit
 
 
 def remainder(angle: np.ndarray, error: np.ndarray) -> np.ndarray:
-    """Return h(e) = sin(θ0 + e) − sin θ0 − e·cos θ0, without cancellation for small e."""
+    """Return h(e) = sin(θ0 + e) − sin θ0 − e·cos θ0, without cancellation for small e.
+
+    Parameters
+    ----------
+    angle : numpy.ndarray, shape (...)
+        θ0 in rad.
+    error : numpy.ndarray, shape (...)
+        e in rad; broadcast with `angle`.
+    """
     return np.cos(angle) * (np.sin(error) - error) - 2 * np.sin(angle) * np.sin(error / 2) ** 2
 
 
@@ -134,25 +162,59 @@ class Weights:
 
     @classmethod
     def from_settings(cls, settings: RegulatorSettings) -> Weights:
-        """Return the weights of a configuration."""
+        """Return the weights of a configuration.
+
+        Parameters
+        ----------
+        settings : RegulatorSettings
+            Settings of the regulator.
+        """
         matrices = settings.state_weight, settings.terminal_weight
         state, terminal = (np.array([matrix[0][0], *matrix[1]]) for matrix in matrices)
         return cls(state, np.asarray(settings.control_weight), terminal)
 
 
 def determinant(matrix: np.ndarray) -> np.ndarray:
-    """Return the determinant of symmetric 2×2 matrices of shape (..., 3)."""
+    """Return the determinants of symmetric 2×2 matrices, shape (...).
+
+    Parameters
+    ----------
+    matrix : numpy.ndarray, shape (..., 3)
+        Entries 11, 12, 22.
+    """
     return matrix[..., 0] * matrix[..., 2] - matrix[..., 1] ** 2
 
 
 def gain(pendulums: Pendulums, control_weight: np.ndarray, cost: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return K1 (N·m/rad) and K2 (N·m·s/rad) of K = R⁻¹BᵀS (Eq. 4.4); `cost` has shape (..., 3)."""
+    """Return K1 (N·m/rad) and K2 (N·m·s/rad) of K = R⁻¹BᵀS (Eq. 4.4), each of shape (..., pendulums).
+
+    Parameters
+    ----------
+    pendulums : Pendulums
+        Pendulums that are computed together.
+    control_weight : numpy.ndarray, shape () or (pendulums,)
+        R in 1/(N²·m²·s).
+    cost : numpy.ndarray, shape (..., pendulums, 3)
+        S.
+    """
     scale = 1 / (pendulums.inertia * control_weight)
     return scale * cost[..., 1], scale * cost[..., 2]
 
 
 def riccati_rate(pendulums: Pendulums, weights: Weights, angle: np.ndarray, cost: np.ndarray) -> np.ndarray:
-    """Return −Ṡ = Q − SBR⁻¹BᵀS + SA + AᵀS (Eq. 4.2), shape (pendulums, 3)."""
+    """Return −Ṡ = Q − SBR⁻¹BᵀS + SA + AᵀS (Eq. 4.2), shape (pendulums, 3).
+
+    Parameters
+    ----------
+    pendulums : Pendulums
+        Pendulums that are computed together.
+    weights : Weights
+        Q and R of the regulator.
+    angle : numpy.ndarray, shape (pendulums,)
+        θ0 in rad.
+    cost : numpy.ndarray, shape (pendulums, 3)
+        S.
+    """
     a21, a22, b2 = pendulums.linearisation(angle)
     s11, s12, s22 = np.moveaxis(cost, -1, 0)
     control = b2**2 / weights.control
@@ -171,7 +233,18 @@ def cost_to_go(pendulums: Pendulums, weights: Weights) -> np.ndarray:
     """Integrate the Riccati equation backward from S(T) = Qf, adaptively.
 
     Method: Dormand–Prince of order 8; Radau's implicit method of order 5 for small inertias, which make the loop stiff.
-    S has shape (points, pendulums, 3), on the grid of ``pendulums.angle``.
+
+    Parameters
+    ----------
+    pendulums : Pendulums
+        Pendulums that are computed together.
+    weights : Weights
+        Weights of the regulator.
+
+    Returns
+    -------
+    numpy.ndarray, shape (points, pendulums, 3)
+        S on the grid of ``pendulums.angle``.
 
     Raises
     ------
@@ -218,7 +291,17 @@ def cost_to_go(pendulums: Pendulums, weights: Weights) -> np.ndarray:
 def cost_to_go_euler(pendulums: Pendulums, weights: Weights) -> np.ndarray:
     """Integrate the Riccati equation by Euler's method from knot to knot, as the thesis does.
 
-    S has shape (knots, pendulums, 3), at the knots (every other point of ``pendulums.angle``).
+    Parameters
+    ----------
+    pendulums : Pendulums
+        Pendulums that are computed together.
+    weights : Weights
+        Weights of the regulator.
+
+    Returns
+    -------
+    numpy.ndarray, shape (knots, pendulums, 3)
+        S at the knots (every other point of ``pendulums.angle``).
 
     Raises
     ------
@@ -254,24 +337,38 @@ class NormalForm:
     """V̇/ρ in normal coordinates, apart from the level ρ; every entry has shape (..., pendulums)."""
 
     angle: np.ndarray
+    """θ0 in rad."""
     amplitude: np.ndarray
+    """Largest e on the ellipse V = 1 in rad."""
     alpha: np.ndarray
+    """α, the factor of −z1², in 1/s."""
     beta: np.ndarray
+    """β, the factor of −2·z1·z2, in 1/s."""
     gamma: np.ndarray
+    """γ, the factor of −z2², in 1/s."""
     coupling: np.ndarray
-    """2·(σmgℓ/I)·√s22: κ is this divided by √ρ."""
+    """2·(σmgℓ/I)·√s22 in 1/s: κ is this divided by √ρ."""
 
 
 class NormalAxes(NamedTuple):
     """Numbers of the ellipse x̄ᵀSx̄ = 1: e = a·z1, ω = p·z1 + q·z2 with z on the unit circle."""
 
     a: np.ndarray
+    """Shape (...): rad."""
     p: np.ndarray
+    """Shape (...): rad/s."""
     q: np.ndarray
+    """Shape (...): rad/s."""
 
 
 def normal_axes(cost: np.ndarray) -> NormalAxes:
-    """Return the axes of the ellipses of S, shape (..., 3)."""
+    """Return the axes of the ellipses of S, each of shape (...).
+
+    Parameters
+    ----------
+    cost : numpy.ndarray, shape (..., 3)
+        S.
+    """
     s12, s22 = cost[..., 1], cost[..., 2]
     amplitude = np.sqrt(s22 / determinant(cost))
     return NormalAxes(amplitude, -amplitude * s12 / s22, 1 / np.sqrt(s22))
@@ -301,7 +398,13 @@ class ClosedLoops:
         return self.pendulums.duration / (self.knots - 1)
 
     def form(self, point) -> NormalForm:
-        """Return V̇/ρ in normal coordinates at points of the grid (an index or a slice)."""
+        """Return V̇/ρ in normal coordinates at some points of the grid.
+
+        Parameters
+        ----------
+        point : int or slice
+            Points of the grid.
+        """
         return NormalForm(**{name: values[point] for name, values in vars(self._form).items()})
 
     @cached_property
@@ -318,7 +421,13 @@ class ClosedLoops:
         )
 
     def select(self, index: np.ndarray) -> ClosedLoops:
-        """Return the loops of these pendulums, which may repeat."""
+        """Return the loops of some pendulums.
+
+        Parameters
+        ----------
+        index : numpy.ndarray, shape (selected,)
+            Indices of the pendulums, which may repeat.
+        """
         labels = tuple(self.pendulums.labels[number] for number in index)
         arrays = {
             name: values[..., index] for name, values in vars(self.pendulums).items() if name != "labels"
@@ -331,12 +440,30 @@ class ClosedLoops:
 
 
 def regulate(pendulums: Pendulums, weights: Weights) -> ClosedLoops:
-    """Close the loop with the finite-horizon regulator (Eqs 4.2 and 4.4)."""
+    """Close the loop with the finite-horizon regulator (Eqs 4.2 and 4.4).
+
+    Parameters
+    ----------
+    pendulums : Pendulums
+        Pendulums that are computed together.
+    weights : Weights
+        Weights of the regulator.
+    """
     return close_with_cost(pendulums, weights, cost_to_go(pendulums, weights))
 
 
 def close_with_cost(pendulums: Pendulums, weights: Weights, cost: np.ndarray) -> ClosedLoops:
-    """Close the loop with the gain of a given solution S of the Riccati equation."""
+    """Close the loop with the gain of a given solution of the Riccati equation.
+
+    Parameters
+    ----------
+    pendulums : Pendulums
+        Pendulums that are computed together.
+    weights : Weights
+        Weights of the regulator.
+    cost : numpy.ndarray, shape (points, pendulums, 3)
+        S on the grid of ``pendulums.angle``.
+    """
     k1, k2 = gain(pendulums, weights.control, cost)
     # Q + SBR⁻¹BᵀS = Q + KᵀRK: V falls along the linear loop as V̇ = −x̄ᵀ(Q + KᵀRK)x̄.
     feedback = np.asarray(weights.control)[..., None] * np.stack([k1**2, k1 * k2, k2**2], axis=-1)
@@ -346,7 +473,17 @@ def close_with_cost(pendulums: Pendulums, weights: Weights, cost: np.ndarray) ->
 def close_loops(
     trajectories: Sequence[Trajectory], sign: str | Sequence[str], settings: StabilitySettings
 ) -> ClosedLoops:
-    """Put the trajectories under the regulator of the configuration; see `gather` for `sign`."""
+    """Put the trajectories under the regulator of the configuration.
+
+    Parameters
+    ----------
+    trajectories : sequence of Trajectory
+        Valid trajectories.
+    sign : {"hanging", "inverted"} or sequence of them
+        Sign of gravity of all trajectories, or one per trajectory.
+    settings : StabilitySettings
+        Settings of the study.
+    """
     given = settings.pendulum
     pendulums = gather(trajectories, sign, given.damping_N_m_s, given.gravity_m_s2, settings.knots)
     return regulate(pendulums, Weights.from_settings(settings.regulator))

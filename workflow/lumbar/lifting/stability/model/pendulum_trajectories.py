@@ -63,9 +63,9 @@ class Trajectory:
     clock: str = "real"
     """``real``, or ``unit`` if the recorded movement is played in one second."""
     segment_ends: str = "inner"
-    """Key of `lumbar.settings.lifting`."""
+    """``inner`` if the trunk's segments end inside the body, ``skin`` if at the markers."""
     deposit_start: str = "descent"
-    """Key of `lumbar.settings.lifting`."""
+    """``descent`` of the box, or ``wrist_minimum``."""
 
     @property
     def label(self) -> str:
@@ -84,7 +84,15 @@ class Trajectory:
 
 
 def pendulum_label(trajectory: Trajectory, sign: str) -> str:
-    """Return the name of a trajectory's pendulum in messages and in `lumbar.base.errors.NumericalError.label`."""
+    """Return the name of a trajectory's pendulum in messages and in `lumbar.base.errors.NumericalError.label`.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+        Reference states of the pendulum.
+    sign : {"hanging", "inverted"}
+        Sign of gravity.
+    """
     return f"{trajectory.label} ({sign})"
 
 
@@ -93,6 +101,11 @@ def in_unit_time(trajectory: Trajectory) -> Trajectory:
 
     Mass, length, damping, gravity and the regulator's weights stay: this is another movement, not a change of units, which would
     only multiply every area by the duration.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+        Path as long as it was recorded.
     """
     duration = trajectory.duration
     return replace(
@@ -105,7 +118,13 @@ def in_unit_time(trajectory: Trajectory) -> Trajectory:
 
 
 def find_problems(trajectory: Trajectory) -> Problems:
-    """Return the problems that keep a trajectory from having a basin of attraction."""
+    """Return the problems that keep a trajectory from having a basin of attraction.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+        Trajectory to check.
+    """
     problems = Problems(trajectory.label)
     if len(trajectory.time) < MIN_SAMPLES:
         problems.add("", f"{len(trajectory.time)} samples", f"at least {MIN_SAMPLES} are needed")
@@ -170,7 +189,17 @@ class Failure:
 
     @classmethod
     def from_trajectory(cls, item: Trajectory, basin: str, reason: str) -> Failure:
-        """Return the failure of a basin of one trajectory."""
+        """Return the failure of a basin of one trajectory.
+
+        Parameters
+        ----------
+        item : Trajectory
+            Trajectory without this basin.
+        basin : str
+            Name of the basin: method and sign, or table.
+        reason : str
+            Reason of the failure, one sentence.
+        """
         return cls(item.subject, item.experience, item.box_mass_kg, item.com, item.plane, basin, reason)
 
 
@@ -179,6 +208,7 @@ class Convention:
     """Choices that make a pendulum of a recorded deposit."""
 
     sign: str
+    """Sign of gravity: a key of `SIGNS`."""
     time: str
     """``real`` if the movement lasts as long as it was recorded, ``unit`` if one second."""
     mass: str
@@ -188,6 +218,7 @@ class Convention:
     segment_ends: str
     """``inner`` if the trunk's segments end inside the body, ``skin`` if at the markers."""
     deposit_start: str
+    """``descent`` of the box, or ``wrist_minimum``."""
 
     def __str__(self) -> str:
         ends, start = f"{self.segment_ends} ends", f"from {self.deposit_start}"
@@ -214,7 +245,10 @@ class LiftStates:
     def trajectories(self, convention: Convention) -> tuple[list[Trajectory], list[Failure]]:
         """Return the valid trajectories of one convention, and the failures of the others.
 
-        Pivot, segment ends and start of the deposit are the study's or the thesis's.
+        Parameters
+        ----------
+        convention : Convention
+            Choices; every trajectory fails unless pivot, segment ends and start of the deposit are the study's or the thesis's.
         """
         choice = {name: getattr(convention, name) for name in CHOICES}
         thesis, options = self.facts.get("thesis_pendulum"), (convention.mass, convention.time)
@@ -243,7 +277,7 @@ def trajectories_of_lift(
         without a pendulum.
     mass : {"with_box", "without_box"}
         With or without the box in the pendulum's mass.
-    time : {"real", "unit"}
+    time : {"real", "unit"}, default "real"
         As long as it was recorded, or one second.
     """
     trajectories, failures, missing = [], [], facts.get("missing", {})
@@ -282,12 +316,26 @@ def trajectories_of_lift(
 
 
 def pendulum_choice(facts: Mapping) -> dict[str, str]:
-    """Return the choices in the facts of pendulum states, attributes of `PendulumChoice`."""
+    """Return the choices in the facts of pendulum states, attributes of `PendulumChoice`.
+
+    Parameters
+    ----------
+    facts : mapping
+        ``pendulum.json``.
+    """
     return {name: facts[name] for name in CHOICES}
 
 
 def headline(settings: StabilitySettings, facts: Mapping) -> Convention:
-    """Return the convention of the headline: the study's own choices, including those in a lift's facts."""
+    """Return the convention of the headline: the study's own choices, including those in a lift's facts.
+
+    Parameters
+    ----------
+    settings : StabilitySettings
+        Settings of the study.
+    facts : mapping
+        ``pendulum.json`` of any lift of the study.
+    """
     pendulum = settings.pendulum
     return Convention(pendulum.sign, pendulum.time, pendulum.mass, **pendulum_choice(facts))
 
@@ -309,9 +357,9 @@ def compute_together(
     Parameters
     ----------
     compute : callable
-        Result of some trajectories.
+        Returns the result of some trajectories.
     trajectories : list of Trajectory
-        All of them.
+        All trajectories.
     basin : str
         Name for `Failure.basin`.
     failures : list of Failure
@@ -349,7 +397,13 @@ def compute_together(
 
 
 def failures_frame(failures: list[Failure]) -> pd.DataFrame:
-    """Return failures as the rows of ``failures.csv``."""
+    """Return failures as the rows of ``failures.csv``.
+
+    Parameters
+    ----------
+    failures : list of Failure
+        Basins that could not be computed.
+    """
     import pandas as pd
 
     return pd.DataFrame(
@@ -358,7 +412,13 @@ def failures_frame(failures: list[Failure]) -> pd.DataFrame:
 
 
 def join_rows(frames: list[pd.DataFrame]) -> pd.DataFrame:
-    """Join the same table of several lifts; tables without rows do not affect the types."""
+    """Join the same table of several lifts; tables without rows do not affect the types.
+
+    Parameters
+    ----------
+    frames : list of pandas.DataFrame
+        At least one table, all with the same columns.
+    """
     import pandas as pd
 
     filled = [frame for frame in frames if len(frame)]
@@ -366,7 +426,13 @@ def join_rows(frames: list[pd.DataFrame]) -> pd.DataFrame:
 
 
 def announcement(path: str | os.PathLike) -> str:
-    """Return a message that names every basin in a ``failures.csv``; empty without any."""
+    """Return a message that names every basin in a ``failures.csv``; empty without any.
+
+    Parameters
+    ----------
+    path : str or os.PathLike
+        The ``failures.csv``.
+    """
     with Path(path).open(encoding="utf-8", newline="") as stream:
         rows = list(csv.DictReader(stream))
     if not rows:
@@ -380,7 +446,15 @@ def announcement(path: str | os.PathLike) -> str:
 
 
 def failures_table(failures: pd.DataFrame, source_label: str) -> Table:
-    """Return the basins that could not be computed as a published table; a row reports if none is missing."""
+    """Return the basins that could not be computed as a published table; a row reports if none is missing.
+
+    Parameters
+    ----------
+    failures : pandas.DataFrame
+        Rows of ``failures.csv`` of all lifts.
+    source_label : str
+        Source of the recordings, for the table's caption.
+    """
     none = failures.empty
     if none:
         failures = failures_frame([]).astype(object)

@@ -14,6 +14,13 @@ def torque_range(item: Trajectory, settings: StabilitySettings) -> tuple[float, 
 
     About the ankles the centre of pressure under the pendulum's weight stays below the feet; about the hips (or L5) strength
     is the limit, all of it for each pendulum. Positive torques turn forward or to the right.
+
+    Parameters
+    ----------
+    item : Trajectory
+        Trajectory of the pendulum.
+    settings : StabilitySettings
+        Settings of the study.
     """
     limits, weight = settings.limits, item.mass_kg * settings.pendulum.gravity_m_s2
     if item.plane == "lateral_bending":
@@ -35,7 +42,13 @@ class Reference:
 
 
 def reference_of(pendulums: Pendulums) -> Reference:
-    """Return u0 and θ̇0 of the cubic spline through the knots of θ0 (Eq. 4.1 solved for u)."""
+    """Return u0 and θ̇0 of the cubic spline through the knots of θ0 (Eq. 4.1 solved for u).
+
+    Parameters
+    ----------
+    pendulums : Pendulums
+        Pendulums on their grid.
+    """
     from scipy.interpolate import CubicSpline
 
     phase = np.linspace(0.0, 1.0, len(pendulums.angle))
@@ -55,7 +68,20 @@ def exceeds(
 ) -> np.ndarray:
     """Return whether u0 − K·x̄ leaves a range of torques anywhere in a funnel, shape (pendulums,).
 
-    On V = ρ (`level`) |K·x̄| ≤ √(ρ·K·S⁻¹·Kᵀ).
+    On V = ρ |K·x̄| ≤ √(ρ·K·S⁻¹·Kᵀ).
+
+    Parameters
+    ----------
+    loops : ClosedLoops
+        Pendulums under their regulator.
+    level : numpy.ndarray, shape (knots, pendulums)
+        ρ, dimensionless.
+    reference : Reference
+        Feedforward torque of the same pendulums.
+    lowest : float
+        Smallest torque of the range in N·m.
+    highest : float
+        Largest torque of the range in N·m.
     """
     points = slice(None, None, 2)
     s11, s12, s22 = np.moveaxis(loops.cost[points], -1, 0)

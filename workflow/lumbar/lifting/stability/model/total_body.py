@@ -25,7 +25,7 @@ def total_body_pendulum(body: pd.DataFrame, centres: pd.DataFrame, facts: Mappin
     Raises
     ------
     InputError
-        The recording does not hold the body's centre of mass, or not during the whole deposit.
+        The recording does not have the body's centre of mass, or not during the whole deposit.
     NumericalError
         It passes the pivot too closely.
     """
