@@ -125,7 +125,7 @@ def test_picture_has_the_safer_group_on_its_side(compared):
 def test_too_few_people_are_reported_and_not_tested(table):
     few = lumbar.compare_groups(table[table["person"].isin(["expert_0", "expert_1", "novice_0"])])
     between = few.table.frame[few.table.frame["comparison"] == "expert_vs_novice"]
-    assert between["p"].isna().all() and (between["safer"] == "cannot be told").all()
+    assert between["p"].isna().all() and (between["safer"] == "no interval").all()
     assert "2 persons (expert), 1 person (novice), at least 3" in between["remark"].iloc[0]
     assert "Nothing can be compared" in few.figure().get_suptitle()
     assert "at least 3 are needed" in str(few)

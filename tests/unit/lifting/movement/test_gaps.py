@@ -13,7 +13,7 @@ LIFTING = lumbar.load_settings().lifting
 RATE = 100.0
 TIME = np.arange(200) / RATE
 FILLED, TOO_LONG, AT_START, AT_END = "filled", "longer than allowed", "at the start", "at the end"
-ALONE, ISLAND = "too few frames beside it", "seen too briefly to be filtered: left out"
+ALONE, ISLAND = "too few frames next to it", "seen too briefly to be filtered: left out"
 TRUNK = {"T12": 1.2, "L5": 1.0, "L_HIP": 0.9, "R_HIP": 0.9}
 
 

@@ -87,7 +87,7 @@ class GroupComparison:
         """Safer side, or that the interval contains 0."""
         low, high = self.difference.low, self.difference.high
         if low is None:
-            return "cannot be told"
+            return "no interval"
         if low <= 0 <= high:
             return "not decided"
         higher, lower = self.sides if low > 0 else self.sides[::-1]

@@ -23,7 +23,7 @@ FILLED, TOO_LONG, AT_START, AT_END, ALONE, ISLAND = (
     "longer than allowed",
     "at the start",
     "at the end",
-    "too few frames beside it",
+    "too few frames next to it",
     "seen too briefly to be filtered: left out",
 )
 MIN_NEIGHBOURS = 2
