@@ -65,11 +65,17 @@ def entry_with(effect: str, form: str) -> dict:
     ("change", "message"),
     [
         *cases(__file__, "not_exported"),
-        (entry_with("inertia", "mass"), r"inertia\.mass: missing"),
-        (entry_with("ageing", "log"), "unknown effect 'ageing'.*coulomb_friction.*effect_files"),
-        (entry_with("hysteresis", "preisach"), "unknown form 'preisach'.*dahl"),
-        (entry_with("base", "KB"), "unknown effect 'base'"),
-        ({"parameters": [parameter("spring_stiffness", 1.0)] * 2}, "spring_stiffness: it is repeated"),
+        (entry_with("inertia", "mass"), r"models\.KB: parameters\.inertia\.mass: "),
+        (
+            entry_with("ageing", "log"),
+            "models.KB: structure.effects: .*'ageing'.*coulomb_friction.*improvement.effect_files",
+        ),
+        (entry_with("hysteresis", "preisach"), "structure.effects.hysteresis: .*'preisach'.*dahl, bouc_wen"),
+        (entry_with("base", "KB"), "structure.effects: .*'base'.*coulomb_friction"),
+        (
+            {"parameters": [parameter("spring_stiffness", 1.0)] * 2},
+            r"parameters\.spring_stiffness: .*parameters\.branch_stiffness: ",
+        ),
     ],
 )
 def test_entries_that_cannot_be_exported_are_rejected(change, message):
@@ -78,14 +84,14 @@ def test_entries_that_cannot_be_exported_are_rejected(change, message):
 
 
 def test_numbers_that_cannot_run_are_rejected():
-    with pytest.raises(InputError, match=r"delay\.\w+: 0; a number above 0"):
+    with pytest.raises(InputError, match=r"models\.KB\+delay: parameters\.delay\.\w+: 0\b"):
         exported(entry_of_effects("KB", {"delay/pure": ([], [0.0])}, TISSUE))
-    with pytest.raises(InputError, match=r"delay/pure: keeps 901 numbers at 100 Hz; at most 256"):
+    with pytest.raises(InputError, match=r"delay/pure: .*\b901\b.*100 Hz.*\b256\b.*runtime\.rate_Hz"):
         exported(entry_of_effects("KB", {"delay/pure": ([], [9.0])}, TISSUE))
 
 
 def test_overflow_is_an_error():
-    with pytest.raises(NumericalError, match="overflow"):
+    with pytest.raises(NumericalError, match=r"\bLE\b.*overflow"):
         response(("LE", "hardening_stiffness/exponential"), [0.0, 1e6])
 
 
@@ -198,6 +204,6 @@ def test_code_that_does_not_compile_leaves_no_fmu(tmp_path):
     model = exported_with(catalogue, ("rectified", "size", [], []))
     folder = tmp_path / "fmu"
     folder.mkdir()
-    with pytest.raises(InputError, match=r"(?s)compiling for x86_64-linux failed.*strength"):
+    with pytest.raises(InputError, match=r"(?s)x86_64-linux.*exit code 1.*'strength'"):
         export([model], folder)
     assert not list(folder.iterdir())

@@ -1,6 +1,7 @@
 """Selection of models for export, their direction and valid range, and faults that are rejected before compiling."""
 
 import json
+import re
 import xml.etree.ElementTree as ElementTree
 from dataclasses import asdict
 
@@ -44,29 +45,43 @@ SAME_IN_C = models_json(entry("KB+drift", [1.0], [1.0]), entry("KB-drift", [1.0]
 @pytest.mark.parametrize(
     ("content", "changes", "message"),
     [
-        (models_json(), {"models": ["KB"], "trained_on": "chirp"}, "arx on multisine"),
-        (SAME_IN_C, {"models": ["KB+drift", "KB-drift"]}, r"'KB-drift' and 'KB\+drift'"),
+        (
+            models_json(),
+            {"models": ["KB"], "trained_on": "chirp"},
+            "KB: .*'arx'.*'chirp'.*runtime\\.estimator.*runtime\\.trained_on.*arx on multisine",
+        ),
+        (SAME_IN_C, {"models": ["KB+drift", "KB-drift"]}, r"'KB-drift'.*'KB\+drift'"),
         (
             models_json(),
             {"moving_average_ms": 3.0},
-            "moving_average_ms.*less than a sample.*three samples are 30",
+            r"runtime\.moving_average_ms: 3 ms .*100 Hz.*\b30\b",
         ),
-        (models_json(), {"moving_average_ms": 6000.0}, "600 samples.*512 in all"),
+        (models_json(), {"moving_average_ms": 6000.0}, r"runtime\.moving_average_ms: 600 .*100 Hz.*\b512\b"),
         *(
-            (models_json(entry(name, [1.0], [1.0])), {"models": [name]}, "name")
+            (
+                models_json(entry(name, [1.0], [1.0])),
+                {"models": [name]},
+                f"name: {re.escape(repr(name)[:100])}",
+            )
             for name in ["../KB", "KB/x", "", "KB x", "1KB", 'KB"', "KB\n", "aux", "CON.x", "K" * 201]
         ),
         *(
             (models_json({**entry("KB", [1.0], [1.0]), **change}), {"models": ["KB"]}, message)
             for change, message in [
-                (about(0.0, 15.1), "output_offset"),
-                (about(float("inf"), 0.0), r"models\.KB: input\.offset: found Infinity, which is not finite"),
+                (about(0.0, 15.1), r"output_offset: 15\.1.*±15 N.*runtime\.output_limit"),
+                (about(float("inf"), 0.0), r"models\.KB: input\.offset: .*\bInfinity\b"),
                 (
                     {"structure": {"numerator": [float("nan")], "denominator": [1.0]}},
-                    "numerator.0: found NaN, which is not finite",
+                    r"models\.KB: structure\.numerator\.0: .*\bNaN\b",
                 ),
-                ({"structure": {"numerator": [1.0], "denominator": [1.0] + 17 * [0.01]}}, "17 states"),
-                ({"structure": {"numerator": [1.0], "denominator": [0.0, 1.0]}}, "improper"),
+                (
+                    {"structure": {"numerator": [1.0], "denominator": [1.0] + 17 * [0.01]}},
+                    r"order: 17\b.*\b16\b",
+                ),
+                (
+                    {"structure": {"numerator": [1.0], "denominator": [0.0, 1.0]}},
+                    r"models\.KB: structure\.denominator\.0: 0\b.*\b1\b",
+                ),
             ]
         ),
     ],
@@ -100,7 +115,7 @@ def test_description_names_origin_and_valid_range(version, fmu_folder):
     token = description.guid if version == 2 else description.instantiationToken
     assert description.version == f"{lumbar.__version__}+{token[:8]}"
     assert description.generationTool == f"lumbar {lumbar.__version__}"
-    assert description.author == "The lumbar developers"
+    assert "lumbar" in description.author
     assert "MIT" in description.license
     files = contents(path)
     page = files["documentation/index.html"].decode()
@@ -126,10 +141,10 @@ def test_files_without_a_valid_range_are_read(tmp_path):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"lowest": 3.0}, "valid_for.lowest: 3 above highest 2.5; it must not be"),
-        ({"speed": -1.0}, "valid_for.speed: -1; 0 or more is needed"),
-        ({"speed": "fast"}, 'valid_for.speed: found "fast"'),
-        ({"loudness": 1.0}, "valid_for.loudness: unknown key; allowed: lowest, highest, speed"),
+        ({"lowest": 3.0}, r"models\.KB: valid_for\.lowest: .*\b3\b.*highest.*2\.5"),
+        ({"speed": -1.0}, r"models\.KB: valid_for\.speed: .*-1\b.*\b0\b"),
+        ({"speed": "fast"}, r'models\.KB: valid_for\.speed: .*"fast"'),
+        ({"loudness": 1.0}, r"models\.KB: valid_for\.loudness: .*lowest, highest, speed"),
     ],
 )
 def test_invalid_ranges_are_rejected(change, message, tmp_path):

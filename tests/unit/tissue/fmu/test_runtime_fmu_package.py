@@ -1,5 +1,6 @@
 """Building FMUs: reproducible bytes, platforms, compiling, places that cannot be written, and checks of finished files."""
 
+import re
 import shutil
 import struct
 from contextlib import nullcontext
@@ -74,7 +75,9 @@ def test_names_are_escaped_everywhere(fmu_folder):
 
 
 @pytest.mark.nightly
-def test_the_same_bytes_from_another_folder_and_a_cold_cache(fmu_models, fmu_folder, zig_cache, tmp_path):
+def test_export_from_another_folder_and_cold_cache_gives_the_same_bytes(
+    fmu_models, fmu_folder, zig_cache, tmp_path
+):
     kb = next(model for model in fmu_models if model.name == "KB")
     models = [kb, exported(effect_entry(*COMBINATIONS[1]))]
     first, again = (
@@ -94,7 +97,7 @@ def test_libraries_need_an_old_c_library_only(fmu_folder):
 
 def test_rejected_sources_show_the_compilers_output(fmu_models, zig_cache, tmp_path):
     (tmp_path / "broken.c").write_text("int f(void) { return nonsense; }\n")
-    with pytest.raises(InputError, match="nonsense"):
+    with pytest.raises(InputError, match=r"(?s)x86_64-linux.*exit code 1.*'nonsense'"):
         compile_library([tmp_path / "broken.c"], tmp_path / "broken.so", "x86_64-linux", zig_cache)
     with pytest.raises(InputError, match=r"runtime\.targets.*pdp11.*x86_64-linux"):
         export_fmus(fmu_models[:1], tmp_path, "", ["pdp11"], zig_cache)
@@ -118,7 +121,9 @@ def test_compiler_that_fails_silently_is_an_error(fmu_models, zig_cache, tmp_pat
     for body, message in (("", "exit code 0"), ("kill -ABRT $$\n", "exit code -6")):
         program.write_text(f"#!/bin/sh\n{body}")
         program.chmod(0o755)
-        with pytest.raises(InputError, match=rf"{message}(?s:.*)remove its cache(?s:.*)no output"):
+        with pytest.raises(
+            InputError, match=rf"(?s)x86_64-linux.*{message}\b.*{re.escape(str(zig_cache))}.*no output"
+        ):
             export_fmus(fmu_models[:1], tmp_path / "fmu", "", TARGET, zig_cache)
     assert not (tmp_path / "fmu").exists()
 
@@ -127,9 +132,9 @@ def test_compiler_that_fails_silently_is_an_error(fmu_models, zig_cache, tmp_pat
 def test_places_that_cannot_be_written_are_named(fmu_models, fmu_folder, zig_cache, tmp_path, monkeypatch):
     blocked = tmp_path / "file"
     blocked.write_text("")
-    with pytest.raises(InputError, match="compiler_cache"):
+    with pytest.raises(InputError, match=r"runtime\.compiler_cache: .*file/cache"):
         export_fmus(fmu_models[:1], tmp_path, "", TARGET, blocked / "cache")
-    with pytest.raises(InputError, match="cannot be written"):
+    with pytest.raises(InputError, match=r"file/fmu/\w+_fmi2\.fmu: .*Not a directory"):
         export_fmus(fmu_models[:1], blocked / "fmu", "", TARGET, zig_cache)
     compiler.compile_sources.cache_clear()
     with monkeypatch.context() as within, pytest.raises(InputError, match="TMPDIR"):
@@ -149,7 +154,7 @@ def test_no_half_written_fmu(tmp_path, monkeypatch):
             raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(package.zipfile.ZipFile, "writestr", fail_at_second)
-    with pytest.raises(InputError, match="No space left"):
+    with pytest.raises(InputError, match=r"KB_fmi2\.fmu: .*No space left on device"):
         write_fmu(tmp_path / "KB_fmi2.fmu", {"modelDescription.xml": b"x", "a": b"y", "b": b"z"})
     assert list(tmp_path.iterdir()) == []
 
@@ -229,7 +234,7 @@ def test_host_is_this_machine(monkeypatch):
     monkeypatch.setattr(compiler, "machine", lambda: "riscv64")
     with pytest.raises(InputError, match=r"riscv64-darwin.*x86_64-linux"):
         host_target()
-    with pytest.raises(InputError, match="allowed are host"):
+    with pytest.raises(InputError, match=r"runtime\.targets: .*host, x86_64-linux"):
         resolve_targets([])
 
 
@@ -250,7 +255,7 @@ def test_check_rejects_an_fmu_of_other_numbers(fmu_models, tmp_path):
     other = models_json(entry("KB", [1.9 * (1 + 1e-11), -1.2], [1.0, -0.45]))
     export(selected(other, changed(SETTINGS, models=["KB"])), tmp_path)
     valid = [model for model in fmu_models if model.name == "KB"]
-    with pytest.raises(InputError, match="simulated output is off"):
+    with pytest.raises(InputError, match=r"KB_fmi2\.fmu: .*\boutput\b.*1e-12"):
         check_fmus(valid, tmp_path, samples=200, seed=3)
 
 
@@ -263,7 +268,7 @@ def test_unstable_model_runs_into_its_limit_and_passes(tmp_path):
     assert b"UNSTABLE" in contents(paths[0])["modelDescription.xml"]
 
 
-def test_table_tells_when_the_feedthrough_acts(fmu_models, fmu_folder, tmp_path):
+def test_table_names_the_delay_of_the_feedthrough(fmu_models, fmu_folder, tmp_path):
     table = check_table(check_fmus(fmu_models, fmu_folder, 100, 3), "synthetic twin", 3)
     feedthrough = dict(zip(table.frame["file"], table.frame["feedthrough"], strict=True))
     assert feedthrough["KB_fmi2.fmu"] == "one sample late"

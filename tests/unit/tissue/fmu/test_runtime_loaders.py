@@ -267,19 +267,19 @@ def test_cpp_loader_answers_right_and_wrong_use(fmus, player, tmp_path):
     assert ([float(again[0]), float(again[1])], again[2:]) == ([first, second], ["limit", "5"])
     assert [answer for key, answer in lines if key == "loaded"] == ["1", "0"]
     logged = [answer for key, answer in lines if key == "log"]
-    assert logged == ["fmi3SetFloat64: the value is outside min and max; not set."]
+    assert [line.partition(": ")[0] for line in logged] == ["fmi3SetFloat64"]
     for key, message in (
-        ("back", "-1.01 s since the last step"),
-        ("pause", "2.99 s since the last step"),
-        ("no time", "the time is not finite"),
-        ("too much", "does not allow this value of force_limit"),
-        ("quietly too much", "does not allow this value of force_limit"),
-        ("no parameter", "no parameter stiffness"),
-        ("an output", "no parameter force"),
-        ("no first position", "the first position is not finite"),
-        ("no folder", "cannot read absent/modelDescription.xml"),
-        ("FMI 2.0", "unzip <model>_fmi3.fmu"),
-        ("no library", "no library for this platform (x86_64-linux)"),
+        ("back", "-1.01 s"),
+        ("pause", "2.99 s"),
+        ("no time", "time"),
+        ("too much", "force_limit"),
+        ("quietly too much", "force_limit"),
+        ("no parameter", "stiffness"),
+        ("an output", "parameter force"),
+        ("no first position", "first position"),
+        ("no folder", "absent/modelDescription.xml"),
+        ("FMI 2.0", "<model>_fmi3.fmu"),
+        ("no library", "(x86_64-linux)"),
     ):
         assert message in answers[key], key
 
@@ -327,21 +327,18 @@ def test_unity_package_answers_right_and_wrong_use(fmus, player, tmp_path):
     assert [float(item) for item in (described[1], *described[6:])] == [0.01, 1, *numbers]
     assert answers["thread"] == "thread True 0 True"
     logged = [line for line in lines if line.startswith("log: ")]
-    assert logged == ["log: fmi3SetFloat64: the value is outside min and max; not set."]
-    for start, message in (
-        (
-            "too much",
-            "ArgumentOutOfRangeException: modelDescription.xml does not allow this value of force_limit",
-        ),
-        ("no parameter", "ArgumentException: the FMU has no variable stiffness"),
-        ("back", "ArgumentException: -1 s since the last step"),
-        ("pause", "ArgumentException: 2 s since the last step; 0 to 0.25 are allowed. Are they seconds?"),
-        ("disposed", "ObjectDisposedException"),
-        ("FMI 2.0", "NotSupportedException: not an FMU of FMI 3.0"),
-        ("several axes", "InvalidOperationException: the model has several axes"),
-        ("no library", "DllNotFoundException: the FMU has no library for x86_64-linux"),
+    assert [line.split(": ")[1] for line in logged] == ["fmi3SetFloat64"]
+    for start, error, token in (
+        ("too much", "ArgumentOutOfRangeException", "force_limit"),
+        ("no parameter", "ArgumentException", "stiffness"),
+        ("back", "ArgumentException", "-1 s"),
+        ("pause", "ArgumentException", "2 s .*0.25"),
+        ("disposed", "ObjectDisposedException", ""),
+        ("FMI 2.0", "NotSupportedException", "FMI 3.0"),
+        ("several axes", "InvalidOperationException", "axes"),
+        ("no library", "DllNotFoundException", "x86_64-linux"),
     ):
-        assert any(line.startswith(f"{start} {message}") for line in lines), start
+        assert any(re.match(rf"{start} {error}\b.*{token}", line) for line in lines), start
 
 
 def test_unity_package_is_complete():

@@ -139,7 +139,7 @@ def test_contact_and_crosstalk_are_not_exported_in_space():
     with pytest.raises(InputError, match=r"runtime\.contact.*x, y, z"):
         spatial_export({}, contact=True)
     turned = spatial_export({"crosstalk/couplings": ([], [0.1] * 6)})
-    assert "crosstalk of the force sensor is left out" in turned.runtime
+    assert "crosstalk" in turned.runtime
     moved = np.cumsum(np.ones((5, 3)), axis=0)
     np.testing.assert_array_equal(
         turned.dynamics.response(moved), spatial_export({}).dynamics.response(moved)
