@@ -24,13 +24,7 @@ from lumbar.tissue.diagnosis.noise.nonrepeating import (
     remove_structure,
     smooth_power,
 )
-from lumbar.tissue.diagnosis.noise.periods import (
-    MAX_DIFFERENCE,
-    MIN_PERIODS,
-    Folding,
-    find_period,
-    fold_periods,
-)
+from lumbar.tissue.diagnosis.noise.periods import MAX_DIFFERENCE, MIN_PERIODS, find_period, fold_periods
 
 _MIN_BURST_SIGMAS = 6.0
 """Standard errors of the relation of sizes above which noise of any colour and distribution cannot cause it."""
@@ -181,9 +175,9 @@ def noise_floor(record: Record, period: float | None = None, fewest: int = MIN_P
     others = record.channels.keys() - {"output", "input"}
     if any(folding.difference(record[other]) > MAX_DIFFERENCE for other in others):
         return None
-    folded = folding.fold(record["output"])
+    folded, inputs = folding.fold(record["output"]), folding.fold(record["input"])
     mean_period = folded.mean(axis=0)
-    deviations = _subtract_input_deviations(folded - mean_period, record["input"], folding)
+    deviations = _subtract_input_deviations(folded - mean_period, inputs)
     if np.abs(deviations).max() <= 1e-12 * np.abs(folded).max():
         deviations = np.zeros_like(deviations)
     halves = len(record) < (MIN_PERIODS + 1 - _MISSING_END) * folding.samples
@@ -199,7 +193,7 @@ def noise_floor(record: Record, period: float | None = None, fewest: int = MIN_P
         if scipy.special.chdtrc(len(means), spread) <= _WHITE_LEVEL:
             return None
     else:
-        split = remove_structure(deviations, mean_period, folding.fold(record["input"]).mean(axis=0))
+        split = remove_structure(deviations, mean_period, inputs.mean(axis=0))
         noise, parts, degrees = split.rest, split.parts, split.degrees
     exact = not np.any(noise)
     variance = _resolution(mean_period) ** 2 if exact else float(np.sum(noise**2)) / degrees
@@ -240,16 +234,13 @@ def _rms_interval(variance: float, degrees: float) -> dict[str, float]:
     return {"rms": float(np.sqrt(variance)), "low": float(np.sqrt(low)), "high": float(np.sqrt(high))}
 
 
-def _subtract_input_deviations(
-    deviations: np.ndarray, excitation: np.ndarray, folding: Folding
-) -> np.ndarray:
+def _subtract_input_deviations(deviations: np.ndarray, inputs: np.ndarray) -> np.ndarray:
     """Subtract the part of the output that a few filters fitted to the deviations of its input explain."""
-    folded = folding.fold(excitation)
-    cause = folded - folded.mean(axis=0)
-    if np.std(cause) <= _EXACT_INPUT * np.std(folded):
+    cause = inputs - inputs.mean(axis=0)
+    if np.std(cause) <= _EXACT_INPUT * np.std(inputs):
         return deviations
     # The deviations, their rate of change, and both through first-order low-passes of these time constants in samples.
-    size = folded.shape[1]
+    size = inputs.shape[1]
     spectrum, frequency = np.fft.rfft(cause, axis=1), 2 * np.pi * np.fft.rfftfreq(size)
     columns = [np.gradient(cause, axis=1), cause]
     for samples in (1, 4, 16, 64):
