@@ -194,6 +194,10 @@ def _add_options(parser: Any, options: Sequence[str | Mapping], shared: Mapping[
 
 def read_settings(options: argparse.Namespace) -> StudySettings:
     """Return the settings of ``--config`` and ``--trust``; errors as in `lumbar.load_settings`."""
+    if not options.config:
+        from lumbar.settings.study_settings import StudySettings
+
+        return StudySettings()
     from lumbar.study.load_study import load_settings
 
     return load_settings(*options.config, trust=options.trust)

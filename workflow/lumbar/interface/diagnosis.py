@@ -11,8 +11,6 @@ from typing import TYPE_CHECKING
 
 from lumbar.base.errors import InputError
 from lumbar.base.files import write_json, write_text
-from lumbar.interface.proposed_law import ProposedLaw, require_motion_input
-from lumbar.interface.refinement import Refinement, fit_effects
 from lumbar.publishing.explorer.page_data import fitted_candidates, model_key
 from lumbar.records.record import Record, require_one_axis
 from lumbar.settings.study_settings import StudySettings
@@ -24,15 +22,17 @@ from lumbar.tissue.diagnosis.residuals.compare import comparison_table
 from lumbar.tissue.diagnosis.selection.refine import fitted_model, refined_document
 from lumbar.tissue.diagnosis.selection.result import DiagnosisResult, Status
 from lumbar.tissue.diagnosis.selection.sentences import details, explain, headline
+from lumbar.tissue.effects.notation import NAME
 from lumbar.tissue.models.fitted_model import FittedModel
 from lumbar.tissue.models.form import Effect
 
 if TYPE_CHECKING:
     from markupsafe import Markup
 
+    from lumbar.interface.refinement import Refinement
     from lumbar.publishing.explorer.explorer_page import ExplorerPage
+    from lumbar.tissue.diagnosis.law.proposal import Proposal
     from lumbar.tissue.diagnosis.spatial.spatial_reports import SpatialReport
-
 _STATIC = "points of a static test, without a clock"
 
 
@@ -117,9 +117,13 @@ class Diagnosis:
         steps = [model_key(effects[:number]) for number in range(len(effects) + 1)]
         path = [known[step] for step in steps if step in known]
         seed = self.study.seed
+        from lumbar.interface.refinement import Refinement
+
         return Refinement(self.records, self.settings, self.result.experiment, path, seed, self.source_label)
 
     def _refit(self, effects: list[str]) -> Refinement:
+        from lumbar.interface.refinement import fit_effects
+
         return fit_effects(self.records, effects, self.settings, self.study.seed, self.source_label)
 
     def propose(self) -> ProposedLaw:
@@ -279,3 +283,80 @@ class Diagnosis:
 _MISSING_MODELS_REMARK = (
     'The thesis\'s models are not shown: "lumbar diagnose --pictures" and "lumbar explore" identify them.'
 )
+
+
+def require_motion_input(forward: bool) -> None:
+    """Raise `InputError` for records with the force as input."""
+    if forward:
+        raise InputError(
+            "records with the force as input (improvement.forward): no law is looked for in them"
+        )
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ProposedLaw:
+    """A law for what is missing, or that no short formula was found."""
+
+    proposal: Proposal
+    candidates: dict[str, Effect]
+    """The catalogue that did not suffice; the law cannot take its names."""
+    source_label: str
+    """Name of the source of the records, for the file and the picture."""
+
+    @property
+    def found(self) -> bool:
+        """True if a law is proposed."""
+        return self.proposal.law is not None
+
+    @property
+    def equation(self) -> str:
+        """The law as an expression; empty if none is proposed."""
+        return self.proposal.form.equation if self.found else ""
+
+    @property
+    def sentences(self) -> list[str]:
+        """The proposal, in plain English."""
+        return self.proposal.sentences
+
+    def to_yaml(self, name: str = "proposed_law") -> str:
+        """Return the text of the effect's file.
+
+        Raises
+        ------
+        InputError
+            If no law is proposed, or the name cannot be an effect's.
+        """
+        if not self.found:
+            raise InputError(f"no effect to write: {self.sentences[0]}")
+        if not NAME.fullmatch(name):
+            raise InputError(f"effect {name!r}: use letters a to z, digits and _, a letter first")
+        if name in self.candidates:
+            raise InputError(f"effect {name!r} is taken by an effect of the catalogue; choose another name")
+        from lumbar.tissue.diagnosis.law.proposal import effect_text
+
+        return effect_text(self.proposal, name, self.source_label)
+
+    def save(self, path: str | os.PathLike, name: str = "proposed_law") -> None:
+        """Write the effect's file, for ``improvement: effect_files``; errors of `to_yaml`."""
+        write_text(path, self.to_yaml(name))
+
+    def draw(self, stem: str | os.PathLike) -> None:
+        """Write the picture of what is missing, ``stem.svg`` and ``stem.pdf``.
+
+        Raises
+        ------
+        InputError
+            If nothing is missing.
+        """
+        from lumbar.publishing.figures.law_figure import law_figure
+        from lumbar.publishing.figures.style import save
+
+        if not self.proposal.is_needed:
+            raise InputError(f"nothing to draw: {self.sentences[0]}")
+        save(law_figure(self.proposal), Path(stem), self.source_label)
+
+    def __str__(self) -> str:
+        return "\n  ".join(self.sentences)
+
+    def __repr__(self) -> str:
+        return f"<ProposedLaw: {self.equation or 'no formula'}>"

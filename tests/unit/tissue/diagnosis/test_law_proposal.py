@@ -12,8 +12,7 @@ from scipy.signal import lfilter
 
 import lumbar
 from column_files import write_records
-from lumbar.interface.diagnosis import Diagnosis
-from lumbar.interface.proposed_law import ProposedLaw
+from lumbar.interface.diagnosis import Diagnosis, ProposedLaw
 from lumbar.tissue.diagnosis.finding import Finding
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.fitting.joint_fit import fit, fit_base
