@@ -32,6 +32,11 @@ class _Joint:
 def read_bvh(path: str | os.PathLike) -> MarkerFile:
     """Read a BVH file: joints by name, ends of chains as ``<joint>_end``, on a clock that starts at 0.
 
+    Parameters
+    ----------
+    path : path
+        The unpacked file.
+
     Raises
     ------
     InputError

@@ -37,6 +37,13 @@ _MAX_FRAMES, _MAX_LABELS = 65534, 255
 def c3d_markers(content: dict[str, Any], source: str) -> MarkerFile:
     """Return the markers of `c3d_content`, on the system's clock: a trimmed recording keeps its start time.
 
+    Parameters
+    ----------
+    content : dict
+        Result of `c3d_content`.
+    source : str
+        The file, for messages.
+
     Raises
     ------
     ValueError
@@ -53,6 +60,11 @@ def c3d_markers(content: dict[str, Any], source: str) -> MarkerFile:
 
 def c3d_content(path: str | os.PathLike) -> dict[str, Any]:
     """Return numbers and texts of a C3D file, also a gzipped one, for `c3d_markers`.
+
+    Parameters
+    ----------
+    path : path
+        The file.
 
     Raises
     ------
@@ -86,7 +98,15 @@ def _read_content(path: Path) -> dict[str, Any]:
 
 
 def read_coordinates(path: Path, structure: C3dStructure) -> np.ndarray:
-    """Return coordinates in the file's unit, shape (n_frames, n_points, 3); NaN if the residual is negative."""
+    """Return coordinates in the file's unit, shape (n_frames, n_points, 3); NaN if the residual is negative.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    structure : C3dStructure
+        Its checked structure.
+    """
     data = np.memmap(path, np.uint8, "r", structure.data_start, (structure.n_frames, structure.frame_bytes))
     raw = np.array(data[:, : 4 * structure.n_points * structure.word_bytes])
     raw = raw.reshape(structure.n_frames, structure.n_points, 4, structure.word_bytes)

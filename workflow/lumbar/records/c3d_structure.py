@@ -40,7 +40,19 @@ _NUMBERS = {
 
 
 def reals(raw: np.ndarray, processor: int) -> np.ndarray:
-    """Decode 4-byte reals, raw of shape (..., 4 n): IEEE, or DEC's, which have swapped halves and are four times larger."""
+    """Decode 4-byte reals: IEEE, or DEC's, which have swapped halves and are four times larger.
+
+    Parameters
+    ----------
+    raw : ndarray of uint8, shape (..., 4 n)
+        Bytes of n numbers per row.
+    processor : int
+        Processor that wrote them, see `C3dStructure`.
+
+    Returns
+    -------
+    ndarray of float, shape (..., n)
+    """
     raw = np.ascontiguousarray(raw)
     with np.errstate(invalid="ignore"):  # signalling NaN
         if processor != DEC:
@@ -51,7 +63,19 @@ def reals(raw: np.ndarray, processor: int) -> np.ndarray:
 
 
 def integers(raw: np.ndarray, processor: int) -> np.ndarray:
-    """Decode 2-byte integers, raw of shape (..., 2 n)."""
+    """Decode 2-byte integers.
+
+    Parameters
+    ----------
+    raw : ndarray of uint8, shape (..., 2 n)
+        Bytes of n numbers per row.
+    processor : int
+        Processor that wrote them, see `C3dStructure`.
+
+    Returns
+    -------
+    ndarray of int, shape (..., n)
+    """
     return np.ascontiguousarray(raw).view(">i2" if processor == MIPS else "<i2").astype(int)
 
 
@@ -96,12 +120,23 @@ class C3dStructure:
         return (4 * self.n_points + self.n_analog) * self.word_bytes
 
     def fits(self, n_frames: int) -> bool:
-        """Return whether the data of this number of frames end in the last block of the file."""
+        """Return whether the data end in the last block of the file.
+
+        Parameters
+        ----------
+        n_frames : int
+            Assumed number of frames.
+        """
         return 0 <= self.size - self.data_start - n_frames * self.frame_bytes < BLOCK
 
 
 def check_structure(path: Path) -> C3dStructure:
     """Read header and parameters of a C3D file and check that they agree with each other and with the file's size.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
 
     Raises
     ------

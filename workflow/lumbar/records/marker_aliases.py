@@ -94,6 +94,13 @@ def select_subject(file: MarkerFile, prefix: str) -> MarkerFile:
 def labels_of(name: str, aliases: Mapping[str, Alias | None]) -> tuple[str, ...]:
     """Return the labels that may have a standard name: the name itself, and all labels in its alias.
 
+    Parameters
+    ----------
+    name : str
+        Standard name.
+    aliases : dict of str to Alias
+        Alias by standard name, or None for none.
+
     Examples
     --------
     >>> labels_of("SACRUM", {"SACRUM": ("SACR", MeanOfMarkers(mean=("LPSI", "RPSI")))})

@@ -29,7 +29,13 @@ rotated foot stays below."""
 
 
 def axis_vector(axis: str) -> np.ndarray:
-    """Return the unit vector of a signed axis such as ``"+z"`` or ``"-x"``."""
+    """Return the unit vector, shape (3,), of a signed axis.
+
+    Parameters
+    ----------
+    axis : str
+        Sign and letter, e.g. ``"+z"`` or ``"-x"``.
+    """
     vector = np.zeros(3)
     vector["xyz".index(axis[1])] = 1.0 if axis[0] == "+" else -1.0
     return vector
@@ -106,7 +112,13 @@ def check_axes(positions: dict[str, np.ndarray], layout: MarkerLayout, source: s
 
 
 def uncheckable_axes(positions: dict[str, np.ndarray]) -> list[str]:
-    """Return the declared axes that cannot be compared with the body, because markers are missing."""
+    """Return the declared axes (``up``, ``forward``) that cannot be compared with the body, because markers are missing.
+
+    Parameters
+    ----------
+    positions : dict of str to ndarray, shape (n_frames, 3)
+        Markers by standard name.
+    """
     has_forward = bool(_segments(positions, _SIDES)) or _facing(positions)[0] is not None
     checkable = {"up": _upward(positions) is not None, "forward": has_forward}
     return [axis for axis, is_checkable in checkable.items() if not is_checkable]

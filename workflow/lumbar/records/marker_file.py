@@ -73,10 +73,15 @@ class MarkerFile:
 
 
 def mark_missing(points: np.ndarray) -> np.ndarray:
-    """Set all coordinates of missing samples to NaN, in place unless points, shape (..., 3), are integers; return the points.
+    """Set all coordinates of missing samples to NaN and return the points.
 
-    A sample is missing if a coordinate is not finite, or if all three are exactly zero: systems write the origin for an unseen
-    marker, and a measured marker is never exactly there.
+    A sample is missing if a coordinate is not finite, or if all three are exactly zero: systems write the origin for an
+    unseen marker, and a measured marker is never exactly there.
+
+    Parameters
+    ----------
+    points : ndarray, shape (..., 3)
+        Coordinates in any unit; floats are changed in place.
     """
     points = np.asarray(points, dtype=float)
     missing = ~np.isfinite(points).all(axis=-1) | (points == 0).all(axis=-1)
@@ -144,7 +149,20 @@ def split_points(
 def read_frames(
     rows: Iterable[Row], width: int, source: str, dialect: Dialect, may_be_missing: bool = True
 ) -> np.ndarray:
-    """Return the numbers of frames, shape (n_frames, width); an empty cell is NaN if samples may be missing.
+    """Return the numbers of frames, shape (n_frames, width).
+
+    Parameters
+    ----------
+    rows : iterable of Row
+        Rows of the table, one per frame.
+    width : int
+        Cells of a row.
+    source : str
+        The file, for messages.
+    dialect : Dialect
+        Form of the rows.
+    may_be_missing : bool
+        True: an empty cell is NaN; false: it is an error.
 
     Raises
     ------

@@ -69,7 +69,13 @@ class MarkerRecording:
         return self.positions[marker]
 
     def select_frames(self, frames: slice | np.ndarray) -> "MarkerRecording":
-        """Return the recording of some frames."""
+        """Return the recording of some frames.
+
+        Parameters
+        ----------
+        frames : slice or ndarray
+            Numbers of the frames, or a mask of shape (n_frames,).
+        """
         positions = {name: points[frames] for name, points in self.positions.items()}
         return replace(self, time=self.time[frames], positions=positions)
 
@@ -183,7 +189,16 @@ def _read_file(path: Path, layout: MarkerLayout) -> MarkerFile:
 
 
 def metres_per_unit(source: str, unit: str, declared: str) -> float:
-    """Return the factor to metres.
+    """Return the factor from a file's unit of length to metres.
+
+    Parameters
+    ----------
+    source : str
+        The file, for messages.
+    unit : str
+        Unit that the file states; empty if it states none.
+    declared : str
+        `MarkerLayout.unit`: ``"file"`` or one of `METRES`.
 
     Raises
     ------

@@ -48,7 +48,13 @@ class Dialect:
     """Whether a cell in quotes may contain line breaks, as in answers of a survey; in tables of numbers this is an error."""
 
     def split(self, line: str) -> list[str]:
-        """Return the cells of one line. Quotes protect delimiters."""
+        """Return the cells of one line. Quotes protect delimiters.
+
+        Parameters
+        ----------
+        line : str
+            Line without its end.
+        """
         if self.delimiter is None:
             return line.split()
         cells = line.split(self.delimiter)
@@ -58,7 +64,18 @@ class Dialect:
         return [cell.strip() for cell in cells]
 
     def number(self, cell: str) -> float:
-        """Return the number in a cell; raise ValueError for other texts."""
+        """Return the number in a cell.
+
+        Parameters
+        ----------
+        cell : str
+            Text of the cell.
+
+        Raises
+        ------
+        ValueError
+            The text is not a number.
+        """
         return parse_number(cell if self.decimal == "." else cell.replace(self.decimal, "."))
 
     @property
@@ -81,6 +98,11 @@ def parse_number(text: str) -> float:
     """Return the number in a text, also with Fortran's exponents.
 
     Unlike Python's ``float``, reject ``1_000`` and the digits of other scripts, which are mistakes in a file.
+
+    Parameters
+    ----------
+    text : str
+        Number with a decimal point.
 
     Raises
     ------
@@ -106,6 +128,11 @@ def parse_number(text: str) -> float:
 
 def stream_lines(path: Path) -> Iterator[str]:
     """Yield the lines of a file of UTF-8 text, with a byte-order mark or without.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
 
     Raises
     ------
@@ -203,6 +230,17 @@ def _check_western(text: str, content: bytes, source: str) -> None:
 
 def split_rows(lines: Iterable[str], dialect: Dialect, source: str, first: int = 1) -> Iterator[Row]:
     """Yield the rows of a table without blank lines and comments.
+
+    Parameters
+    ----------
+    lines : iterable of str
+        Lines of the file.
+    dialect : Dialect
+        Form of the rows.
+    source : str
+        The file, for messages.
+    first : int
+        Number of the first line in the file, from 1.
 
     Raises
     ------

@@ -46,7 +46,13 @@ class Ratings:
         return len(self.participants)
 
     def scores_of(self, model: str) -> np.ndarray:
-        """Return all ratings of one model, shape (participants,)."""
+        """Return all ratings of one model, shape (participants,).
+
+        Parameters
+        ----------
+        model : str
+            Rated model, one of `models`.
+        """
         return self.scores[:, self.models.index(model)]
 
     def counts(self) -> np.ndarray:
@@ -59,12 +65,27 @@ class Ratings:
         return np.array([self.best.count(model) for model in self.models])
 
     def label(self, source_label: str, not_real: str) -> str:
-        """Return the source label of tables and figures, with `not_real` before that of reconstructed answers."""
+        """Return the source label of tables and figures.
+
+        Parameters
+        ----------
+        source_label : str
+            Label of the study.
+        not_real : str
+            Text before the label if some answers are reconstructed.
+        """
         return f"{not_real}, {source_label}" if NOT_REAL in self.sources else source_label
 
 
 def read_ratings(path: str | os.PathLike, layout: RatingsLayout) -> Ratings:
     """Read a table of the participants' answers.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+    layout : RatingsLayout
+        Columns, models and scale.
 
     Raises
     ------

@@ -101,22 +101,45 @@ class Record:
         return tuple(axis for axis in AXES if f"input_{axis}" in self.channels)
 
     def roles(self, side: str) -> tuple[str, ...]:
-        """Return the roles of the ``"input"`` or the ``"output"``, one per axis."""
+        """Return the roles of the input or of the output, one per axis.
+
+        Parameters
+        ----------
+        side : str
+            ``"input"`` or ``"output"``.
+        """
         return tuple(f"{side}_{axis}" for axis in self.axes) or (side,)
 
     def along(self, role: str) -> Channel:
-        """Return a channel; one of several axes has the axis in its quantity."""
+        """Return a channel; one of several axes has the axis in its quantity.
+
+        Parameters
+        ----------
+        role : str
+            Role of the channel.
+        """
         channel, axis = self.channels[role], role.rpartition("_")[2]
         if axis not in self.axes:
             return channel
         return Channel(channel.values, f"{channel.quantity} {axis}", channel.unit)
 
     def stacked(self, side: str) -> np.ndarray:
-        """Return the values of the ``"input"`` or the ``"output"``, shape (axes, samples); (1, samples) for one axis."""
+        """Return the values of the input or of the output, shape (axes, samples); (1, samples) for one axis.
+
+        Parameters
+        ----------
+        side : str
+            ``"input"`` or ``"output"``.
+        """
         return np.stack([self[role] for role in self.roles(side)])
 
     def axis(self, name: str) -> Record:
         """Return the record of one of several axes, with the channels without an axis.
+
+        Parameters
+        ----------
+        name : str
+            ``"x"``, ``"y"`` or ``"z"``.
 
         Raises
         ------
@@ -159,7 +182,13 @@ class Record:
         return self.sampling_time * len(self.time)
 
     def between(self, start: float, stop: float) -> Record:
-        """Return the part with ``start <= time < stop`` (seconds)."""
+        """Return the part with ``start <= time < stop``.
+
+        Parameters
+        ----------
+        start, stop : float
+            Seconds on the record's clock.
+        """
         keep = (self.time >= start - 1e-9) & (self.time < stop - 1e-9)
         number = np.cumsum(keep) - 1
         filled = tuple(int(number[sample]) for sample in self.filled if keep[sample])
@@ -176,7 +205,15 @@ class Record:
 
 
 def place_of(sample: int, lines: Sequence[int] | None) -> str:
-    """Return the place of a sample (counted from 0) for a message: its line in the file, or its number without lines."""
+    """Return the place of a sample for a message: its line in the file, or its number from 1.
+
+    Parameters
+    ----------
+    sample : int
+        Number of the sample, from 0.
+    lines : sequence of int, or None
+        Line of each sample in the file; None if it has no lines.
+    """
     return f"sample {sample + 1}" if lines is None else f"line {lines[sample]}"
 
 
@@ -243,13 +280,25 @@ _MOTIONS, _LOADS = ("position", "displacement", "angle", "velocity"), ("force", 
 
 
 def use_load_as_input(record: Record) -> Record:
-    """Return the record with the load as the input, if its quantities identify the load."""
+    """Return the record with the load as the input, if its quantities identify the load.
+
+    Parameters
+    ----------
+    record : Record
+        Record of a tissue test or a joint.
+    """
     one, other = (record.channels[record.roles(side)[0]] for side in SIDES)
     return swap_input_and_output(record) if one.quantity in _MOTIONS and other.quantity in _LOADS else record
 
 
 def swap_input_and_output(record: Record) -> Record:
-    """Return the record with input and output swapped."""
+    """Return the record with input and output swapped.
+
+    Parameters
+    ----------
+    record : Record
+        Record with both, of one or several axes.
+    """
     one, other = map(record.roles, SIDES)
     swapped = zip((*one, *other), (*other, *one), strict=True)
     channels = {role: record.channels[item] for role, item in swapped}
@@ -257,7 +306,18 @@ def swap_input_and_output(record: Record) -> Record:
 
 
 def require_clock(records: Iterable[Record]) -> None:
-    """Raise if records are points of a static test, with their names."""
+    """Raise if records are points of a static test.
+
+    Parameters
+    ----------
+    records : iterable of Record
+        Records of an analysis that needs time.
+
+    Raises
+    ------
+    InputError
+        With the names of the records that are points of a static test.
+    """
     if points := [record.name for record in records if record.points]:
         raise InputError(
             f"{', '.join(points)}: points of a static test have no clock; only lumbar diagnose reads them, and fits static laws"
@@ -265,7 +325,20 @@ def require_clock(records: Iterable[Record]) -> None:
 
 
 def require_one_axis(records: Iterable[Record], what: str) -> None:
-    """Raise if records have several axes, with their names and the analysis `what` that needs one axis."""
+    """Raise if records have several axes.
+
+    Parameters
+    ----------
+    records : iterable of Record
+        Records of the analysis.
+    what : str
+        Name of the analysis, for the message.
+
+    Raises
+    ------
+    InputError
+        With the names of the records that have several axes.
+    """
     if several := [record.name for record in records if record.axes]:
         raise InputError(
             f"{', '.join(several)}: {what} takes records of one axis; compare, locate, diagnose, explore, refine and "
@@ -275,6 +348,11 @@ def require_one_axis(records: Iterable[Record], what: str) -> None:
 
 def require_same_units(records: list[Record]) -> None:
     """Raise unless all records have the same quantity and unit of every channel.
+
+    Parameters
+    ----------
+    records : list of Record
+        At least one record.
 
     Raises
     ------
@@ -336,7 +414,13 @@ class RecordSet(Sequence[Record]):
         return self._records[which]
 
     def with_periods(self, periods: Mapping[str, float]) -> RecordSet:
-        """Return the records with the periods of their excitations in seconds, by the record's name."""
+        """Return the records with the periods of their excitations.
+
+        Parameters
+        ----------
+        periods : dict of str to float
+            Seconds by the name of a record; the others keep their period.
+        """
         self._check_names(periods)
         return RecordSet(
             replace(record, period=periods.get(record.name, record.period)) for record in self._records

@@ -37,7 +37,16 @@ _RETURN_TIME_FACTOR = 4.0
 
 
 def samples_between(time: np.ndarray, trim: tuple[float, float], source: str) -> np.ndarray:
-    """Return the numbers of the samples with ``start <= time < stop`` (seconds), without those at a time that is NaN.
+    """Return the numbers of the samples with ``start <= time < stop``, without those at a time that is NaN.
+
+    Parameters
+    ----------
+    time : ndarray, shape (n,)
+        Seconds on the file's clock.
+    trim : tuple of float
+        Start and stop in seconds.
+    source : str
+        The file, for messages.
 
     Raises
     ------
@@ -57,6 +66,13 @@ def fill_missing_rows(
     record: Record, lines: Sequence[int] | None = None
 ) -> tuple[Record, Sequence[int] | None]:
     """Fill gaps of a few rows with a cubic spline.
+
+    Parameters
+    ----------
+    record : Record
+        Record before it is validated.
+    lines : sequence of int, optional
+        Line of each sample in the file.
 
     Returns
     -------
@@ -96,11 +112,18 @@ def fill_missing_rows(
 
 
 def resample(record: Record, rate: float) -> Record:
-    """Return `record` at `rate` hertz, without the samples at its ends.
+    """Return a record at another rate, without the samples at its ends.
 
     A polyphase FIR filter (Kaiser window, zero phase, `scipy.signal.resample_poly`) removes frequencies above the lower of
     the two Nyquist frequencies. Near an end the signal's continuation is unknown. With any assumption a signal in motion rings
     there, which could be mistaken for a mechanism. Ten samples of the lower rate are therefore omitted at each end.
+
+    Parameters
+    ----------
+    record : Record
+        Evenly sampled record.
+    rate : float
+        New rate in hertz.
 
     Raises
     ------
@@ -140,7 +163,13 @@ def resample(record: Record, rate: float) -> Record:
 
 
 def runs(flags: np.ndarray) -> Iterator[slice]:
-    """Yield the contiguous intervals in which `flags`, shape (n,), is true."""
+    """Yield the contiguous intervals of true flags.
+
+    Parameters
+    ----------
+    flags : ndarray of bool, shape (n,)
+        Flag of each sample.
+    """
     edges = np.flatnonzero(np.diff(np.concatenate(([0], np.asarray(flags, dtype=np.int8), [0]))))
     for start, stop in edges.reshape(-1, 2):
         yield slice(int(start), int(stop))
@@ -158,7 +187,13 @@ class FlatTop:
 
 
 def flat_tops(values: np.ndarray) -> list[FlatTop]:
-    """Return the flat tops at the largest and at the smallest value; none if a channel is not clipped."""
+    """Return the flat tops at the largest and at the smallest value; none if a channel is not clipped.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n,)
+        Samples of a channel in any unit.
+    """
     tops: list[FlatTop] = []
     for extreme in (np.max, np.min):
         level = extreme(values)
@@ -199,6 +234,13 @@ def check_clipping(record: Record, lines: Sequence[int] | None = None) -> None:
     """Raise if the force or the position of a record is clipped; a position that rests at its extreme is not.
 
     Only input and output channels are checked, because surgeons and subjects may rest anywhere.
+
+    Parameters
+    ----------
+    record : Record
+        The record.
+    lines : sequence of int, optional
+        Line of each sample in the file, for messages.
 
     Raises
     ------

@@ -29,6 +29,11 @@ _RATE_TOLERANCE = 1e-4
 def read_trc(path: str | os.PathLike) -> MarkerFile:
     """Read a TRC file.
 
+    Parameters
+    ----------
+    path : path
+        The unpacked file.
+
     Raises
     ------
     InputError

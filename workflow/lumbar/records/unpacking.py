@@ -20,18 +20,39 @@ _GZIP_ENDING = ".gz"
 
 
 def ending_of(path: Path) -> str:
-    """Return a file's ending in lower case without that of packing: ``".trc"`` of ``squat.TRC.gz``."""
+    """Return a file's ending in lower case without that of packing: ``".trc"`` of ``squat.TRC.gz``.
+
+    Parameters
+    ----------
+    path : Path
+        The file; it need not exist.
+    """
     is_packed = path.suffix.lower() == _GZIP_ENDING
     return (path.with_suffix("") if is_packed else path).suffix.lower()
 
 
 def stem_of(path: Path) -> str:
-    """Return a file's name without its endings: ``squat`` of ``squat.trc.gz``."""
+    """Return a file's name without its endings: ``squat`` of ``squat.trc.gz``.
+
+    Parameters
+    ----------
+    path : Path
+        The file; it need not exist.
+    """
     return (path.with_suffix("") if path.suffix.lower() == _GZIP_ENDING else path).stem
 
 
 def unpack(packed: bytes, path: Path, output: Any) -> None:
     """Unpack the content of a gzipped file into an open file.
+
+    Parameters
+    ----------
+    packed : bytes
+        Content of the gzipped file.
+    path : Path
+        The file, for messages.
+    output : binary file
+        File to which the unpacked content is appended.
 
     Raises
     ------
@@ -50,7 +71,22 @@ def unpack(packed: bytes, path: Path, output: Any) -> None:
 
 
 def check_size(size: float, packed_size: int, source: str) -> None:
-    """Raise if the content of a file of `packed_size` bytes takes more than `MAX_FILE_BYTES`."""
+    """Raise if the content of a file takes more than `MAX_FILE_BYTES`.
+
+    Parameters
+    ----------
+    size : float
+        Bytes after unpacking.
+    packed_size : int
+        Bytes of the file.
+    source : str
+        The file, for messages.
+
+    Raises
+    ------
+    InputError
+        With both sizes in megabytes.
+    """
     if size > MAX_FILE_BYTES:
         raise InputError(
             f"{source}: unpacks to more than {MAX_FILE_BYTES / 1e6:.0f} MB, from {packed_size / 1e6:.2g} MB; save the recording "
@@ -60,7 +96,18 @@ def check_size(size: float, packed_size: int, source: str) -> None:
 
 @contextmanager
 def report_broken(message: str) -> Iterator[None]:
-    """Raise an `InputError` with a message for any other error in the block: a broken file causes errors of many kinds."""
+    """Raise an `InputError` for any other error in the block: a broken file causes errors of many kinds.
+
+    Parameters
+    ----------
+    message : str
+        Beginning of the message; the error's own text follows.
+
+    Raises
+    ------
+    InputError
+        The block raised an `Exception`.
+    """
     try:
         yield
     except InputError:
@@ -73,6 +120,15 @@ def read_readable(path: Path, read: Callable[..., Any], *options: Any) -> Any:
     """Return the result of ``read(path, *options)``; a gzipped file is unpacked for it.
 
     Errors about the unpacked file name the packed one.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    read : callable
+        Reader of an unpacked file.
+    *options
+        Further arguments of `read`.
 
     Raises
     ------

@@ -18,7 +18,13 @@ _NAME = re.compile(r"[a-z0-9]+(_[a-z0-9]+)+")
 
 
 def column_in_words(name: str) -> str:
-    """Return a column's name as a header: ``"lowest_passive_rate_Hz"`` is ``"Lowest passive rate (Hz)"``."""
+    """Return a column's name as a header: ``"lowest_passive_rate_Hz"`` is ``"Lowest passive rate (Hz)"``.
+
+    Parameters
+    ----------
+    name : str
+        Name as in the CSV file, its unit last.
+    """
     parts = name.split("_")
     unit = ""
     for count in (3, 2, 1):
@@ -33,7 +39,13 @@ def column_in_words(name: str) -> str:
 
 
 def value_in_words(text: str) -> str:
-    """Return a name with its words separated: ``"lateral_bending"`` is ``"lateral bending"``."""
+    """Return a name with its words separated: ``"lateral_bending"`` is ``"lateral bending"``.
+
+    Parameters
+    ----------
+    text : str
+        Text of a cell.
+    """
     return _VALUES.get(text, text.replace("_", " ")) if _NAME.fullmatch(text) else text
 
 
@@ -112,13 +124,25 @@ class Column:
 
 
 def split_number(cell: str) -> tuple[str, str]:
-    """Return the part of a number before the decimal sign, and the rest."""
+    """Return the part of a number before the decimal sign, and the rest.
+
+    Parameters
+    ----------
+    cell : str
+        Text of a cell; one that is not a number is returned whole, with an empty rest.
+    """
     match = _NUMBER.fullmatch(cell)
     return (match[1], match[2]) if match else (cell, "")
 
 
 def scientific(text: str) -> str:
-    """Return a number such as ``1.2e-16`` as ``1.2·10⁻¹⁶``; other texts unchanged."""
+    """Return a number such as ``1.2e-16`` as ``1.2·10⁻¹⁶``; other texts unchanged.
+
+    Parameters
+    ----------
+    text : str
+        Formatted number.
+    """
     mantissa, sign, exponent = text.partition("e")
     if not sign or not re.fullmatch(r"[+-]?\d+", exponent):
         return text
@@ -126,7 +150,15 @@ def scientific(text: str) -> str:
 
 
 def count_fitting(columns: Sequence[Column], width: int = PAGE_WIDTH) -> int:
-    """Return the number of leading columns that fit next to each other, at least 1."""
+    """Return the number of leading columns that fit next to each other, at least 1.
+
+    Parameters
+    ----------
+    columns : sequence of Column
+        Columns in their order.
+    width : int
+        Width of the page in characters.
+    """
     if sum(column.narrowest for column in columns) <= width:
         return len(columns)
     total = 0
@@ -138,7 +170,15 @@ def count_fitting(columns: Sequence[Column], width: int = PAGE_WIDTH) -> int:
 
 
 def split_columns(columns: Sequence[Column], keys: int) -> list[list[Column]]:
-    """Split columns into tables that fit the page; each begins with the key columns."""
+    """Split columns into tables that fit the page; each begins with the key columns.
+
+    Parameters
+    ----------
+    columns : sequence of Column
+        Columns in their order.
+    keys : int
+        Number of leading columns that identify a row.
+    """
     if count_fitting(columns) == len(columns):
         return [list(columns)]
     leading, others = list(columns[:keys]), list(columns[keys:])
@@ -152,7 +192,13 @@ def split_columns(columns: Sequence[Column], keys: int) -> list[list[Column]]:
 
 
 def count_key_columns(columns: Sequence[Column]) -> int:
-    """Return the number of leading columns that identify a row: text columns, at least one and at most three."""
+    """Return the number of leading columns that identify a row: text columns, at least one and at most three.
+
+    Parameters
+    ----------
+    columns : sequence of Column
+        Columns in their order.
+    """
     count = 0
     for column in columns[:3]:
         if column.numeric or column.longest_cell > _MAX_TEXT_WIDTH:

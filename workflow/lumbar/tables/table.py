@@ -48,7 +48,13 @@ _NUMBERED = re.compile(r"^Table \d+\.\d+[.:,]? *(as |the )?")
 
 
 def svg_address(text: str) -> str:
-    """Return an SVG file's text as the ``data:`` address of an image."""
+    """Return an SVG file's text as the ``data:`` address of an image.
+
+    Parameters
+    ----------
+    text : str
+        Content of the file.
+    """
     return f"data:image/svg+xml;base64,{base64.b64encode(text.encode()).decode('ascii')}"
 
 
@@ -124,7 +130,15 @@ class Table:
         write_text(stem.with_name(stem.name + ".html"), self.to_html())
 
     def cell(self, column: str, value) -> str:
-        """Format one cell for print: missing as an en dash, floats rounded, names as separate words."""
+        """Format one cell for print: missing as an en dash, floats rounded, names as separate words.
+
+        Parameters
+        ----------
+        column : str
+            Name of the column.
+        value : object
+            Value of the cell; None or NaN if missing.
+        """
         if value is None or value != value:
             return layout.EMPTY
         if isinstance(value, bool) or getattr(getattr(value, "dtype", None), "kind", "") == "b":
@@ -138,7 +152,13 @@ class Table:
         )
 
     def header(self, name: str) -> str:
-        """Return the header of a column."""
+        """Return the header of a column.
+
+        Parameters
+        ----------
+        name : str
+            Name of the column.
+        """
         return self.headers.get(name, layout.column_in_words(name))
 
     def _columns(self, names: Iterable[str], rows: Sequence[int]) -> list[layout.Column]:
@@ -198,7 +218,15 @@ def _schemas(package: str) -> dict[str, Any]:
 
 
 def columns_of(package: str, name: str) -> list[str]:
-    """Return the columns of a described table in their order."""
+    """Return the columns of a described table in their order.
+
+    Parameters
+    ----------
+    package : str
+        Package or module, see `described`.
+    name : str
+        Name of the table.
+    """
     return list(_schemas(package)[name]["columns"])
 
 
@@ -273,7 +301,13 @@ def _column_schema(columns: Mapping[str, Any], name: str) -> dict[str, Any]:
 
 
 def escape_latex(text: str) -> str:
-    """Return a text escaped for LaTeX, numbers such as ``1.9e-06`` with a power of ten."""
+    """Return a text escaped for LaTeX, numbers such as ``1.9e-06`` with a power of ten.
+
+    Parameters
+    ----------
+    text : str
+        Plain text.
+    """
     escaped = _EXPONENT.sub(
         lambda match: (
             rf"$10^{{{int(match[2])}}}$" if match[1] == "1" else rf"{match[1]}$\cdot10^{{{int(match[2])}}}$"
@@ -286,7 +320,19 @@ def escape_latex(text: str) -> str:
 def latex_table(
     title: str, columns: Sequence[layout.Column], remarks: Sequence[str], source_label: str
 ) -> str:
-    """Return ``booktabs`` table environments; LaTeX numbers the table."""
+    """Return ``booktabs`` table environments; LaTeX numbers the table.
+
+    Parameters
+    ----------
+    title : str
+        Caption, with the number of the table if it has one.
+    columns : sequence of Column
+        Printed columns.
+    remarks : sequence of str
+        Remarks below the table.
+    source_label : str
+        Source of the data.
+    """
     wide = sum(column.width for column in columns) > LATEX_WIDTH
     environment = "table*" if wide else "table"
     rows = len(columns[0].cells) if columns else 0

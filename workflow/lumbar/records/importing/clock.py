@@ -24,7 +24,25 @@ _RATE_TOLERANCE = 0.01
 def stated_time(
     samples: int, rate: float | None, stated: Sequence[StatedRate], source: str
 ) -> tuple[np.ndarray, str]:
-    """Return the time of a table without a column of time, in seconds, and the origin of its rate.
+    """Return the time of a table without a column of time.
+
+    Parameters
+    ----------
+    samples : int
+        Rows of the table.
+    rate : float or None
+        Rate in hertz that the user gave.
+    stated : sequence of StatedRate
+        Rates that the file states; used if `rate` is None.
+    source : str
+        The file, for messages.
+
+    Returns
+    -------
+    ndarray, shape (samples,)
+        Seconds from 0.
+    str
+        Origin of the rate.
 
     Raises
     ------
@@ -46,7 +64,15 @@ def stated_time(
 
 
 def contradictions(record: Record, stated: Sequence[StatedRate]) -> list[str]:
-    """Return notes on stated rates that differ from the clock's."""
+    """Return notes on stated rates that differ from the clock's.
+
+    Parameters
+    ----------
+    record : Record
+        Record with the clock of the file.
+    stated : sequence of StatedRate
+        Rates that the file states.
+    """
     rate = 1 / record.sampling_time
     return [
         f"the file states {item.value:g} Hz ({item.place}), but its clock has {rate:g} Hz"
@@ -56,7 +82,22 @@ def contradictions(record: Record, stated: Sequence[StatedRate]) -> list[str]:
 
 
 def check_forward(time: np.ndarray, lines: Sequence[int] | None, source: str) -> None:
-    """Raise if time stamps are missing, repeated or backward, with their lines."""
+    """Raise if time stamps are missing, repeated or backward.
+
+    Parameters
+    ----------
+    time : ndarray, shape (samples,)
+        Seconds.
+    lines : sequence of int, or None
+        Line of each sample in the file.
+    source : str
+        The file, for messages.
+
+    Raises
+    ------
+    InputError
+        With the lines of these samples.
+    """
     problems = Problems(source)
     steps = np.diff(time)
     repeated = "drop the duplicate rows; replace stamps too coarse for an even clock by --time none --rate HZ"
@@ -77,10 +118,22 @@ def check_forward(time: np.ndarray, lines: Sequence[int] | None, source: str) ->
 
 
 def recover_even_clock(time: np.ndarray) -> tuple[np.ndarray, str]:
-    """Return the even clock of rounded time stamps, in seconds, and a note; other stamps unchanged.
+    """Return the even clock of rounded time stamps; other stamps unchanged.
 
     Stamps are rounded if they differ from an even clock by at most their last digit. If this digit is as coarse as the clock, a
     few odd steps are dropped or repeated samples instead.
+
+    Parameters
+    ----------
+    time : ndarray, shape (samples,)
+        Increasing time stamps in seconds.
+
+    Returns
+    -------
+    ndarray, shape (samples,)
+        Seconds.
+    str
+        Note; empty if the stamps are unchanged.
     """
     if len(time) < MIN_SAMPLES:
         return time, ""
@@ -108,10 +161,24 @@ def recover_even_clock(time: np.ndarray) -> tuple[np.ndarray, str]:
 
 
 def even_clock(record: Record, lines: Sequence[int] | None) -> tuple[Record, str]:
-    """Return the record on an even clock, and a note.
+    """Return the record on an even clock.
 
     A clock within `CLOCK_TOLERANCE` of an even one stays. Otherwise a cubic spline is evaluated at the median rate, limited to
     the two neighbouring samples: it would overshoot at a clipped sensor or an impact.
+
+    Parameters
+    ----------
+    record : Record
+        Record with an increasing clock.
+    lines : sequence of int, or None
+        Line of each sample in the file.
+
+    Returns
+    -------
+    Record
+        `record` itself if its clock is even.
+    str
+        Note on the change; empty without one.
 
     Raises
     ------
@@ -154,7 +221,17 @@ def even_clock(record: Record, lines: Sequence[int] | None) -> tuple[Record, str
 
 
 def trim_hint(time: np.ndarray, edges: Sequence[int], step: float) -> str:
-    """Return advice to read the longest part between these samples, with the option."""
+    """Return advice to read the longest part without a gap, with the option.
+
+    Parameters
+    ----------
+    time : ndarray, shape (samples,)
+        Seconds.
+    edges : sequence of int
+        Samples that bound the parts, the stop of the last one included.
+    step : float
+        Sampling interval in seconds.
+    """
     first, stop = max(pairwise(edges), key=lambda part: part[1] - part[0])
     return f"the longest part without one is --trim {time[first]:.9g}:{time[stop - 1] + step / 2:.9g}"
 

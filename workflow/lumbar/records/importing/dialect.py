@@ -39,7 +39,13 @@ class TableDialect(Dialect):
     text_columns: frozenset[int] = frozenset()
 
     def split(self, line: str) -> list[str]:
-        """Return the cells of one line, without the empty cell after a delimiter at its end."""
+        """Return the cells of one line, without the empty cell after a delimiter at its end.
+
+        Parameters
+        ----------
+        line : str
+            Line without its end.
+        """
         cells = super().split(line)
         return cells[:-1] if len(cells) == self.width + 1 and not cells[-1] else cells
 
@@ -47,6 +53,11 @@ class TableDialect(Dialect):
         """Return the number in a cell, the seconds since midnight of a time of day, or NaN if the cell is marked as missing.
 
         A date before the time is ignored, as days and months cannot be distinguished.
+
+        Parameters
+        ----------
+        cell : str
+            Text of the cell.
         """
         if cell.casefold() in MISSING:
             return math.nan
@@ -68,7 +79,13 @@ class TableDialect(Dialect):
         return re.compile(rf"\s*{number}(?:{gap}{number}){{{self.width - 1}}}\s*")
 
     def is_row(self, line: str) -> bool:
-        """Return whether a line is a row: every cell of a number column is a number or marked as missing."""
+        """Return whether a line is a row: every cell of a number column is a number or marked as missing.
+
+        Parameters
+        ----------
+        line : str
+            Line without its end.
+        """
         if self._number_row.fullmatch(line):
             return True
         cells = self.split(line)
@@ -82,7 +99,13 @@ class TableDialect(Dialect):
         )
 
     def is_faulty_row(self, line: str) -> bool:
-        """Return whether a line is a faulty row: a cell is not a number, or there are too few or too many cells."""
+        """Return whether a line is a faulty row: a cell is not a number, or there are too few or too many cells.
+
+        Parameters
+        ----------
+        line : str
+            Line without its end.
+        """
         return not self.is_row(line) and sum(_is_number(cell, self.decimal) for cell in self.split(line)) >= 2
 
     def __str__(self) -> str:
@@ -95,7 +118,13 @@ def _is_number(cell: str, decimal: str) -> bool:
 
 
 def find_dialect(lines: list[str]) -> TableDialect | None:
-    """Return the dialect in which most cells are numbers; None if no lines are a table."""
+    """Return the dialect in which most cells are numbers; None if no lines are a table.
+
+    Parameters
+    ----------
+    lines : list of str
+        Lines of the file.
+    """
     sample = [line for line in lines[:_MAX_DIALECT_LINES] if line.strip()]
     best, most = None, 0
     for delimiter in DELIMITERS:
@@ -132,7 +161,15 @@ def _score_dialect(
 
 
 def find_blocks(lines: list[str], dialect: TableDialect) -> list[tuple[int, int]]:
-    """Return first and last line (from 0) of every run of rows, which only blank lines and faulty rows interrupt."""
+    """Return first and last line (from 0) of every run of rows, which only blank lines and faulty rows interrupt.
+
+    Parameters
+    ----------
+    lines : list of str
+        Lines of the file.
+    dialect : TableDialect
+        Form of the rows.
+    """
     rows = [number for number, line in enumerate(lines) if line.strip() and dialect.is_row(line)]
     if not rows:
         return []

@@ -143,6 +143,11 @@ _BRACKETS = re.compile(r"^[\[(<{]\s*(.*?)\s*[\])>}]$")
 def find_unit(spelling: str) -> Unit | None:
     """Return the unit with a spelling, in brackets or not; None if it is unknown.
 
+    Parameters
+    ----------
+    spelling : str
+        Unit as in the file, e.g. ``"[kN]"``.
+
     Examples
     --------
     >>> find_unit("[µm]").factor
@@ -211,6 +216,11 @@ _IN_HEADER = (
 
 def split_name_and_unit(cell: str) -> tuple[str, str]:
     """Split a header's cell into name and unit; the unit is empty if the cell states no known one.
+
+    Parameters
+    ----------
+    cell : str
+        Text of the cell.
 
     Examples
     --------

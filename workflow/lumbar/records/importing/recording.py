@@ -41,7 +41,13 @@ _QUANTITIES |= {"velocity": "position", "angular velocity": "angle"}
 
 
 def record_name(text: str) -> str:
-    """Return a name of a record for any text."""
+    """Return a name of a record for any text.
+
+    Parameters
+    ----------
+    text : str
+        Name of a file or a part.
+    """
     return sanitize_name(text, "record", _SIGNS)
 
 
@@ -59,6 +65,17 @@ class Part:
 
 def split_parts(table: RawTable, time: np.ndarray, choices: Choices, name: str) -> list[Part]:
     """Split a table into the parts that the user requested.
+
+    Parameters
+    ----------
+    table : RawTable
+        Table of the file.
+    time : ndarray, shape (samples,)
+        Seconds on the file's clock.
+    choices : Choices
+        The user's options.
+    name : str
+        Name of the record of the whole table, with which the names of parts by column begin.
 
     Raises
     ------
@@ -210,6 +227,22 @@ def to_records(
     table: RawTable, choices: Choices, name: str, sha256: str = ""
 ) -> tuple[ImportedRecording, ...]:
     """Convert a table, or its parts, to records.
+
+    Parameters
+    ----------
+    table : RawTable
+        Table of the file.
+    choices : Choices
+        The user's options.
+    name : str
+        Name of the record of the whole table.
+    sha256 : str
+        SHA-256 of the file.
+
+    Returns
+    -------
+    tuple of ImportedRecording
+        One per part.
 
     Raises
     ------

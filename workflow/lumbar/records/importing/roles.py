@@ -37,7 +37,13 @@ Requests = dict[str, tuple[str | None, str | None]]
 
 
 def split_columns(option: str | None) -> list[str]:
-    """Return the columns of several axes in an option, separated by commas; none of a single column."""
+    """Return the columns of several axes in an option, separated by commas; none of a single column.
+
+    Parameters
+    ----------
+    option : str or None
+        Text that the user gave for a role.
+    """
     return [part.strip() for part in option.split(",")] if option and "," in option else []
 
 
@@ -97,19 +103,38 @@ class Role:
 
 
 def normalize(text: str) -> str:
-    """Return a text in lower case without accents."""
+    """Return a text in lower case without accents.
+
+    Parameters
+    ----------
+    text : str
+        Text in any case.
+    """
     text = text.casefold().replace("ü", "ue").replace("ä", "ae").replace("ö", "oe")
     return "".join(sign for sign in unicodedata.normalize("NFKD", text) if not unicodedata.combining(sign))
 
 
 def split_words(name: str) -> list[str]:
-    """Return the words of a name, normalized and without digits."""
+    """Return the words of a name, normalized and without digits.
+
+    Parameters
+    ----------
+    name : str
+        Name of a column.
+    """
     spaced = re.sub(r"(?<=[a-zà-ÿ])(?=[A-Z])", " ", name)
     return [word for word in re.split(r"[\W\d_]+", normalize(spaced)) if word]
 
 
 def name_match_score(name: str, role: str) -> int:
     """Return how clearly a name states a role: 3 a word for it, 2 a word in a word, 1 a letter, 0 not, -1 another quantity.
+
+    Parameters
+    ----------
+    name : str
+        Name of a column.
+    role : str
+        Key of `ROLE_WORDS`, e.g. ``"force"``.
 
     Examples
     --------
@@ -237,13 +262,30 @@ def _free_columns(
 
 
 def ambiguity_error(table: RawTable, problems: Iterable[str]) -> InputError:
-    """Return the error of unclear columns and units, with all columns of the table."""
+    """Return the error of unclear columns and units, with all columns of the table.
+
+    Parameters
+    ----------
+    table : RawTable
+        Table of the file.
+    problems : iterable of str
+        Problem of each role.
+    """
     listed = "\n".join(f"  - {problem}" for problem in problems)
     return InputError(f"{table.source}: some columns or units are unclear\n{listed}{table.describe()}")
 
 
 def select_column(columns: Sequence[RawColumn], request: str, option: str) -> tuple[RawColumn, str]:
-    """Return the column that the user named, by its name, its normalized name or its number, and this as a reason.
+    """Return the column that the user named, and this as a reason.
+
+    Parameters
+    ----------
+    columns : sequence of RawColumn
+        Columns to choose from.
+    request : str
+        Name of the column, its normalized name or its number.
+    option : str
+        Option that the user gave, for messages.
 
     Raises
     ------
@@ -271,7 +313,24 @@ def select_column(columns: Sequence[RawColumn], request: str, option: str) -> tu
 
 
 def require_unique_name(column: RawColumn, request: str | None, table: RawTable, role: str) -> None:
-    """Raise if the header contains a column's name several times, unless the user gave the column's number."""
+    """Raise if the header contains a column's name several times.
+
+    Parameters
+    ----------
+    column : RawColumn
+        Chosen column.
+    request : str or None
+        Text that the user gave for the role; the number of the column is always allowed.
+    table : RawTable
+        Table of the file.
+    role : str
+        Role of the column, for the message.
+
+    Raises
+    ------
+    InputError
+        With the numbers of the columns with this name.
+    """
     numbers = [str(other.number) for other in table.columns if other.name == column.name]
     if column.name and len(numbers) > 1 and request != str(column.number):
         listed = " and ".join(numbers)
@@ -281,7 +340,15 @@ def require_unique_name(column: RawColumn, request: str | None, table: RawTable,
 
 
 def rank_columns(columns: Iterable[RawColumn], role: str) -> dict[tuple[int, bool], list[RawColumn]]:
-    """Return the candidates for a role by the score of their names (`name_match_score`) and whether the unit fits."""
+    """Return the candidates for a role by the score of their names (`name_match_score`) and whether the unit fits.
+
+    Parameters
+    ----------
+    columns : iterable of RawColumn
+        Columns to choose from.
+    role : str
+        ``"time"``, ``"position"`` or ``"force"``.
+    """
     ranks: dict[tuple[int, bool], list[RawColumn]] = {}
     for column in columns:
         unit, score = find_unit(column.unit), name_match_score(column.name_in_group, role)
@@ -316,7 +383,13 @@ def _find_by_name(columns: list[RawColumn], role: str) -> tuple[RawColumn, str] 
 
 
 def is_velocity_name(name: str) -> bool:
-    """Return whether a name is that of a measured velocity, and not of a command or an error."""
+    """Return whether a name is that of a measured velocity, and not of a command or an error.
+
+    Parameters
+    ----------
+    name : str
+        Name of a column.
+    """
     parts = set(split_words(name))
     return bool(parts & {normalize(word) for word in _VELOCITIES}) and not parts & _UNMEASURED
 

@@ -115,7 +115,13 @@ def _entry(recording: ImportedRecording) -> dict:
 
 
 def is_study_needed(content: dict) -> bool:
-    """Return whether the records of a provenance file need their study: other columns than by default, or several rates."""
+    """Return whether the records of a provenance file need their study: other columns than by default, or several rates.
+
+    Parameters
+    ----------
+    content : dict
+        Content of the provenance file, with at least one record.
+    """
     is_default = all(
         (column["quantity"], column["unit"]) == _DEFAULT[role.partition("_")[0]]
         for role, column in content["records"][0]["columns"].items()
@@ -125,13 +131,27 @@ def is_study_needed(content: dict) -> bool:
 
 
 def common_rate(rates: Iterable[float]) -> float | None:
-    """Return the lowest of several rates in hertz; None if all are equal."""
+    """Return the lowest of several rates in hertz; None if all are equal.
+
+    Parameters
+    ----------
+    rates : iterable of float
+        Rates in hertz, at least one.
+    """
     rates = [float(f"{rate:.9g}") for rate in rates]
     return min(rates) if max(rates) > (1 + 1e-6) * min(rates) else None
 
 
 def study_text(content: dict, folder: Path) -> str:
-    """Return the text of the study for the content of the provenance file; empty without records."""
+    """Return the text of the study for the content of the provenance file; empty without records.
+
+    Parameters
+    ----------
+    content : dict
+        Content of the provenance file.
+    folder : Path
+        Folder of the records.
+    """
     records = content["records"]
     if not records:
         return ""

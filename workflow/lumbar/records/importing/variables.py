@@ -117,9 +117,20 @@ def _stated_rates(arrays: Mapping[str, np.ndarray]) -> Iterator[StatedRate]:
 
 
 def read_variables(content: bytes, source: str, kind: str, choices: Choices) -> RawTable:
-    """Read a file of `kind` ``"MATLAB"`` or ``"HDF5"``.
+    """Read the variables of a MATLAB or HDF5 file as a table.
 
     The samples of a matrix in an HDF5 file are along its longer axis, because MATLAB transposes matrices in these files.
+
+    Parameters
+    ----------
+    content : bytes
+        Content of the file.
+    source : str
+        The file, for messages.
+    kind : str
+        ``"MATLAB"`` or ``"HDF5"``.
+    choices : Choices
+        The user's options.
 
     Raises
     ------

@@ -43,7 +43,13 @@ class AxisColumns:
     """Columns by axis."""
 
     def rank(self, role: str) -> tuple[int, bool] | None:
-        """Return how clearly they have a role, as in `rank_columns`; None if they cannot have it."""
+        """Return how clearly they have a role, as in `rank_columns`; None if they cannot have it.
+
+        Parameters
+        ----------
+        role : str
+            ``"position"`` or ``"force"``.
+        """
         units = [find_unit(column.unit) for column in self.columns.values()]
         quantities = {unit.quantity for unit in units if unit is not None}
         fits, score = quantities == {QUANTITIES[role]}, name_match_score(self.name, role)
@@ -59,6 +65,11 @@ class AxisColumns:
 
 def split_axis(name: str) -> tuple[str, str]:
     """Split the name of a column into the rest, in lower case, and the axis; both are empty without an axis.
+
+    Parameters
+    ----------
+    name : str
+        Name of the column.
 
     Examples
     --------
@@ -78,7 +89,13 @@ def split_axis(name: str) -> tuple[str, str]:
 
 
 def find_axes(columns: Sequence[RawColumn]) -> list[AxisColumns]:
-    """Return the columns that differ in two or three axes, without duplicate ones; of a matrix only three columns."""
+    """Return the columns that differ in two or three axes, without duplicate ones; of a matrix only three columns.
+
+    Parameters
+    ----------
+    columns : sequence of RawColumn
+        Columns of one table.
+    """
     members: dict[tuple[str, str], list[tuple[str, RawColumn]]] = {}
     for column in columns:
         rest, axis = split_axis(column.name_in_group)
@@ -98,6 +115,15 @@ def find_roles_of_axes(table: RawTable, requests: Requests, rate: float | None =
     """Find the columns of one axis as `find_roles`, or else those of several: ``position_x``, …, ``force_z``.
 
     The user separates columns by commas. Otherwise a triple is used unless a single column has its role as clearly.
+
+    Parameters
+    ----------
+    table : RawTable
+        Table of the file.
+    requests : Requests
+        The user's options for each role.
+    rate : float, optional
+        Rate in hertz that the user gave instead of a column of time.
 
     Raises
     ------
