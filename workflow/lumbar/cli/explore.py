@@ -98,8 +98,8 @@ def _index(options) -> tuple[Index, UploadDiagnosis]:
     # Each of the user's files is an experiment, not a part of one session.
     improvement = settings.improvement.model_copy(update={"session": False})
     settings = settings.model_copy(update={"improvement": improvement})
-    own = UploadDiagnosis(partial(lumbar.diagnose, settings=settings), output / "own")
-    return Index(place, ServedSets([*sets, example]), lifts, results, first), own
+    upload = UploadDiagnosis(partial(lumbar.diagnose, settings=settings), output / "own")
+    return Index(place, ServedSets([*sets, example]), lifts, results, first), upload
 
 
 def _study_sets(options) -> tuple[Study, list[ExploredSet]]:

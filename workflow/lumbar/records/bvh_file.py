@@ -69,10 +69,10 @@ def _read_skeleton(path: Path, lines: list[str]) -> list[_Joint]:
     joints: list[_Joint] = []
     open_joints: list[int] = []
     for place, line in enumerate(lines, start=2):
-        words = line.split()
-        if not words or words == ["{"]:
+        tokens = line.split()
+        if not tokens or tokens == ["{"]:
             continue
-        keyword = words[0].upper()
+        keyword = tokens[0].upper()
         where = f"{path}, line {place}"
         if keyword in ("ROOT", "JOINT", "END"):
             is_misplaced = (keyword == "ROOT") != (not joints) or (joints and not open_joints)
@@ -81,17 +81,17 @@ def _read_skeleton(path: Path, lines: list[str]) -> list[_Joint]:
                     f"{where}: {line.strip()!r}; one ROOT with JOINTs is needed, at most {_MAX_JOINTS}"
                 )
             parent = open_joints[-1] if open_joints else -1
-            name = f"{joints[parent].name}_end" if keyword == "END" else " ".join(words[1:])
+            name = f"{joints[parent].name}_end" if keyword == "END" else " ".join(tokens[1:])
             open_joints.append(len(joints))
             joints.append(_Joint(name, parent))
         elif keyword == "}" and open_joints:
             open_joints.pop()
         elif keyword == "OFFSET" and open_joints:
-            joints[open_joints[-1]].offset = _read_numbers(path, [Row(place, words[1:])], 3)[0]
+            joints[open_joints[-1]].offset = _read_numbers(path, [Row(place, tokens[1:])], 3)[0]
         elif keyword == "CHANNELS" and open_joints:
-            channels = words[2:]
+            channels = tokens[2:]
             are_valid = set(channels) <= set(_CHANNELS) and len(set(channels)) == len(channels)
-            if not are_valid or words[1:2] != [str(len(channels))]:
+            if not are_valid or tokens[1:2] != [str(len(channels))]:
                 raise InputError(f"{where}: {line.strip()!r}; a count and {', '.join(_CHANNELS)} are needed")
             joints[open_joints[-1]].channels = tuple(channels)
         else:
@@ -107,10 +107,10 @@ def _read_motion(path: Path, lines: list[str], begins: int, n_channels: int) -> 
     """Return the time between frames, and the channels of all frames, shape (n_frames, n_channels)."""
     rows = list(split_rows(lines[begins:], _BLANKS, str(path), first=begins + 1))
     stated = {}
-    for (place, words), key in zip(rows[:2], ("Frames:", "Frame Time:"), strict=False):
-        if " ".join(words[:-1]).lower() != key.lower():
-            raise InputError(f"{path}, line {place}: {' '.join(words)[:60]!r}; '{key}' NUMBER is needed")
-        stated[key] = float(_read_numbers(path, [Row(place, words[-1:])], 1)[0, 0])
+    for (place, tokens), key in zip(rows[:2], ("Frames:", "Frame Time:"), strict=False):
+        if " ".join(tokens[:-1]).lower() != key.lower():
+            raise InputError(f"{path}, line {place}: {' '.join(tokens)[:60]!r}; '{key}' NUMBER is needed")
+        stated[key] = float(_read_numbers(path, [Row(place, tokens[-1:])], 1)[0, 0])
     if len(rows) < 3:
         raise InputError(f"{path}: no frames")
     interval = stated["Frame Time:"]

@@ -63,7 +63,7 @@ class MarkerFile:
     notes: tuple[str, ...] = ()
     """Contradictions in the file that do not affect coordinates."""
     joints: bool = False
-    """Whether the points are joint centres instead of markers on the skin."""
+    """True if the points are joint centres instead of markers on the skin."""
 
     @property
     def subjects(self) -> tuple[str, ...]:

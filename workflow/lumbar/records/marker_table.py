@@ -92,7 +92,7 @@ def read_marker_table(path: str | os.PathLike, rate: float | None = None) -> Mar
     else:
         raise InputError(f"{path}: no column of times (time_s); set markers.rate_Hz to the frames per second")
     points = np.stack([frames[:, axes] for axes in columns.markers.values()], axis=1)
-    notes = f"columns that are no coordinates were left out: {', '.join(columns.others)}"
+    notes = f"columns that are not coordinates were left out: {', '.join(columns.others)}"
     unit = columns.unit or table.unit
     file = MarkerFile(str(path), times, rate, unit, notes=(notes,) if columns.others else ())
     return split_points(file, list(columns.markers), mark_missing(points))

@@ -59,7 +59,7 @@ class MarkerRecording:
     subjects: tuple[str, ...] = ()
     """Prefixes, as in ``Subject:C7``, that were removed from the file's labels."""
     joints: bool = False
-    """Whether the points are joint centres instead of markers on the skin."""
+    """True if the points are joint centres instead of markers on the skin."""
 
     def __getitem__(self, marker: str) -> np.ndarray:
         """Return the positions of one marker, shape (n_frames, 3), in metres."""

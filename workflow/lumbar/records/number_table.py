@@ -45,7 +45,7 @@ class Dialect:
     comment: str | None = None
     """Beginning of lines that are skipped."""
     quotes_span_lines: bool = False
-    """Whether a cell in quotes may contain line breaks, as in answers of a survey; in tables of numbers this is an error."""
+    """True if a cell in quotes may contain line breaks, as in answers of a survey; in tables of numbers this is an error."""
 
     def split(self, line: str) -> list[str]:
         """Return the cells of one line. Quotes protect delimiters.

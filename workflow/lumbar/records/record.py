@@ -62,7 +62,7 @@ class Record:
     filled: tuple[int, ...] = ()
     """Samples that were not recorded, but interpolated."""
     points: bool = False
-    """Whether these are points of a static test without a clock; `time` then numbers them."""
+    """True for points of a static test without a clock; `time` then numbers them."""
     trim: tuple[float, float] | None = None
     """Start and stop of the part of the file that was read, in seconds of its clock; None for the whole file."""
 

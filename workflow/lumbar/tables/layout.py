@@ -90,7 +90,7 @@ class Column:
 
     @cached_property
     def numeric(self) -> bool:
-        """Whether all cells that are not empty are numbers."""
+        """True if all cells that are not empty are numbers."""
         filled = [cell for cell in self.cells if cell != EMPTY]
         return bool(filled) and all(_NUMBER.fullmatch(cell) for cell in filled)
 

@@ -196,7 +196,7 @@ def parse_unit(text: str, place: str) -> Unit:
     if unit is None or factor == 0 or not math.isfinite(factor):
         known = ", ".join(words.split()[0] for units in _SPELLINGS.values() for words in units)
         raise InputError(
-            f"{place} {text!r} is no unit; known are {known}, {', '.join(_READINGS.split()[:3])} …, and a number before "
+            f"{place} {text!r} is not a unit; known are {known}, {', '.join(_READINGS.split()[:3])} …, and a number before "
             "one of them for a sensor's calibration, as in '35.15 N'"
         )
     return Unit(text.strip(), unit.quantity, factor * unit.factor, unit.target)

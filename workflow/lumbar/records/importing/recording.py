@@ -166,7 +166,7 @@ class ImportedRecording:
     sha256: str = field(default="", repr=False)
     """SHA-256 of the file."""
     clipped: bool = False
-    """Whether clipped channels were accepted."""
+    """True if clipped channels were accepted."""
     sources: dict[str, tuple[str, str]] = field(default_factory=dict)
     """The name and unit of each role's column in the file."""
 
@@ -327,9 +327,8 @@ def _to_record(
 def _make_channel(name: str, role: Role, samples: np.ndarray, flip_force: bool) -> Channel:
     side, _, axis = name.partition("_")
     quantity = side if axis else _QUANTITIES.get(role.unit.quantity, "")
-    if (
-        not quantity
-    ):  # a sensor's reading, e.g. in volts, is named as in the file if that is no name of the role
+    if not quantity:
+        # A sensor's reading, e.g. in volts, is named as its column, or as its role if both names agree.
         column = role.column.name_in_group
         default = "input" if name == "position" else "output"
         quantity = name if name_match_score(column, name) >= 2 else sanitize_name(column, default)

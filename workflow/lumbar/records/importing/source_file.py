@@ -168,7 +168,7 @@ def _read_lines(lines: list[str], source: str, encoding: str, table: str | None 
         f"lines {a + 1} to {b + 1} are too few rows for a table" for a, b in runs if b - a + 1 < MIN_ROWS
     ]
     if last + 1 < len(lines) and dialect.is_faulty_row(lines[last + 1]):
-        remarks.append(f"line {last + 2} is no whole row ({lines[last + 1].strip()[:60]!r})")
+        remarks.append(f"line {last + 2} is not a whole row ({lines[last + 1].strip()[:60]!r})")
     # Columns of numbers and of times of day.
     cells = dialect.split(lines[first])
     positions = {
@@ -193,7 +193,7 @@ def _read_lines(lines: list[str], source: str, encoding: str, table: str | None 
     # Columns of text, which may name trials.
     texts = []
     for column in sorted(dialect.text_columns):
-        remarks.append(f"column {column + 1} is no number ({cells[column]!r})")
+        remarks.append(f"column {column + 1} is not a number ({cells[column]!r})")
         labels = [dialect.split(lines[line - 1])[column] for line in numbers.lines]
         number = {label: index for index, label in enumerate([*dict.fromkeys(labels)][:_MAX_LABELS])}
         values = np.array([number.get(label, np.nan) for label in labels], dtype=float)

@@ -101,14 +101,14 @@ def find_axes(columns: Sequence[RawColumn]) -> list[AxisColumns]:
         rest, axis = split_axis(column.name_in_group)
         if axis or _MATRIX.match(column.name_in_group):
             members.setdefault((column.group, rest), []).append((axis, column))
-    found = []
+    groups = []
     for (group, rest), pairs in members.items():
         axes = sorted(axis for axis, _ in pairs)
         is_matrix = any(_MATRIX.match(column.name_in_group) for _, column in pairs)
         if len(set(axes)) == len(axes) >= 2 + is_matrix and axes[0]:
             above = (re.split(r"[./]", group.rstrip("./"))[-1]).casefold()
-            found.append(AxisColumns(rest or above, dict(sorted(pairs, key=lambda pair: pair[0]))))
-    return found
+            groups.append(AxisColumns(rest or above, dict(sorted(pairs, key=lambda pair: pair[0]))))
+    return groups
 
 
 def find_roles_of_axes(table: RawTable, requests: Requests, rate: float | None = None) -> dict[str, Role]:
