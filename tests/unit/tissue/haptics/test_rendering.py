@@ -1,6 +1,7 @@
 """Models on a device: ``lumbar render``, verdicts on linear models and on FMUs, and the check at export."""
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -35,15 +36,17 @@ def test_command_prints_verdicts_and_writes_table_and_figures(run, models, tmp_p
     out = run.done(
         "render", models, "--model", "KB", "--hand", "300", "--damping", "5.5", "--output", tmp_path / "out"
     )
-    assert "KB at 100 Hz: UNSTABLE (it needs 15.4" in out and "simulated, it oscillates at" in out
+    assert re.search(r"KB at 100 Hz: UNSTABLE .*15\.4.* oscillates at [\d.]+ Hz", out)
     endings = {"rendering": "csv tex html", "closed_loop": "svg pdf", "z_width": "svg pdf"}
     written = {f"{stem}.{ending}" for stem, given in endings.items() for ending in given.split()}
     assert {path.name for path in (tmp_path / "out").iterdir()} == written
 
 
-@pytest.mark.parametrize("option", ["--mass", "--damping", "--rate"])
-def test_device_without_mass_damping_or_rate_is_rejected(run, models, option):
-    assert "a finite number above 0" in run.refused("render", models, "--model", "KB", option, "0")
+@pytest.mark.parametrize(
+    ("option", "key"), [("--mass", "mass_kg"), ("--damping", "damping_N_s_m"), ("--rate", "rate_Hz")]
+)
+def test_device_without_mass_damping_or_rate_is_rejected(run, models, option, key):
+    assert re.search(rf"{key}: .*\b0\b", run.refused("render", models, "--model", "KB", option, "0"))
 
 
 def test_table_defines_its_columns_and_has_the_numbers(rendering, tmp_path):
@@ -101,7 +104,7 @@ def test_passive_loop_is_safe_without_a_hand():
 
 
 def test_angle_is_not_a_position_of_a_stylus():
-    with pytest.raises(lumbar.InputError, match="angle in 'rad'"):
+    with pytest.raises(lumbar.InputError, match=r"KB: .*\bangle .*'rad'.*runtime\.device"):
         lumbar.render(fitted("KB", "rad", "angle"))
 
 
@@ -158,8 +161,8 @@ def test_bound_counts_if_forces_are_prompt_and_the_loop_rests(
     """All of the device's damping leaves an oscillation of 1.2 N; a delay or a slower servo one of 30 N."""
     settings = changed(SETTINGS, device_damping=damping, compiler_cache=str(zig_cache), device=device)
     page = exported_page(settings, tmp_path)
-    assert ("WARNING: not safe" in capsys.readouterr().err) == (not safe)
-    assert ("keeps the device passive" in page) == (device == {})
+    assert ("WARNING: " in capsys.readouterr().err) == (not safe)
+    assert (re.search(r"device_damping\b.*\bpassive\b", page) is not None) == (device == {})
 
 
 @ON_LINUX

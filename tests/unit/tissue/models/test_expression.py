@@ -86,11 +86,11 @@ def test_linear_parts_sum_to_equation(text):
     ("text", "message"),
     [
         *cases(__file__, "refused"),
-        (f"{10**400}*z", "numbers are finite"),
-        ("z" * 3000, "3000 characters; at most 2000"),
-        ("(" * 500 + "z" + ")" * 500, "cannot be read"),
-        ("+".join(["z"] * 80), "nested more than 60 deep"),
-        ("+".join(f"({'+'.join(['z'] * 30)})" for _ in range(15)), "more than 400 operations"),
+        (f"{10**400}*z", r"'10+…'.*\bfinite\b"),
+        ("z" * 3000, r"\b3000\b.*\b2000\b"),
+        ("(" * 500 + "z" + ")" * 500, r"'\(+…'.*parentheses"),
+        ("+".join(["z"] * 80), r"'[z+]+…'.*\b60\b"),
+        ("+".join(f"({'+'.join(['z'] * 30)})" for _ in range(15)), r"\b400\b"),
     ],
 )
 def test_forbidden_expressions_are_rejected(text, message):
@@ -101,12 +101,12 @@ def test_forbidden_expressions_are_rejected(text, message):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("z + k*v", "z has no linear parameter"),
-        ("tanh(k*z)", r"tanh\(k\*z\) is not proportional to k"),
-        ("k**2*z", r"k\*\*2 is not proportional to k"),
-        ("k*c*z", r"k\*c is not proportional to c, k"),
-        ("z/k", "z/k is not proportional to k"),
-        ("where(k > z, k, c)", "is not proportional to c, k"),
+        ("z + k*v", r"^z .*\blinear\b"),
+        ("tanh(k*z)", r"tanh\(k\*z\) .*\bk\b.*\bnonlinear\b"),
+        ("k**2*z", r"k\*\*2 .*\bk\b.*\bnonlinear\b"),
+        ("k*c*z", r"k\*c .*\bc, k\b.*\bnonlinear\b"),
+        ("z/k", r"z/k .*\bk\b.*\bnonlinear\b"),
+        ("where(k > z, k, c)", r"where\(k > z, k, c\) .*\bc, k\b.*\bnonlinear\b"),
     ],
 )
 def test_a_force_that_is_not_proportional_is_rejected(text, message):
@@ -116,30 +116,26 @@ def test_a_force_that_is_not_proportional_is_rejected(text, message):
 
 def test_broken_powers_need_a_base_that_is_never_negative():
     for text in ("z**n", "(z - a)**1.5", "sin(z)**n", "z**-1"):
-        with pytest.raises(InputError, match=r"may be negative.*write abs\(…\) or max\(…, 0\)"):
+        with pytest.raises(InputError, match=rf"{re.escape(text)}: .*abs\(…\).*max\(…, 0\)"):
             check_powers(parse(text), {"n"})
     for text in ("abs(z)**n", "max(z, 0)**1.5", "(n + z**2)**n", "z**3", "(n/(1 + n))**0.5"):
         check_powers(parse(text), {"n"})
 
 
 @pytest.mark.parametrize(
-    ("equation", "state", "fault"),
+    ("equation", "state", "place"),
     [
-        ("c*sqrt(abs(v))", "", "equation: form odd: the derivative by v is not finite at z = 0, v = 0"),
-        (
-            "c*sign(v)*abs(v)**0.5",
-            "",
-            "equation: form odd: the derivative by v is not finite at z = 0, v = 0",
-        ),
-        ("c*sqrt(z**2)", "", "equation: form odd: the derivative by z is not finite at z = 0, v = 0"),
-        ("c*v/abs(v)", "", "equation: form odd: the value is not finite at z = 0, v = 0"),
-        ("c*r", "sqrt(abs(v)) - r", "state.r: form odd: the derivative by v is not finite at z = 0, v = 0"),
+        ("c*sqrt(abs(v))", "", r"equation: .*\bderivative\b.*\bv\b"),
+        ("c*sign(v)*abs(v)**0.5", "", r"equation: .*\bderivative\b.*\bv\b"),
+        ("c*sqrt(z**2)", "", r"equation: .*\bderivative\b.*\bz\b"),
+        ("c*v/abs(v)", "", r"equation: .*\bvalue\b"),
+        ("c*r", "sqrt(abs(v)) - r", r"state\.r: .*\bderivative\b.*\bv\b"),
     ],
 )
-def test_form_check_reports_infinite_values_and_slopes_at_rest(equation, state, fault):
+def test_form_check_reports_infinite_values_and_slopes_at_rest(equation, state, place):
     states = (("r", state),) if state else ()
     form = Form("odd", equation, Place.PARALLEL, (LinearParameter("c", "{y}", symbol="c"),), state=states)
-    with pytest.raises(InputError, match=re.escape(fault)):
+    with pytest.raises(InputError, match=rf"{place}.*z = 0, v = 0"):
         form.check()
     for finite in ("c*tanh(v)", "c*abs(v)*v", "c*sqrt(v**2 + 1)"):
         replace(form, equation=finite, state=()).check()

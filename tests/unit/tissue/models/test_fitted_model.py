@@ -109,16 +109,16 @@ def test_a_discrete_model_is_the_same_in_all_its_forms():
 
 
 def test_effects_have_no_transfer_function():
-    with pytest.raises(NumericalError, match=r"its effects \(coulomb_friction\)"):
+    with pytest.raises(NumericalError, match=r"KB\+coulomb_friction: .*\(coulomb_friction\)"):
         given("KB", "coulomb_friction/coulomb").to_control()
 
 
 def test_discrete_model_is_simulated_about_rest_at_its_rate():
     held = DISCRETE.simulate(record(np.full(50, 4.0)))
     np.testing.assert_allclose(held, -2.0 + 0.7 / 0.55)
-    with pytest.raises(InputError, match="walk is sampled at 200 Hz, KB is a difference equation at 100 Hz"):
+    with pytest.raises(InputError, match=r"walk .*200 Hz.*\bKB .*100 Hz"):
         DISCRETE.simulate(record(walk(), step=0.005))
-    with pytest.raises(InputError, match="the input is in 'm', KB takes 'mm'"):
+    with pytest.raises(InputError, match=r"walk: .*'m'.*\bKB .*'mm'"):
         DISCRETE.simulate(record(walk(), unit="m"))
 
 
@@ -155,7 +155,7 @@ def test_given_constants_are_written_with_model():
     total = [item.structure.simulate(motion, np.ones(2), np.array([3.0])) for item in (model, other)]
     np.testing.assert_allclose(total[0] - total[1], here - there, atol=1e-12)
     entry["structure"]["effects"][0]["constants"] = {"g": 1.6}
-    with pytest.raises(InputError, match=r"unknown constant .g.; constants of .* are z_1"):
+    with pytest.raises(InputError, match=r"structure\.effects\.hardening_stiffness: .*'g'.*\bz_1\b"):
         FittedModel.from_json(entry, CATALOGUES)
 
 
@@ -164,10 +164,10 @@ def test_given_constants_are_written_with_model():
     [
         ([], "schema: list"),
         (None, "schema: NoneType"),
-        ({"schema": "lumbar.models/1", "models": []}, "'lumbar.models/1'; 'lumbar.models/2' is needed"),
-        ({"schema": "lumbar.models/2"}, "models: None; a list"),
-        ({"schema": "lumbar.models/2", "models": []}, "models: .*a list"),
-        ({"schema": "lumbar.models/2", "models": [3]}, r"models\.0: top level: found 3; "),
+        ({"schema": "lumbar.models/1", "models": []}, "schema: .*'lumbar.models/1'.*'lumbar.models/2'"),
+        ({"schema": "lumbar.models/2"}, r"models: .*\bNone\b.*\blist\b"),
+        ({"schema": "lumbar.models/2", "models": []}, r"models: .*\blist\b"),
+        ({"schema": "lumbar.models/2", "models": [3]}, r"models\.0: .*\b3\b.*\bname, structure"),
     ],
 )
 def test_other_content_than_models_is_rejected(content, message):
@@ -175,7 +175,7 @@ def test_other_content_than_models_is_rejected(content, message):
         read_models(content, CATALOGUES)
 
 
-def test_the_file_in_the_documentation_is_one(project):
+def test_models_file_in_documentation_is_valid(project):
     text = (project / "docs" / "contracts.md").read_text(encoding="utf-8")
     example = text[text.index('{"schema": "lumbar.models/2"') :].split("```")[0]
     assert [model.name for model in read_models(json.loads(example), CATALOGUES)] == ["KB", "LE+drift"]
@@ -185,7 +185,9 @@ def test_parameter_is_found_by_name():
     model = given("KB", "coulomb_friction/coulomb")
     assert model["relaxation_time"].value == BASE_NUMBERS["KB"][1][0]
     assert model["coulomb_friction.coulomb_force"].effect == "coulomb_friction"
-    with pytest.raises(InputError, match=r"no parameter 'tau'; there are spring_stiffness.*coulomb_force"):
+    with pytest.raises(
+        InputError, match=r"KB\+coulomb_friction .*'tau'.*\bspring_stiffness.*\.coulomb_force"
+    ):
         model["tau"]
 
 

@@ -133,7 +133,7 @@ def test_large_samples_use_the_normal_approximation(zeros):
 def test_zero_differences_have_p_one():
     assert signed_rank_test(np.zeros(20)).p_value == 1.0
     assert signed_rank_test(np.array([])).p_value == 1.0
-    with pytest.raises(ValueError, match="pratt, wilcox"):
+    with pytest.raises(ValueError, match=r"'zsplit'.*pratt, wilcox"):
         signed_rank_test(np.arange(5), "zsplit")
 
 
@@ -202,7 +202,7 @@ def test_chi_square_of_picks():
     assert rest.statistic == pytest.approx(expected)
     assert rest.p_value == pytest.approx(math.exp(-expected / 2))  # chi-square with 2 degrees of freedom
     assert rest.p_value == pytest.approx(0.64, abs=0.01)
-    with pytest.raises(NumericalError, match="nothing to compare"):
+    with pytest.raises(NumericalError, match=r"\b0\b.*\b3\b"):
         equal_shares_test(np.array([0, 0, 0]))
 
 
@@ -220,8 +220,10 @@ def test_analysis_depends_only_on_seed_and_states_reconstruction(analysed, ratin
     second, other = (analyse_survey(ratings, settings, seed, "synthetic twin").tables for seed in (7, 8))
     for name, table in analysed.tables.items():
         assert table.to_html() == second[name].to_html()
-        assert table.source_label == "reconstructed survey (not real answers), synthetic twin"
-        assert any("a demonstration here, not evidence" in note for note in table.notes)
+        assert (
+            table.source_label.startswith("reconstructed survey") and "synthetic twin" in table.source_label
+        )
+        assert any("demonstration" in note for note in table.notes)
     assert other["survey_paired"].to_html() != second["survey_paired"].to_html()
 
 
@@ -237,7 +239,7 @@ def test_large_p_does_not_show_equivalence(analysed):
     kb_ho = table.frame.iloc[-1]
     assert kb_ho["p_wilcoxon"] > 0.5
     assert kb_ho["equivalent"] == "not shown"
-    assert any(note.startswith("KB and HO") and "is not equivalence" in note for note in table.notes)
+    assert any("KB" in note and "HO" in note and "equivalence" in note for note in table.notes)
 
 
 def test_result_that_depends_on_treatment_of_zeros_is_undecided():
@@ -250,15 +252,17 @@ def test_result_that_depends_on_treatment_of_zeros_is_undecided():
     assert pair.test_without_zeros.p_value == signed_rank_test(difference, "wilcox").p_value
     assert pair.test.p_value != pytest.approx(pair.test_without_zeros.p_value, rel=0.05)
     pair = replace(pair, p_holm=0.034, p_holm_without_zeros=0.054)
-    assert any("not decided" in note for note in paired_analysis._notes(made(scores), [pair], 0.06))
+    assert any(
+        "0.034" in note and "0.054" in note for note in paired_analysis._notes(made(scores), [pair], 0.06)
+    )
 
 
 @pytest.mark.parametrize(
     ("test", "scores", "words"),
     [
-        (friedman, [[3, 3, 3]] * 10, "nothing to rank"),
-        (kruskal_wallis, [[3, 3, 3]] * 10, "all ratings are equal"),
-        (friedman, [[1, 2], [2, 3]], "at least 3"),
+        (friedman, [[3, 3, 3]] * 10, "Friedman"),
+        (kruskal_wallis, [[3, 3, 3]] * 10, "Kruskal-Wallis"),
+        (friedman, [[1, 2], [2, 3]], r"Friedman.*\b2\b.*\b3\b"),
     ],
 )
 def test_equal_answers_are_rejected(test, scores, words):

@@ -167,7 +167,7 @@ def design_multisine(band: float, settings: MultisineSettings, seed: int = 0) ->
         lines = np.setdiff1d(odd, left_out)
     elif not len(lines):
         raise InputError(
-            f"a multisine of {period:g} s period has no line up to {band:g} Hz: lengthen period_s"
+            f"a multisine of {period:g} s period has no line up to {band:g} Hz: lengthen signals.multisine.period_s"
         )
     shape = (lines / lines[0]) ** settings.amplitude_exponent
     amplitudes = shape / np.sqrt(np.sum(shape**2) / 2)
