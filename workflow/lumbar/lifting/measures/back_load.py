@@ -23,7 +23,17 @@ UPRIGHT_DEG = 15.0
 def inclination(line: np.ndarray, towards: np.ndarray) -> np.ndarray:
     """Return the angle of a line from straight up in the vertical plane of a direction, degrees, positive towards it.
 
-    `line`, shape (n, 3), runs from below to above, of any length; `towards` are horizontal unit vectors.
+    Parameters
+    ----------
+    line : numpy.ndarray, shape (n, 3)
+        Line from below to above, of any length.
+    towards : numpy.ndarray, shape (n, 3)
+        Horizontal unit vectors.
+
+    Returns
+    -------
+    numpy.ndarray, shape (n,)
+        Angle in degrees.
     """
     return np.degrees(np.arctan2(np.einsum("nj,nj->n", line, towards), line[:, 2]))
 
@@ -31,8 +41,21 @@ def inclination(line: np.ndarray, towards: np.ndarray) -> np.ndarray:
 def subtract_upright(bend: np.ndarray, trunk: np.ndarray, forward: np.ndarray) -> np.ndarray:
     """Return the angle beyond that of standing upright, as Plamondon et al. (2010) measure flexion of the lumbar region.
 
-    Zero is the mean over the straightest `UPRIGHT_SHARE` per cent of the recording. `bend`, shape (n,), is the angle; `trunk`,
-    shape (n, 3), the line from L5/S1 to C7/T1; `forward` are horizontal unit vectors.
+    Zero is the mean over the straightest `UPRIGHT_SHARE` per cent of the recording.
+
+    Parameters
+    ----------
+    bend : numpy.ndarray, shape (n,)
+        Angle in degrees.
+    trunk : numpy.ndarray, shape (n, 3)
+        Line from L5/S1 to C7/T1.
+    forward : numpy.ndarray, shape (n, 3)
+        Horizontal unit vectors.
+
+    Returns
+    -------
+    numpy.ndarray, shape (n,)
+        Angle in degrees.
 
     Raises
     ------
@@ -68,8 +91,18 @@ class Link:
 def net_moment(joint: np.ndarray, links: Iterable[Link], rate: float, gravity: float) -> np.ndarray:
     """Return the moment at a joint on all links above it, shape (n, 3) in N·m.
 
-    The joint, shape (n, 3) in metres, may move; `links` are all that it carries, z up. Accelerations are central differences of
-    filtered positions.
+    Accelerations are central differences of filtered positions, z up.
+
+    Parameters
+    ----------
+    joint : numpy.ndarray, shape (n, 3)
+        Position of the joint in m; it may move.
+    links : iterable of Link
+        All links that the joint carries.
+    rate : float
+        Frames per second.
+    gravity : float
+        Gravitational acceleration in m/s².
     """
     total = np.zeros_like(joint)
     for link in links:
@@ -95,7 +128,19 @@ _TRUNK_OF_WOMEN = 0.65
 def trunk_extension_strength(inclination_deg: np.ndarray, sex: str) -> np.ndarray:
     """Return the mean largest extension moment of the trunk in N·m by its inclination in degrees (`TRUNK_SOURCE`).
 
-    Linear between the published angles, constant beyond them. For an unknown sex the mean of women's and men's.
+    Linear between the published angles, constant beyond them.
+
+    Parameters
+    ----------
+    inclination_deg : numpy.ndarray, shape (n,)
+        Angle of the trunk from straight up, positive forward.
+    sex : str
+        ``male`` or ``female``; for any other the mean of both.
+
+    Returns
+    -------
+    numpy.ndarray, shape (n,)
+        Moment in N·m.
     """
     share = {"male": 1.0, "female": _TRUNK_OF_WOMEN}.get(sex, (1 + _TRUNK_OF_WOMEN) / 2)
     return share * np.interp(inclination_deg, _FLEXION_DEG, _EXTENSION_N_M)

@@ -48,24 +48,47 @@ class BaseOfSupport:
         return mean_of_grounded(self.corners, self.grounded)
 
     def functional(self, share: float = FUNCTIONAL_SHARE) -> Self:
-        """Return the part that people use: every edge moved to `share` of its distance from the centre.
+        """Return the part that people use: every edge is moved towards the centre.
 
         Holbein and Redfern, Int. J. Ind. Ergon. 19 (1997) 387-395: 15 men who held loads and leaned forward, backward and to
         the sides reached about 60 % of the distance to the edge.
+
+        Parameters
+        ----------
+        share : float, default `FUNCTIONAL_SHARE`
+            Share of an edge's distance from the centre that remains.
         """
         centre = self.centre[:, None, :]
         return replace(self, corners=centre + share * (self.corners - centre))
 
     def reach(self, point: np.ndarray, direction: np.ndarray) -> np.ndarray:
-        """Return the distance from a point to the end of the base in a direction of length one, metres; negative beyond it."""
+        """Return the distance from a point to the end of the base in a direction, shape (n,) in m; negative beyond it.
+
+        Parameters
+        ----------
+        point : numpy.ndarray, shape (n, 2)
+            Horizontal position in m.
+        direction : numpy.ndarray, shape (n, 2)
+            Unit vectors.
+        """
         along = np.einsum("nkj,nj->nk", self.corners, direction)
         furthest = np.where(self.grounded, along, -np.inf).max(axis=1)
         return np.where(self.grounded.any(axis=1), furthest - np.einsum("nj,nj->n", point, direction), np.nan)
 
     def margin(self, point: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the signed distance of a point to the edge, shape (n,), and the direction of the nearest edge, shape (n, 2).
+        """Return the signed distance of a point to the edge, and the direction of the nearest edge.
 
-        Metres, positive inside, and unit vectors; NaN if nothing is on the ground or the point, shape (n, 2), is unknown.
+        Parameters
+        ----------
+        point : numpy.ndarray, shape (n, 2)
+            Horizontal position in m.
+
+        Returns
+        -------
+        distance : numpy.ndarray, shape (n,)
+            In m, positive inside; NaN if nothing is on the ground or the point is unknown.
+        direction : numpy.ndarray, shape (n, 2)
+            Unit vectors; NaN as `distance`.
         """
         # Directions that include the nearest edge or corner: normals of all pairs, corner to point. Pairs that are not edges only
         # give larger distances than the smallest.
@@ -111,10 +134,10 @@ def footprint(
 
     Parameters
     ----------
-    heel, toe : ndarray, shape (n, 3)
+    heel, toe : numpy.ndarray, shape (n, 3)
         Markers, metres. The rectangle ends at the toe, or `length` ahead of the heel if the marker is further back
         (on the metatarsals).
-    heel_grounded, toe_grounded : ndarray of bool, shape (n,)
+    heel_grounded, toe_grounded : numpy.ndarray of bool, shape (n,)
         Results of `ground_contact`.
     length, breadth : float
         Size of the foot, metres: `FOOT_LENGTH` and `FOOT_BREADTH` of the stature if not measured.
@@ -130,7 +153,19 @@ def footprint(
 
 
 def ground_contact(marker: np.ndarray, rate: float, height_m: float, speed_m_s: float) -> np.ndarray:
-    """Return whether a filtered marker of the foot is on the ground, shape (n,): near its lowest level, and slow."""
+    """Return whether a filtered marker of the foot is on the ground, shape (n,): near its lowest level, and slow.
+
+    Parameters
+    ----------
+    marker : numpy.ndarray, shape (n, 3)
+        Positions in m.
+    rate : float
+        Frames per second.
+    height_m : float
+        Largest height above the lowest level.
+    speed_m_s : float
+        Largest speed.
+    """
     height = marker[:, 2]
     if not np.isfinite(height).any():
         return np.zeros(len(marker), dtype=bool)
@@ -140,14 +175,29 @@ def ground_contact(marker: np.ndarray, rate: float, height_m: float, speed_m_s: 
 
 
 def pendulum_rate(length: np.ndarray | float, gravity: float) -> np.ndarray | float:
-    """Return ω0 = √(g/l) in 1/s of a pendulum of length l in metres."""
+    """Return ω0 = √(g/l) of a pendulum in 1/s, shape of `length`.
+
+    Parameters
+    ----------
+    length : numpy.ndarray or float
+        l in m.
+    gravity : float
+        g in m/s².
+    """
     return np.sqrt(gravity / length)
 
 
 def extrapolated_centre(position: np.ndarray, velocity: np.ndarray, rate: np.ndarray | float) -> np.ndarray:
-    """Return the extrapolated centre of mass x + v/ω0 (Hof et al. 2005, Eq. 5), shape of `position`.
+    """Return the extrapolated centre of mass x + v/ω0 (Hof et al. 2005, Eq. 5), shape of `position` in m.
 
-    Horizontal coordinates of the whole body's centre of mass with what it carries, in m and m/s; `rate` is ω0 in 1/s.
+    Parameters
+    ----------
+    position : numpy.ndarray, shape (n, k)
+        Horizontal position of the whole body's centre of mass with what it carries, in m.
+    velocity : numpy.ndarray, shape (n, k)
+        Its velocity in m/s.
+    rate : numpy.ndarray, shape (n,), or float
+        ω0 in 1/s.
     """
     return position + velocity / np.reshape(rate, (-1, 1))
 
@@ -157,7 +207,15 @@ def smallest_impulse(mass: np.ndarray | float, rate: np.ndarray | float, margin:
 
     A push changes v immediately by J/m, and so the extrapolated centre by J/(m·ω0). Negative: it is over the edge already, and
     that impulse would bring it back.
-    Mass in kg of the body with what it carries, ω0 in 1/s, and the signed distance of the extrapolated centre to the edge in m.
+
+    Parameters
+    ----------
+    mass : numpy.ndarray, shape (n,), or float
+        Mass of the body with what it carries in kg.
+    rate : numpy.ndarray, shape (n,), or float
+        ω0 in 1/s.
+    margin : numpy.ndarray, shape (n,)
+        Signed distance of the extrapolated centre to the edge in m.
     """
     return mass * rate * margin
 
@@ -173,14 +231,14 @@ def capture_margin(
 
     Parameters
     ----------
-    offset, velocity : ndarray, shape (n,)
-        Of the centre of mass from the pivot along one horizontal axis, m and m/s.
-    height : ndarray, shape (n,)
-        Of the centre of mass above the pivot, metres.
-    limits : tuple of ndarray, shape (n,)
-        How far the centre of pressure can go from the pivot along the axis and against it, metres.
+    offset, velocity : numpy.ndarray, shape (n,)
+        Position of the centre of mass from the pivot along one horizontal axis in m, and its velocity in m/s.
+    height : numpy.ndarray, shape (n,)
+        Height of the centre of mass above the pivot in m.
+    limits : tuple of numpy.ndarray, shape (n,)
+        How far the centre of pressure can go from the pivot along the axis and against it, in m.
     gravity : float
-        m/s².
+        g in m/s².
     """
     point = offset + velocity / pendulum_rate(height, gravity)
     return np.minimum(limits[0] - point, limits[1] + point)
@@ -191,8 +249,17 @@ def braking_speed(angle: np.ndarray, length: np.ndarray, reach: np.ndarray, grav
 
     The stable manifold of the saddle θ* = asin(r/l) of θ̈ = (g/l)·(sin θ − r/l): with the potential
     V(θ) = cos θ + (r/l)·θ, θ̇ = sign(θ* − θ)·√(2(g/l)(V(θ*) − V(θ))). Beyond θ* it is negative: the pendulum must swing back.
-    `angle` counts from straight up, `reach` is the largest braking torque over the weight: how far the centre of pressure can go
-    ahead of the pivot; radians and metres, shape (n,).
+
+    Parameters
+    ----------
+    angle : numpy.ndarray, shape (n,)
+        θ from straight up in rad.
+    length : numpy.ndarray, shape (n,)
+        l in m.
+    reach : numpy.ndarray, shape (n,)
+        r in m, the largest braking torque over the weight: how far the centre of pressure can go ahead of the pivot.
+    gravity : float
+        g in m/s².
     """
     share = np.clip(reach / length, -1.0, 1.0)
     saddle = np.arcsin(share)
@@ -210,8 +277,22 @@ def viability_margin(
 ) -> np.ndarray:
     """Return the impulse across the pendulum in N·s that its torque can just stop; positive: no step is needed.
 
-    m·l·(θ̇_braking − θ̇); for small angles m·ω0 times the `capture_margin`. Parameters as for `capture_margin` and
-    `braking_speed`; `mass` in kilograms.
+    m·l·(θ̇_braking − θ̇); for small angles m·ω0 times the `capture_margin`.
+
+    Parameters
+    ----------
+    angle : numpy.ndarray, shape (n,)
+        θ from straight up in rad.
+    angular_velocity : numpy.ndarray, shape (n,)
+        θ̇ in rad/s.
+    length : numpy.ndarray, shape (n,)
+        l in m.
+    mass : numpy.ndarray, shape (n,), or float
+        m in kg.
+    limits : tuple of numpy.ndarray, shape (n,)
+        How far the centre of pressure can go from the pivot towards positive angles and against them, in m.
+    gravity : float
+        g in m/s².
     """
     forward = braking_speed(angle, length, limits[0], gravity) - angular_velocity
     backward = braking_speed(-angle, length, limits[1], gravity) + angular_velocity
@@ -237,7 +318,13 @@ _ANKLES = {"male": AnkleTorques(158.1, 53.6, 37.0, 33.4), "female": AnkleTorques
 
 
 def ankle_torques(sex: str) -> AnkleTorques:
-    """Return the mean torques of one ankle; for an unknown sex the mean of women's and men's (`ANKLE_SOURCE`)."""
+    """Return the mean torques of one ankle (`ANKLE_SOURCE`).
+
+    Parameters
+    ----------
+    sex : str
+        ``male`` or ``female``; for any other the mean of both.
+    """
     if sex in _ANKLES:
         return _ANKLES[sex]
     male, female = (vars(torques) for torques in _ANKLES.values())
@@ -256,22 +343,26 @@ def pressure_limits(
 
     Fore and aft the torques of all standing ankles add up over the weight. Sideways the weight shifts from foot to foot, and
     beyond the outer ankle only that ankle's torque counts (outward inversion, inward eversion if only one stands).
-    The result has by plane the distances along the axis (right, forward) and against it, metres.
 
     Parameters
     ----------
     base : BaseOfSupport
-        Of n instants: the whole of what is on the ground.
-    ankles : ndarray, shape (n, 2, 2)
-        Left and right ankle, horizontal coordinates in metres.
-    standing : ndarray of bool, shape (n, 2)
+        The whole of what is on the ground, at n instants.
+    ankles : numpy.ndarray, shape (n, 2, 2)
+        Left and right ankle, horizontal coordinates in m.
+    standing : numpy.ndarray of bool, shape (n, 2)
         Which of them stand.
-    right : ndarray, shape (n, 2)
+    right : numpy.ndarray, shape (n, 2)
         Unit vector to the subject's right; forward is to its left by a quarter turn.
-    weight : ndarray, shape (n,), or float
-        m·g of body and load, newtons.
+    weight : numpy.ndarray, shape (n,), or float
+        m·g of body and load in N.
     torques : AnkleTorques
         Limits of one ankle.
+
+    Returns
+    -------
+    dict of str to tuple of numpy.ndarray, shape (n,)
+        By plane the distances along the axis (right, forward) and against it, in m.
     """
     forward = np.stack([-right[:, 1], right[:, 0]], axis=1)
     pivot = mean_of_grounded(ankles, standing)
@@ -292,7 +383,15 @@ def pressure_limits(
 
 
 def mean_of_grounded(ankles: np.ndarray, standing: np.ndarray) -> np.ndarray:
-    """Return the middle of the ankles (or corners), shape (n, k, d), that stand, shape (n, k): the pivot; NaN if none does."""
+    """Return the middle of the ankles (or corners) that stand, shape (n, d): the pivot; NaN if none does.
+
+    Parameters
+    ----------
+    ankles : numpy.ndarray, shape (n, k, d)
+        Positions in m.
+    standing : numpy.ndarray of bool, shape (n, k)
+        Which of them stand.
+    """
     weight = standing[..., None].astype(float)
     with np.errstate(invalid="ignore"):
         return (np.nan_to_num(ankles) * weight).sum(axis=1) / weight.sum(axis=1)

@@ -40,7 +40,19 @@ class Difference:
 
 
 def compare_means(first: pd.Series, second: pd.Series, paired: bool, names: tuple[str, str]) -> Difference:
-    """Compare the means of subjects, one value each, by subject; `names` are those of the sides, for messages."""
+    """Compare the means of subjects, one value each.
+
+    Parameters
+    ----------
+    first : pandas.Series
+        Values by subject.
+    second : pandas.Series
+        Values by subject, same unit.
+    paired : bool
+        True to compare the changes of the subjects on both sides.
+    names : tuple of str
+        Names of the sides, for messages.
+    """
     from statsmodels.stats.weightstats import CompareMeans, DescrStatsW
 
     if paired:
@@ -97,7 +109,12 @@ class GroupComparison:
 def compare_people(table: pd.DataFrame, groups: tuple[str, str]) -> Iterator[GroupComparison]:
     """Compare two groups at every box that both lifted, and the lightest with the heaviest box in each group.
 
-    `table` has the columns ``person, group, box_mass_kg, measure, plane, value``, and ``unit`` and ``safer`` if they are known.
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        Columns ``person, group, box_mass_kg, measure, plane, value``, and ``unit`` and ``safer`` if they are known.
+    groups : tuple of str
+        Names of the two groups.
     """
     for (measure, plane), rows in table.groupby(["measure", "plane"], sort=False):
         unit, safer = (

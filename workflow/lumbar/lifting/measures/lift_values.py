@@ -57,7 +57,17 @@ class Measure:
 
 
 def headline_sentence(name: str, value: float, size: str) -> str:
-    """Return the meaning of a headline measure's value for the lift; `size` is the value without its sign, with the unit."""
+    """Return the meaning of a headline measure's value for the lift.
+
+    Parameters
+    ----------
+    name : str
+        Name of the measure.
+    value : float
+        Its value in the measure's unit; only its sign is used.
+    size : str
+        The value without its sign, with the unit.
+    """
     positive, negative = {
         "l5s1_moment_peak_carried": (f"The low back bears up to {size}.", ""),
         "lumbar_flexion_peak_carried": (
@@ -104,8 +114,13 @@ the lifts of one subject with one box."""
 def values_of_lift(course: Course, facts: Mapping) -> pd.DataFrame:
     """Reduce the course of a lift to its measures: columns ``measure, plane, value, unit, safer, source, reason``.
 
-    `facts` are those of `lumbar.lifting.measures.course.Lifter`, with ``start_s, stop_s`` of the deposit and ``no_deposit``, the
-    reason if it is missing.
+    Parameters
+    ----------
+    course : Course
+        All measures at every instant.
+    facts : mapping
+        Facts of `lumbar.lifting.measures.course.Lifter`, with ``start_s, stop_s`` of the deposit and ``no_deposit``, the
+        reason if it is missing.
     """
     rows = []
     for measure in MEASURES.values():
@@ -150,7 +165,12 @@ def _value(course: Course, facts: Mapping, measure: Measure, column: str) -> tup
 def long_table(lifts: Iterable[tuple[pd.DataFrame, Mapping]], labels: Mapping[str, str]) -> pd.DataFrame:
     """Join the measures of many lifts under the columns of `COLUMNS`.
 
-    Each lift is its `values_of_lift` and its facts (``lift, subject, box_mass_kg``); `labels` are groups by person.
+    Parameters
+    ----------
+    lifts : iterable of (pandas.DataFrame, mapping)
+        `values_of_lift` and facts (``lift, subject, box_mass_kg``) of each lift.
+    labels : mapping of str to str
+        Group by person.
     """
     trials: Counter = Counter()
     frames = []
@@ -196,7 +216,17 @@ def measures_page(values: pd.DataFrame, source_label: str) -> Table:
 
 
 def write_measures(stem: str | os.PathLike, values: pd.DataFrame, source_label: str) -> None:
-    """Write ``stem.csv``, one row per lift, measure and plane, and the page as ``stem.tex`` and ``stem.html``."""
+    """Write ``stem.csv``, one row per lift, measure and plane, and the page as ``stem.tex`` and ``stem.html``.
+
+    Parameters
+    ----------
+    stem : str or os.PathLike
+        Path without a suffix.
+    values : pandas.DataFrame
+        Result of `long_table`.
+    source_label : str
+        Source of the recordings, for the table's caption.
+    """
     stem, page = Path(stem), measures_page(values, source_label)
     write_csv(stem.with_name(f"{stem.name}.csv"), values.assign(data=source_label))
     write_text(stem.with_name(f"{stem.name}.tex"), page.to_latex())

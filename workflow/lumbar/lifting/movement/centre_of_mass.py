@@ -153,7 +153,17 @@ DUMAS = {
 def segment_table(name: str, sex: str) -> SegmentTable:
     """Return a segment table by its name in the configuration, for a sex as declared in the subject's file.
 
-    De Leva's and Dumas's parameters differ between the sexes, Winter's do not.
+    Parameters
+    ----------
+    name : {"winter", "de_leva", "dumas"}
+        Name of the table.
+    sex : str
+        ``male`` or ``female``; Winter's parameters do not differ between the sexes, and accept any.
+
+    Raises
+    ------
+    InputError
+        If the table needs a sex and it is not known.
     """
     if name == "winter":
         return WINTER
@@ -182,8 +192,15 @@ class CentreOfMass:
 def segment_centres(points: TrunkPoints, table: SegmentTable) -> dict[str, np.ndarray]:
     """Return the centre of mass of each trunk segment, shape (n, 3) in metres; NaN if a marker is not seen.
 
-    It lies on the line from the segment's proximal to its distal end, at the table's share of the distance, or ahead
+    It is on the line from the segment's proximal to its distal end, at the table's share of the distance, or ahead
     of that line by another share. Segments of `absent_segments` are left out.
+
+    Parameters
+    ----------
+    points : TrunkPoints
+        Ends of the segments.
+    table : SegmentTable
+        Parameters of the segments.
     """
     absent, centres = absent_segments(points, table), {}
     for segment in table.segments:
@@ -273,9 +290,16 @@ def head_centre(recording: MarkerRecording, points: TrunkPoints) -> np.ndarray:
 def limb_parts(
     points: Mapping[str, np.ndarray], side: str, whole: str
 ) -> Iterator[tuple[LimbSegment, np.ndarray, np.ndarray]]:
-    """Yield the segments of an arm or a leg (`whole`: ARM or LEG) of one side with their ends; one piece without its joint.
+    """Yield the segments of an arm or a leg with their ends; one piece without its joint.
 
-    `points` are shoulders, elbows, wrists, knees, ankles by name, and `MID_HIP`.
+    Parameters
+    ----------
+    points : mapping of str to numpy.ndarray, shape (n, 3)
+        Shoulders, elbows, wrists, knees, ankles by name, and `MID_HIP`, in m.
+    side : {"L", "R"}
+        Left or right.
+    whole : {"ARM", "LEG"}
+        Arm or leg.
     """
     middle, bent, straight = {"ARM": ("ELBOW", ARM, STRAIGHT_ARM), "LEG": ("KNEE", LEG, STRAIGHT_LEG)}[whole]
     for start, end, segment in bent if f"{side}_{middle}" in points else (straight,):
@@ -287,7 +311,19 @@ def whole_body_centre(recording: MarkerRecording, points: TrunkPoints, table: Se
 
     The trunk is that of the segment table; head and limbs have Winter's shares between the joints of `limb_joints`.
 
-    The recording needs shoulders, wrists and ankles of both sides; elbows and knees are used if present.
+    Parameters
+    ----------
+    recording : MarkerRecording
+        Needs shoulders, wrists and ankles of both sides; elbows and knees are used if present.
+    points : TrunkPoints
+        Ends of the trunk's segments.
+    table : SegmentTable
+        Parameters of the trunk's segments.
+
+    Raises
+    ------
+    InputError
+        For markers or segments that the recording does not have.
     """
     names = {f"{side}_{name}" for side in "LR" for name in ("SHOULDER", "WRIST", "ANKLE")}
     lacking = sorted(name for name in names if name not in recording)

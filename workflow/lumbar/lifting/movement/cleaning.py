@@ -74,6 +74,13 @@ def clean(recording: MarkerRecording, settings: LiftingSettings) -> CleanRecordi
     """Fill short gaps, leave out intervals that are too short to be filtered, and filter.
 
     Gaps that stay are not errors here; a recording that is too short for the filter altogether is one.
+
+    Parameters
+    ----------
+    recording : MarkerRecording
+        Recording as it was read.
+    settings : LiftingSettings
+        Longest gap to fill, cut-off and order of the filter.
     """
     complete, gaps = fill_gaps(recording, settings.gaps.maximum_s)
     cutoff, order = settings.filter.cutoff_Hz, settings.filter.order
@@ -82,11 +89,24 @@ def clean(recording: MarkerRecording, settings: LiftingSettings) -> CleanRecordi
 
 
 def fill_gaps(recording: MarkerRecording, maximum_s: float = 0.2) -> tuple[MarkerRecording, list[Gap]]:
-    """Bridge gaps of up to `maximum_s` (missing frames divided by the rate) by cubic splines; 0 bridges none.
+    """Bridge short gaps by cubic splines.
 
     Each gap is bridged separately, by the interpolating spline through the frames seen within `maximum_s` of its ends, so that a
-    distant part of the recording has no influence. Seen frames are unchanged to the last bit; a gap that stays is NaN. Every gap
-    is returned too, by marker and time.
+    distant part of the recording has no influence. Seen frames are unchanged to the last bit; a gap that stays is NaN.
+
+    Parameters
+    ----------
+    recording : MarkerRecording
+        Recording with NaN in the gaps.
+    maximum_s : float, default 0.2
+        Longest gap that is bridged: missing frames divided by the rate; 0 bridges none.
+
+    Returns
+    -------
+    recording : MarkerRecording
+        Recording with the short gaps filled.
+    gaps : list of Gap
+        Every gap, by marker and time.
     """
     time, rate = recording.time, recording.rate
     # At least the two frames on each side, even if only very short gaps are bridged.
@@ -121,7 +141,14 @@ def fill_gaps(recording: MarkerRecording, maximum_s: float = 0.2) -> tuple[Marke
 
 
 def remove_islands(recording: MarkerRecording, shortest: int) -> tuple[MarkerRecording, list[Gap]]:
-    """Leave out intervals of at most `shortest` frames between gaps, which cannot be filtered, and return them too.
+    """Leave out intervals between gaps that cannot be filtered, and return them too.
+
+    Parameters
+    ----------
+    recording : MarkerRecording
+        Recording with NaN in the gaps.
+    shortest : int
+        Largest number of frames that is left out.
 
     Raises
     ------
@@ -144,13 +171,25 @@ def remove_islands(recording: MarkerRecording, shortest: int) -> tuple[MarkerRec
 
 
 def dual_pass_sections(cutoff_Hz: float, rate: float, order: int = 2) -> np.ndarray:
-    """Return the second-order sections of the filter of one pass, of the given order, shape (n_sections, 6).
+    """Return the second-order sections of the filter of one pass, shape (n_sections, 6).
 
     The cut-off of each pass is raised so that both together attenuate by 3 dB at `cutoff_Hz`. Winter's
     correction ``(2**(1/passes) - 1)**(1/(2*order))``, 0.802 for a second-order filter, divides the pre-warped
     frequency ``tan(pi*cutoff/rate)``; so the −3 dB point is exact at any frame rate.
 
-    `cutoff_Hz` is the −3 dB frequency of both passes together, between 0 and half the rate.
+    Parameters
+    ----------
+    cutoff_Hz : float
+        −3 dB frequency of both passes together, between 0 and half the rate.
+    rate : float
+        Frames per second.
+    order : int, default 2
+        Order of one pass.
+
+    Raises
+    ------
+    InputError
+        If the cut-off is not between 0 and half the rate.
     """
     from scipy.signal import butter
 
@@ -174,6 +213,15 @@ def extension_frames(cutoff_Hz: float, rate: float, order: int = 2) -> int:
 
     The slowest poles of a Butterworth filter decay with ``sin(pi/(2*order))`` times its cut-off, which
     `dual_pass_sections` raises: at order 8 about four times more slowly than at order 2.
+
+    Parameters
+    ----------
+    cutoff_Hz : float
+        −3 dB frequency of both passes together.
+    rate : float
+        Frames per second.
+    order : int, default 2
+        Order of one pass.
     """
     shortest = frames_of_cutoff(cutoff_Hz, rate)
     if order == 2:
@@ -190,8 +238,21 @@ def low_pass(values: np.ndarray, rate: float, cutoff_Hz: float = 6.0, order: int
     orders other than 2: `extension_frames`), or by its whole length, which keeps position and velocity there. Within one period
     of an end or of a gap the result depends on this assumption.
 
-    `values` have shape (n_frames,) or (n_frames, k), NaN if missing, as in the result; a row with a NaN is missing altogether.
-    `cutoff_Hz` and `order` are as for `dual_pass_sections`.
+    Parameters
+    ----------
+    values : numpy.ndarray, shape (n_frames,) or (n_frames, k)
+        Values in any unit, NaN if missing; a row with a NaN is missing altogether.
+    rate : float
+        Frames per second.
+    cutoff_Hz : float, default 6.0
+        −3 dB frequency of both passes together.
+    order : int, default 2
+        Order of one pass.
+
+    Returns
+    -------
+    numpy.ndarray, shape of `values`
+        Filtered values, NaN if missing.
 
     Raises
     ------
@@ -212,7 +273,22 @@ def low_pass(values: np.ndarray, rate: float, cutoff_Hz: float = 6.0, order: int
 
 
 def filter_markers(recording: MarkerRecording, cutoff_Hz: float = 6.0, order: int = 2) -> MarkerRecording:
-    """Filter every marker of a recording with `low_pass`; an error names every marker with an interval that is too short."""
+    """Filter every marker of a recording with `low_pass`.
+
+    Parameters
+    ----------
+    recording : MarkerRecording
+        Recording with NaN in the gaps.
+    cutoff_Hz : float, default 6.0
+        −3 dB frequency of both passes together.
+    order : int, default 2
+        Order of one pass.
+
+    Raises
+    ------
+    InputError
+        Names every marker with an interval that is too short.
+    """
     # A cut-off that does not fit the rate is one problem, not one per marker.
     dual_pass_sections(cutoff_Hz, recording.rate, order)
     problems = Problems(recording.source or recording.name)
@@ -233,8 +309,24 @@ def derivative(values: np.ndarray, rate: float, order: Literal[1, 2] = 1) -> np.
     by the factor ``sin(x)/x`` (first) or ``(sin(x/2)/(x/2))**2`` (second derivative), x = 2πf/rate: 2.4 % and 1.2 % at 6 Hz and
     100 frames per second.
 
-    Values and result have the shape (n_frames,) or (n_frames, k), NaN if missing; the unit is per second (per second squared). An
-    interval must have the 3 frames that the formulas need, 4 for the second derivative.
+    Parameters
+    ----------
+    values : numpy.ndarray, shape (n_frames,) or (n_frames, k)
+        Filtered values in any unit, NaN if missing.
+    rate : float
+        Frames per second.
+    order : {1, 2}, default 1
+        First or second derivative.
+
+    Returns
+    -------
+    numpy.ndarray, shape of `values`
+        In the values' unit per second (per second squared), NaN if missing.
+
+    Raises
+    ------
+    InputError
+        If an interval does not have the 3 frames that the formulas need, 4 for the second derivative.
     """
     if order not in (1, 2):
         raise ValueError(f"derivative of order {order}; 1 and 2 are offered")

@@ -42,8 +42,19 @@ def find_events(
 ) -> dict[str, Event]:
     """Find the events of a lift; those declared by hand, or marked in the file if it is selected, replace detected ones.
 
-    The recording is filtered; `declared` are those of the trial in the subject's file. Events are returned by the names in
-    `EVENTS`; one that the recording does not hold is absent, with its reason.
+    Parameters
+    ----------
+    recording : MarkerRecording
+        Filtered recording.
+    settings : EventSettings
+        Thresholds of the detection, labels and origin of the events.
+    declared : DeclaredEvents or "file", optional
+        Events of the trial in the subject's file.
+
+    Returns
+    -------
+    dict of str to Event
+        By the names in `EVENTS`; an event that the recording does not have is absent, with its reason.
 
     Raises
     ------

@@ -57,9 +57,16 @@ class Event:
 
 
 def phases(time: np.ndarray, events: dict[str, Event]) -> np.ndarray:
-    """Return the phase of every sample: before, lift, carry, deposit or after.
+    """Return the phase of every sample, shape (n,): before, lift, carry, deposit or after.
 
-    Without a toe-off the lift lasts until the start of the deposit without a carry. Times and phases have shape (n,).
+    Without a toe-off the lift lasts until the start of the deposit without a carry.
+
+    Parameters
+    ----------
+    time : numpy.ndarray, shape (n,)
+        Time of the samples in s.
+    events : dict of str to Event
+        Events of the lift.
     """
     labels = np.full(len(time), "before", dtype="<U7")
     starts = {"lift": "lift_off", "carry": "toe_off", "deposit": "deposit_start", "after": "release"}
@@ -71,7 +78,15 @@ def phases(time: np.ndarray, events: dict[str, Event]) -> np.ndarray:
 
 
 def frames_with_box(time: np.ndarray, events: dict[str, Event]) -> np.ndarray:
-    """Return whether the box is held, shape (n,): from lift-off to release, as far as there are such events."""
+    """Return whether the box is held, shape (n,): from lift-off to release, as far as there are such events.
+
+    Parameters
+    ----------
+    time : numpy.ndarray, shape (n,)
+        Time of the samples in s.
+    events : dict of str to Event
+        Events of the lift.
+    """
     start, stop = (events[name].time_s for name in ("lift_off", "release"))
     if start is None and stop is None:
         return np.zeros(len(time), dtype=bool)
@@ -118,7 +133,14 @@ def speed(points: np.ndarray, rate: float) -> np.ndarray:
 
 
 def turning_points(height: np.ndarray, size: float) -> list[int]:
-    """Return the indices of alternate highest and lowest points, at least `size` apart; fewer than two if it never moves so far.
+    """Return the indices of alternate highest and lowest points; fewer than two if it never moves so far.
+
+    Parameters
+    ----------
+    height : numpy.ndarray, shape (n,)
+        Heights in m.
+    size : float
+        Least distance of successive points in m.
 
     Examples
     --------
@@ -140,7 +162,17 @@ def turning_points(height: np.ndarray, size: float) -> list[int]:
 
 
 def great_swings(height: np.ndarray, size: float, sign: int) -> list[tuple[int, int]]:
-    """Return the first and last index of every great rise (`sign` 1) or descent (-1) of at least `size`."""
+    """Return the first and last index of every great rise or descent.
+
+    Parameters
+    ----------
+    height : numpy.ndarray, shape (n,)
+        Heights in m.
+    size : float
+        Least rise or descent in m.
+    sign : {1, -1}
+        1 for rises, -1 for descents.
+    """
     swings = [
         (low, high)
         for low, high in pairwise(turning_points(height, size))
@@ -160,6 +192,15 @@ def several_lifts(recording: MarkerRecording, events: dict[str, Event], settings
 
     There is a window for each great rise of at least `hands_rise_m`; they meet in the middle of the time for which the object
     stays lowest between two rises.
+
+    Parameters
+    ----------
+    recording : MarkerRecording
+        Filtered recording.
+    events : dict of str to Event
+        Events of the lift.
+    settings : EventSettings
+        Settings with the least rise.
     """
     _, carried = locate_load(recording)
     start, stop = (events[name].time_s for name in ("lift_off", "release"))
@@ -186,7 +227,20 @@ def several_lifts(recording: MarkerRecording, events: dict[str, Event], settings
 
 
 def check_order(recording: MarkerRecording, times: dict[str, float]) -> None:
-    """Raise `InputError` for times, by event, that are outside the recording or not in the order of `EVENTS`."""
+    """Raise `InputError` for times that are outside the recording or not in the order of `EVENTS`.
+
+    Parameters
+    ----------
+    recording : MarkerRecording
+        Recording of the lift.
+    times : dict of str to float
+        Time in s by event.
+
+    Raises
+    ------
+    InputError
+        Lists every wrong time.
+    """
     problems = Problems(f"{recording.source}: events")
     start, stop = float(recording.time[0]), float(recording.time[-1])
     for name, time in times.items():
@@ -214,8 +268,19 @@ def file_event(
 ) -> RecordedEvent | None:
     """Return the event of the file that means one of a lift; None if the file has no such event.
 
-    `labels` are those that mean each event. Among steps (`name` ``"toe_off"``) it is the first between `start` and `stop`, in
-    seconds; any other event may be there only a single time.
+    Parameters
+    ----------
+    recording : MarkerRecording
+        Recording with the file's events.
+    labels : EventLabels
+        Labels that mean each event.
+    name : str
+        One of `EVENTS`. Among steps (``"toe_off"``) the first between `start` and `stop` is returned; any other event may be
+        there only a single time.
+    start : float
+        Start of the lift in s.
+    stop : float
+        End of the lift in s.
 
     Raises
     ------

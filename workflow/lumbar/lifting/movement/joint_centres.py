@@ -212,7 +212,17 @@ class Pelvis:
     """Text on frames that were filled; empty without any."""
 
     def point(self, forward: float, up: float, right: float = 0.0) -> np.ndarray:
-        """Return the trajectory, shape (n, 3), of a point of the pelvis, in metres along its axes."""
+        """Return the trajectory, shape (n, 3) in m, of a point of the pelvis.
+
+        Parameters
+        ----------
+        forward : float
+            Distance ahead of the origin in m.
+        up : float
+            Distance above the origin in m.
+        right : float, default 0.0
+            Distance to the right of the origin in m.
+        """
         return self.origin + forward * self.forward + up * self.up + right * self.right
 
 
@@ -352,7 +362,15 @@ def unit(vectors: np.ndarray) -> np.ndarray:
 
 
 def typical_distance(start: np.ndarray, end: np.ndarray) -> float:
-    """Return the median over time of the distance of two trajectories: a size of the body."""
+    """Return the median over time of the distance of two trajectories in m: a size of the body.
+
+    Parameters
+    ----------
+    start : numpy.ndarray, shape (n, 3)
+        Positions in m, NaN if unknown.
+    end : numpy.ndarray, shape (n, 3)
+        Positions in m, NaN if unknown.
+    """
     distance = np.linalg.norm(end - start, axis=-1)
     known = distance[np.isfinite(distance)]
     return float(np.median(known)) if known.size else np.nan

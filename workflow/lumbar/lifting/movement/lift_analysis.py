@@ -210,7 +210,22 @@ def _points(recording: MarkerRecording, subject: SubjectSettings, settings: Lift
 def cut_to_window(
     smooth: MarkerRecording, trial: TrialSettings, settings: LiftingSettings
 ) -> MarkerRecording:
-    """Return the trial's window of a filtered recording."""
+    """Return the trial's window of a filtered recording.
+
+    Parameters
+    ----------
+    smooth : MarkerRecording
+        Filtered recording.
+    trial : TrialSettings
+        Trial with ``window_s``; None keeps all frames.
+    settings : LiftingSettings
+        Settings with the filter's cut-off.
+
+    Raises
+    ------
+    InputError
+        If the window has no more frames than the filter needs.
+    """
     if trial.window_s is None:
         return smooth
     start, stop = trial.window_s

@@ -51,6 +51,11 @@ STATES_COLUMNS = ("com", "plane", *_STATES.values())
 def body_frame(lift: AnalysedLift) -> tuple[pd.DataFrame, dict[str, str]]:
     """Return the trajectories of the body's points over the whole recording, and the missing ones, each with its reason.
 
+    Parameters
+    ----------
+    lift : AnalysedLift
+        Analysed lift.
+
     Returns
     -------
     frame : pandas.DataFrame
@@ -123,7 +128,13 @@ def centres_frame(lift: AnalysedLift) -> pd.DataFrame:
 
 
 def states_frame(pendulums: dict[tuple[str, str], PendulumStates]) -> pd.DataFrame:
-    """Return the pendulum states of the deposit, one row per centre of mass, plane and instant."""
+    """Return the pendulum states of the deposit, one row per centre of mass, plane and instant.
+
+    Parameters
+    ----------
+    pendulums : dict of (str, str) to PendulumStates
+        States by centre of mass and plane.
+    """
     parts = [(*which, *(getattr(states, name) for name in _STATES)) for which, states in pendulums.items()]
     return _stack(STATES_COLUMNS, parts)
 

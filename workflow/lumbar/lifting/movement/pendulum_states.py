@@ -72,7 +72,16 @@ class PendulumStates:
 
 
 def pivot_trajectory(recording: MarkerRecording, points: TrunkPoints, pivot: str) -> np.ndarray:
-    """Return the trajectory of one of `PIVOTS`, shape (n, 3) in metres; hips and L5 are ends of the trunk's segments.
+    """Return the trajectory of a pivot, shape (n, 3) in metres; hips and L5 are ends of the trunk's segments.
+
+    Parameters
+    ----------
+    recording : MarkerRecording
+        Filtered recording.
+    points : TrunkPoints
+        Ends of the trunk's segments.
+    pivot : str
+        One of `PIVOTS`.
 
     Raises
     ------
@@ -97,7 +106,20 @@ def pivot_trajectory(recording: MarkerRecording, points: TrunkPoints, pivot: str
 
 
 def heading(recording: MarkerRecording, time: float) -> float:
-    """Return the angle of the line of the hips, or of both ASIS, from the x axis, radians counterclockwise from above."""
+    """Return the angle of the line of the hips, or of both ASIS, from the x axis, radians counterclockwise from above.
+
+    Parameters
+    ----------
+    recording : MarkerRecording
+        Filtered recording.
+    time : float
+        Time in s on the recording's clock; the nearest frame is used.
+
+    Raises
+    ------
+    InputError
+        If a hip is not seen then.
+    """
     at = int(np.abs(recording.time - time).argmin())
     part = "ASIS" if "L_ASIS" in recording and "L_HIP" not in recording else "HIP"
     across = recording[f"R_{part}"][at] - recording[f"L_{part}"][at]
@@ -109,7 +131,15 @@ def heading(recording: MarkerRecording, time: float) -> float:
 
 
 def rotate_recording(recording: MarkerRecording, angle: float) -> MarkerRecording:
-    """Return a recording in axes rotated by `angle` in radians about the vertical."""
+    """Return a recording in rotated axes.
+
+    Parameters
+    ----------
+    recording : MarkerRecording
+        Recording with the z axis up.
+    angle : float
+        Rotation of the axes about the vertical in rad.
+    """
     cosine, sine = np.cos(angle), np.sin(angle)
     rotation = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
     return replace(recording, positions={name: p @ rotation for name, p in recording.positions.items()})
@@ -125,9 +155,9 @@ def pendulum_states(
 
     Parameters
     ----------
-    time : ndarray, shape (n,)
+    time : numpy.ndarray, shape (n,)
         Seconds.
-    relative : ndarray, shape (n, 3)
+    relative : numpy.ndarray, shape (n, 3)
         Centre of mass relative to the pivot, metres.
     start, stop : float
         Limits of the deposit, seconds.

@@ -46,9 +46,14 @@ class BodyShape:
 
 
 def fit_shape(shape: np.ndarray, frames: np.ndarray) -> np.ndarray:
-    """Return `shape` moved rigidly, frame by frame, so that its first points fit best.
+    """Return a shape moved rigidly, frame by frame, so that its first points fit best, shape (n, m, 3) in m.
 
-    The shape has (m, 3) coordinates; frames, shape (n, k, 3), are positions of its first k ≤ m points; returned is (n, m, 3).
+    Parameters
+    ----------
+    shape : numpy.ndarray, shape (m, 3)
+        Points of the shape in m.
+    frames : numpy.ndarray, shape (n, k, 3)
+        Positions of its first k ≤ m points in m.
     """
     known = shape[: frames.shape[1]]
     return (shape - known.mean(axis=0)) @ _rotations(known, frames) + frames.mean(axis=1, keepdims=True)
@@ -63,7 +68,17 @@ def _rotations(known: np.ndarray, frames: np.ndarray) -> np.ndarray:
 
 
 def body_shape(points: Mapping[str, np.ndarray], labels: Collection[str], source: str) -> BodyShape | None:
-    """Return the shape of the markers in `labels` from the frames in which all of them are seen; None without such a frame."""
+    """Return the shape of some markers from the frames in which all of them are seen; None without such a frame.
+
+    Parameters
+    ----------
+    points : mapping of str to numpy.ndarray, shape (n, 3)
+        Markers by label in m.
+    labels : collection of str
+        Markers of the body.
+    source : str
+        Label of the recording, for messages.
+    """
     names = tuple(label for label in labels if label in points)
     if len(names) <= MIN_MARKERS:
         return None
@@ -118,7 +133,7 @@ def fill_rigid(
 
     Parameters
     ----------
-    points : mapping of str to ndarray, shape (n, 3)
+    points : mapping of str to numpy.ndarray, shape (n, 3)
         All markers by label, in metres.
     rate : float
         Frames per second.
@@ -158,7 +173,20 @@ def fill_rigid(
 
 
 def fill_from_body(markers: Mapping[str, np.ndarray]) -> tuple[Mapping[str, np.ndarray], dict[str, int]]:
-    """Fill every unseen frame of a body's markers from three others; return the markers, and the filled frames of each."""
+    """Fill every unseen frame of a body's markers from three others.
+
+    Parameters
+    ----------
+    markers : mapping of str to numpy.ndarray, shape (n, 3)
+        Markers of the body by label in m.
+
+    Returns
+    -------
+    markers : mapping of str to numpy.ndarray, shape (n, 3)
+        Markers with the frames filled.
+    frames : dict of str to int
+        Number of filled frames by marker.
+    """
     complete = all(np.isfinite(points).all() for points in markers.values())
     shape = None if complete else body_shape(markers, markers, "")
     if shape is None:

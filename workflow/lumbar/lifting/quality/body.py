@@ -76,7 +76,14 @@ def landmarks(labels: Iterable[str], meant: dict[str, str] | None = None) -> dic
 
 
 def side_pairs(labels: Iterable[str], named: dict[str, str] | None = None) -> list[tuple[str, str]]:
-    """Return the labels that differ only in their side, left one first; `named` has labels that mean the other side.
+    """Return the labels that differ only in their side, left one first.
+
+    Parameters
+    ----------
+    labels : iterable of str
+        Labels of the file.
+    named : dict of str to str, optional
+        Landmark by label, for labels that mean the other side.
 
     Examples
     --------
@@ -101,6 +108,11 @@ def side_pairs(labels: Iterable[str], named: dict[str, str] | None = None) -> li
 
 def level(landmark: str) -> float | None:
     """Return the nominal height of a landmark along the trunk, 0 at the pelvis, 1 at the shoulders; None off the trunk.
+
+    Parameters
+    ----------
+    landmark : str
+        Standard name, with its side if it has one.
 
     Examples
     --------
@@ -154,6 +166,15 @@ def asymmetry(points: dict[str, np.ndarray], named: dict[str, str], label: str) 
     """Return how far the distances of a marker on the trunk from those near it differ from their mirror images, metres.
 
     Root mean square of the medians; NaN off the trunk, or if no other pair of markers is comparable.
+
+    Parameters
+    ----------
+    points : dict of str to numpy.ndarray, shape (n_frames, 3)
+        Markers by label in m.
+    named : dict of str to str
+        Landmark by label.
+    label : str
+        Label of the marker.
     """
     at = {landmark: points[other] for other, landmark in named.items() if level(landmark) is not None}
     image = {name: {"L_": "R_", "R_": "L_"}.get(name[:2], name[:2]) + name[2:] for name in at}
@@ -186,6 +207,13 @@ def side_exchanges(points: dict[str, np.ndarray], named: dict[str, str]) -> tupl
 
     Every pair of a left and a right marker, of a front and a back one and of toe and heel indicates the right side. A pair that
     most frames of the others contradict is exchanged: first the one after whose exchange fewest are contradicted.
+
+    Parameters
+    ----------
+    points : dict of str to numpy.ndarray, shape (n_frames, 3)
+        Markers by label in m.
+    named : dict of str to str
+        Landmark by label.
     """
     points = dict(points)
     pairs: list[SideExchange] = []
@@ -219,7 +247,17 @@ def side_exchanges(points: dict[str, np.ndarray], named: dict[str, str]) -> tupl
 def exchange_labels(
     points: dict[str, np.ndarray], pair: tuple[str, str], frames: Iterable[slice] = (slice(None),)
 ) -> dict[str, np.ndarray]:
-    """Return the points with two labels exchanged in some frames, by default in all."""
+    """Return the points with two labels exchanged in some frames.
+
+    Parameters
+    ----------
+    points : dict of str to numpy.ndarray, shape (n_frames, 3)
+        Markers by label in m.
+    pair : tuple of str
+        The two labels.
+    frames : iterable of slice, optional
+        Intervals of frames; default: all.
+    """
     one, other = points[pair[0]].copy(), points[pair[1]].copy()
     for part in frames:
         one[part], other[part] = points[pair[1]][part], points[pair[0]][part]
@@ -244,7 +282,15 @@ def _contradicted(sides: dict, depths: dict) -> dict[tuple[str, str], float]:
 
 
 def rightward(points: dict[str, np.ndarray], named: dict[str, str]) -> tuple[dict, dict]:
-    """Return unit vectors to the right by every pair left/right, and by every pair front/back, shape (n_frames, 3) each."""
+    """Return unit vectors to the right by every pair left/right, and by every pair front/back, shape (n_frames, 3) each.
+
+    Parameters
+    ----------
+    points : dict of str to numpy.ndarray, shape (n_frames, 3)
+        Markers by label in m.
+    named : dict of str to str
+        Landmark by label.
+    """
     trunk = _trunk(points, named)
     shape = next(iter(points.values())).shape
     vertical = np.broadcast_to([0.0, 0.0, 1.0], shape)
@@ -289,7 +335,15 @@ def rightward(points: dict[str, np.ndarray], named: dict[str, str]) -> tuple[dic
 
 
 def estimate_stature(points: dict[str, np.ndarray], named: dict[str, str]) -> tuple[float, int]:
-    """Return the stature in metres by the median over the known lengths of the body, NaN without one, and their number."""
+    """Return the stature in metres by the median over the known lengths of the body, NaN without one, and their number.
+
+    Parameters
+    ----------
+    points : dict of str to numpy.ndarray, shape (n_frames, 3)
+        Markers by label in m.
+    named : dict of str to str
+        Landmark by label.
+    """
     labels = {landmark: label for label, landmark in named.items()}
     statures = []
     for ends, share in _LABELS["lengths"].items():
@@ -311,6 +365,13 @@ def find_body_axes(points: dict[str, np.ndarray], named: dict[str, str]) -> tupl
 
     Up is from the pelvis to the shoulders, forward is normal to up and to the right. None if the labels name no trunk or no
     sides, or if the subject lies so that one axis is both.
+
+    Parameters
+    ----------
+    points : dict of str to numpy.ndarray, shape (n_frames, 3)
+        Markers by label in m.
+    named : dict of str to str
+        Landmark by label.
     """
     trunk = _trunk(points, named)
     if trunk is None:
@@ -329,6 +390,13 @@ def read_upright(path: str | os.PathLike, layout: MarkerLayout) -> MarkerRecordi
     """Read a marker file as `lumbar.records.markers.read_markers` does, and compare its axes with the body by all usual labels.
 
     Axes that no marker shows are among the notes of the recording.
+
+    Parameters
+    ----------
+    path : str or os.PathLike
+        The marker file.
+    layout : MarkerLayout
+        Labels, unit and axes of the file.
 
     Raises
     ------
@@ -353,10 +421,26 @@ def read_upright(path: str | os.PathLike, layout: MarkerLayout) -> MarkerRecordi
 def check_unaliased_axes(
     points: dict[str, np.ndarray], recording: MarkerRecording, layout: MarkerLayout
 ) -> list[str]:
-    """Raise `InputError` if usual labels, without an alias, show a body that stands or faces otherwise than declared.
+    """Check the declared axes by the usual labels of markers without an alias.
 
-    The markers are given by the file's labels, rotated by the declared axes, and as a recording under standard names. Returned
-    are those of up and forward that no marker shows.
+    Parameters
+    ----------
+    points : dict of str to numpy.ndarray, shape (n_frames, 3)
+        Markers by the file's labels in m, rotated by the declared axes.
+    recording : MarkerRecording
+        The same markers under standard names.
+    layout : MarkerLayout
+        Declared axes.
+
+    Returns
+    -------
+    list of str
+        Those of up and forward that no marker shows.
+
+    Raises
+    ------
+    InputError
+        If the body stands or faces otherwise than declared.
     """
     if not layout.check_axes or not uncheckable_axes(recording.positions):
         return []

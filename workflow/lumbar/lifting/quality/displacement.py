@@ -42,8 +42,18 @@ def displacements(
     """Return the frames in which a marker is displaced, and the leaps with an unknown correct side.
 
     If the distances do not decide, the steps of successive leaps still add up: frames between a leap away and one back are
-    displaced. A gap of more than half a second ends what can be compared. Points in metres, shape (n_frames, 3), and leaps
-    are those of all markers, by label.
+    displaced. A gap of more than half a second ends what can be compared.
+
+    Parameters
+    ----------
+    points : dict of str to numpy.ndarray, shape (n_frames, 3)
+        All markers by label in m.
+    label : str
+        Label of the marker.
+    leaps : dict of str to list of Leap
+        Leaps of all markers by label.
+    legend : Legend
+        Times of the frames and meanings of the labels.
     """
     visible, rate = np.isfinite(points[label][:, 0]), legend.rate
 
@@ -254,6 +264,13 @@ def percentiles(values: np.ndarray, shares: tuple[float, ...]) -> np.ndarray:
     """Return percentiles of the finite values of each row, shape (n_shares, n_rows); NaN with fewer than ten of them.
 
     Sorts a single time: NumPy's percentiles without NaN process the rows one by one.
+
+    Parameters
+    ----------
+    values : numpy.ndarray, shape (n_rows, n)
+        Values in any unit, NaN if missing.
+    shares : tuple of float
+        Shares from 0 to 1.
     """
     ordered = np.sort(values, axis=1)
     count = np.isfinite(ordered).sum(axis=1)
@@ -263,7 +280,15 @@ def percentiles(values: np.ndarray, shares: tuple[float, ...]) -> np.ndarray:
 
 
 def steadiest_mate(sample: dict[str, np.ndarray], label: str) -> str | None:
-    """Return the marker at the most constant distance from one; None if fewer than three are at a nearly constant distance."""
+    """Return the marker at the most constant distance from one; None if fewer than three are at a nearly constant distance.
+
+    Parameters
+    ----------
+    sample : dict of str to numpy.ndarray, shape (n_frames, 3)
+        Markers by label in m, at some frames.
+    label : str
+        Label of the one marker.
+    """
     labels = list(sample)
     distance = np.linalg.norm(np.stack([sample[other] for other in labels]) - sample[label], axis=2)
     low, middle, high = percentiles(distance, (0.05, 0.5, 0.95))
@@ -275,7 +300,19 @@ def steadiest_mate(sample: dict[str, np.ndarray], label: str) -> str | None:
 
 
 def median_distance(points: dict[str, np.ndarray], one: str, other: str, frames: slice | np.ndarray) -> float:
-    """Return the median distance of two markers over some frames, metres; NaN if they are never seen together."""
+    """Return the median distance of two markers in metres; NaN if they are never seen together.
+
+    Parameters
+    ----------
+    points : dict of str to numpy.ndarray, shape (n_frames, 3)
+        Markers by label in m.
+    one : str
+        Label of the first marker.
+    other : str
+        Label of the second marker.
+    frames : slice or numpy.ndarray
+        Frames that are compared.
+    """
     distance = np.linalg.norm(points[one][frames] - points[other][frames], axis=1)
     return float(np.nanmedian(distance)) if np.isfinite(distance).any() else np.nan
 
@@ -285,6 +322,13 @@ def find_rigid_violations(points: dict[str, np.ndarray], legend: Legend) -> list
 
     A marker is part of a rigid one if it has three mates at distances that stay within 8 mm in nine of ten frames in which either
     moves. It is off if most of these differ from their medians by more than 30 mm and by six times their typical spread.
+
+    Parameters
+    ----------
+    points : dict of str to numpy.ndarray, shape (n_frames, 3)
+        Markers by label in m.
+    legend : Legend
+        Times of the frames and meanings of the labels.
     """
     findings = []
     changes: dict[frozenset[str], np.ndarray] = {}

@@ -85,7 +85,23 @@ class Legend:
         markers: tuple[str, ...] = (),
         frames: slice | None = None,
     ) -> MarkerFinding:
-        """Return a finding about some frames, by default about all; other arguments as in `MarkerFinding`."""
+        """Return a finding about some frames.
+
+        Parameters
+        ----------
+        kind : str
+            Key of `REMEDIES`.
+        outcome : {"error", "left out", "proposed", "noted"}
+            Consequence of the finding.
+        evidence : str
+            Measured numbers, for the reader.
+        cause : str
+            The likely cause, or what to do.
+        markers : tuple of str, default ()
+            Labels of the file; empty if the whole recording is meant.
+        frames : slice, optional
+            Frames of the recording; default: all.
+        """
         first, stop = (int(frames.start), int(frames.stop)) if frames else (0, len(self.time))
         length_s = (stop - first) / self.rate
         return MarkerFinding(

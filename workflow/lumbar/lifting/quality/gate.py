@@ -32,9 +32,9 @@ def examine(
 
     Parameters
     ----------
-    points : dict of str to ndarray, shape (n_frames, 3)
+    points : dict of str to numpy.ndarray, shape (n_frames, 3)
         Measured markers by the file's labels; metres, z up; NaN if not seen.
-    time : ndarray, shape (n_frames,)
+    time : numpy.ndarray, shape (n_frames,)
         Seconds.
     rate : float
         Frames per second.
@@ -71,7 +71,17 @@ def examine(
 def unchecked_properties(
     points: dict[str, np.ndarray], height_m: float | None = None, meant: dict[str, str] | None = None
 ) -> dict[str, str]:
-    """Return the properties that `examine` cannot compare with a body, with the reason; parameters as there."""
+    """Return the properties that `examine` cannot compare with a body, with the reason.
+
+    Parameters
+    ----------
+    points : dict of str to numpy.ndarray, shape (n_frames, 3)
+        Markers by label in m.
+    height_m : float, optional
+        Stature of the subject.
+    meant : dict of str to str, optional
+        Label of the file by landmark, if the configuration names it.
+    """
     if not points:
         return {}
     named = {label: landmark for landmark, label in body.landmarks(points, meant).items()}
@@ -92,7 +102,15 @@ def unchecked_properties(
 
 
 def mask_findings(points: dict[str, np.ndarray], findings: list[MarkerFinding]) -> dict[str, np.ndarray]:
-    """Return the points with NaN in the frames in which a finding leaves a marker out or proposes another label."""
+    """Return the points with NaN in the frames in which a finding leaves a marker out or proposes another label.
+
+    Parameters
+    ----------
+    points : dict of str to numpy.ndarray, shape (n_frames, 3)
+        Markers by label in m.
+    findings : list of MarkerFinding
+        Findings in this recording.
+    """
     result = dict(points)
     for finding in findings:
         if finding.outcome in (LEFT_OUT, PROPOSED):
@@ -104,7 +122,15 @@ def mask_findings(points: dict[str, np.ndarray], findings: list[MarkerFinding]) 
 
 
 def usable_markers(points: dict[str, np.ndarray], findings: list[MarkerFinding]) -> dict[str, np.ndarray]:
-    """Return the markers that are not left out of all frames, without the frames left out; labels are not exchanged."""
+    """Return the markers that are not left out of all frames, without the frames left out; labels are not exchanged.
+
+    Parameters
+    ----------
+    points : dict of str to numpy.ndarray, shape (n_frames, 3)
+        Markers by label in m.
+    findings : list of MarkerFinding
+        Findings in this recording.
+    """
     usable = mask_findings(points, [finding for finding in findings if finding.outcome == LEFT_OUT])
     return {label: positions for label, positions in usable.items() if np.isfinite(positions).any()}
 

@@ -56,7 +56,15 @@ class Leap:
 
 
 def find_leaps(positions: np.ndarray, rate: float) -> tuple[list[Leap], list[slice]]:
-    """Return the leaps of one marker, shape (n_frames, 3) in metres, and its spikes, which return within a few frames."""
+    """Return the leaps of one marker, and its spikes, which return within a few frames.
+
+    Parameters
+    ----------
+    positions : numpy.ndarray, shape (n_frames, 3)
+        Positions in m, NaN if missing.
+    rate : float
+        Frames per second.
+    """
     size = step_sizes(positions)
     threshold = np.maximum(max(SMALLEST_M, _LIMITS.jerk_m_s3 / rate**3), ABOVE_UNREST * typical_step(size))
     # No leap is shorter than the longer step next to it: a racket at 50 Hz changes its step almost as much.
@@ -97,7 +105,13 @@ def find_leaps(positions: np.ndarray, rate: float) -> tuple[list[Leap], list[sli
 
 
 def step_sizes(positions: np.ndarray) -> np.ndarray:
-    """Return the distance of both continuations between successive frames, shape (n_frames - 1,), metres; NaN at the ends."""
+    """Return the distance of both continuations between successive frames, shape (n_frames - 1,), metres; NaN at the ends.
+
+    Parameters
+    ----------
+    positions : numpy.ndarray, shape (n_frames, 3)
+        Positions in m, NaN if missing.
+    """
     size = np.full(max(len(positions) - 1, 0), np.nan)
     if len(positions) > 3:
         steps = 1.5 * (positions[2:-1] - positions[1:-2]) - 0.5 * (positions[3:] - positions[:-3])
@@ -158,9 +172,21 @@ class Exchange:
 
 
 def take_exchanges(leaps: dict[str, list[Leap]]) -> tuple[list[Exchange], dict[str, list[Leap]]]:
-    """Separate the leaps that are exchanges from all others; `leaps` and the second result are by label.
+    """Separate the leaps that are exchanges from all others.
 
     If several markers leap simultaneously, such as those of both legs, each leap belongs to the exchange that it fits best.
+
+    Parameters
+    ----------
+    leaps : dict of str to list of Leap
+        Leaps by label.
+
+    Returns
+    -------
+    exchanges : list of Exchange
+        Exchanges of two labels.
+    remaining : dict of str to list of Leap
+        All other leaps by label.
     """
     flat = [(label, leap) for label, own_leaps in leaps.items() for leap in own_leaps]
     candidates = []
@@ -191,7 +217,17 @@ def take_exchanges(leaps: dict[str, list[Leap]]) -> tuple[list[Exchange], dict[s
 
 
 def marker_at_landing(leap: Leap, label: str, points: dict[str, np.ndarray]) -> str | None:
-    """Return the label of the marker that was seen, just before, at the end of a leap; None if there was none."""
+    """Return the label of the marker that was seen, just before, at the end of a leap; None if there was none.
+
+    Parameters
+    ----------
+    leap : Leap
+        Leap of one marker.
+    label : str
+        Label of the marker that leaps.
+    points : dict of str to numpy.ndarray, shape (n_frames, 3)
+        All markers by label in m.
+    """
     others = {
         other: np.linalg.norm(places[leap.last] - leap.after)
         for other, places in points.items()
@@ -208,9 +244,23 @@ def marker_at_landing(leap: Leap, label: str, points: dict[str, np.ndarray]) -> 
 def missing_frames(
     points: dict[str, np.ndarray], leaps: dict[str, list[Leap]], legend: Legend
 ) -> tuple[list[MarkerFinding], dict[str, list[Leap]]]:
-    """Find the frames between which most markers leap, and return the other leaps by label.
+    """Find the frames between which most markers leap.
 
-    The findings are errors: the missing movement is unknown. `leaps` are those without exchanges of two markers.
+    Parameters
+    ----------
+    points : dict of str to numpy.ndarray, shape (n_frames, 3)
+        All markers by label in m.
+    leaps : dict of str to list of Leap
+        Leaps by label, without exchanges of two markers.
+    legend : Legend
+        Times of the frames and meanings of the labels.
+
+    Returns
+    -------
+    findings : list of MarkerFinding
+        Errors: the missing movement is unknown.
+    remaining : dict of str to list of Leap
+        The other leaps by label.
     """
     counted = Counter(leap.first for own_leaps in leaps.values() for leap in own_leaps)
     findings: list[MarkerFinding] = []

@@ -158,6 +158,19 @@ def read_screened(
 
     Frames that are left out become gaps; a marker left out altogether is among `MarkerRecording.dropped`.
 
+    Parameters
+    ----------
+    path : str or os.PathLike
+        The marker file.
+    layout : MarkerLayout, optional
+        Labels, unit and axes of the file; default: `MarkerLayout()`.
+    name : str, optional
+        Name of the recording; default: see `read_markers`.
+    height_m : float, optional
+        Stature of the subject, to check the unit and the body.
+    repair : Repair, optional
+        Fills gaps after the screening.
+
     Raises
     ------
     InputError
@@ -183,6 +196,15 @@ def naming(path: str | os.PathLike) -> Iterator[None]:
 def sheet_of(recording: MarkerRecording, screening: Screening, layout: MarkerLayout) -> QualitySheet:
     """Return the sheet of a recording that was read through a screening, after its axes are checked by the body.
 
+    Parameters
+    ----------
+    recording : MarkerRecording
+        Recording under standard names.
+    screening : Screening
+        Screening of this recording.
+    layout : MarkerLayout
+        Layout it was read with.
+
     Raises
     ------
     InputError
@@ -207,7 +229,15 @@ def sheet_of(recording: MarkerRecording, screening: Screening, layout: MarkerLay
 
 
 def meant_labels(aliases: Mapping[str, Alias | None], labels: Collection[str]) -> dict[str, str]:
-    """Return, by standard name, the label of the file that fills an alias without others."""
+    """Return, by standard name, the label of the file that fills an alias without others.
+
+    Parameters
+    ----------
+    aliases : mapping of str to Alias or None
+        Aliases of the layout by standard name.
+    labels : collection of str
+        Labels of the file.
+    """
     meant = {}
     for name, alias in aliases.items():
         choices = alias if isinstance(alias, tuple) else (alias,)
@@ -222,7 +252,17 @@ def meant_labels(aliases: Mapping[str, Alias | None], labels: Collection[str]) -
 def meant_in_rules(
     aliases: Mapping[str, Alias | None], labels: Collection[str], meant: Mapping[str, str]
 ) -> dict[str, str]:
-    """Return, by landmark, the labels in rules of the other side; `meant` is the result of `meant_labels`."""
+    """Return, by landmark, the labels in rules of the other side.
+
+    Parameters
+    ----------
+    aliases : mapping of str to Alias or None
+        Aliases of the layout by standard name.
+    labels : collection of str
+        Labels of the file.
+    meant : mapping of str to str
+        Result of `meant_labels`.
+    """
     usual = {label: landmark for landmark, label in landmarks(labels).items()}
     corrected: dict[str, str] = {}
     for name, alias in aliases.items():
@@ -251,8 +291,16 @@ def quality_sheet(
 ) -> QualitySheet:
     """Return the sheet of a recording.
 
-    The points are its measured markers by the file's labels, before anything was left out; `unchecked` is the result of
-    `lumbar.lifting.quality.gate.unchecked_properties`.
+    Parameters
+    ----------
+    recording : MarkerRecording
+        Recording under standard names.
+    points : dict of str to numpy.ndarray, shape (n_frames, 3)
+        Measured markers by the file's labels in m, before anything was left out.
+    findings : sequence of MarkerFinding
+        Findings in the recording.
+    unchecked : dict of str to str, optional
+        Result of `lumbar.lifting.quality.gate.unchecked_properties`.
     """
     gaps = []
     for label, positions in points.items():
@@ -282,7 +330,15 @@ def quality_sheet(
 
 
 def quality_table(sheets: Sequence[dict], source_label: str) -> Table:
-    """Return one row per recording: sheets as `QualitySheet.as_dict` gives them, with the name of the lift under ``lift``."""
+    """Return a table with one row per recording.
+
+    Parameters
+    ----------
+    sheets : sequence of dict
+        Results of `QualitySheet.as_dict`, with the name of the lift under ``lift``.
+    source_label : str
+        Source of the recordings, for the table's caption.
+    """
     rows = []
     for sheet in sheets:
         findings = [

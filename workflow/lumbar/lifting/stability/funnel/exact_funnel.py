@@ -64,7 +64,7 @@ def _circle(samples: int) -> tuple[np.ndarray, ...]:
 
 
 def boundary_growth(form: NormalForm, level: np.ndarray) -> np.ndarray:
-    """Return the largest V̇/ρ on the boundary V = ρ in 1/s.
+    """Return the largest V̇/ρ on the boundary V = ρ in 1/s, shape (...).
 
     The boundary moves inward everywhere if this is negative; {V ≤ ρ(t)} is invariant as long as ρ̇/ρ is not below it.
 
@@ -74,11 +74,6 @@ def boundary_growth(form: NormalForm, level: np.ndarray) -> np.ndarray:
         V̇/ρ in normal coordinates.
     level : numpy.ndarray, shape (...)
         ρ > 0, dimensionless; axes before those of `form` are levels of the same pendulums.
-
-    Returns
-    -------
-    numpy.ndarray, shape (...)
-        V̇/ρ in 1/s.
     """
     # Sample the boundary, more densely for wider ellipses.
     root = np.sqrt(level)
