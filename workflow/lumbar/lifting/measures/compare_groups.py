@@ -17,14 +17,21 @@ class Difference:
     """Two means over persons and their difference, with a 95 % interval."""
 
     first: float
+    """Mean of the first side over persons."""
     second: float
+    """Mean of the second side over persons."""
     persons: tuple[int, int]
+    """Number of persons of each side."""
     person_sd: float = np.nan
     """Standard deviation of the person means within the groups, or of the changes of paired persons."""
     low: float | None = None
+    """Lower end of the interval of the difference; None without one."""
     high: float | None = None
+    """Upper end of the interval; None without one."""
     freedom: float | None = None
+    """Degrees of freedom of the test; None without one."""
     p_value: float | None = None
+    """Two-sided p value of the test; None without one."""
     remark: str = ""
     """Reason if there is neither an interval nor a test; empty otherwise."""
 
@@ -80,18 +87,22 @@ def compare_means(first: pd.Series, second: pd.Series, paired: bool, names: tupl
 
 @dataclass(frozen=True, eq=False)
 class GroupComparison:
-    """One measure compared between two sides, at a box or within the persons who lifted both boxes (`paired`)."""
+    """One measure compared between two sides, at a box or within the persons who lifted both boxes."""
 
     name: str
     box: str
+    """Mass of the box in kg, or of both boxes: ``8 vs 15``."""
     measure: str
     plane: str
     unit: str
     safer: str
     """Safer values: ``higher``, ``lower`` or empty."""
     sides: tuple[str, str]
+    """Names of the sides: groups, or masses of boxes."""
     paired: bool
+    """True if the same persons are on both sides."""
     trials: tuple[int, int]
+    """Number of lifts of each side."""
     difference: Difference
 
     @property

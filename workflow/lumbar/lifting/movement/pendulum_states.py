@@ -20,11 +20,14 @@ from lumbar.settings.lifting import LiftingSettings
 
 @dataclass(frozen=True)
 class PendulumChoice:
-    """Choices that lead from the markers to the pendulums of a deposit; attributes as the keys of `LiftingSettings`."""
+    """Choices that lead from the markers to the pendulums of a deposit."""
 
     pivot: str
+    """Point about which the pendulum turns: one of `PIVOTS`."""
     segment_ends: str
+    """``inner`` if the trunk's segments end inside the body, ``skin`` if at the markers."""
     deposit_start: str
+    """``descent`` of the box, or ``wrist_minimum``."""
 
     @classmethod
     def from_settings(cls, settings: LiftingSettings) -> Self:
@@ -46,7 +49,15 @@ MIN_LENGTH_M = 0.01
 
 
 class MissingSamplesError(InputError):
-    """A centre of mass is not known at all instants of the deposit: `frames` are the missing ones."""
+    """A centre of mass is not known at all instants of the deposit.
+
+    Parameters
+    ----------
+    text : str
+        The message.
+    frames : numpy.ndarray of int
+        Frames without it.
+    """
 
     def __init__(self, text: str, frames: np.ndarray):
         super().__init__(text)

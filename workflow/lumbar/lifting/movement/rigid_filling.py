@@ -201,8 +201,14 @@ def fill_from_body(markers: Mapping[str, np.ndarray]) -> tuple[Mapping[str, np.n
 class BodyFilling:
     """Fills the rigid bodies of a recording while `lumbar.records.markers.read_markers` reads it.
 
-    `static` are markers of a static trial by label, in metres. Filled gaps are in `gaps`; bodies with another shape in the static
-    trial are in `findings`.
+    Filled gaps are in `gaps`; bodies with another shape in the static trial are in `findings`.
+
+    Parameters
+    ----------
+    settings : LiftingSettings
+        Settings with the rigid bodies, and the aliases of their markers.
+    static : mapping of str to numpy.ndarray, shape (n, 3), optional
+        Markers of a static trial by label in m.
     """
 
     def __init__(self, settings: LiftingSettings, static: Mapping[str, np.ndarray] | None = None):

@@ -30,12 +30,15 @@ _MAX_GAPS = 5
 
 @dataclass(frozen=True)
 class OpenGap:
-    """The longest interval in seconds in which a marker of the file is not seen, and its share of missing frames."""
+    """Gaps of one marker of the file."""
 
     marker: str
     missing_share: float
+    """Share of the frames in which it is not seen."""
     longest_s: float
+    """Length of the longest gap."""
     from_s: float
+    """Start of the longest gap on the recording's clock."""
 
 
 @dataclass(frozen=True)
