@@ -196,7 +196,13 @@ class Record:
         return replace(part, time=self.time[keep], filled=filled)
 
     def with_values(self, **values: np.ndarray) -> Record:
-        """Return the record with other values in the channels of these roles."""
+        """Return the record with other values in some channels.
+
+        Parameters
+        ----------
+        **values : ndarray, shape (samples,)
+            Values by the role of the channel, in its unit.
+        """
         changed = {
             role: Channel(item, self.channels[role].quantity, self.channels[role].unit)
             for role, item in values.items()

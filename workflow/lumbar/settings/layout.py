@@ -175,7 +175,13 @@ class RecordSettings(Section):
 
 
 def columns(**roles: tuple[str, str, str]) -> dict[str, ColumnSettings]:
-    """Columns of a layout by role, each (name in the header, unit, quantity)."""
+    """Return the columns of a layout by role.
+
+    Parameters
+    ----------
+    **roles : tuple of str
+        Name in the header, unit and quantity, by role.
+    """
     return {
         role: ColumnSettings(column=column, unit=unit, quantity=quantity)
         for role, (column, unit, quantity) in roles.items()

@@ -223,7 +223,7 @@ def columns_of(package: str, name: str) -> list[str]:
     Parameters
     ----------
     package : str
-        Package or module, see `described`.
+        Package or module, see `table_from_schema`.
     name : str
         Name of the table.
     """

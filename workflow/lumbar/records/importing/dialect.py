@@ -58,6 +58,11 @@ class TableDialect(Dialect):
         ----------
         cell : str
             Text of the cell.
+
+        Raises
+        ------
+        ValueError
+            If the text is not a number, or has a point although the decimal mark is a comma.
         """
         if cell.casefold() in MISSING:
             return math.nan
