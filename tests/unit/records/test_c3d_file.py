@@ -10,7 +10,7 @@ from c3d_builder import DEC, INTEL, MIPS, build_c3d
 from lifting_cases import missing_share
 
 import lumbar
-from refusing import refusal
+from refusing import has_tokens, refusal
 
 pytestmark = pytest.mark.usefixtures("in_this_process")
 
@@ -97,19 +97,18 @@ def test_same_coordinates_as_ezc3d(shared, name):
 
 
 @pytest.mark.parametrize(
-    ("name", "fragment"),
+    ("name", "tokens"),
     [
-        ("12_bad_parameter_section", "parameter LABELS would end at byte"),
+        ("12_bad_parameter_section", "LABELS … end … byte"),
         ("13_phasespace", "POINT:USED, "),
         ("15_zero_bytes", "0 bytes"),
-        ("18_bad_parameter_offset", "parameter LABELS at byte 745 points to byte 1169"),
+        ("18_bad_parameter_offset", "LABELS … byte 745 … byte 1169"),
         ("91_derived_truncated_params", "700 bytes"),
     ],
 )
-def test_broken_files_are_refused(shared, name, fragment):
+def test_broken_files_are_rejected(shared, name, tokens):
     path = shared / "real" / "c3d_edge" / f"{name}.c3d"
-    message = refusal(read_c3d, path)
-    assert fragment in message and path.name in message
+    assert has_tokens(refusal(read_c3d, path), f"{path.name} … {tokens}")
 
 
 # Built files
@@ -155,9 +154,9 @@ def test_frame_numbers_beyond_what_the_header_can_hold(tmp_path, points):
     np.testing.assert_allclose(stacked(file), points, rtol=1e-6)
 
 
-def test_more_frames_than_anything_in_the_file_can_count(tmp_path):
+def test_frame_count_beyond_all_fields_is_rejected(tmp_path):
     content = build_c3d(np.ones((65600, 1, 3), np.float32), ["C7"])
-    assert "65535 frames or more" in refusal(read_c3d, write(tmp_path, content))
+    assert has_tokens(refusal(read_c3d, write(tmp_path, content)), "65535 frames")
 
 
 def test_zero_and_infinite_samples_are_missing(tmp_path, points):
@@ -174,10 +173,8 @@ def test_points_listed_as_angles_are_dropped_whatever_their_name(tmp_path, point
     extra["POINT:ANGLES"] = ["SACR"]
     file = read_c3d(write(tmp_path, build_c3d(points, LABELS, extra=extra)))
     assert list(file.positions) == ["C7"]
-    assert file.dropped == {
-        "SACR": "joint angle, not a position",
-        "LTOE": "listed under POINT:TILTS, not a position",
-    }
+    assert set(file.dropped) == {"SACR", "LTOE"}
+    assert has_tokens(file.dropped["SACR"], "angle") and has_tokens(file.dropped["LTOE"], "POINT:TILTS")
 
 
 @pytest.mark.parametrize("packed", [False, True])
@@ -197,31 +194,30 @@ def test_points_without_unique_label_are_dropped(tmp_path):
     points = np.random.default_rng(3).normal(0, 500, (6, 5, 3))
     file = read_c3d(write(tmp_path, build_c3d(points, ["C7", "A", "A", "*17"])))
     assert list(file.positions) == ["C7"]
-    assert file.dropped == {
-        "A": "label used for 2 points",
-        "*17": "trajectory without a label",
-        "point 5": "trajectory without a label",
-    }
+    assert set(file.dropped) == {"A", "*17", "point 5"}
+    assert has_tokens(file.dropped["A"], "2 points") and file.dropped["*17"] == file.dropped["point 5"]
 
 
 @pytest.mark.parametrize(
-    ("change", "fragment"),
+    ("change", "tokens"),
     [
-        ({"replace": {"POINT:RATE": [50.0]}}, "rate: 100 in the header, 50 in POINT:RATE"),
-        ({"rate": 0.0}, "both must be positive"),
-        ({"rate": np.nan}, "POINT:RATE: [nan]; finite numbers are needed"),
-        ({"extra": {"POINT:FRAMES": ["many"]}}, "POINT:FRAMES: ['many']; finite numbers are needed"),
-        ({"extra": {"POINT:LABELS": [1.0, 2.0]}}, "POINT:LABELS: [1.0, 2.0]; text is needed"),
+        ({"replace": {"POINT:RATE": [50.0]}}, "100 … header … 50 … POINT:RATE"),
+        ({"rate": 0.0}, "0 … positive"),
+        ({"rate": np.nan}, "POINT:RATE: [nan]"),
+        ({"extra": {"POINT:FRAMES": ["many"]}}, "POINT:FRAMES: ['many']"),
+        ({"extra": {"POINT:LABELS": [1.0, 2.0]}}, "POINT:LABELS: [1.0, 2.0]"),
     ],
 )
-def test_contradictions_are_refused(tmp_path, points, change, fragment):
-    assert fragment in refusal(read_c3d, write(tmp_path, build_c3d(points, LABELS, **change)))
+def test_contradictions_are_rejected(tmp_path, points, change, tokens):
+    message = refusal(read_c3d, write(tmp_path, build_c3d(points, LABELS, **change)))
+    assert has_tokens(message, tokens)
 
 
 @pytest.mark.parametrize("missing_bytes", [1, 48, 1900])
 def test_every_missing_byte_is_noticed(tmp_path, points, missing_bytes):
     content = build_c3d(points, LABELS)
-    assert "40 frames of 48 bytes are" in refusal(read_c3d, write(tmp_path, content[:-missing_bytes]))
+    message = refusal(read_c3d, write(tmp_path, content[:-missing_bytes]))
+    assert has_tokens(message, "40 frames … 48 bytes")
 
 
 @pytest.mark.parametrize("inserted", [bytes(range(4)), bytes(512)])
@@ -229,7 +225,7 @@ def test_bytes_after_last_frame_are_noted(tmp_path, points, inserted):
     """A word that was pushed out is 0, as what fills a block, and an inserted block leaves it full."""
     content = build_c3d(points, LABELS)
     content = content[:-900] + inserted + content[-900:] + bytes(-len(content) % 512)
-    assert "if bytes were inserted" in " ".join(read_c3d(write(tmp_path, content)).notes)
+    assert has_tokens(" ".join(read_c3d(write(tmp_path, content)).notes), "bytes … inserted")
 
 
 @pytest.mark.parametrize(
@@ -241,13 +237,13 @@ def test_bytes_after_last_frame_are_noted(tmp_path, points, inserted):
             {"SUBJECTS:BODYMASS": [70.0]},
             b"BODYMASS",
             {b"BODYMASS": 77},
-            ("the parameters BODYMASS belong to no group and were left out",),
+            ("BODYMASS … group",),
         ),
         (
             {"SUBJECTS:BODYMASS": [70.0], "SUBJECTS:BODYM2SS": [71.0]},
             b"BODYM2SS",
             {},
-            ("SUBJECTS:BODYMASS is duplicate, with different values, and was left out",),
+            ("SUBJECTS:BODYMASS … duplicate",),
         ),
     ],
 )
@@ -258,48 +254,49 @@ def test_irregular_groups_do_not_matter(tmp_path, points, extra, renamed, groups
         content[place : place + 1] = struct.pack("b", group)
     file = read_c3d(write(tmp_path, bytes(content).replace(renamed, renamed.replace(b"2", b"A"))))
     np.testing.assert_allclose(stacked(file), points, rtol=1e-6)
-    assert file.notes == notes
+    assert len(file.notes) == len(notes)
+    assert all(has_tokens(note, tokens) for note, tokens in zip(file.notes, notes, strict=True))
 
 
 @pytest.mark.parametrize(
-    ("change", "fragment"),
+    ("change", "tokens"),
     [
-        ({"replace": {"POINT:FRAMES": [39]}}, "40 in the header, 39 in POINT:FRAMES; 39 were read"),
-        ({"extra": {"POINT:LONG_FRAMES": [41.0]}}, "41 in POINT:LONG_FRAMES; 40 were read"),
+        ({"replace": {"POINT:FRAMES": [39]}}, "40 … header … 39 … POINT:FRAMES … 39"),
+        ({"extra": {"POINT:LONG_FRAMES": [41.0]}}, "41 … POINT:LONG_FRAMES … 40"),
         # Where the file ends tells which of two statements is right.
-        ({"extra": {"POINT:LONG_FRAMES": [50.0]}}, "50 in POINT:LONG_FRAMES; 40 were read"),
-        ({"replace": {"POINT:DATA_START": [1]}}, "POINT:DATA_START is 1, 3 in the header; 3 fits"),
-        ({"replace": {"POINT:USED": [9]}}, "POINT:USED is 9, 3 in the header; 3 fits the file's size"),
-        ({"omit": ["POINT:SCALE"]}, "POINT:SCALE is missing; the header's -1 was taken"),
-        ({"omit": ["POINT:RATE"]}, "POINT:RATE is missing; the header's 100 was taken"),
+        ({"extra": {"POINT:LONG_FRAMES": [50.0]}}, "50 … POINT:LONG_FRAMES … 40"),
+        ({"replace": {"POINT:DATA_START": [1]}}, "POINT:DATA_START … 1 … 3 … header … 3"),
+        ({"replace": {"POINT:USED": [9]}}, "POINT:USED … 9 … 3 … header … 3"),
+        ({"omit": ["POINT:SCALE"]}, "POINT:SCALE … header … -1"),
+        ({"omit": ["POINT:RATE"]}, "POINT:RATE … header … 100"),
         # 200.7 Hz over 100 Hz are two samples per frame, as the header has them.
-        ({"replace": {"ANALOG:RATE": [200.7]}}, "20.07 in ANALOG:USED and ANALOG:RATE; the header's"),
+        ({"replace": {"ANALOG:RATE": [200.7]}}, "20.07 … ANALOG:USED … ANALOG:RATE … header"),
     ],
 )
-def test_harmless_contradictions_are_read_and_noted(tmp_path, points, change, fragment):
+def test_harmless_contradictions_are_read_and_noted(tmp_path, points, change, tokens):
     analog = np.zeros((40, 20))
     file = read_c3d(write(tmp_path, build_c3d(points, LABELS, analog=analog, analog_per_frame=2, **change)))
     np.testing.assert_allclose(stacked(file), points[: len(file.time)], rtol=1e-6)
     assert len(file.time) in (39, 40)
     assert file.rate == 100
-    assert any(fragment in note for note in file.notes), file.notes
+    assert any(has_tokens(note, tokens) for note in file.notes), file.notes
 
 
 @pytest.mark.parametrize(
-    ("processor", "place", "new", "fragment"),
+    ("processor", "place", "new", "tokens"),
     [
-        (INTEL, 2, b"\x09", "POINT:USED is 3, 9 in the header; 3 fits"),
-        (INTEL, 16, b"\x05", "POINT:DATA_START is 3, 5 in the header; 3 fits"),
-        (INTEL, 16, b"\x90", "POINT:DATA_START is 3, 144 in the header; 3 fits"),
-        (MIPS, 515, bytes([INTEL]), "processor type 84; 86 (MIPS) fits"),
-        (INTEL, 515, bytes([DEC]), "processor type 85; 84 (Intel) fits"),
+        (INTEL, 2, b"\x09", "POINT:USED … 3 … 9 … header … 3"),
+        (INTEL, 16, b"\x05", "POINT:DATA_START … 3 … 5 … header … 3"),
+        (INTEL, 16, b"\x90", "POINT:DATA_START … 3 … 144 … header … 3"),
+        (MIPS, 515, bytes([INTEL]), "84 … 86 (MIPS)"),
+        (INTEL, 515, bytes([DEC]), "85 … 84 (Intel)"),
     ],
 )
-def test_header_is_corrected_by_file_size(tmp_path, points, processor, place, new, fragment):
+def test_header_is_corrected_by_file_size(tmp_path, points, processor, place, new, tokens):
     content = build_c3d(points, LABELS, processor=processor)
     file = read_c3d(write(tmp_path, content[:place] + new + content[place + 1 :]))
     np.testing.assert_allclose(stacked(file), points, rtol=1e-6)
-    assert fragment in " ".join(file.notes)
+    assert has_tokens(" ".join(file.notes), tokens)
 
 
 def test_reals_are_read_whatever_the_size_of_the_scale_factor(tmp_path, points):

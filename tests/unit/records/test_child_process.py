@@ -13,7 +13,7 @@ import pytest
 from lumbar.base.errors import InputError
 from lumbar.records import child_process
 from lumbar.records.child_process import read_in_child
-from refusing import refusal
+from refusing import has_tokens, refusal
 
 limited = pytest.mark.skipif(not Path("/proc").exists(), reason="only Linux has all limits")
 
@@ -59,33 +59,33 @@ def test_input_error_of_child_is_unchanged(path):
 @pytest.mark.parametrize("bomb", [readers.exhaust_memory, readers.hiding_it, readers.growing])
 def test_memory_is_limited(path, bomb, monkeypatch):
     monkeypatch.setattr(child_process, "MEMORY", 400_000_000)
-    assert "trial.bin: its 5e-06 MB need more memory" in refusal(read_in_child, bomb, path)
+    assert has_tokens(refusal(read_in_child, bomb, path), "trial.bin: … 5e-06 MB … memory")
 
 
 @limited
 def test_processor_time_is_limited(path, monkeypatch):
     monkeypatch.setattr(child_process, "SECONDS", 1)
-    assert "trial.bin: its 5e-06 MB take longer than 1 s" in refusal(read_in_child, readers.endless, path)
+    assert has_tokens(refusal(read_in_child, readers.endless, path), "trial.bin: … 5e-06 MB … 1 s")
 
 
 def test_waiting_child_is_ended(path, monkeypatch):
     before = set(psutil.Process().children())
     monkeypatch.setattr(child_process, "TIMEOUT_S", 2)
-    assert "trial.bin: its 5e-06 MB take longer than" in refusal(read_in_child, readers.sleeping, path)
+    assert has_tokens(refusal(read_in_child, readers.sleeping, path), "trial.bin: … 5e-06 MB … 2 s")
     assert set(psutil.Process().children()) <= before
 
 
 @pytest.mark.parametrize(
     ("failure", "fragment"),
     [
-        ("crash", r"its reader ended \(SIGABRT\); copy or export it again"),
-        ("mistake", r"its reader stopped at KeyError \('x'; child_readers.py, line \d+\)"),
-        ("objects", r"its reader stopped at TypeError \(no numbers: ndarray"),
+        ("crash", r"\bSIGABRT\b"),
+        ("mistake", r"\bKeyError\b.*'x'.*\bchild_readers\.py, line \d+\b"),
+        ("objects", r"\bTypeError\b.*\bndarray\b"),
     ],
 )
 def test_failing_reader_is_reported_with_file(path, failure, fragment):
     path.write_text(failure)
-    with pytest.raises(InputError, match=rf"{re.escape(str(path))}: broken: {fragment}"):
+    with pytest.raises(InputError, match=rf"{re.escape(str(path))}: .*{fragment}"):
         read_in_child(readers.fail, path)
 
 
@@ -94,19 +94,19 @@ def test_forged_answer_is_rejected(path, forged, monkeypatch):
     monkeypatch.setattr(child_process, "MAX_ANSWER_BYTES", 1_000_000)
     path.write_text(forged)
     message = refusal(read_in_child, readers.forge_answer, path)
-    assert "trial.bin: broken: its reader returned an invalid answer" in message
+    assert has_tokens(message, "trial.bin: … reader … answer")
 
 
 @limited
 def test_size_of_answer_is_limited(path, monkeypatch):
     monkeypatch.setattr(child_process, "MAX_ANSWER_BYTES", 3_000_000)
-    assert "trial.bin: broken: its reader ended" in refusal(read_in_child, readers.endless_answer, path)
+    assert has_tokens(refusal(read_in_child, readers.endless_answer, path), "trial.bin: … reader … ended")
 
 
 def test_pipe_is_not_opened(path):
     path.unlink()
     os.mkfifo(path)
-    assert "trial.bin: a pipe or a device" in refusal(read_in_child, readers.read_path, path)
+    assert has_tokens(refusal(read_in_child, readers.read_path, path), "trial.bin: … pipe")
 
 
 def test_child_works_beside_computing_threads(path):

@@ -15,7 +15,7 @@ from lumbar.base.files import MAX_FILE_BYTES
 from lumbar.interface.result import read_table
 from lumbar.records.child_process import SECONDS
 from lumbar.records.markers import read_markers
-from refusing import refusal
+from refusing import has_tokens, refusal
 
 h5py = pytest.importorskip("h5py")
 
@@ -55,15 +55,15 @@ _READERS = {
 def test_pipes_devices_and_folders_are_rejected(tmp_path, name):
     path = tmp_path / name
     os.mkfifo(path)
-    with pytest.raises(InputError, match=rf"{re.escape(name)}: a pipe or a device"):
+    with pytest.raises(InputError, match=rf"{re.escape(name)}: .*\b(pipe|device)\b"):
         _READERS[name](path)
     path.unlink()
     path.symlink_to("/dev/zero")
-    with pytest.raises(InputError, match=rf"{re.escape(name)}: a pipe or a device"):
+    with pytest.raises(InputError, match=rf"{re.escape(name)}: .*\b(pipe|device)\b"):
         _READERS[name](path)
     path.unlink()
     path.mkdir()
-    with pytest.raises(InputError, match=rf"{re.escape(name)}: (a folder|no recordings)"):
+    with pytest.raises(InputError, match=rf"{re.escape(name)}: .*\b(folder|recordings)\b"):
         _READERS[name](path)
 
 
@@ -72,25 +72,23 @@ def test_every_kind_of_file_has_one_limit_of_size(tmp_path, name):
     path = tmp_path / name
     with path.open("wb") as file:
         file.truncate(MAX_FILE_BYTES + 1)  # of holes, which take no room
-    with pytest.raises(InputError, match=rf"{re.escape(name)}: 200 MB; files of at most 2?\d+ MB are read"):
+    with pytest.raises(InputError, match=rf"{re.escape(name)}: .*\b200 MB.*\b2?\d+ MB"):
         _READERS[name](path)
 
 
-WORDS = {
-    **dict.fromkeys(
-        ("external.h5", "virtual.h5", "pipe.h5", "external.mat"), "position_mm is stored in another file"
-    ),
-    "linked.h5": "x is stored in another file",
-    **dict.fromkeys(("many_sets.h5", "shape.mat", "bomb.csv.gz"), "unpacks to more than 200 MB, from 0."),
-    "cells.mat": "more than 20000 variables",
-    "far.xlsx": "more than 25000000 cells",
-    "order_models.json": "list of 1 to 33: number",
-    "deep_models.json": "nested too deep",
-    "lists_models.json": "more than 1000000 lists and objects",
-    "merged.yaml": "aliases of aliases",
-    "tags.yaml": "leave the tag out",
+TOKENS = {
+    **dict.fromkeys(("external.h5", "virtual.h5", "pipe.h5", "external.mat"), "position_mm … file"),
+    "linked.h5": "x … file",
+    **dict.fromkeys(("many_sets.h5", "shape.mat", "bomb.csv.gz"), "200 MB"),
+    "cells.mat": "20000 variables",
+    "far.xlsx": "25000000 cells",
+    "order_models.json": "1 … 33 … number",
+    "deep_models.json": "nested",
+    "lists_models.json": "1000000 lists",
+    "merged.yaml": "aliases",
+    "tags.yaml": "line 2 … tag",
 }
-"""Parts of the messages of some files."""
+"""Tokens in the messages of some files."""
 
 
 def became_of(folder, drawn_too):
@@ -101,8 +99,8 @@ def became_of(folder, drawn_too):
         refused[path.name] = read_forged(path)
         assert time.process_time() - began < SECONDS, path
     assert sorted(path.name for path in folder.iterdir()) == ["canary", "files", "pipe"]  # no marker
-    for name, words in WORDS.items():
-        assert words in refused[name]
+    for name, tokens in TOKENS.items():
+        assert name in refused[name] and has_tokens(refused[name], tokens), refused[name]
     return [words for words in refused.values() if words]
 
 
@@ -116,7 +114,7 @@ def test_forged_and_randomly_changed_files_do_no_harm(tmp_path):
 def test_huge_header_is_rejected(tmp_path):
     path = tmp_path / "sheet.csv"
     path.write_text("a," * 450_000 + "\n" + "1," * 450_000 + "\n")
-    with pytest.raises(InputError, match=r"sheet\.csv, header: duplicate ('', )?'a'"):
+    with pytest.raises(InputError, match=r"sheet\.csv, header: .*'a'"):
         lumbar.read(path, "survey")
 
 
@@ -126,7 +124,7 @@ def test_many_columns_are_read_line_by_line(tmp_path, monkeypatch):
     for header in (",".join(f"c{n}" for n in range(100_000)), "time_s,position_mm,force_N"):
         path.write_text(header + "\n" + ("1," * 99_999 + "1\n") * 3)
         monkeypatch.setattr(np, "loadtxt", None)
-        with pytest.raises(InputError, match=r"wide\.csv: \d problem"):
+        with pytest.raises(InputError, match=r"wide\.csv: \d"):
             lumbar.read(path)
 
 
@@ -139,4 +137,4 @@ def test_tables_that_lumbar_wrote_are_read_back(tmp_path):
     pd.testing.assert_frame_equal(read_table(path, "a lift"), frame)
     path.unlink()
     os.mkfifo(path)
-    assert "body.csv: a pipe or a device" in refusal(read_table, path, "a lift")
+    assert has_tokens(refusal(read_table, path, "a lift"), "body.csv … pipe")

@@ -65,10 +65,11 @@ def read_in_child(read: Callable[..., Any], source: str | os.PathLike, content: 
             status = subprocess.run(
                 command, input=content or b"", env={**os.environ, **threads}, timeout=TIMEOUT_S, **streams
             ).returncode
+            limit_s = SECONDS if status == -getattr(signal, "SIGXCPU", 256) else None
         except subprocess.TimeoutExpired:
-            status = None
-        if status is None or status == -getattr(signal, "SIGXCPU", 256):
-            raise InputError(f"{large} take longer than {SECONDS} s to read; save the recording by itself")
+            limit_s = TIMEOUT_S
+        if limit_s is not None:
+            raise InputError(f"{large} take longer than {limit_s} s to read; save the recording by itself")
         if status:
             reason = signal.Signals(-status).name if status < 0 else status
             raise InputError(f"{source}: broken: its reader ended ({reason}); copy or export it again")
