@@ -33,7 +33,7 @@ from lumbar.lifting.stability.funnel.sum_of_squares import Certificate, monomial
 from lumbar.lifting.stability.model.eqs_4_1_to_4_4_closed_loop import ClosedLoops, close_loops
 from lumbar.lifting.stability.model.pendulum_trajectories import PLANES, THESIS, LiftStates, Trajectory
 from lumbar.lifting.stability.percent_differences import comparisons_of, percent_differences
-from lumbar.settings.stability import StabilitySettings
+from lumbar.settings.lifting import StabilitySettings
 
 PROJECT = Path(__file__).resolve().parents[1]
 ALTERNATIONS = 4

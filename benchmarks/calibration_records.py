@@ -17,8 +17,14 @@ from hidden_effects.noise import draw_noise
 from lumbar.records.record import Channel, Record
 from lumbar.tissue.effects.catalogue import TISSUE as CATALOGUE
 from lumbar.tissue.models.form import Effect, Form
-from lumbar.twin.tool_motion import RATE_HZ, ToolMotion, draw_motions
-from lumbar.twin.two_hidden_effects import Tissue, log_uniform, maxwell_force
+from lumbar.twin.two_hidden_effects import (
+    RATE_HZ,
+    Tissue,
+    ToolMotion,
+    draw_motions,
+    log_uniform,
+    maxwell_force,
+)
 
 PERIODS = {"clock skew": 6}
 """Numbers of periods of 10 s in the training record; a skew needs five periods to be detected. The unseen record is 10 s of noise

@@ -28,9 +28,8 @@ import pandas as pd
 
 import lumbar
 from lumbar.records.record import Channel, Record
-from lumbar.settings.improvement import ImprovementSettings
-from lumbar.settings.signals import SurgeonSettings
 from lumbar.settings.study_settings import StudySettings
+from lumbar.settings.tissue import ImprovementSettings, SurgeonSettings
 from lumbar.twin.tissue_recordings import tissue_force
 
 STEP_S = 0.02

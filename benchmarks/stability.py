@@ -26,7 +26,7 @@ from lumbar.lifting.stability.funnel.interval_proof import proved_share
 from lumbar.lifting.stability.funnel.monte_carlo_check import monte_carlo_check
 from lumbar.lifting.stability.model.eqs_4_1_to_4_4_closed_loop import close_loops
 from lumbar.lifting.stability.model.pendulum_trajectories import trajectories_of_lift
-from lumbar.settings.stability import StabilitySettings
+from lumbar.settings.lifting import StabilitySettings
 
 ROWS: list[dict] = []
 SIGNS = ("hanging", "inverted")

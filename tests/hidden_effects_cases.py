@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.interpolate import make_interp_spline
 
-from lumbar.twin.tool_motion import OVERSAMPLING, ToolMotion
+from lumbar.twin.two_hidden_effects import OVERSAMPLING, ToolMotion
 
 
 def recorded_motion(name: str, time: np.ndarray, position: np.ndarray) -> ToolMotion:

@@ -7,8 +7,7 @@ from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
 
 from hidden_effects.form import HiddenForm, additive, between
-from lumbar.twin.tool_motion import BAND_HZ
-from lumbar.twin.two_hidden_effects import log_uniform
+from lumbar.twin.two_hidden_effects import BAND_HZ, log_uniform
 
 
 def transport(motion, force, strength):

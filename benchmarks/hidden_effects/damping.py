@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from hidden_effects.form import HiddenForm, additive
-from lumbar.twin.tool_motion import RATE_HZ
-from lumbar.twin.two_hidden_effects import log_uniform, maxwell_force
+from lumbar.twin.two_hidden_effects import RATE_HZ, log_uniform, maxwell_force
 
 
 def damping_with_depth(motion, tissue, strength, offset_mm):

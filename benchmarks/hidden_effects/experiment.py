@@ -13,8 +13,7 @@ from hidden_effects.form import OUTSIDE, Scales, calibrated, simulate
 from hidden_effects.noise import draw_noise
 from hidden_effects.settings import HiddenEffectsSettings
 from lumbar.base.files import write_json
-from lumbar.twin.tool_motion import RATE_HZ, ToolMotion
-from lumbar.twin.two_hidden_effects import draw_test, residual_rms, write_records
+from lumbar.twin.two_hidden_effects import RATE_HZ, ToolMotion, draw_test, residual_rms, write_records
 
 KINDS = ("single", "pair", OUTSIDE, "null")
 """One effect of the catalogue; two; one that the catalogue does not hold; none."""

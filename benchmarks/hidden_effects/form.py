@@ -7,8 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lumbar.twin.tool_motion import ToolMotion
-from lumbar.twin.two_hidden_effects import Tissue, severity_leaving
+from lumbar.twin.two_hidden_effects import Tissue, ToolMotion, severity_leaving
 
 OUTSIDE = "outside"
 """Mechanism of the forms that belong to no entry of the catalogue."""

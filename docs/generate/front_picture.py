@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import lumbar
-from lumbar.publishing.figures import palette, style
+from lumbar.publishing.figures import style
 from lumbar.tissue.diagnosis.selection.sentences import readable
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -25,10 +25,10 @@ def main(records: Path = RECORDS, picture: Path = ROOT / "docs" / "images" / "fr
         10.0, 3.2, nrows=2, ncols=len(path), sharex=True, sharey="row", height_ratios=(1.8, 1)
     )
     for step, (above, below) in zip(path, axes.T, strict=True):
-        color = (palette.WITH_EFFECTS if step.effects else palette.MODELS["KB"])["color"]
+        color = (style.WITH_EFFECTS if step.effects else style.MODELS["KB"])["color"]
         simulated = diagnosis.refine(step.effects).model.simulate(record)
         measured = record["output"]
-        above.plot(record.time[shown], measured[shown], color=palette.MEASURED, label="measured")
+        above.plot(record.time[shown], measured[shown], color=style.MEASURED, label="measured")
         above.plot(record.time[shown], simulated[shown], color=color, linestyle=(0, (4, 1.2)), label="model")
         added = readable(step.effects[-1]).replace("coulomb", "Coulomb") if step.effects else ""
         name = f"+ {added}" if added else "Kelvin–Boltzmann model"

@@ -16,8 +16,7 @@ from hidden_effects.scores import outcome
 from hidden_effects.settings import HiddenEffectsSettings
 from hidden_effects_cases import diagnosis, recorded_motion
 from lumbar.base.errors import NumericalError
-from lumbar.twin.tool_motion import ToolMotion, draw_motions
-from lumbar.twin.two_hidden_effects import Tissue, residual_rms
+from lumbar.twin.two_hidden_effects import Tissue, ToolMotion, draw_motions, residual_rms
 
 TISSUE = Tissue(0.5, 1.0, 0.15)
 

@@ -13,7 +13,7 @@ from lumbar.lifting.stability.funnel.monte_carlo_check import preimage, simulate
 from lumbar.lifting.stability.model.eqs_4_1_to_4_4_closed_loop import close_loops
 from lumbar.lifting.stability.model.pendulum_trajectories import LiftStates, headline
 from lumbar.lifting.stability.model.torque_limits import reference_of, torque_range
-from lumbar.settings.stability import StabilitySettings
+from lumbar.settings.lifting import StabilitySettings
 
 pytestmark = pytest.mark.nightly
 

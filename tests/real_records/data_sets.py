@@ -9,9 +9,9 @@ from scipy.io import loadmat
 import lumbar
 from lumbar.interface.reading import read_listed
 from lumbar.records.record import Channel, Record, RecordSet
-from lumbar.settings.improvement import ImprovementSettings
 from lumbar.settings.layout import ColumnLayout, ColumnSettings
 from lumbar.settings.study_settings import StudySettings
+from lumbar.settings.tissue import ImprovementSettings
 from running import PROJECT
 
 Read = tuple[RecordSet, dict[str, Any]]

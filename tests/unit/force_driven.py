@@ -6,8 +6,8 @@ from scipy.interpolate import make_interp_spline
 from scipy.signal import lsim
 
 from lumbar.records.record import Channel, Record
-from lumbar.settings.improvement import ImprovementSettings
 from lumbar.settings.study_settings import StudySettings
+from lumbar.settings.tissue import ImprovementSettings
 
 STEP = 0.01
 MASS, STIFFNESS, VISCOSITY = 0.002, 1.0, 0.03

@@ -10,8 +10,7 @@ from lumbar.lifting.stability.model.eqs_4_1_to_4_4_closed_loop import Pendulums,
 from lumbar.lifting.stability.model.pendulum_trajectories import Trajectory
 from lumbar.records.marker_file import RecordedEvent
 from lumbar.records.markers import MarkerRecording
-from lumbar.settings.lifting import ALIASES, SubjectSettings, TrialSettings
-from lumbar.settings.stability import RegulatorSettings
+from lumbar.settings.lifting import ALIASES, RegulatorSettings, SubjectSettings, TrialSettings
 from lumbar.twin.examples import example_lift
 from lumbar.twin.lifter import simulate
 from lumbar.twin.lifting_recordings import true_movement, write_lift, write_markers

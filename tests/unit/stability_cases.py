@@ -7,7 +7,7 @@ from lifting_cases import minimum_jerk
 
 from lumbar.lifting.movement.pendulum_states import THESIS_CHOICE
 from lumbar.lifting.stability.model.pendulum_trajectories import COMS, PLANES
-from lumbar.settings.stability import StabilitySettings
+from lumbar.settings.lifting import StabilitySettings
 from study_settings import changed
 
 SETTINGS = changed(

@@ -18,7 +18,7 @@ from lumbar.interface.lift_basins import basins as basins
 from lumbar.interface.lift_page import lift_page as lift_page
 from lumbar.interface.movement import measure_movement as measure_movement
 from lumbar.interface.new_study import new_study as new_study
-from lumbar.interface.participants import analyse_survey as analyse_survey
+from lumbar.interface.people import analyse_survey as analyse_survey
 from lumbar.interface.people import compare_groups as compare_groups
 from lumbar.interface.reading import read as read
 from lumbar.interface.refinement import refine as refine
@@ -28,11 +28,11 @@ from lumbar.interface.surgeons import design_signals as design_signals
 from lumbar.records.record import Channel as Channel
 from lumbar.records.record import Record as Record
 from lumbar.records.record import RecordSet as RecordSet
-from lumbar.settings.improvement import ImprovementSettings as ImprovementSettings
 from lumbar.settings.layout import ColumnLayout as ColumnLayout
 from lumbar.settings.layout import MarkerLayout as MarkerLayout
 from lumbar.settings.lifting import SubjectSettings as SubjectSettings
 from lumbar.settings.study_settings import StudySettings as StudySettings
+from lumbar.settings.tissue import ImprovementSettings as ImprovementSettings
 from lumbar.study.load_study import load_settings as load_settings
 from lumbar.study.load_study import load_subject as load_subject
 

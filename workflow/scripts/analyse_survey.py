@@ -2,12 +2,12 @@
 
 from job import run, stem
 
-from lumbar.settings.survey import SurveySettings
+from lumbar.settings.runtime import SurveySettings
 
 
 def main(input, output, settings: SurveySettings, seed: int, source_label: str):
     """Read the answers, analyse them as published and within participants, write tables, results and figures."""
-    from lumbar.interface.participants import analyse_survey
+    from lumbar.interface.people import analyse_survey
 
     result = analyse_survey(input.ratings, settings=settings, seed=seed, source_label=source_label)
     published = {name: stem(files) for name, files in output.items() if name != "results"}

@@ -2,7 +2,7 @@
 
 from job import run, stem
 
-from lumbar.settings.signals import SignalsSettings
+from lumbar.settings.tissue import SignalsSettings
 
 
 def main(input, output, settings: SignalsSettings, seed: int, source_label: str):

@@ -2,7 +2,7 @@
 
 from job import run, stem
 
-from lumbar.settings.stability import PendulumSettings
+from lumbar.settings.lifting import PendulumSettings
 
 
 def main(input, output, pendulum: PendulumSettings, source_label: str):

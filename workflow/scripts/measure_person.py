@@ -2,8 +2,7 @@
 
 from job import run
 
-from lumbar.settings.lifting import LiftingSettings, SubjectSettings, TrialSettings
-from lumbar.settings.stability import StabilitySettings
+from lumbar.settings.lifting import LiftingSettings, StabilitySettings, SubjectSettings, TrialSettings
 
 
 def main(

@@ -2,7 +2,7 @@
 
 from job import run
 
-from lumbar.settings.stability import StabilitySettings
+from lumbar.settings.lifting import StabilitySettings
 
 
 def main(input, output, settings: StabilitySettings, source_label: str):

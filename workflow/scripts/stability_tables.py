@@ -2,7 +2,7 @@
 
 from job import run, stem
 
-from lumbar.settings.stability import StabilitySettings
+from lumbar.settings.lifting import StabilitySettings
 
 
 def main(input, output, settings: StabilitySettings, labels: dict[str, str], source_label: str):

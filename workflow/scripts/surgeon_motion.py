@@ -2,7 +2,7 @@
 
 from job import run, stem
 
-from lumbar.settings.signals import SurgeonSettings
+from lumbar.settings.tissue import SurgeonSettings
 
 
 def main(input, output, settings: SurgeonSettings, seed: int, source_label: str):

@@ -17,9 +17,9 @@ from lumbar.page_server.index import Index
 from lumbar.page_server.own_recordings import UploadDiagnosis
 from lumbar.page_server.served_sets import ExploredSet, ServedLift, ServedSets, StoredVerdict
 from lumbar.page_server.server import new_server
-from lumbar.settings.improvement import ImprovementSettings
-from lumbar.settings.stability import StabilitySettings
+from lumbar.settings.lifting import StabilitySettings
 from lumbar.settings.study_settings import StudySettings
+from lumbar.settings.tissue import ImprovementSettings
 from lumbar.twin.examples import example_records
 from patience import PATIENCE_S
 

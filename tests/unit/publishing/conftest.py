@@ -3,13 +3,12 @@
 import pytest
 
 import lumbar
+from lumbar.twin import examples
 
 
 @pytest.fixture(scope="session")
 def example_records():
     """Return a periodic record and another one of a tissue with dry friction, 50 Hz, noise of 0.01 N."""
-    from lumbar.twin import examples
-
     return examples.example_records()
 
 

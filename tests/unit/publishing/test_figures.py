@@ -14,10 +14,10 @@ import lumbar
 from lumbar.publishing.figures.comparison_figures import default_segment, record_comparison_figure
 from lumbar.publishing.figures.lifting_figures import events_figure, pendulum_figure, segments_figure
 from lumbar.publishing.figures.location_figures import location_figure
+from lumbar.publishing.figures.people_figures import best_picks_figure, likert_figure
 from lumbar.publishing.figures.style import house_style, new_figure, save
-from lumbar.publishing.figures.survey_figures import best_picks_figure, likert_figure
 from lumbar.publishing.figures.tissue_figures import analogue_picture
-from lumbar.settings.stability import PendulumSettings
+from lumbar.settings.lifting import PendulumSettings
 from lumbar.tissue.diagnosis.noise.noise_floor import noise_floor
 from lumbar.tissue.diagnosis.residuals.candidate_causes import rank_causes
 from lumbar.tissue.diagnosis.residuals.compare import compare_record

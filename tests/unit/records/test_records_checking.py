@@ -16,8 +16,8 @@ from lumbar.base.errors import InputError
 from lumbar.interface.reading import read_listed
 from lumbar.records.checking import check_recordings
 from lumbar.records.unpacking import read_readable
-from lumbar.settings.improvement import ImprovementSettings
 from lumbar.settings.study_settings import StudySettings
+from lumbar.settings.tissue import ImprovementSettings
 from lumbar.study.load_study import load_study
 from lumbar.study.study import reading_plan
 from refusing import has_tokens, refusal

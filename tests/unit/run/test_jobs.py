@@ -12,7 +12,7 @@ import psutil
 import pytest
 import yaml
 
-from lumbar.settings.stability import PendulumSettings, StabilitySettings
+from lumbar.settings.lifting import PendulumSettings, StabilitySettings
 from lumbar.settings.study_settings import StudySettings
 from patience import PATIENCE_S, seen
 from run.jobs import job_size, remove_half_written, warnings_in

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 import lumbar
-from lumbar.settings.stability import PendulumSettings, StabilitySettings
+from lumbar.settings.lifting import PendulumSettings, StabilitySettings
 from lumbar.settings.study_settings import StudySettings
 from lumbar.twin.lifting_recordings import write_lift, write_trials
 from pendulum_experiments import records_of

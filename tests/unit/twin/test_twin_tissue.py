@@ -13,8 +13,7 @@ from lumbar.settings.tissue import TissueSettings
 from lumbar.settings.twin import SyntheticTissueSettings, TwinSettings
 from lumbar.twin.surgeon_recordings import minimum_jerk_chain, surgeon_trial, tremor_noise
 from lumbar.twin.tissue_recordings import play, tissue_force
-from lumbar.twin.tool_motion import chirp_motion, draw_motions
-from lumbar.twin.two_hidden_effects import two_hidden_effects
+from lumbar.twin.two_hidden_effects import chirp_motion, draw_motions, two_hidden_effects
 from study_settings import study_settings
 
 TISSUE = SyntheticTissueSettings(

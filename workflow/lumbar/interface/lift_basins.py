@@ -22,8 +22,8 @@ from lumbar.lifting.stability.model.pendulum_trajectories import (
     failures_frame,
     headline,
 )
+from lumbar.settings.lifting import StabilitySettings
 from lumbar.settings.section import SEED
-from lumbar.settings.stability import StabilitySettings
 
 
 def basins(
@@ -57,7 +57,7 @@ def basins(
     Examples
     --------
     >>> import lumbar
-    >>> from lumbar.settings.stability import StabilitySettings
+    >>> from lumbar.settings.lifting import StabilitySettings
     >>> from lumbar.twin.examples import example_lift
     >>> lift = lumbar.lift("lift.c3d", example_lift("lift.c3d"), box_mass_kg=15)
     >>> basins = lumbar.basins(lift, settings=StabilitySettings(knots=51, checks=()))

@@ -13,7 +13,7 @@ from lumbar.base.files import read_json
 from lumbar.interface.lift import Lift
 from lumbar.interface.result import UNKNOWN_SOURCE, read_table
 from lumbar.publishing.lift_page.lift_data import LiftTables
-from lumbar.settings.stability import StabilitySettings
+from lumbar.settings.lifting import StabilitySettings
 
 if TYPE_CHECKING:
     from lumbar.publishing.lift_page.lift_document import LiftPage

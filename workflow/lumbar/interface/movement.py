@@ -18,8 +18,13 @@ from lumbar.interface.lift import Lift, lift
 from lumbar.interface.result import UNKNOWN_SOURCE, Result, read_table
 from lumbar.lifting.measures.course import Course, Lifter, course_of_lift
 from lumbar.lifting.measures.lift_values import MEASURES, WINDOWS, values_of_lift
-from lumbar.settings.lifting import ALIASES, LiftingSettings, SubjectSettings, TrialSettings
-from lumbar.settings.stability import StabilitySettings
+from lumbar.settings.lifting import (
+    ALIASES,
+    LiftingSettings,
+    StabilitySettings,
+    SubjectSettings,
+    TrialSettings,
+)
 
 
 def measure_movement(

@@ -16,7 +16,7 @@ from lumbar.settings.layout import ColumnLayout, MarkerLayout, RecordSettings
 if TYPE_CHECKING:
     from lumbar.records.markers import MarkerRecording
     from lumbar.records.ratings import Ratings
-    from lumbar.settings.survey import RatingsLayout
+    from lumbar.settings.runtime import RatingsLayout
 
 Kind = Literal["tissue", "pendulum", "surgeon", "markers", "survey"]
 COLUMN_ENDINGS = (".csv", ".txt", ".mat")

@@ -13,7 +13,7 @@ from lumbar.base.files import read_json
 from lumbar.interface.result import Result, records_label
 from lumbar.records.record import Record
 from lumbar.settings.section import SEED
-from lumbar.settings.signals import SignalsSettings, SurgeonSettings
+from lumbar.settings.tissue import SignalsSettings, SurgeonSettings
 from lumbar.tables.table import Table
 from lumbar.tissue.signals import excitation as design
 from lumbar.tissue.signals import surgeon_motion

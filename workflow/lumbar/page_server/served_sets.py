@@ -20,7 +20,7 @@ from lumbar.interface.lift_page import lift_page
 from lumbar.page_server.background import DRAWING, WRITING, Job, page_message
 from lumbar.publishing.explorer.explorer_page import ExplorerPage, excitation_facts, model_facts
 from lumbar.publishing.explorer.page_data import ModelData, model_key
-from lumbar.settings.stability import StabilitySettings
+from lumbar.settings.lifting import StabilitySettings
 from lumbar.tissue.diagnosis.evidence.discrimination import separating_excitation
 from lumbar.tissue.diagnosis.evidence.evidence import machine_limits
 

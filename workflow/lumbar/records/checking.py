@@ -9,7 +9,7 @@ from lumbar.base.progress import track
 from lumbar.records.markers import MarkerRecording, read_markers
 from lumbar.records.record import require_same_units
 from lumbar.settings.layout import ColumnLayout, MarkerLayout
-from lumbar.settings.survey import RatingsLayout
+from lumbar.settings.runtime import RatingsLayout
 
 MarkerReader = Callable[[str, MarkerLayout], MarkerRecording]
 

@@ -1,4 +1,4 @@
-"""Answers of a survey: one row per participant, with the columns of `lumbar.settings.survey.RatingsLayout`, all checked."""
+"""Answers of a survey: one row per participant, with the columns of `lumbar.settings.runtime.RatingsLayout`, all checked."""
 
 import os
 from collections import Counter
@@ -11,7 +11,7 @@ import numpy as np
 from lumbar.base.errors import InputError, Problems
 from lumbar.base.files import require_file
 from lumbar.records.number_table import Dialect, split_rows, stream_lines
-from lumbar.settings.survey import RatingsLayout
+from lumbar.settings.runtime import RatingsLayout
 
 NOT_REAL = "reconstructed_not_real"
 """Value of the source column of reconstructed answers."""

@@ -1,6 +1,6 @@
 """A section of a configuration: one field gives type, default, limits, unit and meaning of a key.
 
->>> from lumbar.settings.signals import WelchSettings
+>>> from lumbar.settings.tissue import WelchSettings
 >>> WelchSettings(overlap=0.75).model_dump(mode="json")
 {'segment_s': 10.24, 'overlap': 0.75, 'window': 'hann', 'detrend': 'constant'}
 """

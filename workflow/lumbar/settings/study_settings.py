@@ -4,15 +4,17 @@ from typing import Literal
 
 from pydantic import Field
 
-from lumbar.settings.improvement import ImprovementSettings, system_of
 from lumbar.settings.layout import ColumnLayout
-from lumbar.settings.lifting import LiftingSettings, SubjectSettings
-from lumbar.settings.runtime import RuntimeSettings
+from lumbar.settings.lifting import LiftingSettings, StabilitySettings, SubjectSettings
+from lumbar.settings.runtime import RuntimeSettings, SurveySettings
 from lumbar.settings.section import SEED, FolderName, Section, Unique
-from lumbar.settings.signals import SignalsSettings, SurgeonSettings
-from lumbar.settings.stability import StabilitySettings
-from lumbar.settings.survey import SurveySettings
-from lumbar.settings.tissue import TissueSettings
+from lumbar.settings.tissue import (
+    ImprovementSettings,
+    SignalsSettings,
+    SurgeonSettings,
+    TissueSettings,
+    system_of,
+)
 from lumbar.settings.twin import TwinSettings
 
 Chapter = Literal[

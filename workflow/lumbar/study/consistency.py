@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lumbar.base.errors import LumbarError, did_you_mean
-from lumbar.settings.improvement import ImprovementSettings
-from lumbar.settings.stability import GROUPS
+from lumbar.settings.lifting import GROUPS
+from lumbar.settings.runtime import SurveySettings
 from lumbar.settings.study_settings import StudySettings
-from lumbar.settings.survey import SurveySettings
+from lumbar.settings.tissue import ImprovementSettings
 from lumbar.study.study import (
     HIP_MOMENTS,
     TWIN_HIP_MOMENT,

@@ -10,9 +10,9 @@ from pathlib import Path
 
 from lumbar.base.errors import Problems
 from lumbar.base.yaml_file import read_yaml
-from lumbar.settings.improvement import ImprovementSettings, is_data
 from lumbar.settings.lifting import SubjectFile, SubjectSettings
 from lumbar.settings.study_settings import StudySettings
+from lumbar.settings.tissue import ImprovementSettings, is_data
 from lumbar.settings.validation import Origins, overlay, validate
 from lumbar.study.artefacts import LIFTED, NEEDS, OF_ONE_AXIS, OF_SEVERAL_AXES, read_artefacts
 from lumbar.study.consistency import Add, check_consistency, check_effects

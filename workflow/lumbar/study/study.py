@@ -4,10 +4,10 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from lumbar.settings.improvement import RecordSetSettings
 from lumbar.settings.layout import ColumnLayout
 from lumbar.settings.lifting import SubjectSettings, TrialSettings
 from lumbar.settings.study_settings import StudySettings, record_layout
+from lumbar.settings.tissue import RecordSetSettings
 from lumbar.settings.twin import CohortSettings
 from lumbar.study.artefacts import LIFTED, Artefact
 from lumbar.tables.table import SYNTHETIC_TWIN

@@ -16,7 +16,7 @@ from lumbar.lifting.stability.percent_differences import ComparedLifts
 from lumbar.lifting.stability.table_4_1 import alternations_table
 from lumbar.publishing.reproduction.basin_claims import MAX_RATIO, basin_sentences
 from lumbar.publishing.reproduction.claim import UntestableError
-from lumbar.settings.stability import StabilitySettings
+from lumbar.settings.lifting import StabilitySettings
 
 FAST = SETTINGS.model_copy(update={"knots": 253, "checks": ()})
 

@@ -24,7 +24,7 @@ from lumbar.lifting.stability.model.eqs_4_1_to_4_4_closed_loop import (
     remainder,
     riccati_rate,
 )
-from lumbar.settings.stability import RegulatorSettings
+from lumbar.settings.lifting import RegulatorSettings
 
 
 def matrices(pendulums, angle):

@@ -11,7 +11,7 @@ from lumbar.lifting.stability.funnel.exact_funnel import best_of_family, exact_f
 from lumbar.lifting.stability.model.eqs_4_1_to_4_4_closed_loop import feedforward_torque, regulate
 from lumbar.lifting.stability.model.torque_limits import exceeds, reference_of, torque_range
 from lumbar.lifting.stability.table_4_1 import verdict
-from lumbar.settings.stability import StabilitySettings
+from lumbar.settings.lifting import StabilitySettings
 
 
 def loops_of(items, sign, **keywords):

@@ -29,8 +29,7 @@ from lumbar.tissue.models.bases import BASES
 from lumbar.tissue.models.motion import Motion
 from lumbar.tissue.models.structure import Structure
 from lumbar.tissue.signals.spectrum import Kinematics, peak_kinematics
-from lumbar.twin.tool_motion import RATE_HZ, line_spectrum_motion
-from lumbar.twin.two_hidden_effects import Tissue
+from lumbar.twin.two_hidden_effects import RATE_HZ, Tissue, line_spectrum_motion
 
 TRUE_TISSUE = Tissue(elastic=0.5, relaxing=0.6, relaxation_s=0.15)
 ONE_LINE = 10

@@ -10,7 +10,7 @@ from periodic_records import record
 
 from lumbar.base.errors import InputError, Problems
 from lumbar.base.yaml_file import read_yaml
-from lumbar.settings.stability import PendulumSettings
+from lumbar.settings.lifting import PendulumSettings
 from lumbar.tissue.diagnosis.fitting.joint_fit import fit_base
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment, prepare
 from lumbar.tissue.diagnosis.selection.candidate import Candidate, evaluate

@@ -6,7 +6,7 @@ from scipy import signal
 from viscoelastic import discretise, dynamic_stiffness, kelvin_boltzmann, maxwell, polynomials
 
 from lumbar.base.errors import InputError, NumericalError
-from lumbar.settings.improvement import BASE_NAMES, system_of
+from lumbar.settings.tissue import BASE_NAMES, system_of
 from lumbar.tissue.models import tissue_models as models
 from lumbar.tissue.models.bases import BASES, CHOSEN_BY_DATA
 from lumbar.tissue.models.transfer_function import FirstOrder, TransferFunction, filtered

@@ -9,7 +9,7 @@ from scipy.stats import t
 
 from lumbar.base.errors import InputError
 from lumbar.records.record import Channel, Record
-from lumbar.settings.signals import BandwidthSettings, WelchSettings
+from lumbar.settings.tissue import BandwidthSettings, WelchSettings
 from lumbar.tissue.signals.excitation import band_limited_noise
 from lumbar.tissue.signals.multisine import schroeder_phases
 from lumbar.tissue.signals.spectrum import (

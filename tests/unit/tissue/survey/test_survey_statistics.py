@@ -10,7 +10,7 @@ from scipy import stats
 
 from lumbar.base.errors import NumericalError
 from lumbar.records.ratings import Ratings, read_ratings
-from lumbar.settings.survey import SurveySettings
+from lumbar.settings.runtime import SurveySettings
 from lumbar.tissue.survey import paired_analysis
 from lumbar.tissue.survey.paired_analysis import (
     EXACT_LIMIT,

@@ -17,7 +17,7 @@ from lumbar.lifting.movement.cleaning import derivative
 from lumbar.lifting.movement.joint_centres import MID_HIP, SIDES, unit
 from lumbar.lifting.movement.lift_tables import HEAD, LOAD, WHOLE_BODY, com_of, points_of
 from lumbar.lifting.movement.pendulum_states import PLANES
-from lumbar.settings.stability import MeasureSettings
+from lumbar.settings.lifting import MeasureSettings
 
 CORNERS = 8
 """Corners of the base: four of each foot."""

@@ -30,7 +30,7 @@ from lumbar.lifting.stability.model.eqs_4_1_to_4_4_closed_loop import (
     feedforward_torque,
 )
 from lumbar.lifting.stability.model.pendulum_trajectories import THESIS, Failure, Trajectory, compute_together
-from lumbar.settings.stability import StabilitySettings
+from lumbar.settings.lifting import StabilitySettings
 from lumbar.tables.table import Table, columns_of, table_from_schema
 
 

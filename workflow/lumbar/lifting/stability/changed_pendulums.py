@@ -40,7 +40,7 @@ from lumbar.lifting.stability.percent_differences import (
     comparison_definition,
     headline_label,
 )
-from lumbar.settings.stability import StabilitySettings
+from lumbar.settings.lifting import StabilitySettings
 from lumbar.tables.table import Table, table_from_schema
 
 BODY_MASS_SHARE = 0.1

@@ -14,7 +14,7 @@ from lumbar.lifting.stability.model.pendulum_trajectories import (
     Trajectory,
     headline,
 )
-from lumbar.settings.stability import GROUPS, StabilitySettings
+from lumbar.settings.lifting import GROUPS, StabilitySettings
 
 LIGHTER_BOX = "decrease_in_mass_"
 """Start of the names of the comparisons of one lifter's lightest box with the heaviest."""

@@ -21,7 +21,7 @@ from bokeh.plotting import figure
 
 from lumbar.publishing.explorer.one_file import empty_source, plain_figure
 from lumbar.publishing.explorer.page_data import ModelData, RecordData
-from lumbar.publishing.figures.palette import MEASURED, SERIES
+from lumbar.publishing.figures.style import MEASURED, SERIES
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 
 FIRST, SECOND = SERIES[0], SERIES[3]

@@ -7,9 +7,11 @@ from string import ascii_lowercase
 import numpy as np
 from matplotlib.figure import Figure
 
-from lumbar.publishing.figures.palette import MEASURED, MODELS, SERIES
 from lumbar.publishing.figures.style import (
     DOUBLE_COLUMN,
+    MEASURED,
+    MODELS,
+    SERIES,
     SINGLE_COLUMN,
     add_head_room,
     house_style,

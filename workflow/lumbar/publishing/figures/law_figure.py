@@ -6,9 +6,9 @@ from matplotlib.figure import Figure
 
 from lumbar.base.templates import typeset_minus_signs
 from lumbar.publishing.figures.comparison_figures import draw_error_bars
-from lumbar.publishing.figures.palette import SERIES
 from lumbar.publishing.figures.style import (
     DOUBLE_COLUMN,
+    SERIES,
     add_head_room,
     house_style,
     label_panels,

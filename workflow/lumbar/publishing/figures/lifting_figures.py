@@ -1,20 +1,24 @@
 """Figures of the lifting chapter: events of a lift, the inverted pendulum (4.1), the trunk's segments (4.2)."""
 
+from collections.abc import Mapping
 from textwrap import fill
 
 import numpy as np
+import pandas as pd
 import scipy
 from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 
-from lumbar.base.errors import LumbarError
+from lumbar.base.errors import InputError, LumbarError
+from lumbar.lifting.movement.lift_tables import WHOLE_BODY, points_of
+from lumbar.lifting.movement.pendulum_states import pendulum_states
 from lumbar.lifting.stability.model.eqs_4_1_to_4_4_closed_loop import feedforward_torque
 from lumbar.lifting.stability.model.pendulum_trajectories import Trajectory
-from lumbar.lifting.stability.model.total_body import total_body_pendulum
-from lumbar.publishing.figures.palette import MEASURED, SEGMENTS
 from lumbar.publishing.figures.style import (
     DOUBLE_COLUMN,
+    MEASURED,
+    SEGMENTS,
     house_style,
     label_panels,
     new_figure,
@@ -22,7 +26,7 @@ from lumbar.publishing.figures.style import (
     person_and_box,
     show_placeholder,
 )
-from lumbar.settings.stability import PendulumSettings
+from lumbar.settings.lifting import PendulumSettings
 
 EVENT_LABELS = {
     "lift_off": "lift-off",
@@ -316,3 +320,48 @@ def _draw_marker(axis, marker: str, point, horizontal: int, side: str) -> None:
     name = f"{part if len(part) <= 3 and not limb else part.lower()}{f' ({limb})' if limb else ''}"
     offset, across, up = _OFFSETS[side]
     note(axis, name, (point[horizontal], point[2]), offset, ha=across, va=up, fontsize=6.5)
+
+
+PLANE = "flexion_extension"
+
+
+def total_body_pendulum(body: pd.DataFrame, centres: pd.DataFrame, facts: Mapping) -> Trajectory:
+    """Return the trajectory of the total body's centre of mass about the study's pivot, as long as it was recorded.
+
+    Parameters
+    ----------
+    body, centres : pandas.DataFrame
+        ``body.csv`` and ``com.csv`` of a lift with a deposit.
+    facts : mapping
+        ``pendulum.json``.
+
+    Raises
+    ------
+    InputError
+        The recording does not have the body's centre of mass, or not during the whole deposit.
+    NumericalError
+        It passes the pivot too closely.
+    """
+    points = points_of(body)
+    if WHOLE_BODY not in points:
+        reason = facts.get("missing_points", {}).get(WHOLE_BODY, "its markers are not in the recording")
+        raise InputError(f"no centre of mass of the total body: {reason}")
+    pivot = centres[centres["com"] == centres["com"].iloc[0]][[f"pivot_{axis}_m" for axis in "xyz"]]
+    relative = points[WHOLE_BODY] - pivot.to_numpy(float)
+    interval = facts["start_s"], facts["stop_s"], facts["points"]
+    states = pendulum_states(body["time_s"].to_numpy(), relative, *interval, "total body")[PLANE]
+    return Trajectory(
+        subject=facts["subject"],
+        experience=facts.get("experience", ""),
+        box_mass_kg=facts["box_mass_kg"],
+        com="total body",
+        plane=PLANE,
+        pivot=facts["pivot"],
+        time=states.time,
+        angle=states.angle,
+        angular_velocity=states.angular_velocity,
+        angular_acceleration=states.angular_acceleration,
+        mass_kg=facts["body_mass_kg"],
+        length_m=float(states.length.mean()),
+        mass_counted="without_box",
+    )

@@ -7,9 +7,9 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
 from lumbar.publishing.figures.comparison_figures import default_segment, draw_segment
-from lumbar.publishing.figures.palette import SERIES
 from lumbar.publishing.figures.style import (
     DOUBLE_COLUMN,
+    SERIES,
     add_head_room,
     house_style,
     label_panels,

@@ -13,8 +13,15 @@ from lumbar.lifting.quality.body import landmarks
 from lumbar.lifting.quality.implausible_motion import LABORATORY_M
 from lumbar.lifting.quality.screening import QualitySheet
 from lumbar.publishing.figures.lifting_figures import EVENT_LABELS
-from lumbar.publishing.figures.palette import MEASURED, SERIES
-from lumbar.publishing.figures.style import DOUBLE_COLUMN, house_style, new_figure, note, show_placeholder
+from lumbar.publishing.figures.style import (
+    DOUBLE_COLUMN,
+    MEASURED,
+    SERIES,
+    house_style,
+    new_figure,
+    note,
+    show_placeholder,
+)
 from lumbar.records.sampling import runs
 
 MAX_LIFTS = 4

@@ -7,8 +7,17 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
-from lumbar.publishing.figures.palette import MODELS, SERIES, model_line, model_look
-from lumbar.publishing.figures.style import DOUBLE_COLUMN, house_style, label_panels, new_figure, note
+from lumbar.publishing.figures.style import (
+    DOUBLE_COLUMN,
+    MODELS,
+    SERIES,
+    house_style,
+    label_panels,
+    model_line,
+    model_look,
+    new_figure,
+    note,
+)
 from lumbar.settings.runtime import DeviceSettings
 from lumbar.tissue.haptics.loop_verdict import LoopVerdict
 from lumbar.tissue.haptics.z_width import ZWidth

@@ -9,8 +9,15 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullLocator
 
-from lumbar.publishing.figures.palette import MEASURED, SERIES
-from lumbar.publishing.figures.style import DOUBLE_COLUMN, house_style, label_panels, new_figure, note
+from lumbar.publishing.figures.style import (
+    DOUBLE_COLUMN,
+    MEASURED,
+    SERIES,
+    house_style,
+    label_panels,
+    new_figure,
+    note,
+)
 
 if TYPE_CHECKING:
     from lumbar.tissue.signals.excitation import Signal

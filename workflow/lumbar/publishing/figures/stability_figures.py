@@ -16,9 +16,15 @@ from lumbar.lifting.stability.funnel.exact_funnel import Funnels, best_of_family
 from lumbar.lifting.stability.funnel.monte_carlo_check import preimage
 from lumbar.lifting.stability.model.eqs_4_1_to_4_4_closed_loop import close_loops, normal_axes
 from lumbar.lifting.stability.model.pendulum_trajectories import THESIS, Trajectory, compute_together
-from lumbar.publishing.figures.palette import MEASURED, SEGMENTS
-from lumbar.publishing.figures.style import DOUBLE_COLUMN, house_style, new_figure, show_placeholder
-from lumbar.settings.stability import StabilitySettings
+from lumbar.publishing.figures.style import (
+    DOUBLE_COLUMN,
+    MEASURED,
+    SEGMENTS,
+    house_style,
+    new_figure,
+    show_placeholder,
+)
+from lumbar.settings.lifting import StabilitySettings
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -5,8 +5,16 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Rectangle
 
 from lumbar.base.errors import InputError
-from lumbar.publishing.figures.palette import MEASURED, MODELS, model_line
-from lumbar.publishing.figures.style import DOUBLE_COLUMN, house_style, label_panels, new_figure, svg_text
+from lumbar.publishing.figures.style import (
+    DOUBLE_COLUMN,
+    MEASURED,
+    MODELS,
+    house_style,
+    label_panels,
+    model_line,
+    new_figure,
+    svg_text,
+)
 from lumbar.records.record import Record
 from lumbar.tissue.models.tissue_models import IL, Dashpot, Network, Parallel, Series, Spring, TissueModel
 

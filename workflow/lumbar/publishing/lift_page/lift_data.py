@@ -23,7 +23,7 @@ from lumbar.lifting.stability.model.pendulum_trajectories import (
     headline,
 )
 from lumbar.lifting.stability.model.torque_limits import exceeds, reference_of, torque_range
-from lumbar.settings.stability import StabilitySettings
+from lumbar.settings.lifting import StabilitySettings
 
 
 @dataclass(frozen=True, eq=False)

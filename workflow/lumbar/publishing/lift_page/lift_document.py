@@ -23,10 +23,10 @@ from lumbar.lifting.movement.lift_tables import points_of
 from lumbar.lifting.stability.model.pendulum_trajectories import Failure, LiftStates
 from lumbar.publishing.explorer.one_file import EmbeddedPictures, add_roots, embed_pictures, one_file
 from lumbar.publishing.figures.lifting_figures import EVENT_LABELS
-from lumbar.publishing.figures.palette import MEASURED, SEGMENTS, SERIES
 from lumbar.publishing.figures.stability_figures import PLANE_TITLES
+from lumbar.publishing.figures.style import MEASURED, SEGMENTS, SERIES
 from lumbar.publishing.lift_page import lift_data, lift_pictures
-from lumbar.settings.stability import StabilitySettings
+from lumbar.settings.lifting import StabilitySettings
 
 PAGE = "publishing/lift_page/lift_page.html.jinja"
 N_STATES = 250

@@ -7,7 +7,7 @@ from bokeh.models import ColumnDataSource, CustomJS, DataRange1d, LabelSet, Rang
 from bokeh.plotting import figure
 
 from lumbar.publishing.explorer.one_file import empty_source, plain_figure
-from lumbar.publishing.figures.palette import MEASURED, SEGMENTS, SERIES
+from lumbar.publishing.figures.style import MEASURED, SEGMENTS, SERIES
 
 GREY, GOAL, PUSHED = "#888888", SERIES[3], SERIES[4]
 """Colours of the background, the goal set and the pushed path."""

@@ -8,7 +8,7 @@ import pandas as pd
 from lumbar.lifting.stability.basins import RANGES, REACHES
 from lumbar.lifting.stability.percent_differences import comparison_names
 from lumbar.publishing.reproduction.claim import Claim, Outcome, Results, UntestableError, sentences
-from lumbar.settings.stability import GROUPS
+from lumbar.settings.lifting import GROUPS
 
 _PERCENT = ["lateral_bending_percent", "flexion_extension_percent"]
 _MISSING = "this study lacks one of the lifts compared"

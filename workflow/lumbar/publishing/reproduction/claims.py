@@ -20,7 +20,7 @@ from lumbar.publishing.reproduction.claim import (
     UntestableError,
 )
 from lumbar.publishing.reproduction.tissue_claims import identification_sentences, survey_sentences
-from lumbar.settings.stability import GROUPS
+from lumbar.settings.lifting import GROUPS
 from lumbar.tables.table import Table, columns_of, table_from_schema
 
 _SCALED = "scaling of α not stated in the thesis"

@@ -9,7 +9,7 @@ from typing import TypeVar
 
 from lumbar.base.errors import InputError, Problems, did_you_mean
 from lumbar.base.yaml_file import YamlFile, parse_key_path, read_yaml, shipped_yaml
-from lumbar.settings.improvement import is_data, system_of
+from lumbar.settings.tissue import is_data, system_of
 from lumbar.tissue.effects.notation import (
     BaseEntry,
     EffectOfForms,

@@ -9,7 +9,7 @@ import numpy as np
 import scipy
 
 from lumbar.base.errors import InputError
-from lumbar.settings.signals import SignalsSettings
+from lumbar.settings.tissue import SignalsSettings
 from lumbar.tables.table import Table, table_from_schema
 from lumbar.tissue.signals.multisine import Multisine, design_multisine
 from lumbar.tissue.signals.spectrum import Kinematics, check_machine_limits, peak_kinematics

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lumbar.base.errors import InputError
-from lumbar.settings.signals import MultisineSettings
+from lumbar.settings.tissue import MultisineSettings
 
 _SEARCH_OVERSAMPLING = 16
 """Samples per cycle of the highest line in the search for phases: a peak is exact to 2 %."""

@@ -7,7 +7,7 @@ import scipy
 from numpy.lib.stride_tricks import sliding_window_view
 
 from lumbar.base.errors import InputError, Problems
-from lumbar.settings.signals import WelchSettings
+from lumbar.settings.tissue import WelchSettings
 from lumbar.tissue.models.model_data import MotionRange
 
 QUANTITIES = ("position", "velocity")

@@ -11,7 +11,7 @@ import scipy
 
 from lumbar.base.errors import InputError
 from lumbar.records.record import Record
-from lumbar.settings.signals import BandwidthSettings, WelchSettings
+from lumbar.settings.tissue import BandwidthSettings, WelchSettings
 from lumbar.tissue.signals.spectrum import QUANTITIES, level_frequency, motion_psd, power_share_frequency
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ import scipy
 
 from lumbar.base.errors import NumericalError
 from lumbar.records.ratings import Ratings
-from lumbar.settings.survey import SurveySettings
+from lumbar.settings.runtime import SurveySettings
 from lumbar.tables.table import Table, table_from_schema
 from lumbar.tissue.survey.paired_analysis import compare_pairs, friedman, paired_table
 from lumbar.tissue.survey.table_3_2 import (

@@ -22,7 +22,7 @@ from lumbar.lifting.stability.model.pendulum_trajectories import THESIS, Failure
 if TYPE_CHECKING:
     from cvxpy.constraints.constraint import Constraint
 
-    from lumbar.settings.stability import StabilitySettings
+    from lumbar.settings.lifting import StabilitySettings
 
 TOLERANCES = (1e-8, 1e-7, 1e-6)
 """Tolerances of gaps and residuals, tried until the solver's status is "optimal" (not "optimal_inaccurate"), on a polynomial in

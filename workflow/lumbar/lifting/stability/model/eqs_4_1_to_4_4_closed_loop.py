@@ -25,7 +25,7 @@ import numpy as np
 
 from lumbar.base.errors import NumericalError
 from lumbar.lifting.stability.model.pendulum_trajectories import SIGNS, Trajectory, pendulum_label
-from lumbar.settings.stability import RegulatorSettings, StabilitySettings
+from lumbar.settings.lifting import RegulatorSettings, StabilitySettings
 
 
 class LinearPendulum(NamedTuple):

@@ -22,7 +22,7 @@ from lumbar.tables.table import Table, columns_of, table_from_schema
 if TYPE_CHECKING:
     import pandas as pd
 
-    from lumbar.settings.stability import StabilitySettings
+    from lumbar.settings.lifting import StabilitySettings
 
 
 COMS = ("thorax", "abdomen", "pelvis")

@@ -6,7 +6,7 @@ import numpy as np
 
 from lumbar.lifting.stability.model.eqs_4_1_to_4_4_closed_loop import ClosedLoops, Pendulums
 from lumbar.lifting.stability.model.pendulum_trajectories import Trajectory
-from lumbar.settings.stability import StabilitySettings
+from lumbar.settings.lifting import StabilitySettings
 
 
 def torque_range(item: Trajectory, settings: StabilitySettings) -> tuple[float, float]:

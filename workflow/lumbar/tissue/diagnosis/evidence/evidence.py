@@ -16,7 +16,7 @@ import numpy as np
 import scipy
 
 from lumbar.base.files import write_csv, write_json, write_text
-from lumbar.settings.signals import MachineSettings
+from lumbar.settings.tissue import MachineSettings
 from lumbar.tables.layout import unit_in_print
 from lumbar.tissue.diagnosis.evidence.discrimination import Separation, motion_csv, separating_excitation
 from lumbar.tissue.diagnosis.fitting import uncertainty

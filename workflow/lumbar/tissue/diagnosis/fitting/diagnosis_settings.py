@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Self
 
-from lumbar.settings.improvement import is_data, system_of
 from lumbar.settings.layout import ColumnLayout
 from lumbar.settings.study_settings import StudySettings
+from lumbar.settings.tissue import is_data, system_of
 from lumbar.tissue.effects.catalogue import CATALOGUES, MOTION_SENSOR, catalogue_with, read_base
 from lumbar.tissue.models.bases import CHOSEN_BY_DATA, Base
 from lumbar.tissue.models.form import Effect
