@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import yaml
 
+from refusing import has_tokens
 from running import copy_project, snakemake
 
 
@@ -52,19 +53,19 @@ def test_wrong_keys_are_all_named(folder):
     config = lab(folder, "wrong_keys", {"a.csv": text(recording())}, sede=1, seed=-3, chapters=["tissu"])
     run = snakemake(folder, "--cores", "1", "--configfile", config)
     assert run.status != 0
-    for word in (
-        f"  - {config}, line 10: seed: found -3; allowed: whole number ≥ 0",
-        f"  - {config}, line 9: sede: unknown key; did you mean 'seed'?",
-        "chapters.0: found \"tissu\"; did you mean 'tissue'?; allowed: surgeon, ",
+    for tokens in (
+        f"{config}, line 10: seed: …-3…≥ 0",
+        f"{config}, line 9: sede: …'seed'",
+        "chapters.0: …\"tissu\"…'tissue'…surgeon, ",
     ):
-        assert word in run.text
+        assert has_tokens(run.text, tokens)
     assert "Traceback" not in run.text and "common.smk" not in run.text
     assert nothing_written(folder, "wrong_keys")
 
 
 FAULTS = {
-    "study: twice\n": "lines 6 and {0}: duplicate key 'study'",
-    "survey: [\n": "config/config.yaml, line {1}: not valid YAML: while parsing a flow node",
+    "study: twice\n": "lines 6 and {0}: …'study'",
+    "survey: [\n": "config/config.yaml, line {1}: …YAML: ",
 }
 
 
@@ -79,7 +80,7 @@ def test_faults_of_the_default_files_are_named(folder, added):
         path.write_text(before, encoding="utf-8")
     line = len(before.splitlines()) + 1
     assert run.status != 0 and "Traceback" not in run.text
-    assert FAULTS[added].format(line, line + 1) in run.text
+    assert has_tokens(run.text, FAULTS[added].format(line, line + 1))
 
 
 def clip_at_median(rows):
@@ -98,7 +99,7 @@ def test_invalid_records_end_the_run_with_all_faults(folder):
     """One start of Snakemake tells it of all files; what is refused in one file, tests of its reader ask."""
     unsound = {
         "number": (changed(9, "0.09,abc,0.1"), ("line 11", "'abc'")),
-        "uneven": (text(recording()[:100] + recording()[140:]), ("sampled evenly",)),
+        "uneven": (text(recording()[:100] + recording()[140:]), ("0.41 s", "0.01 s")),
         "clipped": (text(clip_at_median(recording())), ("output: clipped",)),
         "column": (text(recording()).replace("force_N", "Kraft"), ("force_N", "Kraft", "position_mm")),
     }

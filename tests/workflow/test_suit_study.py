@@ -8,6 +8,7 @@ from test_new_study import fill_in
 
 import lumbar
 from lumbar.records.markers import read_markers
+from refusing import has_tokens
 
 # By joint: the one before it, where it lies from there (left, up and forward, cm), how far it turns (degrees) where the person
 # bends down, and while the box is held upright.
@@ -64,6 +65,6 @@ def test_lift_of_a_suit_becomes_pendulums_of_its_joints(tmp_path):
     assert lift.events["deposit_start"].time_s == pytest.approx(5.3, abs=0.3) and lift.states
     assert set(lift.centres) == {"thorax", "abdomen", "pelvis"}
     neck, recording = lift.points.points["C7T1"], read_markers(file, settings.markers)
-    assert neck.rule == "C7T1 is given by C7, joint centres as the file has them"
+    assert has_tokens(neck.rule, "C7T1…C7")
     at = np.searchsorted(recording.time, lift.recording.time)
     np.testing.assert_allclose(neck.position, recording["C7"][at], atol=2e-3)

@@ -14,6 +14,7 @@ from scipy.signal import butter, lfilter
 import lumbar
 from column_files import write_columns
 from lumbar.cli.command import command_names
+from refusing import has_tokens
 from running import python
 
 
@@ -31,7 +32,7 @@ def tissue(tmp_path_factory):
     return folder
 
 
-def test_help_and_version(run):
+def test_help_names_every_command_and_its_example(run):
     out = run.done("--help")
     names = command_names()
     assert all(name in out for name in names)
@@ -45,7 +46,7 @@ def test_help_and_version(run):
 def test_a_wrong_command_line_ends_with_2(run):
     for command, message in (
         ("nonsense", "nonsense"),
-        ("diagnos", "no command 'diagnos'; did you mean 'diagnose'?"),
+        ("diagnos", "'diagnose'"),
     ):
         status, _, err = run(command, "folder")
         assert status == 2 and message in err
@@ -61,19 +62,20 @@ def test_starting_up_loads_no_heavy_package():
 
 def test_check_reads_surveys_and_other_layouts(run, project, tissue, tmp_path):
     sheet = project / "resources" / "survey" / "survey_reconstructed.csv"
-    assert run("check", "--chapter", "survey", sheet)[1] == (
-        "survey: survey_reconstructed.csv: 45 participants rated IL, MW, KB, HO\n"
-    )
+    checked = run.done("check", "--chapter", "survey", sheet)
+    assert has_tokens(checked, "survey_reconstructed.csv: …45…IL, MW, KB, HO") and checked.count("\n") == 1
     columns = {"input": {"column": "force_N", "unit": "kN", "scale": 0.001}}
     (tmp_path / "study.yaml").write_text(yaml.safe_dump({"tissue": {"layout": {"columns": columns}}}))
     out = run.done("check", tissue / "long.csv", "--config", tmp_path / "study.yaml")
-    assert "input: input in kN" in out or "input: position in kN" in out
+    assert has_tokens(out, "input: …kN")
 
 
 @pytest.mark.parametrize("command", ["identify", "bandwidth"])
-def test_folders_without_recordings(run, tmp_path, command):
-    assert "no recordings" in run.refused(command, tmp_path, "--output", tmp_path / "out")
-    assert "no such folder" in run(command, tmp_path / "absent", "--output", tmp_path / "out")[2]
+def test_folder_without_recordings_is_rejected(run, tmp_path, command):
+    assert f"{tmp_path}: " in run.refused(command, tmp_path, "--output", tmp_path / "out")
+    assert f"{tmp_path / 'absent'}: " in run.refused(
+        command, tmp_path / "absent", "--output", tmp_path / "out"
+    )
 
 
 def test_bandwidth_finds_the_edge_of_a_known_spectrum(run, tmp_path):
@@ -92,16 +94,16 @@ def test_bandwidth_finds_the_edge_of_a_known_spectrum(run, tmp_path):
 
 
 def test_identify_recovers_a_known_tissue(run, tissue, tmp_path):
-    assert "identified on long" in run.done("identify", tissue, "--output", tmp_path)
+    assert has_tokens(run.done("identify", tissue, "--output", tmp_path), "identified…long")
     models = json.loads((tmp_path / "models.json").read_text())["models"]
     kb = next(model for model in models if model["name"] == "KB" and model["estimator"] == "output_error")
     assert kb["structure"]["numerator"] == pytest.approx([1.9, -1.2], abs=0.02)
     assert kb["structure"]["denominator"] == pytest.approx([1, -0.45], abs=0.01)
     err = run.refused("identify", tissue, "--train", "middle", "--output", tmp_path)
-    assert "there are long, short" in err
+    assert has_tokens(err, "'middle'…long, short")
 
 
-def test_a_refined_model_goes_to_the_device(run, tissue, tmp_path):
+def test_refined_model_is_exported_as_fmu(run, tissue, tmp_path):
     """From a folder of records to an FMU with an effect, by either of two ways."""
     run.done("refine", tissue, "--add", "inertia", "--output", tmp_path / "refined")
     refined = lumbar.load_models(tmp_path / "refined" / "refined.json")
@@ -126,7 +128,7 @@ def test_export_builds_for_a_platform_and_a_rate(run, tmp_path):
         assert b'fixedInternalStepSize="0.002"' in archive.read("modelDescription.xml")
     assert "x86_64-amiga" in run.refused(*command, "--target", "x86_64-amiga")
     err = run.refused("export", path, "--output", tmp_path, "--model", "MW", "--rate", "50")
-    assert "50 is slower than the 100 Hz" in err
+    assert has_tokens(err, "MW…runtime.rate_Hz 50…100 Hz")
 
 
 def test_survey_writes_tables_and_figures(run, project, tmp_path):
@@ -140,17 +142,17 @@ def test_survey_writes_tables_and_figures(run, project, tmp_path):
         "survey.json",
     }
     assert names <= {path.name for path in tmp_path.iterdir()}
-    assert "reconstructed survey (not real answers)" in (tmp_path / "table_3_2.csv").read_text()
+    assert "reconstructed survey" in (tmp_path / "table_3_2.csv").read_text()
 
 
-def test_lift_and_basin_follow_each_other(run, project, twin_lift, tmp_path):
+def test_basin_reads_the_files_of_lift(run, project, twin_lift, tmp_path):
     markers = twin_lift("expert_23kg")
     subject = project / "config" / "subjects" / "expert.yaml"
     output = tmp_path / "out"
     page = tmp_path / "lift.html"
     chosen = ("--subject", subject, "--box-mass", 23, "--output", output, "--page", page)
     out = run.done("lift", markers, *chosen)
-    assert "release: " in out and f"{page} shows the lift." in out
+    assert "release: " in out and f"{page} " in out
     assert page.read_text(encoding="utf-8") == lumbar.lift_page(output).to_html()
     assert "smallest_impulse: " in out
     assert len((output / "movement_measures.csv").read_text().splitlines()) > 15
@@ -160,7 +162,7 @@ def test_lift_and_basin_follow_each_other(run, project, twin_lift, tmp_path):
     study.write_text("stability: {checks: [simulation], knots: 253, attack: {starts: 20}}\n")
     run.done("basin", output / "pendulum.csv", "--output", output, "--config", study)
     assert (output / "boa.csv").read_text().count("\n") > 6
-    faults = ((tmp_path / "x.yaml", 23, "x.yaml: no such file"), (subject, -1, "mass of the box is -1 kg"))
+    faults = ((tmp_path / "x.yaml", 23, f"{tmp_path / 'x.yaml'}: "), (subject, -1, "box_mass_kg is -1 kg"))
     for person, mass, message in faults:
         options = ("--subject", person, "--box-mass", mass, "--output", output)
         assert message in run.refused("lift", markers, *options)
@@ -175,12 +177,12 @@ def test_output_is_checked_before_the_fit(run, tissue, tmp_path, monkeypatch, co
     name, *options = command
     ending = "/law.yaml" if name == "propose" else ""
     status, out, err = run(name, broken, *options, "--output", f"{tmp_path}/taken{ending}")
-    assert (status, out) == (1, "") and f"{tmp_path / 'taken'}: Not a directory; a folder is needed" in err
+    assert (status, out) == (1, "") and f"{tmp_path / 'taken'}: Not a directory" in err
     usage = shutil.disk_usage(tmp_path)
     monkeypatch.setattr("shutil.disk_usage", lambda _: usage._replace(free=3_000_000))
     status, out, err = run(name, broken, *options, "--output", tmp_path / "new" / "law.yaml")
     assert (status, out) == (1, "")
-    assert f"No space left on device; 3.0 MB are free in {tmp_path}: make room" in err
+    assert has_tokens(err, f"No space left on device…3.0 MB…{tmp_path}")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["broken.csv", "taken"]
 
 
@@ -199,6 +201,6 @@ def test_compare_and_locate_a_folder(run, tissue, tmp_path):
 
 
 def test_wrong_periods_end_a_diagnosis_before_it_writes(run, tissue, tmp_path):
-    for period, message in (("long", "NAME=SECONDS"), ("other=3", "no record 'other'")):
+    for period, message in (("long", "NAME=SECONDS"), ("other=3", "'other'")):
         assert message in run.refused("diagnose", tissue, "--period", period, "--output", tmp_path / "out")
         assert not (tmp_path / "out").exists()

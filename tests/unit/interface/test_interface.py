@@ -12,6 +12,7 @@ from pydantic import ValidationError
 
 import lumbar
 from column_files import write_records
+from refusing import has_tokens
 from running import python
 
 
@@ -57,9 +58,9 @@ def test_records_are_indexed_by_name_and_number(records):
     assert records["noise"] is records[1]
     assert len(records[:2]) == 2
     assert "<td>multisine</td>" in records._repr_html_()
-    with pytest.raises(lumbar.InputError, match="no record 'chirp'; there are multisine, noise, other"):
+    with pytest.raises(lumbar.InputError, match=r"'chirp'.*multisine, noise, other"):
         records["chirp"]
-    with pytest.raises(lumbar.InputError, match="records share the name 'a'"):
+    with pytest.raises(lumbar.InputError, match=r"records .*'a'"):
         lumbar.RecordSet([record(np.arange(9.0), np.arange(9.0), "a")] * 2)
 
 
@@ -73,8 +74,8 @@ def test_records_are_read_from_a_folder_or_from_files(folder, records):
 
 def test_diagnosis_selects_prints_and_refines(diagnosis, records):
     assert diagnosis.selected == ("coulomb_friction",)
-    assert str(diagnosis).startswith("The KB model is missing coulomb friction")
-    assert repr(diagnosis) == "<Diagnosis of KB on 3 records: named>"
+    assert has_tokens(str(diagnosis).splitlines()[0], "KB…coulomb friction")
+    assert has_tokens(repr(diagnosis), "Diagnosis…KB…3…named")
     assert "coulomb friction" in diagnosis._repr_html_()
     assert diagnosis.model["coulomb_friction.coulomb_force"].value == pytest.approx(0.6, rel=0.05)
     refined = lumbar.refine(records, ["coulomb_friction"])
@@ -94,7 +95,7 @@ def test_fitted_and_identified_models_are_compared_with_records(diagnosis, recor
         linear["multisine"].comparison.vaf.value, abs=0.2
     )
     assert "noise" in str(lumbar.locate(records, identified["KB"]))
-    with pytest.raises(lumbar.InputError, match="no model 'KBB'; there are LE, MW"):
+    with pytest.raises(lumbar.InputError, match=r"'KBB'.*LE, MW"):
         identified["KBB"]
 
 
@@ -135,26 +136,26 @@ def test_settings_made_in_python_are_checked(chapter, values):
 
 
 def test_settings_of_a_chapter_are_not_those_of_a_study(records):
-    with pytest.raises(lumbar.InputError, match="class ImprovementSettings: give those of a whole study"):
+    with pytest.raises(lumbar.InputError, match=r"\bsettings\b.*ImprovementSettings.*lumbar\.load_settings"):
         lumbar.identify(records, settings=lumbar.ImprovementSettings())
 
 
 def test_one_model_is_compared_at_a_time(records):
     for function in (lumbar.compare, lumbar.locate):
-        with pytest.raises(lumbar.InputError, match="an object of class list: give one model"):
+        with pytest.raises(lumbar.InputError, match=r"^model .*\blist\b"):
             function(records, [])
 
 
 @pytest.mark.parametrize("function", ["diagnose", "identify", "propose"])
 @pytest.mark.parametrize("given", ["recordings", ["a.csv"]])
 def test_paths_in_place_of_records_are_rejected(function, given):
-    with pytest.raises(lumbar.InputError, match=r"give records, e\.g\. lumbar\.read"):
+    with pytest.raises(lumbar.InputError, match=r"^records .*lumbar\.read"):
         getattr(lumbar, function)(given)
 
 
 @pytest.mark.parametrize("function", ["identify", "diagnose", "propose", "bandwidth"])
 def test_one_record_in_place_of_a_list_is_rejected(function, records):
-    with pytest.raises(lumbar.InputError, match=r"record 'multisine' alone: give a list, e\.g\. \[record\]"):
+    with pytest.raises(lumbar.InputError, match=r"^records .*'multisine'.*\[record\]"):
         getattr(lumbar, function)(records["multisine"])
 
 

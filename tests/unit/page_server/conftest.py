@@ -41,7 +41,7 @@ def explored(tmp_path_factory):
 @pytest.fixture(scope="session")
 def broken(tmp_path_factory):
     """A set that cannot be diagnosed."""
-    return ExploredSet("broken", lambda: lumbar.read("no such folder"), tmp_path_factory.mktemp("broken"))
+    return ExploredSet("broken", lambda: lumbar.read("absent_folder"), tmp_path_factory.mktemp("broken"))
 
 
 @pytest.fixture(scope="session")

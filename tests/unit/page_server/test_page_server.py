@@ -20,6 +20,7 @@ from lumbar.page_server.own_recordings import MAX_SESSIONS, UploadDiagnosis, Upl
 from lumbar.page_server.served_sets import ServedSets, StoredVerdict, TabRequests
 from lumbar.page_server.server import new_server
 from lumbar.twin.examples import example_records
+from refusing import has_tokens
 
 SETTINGS = lumbar.StudySettings().model_dump(mode="json")
 
@@ -61,11 +62,11 @@ def test_saved_model_is_the_model_of_the_page(explored, tmp_path):
 
 @pytest.mark.parametrize(
     ("text", "message"),
-    [*cases(__file__, "not_done"), ("[" * 100_000, "not JSON")],
+    [*cases(__file__, "not_done"), ("[" * 100_000, "JSON")],
 )
 def test_impossible_requests_are_answered_with_a_message(tab, text, message):
     answer, models = tab.answer(text if isinstance(text, str) else json.dumps({"number": 1, **text}))
-    assert message in answer["error"]
+    assert has_tokens(answer["error"], message)
     assert models == []
 
 
@@ -151,7 +152,7 @@ def test_wrong_choices_are_reported_at_their_field(examples, choices):
 
 @pytest.mark.parametrize("name", ["a lift.c3d", "walk.trc.gz", "walk.BVH"])
 def test_markers_are_answered_with_the_command_for_their_page(name):
-    with pytest.raises(InputError, match="holds markers of a movement") as raised:
+    with pytest.raises(InputError, match=rf"{re.escape(name)} .*\bmarkers\b") as raised:
         UploadSession("").add(name, b"whatever")
     command = shlex.split(re.search(r"(lumbar lift .*) \(", str(raised.value))[1])
     assert command[2] == name
@@ -164,7 +165,7 @@ def test_too_many_files_are_rejected(monkeypatch):
     session.add("a.csv", b"x")
     session.add("a.csv", b"y")  # in its place
     monkeypatch.setattr(own_recordings, "MAX_FILES", 1)
-    with pytest.raises(InputError, match="limit is 1 files"):
+    with pytest.raises(InputError, match=r"b\.csv: .*\b1\b"):
         session.add("b.csv", b"")
 
 

@@ -258,7 +258,7 @@ def _find_trial(
         With the subject's trials, if none or several of them match.
     """
     if box_mass_kg is not None and not 0 <= box_mass_kg <= 100:
-        raise InputError(f"mass of the box is {box_mass_kg:g} kg; allowed: 0 to 100")
+        raise InputError(f"box_mass_kg is {box_mass_kg:g} kg; allowed: 0 to 100")
     if isinstance(trial, TrialSettings) or not subject.trials:
         if isinstance(trial, str):
             raise InputError(f"{subject.name} has no trials, so none is named {trial!r}")
