@@ -77,7 +77,12 @@ MATH: dict[str, Callable] = {
 class Evaluator:
     """Several expressions as one list of operations; what they have in common is computed once.
 
-    Expressions are without ``sum``; `functions` compute the operations, by their names.
+    Parameters
+    ----------
+    expressions : sequence of Expression
+        Expressions without ``sum``.
+    functions : mapping of str to callable, optional
+        Functions that compute the operations, by their names.
     """
 
     def __init__(self, expressions: Sequence[Expression], functions: Mapping[str, Callable] = NUMPY):
@@ -118,7 +123,13 @@ class Evaluator:
         return place
 
     def __call__(self, values: Mapping[str, np.ndarray | float]) -> list[np.ndarray | float]:
-        """Return the values of the expressions, from the values of the symbols."""
+        """Return the values of the expressions.
+
+        Parameters
+        ----------
+        values : mapping of str to array_like
+            Values of the symbols, of shapes that broadcast together.
+        """
         results = self._known.copy()
         for name, place in self._symbols:
             results[place] = values[name]
@@ -141,6 +152,13 @@ def _product(multiply: Callable, exponent: int, base):
 
 def derivative(expression: Expression, symbol: str) -> Expression:
     """Return the derivative by one symbol; at a kink that of one side.
+
+    Parameters
+    ----------
+    expression : Expression
+        Expression without ``sum``.
+    symbol : str
+        Name of the symbol.
 
     Raises
     ------
@@ -193,7 +211,19 @@ _DERIVATIVES: dict[str, list[str]] = shipped_yaml(Path(__file__).with_name("func
 
 
 def linear_parts(expression: Expression, linear: Collection[str]) -> dict[str, Expression]:
-    """Return the factor of each linear parameter in an expression without ``sum``: z and v*abs(v) of k*z + c*v*abs(v).
+    """Return the factor of each linear parameter in an expression: z and v*abs(v) of k*z + c*v*abs(v).
+
+    Parameters
+    ----------
+    expression : Expression
+        Expression without ``sum``.
+    linear : collection of str
+        Symbols of the linear parameters.
+
+    Returns
+    -------
+    dict of str to Expression
+        Factors by symbol; symbols that the expression does not use are missing.
 
     Raises
     ------
@@ -231,7 +261,15 @@ def linear_parts(expression: Expression, linear: Collection[str]) -> dict[str, E
 
 
 def never_negative(expression: Expression, positive: Collection[str]) -> bool:
-    """Return whether an expression is certainly at least 0 if these symbols are."""
+    """Return whether an expression is certainly at least 0.
+
+    Parameters
+    ----------
+    expression : Expression
+        Expression without ``sum``.
+    positive : collection of str
+        Symbols that are at least 0.
+    """
     match expression:
         case Number(value):
             return value >= 0
@@ -254,7 +292,20 @@ def never_negative(expression: Expression, positive: Collection[str]) -> bool:
 
 
 def check_powers(expression: Expression, positive: Collection[str]) -> None:
-    """Reject a power of a base that may be negative unless its exponent is a whole number from 2 to 8."""
+    """Reject a power of a base that may be negative unless its exponent is a whole number from 2 to 8.
+
+    Parameters
+    ----------
+    expression : Expression
+        Expression without ``sum``.
+    positive : collection of str
+        Symbols that are at least 0.
+
+    Raises
+    ------
+    InputError
+        With the first such power.
+    """
     for part in parts(expression):
         match part:
             case Operation("**", (base, exponent)) if not (

@@ -77,7 +77,20 @@ class Base:
 
 
 def elongation(motion: Motion, nonlinear: np.ndarray) -> tuple[np.ndarray]:
-    """Return the state of a Maxwell branch with the relaxation time as only nonlinear parameter."""
+    """Return the state of a Maxwell branch.
+
+    Parameters
+    ----------
+    motion : Motion
+        Motion along one axis.
+    nonlinear : numpy.ndarray, shape (1,)
+        Relaxation time in seconds.
+
+    Returns
+    -------
+    tuple of numpy.ndarray, shape (samples,)
+        Elongation of the branch's spring, in the unit of the position.
+    """
     return (relaxation(motion, nonlinear[0]),)
 
 

@@ -31,6 +31,11 @@ def can_be_simulated(form: Form) -> bool:
     """Return whether a parallel form can be part of a balance of forces: an equation in signals that a simulation has.
 
     Its states start at 0, since the position at the start is unknown.
+
+    Parameters
+    ----------
+    form : Form
+        Any form; those at another place return False.
     """
     if form.hand_written or form.place is not Place.PARALLEL or form.start:
         return False
@@ -105,13 +110,41 @@ class ForceBalance:
         return Evaluator(trees), Evaluator([*trees, *slopes])
 
     def values(self, known: Mapping[str, np.ndarray | float], shape: tuple[int, ...]) -> np.ndarray:
-        """Return R and the states' rates, shape (1 + states, *shape)."""
+        """Return R and the states' rates, in the force's unit and in those of the states per second.
+
+        Parameters
+        ----------
+        known : mapping of str to array_like
+            Values of all symbols, each of a shape that broadcasts to `shape`.
+        shape : tuple of int
+            Shape of one result.
+
+        Returns
+        -------
+        numpy.ndarray, shape (1 + states, *shape)
+            R first, then the rates.
+        """
         return np.array([np.broadcast_to(item, shape) for item in self._evaluators[0](known)], dtype=float)
 
     def slopes(
         self, known: Mapping[str, np.ndarray | float], shape: tuple[int, ...]
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return R and the rates, and their derivatives by z, ż, z̈ and the states, (1 + states, 3 + states, *shape)."""
+        """Return R and the states' rates as `values` does, and their derivatives by z, ż, z̈ and the states.
+
+        Parameters
+        ----------
+        known : mapping of str to array_like
+            Values of all symbols, each of a shape that broadcasts to `shape`.
+        shape : tuple of int
+            Shape of one result.
+
+        Returns
+        -------
+        values : numpy.ndarray, shape (1 + states, *shape)
+            R first, then the rates.
+        slopes : numpy.ndarray, shape (1 + states, 3 + states, *shape)
+            Derivatives by z, ż, z̈ and the states.
+        """
         count = 1 + len(self.states)
         numbers = np.array([np.broadcast_to(item, shape) for item in self._evaluators[1](known)], dtype=float)
         return numbers[:count], numbers[count:].reshape(count, len(MOTION) + count - 1, *shape)
@@ -120,7 +153,22 @@ class ForceBalance:
 def linearise(
     form: Form, linear: Sequence[float], nonlinear: Sequence[float]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the slopes of a base's force (first row) and of its states' rates at 0: by z, ż, z̈, and by the states."""
+    """Return the slopes of a base's force and of its states' rates at 0.
+
+    Parameters
+    ----------
+    form : Form
+        Equation of the base.
+    linear, nonlinear : sequence of float
+        Its parameters, in the form's order and units.
+
+    Returns
+    -------
+    by_motion : numpy.ndarray, shape (1 + states, 3)
+        Derivatives by z, ż, z̈; the first row is the force.
+    by_states : numpy.ndarray, shape (1 + states, states)
+        Derivatives by the states.
+    """
     balance = ForceBalance((form,))
     known = dict(zip(balance.parameters, (*linear, *nonlinear), strict=True))
     known |= dict.fromkeys(("z", "v", "a", "s", "t", *balance.states), 0.0)
@@ -199,7 +247,7 @@ class ForceDrive:
         Parameters
         ----------
         parameters : mapping of str to float
-            By the balance's symbols.
+            Values by the balance's symbols.
         start : numpy.ndarray, shape (2 + states,)
             Position, velocity and states at the beginning.
         guess : numpy.ndarray, shape (1 + states, steps, 3), optional
@@ -337,8 +385,21 @@ class ForceDrive:
     ) -> np.ndarray:
         """Return the derivatives of the position by parameters, and by position, velocity and states at the start.
 
-        The result has shape (steps + 1, parameters). `changes` are symbols and the steps of central differences of the
-        equations (not of the motion); with `by_start` the derivatives by the start follow those by the parameters.
+        Parameters
+        ----------
+        parameters : mapping of str to float
+            Values by the balance's symbols.
+        motion : DrivenMotion
+            Result of `motion` for these parameters.
+        changes : list of (str, float)
+            Symbols, and the steps of central differences of the equations (not of the motion).
+        by_start : bool, optional
+            True if derivatives by the start follow those by the parameters.
+
+        Returns
+        -------
+        numpy.ndarray, shape (steps + 1, derivatives)
+            One column per change, then with `by_start` one each for position, velocity and every state.
         """
         steps, count = len(self.force), len(motion.points)
         start = np.concatenate([[motion.position[0], motion.velocity[0]], motion.states[:, 0]])
@@ -364,8 +425,19 @@ class ForceDrive:
 def recursion(slope: np.ndarray, driven: np.ndarray, first: np.ndarray | None = None) -> np.ndarray:
     """Solve yₖ₊₁ = Sₖ yₖ + dₖ for several right-hand sides.
 
-    `slope` has shape (steps, size, size), `driven` (steps, size, columns) and `first`, y₀ and by default 0, (size,
-    columns); the result has shape (steps + 1, size, columns).
+    Parameters
+    ----------
+    slope : numpy.ndarray, shape (steps, size, size)
+        S of every step.
+    driven : numpy.ndarray, shape (steps, size, columns)
+        d of every step and right-hand side.
+    first : numpy.ndarray, shape (size, columns), optional
+        y₀; 0 by default.
+
+    Returns
+    -------
+    numpy.ndarray, shape (steps + 1, size, columns)
+        y at the beginning and after every step; not a number from the first step that is not finite.
     """
     steps, size, columns = driven.shape
     bands = step_bands(slope.transpose(1, 2, 0))

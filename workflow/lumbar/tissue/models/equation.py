@@ -71,6 +71,13 @@ class CStep:
     def numbers(self, parameters: Mapping[str, float], sampling_time: float) -> dict[str, float]:
         """Return all numbers that the code may use, by name.
 
+        Parameters
+        ----------
+        parameters : mapping of str to float
+            Linear and nonlinear parameters by name.
+        sampling_time : float
+            Seconds.
+
         Raises
         ------
         ValueError
@@ -82,11 +89,23 @@ class CStep:
         return {**parameters, **constants}
 
     def memory_size(self, numbers: Mapping[str, float]) -> int:
-        """Return how many numbers the form keeps, from the result of `numbers`."""
+        """Return how many numbers the form keeps.
+
+        Parameters
+        ----------
+        numbers : mapping of str to float
+            Result of `numbers`.
+        """
         return self.memory(numbers) if callable(self.memory) else self.memory
 
     def history_size(self, numbers: Mapping[str, float]) -> int:
-        """Return how many earlier positions the form needs, from the result of `numbers`."""
+        """Return how many earlier positions the form needs.
+
+        Parameters
+        ----------
+        numbers : mapping of str to float
+            Result of `numbers`.
+        """
         return self.history(numbers) if callable(self.history) else self.history
 
 
@@ -164,7 +183,13 @@ class Equation:
         return Evaluator([substitute(column, self._constant_values) for column in self.columns])
 
     def parameters(self, nonlinear: Iterable[float]) -> dict[str, float]:
-        """Return nonlinear parameters and constants by symbol."""
+        """Return nonlinear parameters and constants by symbol.
+
+        Parameters
+        ----------
+        nonlinear : iterable of float
+            Nonlinear parameters, in the order of the field.
+        """
         values = {item.symbol: item.value for item in self.constants}
         return values | {item.symbol: value for item, value in zip(self.nonlinear, nonlinear, strict=True)}
 
@@ -175,9 +200,23 @@ class Equation:
         solution: Solution | None = None,
         force: np.ndarray | None = None,
     ) -> list[np.ndarray]:
-        """Return the force per linear parameter at size 1, or the transformed force; each of shape (samples,).
+        """Return the force per linear parameter at size 1, or the transformed force.
 
-        `solution` computes the states, instead of the solver; an output form transforms `force`.
+        Parameters
+        ----------
+        motion : OneMotion
+            Motion along one axis; a `SpatialMotion` if the equation is in space.
+        nonlinear : numpy.ndarray, shape (nonlinear parameters,)
+            Nonlinear parameters, in the order of the field.
+        solution : callable, optional
+            From motion and nonlinear parameters to the states, instead of the solver.
+        force : numpy.ndarray, shape (samples,), optional
+            Force that an output form transforms.
+
+        Returns
+        -------
+        list of numpy.ndarray, shape (samples,)
+            One force per linear parameter, in the force's unit per unit of the parameter; one for an output form.
         """
         values: dict = self.parameters(nonlinear)
         if self.state is not None and solution is not None:
@@ -222,7 +261,10 @@ class Equation:
     def c_step(self, solution: str = "") -> CStep | None:
         """Return the C code of one sample; None if it needs a channel that a running loop does not have.
 
-        `solution` contains statements that write the states of the next sample, instead of the solver's.
+        Parameters
+        ----------
+        solution : str, optional
+            C statements that write the states of the next sample, instead of the solver's.
         """
         return None if self.channels else self._c_step_of([self.portable_terms], self.linear, solution)
 

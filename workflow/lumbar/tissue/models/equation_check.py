@@ -25,7 +25,13 @@ _FINITE = "write tanh(v/vs) for sign(v), sqrt(v**2 + e**2) for abs(v) in a root 
 
 
 def check_equation(equation: Equation) -> Faults:
-    """Return the faults in the text of an equation or in its symbols."""
+    """Return the faults in the text of an equation or in its symbols.
+
+    Parameters
+    ----------
+    equation : Equation
+        Equation as written, not yet read.
+    """
     declared = [item.symbol for item in equation.declared] + [name for name, _ in equation.states]
     faults: Faults = [("symbol", fault) for fault in _wrong_declarations(declared)]
     # Read every expression; a power with a broken exponent needs a base that is never negative.
@@ -99,6 +105,11 @@ def check_at_rest(equation: Equation) -> Faults:
 
     Parameters are in the middle of their starting range. Fitted powers are 2, since a proposed law may have one
     below 1. Path, time, force and additional channels are 1.
+
+    Parameters
+    ----------
+    equation : Equation
+        Equation along one axis without faults of `check_equation`.
     """
     at_rest = {name for name, item in SIGNALS.items() if item.c_name not in ("path", "time", "")}
     values = {name: 0.0 if name in at_rest else 1.0 for name in (FORCE, *SIGNALS)}

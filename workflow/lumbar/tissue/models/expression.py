@@ -107,12 +107,26 @@ _ARITHMETIC: dict[str, Callable[..., Expression]] = {
 
 
 def operation(name: str, *operands: Expression) -> Expression:
-    """Return an operation without neutral operands."""
+    """Return an operation without neutral operands.
+
+    Parameters
+    ----------
+    name : str
+        Name as in `Operation`.
+    *operands : Expression
+        Operands, in the written order.
+    """
     return _ARITHMETIC[name](*operands) if name in _ARITHMETIC else Operation(name, operands)
 
 
 def parts(expression: Expression) -> Iterator[Expression]:
-    """Yield all parts of an expression, operands first, and the expression itself."""
+    """Yield all parts of an expression, operands first, and the expression itself.
+
+    Parameters
+    ----------
+    expression : Expression
+        Any expression.
+    """
     if isinstance(expression, Operation):
         for operand in expression.operands:
             yield from parts(operand)
@@ -120,12 +134,26 @@ def parts(expression: Expression) -> Iterator[Expression]:
 
 
 def symbols(expression: Expression) -> set[str]:
-    """Return the names of the symbols in an expression except ``pi``."""
+    """Return the names of the symbols in an expression except ``pi``.
+
+    Parameters
+    ----------
+    expression : Expression
+        Any expression.
+    """
     return {part.name for part in parts(expression) if isinstance(part, Symbol)} - {"pi"}
 
 
 def substitute(expression: Expression, values: Mapping[str, Expression]) -> Expression:
-    """Return the expression with other expressions in place of symbols."""
+    """Return the expression with other expressions in place of symbols.
+
+    Parameters
+    ----------
+    expression : Expression
+        Any expression.
+    values : mapping of str to Expression
+        Replacements by symbol; other symbols stay.
+    """
     match expression:
         case Symbol(name):
             return values.get(name, expression)
@@ -135,7 +163,13 @@ def substitute(expression: Expression, values: Mapping[str, Expression]) -> Expr
 
 
 def expand_sums(expression: Expression) -> Expression:
-    """Return the expression with the terms of every ``sum``."""
+    """Return the expression with the terms of every ``sum``.
+
+    Parameters
+    ----------
+    expression : Expression
+        Any expression.
+    """
     match expression:
         case Operation("sum", (Symbol(index), Number(first), Number(last), term)):
             indexed = [name for name in symbols(term) if name.endswith(f"_{index}")]
@@ -150,7 +184,13 @@ def expand_sums(expression: Expression) -> Expression:
 
 
 def whole_power(exponent: Expression) -> int:
-    """Return the exponent of a power that is computed as a product; 0 for other powers."""
+    """Return the exponent of a power that is computed as a product; 0 for other powers.
+
+    Parameters
+    ----------
+    exponent : Expression
+        Exponent of the power: a whole number from 2 to 8 makes it a product.
+    """
     if isinstance(exponent, Number) and exponent.value.is_integer() and 2 <= exponent.value <= 8:
         return int(exponent.value)
     return 0
@@ -160,7 +200,15 @@ _RANK = {"+": 1, "-": 1, "*": 2, "/": 2, "neg": 3, "**": 4}
 
 
 def to_text(expression: Expression, rank: int = 0) -> str:
-    """Return the expression as text that `parse` reads; in brackets if it binds less than `rank`."""
+    """Return the expression as text that `parse` reads.
+
+    Parameters
+    ----------
+    expression : Expression
+        Any expression.
+    rank : int, optional
+        Binding strength below which the text is in brackets: 1 of a sum, 2 of a product, 3 of a sign, 4 of a power.
+    """
     match expression:
         case Number(value):
             text = f"{value:g}" if float(f"{value:g}") == value else repr(value)
@@ -192,6 +240,11 @@ _ALLOWED = f"numbers, symbols, + - * / ** ( ) and {', '.join(OPERANDS)}"
 @lru_cache(maxsize=1024)
 def parse(text: str) -> Expression:
     """Read an expression, for example ``"Fc*tanh(v/vs)"``.
+
+    Parameters
+    ----------
+    text : str
+        Formula in Python's notation; may come from an untrusted file.
 
     Raises
     ------

@@ -46,8 +46,15 @@ class FittedModel(ModelData):
     def simulate(self, record: Record) -> np.ndarray:
         """Simulate the output from a record's input only, as a free run.
 
-        The record has the channel ``input`` and those that the effects need; a continuous model accepts any sampling time. The
-        result is in the output's unit, shape (samples,); along several axes (axes, samples).
+        Parameters
+        ----------
+        record : Record
+            Record with the channel ``input`` and those that the effects need; a continuous model accepts any sampling time.
+
+        Returns
+        -------
+        numpy.ndarray, shape (samples,)
+            Output in its unit; along several axes of shape (axes, samples).
 
         Raises
         ------
@@ -166,7 +173,20 @@ class FittedModel(ModelData):
 
     @classmethod
     def from_json(cls, entry: object, catalogues: Mapping[str, Mapping[str, Effect]]) -> FittedModel:
-        """Return the model of an entry of ``models.json``; `catalogues` and errors as in `read_models`."""
+        """Return the model of an entry of ``models.json``.
+
+        Parameters
+        ----------
+        entry : object
+            Result of `to_json`, as read from JSON.
+        catalogues : mapping
+            Effects by name for every system, as in `read_models`.
+
+        Raises
+        ------
+        InputError
+            With the place of everything that is missing, unknown or not allowed.
+        """
         problems = Problems(f"model {entry.get('name') if isinstance(entry, dict) else None!r}")
         fields = checked_entry(entry, catalogues, problems)
         problems.raise_if_any()

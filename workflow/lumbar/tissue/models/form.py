@@ -104,7 +104,12 @@ class Form:
     """Linear parameters of the equation itself, if it acts along several axes."""
 
     def in_space(self, axes: tuple[str, ...]) -> Self:
-        """Return the form for motions along these axes.
+        """Return the form for motions along several axes.
+
+        Parameters
+        ----------
+        axes : tuple of str
+            Names of the axes.
 
         Raises
         ------
@@ -119,7 +124,13 @@ class Form:
         return replace(form, linear=form._unchecked.linear_in_space())  # type: ignore[attr-defined]  # it has axes
 
     def with_constants(self, values: Mapping[str, float]) -> Self:
-        """Return the form with other values of its constants, by symbol; other symbols are ignored."""
+        """Return the form with other values of its constants.
+
+        Parameters
+        ----------
+        values : mapping of str to float
+            Values by symbol, in the constants' units; other symbols are ignored.
+        """
         given = {item for item in self.constants if values.get(item.symbol, item.value) != item.value}
         return replace(
             self,
@@ -224,18 +235,49 @@ class Form:
         return written() if callable(written) else written
 
     def columns(self, motion: OneMotion, nonlinear: np.ndarray) -> list[np.ndarray]:
-        """Return the forces of a parallel form, one per linear parameter at size 1, each of shape (samples,)."""
+        """Return the forces of a parallel form, one per linear parameter at size 1.
+
+        Parameters
+        ----------
+        motion : OneMotion
+            Motion that reaches the form.
+        nonlinear : numpy.ndarray, shape (nonlinear parameters,)
+            Nonlinear parameters of the form.
+
+        Returns
+        -------
+        list of numpy.ndarray, shape (samples,)
+            Forces in the force's unit per unit of the parameter; in space one axis after the other, (axes × samples,).
+        """
         if self.hand_written:
             return self.hand_written.columns(motion, nonlinear)
         return self.parsed_equation.forces(motion, nonlinear, self.solution)
 
     def input_transform(self, motion: OneMotion, nonlinear: np.ndarray) -> OneMotion:
-        """Return the motion that reaches the tissue behind an input form."""
+        """Return the motion that reaches the tissue behind an input form.
+
+        Parameters
+        ----------
+        motion : OneMotion
+            Measured motion.
+        nonlinear : numpy.ndarray, shape (nonlinear parameters,)
+            Nonlinear parameters of the form.
+        """
         assert self.hand_written is not None  # no equation transforms a motion
         return self.hand_written.input_transform(motion, nonlinear)
 
     def output_transform(self, force: np.ndarray, motion: OneMotion, nonlinear: np.ndarray) -> np.ndarray:
-        """Return the measured force of an output form, shape (samples,)."""
+        """Return the measured force of an output form, of the shape and unit of `force`.
+
+        Parameters
+        ----------
+        force : numpy.ndarray, shape (samples,)
+            Force at the tissue; in space one axis after the other, (axes × samples,).
+        motion : OneMotion
+            Measured motion.
+        nonlinear : numpy.ndarray, shape (nonlinear parameters,)
+            Nonlinear parameters of the form.
+        """
         if self.hand_written:
             return self.hand_written.output_transform(force, motion, nonlinear)
         return self.parsed_equation.forces(motion, nonlinear, self.solution, force)[0]
@@ -310,7 +352,20 @@ class Effect:
     """Content of the user's file that defines it, stored in files of models; None for effects of the catalogue."""
 
     def in_space(self, axes: tuple[str, ...]) -> tuple[Self | None, dict[str, str]]:
-        """Return the effect for motions along these axes, None if no form has a meaning there; and the reasons by form."""
+        """Return the effect for motions along several axes.
+
+        Parameters
+        ----------
+        axes : tuple of str
+            Names of the axes.
+
+        Returns
+        -------
+        effect : Effect or None
+            Effect with the forms that have a meaning in space; None without such a form.
+        reasons : dict of str to str
+            Why a form has no meaning there, by its key.
+        """
         forms, reasons = [], {}
         for form in self.forms:
             try:

@@ -26,7 +26,13 @@ _MAX_CUTOFF = 0.45  # cycles per sample; above it nothing is smoothed
 
 
 def add_measured_motion(record: Record) -> Record:
-    """Return the record with its filtered output as an additional channel, from which a simulation estimates its start."""
+    """Return the record with its filtered output as an additional channel, from which a simulation estimates its start.
+
+    Parameters
+    ----------
+    record : Record
+        Record with a force as input and a motion as output.
+    """
     output = record.channels["output"]
     filtered = replace(output, values=remove_noise(output.values))
     return replace(record, channels={**record.channels, MEASURED: filtered})
@@ -36,6 +42,11 @@ def remove_noise(signal: np.ndarray) -> np.ndarray:
     """Return a signal without the frequencies that show only noise, by a zero-phase Butterworth filter.
 
     The noise level is the power in the highest quarter of the frequencies, where a motion has little power.
+
+    Parameters
+    ----------
+    signal : numpy.ndarray, shape (samples,)
+        Evenly sampled signal in any unit; the result has the same shape and unit.
     """
     frequency, power = scipy.signal.welch(signal, nperseg=min(len(signal), max(len(signal) // _BLOCKS, 64)))
     noise = float(np.median(power[frequency > 0.5 * (1 - _NOISE_SHARE)]))
@@ -53,6 +64,13 @@ _MAX_ERROR_RATIO = 2.0  # to the least error; above it the knots are too far apa
 
 def for_base(record: Record, base: Base) -> Record:
     """Return the record as a base needs it: a pendulum's with a smooth angle, others unchanged.
+
+    Parameters
+    ----------
+    record : Record
+        Measured record; a pendulum's input is an angle in radians.
+    base : Base
+        Base whose system decides.
 
     Raises
     ------
@@ -75,6 +93,11 @@ def smooth_angle(record: Record) -> Record:
 
     The knots' distance is the one with the least generalised cross-validation error (Craven and Wahba, Numer. Math. 31
     (1979) 377-403).
+
+    Parameters
+    ----------
+    record : Record
+        Record with an evenly sampled input.
     """
     angle = record["input"]
     samples = np.arange(len(angle), dtype=float)
@@ -96,7 +119,13 @@ _MIN_JUMP = 0.1  # median jump of a held input, relative to its range
 
 
 def is_held(motion: Motion | JoinedMotions) -> bool:
-    """Return whether an input is held between jumps, as a command of a few levels; such an input has no derivatives."""
+    """Return whether an input is held between jumps, as a command of a few levels; such an input has no derivatives.
+
+    Parameters
+    ----------
+    motion : Motion or JoinedMotions
+        Motion with the input as position.
+    """
     position = motion.position
     steps = np.abs(np.diff(position))
     moved = steps[steps > 0]

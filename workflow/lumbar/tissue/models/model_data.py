@@ -17,13 +17,27 @@ ARX, OUTPUT_ERROR, GIVEN = "arx", "output_error", "given"
 
 
 def identifier(name: str) -> str:
-    """Return `name` as a C identifier: other characters become ``_``."""
+    """Return a name as a C identifier: other characters become ``_``.
+
+    Parameters
+    ----------
+    name : str
+        Any text.
+    """
     cleaned = re.sub(r"[^A-Za-z0-9_]", "_", name)
     return cleaned if re.match(r"[A-Za-z_]", cleaned) else f"_{cleaned}"
 
 
 def unit_of(template: str, input_unit: str, output_unit: str) -> str:
-    """Return the unit of a parameter, e.g. ``"N/mm"`` of ``"{y}/{x}"``."""
+    """Return the unit of a parameter, e.g. ``"N/mm"`` of ``"{y}/{x}"``.
+
+    Parameters
+    ----------
+    template : str
+        Unit in terms of the input's unit ``{x}`` and the output's ``{y}``.
+    input_unit, output_unit : str
+        Units of the model's input and output.
+    """
     return template.replace("{x}", input_unit).replace("{y}", output_unit)
 
 
@@ -85,7 +99,13 @@ class MotionRange:
     """Upper edge of this band."""
 
     def describe(self, unit: str) -> str:
-        """Return for example ``"-2 to 2 mm, to 12.6 mm/s, 0.1 to 5 Hz"``."""
+        """Return for example ``"-2 to 2 mm, to 12.6 mm/s, 0.1 to 5 Hz"``.
+
+        Parameters
+        ----------
+        unit : str
+            Unit of the input.
+        """
         return (
             f"{self.lowest:.3g} to {self.highest:.3g} {unit}, to {self.speed:.3g} {unit}/s, "
             f"{self.lowest_Hz:.3g} to {self.highest_Hz:.3g} Hz"
@@ -184,7 +204,23 @@ class ModelData:
         raise InputError(f"{self.name} has no parameter {key!r}; there are {known}")
 
     def values_of(self, part: Base | Form) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        """Return the linear and nonlinear parameters of the base or of an effect's form, in the order of this part."""
+        """Return the linear and nonlinear parameters of the base or of an effect's form.
+
+        Parameters
+        ----------
+        part : Base or Form
+            Base or form of the model's structure.
+
+        Returns
+        -------
+        linear, nonlinear : tuple of float
+            Values in the order of `part`; nonlinear ones as a fit searches them.
+
+        Raises
+        ------
+        InputError
+            If the model lacks one of these parameters.
+        """
         owner = f"{part.effect}." if isinstance(part, Form) else ""
         linear = tuple(self[owner + item.name].value for item in part.linear)
         return linear, tuple(item.encode(self[owner + item.name].value) for item in part.nonlinear)

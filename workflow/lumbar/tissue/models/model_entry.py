@@ -66,7 +66,13 @@ class _Entry(ModelData):
 
 
 def entry_of(model: ModelData) -> dict:
-    """Return a model as plain data: its fields, with the structure as coefficients or as names of effects and forms."""
+    """Return a model as plain data: its fields, with the structure as coefficients or as names of effects and forms.
+
+    Parameters
+    ----------
+    model : ModelData
+        Any model.
+    """
     structure = model.structure
     if isinstance(structure, TransferFunction):
         written = _Structure(numerator=structure.numerator, denominator=structure.denominator)
@@ -95,7 +101,17 @@ def _fields(model: ModelData) -> dict:
 
 
 def checked_entry(entry: object, catalogues: Catalogues, problems: Problems) -> dict | None:
-    """Return the fields of the model of an entry, or None if something was added to `problems`."""
+    """Return the fields of the model of an entry, or None if something was added to `problems`.
+
+    Parameters
+    ----------
+    entry : object
+        Result of `entry_of`, as read from JSON.
+    catalogues : mapping
+        Effects by name for every system.
+    problems : Problems
+        Receives everything that is missing, unknown or not allowed.
+    """
     plain = check_types(entry, _Entry, Origins(problems))
     if plain is None:
         return None

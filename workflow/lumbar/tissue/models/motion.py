@@ -29,7 +29,17 @@ class ResultCache:
         self._lasting: dict[Hashable, Any] = {}
 
     def compute_at(self, name: Hashable, nonlinear: np.ndarray, compute: Callable[[], Any]) -> Any:
-        """Return the result of `compute`, cached for the latest few nonlinear parameters: fits change one at a time."""
+        """Return the result of `compute`, cached for the latest few nonlinear parameters: fits change one at a time.
+
+        Parameters
+        ----------
+        name : hashable
+            Name of the result, unique in the cache.
+        nonlinear : numpy.ndarray, shape (nonlinear parameters,)
+            Parameters on which the result depends.
+        compute : callable
+            Function without arguments that computes the result.
+        """
         key = name, np.asarray(nonlinear, dtype=float).tobytes()
         result = self._latest.pop(key) if key in self._latest else compute()
         self._latest[key] = result
@@ -38,7 +48,15 @@ class ResultCache:
         return result
 
     def compute_once(self, name: Hashable, compute: Callable[[], Any]) -> Any:
-        """Return the result of `compute`, cached as long as its object lives: no parameter changes it."""
+        """Return the result of `compute`, cached as long as its object lives: no parameter changes it.
+
+        Parameters
+        ----------
+        name : hashable
+            Name of the result, unique in the cache.
+        compute : callable
+            Function without arguments that computes the result.
+        """
         if name not in self._lasting:
             self._lasting[name] = compute()
         return self._lasting[name]
@@ -67,7 +85,17 @@ class Motion:
 
     @classmethod
     def of(cls, record: Record, role: str = "input", offset: float = 0.0) -> Motion:
-        """Return the motion of one channel of a record less `offset`, with the additional channels."""
+        """Return the motion of one channel of a record, with the additional channels.
+
+        Parameters
+        ----------
+        record : Record
+            Record along one axis.
+        role : str, optional
+            Role of the channel with the position.
+        offset : float, optional
+            Position that is subtracted, in the channel's unit.
+        """
         others = record.channels.keys() - {role, "input", "output"}
         channels = {name: channel.values for name, channel in record.channels.items() if name in others}
         time = record.time - record.time[0]
@@ -83,7 +111,7 @@ class Motion:
 
     @cached_property
     def velocity(self) -> np.ndarray:
-        """First derivative."""
+        """First derivative, shape (samples,)."""
         if self.smooth:
             return self._spline(self.time, 1)
         return np.gradient(self.position, self.sampling_time)
@@ -98,24 +126,24 @@ class Motion:
 
     @cached_property
     def acceleration(self) -> np.ndarray:
-        """Second derivative."""
+        """Second derivative, shape (samples,)."""
         if self.smooth:
             return self._spline(self.time, 2)
         return np.gradient(self.velocity, self.sampling_time)
 
     @cached_property
     def increments(self) -> np.ndarray:
-        """Change of position since the sample before; 0 for the first."""
+        """Change of position since the sample before, shape (samples,); 0 for the first."""
         return np.diff(self.position, prepend=self.position[0])
 
     @cached_property
     def path(self) -> np.ndarray:
-        """Distance travelled since the record's start."""
+        """Distance travelled since the record's start, shape (samples,)."""
         return np.cumsum(np.abs(self.increments))
 
     @cached_property
     def reversals(self) -> np.ndarray:
-        """Indices of the first sample, of every sample at which the direction changes, and of the last one."""
+        """Indices of the first sample, of every sample at which the direction changes, and of the last; shape (reversals,)."""
         direction = np.sign(np.diff(self.position))
         moving = np.flatnonzero(direction)
         turned = moving[1:][direction[moving][1:] != direction[moving][:-1]]
@@ -150,17 +178,23 @@ class Motion:
 
     @property
     def turns(self) -> np.ndarray:
-        """Position at the start, extreme position at each reversal, and position at the end."""
+        """Position at the start, extreme position at each reversal, and position at the end; shape (reversals,)."""
         return self._turning[0]
 
     @cached_property
     def interval(self) -> np.ndarray:
-        """For every sample the number of its monotone interval between `turns`."""
+        """For every sample the number of its monotone interval between `turns`; shape (samples,)."""
         samples = self._turning[1]
         return np.append(np.repeat(np.arange(len(samples) - 1), np.diff(samples)), len(samples) - 2)
 
     def delayed(self, delay: float) -> Motion:
-        """Return the motion `delay` seconds ago, at rest at its first position before the record began."""
+        """Return the motion some time ago, at rest at its first position before the record began.
+
+        Parameters
+        ----------
+        delay : float
+            Seconds, at least 0.
+        """
 
         def interpolate(time: np.ndarray, order: int = 0) -> np.ndarray:
             values = self._spline(np.maximum(time - delay, 0.0), order)
@@ -172,7 +206,13 @@ class Motion:
         return Motion(self.time, position, step, channels=channels, interpolation=interpolate)
 
     def beginning(self, samples: int) -> Motion:
-        """Return the first samples of the motion."""
+        """Return the first samples of the motion.
+
+        Parameters
+        ----------
+        samples : int
+            Number of samples.
+        """
         channels = {name: values[:samples] for name, values in self.channels.items()}
         between = None if self.between is None else self.between[: 1 + (samples - 1) * SUBSTEPS]
         time, position = self.time[:samples], self.position[:samples]
@@ -186,18 +226,38 @@ class Motion:
         return Motion(time, self._spline(time), step, interpolation=self._spline)
 
     def replace_position(self, position: np.ndarray, between: np.ndarray | None = None) -> Motion:
-        """Return the motion with a position that is not smooth; `between` contains its steps between the samples."""
+        """Return the motion with a position that is not smooth.
+
+        Parameters
+        ----------
+        position : numpy.ndarray, shape (samples,)
+            Position in the unit of the motion.
+        between : numpy.ndarray, shape (1 + (samples - 1) * SUBSTEPS,), optional
+            Position in steps between the samples.
+        """
         return type(self)(self.time, position, self.sampling_time, False, self.channels, between)
 
     def through(self, operator: Callable[[Motion], np.ndarray]) -> Motion:
-        """Return the motion with the position that an operator with corners computes from it."""
+        """Return the motion with the position that an operator with corners computes from it.
+
+        Parameters
+        ----------
+        operator : callable
+            From a motion to the position, shape (samples,), in the unit of the motion.
+        """
         if not self.smooth:
             return self.replace_position(operator(self))
         between = operator(self.finer)
         return self.replace_position(between[::SUBSTEPS], between)
 
     def scale(self, kind: str) -> float:
-        """Return the size of a quantity for starting values: see `lumbar.tissue.models.parameter.NonlinearParameter`."""
+        """Return the size of a quantity for starting values, in the motion's units.
+
+        Parameters
+        ----------
+        kind : str
+            Quantity, see `lumbar.tissue.models.parameter.NonlinearParameter`; ``force`` is unknown here.
+        """
         return {
             "position": lambda: float(np.ptp(self.position) / 2),
             "speed": lambda: float(np.abs(self.velocity).max()),
@@ -221,21 +281,35 @@ class SampledMotion(Motion):
 
     @classmethod
     def of_positions(cls, position: np.ndarray, sampling_time: float) -> SampledMotion:
-        """Return the motion through these positions, shape (samples,), from time 0."""
+        """Return the motion through some positions from time 0.
+
+        Parameters
+        ----------
+        position : numpy.ndarray, shape (samples,)
+            Position in any unit.
+        sampling_time : float
+            Seconds.
+        """
         return cls(np.arange(len(position)) * sampling_time, position, sampling_time)
 
     @cached_property
     def velocity(self) -> np.ndarray:
-        """Backward difference of the position."""
+        """Backward difference of the position, shape (samples,)."""
         return self.increments / self.sampling_time
 
     @cached_property
     def acceleration(self) -> np.ndarray:
-        """Backward difference of the velocity."""
+        """Backward difference of the velocity, shape (samples,)."""
         return np.diff(self.velocity, prepend=0.0) / self.sampling_time
 
     def delayed(self, delay: float) -> SampledMotion:
-        """Return the motion `delay` seconds ago, in straight lines between samples, at rest before the first one."""
+        """Return the motion some time ago, in straight lines between samples, at rest before the first one.
+
+        Parameters
+        ----------
+        delay : float
+            Seconds, at least 0.
+        """
         whole, fraction = divmod(delay / self.sampling_time, 1.0)
         index = np.arange(len(self)) - int(whole)
         newer, older = self.position[np.maximum(index, 0)], self.position[np.maximum(index - 1, 0)]
@@ -269,17 +343,29 @@ class JoinedMotions:
 
     @property
     def channels(self) -> dict[str, np.ndarray]:
-        """Additional channels that all records have."""
+        """Additional channels that all records have, each of shape (samples,)."""
         first, *others = (part.channels for part in self.parts)
         common = [name for name in first if all(name in other for other in others)]
         return {name: np.concatenate([part.channels[name] for part in self.parts]) for name in common}
 
     def scale(self, kind: str) -> float:
-        """Return the largest size of a quantity in any of the records, as `Motion.scale`."""
+        """Return the largest size of a quantity in any of the records, in the motions' units.
+
+        Parameters
+        ----------
+        kind : str
+            Quantity, as in `Motion.scale`.
+        """
         return max(part.scale(kind) for part in self.parts)
 
     def split(self, signal: np.ndarray) -> list[np.ndarray]:
-        """Cut a signal over all samples (first axis) into those of the records."""
+        """Cut a signal over all samples into those of the records.
+
+        Parameters
+        ----------
+        signal : numpy.ndarray, shape (samples, ...)
+            Signal in any unit, one record after the other.
+        """
         return np.split(signal, np.cumsum([len(part) for part in self.parts])[:-1])
 
 
@@ -294,7 +380,15 @@ class SpatialMotion(JoinedMotions):
 
     @classmethod
     def of(cls, record: Record, rests: Sequence[float] = ()) -> Self:
-        """Return the motion of a record of several axes; positions are relative to `rests`, by default as recorded."""
+        """Return the motion of a record of several axes.
+
+        Parameters
+        ----------
+        record : Record
+            Record along several axes.
+        rests : sequence of float, optional
+            Position that is subtracted along every axis, in the input's unit; by default positions are as recorded.
+        """
         along = zip(record.axes, rests or [0.0] * len(record.axes), strict=True)
         parts = tuple(Motion.of(record.axis(axis), offset=rest) for axis, rest in along)
         return cls(parts, names=record.axes)
@@ -302,11 +396,23 @@ class SpatialMotion(JoinedMotions):
     time = cached_property(lambda self: self.parts[0].time)
 
     def along(self, axis: str) -> Motion:
-        """Return the motion along one axis."""
+        """Return the motion along one axis.
+
+        Parameters
+        ----------
+        axis : str
+            Name of the axis, one of `names`.
+        """
         return self.parts[self.names.index(axis)]
 
     def each(self, change: Callable[[Motion], Motion]) -> Self:
-        """Return the motion with every axis changed."""
+        """Return the motion with every axis changed.
+
+        Parameters
+        ----------
+        change : callable
+            From the motion along one axis to another one with equal samples.
+        """
         return replace(self, parts=tuple(map(change, self.parts)))
 
     @cached_property
@@ -321,15 +427,27 @@ class SpatialMotion(JoinedMotions):
 
     @property
     def channels(self) -> dict[str, np.ndarray]:
-        """Positions along the axes, as the channels of signals along an axis."""
+        """Positions along the axes, as the channels of signals along an axis; each of shape (samples,)."""
         return {f"axis {name}": part.position for name, part in zip(self.names, self.parts, strict=True)}
 
     def delayed(self, delay: float) -> Self:
-        """Return the motion `delay` seconds ago, at rest at its first position before the record began."""
+        """Return the motion some time ago, at rest at its first position before the record began.
+
+        Parameters
+        ----------
+        delay : float
+            Seconds, at least 0.
+        """
         return self.each(lambda part: part.delayed(delay))
 
     def scale(self, kind: str) -> float:
-        """Return the size of a quantity: speed and path in space, a position along the axis of the largest range."""
+        """Return the size of a quantity: speed and path in space, a position along the axis of the largest range.
+
+        Parameters
+        ----------
+        kind : str
+            Quantity, as in `Motion.scale`.
+        """
         if kind == "path":
             return float(self.path[-1])
         if kind == "speed":
@@ -338,7 +456,13 @@ class SpatialMotion(JoinedMotions):
 
 
 def along_axes(motion: Motion | JoinedMotions) -> list[Motion | JoinedMotions]:
-    """Return the motions along the axes of a motion in space or of joined ones; a motion along one axis is its only one."""
+    """Return the motions along the axes of a motion in space or of joined ones; a motion along one axis is its only one.
+
+    Parameters
+    ----------
+    motion : Motion or JoinedMotions
+        Motion of one record or several, along one axis or several.
+    """
     if isinstance(motion, SpatialMotion):
         return list(motion.parts)
     parts: tuple = getattr(motion, "parts", ())

@@ -28,8 +28,17 @@ def relaxation(motion: Motion, time_constant: float) -> np.ndarray:
     position that is not smooth is taken as linear between samples, or in steps between them (ramp-invariant). Otherwise a
     branch as fast as two samples would show the interpolation's error as a force.
 
-    The result is in the unit of the position, shape (samples,). `time_constant` is τ in seconds, complex for one of a
-    conjugate pair of poles at −1/τ.
+    Parameters
+    ----------
+    motion : Motion
+        Motion along one axis.
+    time_constant : float or complex
+        τ in seconds; complex for one of a conjugate pair of poles at −1/τ.
+
+    Returns
+    -------
+    numpy.ndarray, shape (samples,)
+        Elongation in the unit of the position.
     """
     rate = motion.sampling_time / time_constant
     constant = -np.expm1(-rate) / rate
@@ -50,9 +59,21 @@ def relaxation(motion: Motion, time_constant: float) -> np.ndarray:
 
 
 def play(motion: Motion, gap: float) -> np.ndarray:
-    """Return the position behind a gap of half-width `gap` (backlash), which rests until the gap is closed.
+    """Return the position behind a gap (backlash), which rests until the gap is closed.
 
     Play operator of Krasnosel'skii and Pokrovskii, Systems with Hysteresis (1989), at rest in the middle first.
+
+    Parameters
+    ----------
+    motion : Motion
+        Motion along one axis.
+    gap : float
+        Half-width of the gap, in the unit of the position.
+
+    Returns
+    -------
+    numpy.ndarray, shape (samples,)
+        Position in the unit of the motion.
     """
     position = motion.position
     turns = motion.turns
@@ -73,6 +94,18 @@ def presliding(motion: Motion, distance: float) -> np.ndarray:
 
     P. Dahl, A solid friction model (1968), exponent 1; along a monotone interval r approaches ±1 exponentially with
     the presliding distance d.
+
+    Parameters
+    ----------
+    motion : Motion
+        Motion along one axis.
+    distance : float
+        d, in the unit of the position.
+
+    Returns
+    -------
+    numpy.ndarray, shape (samples,)
+        r, from -1 to 1.
     """
     position = motion.position
     turns = motion.turns
@@ -91,6 +124,18 @@ def bouc_wen(motion: Motion, distance: float) -> np.ndarray:
 
     dr/dx = (1 − r²·[r ẋ > 0])/d: loading approaches the limit as a hyperbolic tangent, unloading is straight.
     Y. Wen, J. Eng. Mech. Div. 102 (1976) 249-263, with n = 2, β = γ = 1/2.
+
+    Parameters
+    ----------
+    motion : Motion
+        Motion along one axis.
+    distance : float
+        d, in the unit of the position.
+
+    Returns
+    -------
+    numpy.ndarray, shape (samples,)
+        r, from -1 to 1.
     """
 
     def load_one(share: float, travel: float) -> float:
@@ -120,7 +165,19 @@ def bouc_wen_general(motion: Motion, distance: float, unloading_share: float) ->
     benchmark of Noël and Schoukens 2016, n = 1). Unloading relaxes exponentially at w, loading at 1 − w; above w = 1 loading
     gets steeper without a limit.
 
-    The result has shape (samples,). `distance` is d, in the unit of the position, `unloading_share` is w > 0.
+    Parameters
+    ----------
+    motion : Motion
+        Motion along one axis.
+    distance : float
+        d, in the unit of the position.
+    unloading_share : float
+        w, above 0.
+
+    Returns
+    -------
+    numpy.ndarray, shape (samples,)
+        ρ, without unit.
     """
 
     def load(library, share, travel):
@@ -155,18 +212,44 @@ def _follow_loop(motion: Motion, distance: float, load_one: Callable, load: Call
 
 
 def elastoplastic(motion: Motion, distance: float) -> np.ndarray:
-    """Return a Jenkins element (spring and slider in series) as a fraction of its limit: x less its play, over the distance."""
+    """Return a Jenkins element (spring and slider in series) as a fraction of its limit: x less its play, over the distance.
+
+    Parameters
+    ----------
+    motion : Motion
+        Motion along one axis.
+    distance : float
+        Elongation at which the slider moves, in the unit of the position.
+
+    Returns
+    -------
+    numpy.ndarray, shape (samples,)
+        Fraction from -1 to 1.
+    """
     return (motion.position - play(motion, distance)) / distance
 
 
 def surface_of_branch(motion: Motion, share: float, time_constant: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return the position of the dashpot of a Maxwell branch parallel to a spring, and where the free tool touches.
+    """Return the position of the dashpot of a Maxwell branch parallel to a spring, and whether the free tool touches.
 
     Force over the sum of both stiffnesses: x − (1 − share) w, with ẇ = (x − w)/τ; in contact x is the tool's
     position (linear between samples), else the force is 0: x = (1 − share) w.
 
-    The results are w in the unit of the position and the contact, both of shape (samples,). `share` is the stiffness of the
-    spring over that of spring and branch, 0 to 1; `time_constant` is τ of the branch in seconds.
+    Parameters
+    ----------
+    motion : Motion
+        Motion along one axis, relative to the surface at rest.
+    share : float
+        Stiffness of the spring over that of spring and branch, 0 to 1.
+    time_constant : float
+        τ of the branch in seconds.
+
+    Returns
+    -------
+    dashpot : numpy.ndarray, shape (samples,)
+        w, in the unit of the position.
+    touching : numpy.ndarray of bool, shape (samples,)
+        True in contact.
     """
     rate = motion.sampling_time / time_constant
     decay, recovery = float(np.exp(-rate)), float(np.exp(-share * rate))
@@ -214,9 +297,23 @@ def surface_of_branch(motion: Motion, share: float, time_constant: float) -> tup
 
 
 def surface_of_dashpot(motion: Motion, retardation_time: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return the surface of a spring parallel to a dashpot under a free tool, and where the tool touches it.
+    """Return the surface of a spring parallel to a dashpot under a free tool, and whether the tool touches it.
 
-    Force over stiffness: x + T v. The free surface recovers with the retardation time T (s). Results have shape (samples,).
+    Force over stiffness: x + T v. The free surface recovers with the retardation time T.
+
+    Parameters
+    ----------
+    motion : Motion
+        Motion along one axis, relative to the surface at rest.
+    retardation_time : float
+        T in seconds.
+
+    Returns
+    -------
+    surface : numpy.ndarray, shape (samples,)
+        Position of the surface, in the unit of the motion.
+    touching : numpy.ndarray of bool, shape (samples,)
+        True in contact.
     """
     position, velocity = motion.position, motion.velocity
     recovery = float(np.exp(-motion.sampling_time / retardation_time))

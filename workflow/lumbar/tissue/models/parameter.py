@@ -69,15 +69,40 @@ class NonlinearParameter(Parameter):
     """True if a value at the end of its range means that the mechanism is absent or different."""
 
     def decode(self, number: float) -> float:
-        """Return its value, from the number that a fit searches."""
+        """Return its value, from the number that a fit searches.
+
+        Parameters
+        ----------
+        number : float
+            Number above 0: the exponential of a value of either sign, else the value.
+        """
         return float(np.log(number)) if self.signed else number
 
     def encode(self, value: float) -> float:
-        """Return the number that a fit searches, from its value."""
+        """Return the number that a fit searches, from its value.
+
+        Parameters
+        ----------
+        value : float
+            Value in the parameter's unit.
+        """
         return float(np.exp(value)) if self.signed else value
 
     def grid(self, size: float, sampling_time: float | None = None) -> np.ndarray:
-        """Return the starting values for a scale of this size and records with this sampling time."""
+        """Return the starting values, in increasing order.
+
+        Parameters
+        ----------
+        size : float
+            Size of its `scale` in the records.
+        sampling_time : float, optional
+            Sampling time of the records in seconds, if time constants follow the record.
+
+        Returns
+        -------
+        numpy.ndarray, shape (values,)
+            At least `points` numbers that a fit searches.
+        """
         low, points = self.low * size, self.points
         if self.follows_record and sampling_time and 2 * sampling_time < low:
             # Extend the range with the density of its own values.
@@ -89,7 +114,15 @@ class NonlinearParameter(Parameter):
     def bounds(
         self, size: float, sampling_time: float | None = None, duration: float | None = None
     ) -> tuple[float, float]:
-        """Return the bounds of the fit for a scale of this size and records with this sampling time and duration."""
+        """Return the bounds of the fit, lower and upper.
+
+        Parameters
+        ----------
+        size : float
+            Size of its `scale` in the records.
+        sampling_time, duration : float, optional
+            Sampling time and duration of the records in seconds, if time constants follow the record.
+        """
         low, high = self.low * self.reach[0] * size, self.high * self.reach[1] * size
         if self.follows_record and sampling_time and duration:
             low, high = min(low, _TIME_SHARE * sampling_time), max(high, _TIME_SHARE * duration)

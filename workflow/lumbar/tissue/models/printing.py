@@ -26,7 +26,13 @@ _GREEK = {
 
 
 def symbol_latex(symbol: str) -> str:
-    """Return the LaTeX of a symbol, e.g. F_c of Fc: the part after its first letter, Greek name or underscore is an index."""
+    """Return the LaTeX of a symbol, e.g. F_c of Fc.
+
+    Parameters
+    ----------
+    symbol : str
+        Symbol; the part after its first letter, Greek name or underscore is an index.
+    """
     head, _, index = symbol.partition("_")
     if head not in _GREEK and len(head) > 1:
         start = max((name for name in _GREEK if head.startswith(name)), key=len, default=head[0])
@@ -36,7 +42,13 @@ def symbol_latex(symbol: str) -> str:
 
 
 def number_latex(text: str) -> str:
-    """Return the LaTeX of a formatted number, with powers of ten instead of an ``e``: 10^{-6} of 1e-06."""
+    """Return the LaTeX of a formatted number, with powers of ten instead of an ``e``: 10^{-6} of 1e-06.
+
+    Parameters
+    ----------
+    text : str
+        Number as Python formats it.
+    """
     mantissa, e, exponent = text.partition("e")
     if not e:
         return text
@@ -47,7 +59,12 @@ def number_latex(text: str) -> str:
 def latex(expression: Expression, names: Mapping[str, str]) -> str:
     """Return the LaTeX of an expression, in commands that matplotlib knows too.
 
-    `names` contains the LaTeX of symbols; that of other symbols is derived.
+    Parameters
+    ----------
+    expression : Expression
+        Any expression.
+    names : mapping of str to str
+        LaTeX of symbols; that of other symbols is derived.
     """
     return _Latex(names).text(expression)
 
@@ -200,6 +217,11 @@ def portable(expression: Expression) -> Expression:
     """Return the expression in operations for C that give identical bits on every platform.
 
     Elementary functions become those of ``portable_math.h`` and of ``effect_forms.h``, whole powers products.
+
+    Parameters
+    ----------
+    expression : Expression
+        Expression without ``sum``.
     """
     match expression:
         case Operation("**", (base, exponent)) if not whole_power(exponent):
@@ -222,7 +244,17 @@ _C_RANK = {"+": 1, "-": 1, "*": 2, "/": 2}
 
 
 def c_text(expression: Expression, names: Mapping[str, str], rank: int = 0) -> str:
-    """Return C99 of the result of `portable`, with the C names of the symbols; in brackets if it binds less than `rank`."""
+    """Return an expression as C99.
+
+    Parameters
+    ----------
+    expression : Expression
+        Result of `portable`.
+    names : mapping of str to str
+        C names of all symbols except ``pi``.
+    rank : int, optional
+        Binding strength below which the text is in brackets: 1 of a sum, 2 of a product, 3 of a sign.
+    """
     match expression:
         case Number(value):
             text, bound = repr(float(value)), 5 if value >= 0 else 1

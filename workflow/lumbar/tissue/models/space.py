@@ -49,7 +49,15 @@ _MAX_SHIFT = 0.5  # largest shift of a plane, relative to the motion's range
 
 
 def signed(name: str, unit: str, symbol: str, most: float) -> NonlinearParameter:
-    """Return a parameter of either sign that starts at 0, of at most this size."""
+    """Return a parameter of either sign that starts at 0.
+
+    Parameters
+    ----------
+    name, unit, symbol : str
+        Fields of the parameter.
+    most : float
+        Largest size, in the parameter's unit.
+    """
     ends = float(np.exp(-most)), float(np.exp(most))
     return NonlinearParameter(
         name, unit, "one", low=1.0, high=1.0, points=1, reach=ends, symbol=symbol, signed=True, decisive=True
@@ -57,14 +65,33 @@ def signed(name: str, unit: str, symbol: str, most: float) -> NonlinearParameter
 
 
 def turn(vector: np.ndarray) -> np.ndarray:
-    """Return the rotation matrix of a rotation vector in radians, (1,) in the plane or (3,) in space."""
+    """Return the rotation matrix of a rotation vector.
+
+    Parameters
+    ----------
+    vector : numpy.ndarray, shape (1,) in the plane or (3,) in space
+        Rotation in radians.
+
+    Returns
+    -------
+    numpy.ndarray, shape (2, 2) or (3, 3)
+        Matrix that rotates column vectors.
+    """
     x, y, z = vector if len(vector) == 3 else (0.0, 0.0, vector[0])
     generator = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     return scipy.linalg.expm(generator if len(vector) == 3 else generator[:2, :2])
 
 
 def is_rotation(numbers: Sequence[float], size: int) -> bool:
-    """Return whether numbers, row by row, are a rotation matrix."""
+    """Return whether numbers are a rotation matrix.
+
+    Parameters
+    ----------
+    numbers : sequence of float
+        Elements, row by row.
+    size : int
+        Number of rows.
+    """
     matrix = np.array(numbers, float).reshape(size, size)
     return bool(np.allclose(matrix @ matrix.T, np.eye(size), atol=1e-9) and np.linalg.det(matrix) > 0)
 
@@ -134,7 +161,18 @@ class SpatialBase:
         )
 
     def frames_at(self, nonlinear: np.ndarray) -> list[np.ndarray]:
-        """Return the principal axes, the columns of a matrix for every frame, at nonlinear parameters of the base."""
+        """Return the principal axes at nonlinear parameters of the base.
+
+        Parameters
+        ----------
+        nonlinear : numpy.ndarray, shape (nonlinear parameters,)
+            Parameters of the field `nonlinear`, as a fit searches them.
+
+        Returns
+        -------
+        list of numpy.ndarray, shape (axes, axes)
+            Matrix for every frame; its columns are the principal axes.
+        """
         size = len(self.axes)
         given = [np.array(frame).reshape(size, size) for frame in self.frames]
         if not self.free or not self.turns:
@@ -145,7 +183,20 @@ class SpatialBase:
         return [frame @ turn(angle) for frame, angle in zip(given, angles, strict=True)]
 
     def columns(self, motion: Motion, nonlinear: np.ndarray) -> list[np.ndarray]:
-        """Return the forces along the axes of every linear parameter at size 1, one axis after the other."""
+        """Return the forces along the axes of every linear parameter at size 1.
+
+        Parameters
+        ----------
+        motion : Motion
+            Motion along the axes of the base.
+        nonlinear : numpy.ndarray, shape (nonlinear parameters,)
+            Parameters of the field `nonlinear`, as a fit searches them.
+
+        Returns
+        -------
+        list of numpy.ndarray, shape (axes × samples,)
+            Force per linear parameter, in the force's unit per unit of the parameter; one axis after the other.
+        """
         own_values = nonlinear[: len(self.base.nonlinear)]
         forces = motion.cache.compute_at(
             self.form.key, own_values, lambda: self.form.columns(motion, own_values)
@@ -157,7 +208,20 @@ class SpatialBase:
         return columns
 
     def matrices(self, linear: np.ndarray, nonlinear: np.ndarray) -> dict[str, np.ndarray]:
-        """Return the matrices by the name of the one-axis parameter, from parameters of the base."""
+        """Return the matrices by the name of the one-axis parameter.
+
+        Parameters
+        ----------
+        linear : numpy.ndarray, shape (linear parameters,)
+            Parameters of the field `linear`.
+        nonlinear : numpy.ndarray, shape (nonlinear parameters,)
+            Parameters of the field `nonlinear`, as a fit searches them.
+
+        Returns
+        -------
+        dict of str to numpy.ndarray, shape (axes, axes)
+            Symmetric matrices in the units of the parameters.
+        """
         sizes = [len(axes) for axes in self.equal_axes.values()]
         values = np.repeat(linear.reshape(-1, len(sizes)), sizes, axis=1)
         items = zip(self.base.linear, values, cycle(self.frames_at(nonlinear)), strict=False)
@@ -192,16 +256,38 @@ class SpatialBase:
         return _write_by_hand(self.base, self, written, name=name, equation=equation, **parameters)
 
     def freeze(self, nonlinear: np.ndarray) -> "SpatialBase":
-        """Return the base with frames that these parameters rotate and no fit changes."""
+        """Return the base with frames that these parameters rotate and no fit changes.
+
+        Parameters
+        ----------
+        nonlinear : numpy.ndarray, shape (nonlinear parameters,)
+            Parameters of the field `nonlinear`, as a fit searches them.
+        """
         return self.replace_frames(self.frames_at(nonlinear), free=False)
 
     def replace_frames(self, frames: Sequence[np.ndarray], free: bool = True) -> "SpatialBase":
-        """Return the base with other frames."""
+        """Return the base with other frames.
+
+        Parameters
+        ----------
+        frames : sequence of numpy.ndarray, shape (axes, axes)
+            Rotation matrices with the principal axes as columns.
+        free : bool, optional
+            True if a fit rotates the axes.
+        """
         return replace(self, frames=tuple(tuple(frame.ravel().tolist()) for frame in frames), free=free)
 
 
 def symmetric_base(base: Base, axes: tuple[str, ...]) -> Base:
-    """Return the base with any symmetric matrix, linear in its elements, with which a search of axes starts."""
+    """Return the base with any symmetric matrix, linear in its elements, with which a search of axes starts.
+
+    Parameters
+    ----------
+    base : Base
+        Base along one axis.
+    axes : tuple of str
+        Names of the axes.
+    """
     form, size = base.form.in_space(axes), len(axes)
     places = [(row, column) for row in range(size) for column in range(row, size)]
 
@@ -234,7 +320,22 @@ def _write_by_hand(
 
 
 def matrices_of(linear: np.ndarray, count: int, size: int) -> list[np.ndarray]:
-    """Return the matrices of `symmetric_base` from the values of their elements."""
+    """Return the matrices of `symmetric_base` from the values of their elements.
+
+    Parameters
+    ----------
+    linear : numpy.ndarray, shape (count * size * (size + 1) / 2,)
+        Elements of the upper triangles, row by row, one matrix after the other.
+    count : int
+        Number of matrices.
+    size : int
+        Number of axes.
+
+    Returns
+    -------
+    list of numpy.ndarray, shape (size, size)
+        Symmetric matrices in the units of the elements.
+    """
     rows, columns = np.triu_indices(size)
     matrices = np.zeros((count, size, size))
     matrices[:, rows, columns] = matrices[:, columns, rows] = linear.reshape(count, -1)
@@ -281,7 +382,20 @@ class PlaneContact:
     """Optional parameters of a model: none."""
 
     def plane(self, nonlinear: np.ndarray) -> tuple[np.ndarray, float]:
-        """Return normal and depth of the surface at nonlinear parameters of the base."""
+        """Return normal and depth of the surface at nonlinear parameters of the base.
+
+        Parameters
+        ----------
+        nonlinear : numpy.ndarray, shape (nonlinear parameters,)
+            Parameters of the field `nonlinear`, as a fit searches them.
+
+        Returns
+        -------
+        normal : numpy.ndarray, shape (axes,)
+            Unit vector into the tissue.
+        depth : float
+            Position of the surface along the normal, in the unit of the position.
+        """
         frame = np.array(self.frames[0]).reshape(len(self.axes), -1)
         numbers = np.log(nonlinear[len(self.base.nonlinear) + 1 :])
         turns = numbers[:-1] if len(self.axes) == 2 else np.array([0.0, *numbers[:-1]])
@@ -298,7 +412,20 @@ class PlaneContact:
         return motion.cache.compute_at("into the surface", nonlinear[len(self.base.nonlinear) + 1 :], project)
 
     def columns(self, motion: SpatialMotion, nonlinear: np.ndarray) -> list[np.ndarray]:
-        """Return the forces along the axes of every linear parameter at size 1, one axis after the other."""
+        """Return the forces along the axes of every linear parameter at size 1.
+
+        Parameters
+        ----------
+        motion : SpatialMotion
+            Motion along the axes of the base.
+        nonlinear : numpy.ndarray, shape (nonlinear parameters,)
+            Parameters of the field `nonlinear`, as a fit searches them.
+
+        Returns
+        -------
+        list of numpy.ndarray, shape (axes × samples,)
+            Force per linear parameter, in the force's unit per unit of the parameter; one axis after the other.
+        """
         normal, count = self.plane(nonlinear)[0], len(self.base.nonlinear)
         into = self.base.form.columns(self._pressed(motion, nonlinear), nonlinear[:count])
         velocity = motion.velocity.reshape(len(self.axes), -1)
@@ -311,7 +438,20 @@ class PlaneContact:
         ]
 
     def touching(self, motion: SpatialMotion, nonlinear: np.ndarray) -> np.ndarray:
-        """Return whether the tool touches the tissue, for one axis after the other."""
+        """Return whether the tool touches the tissue.
+
+        Parameters
+        ----------
+        motion : SpatialMotion
+            Motion along the axes of the base.
+        nonlinear : numpy.ndarray, shape (nonlinear parameters,)
+            Parameters of the field `nonlinear`, as a fit searches them.
+
+        Returns
+        -------
+        numpy.ndarray of bool, shape (axes × samples,)
+            Equal for all axes, one axis after the other.
+        """
         assert self.base.touching is not None
         pressed = self._pressed(motion, nonlinear)
         return np.tile(self.base.touching(pressed, nonlinear[: len(self.base.nonlinear)]), len(self.axes))
@@ -325,13 +465,30 @@ class PlaneContact:
         return _write_by_hand(self.base, self, written, self.touching, name=name, **parameters)
 
     def freeze(self, nonlinear: Sequence[float]) -> "PlaneContact":
-        """Return the base with the plane moved by these parameters."""
+        """Return the base with the plane moved by these parameters.
+
+        Parameters
+        ----------
+        nonlinear : sequence of float
+            Parameters of the field `nonlinear`, as a fit searches them.
+        """
         normal, depth = self.plane(np.asarray(nonlinear))
         return replace(self, frames=(tuple(frame_of(normal).ravel().tolist()),), depth=depth)
 
 
 def frame_of(normal: np.ndarray) -> np.ndarray:
-    """Return a rotation matrix with this direction as first column."""
+    """Return a rotation matrix with a given direction as first column.
+
+    Parameters
+    ----------
+    normal : numpy.ndarray, shape (axes,)
+        Unit vector.
+
+    Returns
+    -------
+    numpy.ndarray, shape (axes, axes)
+        The other columns are perpendicular to it.
+    """
     frame = np.linalg.qr(np.column_stack([normal, np.eye(len(normal))]))[0][:, : len(normal)]
     frame *= np.sign(frame[:, 0] @ normal)
     frame[:, -1] *= np.sign(np.linalg.det(frame))
@@ -339,7 +496,13 @@ def frame_of(normal: np.ndarray) -> np.ndarray:
 
 
 def force_sensor_effects(axes: tuple[str, ...]) -> dict[str, Effect]:
-    """Return the effects of the force sensor of several axes on the forces, by name; none of them is the tissue's."""
+    """Return the effects of the force sensor of several axes on the forces, by name; none of them is the tissue's.
+
+    Parameters
+    ----------
+    axes : tuple of str
+        Names of the axes.
+    """
     size = len(axes)
     pairs = [(row, column) for row in range(size) for column in range(size) if row != column]
 

@@ -47,17 +47,41 @@ _MIN_SQUARE = Number(1e-300)  # square of the length of a vector that has a dire
 
 
 def dot(left: Vector, right: Vector) -> Expression:
-    """Return the scalar product."""
+    """Return the scalar product of two vectors.
+
+    Parameters
+    ----------
+    left, right : tuple of Expression
+        Components along every axis.
+    """
     return reduce(operator.add, map(operator.mul, left, right))
 
 
 def length(vector: Vector) -> Expression:
-    """Return the length of a vector, with slope 0 at length 0."""
+    """Return the length of a vector, with slope 0 at length 0.
+
+    Parameters
+    ----------
+    vector : tuple of Expression
+        Components along every axis.
+    """
     return Operation("sqrt", (Operation("max", (dot(vector, vector), _MIN_SQUARE)),))
 
 
 def vectorise(expression: Expression, vectors: Mapping[str, Vector]) -> Expression | Vector:
-    """Read an expression in space, with the components of the symbols that are `vectors`: k*z**3 is k*(z·z)*z.
+    """Read an expression in space: k*z**3 is k*(z·z)*z.
+
+    Parameters
+    ----------
+    expression : Expression
+        Expression along one axis, without ``sum``.
+    vectors : mapping of str to tuple of Expression
+        Components of the symbols that are vectors.
+
+    Returns
+    -------
+    Expression or tuple of Expression
+        A number, or the components of a vector.
 
     Raises
     ------
@@ -122,7 +146,17 @@ def _apply_to_vector(name: str, vector: Vector) -> Expression | Vector | None:
 
 
 def element(name: str, axes: Sequence[str], row: int, column: int) -> str:
-    """Return the name of an element of a symmetric matrix, equal on both sides of its diagonal."""
+    """Return the name of an element of a symmetric matrix, equal on both sides of its diagonal.
+
+    Parameters
+    ----------
+    name : str
+        Name of the matrix.
+    axes : sequence of str
+        Names of the axes.
+    row, column : int
+        Place of the element, from 0.
+    """
     first, second = sorted((row, column))
     return f"{name}_{axes[first]}{axes[second]}"
 
@@ -153,7 +187,13 @@ class SpatialEquation(Equation):
 
     @cached_property
     def slopes(self) -> dict[str, Expression]:
-        """Rate of change by state, and by component if the state is a vector."""
+        """Rate of change by state, and by component if the state is a vector.
+
+        Raises
+        ------
+        InputError
+            If a rate has no meaning for vectors.
+        """
         slopes: dict[str, Expression] = {}
         for name, rate in self.rates.items():
             read = vectorise(rate, self.vectors)
@@ -167,7 +207,13 @@ class SpatialEquation(Equation):
 
     @cached_property
     def begin(self) -> dict[str, Expression]:
-        """Start value by state; none in space."""
+        """Start value by state; none in space.
+
+        Raises
+        ------
+        InputError
+            If a state has a start value.
+        """
         if self.starts:
             raise InputError(f"state {self.starts[0][0]} has a start value, which has no form in space")
         return {}
@@ -215,7 +261,24 @@ class SpatialEquation(Equation):
         solution: Solution | None = None,
         force: np.ndarray | None = None,
     ) -> list[np.ndarray]:
-        """Return the force per linear parameter at size 1, or the transformed force; each of shape (axes × samples,)."""
+        """Return the force per linear parameter at size 1, or the transformed force.
+
+        Parameters
+        ----------
+        motion : OneMotion
+            Motion along the axes, a `SpatialMotion`.
+        nonlinear : numpy.ndarray, shape (nonlinear parameters,)
+            Nonlinear parameters, in the order of the field.
+        solution : callable, optional
+            From the motion along one axis and nonlinear parameters to the states, used if the axes are independent.
+        force : numpy.ndarray, shape (axes × samples,), optional
+            Force that an output form transforms.
+
+        Returns
+        -------
+        list of numpy.ndarray, shape (axes × samples,)
+            One force per linear parameter in space, one axis after the other; one for an output form.
+        """
         assert isinstance(motion, SpatialMotion)
         values: dict = self.parameters(nonlinear)
         if force is not None:
@@ -270,7 +333,10 @@ class SpatialEquation(Equation):
     def c_step(self, solution: str = "") -> CStep | None:
         """Return the C code of one sample, with a value per axis; an output form has one value for every channel.
 
-        The `solution` along one axis is ignored.
+        Parameters
+        ----------
+        solution : str, optional
+            Statements of the states along one axis, which are ignored.
         """
         if self.transforms:
             return super().c_step()

@@ -60,7 +60,13 @@ _RATES: dict[str, Expression] = {
 
 
 def phi1(x):
-    """Return (eˣ − 1)/x, 1 at 0."""
+    """Return (eˣ − 1)/x, 1 at 0.
+
+    Parameters
+    ----------
+    x : array_like
+        Numbers of any shape, that of the result.
+    """
     is_zero = np.equal(x, 0.0)
     return np.where(is_zero, 1.0, np.expm1(x) / np.where(is_zero, 1.0, x))
 
@@ -152,7 +158,20 @@ class StateEquation:
         return Symbol(name) + gain * slope
 
     def slopes_at_rest(self, values: Mapping[str, float], sampling_time: float) -> np.ndarray:
-        """Return the derivatives of the increments without motion; shape (states, states)."""
+        """Return the derivatives of the increments without motion.
+
+        Parameters
+        ----------
+        values : mapping of str to float
+            Parameters and constants by symbol.
+        sampling_time : float
+            Seconds.
+
+        Returns
+        -------
+        numpy.ndarray, shape (states, states)
+            Change of every state in a step (row) by every state (column).
+        """
         given = dict.fromkeys((*self.names, *self.signals), 0.0)
         rows = [Evaluator(row, STEP_FUNCTIONS) for row in self._jacobian]
         with np.errstate(all="ignore"):
@@ -161,7 +180,20 @@ class StateEquation:
             )
 
     def trajectory(self, motion: OneMotion, values: Mapping[str, float]) -> dict[str, np.ndarray]:
-        """States at every sample, each of shape (samples,), from parameters and constants by symbol."""
+        """Return the states at every sample, by symbol.
+
+        Parameters
+        ----------
+        motion : OneMotion
+            Motion along one axis or several.
+        values : mapping of str to float
+            Parameters and constants by symbol.
+
+        Returns
+        -------
+        dict of str to numpy.ndarray, shape (samples,)
+            States; not finite from the sample at which they diverge.
+        """
         if len(self.apart) > 1:
             paths = {
                 name: path for part in self.apart for name, path in part.trajectory(motion, values).items()
@@ -270,9 +302,21 @@ class StateEquation:
         return np.array([path + [math.nan] * (steps + 1 - len(path))])
 
     def solve_stepwise(self, known: Mapping, steps: int, begin: np.ndarray | float = 0.0) -> np.ndarray:
-        """Solve for the states step by step as in C, shape (states, steps + 1).
+        """Solve for the states step by step as in C.
 
-        `known` contains parameters, and signals at the beginning of every step; `begin` contains the start values.
+        Parameters
+        ----------
+        known : mapping of str to float or numpy.ndarray, shape (steps,)
+            Parameters, and signals at the beginning of every step, by symbol.
+        steps : int
+            Number of steps.
+        begin : float or numpy.ndarray, shape (states,), optional
+            Start values.
+
+        Returns
+        -------
+        numpy.ndarray, shape (states, steps + 1)
+            States at the beginning and after every step.
         """
         states = np.zeros((len(self.names), steps + 1))
         states[:, 0] = begin
@@ -343,7 +387,18 @@ def _recursion(slopes: np.ndarray, driven: np.ndarray) -> np.ndarray:
 
 
 def step_bands(slopes: np.ndarray) -> np.ndarray:
-    """Return the lower bands of yₖ − Sₖ yₖ₋₁ for slopes of shape (size, size, steps)."""
+    """Return the lower bands of the system yₖ − Sₖ yₖ₋₁, as LAPACK stores them.
+
+    Parameters
+    ----------
+    slopes : numpy.ndarray, shape (size, size, steps)
+        S of every step.
+
+    Returns
+    -------
+    numpy.ndarray, shape (2 * size, size * (steps + 1))
+        Diagonal first.
+    """
     size, _, steps = slopes.shape
     bands = np.zeros((2 * size, size * (steps + 1)))
     bands[0] = 1.0

@@ -51,11 +51,23 @@ class Structure:
         return all(form.place is not Place.OUTPUT for form in self.forms)
 
     def with_form(self, form: Form) -> Self:
-        """Return the structure with one more form."""
+        """Return the structure with one more form.
+
+        Parameters
+        ----------
+        form : Form
+            Form of an effect that the structure lacks; it is the last one.
+        """
         return replace(self, forms=(*self.forms, form))
 
     def nonlinear_of(self, nonlinear: np.ndarray) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-        """Split all nonlinear parameters into the base's and those of each form by its key."""
+        """Split all nonlinear parameters into the base's and those of each form by its key.
+
+        Parameters
+        ----------
+        nonlinear : numpy.ndarray, shape (nonlinear parameters,)
+            Parameters of the field `nonlinear`.
+        """
         position = len(self.base.nonlinear)
         parts = {}
         for form in self.forms:
@@ -64,7 +76,20 @@ class Structure:
         return nonlinear[: len(self.base.nonlinear)], parts
 
     def design(self, motion: AnyMotion, nonlinear: np.ndarray) -> np.ndarray:
-        """Return the force of every amplitude at size 1, before output forms; shape (samples, linear parameters)."""
+        """Return the force of every amplitude at size 1, before output forms.
+
+        Parameters
+        ----------
+        motion : AnyMotion
+            Motion of one record or several.
+        nonlinear : numpy.ndarray, shape (nonlinear parameters,)
+            Parameters of the field `nonlinear`.
+
+        Returns
+        -------
+        numpy.ndarray, shape (samples, linear parameters)
+            Forces in the output's unit per unit of the parameter; in space one axis after the other.
+        """
         if isinstance(motion, JoinedMotions) and not isinstance(motion, SpatialMotion):
             return np.concatenate([self.design(part, nonlinear) for part in motion.parts])
         base, parts = self.nonlinear_of(nonlinear)
@@ -90,7 +115,17 @@ class Structure:
         return motion
 
     def output(self, force: np.ndarray, motion: AnyMotion, nonlinear: np.ndarray) -> np.ndarray:
-        """Return the measured force for the force at the tissue, shape (samples,)."""
+        """Return the measured force, of the shape and unit of `force`.
+
+        Parameters
+        ----------
+        force : numpy.ndarray, shape (samples,)
+            Force at the tissue; in space one axis after the other.
+        motion : AnyMotion
+            Motion of one record or several.
+        nonlinear : numpy.ndarray, shape (nonlinear parameters,)
+            Parameters of the field `nonlinear`.
+        """
         if isinstance(motion, JoinedMotions) and not isinstance(motion, SpatialMotion):
             pieces = zip(motion.split(force), motion.parts, strict=True)
             return np.concatenate([self.output(piece, part, nonlinear) for piece, part in pieces])
@@ -101,7 +136,20 @@ class Structure:
         return force
 
     def simulate(self, motion: AnyMotion, linear: np.ndarray, nonlinear: np.ndarray) -> np.ndarray:
-        """Simulate the measured force as a free run, shape (samples,)."""
+        """Simulate the measured force as a free run.
+
+        Parameters
+        ----------
+        motion : AnyMotion
+            Motion of one record or several.
+        linear, nonlinear : numpy.ndarray, shape (parameters,)
+            Parameters of the fields `linear` and `nonlinear`.
+
+        Returns
+        -------
+        numpy.ndarray, shape (samples,)
+            Force in the output's unit; in space one axis after the other.
+        """
         return self.output(self.design(motion, nonlinear) @ linear, motion, nonlinear)
 
 
@@ -110,7 +158,22 @@ def _compute_cached(name: Hashable, function: Callable, motion: Any, nonlinear: 
 
 
 def forces_of(form: Form, motion: AnyMotion, nonlinear: np.ndarray) -> np.ndarray:
-    """Return the forces that a parallel form adds, one per amplitude at size 1; shape (samples, linear parameters)."""
+    """Return the forces that a parallel form adds, one per amplitude at size 1.
+
+    Parameters
+    ----------
+    form : Form
+        Parallel form.
+    motion : AnyMotion
+        Motion of one record or several.
+    nonlinear : numpy.ndarray, shape (nonlinear parameters,)
+        Nonlinear parameters of the form.
+
+    Returns
+    -------
+    numpy.ndarray, shape (samples, linear parameters)
+        Forces in the output's unit per unit of the parameter.
+    """
     if isinstance(motion, JoinedMotions) and not isinstance(motion, SpatialMotion):
         return np.concatenate([forces_of(form, part, nonlinear) for part in motion.parts])
     return np.stack(form.columns(motion, nonlinear), axis=1)
@@ -169,7 +232,13 @@ class ForwardStructure(Structure):
         return ForceBalance((self.base.form, *(form for form in self.forms if form.place is Place.PARALLEL)))
 
     def parameters(self, linear: np.ndarray, nonlinear: np.ndarray) -> dict[str, float]:
-        """Return the parameters by the balance's symbols."""
+        """Return the parameters by the balance's symbols.
+
+        Parameters
+        ----------
+        linear, nonlinear : numpy.ndarray, shape (parameters,)
+            Parameters of the fields `linear` and `nonlinear`.
+        """
         base, parts = self.nonlinear_of(nonlinear)
         parallel = [parts[form.key] for form in self.forms if form.place is Place.PARALLEL]
         values = map(float, (*linear, *np.concatenate([base, *parallel])))
@@ -178,10 +247,21 @@ class ForwardStructure(Structure):
     def simulate(
         self, motion: AnyMotion, linear: np.ndarray, nonlinear: np.ndarray, zero: float = 0.0
     ) -> np.ndarray:
-        """Simulate the position without its sensor's zero as a free run, shape (samples,).
+        """Simulate the position without its sensor's zero as a free run.
 
-        The motion is the force over time. If it has a channel `MEASURED`, the state at the start is estimated from that channel
-        less `zero`, the zero of the position's sensor.
+        Parameters
+        ----------
+        motion : AnyMotion
+            Force over time, of one record or several. A channel `MEASURED` is used to estimate the state at the start.
+        linear, nonlinear : numpy.ndarray, shape (parameters,)
+            Parameters of the fields `linear` and `nonlinear`.
+        zero : float, optional
+            Zero of the position's sensor in the output's unit, subtracted from `MEASURED`.
+
+        Returns
+        -------
+        numpy.ndarray, shape (samples,)
+            Position in the output's unit; not finite if no motion solves the equations.
         """
         if isinstance(motion, JoinedMotions):
             return np.concatenate([self.simulate(part, linear, nonlinear, zero) for part in motion.parts])
@@ -193,7 +273,19 @@ class ForwardStructure(Structure):
     ) -> np.ndarray:
         """Return the derivatives of the position by linear parameters and logarithms of nonlinear ones.
 
-        The result has shape (samples, parameters).
+        Parameters
+        ----------
+        motion : AnyMotion
+            Force over time, of one record or several.
+        linear, nonlinear : numpy.ndarray, shape (parameters,)
+            Parameters of the fields `linear` and `nonlinear`.
+        zero : float, optional
+            Zero of the position's sensor in the output's unit.
+
+        Returns
+        -------
+        numpy.ndarray, shape (samples, parameters)
+            In the output's unit per unit of the linear parameter, or per factor e of the nonlinear one.
         """
         if isinstance(motion, JoinedMotions):
             return np.concatenate(

@@ -52,7 +52,13 @@ Network = Spring | Dashpot | Series | Parallel
 
 
 def describe_network(network: Network) -> str:
-    """Describe a network, e.g. ``"(spring k1 parallel to dashpot b) in series with spring k2"``."""
+    """Describe a network, e.g. ``"(spring k1 parallel to dashpot b) in series with spring k2"``.
+
+    Parameters
+    ----------
+    network : Network
+        Springs and dashpots in series and in parallel.
+    """
     match network:
         case Spring(symbol):
             return f"spring {symbol}"
@@ -106,7 +112,12 @@ class TissueModel:
     """Reason if no parameters are recovered from the transfer function."""
 
     def element_values(self, values: Mapping[str, float]) -> dict[str, float]:
-        """Return the values of the elements, from the base's parameters by name.
+        """Return the values of the elements by name.
+
+        Parameters
+        ----------
+        values : mapping of str to float
+            Parameters of the base by name, in consistent units.
 
         Raises
         ------
@@ -122,6 +133,18 @@ class TissueModel:
         self, transfer_function: TransferFunction, sampling_time: float
     ) -> dict[str, float]:
         """Return the parameters of the base and the elements of an identified model (exact ramp-invariant conversion).
+
+        Parameters
+        ----------
+        transfer_function : TransferFunction
+            Identified model of this structure.
+        sampling_time : float
+            Seconds.
+
+        Returns
+        -------
+        dict of str to float
+            Values by name, in the units of input and output and in seconds.
 
         Raises
         ------
@@ -210,7 +233,20 @@ FIXED_STRUCTURE = (LE, MW, MAXWELL, KB)
 
 
 def inverted_linear(force_max: float, travel: float) -> TransferFunction:
-    """Return the IL model: 0 at contact, `force_max` after `travel`, against the other models' direction."""
+    """Return the IL model: 0 at contact, `force_max` after `travel`, against the other models' direction.
+
+    Parameters
+    ----------
+    force_max : float
+        Force after `travel`, in the unit of the output; above 0.
+    travel : float
+        Travel from contact, in the unit of the input; above 0.
+
+    Raises
+    ------
+    InputError
+        If one of them is not above 0.
+    """
     if force_max <= 0 or travel <= 0:
         raise InputError(
             f"tissue.inverted_linear: force_max {force_max:g}, travel {travel:g}; both must be > 0"
@@ -219,7 +255,13 @@ def inverted_linear(force_max: float, travel: float) -> TransferFunction:
 
 
 def higher_order_structures(order_max: int) -> list[ArxStructure]:
-    """Return the structures of Eq. 3.9 for the search of HO: orders 2 … `order_max`, biproper and strictly proper."""
+    """Return the structures of Eq. 3.9 for the search of HO, biproper and strictly proper ones.
+
+    Parameters
+    ----------
+    order_max : int
+        Largest order; the smallest is 2.
+    """
     return [
         ArxStructure(order, tuple(range(first, last + 1)))
         for order in range(2, order_max + 1)

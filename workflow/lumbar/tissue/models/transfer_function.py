@@ -27,7 +27,7 @@ class TransferFunction:
 
     @cached_property
     def poles(self) -> np.ndarray:
-        """Roots of the denominator in z."""
+        """Roots of the denominator in z, shape (poles,)."""
         return np.roots(self.denominator)
 
     @cached_property
@@ -47,7 +47,17 @@ class TransferFunction:
         return sum(self.numerator) / sum(self.denominator)
 
     def simulate(self, inputs: np.ndarray) -> np.ndarray:
-        """Simulate the output from the input only, at rest at ``inputs[0]`` before the record; shape (samples,).
+        """Simulate the output from the input only, at rest at ``inputs[0]`` before the record.
+
+        Parameters
+        ----------
+        inputs : numpy.ndarray, shape (samples,)
+            Input in the unit of the model.
+
+        Returns
+        -------
+        numpy.ndarray, shape (samples,)
+            Output in the unit of the model.
 
         Raises
         ------
@@ -63,7 +73,18 @@ class TransferFunction:
         return filtered(self.numerator, self.denominator, inputs - first) + self.static_gain * first
 
     def predict_one_step(self, inputs: np.ndarray, outputs: np.ndarray) -> np.ndarray:
-        """Predict ``outputs[largest lag:]`` one step ahead from measured past outputs: A x of Eq. 3.6."""
+        """Predict ``outputs[largest lag:]`` one step ahead from measured past outputs: A x of Eq. 3.6.
+
+        Parameters
+        ----------
+        inputs, outputs : numpy.ndarray, shape (samples,)
+            Measured input and output in the units of the model.
+
+        Returns
+        -------
+        numpy.ndarray, shape (samples - largest lag,)
+            Output in the unit of the model.
+        """
         lag = self.largest_lag
         count = len(inputs) - lag
         moving_average = (b * inputs[lag - j : lag - j + count] for j, b in enumerate(self.numerator))
@@ -79,9 +100,16 @@ class TransferFunction:
 
 
 def filtered(numerator: Sequence[float], denominator: Sequence[complex], inputs: np.ndarray) -> np.ndarray:
-    """Return the output of a transfer function from rest by forward substitution; all of shape (samples,).
+    """Return the output of a transfer function from rest by forward substitution.
 
     Equal to `scipy.signal.lfilter` up to rounding, but without its slow import.
+
+    Parameters
+    ----------
+    numerator, denominator : sequence of float or complex
+        Coefficients in rising powers of z⁻¹; ``denominator[0]`` is not 0.
+    inputs : numpy.ndarray, shape (samples,)
+        Input in any unit; the result has the same shape.
     """
     forth, back = (np.asarray(side) / denominator[0] for side in (numerator, denominator))
     driven = forth[0] * inputs if len(forth) == 1 else np.convolve(forth, inputs)[: len(inputs)]
@@ -115,6 +143,11 @@ def observer_form(discrete: TransferFunction) -> StateSpace:
 
     Its states, partial sums of the output, have the size of the output; those of the controllable form of `control.ss` grow
     large if poles are close to z = 1. It has ``discrete.largest_lag`` states, without trailing zeros.
+
+    Parameters
+    ----------
+    discrete : TransferFunction
+        Any transfer function.
     """
     b, a = aligned_coefficients(discrete)
     order = len(a) - 1
@@ -125,7 +158,18 @@ def observer_form(discrete: TransferFunction) -> StateSpace:
 
 
 def aligned_coefficients(discrete: TransferFunction) -> tuple[np.ndarray, np.ndarray]:
-    """Return numerator and denominator of one length, in rising powers of z⁻¹, without common trailing zeros."""
+    """Return numerator and denominator of one length, in rising powers of z⁻¹, without common trailing zeros.
+
+    Parameters
+    ----------
+    discrete : TransferFunction
+        Any transfer function.
+
+    Returns
+    -------
+    numerator, denominator : numpy.ndarray, shape (largest lag + 1,)
+        Coefficients.
+    """
     parts = [np.trim_zeros(part, "b") for part in (discrete.numerator, discrete.denominator)]
     length = max(map(len, parts))
     numerator, denominator = (np.pad(np.array(part, dtype=float), (0, length - len(part))) for part in parts)
@@ -156,7 +200,17 @@ class ArxStructure:
     def combination(self, lag: int) -> np.ndarray:
         """Return the matrix from free coefficients to those of the full regressor vector y[k−1] … y[k−lag], u[k] … u[k−lag].
 
-        Its shape is (2·lag + 1, parameter_count); the full regressor matrix times it is that of this structure.
+        The full regressor matrix times it is that of this structure.
+
+        Parameters
+        ----------
+        lag : int
+            Number of past samples of the full regressor vector, at least `largest_lag`.
+
+        Returns
+        -------
+        numpy.ndarray, shape (2 * lag + 1, parameter_count)
+            Elements -1, 0 and 1.
         """
         matrix = np.zeros((2 * lag + 1, self.parameter_count))
         np.fill_diagonal(matrix[: self.order, : self.order], 1.0)
@@ -170,14 +224,25 @@ class ArxStructure:
         return matrix
 
     def transfer_function(self, coefficients: np.ndarray) -> TransferFunction:
-        """Return the transfer function with these free coefficients."""
+        """Return the transfer function with these free coefficients.
+
+        Parameters
+        ----------
+        coefficients : numpy.ndarray, shape (parameter_count,)
+            Free coefficients: those of the output, then those of the input.
+        """
         lag = self.largest_lag
         full = self.combination(lag) @ coefficients
         numerator = full[lag : lag + max(self.input_lags) + 1]
         return TransferFunction(tuple(numerator), (1.0, *(-full[: self.order])))
 
     def coefficients(self, transfer_function: TransferFunction) -> np.ndarray:
-        """Return the free coefficients of a transfer function of this structure.
+        """Return the free coefficients of a transfer function of this structure, shape (parameter_count,).
+
+        Parameters
+        ----------
+        transfer_function : TransferFunction
+            Transfer function of this structure.
 
         Raises
         ------
@@ -196,9 +261,19 @@ class ArxStructure:
 
 
 def full_regressors(inputs: np.ndarray, outputs: np.ndarray, lag: int) -> np.ndarray:
-    """Return the regressor matrix of Eq. 3.6 with all lags up to `lag`, shape (samples − lag, 2·lag + 1).
+    """Return the regressor matrix of Eq. 3.6 with all lags up to a largest one.
 
-    Columns are y[k−1] … y[k−lag], u[k] … u[k−lag]; rows are k = lag … samples − 1.
+    Parameters
+    ----------
+    inputs, outputs : numpy.ndarray, shape (samples,)
+        Measured input u and output y.
+    lag : int
+        Largest lag, in samples.
+
+    Returns
+    -------
+    numpy.ndarray, shape (samples - lag, 2 * lag + 1)
+        Columns are y[k−1] … y[k−lag], u[k] … u[k−lag]; rows are k = lag … samples − 1.
     """
     count = len(inputs) - lag
     columns = [outputs[lag - i : lag - i + count] for i in range(1, lag + 1)]
@@ -225,7 +300,17 @@ class FirstOrder:
         relaxation_time: float = 0.0,
         viscosity: float = 0.0,
     ) -> "FirstOrder":
-        """Return the coefficients of a base of `lumbar.tissue.models.bases`; parameters that it does not have are 0."""
+        """Return the coefficients of a base of `lumbar.tissue.models.bases`; parameters that it does not have are 0.
+
+        Parameters
+        ----------
+        spring_stiffness, branch_stiffness : float, optional
+            Stiffness of the spring and of the Maxwell branch, output unit per input unit.
+        relaxation_time : float, optional
+            Relaxation time of the branch in seconds.
+        viscosity : float, optional
+            Viscosity of a dashpot parallel to the spring, output unit times second per input unit.
+        """
         fast = spring_stiffness + branch_stiffness
         return cls(spring_stiffness, viscosity + fast * relaxation_time, relaxation_time)
 
@@ -244,12 +329,18 @@ def undiscretise(discrete: TransferFunction, sampling_time: float) -> FirstOrder
     present and past position of a ramp. This form (first-order hold; Franklin, Powell and Workman, Digital Control of Dynamic
     Systems, 3rd ed., section 6.3.3) is exact at the samples for a testing machine that moves in ramps between them.
 
-    `discrete` is ``(b0 + b1 z⁻¹)/(1 − a z⁻¹)``, or the static gain ``b0``; `sampling_time` is in seconds.
+    Parameters
+    ----------
+    discrete : TransferFunction
+        ``(b0 + b1 z⁻¹)/(1 − a z⁻¹)``, or the static gain ``b0``.
+    sampling_time : float
+        T in seconds.
 
     Raises
     ------
     NumericalError
-        If the pole is not in (0, 1): a relaxation decays without alternating.
+        If there is not one pole with two numerator coefficients, or the pole is not in (0, 1): a relaxation decays without
+        alternating.
     """
     if discrete.largest_lag == 0:
         return FirstOrder(k=discrete.static_gain)

@@ -61,7 +61,7 @@ def equal_shares_test(picks: np.ndarray) -> Overall:
     Raises
     ------
     NumericalError
-        If there are no picks, or fewer than two models.
+        Without picks, or with fewer than two models.
     """
     if len(picks) < 2 or picks.sum() == 0:
         raise NumericalError(

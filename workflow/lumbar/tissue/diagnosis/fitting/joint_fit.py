@@ -37,7 +37,7 @@ class Fit(FreeRun):
 
     @property
     def zero(self) -> float:
-        """Zero of the sensor, the mean over records; 0 if there is none."""
+        """Zero of the sensor, the mean over records; 0 without one."""
         return float(np.mean(self.zeros)) if len(self.zeros) else 0.0
 
     def simulate(self, motion: Motion | JoinedMotions) -> np.ndarray:

@@ -43,13 +43,13 @@ _MIN_COPY_LENGTH, _COPY_PLACES = 64, 9
 _MIN_SAMPLES = 50
 """Samples that must follow the start of a record, which no error counts."""
 _TEST_SHARE = 0.3
-"""Share of a single record that is used as test if there is no other record."""
+"""Share of a single record that is used as test without another record."""
 
 
 def add_session_history(records: Sequence[Record]) -> dict[str, tuple[Record, int]]:
     """Return every record together with all records before it in the session, and the sample at which it begins, by name.
 
-    Pauses are taken from the clocks if each record begins after the end of the one before; else there are none. The tool moves
+    Pauses are taken from the clocks if each record begins after the end of the one before; otherwise they are 0 s. The tool moves
     smoothly to the next record during the pause, or within half a time scale if it jumps; no error counts the force there.
 
     Raises
@@ -164,7 +164,7 @@ class Experiment:
 
     @property
     def points(self) -> bool:
-        """Whether these are points of a static test, without a clock."""
+        """True for points of a static test, without a clock."""
         return any(record.points for record in self.records)
 
     @property
@@ -197,7 +197,7 @@ class Experiment:
 
     @property
     def has_own_zeros(self) -> bool:
-        """Whether every record has a zero of the sensor, instead of one for all."""
+        """True if every record has a zero of the sensor, instead of one for all."""
         return all(item.has_own_zero for item in self.tests)
 
     def allow_own_zeros(self) -> Self:
@@ -332,7 +332,7 @@ def assemble_experiment(
 ) -> Experiment:
     """Return an experiment of prepared records, the floor from `first`, with further `fields`.
 
-    If there are no tests, the last part of every record becomes one.
+    Without tests, the last part of every record becomes one.
     """
     if not tests:
         fitted, tests = zip(*(item.split(1 - _TEST_SHARE) for item in fitted), strict=True)

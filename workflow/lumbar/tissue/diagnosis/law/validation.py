@@ -175,7 +175,7 @@ def thin(experiment: Experiment) -> Experiment:
     """Return the experiment with every n-th sample of its records, with `MIN_SAMPLES_PER_CYCLE` in the fastest cycle.
 
     Nothing is filtered. Errors are not whitened: the colour of the noise is that of another rate. The same experiment is returned
-    if there are no samples to spare.
+    if it has no samples to spare.
     """
     records = [experiment.training, *experiment.tests]
     parts = [part for item in records for part in item.records]

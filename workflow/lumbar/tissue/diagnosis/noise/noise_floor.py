@@ -185,7 +185,7 @@ def noise_floor(record: Record, period: float | None = None, fewest: int = MIN_P
         # The transient at the start of the first period is over in its second half; all that differs there counts as noise.
         degrees, parts, noise = folding.samples // 2, [], deviations.copy()
         noise[:, :-degrees] = 0.0
-        # Two periods cannot separate a drift or a long transient from noise: the means of intervals must be as of white noise.
+        # Two periods cannot separate a drift or a long transient from noise: the means of intervals must vary as in white noise.
         intervals = noise[0, folding.samples - degrees :]
         width = max(degrees // _INTERVALS, 1)
         means = intervals[: degrees // width * width].reshape(-1, width).mean(axis=1)
@@ -317,7 +317,7 @@ def prediction_error_filter(covariance: np.ndarray) -> tuple[np.ndarray, float]:
 def _separate_bursts(
     noise: np.ndarray, parts: list[Part], degrees: float
 ) -> tuple[np.ndarray, list[Part], float, Bursts | None]:
-    """Look for bursts in the noise and the unnamed changes; if these explain most of the bursts, there are none."""
+    """Look for bursts in the noise and the unnamed changes; if these explain most of the bursts, return no bursts."""
     unnamed = [part for part in parts if part.kind == OTHER]
     changing = sum((part.values for part in unnamed), np.zeros_like(noise))
     rows = len(noise) - 1

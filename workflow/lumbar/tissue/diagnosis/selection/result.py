@@ -83,7 +83,7 @@ class Ranked:
 
 @dataclass(frozen=True, eq=False)
 class DiagnosisResult:
-    """Status of a base model and the evidence for it; a field is None until a step has set it."""
+    """Status of a base model and the evidence for it; each field is None before its step of the diagnosis."""
 
     experiment: Experiment = None
     base: Candidate = None

@@ -100,7 +100,7 @@ def _estimate_skew(record: Record) -> tuple[float, float] | None:
     # The only noise of a force that repeats exactly is its digits.
     level = np.maximum(smooth_power(noise, len(force) - 2), _ROUNDING * np.mean(mean**2))
     weight = 1 / np.sqrt(level * len(mean) / (middle @ middle))
-    weight[0] = 0.0  # a level that drifts is no evidence
+    weight[0] = 0.0  # a drift of the level is not evidence
     ramp = np.fft.rfft(np.linspace(-1, 1, len(mean))) * weight  # nor is its drift within a period
     ramp = np.concatenate([ramp.real, ramp.imag])
 
