@@ -59,7 +59,7 @@ class FittedModel(ModelData):
         Raises
         ------
         InputError
-            If the record's input has another unit or, for a discrete model, another sampling time.
+            If the record's input has another unit, other axes or, for a discrete model, another sampling time.
         NumericalError
             If the model is unstable.
         """

@@ -43,7 +43,7 @@ def unit_of(template: str, input_unit: str, output_unit: str) -> str:
 
 @dataclass(frozen=True)
 class FittedParameter:
-    """A parameter with its value and interval, from `low` to `high` if it was estimated."""
+    """A parameter with its value and interval."""
 
     name: str
     """For example ``"spring_stiffness"``."""
@@ -52,7 +52,9 @@ class FittedParameter:
     unit: str
     value: float
     low: float | None = None
+    """Lower end of the interval, in `unit`; None if the value was not estimated."""
     high: float | None = None
+    """Upper end of the interval, in `unit`; None if the value was not estimated."""
     effect: str = ""
     """Effect to which it belongs; empty for the base."""
     derived: bool = False
@@ -66,11 +68,14 @@ class FittedParameter:
 
 @dataclass(frozen=True)
 class Port:
-    """Input or output of a model: quantity, unit, and its value at rest."""
+    """Input or output of a model."""
 
     quantity: str
+    """For example ``"position"``."""
     unit: str
+    """For example ``"mm"``."""
     offset: float = 0.0
+    """Value at rest, in `unit`."""
 
     @property
     def variable(self) -> str:
@@ -125,9 +130,11 @@ class Scores:
     nmse_train: float | None = None
     """NMSE of the prediction one step ahead (Eq. 3.13)."""
     tests: tuple[str, ...] = ()
-    """Names of the unseen records, in the order of `vaf_tests_percent` and `nmse_tests`."""
+    """Names of the unseen records."""
     vaf_tests_percent: tuple[float | None, ...] = ()
+    """VAF of the free run on each of `tests`."""
     nmse_tests: tuple[float | None, ...] = ()
+    """NMSE of the prediction one step ahead on each of `tests`."""
     train_rms: float | None = None
     """RMS error of the free run in training, in the output's unit."""
     test_rms: float | None = None
@@ -171,6 +178,7 @@ class ModelData:
     """Reason for missing parameters, or missing derived ones."""
     scores: Scores = field(default_factory=Scores)
     remark: str = ""
+    """Text for tables and summaries; empty for most models."""
     valid_for: MotionRange | None = None
     """Motion of the record it was fitted to; None for a given model, or if the file has none."""
     zeros: tuple[float, ...] = ()
