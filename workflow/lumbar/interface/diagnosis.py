@@ -262,7 +262,7 @@ class Diagnosis:
         return self.to_html()
 
     def _save_pictures(self, folder: Path) -> dict[str, Path]:
-        from lumbar.publishing.pages.diagnosis_page import draw_pictures
+        from lumbar.publishing.pages.diagnosis_pictures import draw_pictures
 
         comparisons = [item.comparison for item in locate.axis_reports(self.reports)]
         comparison_table(comparisons, self.source_label).write(folder / "compare")
