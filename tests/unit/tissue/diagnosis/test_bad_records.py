@@ -1,5 +1,6 @@
 """Records to which no model can be fitted, and records that are too long: rejected, accepted or shortened."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -80,7 +81,7 @@ def test_copy_of_training_record_is_rejected(run, tmp_path, part):
         b=[np.concatenate([item[part], other[ending]]) for item, other in pairs],
     )
     err = run.refused("diagnose", tmp_path / "in", "--train", "a", "--output", tmp_path / "out")
-    assert "b.csv: its samples at" in err and "they are not unseen" in err
+    assert re.search(r"\bb\.csv: .*\d s .*\ba\.csv\b.*\d s", err)
 
 
 def test_equal_rests_and_repeated_motions_are_not_copies(run, tmp_path):
@@ -141,7 +142,7 @@ def test_effect_that_record_does_not_excite_is_rejected():
     """On one sine a mass is a negative spring, which the base cannot be distinguished from."""
     sine = motion(40.0, lines=[10])
     other = record(motion(12.0, 4), force_of(motion(12.0, 4)), "b")
-    with pytest.raises(lumbar.InputError, match="a: the record does not excite inertia"):
+    with pytest.raises(lumbar.InputError, match=r"^a: .*\binertia\b"):
         lumbar.refine([record(sine, force_of(sine), "a"), other], ["inertia"], train="a")
     rich = [record(GOOD, force_of(GOOD), "a"), other]
     assert lumbar.refine(rich, ["inertia"], train="a").effects == ("inertia",)

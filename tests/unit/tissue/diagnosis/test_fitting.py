@@ -254,7 +254,7 @@ def test_fit_that_did_not_converge_is_reported():
 
 def test_period_of_more_than_half_the_record_is_rejected():
     position = excitation(seconds=20).position
-    with pytest.raises(InputError, match=r"are 1\.33 periods of 15 s; at least 2 are needed"):
+    with pytest.raises(InputError, match=r"\b1\.33\b.*\b15 s\b.*\b2\b"):
         fold_periods(record(position, position), 15.0)
 
 

@@ -1,5 +1,7 @@
 """Forward records (force in, motion out): effects are named in the motion's unit, by simulation from force to motion."""
 
+import re
+
 import numpy as np
 import pytest
 from force_driven import FORCE_IN, MASS, STIFFNESS, VISCOSITY, ZERO, forward_records, records_behind
@@ -55,7 +57,7 @@ def test_model_is_saved_and_loaded_but_not_exported(friction, tmp_path):
     loaded = lumbar.load_models(tmp_path / "refined.json")[-1]
     for record in records:
         np.testing.assert_allclose(loaded.simulate(record), diagnosis.model.simulate(record), atol=1e-6)
-    with pytest.raises(lumbar.InputError, match="it goes from force to motion"):
+    with pytest.raises(lumbar.InputError, match=r"\bstructure: .*improvement\.forward\b"):
         lumbar.export_fmu(diagnosis.model, tmp_path / "fmu")
 
 
@@ -63,9 +65,9 @@ def test_compare_and_locate_are_in_the_unit_of_the_motion(friction):
     records, diagnosis = friction
     compared = lumbar.compare(records, diagnosis.model)
     assert compared["other"].comparison.vaf.value > 99.9
-    assert "mm RMS" in str(compared)
+    assert re.search(r"\d mm\b", str(compared))
     bare = lumbar.refine(records, [], **KEYWORDS)
-    assert "mm of the error's" in str(bare.locate())
+    assert re.search(r"\d mm\b", str(bare.locate()))
 
 
 def test_requested_effects_are_added(friction):
@@ -73,9 +75,7 @@ def test_requested_effects_are_added(friction):
     refined = lumbar.refine(records, ["coulomb_friction"], base="KV-mass", **KEYWORDS)
     assert [item.fit.structure.effects for item in refined.path] == [(), ("coulomb_friction",)]
     assert refined.path[1].test_rms < 0.1 * refined.path[0].test_rms
-    with pytest.raises(
-        lumbar.InputError, match="backlash: it cannot be added to KV-mass from force to motion"
-    ):
+    with pytest.raises(lumbar.InputError, match=r"^backlash: .*\bKV-mass\b.*\bcoulomb_friction\b"):
         lumbar.refine(records, ["backlash"], base="KV-mass", **KEYWORDS)
 
 
@@ -94,7 +94,7 @@ def test_sensor_of_the_absolute_value_is_found(tmp_path):
     assert (result.status, result.selected) == ("named", ("absolute_value",))
     assert not result.is_searched_further
     diagnosis.save(tmp_path, pictures=False)
-    with pytest.raises(lumbar.InputError, match="linear dynamics behind a sensor"):
+    with pytest.raises(lumbar.InputError, match=r"refined\.json\b(.|\n)*\bmodels: .*\bdiagnosis\.json\b"):
         lumbar.load_models(tmp_path / "refined.json")
     assert result.model.test_rms < 0.03
     assert result.path[0].test_rms > 5 * result.model.test_rms

@@ -30,9 +30,9 @@ def test_end_of_each_record_is_test_if_all_are_fitted():
 def test_fitted_records_need_one_sampling_time():
     first, second = softening_record("a", 13), softening_record("b", 12)
     slower = replace(second, time=2 * second.time)
-    with pytest.raises(lumbar.InputError, match=r"b: sampled every 0\.02 s, a every 0\.01 s"):
+    with pytest.raises(lumbar.InputError, match=r"^b: .*\b0\.02 s, a .*\b0\.01 s\b"):
         lumbar.refine([first, slower], [], base="LE", train=["a", "b"])
-    with pytest.raises(lumbar.InputError, match="no record 'd'; there are a, b"):
+    with pytest.raises(lumbar.InputError, match=r"'d'.* a, b$"):
         lumbar.refine([first, second], [], base="LE", train=["a", "d"])
 
 
@@ -164,7 +164,7 @@ def test_pause_of_clocks_is_filled_in():
 
 def test_session_needs_one_sampling_time_and_short_pauses():
     first, second, third = session("nothing")
-    with pytest.raises(lumbar.InputError, match="records of one session need one sampling time"):
+    with pytest.raises(lumbar.InputError, match=r"\b0\.0\d* s.* session\b.*tissue\.rate_Hz"):
         last_of([first, second, replace(third, time=2 * third.time)])
-    with pytest.raises(lumbar.InputError, match="leave session out"):
+    with pytest.raises(lumbar.InputError, match=r"^\w+: .*\d s\b.*\bsession\b"):
         last_of([first, second, replace(third, time=third.time + 1e5)])

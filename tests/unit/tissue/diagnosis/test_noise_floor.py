@@ -1,6 +1,7 @@
 """Period and noise floor of experiments against simulations in which both are known."""
 
 import json
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -159,7 +160,7 @@ def test_several_disturbances_are_separated():
 
 def test_line_between_lines_of_input_has_frequency_and_amplitude():
     floor = floor_of(noisy_record(10, 0.1, 3, extra=lambda t, _: 0.5 * np.sin(2 * np.pi * 2.2871 * t + 1)))
-    assert floor.structured[0][0].startswith("off-grid line at 2.287 Hz, amplitude 0.50")
+    assert re.search(r"line.*\b2\.287 Hz\b.*\b0\.50", floor.structured[0][0])
     repeated = floor_of(noisy_record(10, 0.1, 3, extra=lambda t, _: 0.5 * np.sin(2 * np.pi * 2.2 * t)))
     assert repeated.structured == ()
     assert repeated.rms == pytest.approx(0.1, rel=0.03)
@@ -228,10 +229,10 @@ def test_strong_square_wave_is_subtracted():
 
 
 @pytest.mark.parametrize(
-    ("period", "words"), [(3.0, "not repeat after 3 s"), (0.01, "less than two samples")]
+    ("period", "message"), [(3.0, r"\b3 s\b.*\d %"), (0.01, r"\bperiod of 0\.01 s\b.*samples")]
 )
-def test_impossible_period_is_rejected(period, words):
-    with pytest.raises(lumbar.InputError, match=words):
+def test_impossible_period_is_rejected(period, message):
+    with pytest.raises(lumbar.InputError, match=message):
         floor_of(noisy_record(4, 0.1, 1), period=period)
 
 

@@ -78,14 +78,14 @@ def test_intervals_match_resampled_records():
 
 def test_invalid_simulations_are_rejected():
     test, force = aperiodic(1000, 0.3, 1)
-    with pytest.raises(lumbar.InputError, match="simulation of shape"):
+    with pytest.raises(lumbar.InputError, match=r"\(999,\).*\b1000 samples"):
         compare_record(test, force[:-1])
     force[500] = np.nan
-    with pytest.raises(lumbar.InputError, match=r"nan from 5 s on: the model is unstable"):
+    with pytest.raises(lumbar.InputError, match=r"\bnan\b.*\b5 s\b"):
         compare_record(test, force)
-    with pytest.raises(lumbar.InputError, match="leave 0 samples after the first 20 s"):
+    with pytest.raises(lumbar.InputError, match=r"\b10 s\b.*\b0 samples\b.*\b20 s\b"):
         compare_record(test, np.zeros(1000), start=20.0)
-    with pytest.raises(lumbar.NumericalError, match="output does not move"):
+    with pytest.raises(lumbar.NumericalError, match=r"^multisine: .*\boutput\b.*\b0 s\b"):
         compare_record(record(test["input"], np.zeros(1000)), np.zeros(1000))
 
 

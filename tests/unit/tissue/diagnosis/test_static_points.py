@@ -50,16 +50,16 @@ def test_order_of_points_does_not_matter(tmp_path):
 @pytest.mark.parametrize("times", [["0"] * 25, [""] * 25, ["7.5"] * 25])
 def test_equal_or_missing_times_are_not_a_clock(tmp_path, times):
     (record,) = lumbar.read(write(tmp_path / "a.csv", time=times))
-    assert record.points and "25 points without a clock" in repr(record)
+    assert record.points and re.search(r"\b25 points\b", repr(record))
 
 
 def test_incomplete_or_renamed_clock_is_an_error(tmp_path):
     times = [f"{0.1 * number:.1f}" for number in range(25)]
-    with pytest.raises(lumbar.InputError, match=r"line 2.*time is nan"):
+    with pytest.raises(lumbar.InputError, match=r"line 2\b.*\btime\b.*\bnan\b"):
         lumbar.read(write(tmp_path / "a.csv", time=["", *times[1:]]))
     path = write(tmp_path / "a.csv", time=times)
     path.write_text(path.read_text().replace("time_s", "seconds"))
-    with pytest.raises(lumbar.InputError, match="no column 'time_s'"):
+    with pytest.raises(lumbar.InputError, match=r"a\.csv\b(.|\n)*\btime\b.*'time_s'"):
         lumbar.read(path)
 
 
@@ -97,7 +97,7 @@ def test_late_contact_is_a_spring_with_contact(tmp_path):
 def test_saved_page_has_no_quantities_of_time(tmp_path):
     diagnose(write(tmp_path / "a.csv")).save(tmp_path / "out", pictures=True)
     page = re.sub(r"<(svg|style).*?</\1>", "", (tmp_path / "out/diagnosis.html").read_text(), flags=re.S)
-    assert "cubic stiffness" in page and not re.search(r"\bHz\b|free-run|mm/s|period", page)
+    assert "cubic" in page and not re.search(r"\bHz\b|free-run|mm/s|period", page)
     assert {"diagnosis.json", "refined.json", "ladder.csv"} <= {
         item.name for item in (tmp_path / "out").iterdir()
     }
@@ -119,10 +119,10 @@ def test_functions_that_need_a_clock_reject_points(tmp_path, function):
 
 
 def test_points_have_no_rate_and_are_not_mixed_with_records(tmp_path):
-    with pytest.raises(lumbar.InputError, match="clock"):
+    with pytest.raises(lumbar.InputError, match=r"a\.csv\b.*\bclock\b"):
         lumbar.read(write(tmp_path / "a.csv"), rate=10.0)
     write(tmp_path / "b.csv", time=[f"{0.1 * number:.1f}" for number in range(25)])
-    with pytest.raises(lumbar.InputError, match="b: has a clock"):
+    with pytest.raises(lumbar.InputError, match=r"^b: .*\bclock\b"):
         diagnose(tmp_path)
 
 

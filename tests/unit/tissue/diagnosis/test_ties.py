@@ -30,6 +30,7 @@ from lumbar.tissue.models.motion import Motion
 from lumbar.tissue.models.structure import Structure
 from lumbar.tissue.signals.spectrum import Kinematics, peak_kinematics
 from lumbar.twin.two_hidden_effects import RATE_HZ, Tissue, line_spectrum_motion
+from refusing import has_tokens
 
 TRUE_TISSUE = Tissue(elastic=0.5, relaxing=0.6, relaxation_s=0.15)
 ONE_LINE = 10
@@ -290,12 +291,13 @@ def test_limit_counts_from_sensor_zero():
 
 
 @pytest.mark.parametrize("name", ["sine", "overtones"])
-@pytest.mark.parametrize(("frequency", "period", "sentence"), cases(__file__, "disturbances"))
-def test_disturbance_needs_cycles_and_own_frequency(name, frequency, period, sentence):
+@pytest.mark.parametrize(("frequency", "period", "tokens"), cases(__file__, "disturbances"))
+def test_disturbance_needs_cycles_and_own_frequency(name, frequency, period, tokens):
     """A record of 24 s has lines 0.042 Hz apart; the frequency must be at least half of that from the excitation's grid."""
     motion = Motion(np.arange(1201) * 0.02, np.zeros(1201), 0.02)
     refuses = form("periodic_disturbance", name).contradiction
-    assert refuses({"frequency": frequency}, motion, np.zeros(1201), 0.01, period) == sentence
+    reason = refuses({"frequency": frequency}, motion, np.zeros(1201), 0.01, period)
+    assert bool(reason) == bool(tokens) and has_tokens(reason, tokens)
 
 
 def test_strong_line_needs_fewer_cycles():
@@ -310,7 +312,7 @@ def test_strong_line_needs_fewer_cycles():
         power = np.abs(np.fft.rfft((walk - walk.mean()) * np.hanning(len(walk)))) ** 2
         strongest = (2 + np.argmax(power[2:5]) + 0.1) / motion.time[-1]
         wanders = disturbance.contradiction({"frequency": strongest}, motion, force + walk, 0.02, None)
-        assert "cycles of it" in wanders
+        assert "cycles" in wanders
         for cycles in (2.2, 3.0, 4.5):
             frequency = cycles / motion.time[-1]
             sine = 0.1 * np.sin(2 * np.pi * frequency * motion.time + seed)

@@ -138,6 +138,8 @@ def compare_record(
     """
     first = settling_samples(record, simulated, start)
     measured, modelled = record["output"][first:], np.asarray(simulated, dtype=float)[first:]
+    if np.var(measured) == 0:
+        raise NumericalError(f"{record.name}: the output does not move from {start:g} s on")
     repeats = floor is not None and floor_from in ("", record.name)
     period = round(floor.period / record.sampling_time) if repeats else None
     values = [
@@ -157,7 +159,9 @@ def compare_record(
     mean, square, absolute, level, energy = (sums[:, 1:] / sums[:, :1]).T
     variance = energy - level**2
     if np.any(variance <= _MAX_ROUNDING_SHARE * energy):
-        raise NumericalError("the output does not move in most of the record: its intervals are not known")
+        raise NumericalError(
+            f"{record.name}: the output does not move in most of the record. Its intervals are not known."
+        )
     unexplained, rms = (square - mean**2) / variance, np.sqrt(square)
     resampled = np.stack([rms, 100 * (1 - unexplained), 100 * (1 - rms / np.sqrt(variance)), absolute])
     tail = (1 - CONFIDENCE) / 2
