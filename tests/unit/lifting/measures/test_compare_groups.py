@@ -6,6 +6,7 @@ import pytest
 from scipy import stats
 
 import lumbar
+from refusing import has_tokens
 
 
 def compare(*sides):
@@ -52,14 +53,14 @@ def test_boxes_are_compared_within_the_persons_who_lifted_both():
     assert actual.p_value == pytest.approx(stats.ttest_rel(light, heavy[:4]).pvalue)
 
 
-def test_no_interval_without_persons_or_scatter():
+def test_few_persons_or_equal_values_give_no_interval():
     actual = compare(("expert", 23, [1.0, 2.0]), ("novice", 23, range(5)))
     assert actual.p_value is None and actual.low is None and actual.difference == pytest.approx(-0.5)
-    assert actual.remark == "no interval: 2 persons (expert), at least 3 are needed"
+    assert has_tokens(actual.remark, "2…(expert)…3")
     paired = compare(("expert", 15, [1.0, 2.0]), ("expert", 23, range(5)))
-    assert paired.remark == "no interval: 2 persons (15 kg), at least 3 are needed"
+    assert has_tokens(paired.remark, "2…(15 kg)…3")
     constant = compare(("expert", 23, [1.0] * 4), ("novice", 23, [2.0] * 4))
-    assert constant.remark == "no interval: all persons have the same value" and constant.p_value is None
+    assert constant.remark and constant.low is None and constant.p_value is None
     assert compare(("expert", 23, range(5)), ("novice", 23, [-1.0, -2.0, 0.0])).percent is None
 
 
@@ -126,18 +127,18 @@ def test_too_few_people_are_reported_and_not_tested(table):
     few = lumbar.compare_groups(table[table["person"].isin(["expert_0", "expert_1", "novice_0"])])
     between = few.table.frame[few.table.frame["comparison"] == "expert_vs_novice"]
     assert between["p"].isna().all() and (between["safer"] == "no interval").all()
-    assert "2 persons (expert), 1 person (novice), at least 3" in between["remark"].iloc[0]
-    assert "Nothing can be compared" in few.figure().get_suptitle()
-    assert "at least 3 are needed" in str(few)
+    assert has_tokens(between["remark"].iloc[0], "2…(expert)…1…(novice)…3")
+    assert has_tokens(few.figure().get_suptitle(), "(expert)…3")
+    assert has_tokens(str(few), "(expert)…3")
 
 
 def test_wrong_tables_are_rejected(table, tmp_path):
-    with pytest.raises(lumbar.InputError, match="no columns person"):
+    with pytest.raises(lumbar.InputError, match=r"\bperson; .*person, group, box_mass_kg"):
         lumbar.compare_groups(table.drop(columns="person"))
-    with pytest.raises(lumbar.InputError, match="no subject is labelled 'trained'"):
+    with pytest.raises(lumbar.InputError, match=r"groups: .*'trained'.*expert, novice"):
         lumbar.compare_groups(table, groups=("trained", "novice"))
-    with pytest.raises(lumbar.InputError, match="expert_0: a person of 2 groups"):
+    with pytest.raises(lumbar.InputError, match=r"expert_0: .*\b2\b"):
         lumbar.compare_groups(pd.concat([table, table.head(1).assign(group="novice")]))
     (tmp_path / "broken.csv").write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(lumbar.InputError, match=r"broken\.csv: not a table"):
+    with pytest.raises(lumbar.InputError, match=r"broken\.csv: .*0xff"):
         lumbar.compare_groups(tmp_path / "broken.csv")

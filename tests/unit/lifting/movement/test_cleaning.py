@@ -14,7 +14,7 @@ from lumbar.lifting.movement.cleaning import (
     low_pass,
 )
 from lumbar.records.markers import MarkerRecording
-from refusing import refusal
+from refusing import has_tokens, refusal
 
 
 @pytest.mark.parametrize("rate", [30.0, 100.0, 1000.0])
@@ -79,7 +79,7 @@ def test_intervals_are_filtered_separately():
 
 @pytest.mark.parametrize("cutoff", [0.0, -1.0, 50.0, 80.0, np.nan])
 def test_cut_off_must_fit_the_rate(cutoff):
-    with pytest.raises(InputError, match="half the rate, 50 Hz"):
+    with pytest.raises(InputError, match=rf"filter\.cutoff_Hz .*{cutoff:g}.*\b50 Hz"):
         low_pass(np.zeros(100), 100.0, cutoff)
 
 
@@ -88,7 +88,7 @@ def test_too_short_interval_is_reported():
     values[40] = values[40 + frames_of_cutoff(6.0, 100.0) + 1] = np.nan
     recording = MarkerRecording("lift", np.arange(100) / 100, 100.0, {"C7": values, "L5": np.zeros((100, 3))})
     message = refusal(filter_markers, recording)
-    assert "C7: frames 42 to 58: 17 frames without a gap" in message and "L5" not in message
+    assert has_tokens(message, "C7: …42 to 58…17") and "L5" not in message
 
 
 def test_derivatives_of_a_parabola_are_exact_to_the_ends():

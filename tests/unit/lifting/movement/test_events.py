@@ -8,6 +8,7 @@ import pytest
 from lifting_cases import ANN, cut, mark, noisy_recording, recording_of, trial_of, without
 
 import lumbar
+from refusing import has_tokens
 from study_settings import changed, study_settings
 
 RATE = 100.0
@@ -174,7 +175,7 @@ def test_a_box_that_is_not_set_down_is_no_deposit():
     lift = lift_of(scene(drop=0.02))
     event = lift.analysed.events["deposit_start"]
     assert event.time_s is None and "lifting.events.descent_m" in event.how
-    assert "needs 0.025 m" in event.how and "0.019 would give one" in event.how
+    assert "0.025 m" in event.how and "0.019" in event.how
     assert lift.analysed.events["lift_off"].time_s == pytest.approx(2.0, abs=0.05)
     assert set(lift.body["phase"]) == {"before", "lift", "carry", "after"}
 
@@ -210,9 +211,9 @@ def test_events_that_cannot_be_detected_can_be_declared():
 @pytest.mark.parametrize(
     ("declared", "problem"),
     [
-        ({"lift_off_s": 99.0, "release_s": 6.5}, "the recording runs from 0 to 7.99 s"),
-        ({"deposit_start_s": 7.0}, "release: 6.4.* is not after deposit_start at 7 s"),
-        ({"toe_off_s": 1.0}, "toe_off: 1 s is not after lift_off"),
+        ({"lift_off_s": 99.0, "release_s": 6.5}, r"scene\.c3d: (.|\n)*lift_off: 99 s\b.*\b0 .*7\.99 s"),
+        ({"deposit_start_s": 7.0}, r"scene\.c3d: (.|\n)*release: 6\.4\d s .*deposit_start .*\b7 s"),
+        ({"toe_off_s": 1.0}, r"scene\.c3d: (.|\n)*toe_off: 1 s .*lift_off .*\b2 s"),
     ],
 )
 def test_events_out_of_order_are_rejected(declared, problem):
@@ -309,9 +310,9 @@ def test_events_of_the_file_are_compared_and_change_nothing(lift):
     assert any(
         "toe_off 3.250 s (Right Foot Off)" in line and f"{-early:.3f} s earlier" in line for line in lines
     )
-    assert sum("Cough at 4.00 s" in line for line in lines) == 1
-    assert sum("outside 0.00 to 7.99 s" in line and "Cough at 70.00 s" in line for line in lines) == 1
-    assert "events of the file" not in str(unmarked)
+    assert sum(has_tokens(line, "Cough…4.00") for line in lines) == 1
+    assert sum(has_tokens(line, "0.00 to 7.99 s…Cough…70.00") for line in lines) == 1
+    assert "Right Foot Off" not in str(unmarked)
 
 
 @pytest.mark.parametrize(("trial", "study"), [("file", "detection"), (None, "file")])
@@ -332,11 +333,13 @@ def test_events_set_by_hand_precede_those_of_the_file(lift):
 def test_ambiguous_events_of_the_file_are_rejected_only_if_selected(lift):
     twice = replace(lift, events=(*lift.events, mark("release", 7.0)))
     with pytest.raises(
-        lumbar.InputError, match=r"release in the file: Box_Release at 6\.80 s, release at 7\.00 s"
+        lumbar.InputError, match=r"scene\.c3d: release .*Box_Release .*6\.80 s.*release .*7\.00 s.*window_s"
     ):
         events_of(twice, "file")
     release = events_of(twice)["release"]
     assert release.file_s is None and "window_s" in release.file
-    with pytest.raises(lumbar.InputError, match="holds 'Cough', and 1 outside"):
+    with pytest.raises(
+        lumbar.InputError, match=r"scene\.c3d: .*'Cough'.*\b0\.00 to 7\.99 s.*lifting\.events\.labels"
+    ):
         events_of(replace(lift, events=lift.events[-2:]), "file")
     assert events_of(lift, "file", labels={"deposit_start": ["cough"]})["deposit_start"].time_s == 4.0

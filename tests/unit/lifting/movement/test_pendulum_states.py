@@ -63,22 +63,24 @@ def test_missing_samples_are_rejected_only_within_the_deposit():
     states = pendulum_states(TIME, bob, START, STOP, 50, "rod")["lateral_bending"]
     assert states.angle == pytest.approx(0.2 * np.sin(3 * states.time), abs=1e-6)
     bob[150:155] = np.nan
-    with pytest.raises(InputError, match=r"rod: 5 samples missing within the deposit, the first at 1\.50 s"):
+    with pytest.raises(InputError, match=r"rod: 5 .*1\.50 s"):
         pendulum_states(TIME, bob, START, STOP, 50, "rod")
 
 
 def test_deposit_of_three_samples_is_rejected():
-    with pytest.raises(InputError, match="has 3 samples; 4 are needed"):
+    with pytest.raises(InputError, match=r"rod: .*\b1 .*1\.004 s .*\b3 .*\b4\b"):
         pendulum_states(TIME, rod(0 * TIME, 1.0, "lateral_bending"), 1.0, 1.004, 50, "rod")
 
 
 def test_a_bob_at_the_pivot_has_no_angle():
-    with pytest.raises(NumericalError, match="of the pivot, where the angle is not defined"):
+    with pytest.raises(NumericalError, match=r"rod: .*5\.0 mm.*lifting\.pivot"):
         pendulum_states(TIME, rod(0 * TIME, 0.005, "lateral_bending"), START, STOP, 50, "rod")
 
 
 def test_missing_markers_are_rejected_with_possible_pivots():
     recording = MarkerRecording("x", np.arange(5) / 100, 100.0, {"L5": np.ones((5, 3))}, source="x.c3d")
     points = trunk_points(recording, "inner", "harrington", "male")
-    with pytest.raises(InputError, match=r"2 problems(.|\n)*pivots possible with this recording: L5"):
+    with pytest.raises(
+        InputError, match=r"x\.c3d: .*\n.*L_ANKLE: .*lifting\.pivot mid_ankle.*: L5\n.*R_ANKLE: .*: L5$"
+    ):
         pivot_trajectory(recording, points, "mid_ankle")

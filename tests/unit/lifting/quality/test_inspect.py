@@ -9,6 +9,7 @@ from quality_corruptions import changed, exchanged
 
 import lumbar
 from column_files import write_columns
+from refusing import has_tokens
 from study_settings import study_settings, subject_settings
 
 RATE = 100.0
@@ -43,7 +44,7 @@ def test_error_of_the_pipeline_does_not_stop_inspection(points, tmp_path):
     actual = lumbar.inspect(tmp_path / "tenfold.c3d", height_m=1.75)
     assert [finding.kind for finding in actual.sheet.findings] == ["unit"]
     is_analysed, reason = actual.pipeline
-    assert not is_analysed and "set markers.scale to 10" in reason
+    assert not is_analysed and has_tokens(reason, "markers.scale…10")
 
 
 def test_command_prints_draws_and_reports_unreadable_files(points, tmp_path, run):
@@ -51,7 +52,7 @@ def test_command_prints_draws_and_reports_unreadable_files(points, tmp_path, run
     write_recording(frozen, changed(points, "C7", slice(300, 400), points["C7"][300]), subject="expert")
     status, out, err = run("inspect", frozen, "--height", "1.75", "--picture", tmp_path / "frozen.svg")
     assert (status, err) == (0, "")
-    assert "left out: frozen: C7, 3.00 to 4.00 s" in out
+    assert has_tokens(out, "frozen: C7…3.00 to 4.00 s")
     assert "<svg" in (tmp_path / "frozen.svg").read_text(encoding="utf-8")
     assert not (tmp_path / "frozen.pdf").exists()
     (tmp_path / "broken.c3d").write_bytes(b"nothing")
@@ -65,25 +66,24 @@ def test_command_prints_draws_and_reports_unreadable_files(points, tmp_path, run
 def test_record_of_force_and_position_is_rejected(tmp_path):
     n = np.arange(300)
     write_columns(tmp_path / "record.csv", time_s=n / 100, position_mm=np.sin(n / 9), force_N=np.cos(n / 7))
-    with pytest.raises(lumbar.InputError, match=r"lumbar diagnose .* examines records"):
+    with pytest.raises(lumbar.InputError, match=r"record\.csv: .*lumbar diagnose "):
         lumbar.inspect(tmp_path / "record.csv")
 
 
 def test_unchecked_properties_are_listed(lift_file, points, tmp_path):
     renamed = {f"Q{index}": positions for index, positions in enumerate(points.values())}
     write_recording(tmp_path / "renamed.c3d", renamed, subject="expert")
-    text = str(lumbar.inspect(tmp_path / "renamed.c3d", height_m=1.75))
-    assert "findings: none in what could be checked" in text
-    (line,) = [line for line in text.splitlines() if line.startswith("not checked: ")]
-    for what in ("stature (", "unit (", "left and right ("):
-        assert what in line
+    renamed = lumbar.inspect(tmp_path / "renamed.c3d", height_m=1.75)
+    text, sheet = str(renamed), renamed.sheet
+    assert not sheet.findings and {"stature", "unit", "left and right"} <= sheet.unchecked.keys()
+    assert all(f"{name} (" in text for name in sheet.unchecked)
     assert list(lumbar.inspect(lift_file, height_m=1.75).sheet.unchecked) == []
     assert list(lumbar.inspect(lift_file).sheet.unchecked) == ["stature"]
 
 
 def test_other_picture_format_is_rejected_before_reading(tmp_path, run):
     err = run.refused("inspect", tmp_path / "absent.c3d", "--picture", tmp_path / "x.png")
-    assert "pictures are written as .svg or .pdf" in err
+    assert has_tokens(err, ".svg….pdf")
     assert "absent.c3d" not in err
 
 
@@ -132,7 +132,7 @@ def test_a_short_freeze_becomes_a_gap_that_is_filled_and_reported(points, lift_o
         gap.outcome for gap in actual.analysed.gaps if (gap.marker, gap.first_frame) == ("C7", start)
     ] == ["filled"]
     assert {gap.marker for gap in actual.analysed.gaps if gap.first_frame == start} == {"C7"}
-    assert "left out: frozen: C7, " in str(actual)
+    assert "frozen: C7, " in str(actual)
     actual.save(tmp_path / "out")
     sheet = json.loads((tmp_path / "out" / "quality.json").read_text())
     assert [(entry["kind"], entry["markers"]) for entry in sheet["findings"]] == [("frozen", ["C7"])]
@@ -158,15 +158,15 @@ def test_frames_left_out_of_the_deposit_are_not_reported_as_gaps(points, lift_of
     (finding,) = actual.quality.findings
     assert (finding.outcome, set(finding.concerns)) == ("proposed", {"C7", "T12"})
     reason = actual.analysed.missing["thorax"]
-    assert "from 6.30 to 6.65 s (exchanged)" in reason
+    assert has_tokens(reason, "6.30 to 6.65 s (exchanged")
     assert "maximum_s" not in reason
 
     hidden = changed(points, "MANUBRIUM", slice(700, 740), np.nan)
     gap = lift_of(hidden).analysed.missing["thorax"]
-    assert "not seen in the file: MANUBRIUM: raise lifting.gaps.maximum_s" in gap
-    assert "quality checks" not in gap
+    assert has_tokens(gap, "MANUBRIUM: …lifting.gaps.maximum_s")
+    assert "exchanged" not in gap
     both = lift_of(exchanged(hidden, "C7", "T12", frames)).analysed.missing["thorax"]
-    assert "(exchanged)" in both and "not seen in the file: MANUBRIUM: raise" in both
+    assert "(exchanged)" in both and has_tokens(both, "MANUBRIUM: …lifting.gaps.maximum_s")
 
 
 def test_finding_concerns_markers_derived_by_a_rule(points, lift_of):

@@ -77,13 +77,13 @@ def test_solver_failure_names_the_basin(loops, monkeypatch):
         raise cp.SolverError("Solver 'CLARABEL' failed")
 
     monkeypatch.setattr(cp.Problem, "solve", give_up)
-    message = r"expert 23 kg, abdomen, .*: Eq. 4.6 in cvxpy: Solver 'CLARABEL' failed"
+    message = r"expert 23 kg, abdomen, .*: Eq\. 4\.6 .*'CLARABEL'"
     with pytest.raises(NumericalError, match=message):
         RateProgramme(3).solve(loops, 0, 0, level=1.0)
 
 
 def test_status_other_than_solved_is_an_error():
-    with pytest.raises(NumericalError, match="a pendulum: the sum-of-squares programme ended as"):
+    with pytest.raises(NumericalError, match=r"a pendulum: .*\bNumericalError\b"):
         Certificate(3).solve(np.full(len(monomials(4)), np.nan), "a pendulum")
 
 
@@ -213,7 +213,7 @@ def test_rounding_is_outward():
 
 
 def test_division_by_zero_is_rejected():
-    with pytest.raises(ZeroDivisionError, match="contains zero"):
+    with pytest.raises(ZeroDivisionError, match="zero"):
         Interval(np.array([1.0])) / Interval(np.array([-1.0]), np.array([1.0]))
 
 
@@ -267,5 +267,5 @@ def test_one_bad_second_is_found(case):
 
 def test_knots_that_do_not_fit_are_named(case):
     loops, exact, *_ = case
-    with pytest.raises(NumericalError, match="7 knots do not lie evenly among 401"):
+    with pytest.raises(NumericalError, match=r"\b7 knots .*\b401\b"):
         interpolants(loops, replace(exact, level=exact.level[:7], cost=exact.cost[:7]))
