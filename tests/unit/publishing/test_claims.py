@@ -106,7 +106,8 @@ def test_other_groups_replace_expert_and_novice(judged, thesis_as_results):
     cells = frame[frame.index.str.startswith("table_4_1")]
     sentences = frame.loc[["expert_larger", "lateral_largest", "expert_unchanged", "novice_susceptible"]]
     assert {*cells.verdict, *sentences.verdict} == {HOLDS}
-    assert frame.at["expert_larger", "statement"].startswith("The trained's basins")
+    statement = frame.at["expert_larger", "statement"]
+    assert "trained" in statement and "expert" not in statement
     assert judged(thesis_as_results, groups=groups).at["expert_larger", "verdict"] == CANNOT_BE_TESTED
 
 

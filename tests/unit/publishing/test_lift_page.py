@@ -13,7 +13,7 @@ def test_lift_and_folder_give_the_same_file(saved_lift):
     assert len(html) < 8e6
     elements = re.sub(r"<script.*?</script>", "", html, flags=re.S)  # what these load is tested in a browser
     assert not re.search(r'(src|href)\s*=\s*["\'](https?:)?//', elements)
-    assert "<b>Data: synthetic twin</b>" in html
+    assert "synthetic twin" in html
 
 
 def test_source_label_is_shown_and_not_run(saved_lift):
@@ -23,5 +23,5 @@ def test_source_label_is_shown_and_not_run(saved_lift):
 
 def test_folder_without_a_lift_is_rejected_with_the_missing_files(tmp_path):
     names = "body.csv, com.csv, pendulum.csv, pendulum.json, events.json"
-    with pytest.raises(lumbar.InputError, match=f"no {names}; a folder that 'lumbar lift' writes"):
+    with pytest.raises(lumbar.InputError, match=rf"{names}\b.*'lumbar lift'"):
         lumbar.lift_page(tmp_path)

@@ -61,10 +61,14 @@ def test_model_outputs_are_not_markers(shared):
     expected = {"RKNE", "RTOE", "RTIB", "RASI", "RTHI", "RHEE", "LKNE", "RANK", "RCLA"}
     expected |= {"LTHI", "LASI", "C7", "LTOE", "LANK", "SACR", "LHEE", "LCLA", "LTIB"}
     assert set(recording.positions) == expected
-    assert recording.dropped["LHipAngles"] == "joint angle, not a position"
-    assert recording.dropped["LGroundReactionForce"] == "force, not a position"
-    assert recording.dropped["RKneeMoment"] == "moment, not a position"
-    assert recording.dropped["LAnklePower"] == "power, not a position"
+    kinds = {
+        "LHipAngles": "angle",
+        "LGroundReactionForce": "force",
+        "RKneeMoment": "moment",
+        "LAnklePower": "power",
+    }
+    for label, kind in kinds.items():
+        assert has_tokens(recording.dropped[label], kind), label
 
 
 @pytest.mark.parametrize(

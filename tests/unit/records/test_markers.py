@@ -190,16 +190,16 @@ def test_alternatives_mean_share_and_offset(tmp_path):
     sway = recording["C7"] - BODY["C7"]
     np.testing.assert_allclose(recording["T12"] - sway, np.tile([0, -0.0528, 1.153], (20, 1)), atol=1e-6)
     np.testing.assert_allclose(recording["L5"] - sway, np.tile([0, -0.05, 1.02], (20, 1)), atol=1e-6)
-    assert recording.derived == {
-        "T12": "0.66 of the way from C7 to SACRUM",
-        "L5": "mean of L_HIP and R_HIP, moved by (0, -0.05, 0.1) m to the right, forward and up",
-    }
+    assert list(recording.derived) == ["T12", "L5"]
+    assert has_tokens(recording.derived["T12"], "0.66 … C7 … SACRUM")
+    assert has_tokens(recording.derived["L5"], "L_HIP … R_HIP … (0, -0.05, 0.1) m")
     assert set(recording.unused) == {"L_HEEL", "R_HEEL", "L_TOE", "R_TOE"}
 
 
 def test_alias_of_derived_marker_is_derived(tmp_path):
     recording = read(tmp_path, {"L5": "MIDHIP", "MIDHIP": {"mean": ["L_HIP", "R_HIP"]}})
-    assert recording.derived == {"L5": "mean of L_HIP and R_HIP", "MIDHIP": "mean of L_HIP and R_HIP"}
+    assert list(recording.derived) == ["L5", "MIDHIP"]
+    assert all(has_tokens(rule, "mean … L_HIP … R_HIP") for rule in recording.derived.values())
 
 
 def test_parts_of_rule_are_aliases_first(tmp_path):
@@ -294,10 +294,11 @@ def test_plug_in_gait_centre_of_mass_needs_alias(shared):
     path = shared / "real" / "lifting" / "ktk_pig_com_oracle" / "gait.c3d"
     plain = read_markers(path)
     assert "CentreOfMass" not in plain
-    assert plain.dropped["CentreOfMass"] == "computed centre of mass"
-    assert plain.dropped["PELO"] == "computed segment axis"
+    assert has_tokens(plain.dropped["CentreOfMass"], "mass")
+    assert has_tokens(plain.dropped["PELO"], "axis")
     assert len(plain.positions) == 35
     requested = read_markers(path, layout_of(aliases={"BODY_COM": "CentreOfMass", "C7": "C7"}))
-    assert requested.derived == {"BODY_COM": "CentreOfMass: computed centre of mass"}
+    assert list(requested.derived) == ["BODY_COM"]
+    assert has_tokens(requested.derived["BODY_COM"], "CentreOfMass … mass")
     above = requested["C7"] - requested["BODY_COM"]
     assert 0.3 < np.nanmedian(above[:, 2]) < 0.6
