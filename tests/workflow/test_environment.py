@@ -74,7 +74,7 @@ def test_derived_files_are_up_to_date(project):
         assert derive[function](lock(project)) == (project / "envs" / file).read_text(encoding="utf-8")
 
 
-def test_reference_and_schema_say_what_the_settings_say(project):
+def test_reference_and_schema_equal_the_settings(project):
     files = {
         path.name: path.read_text(encoding="utf-8") for path in (project / "docs" / "config").glob("*.md")
     }

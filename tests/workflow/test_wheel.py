@@ -57,7 +57,7 @@ def lumbar(installed, tmp_path_factory):
     return folder, call
 
 
-def test_the_wheel_is_what_runs(lumbar, installed):
+def test_command_runs_from_the_installed_wheel(lumbar, installed):
     _, call = lumbar
     assert call(program="import lumbar; print(lumbar.__file__)").startswith(str(installed))
     version = call("--version").split()[1]
@@ -65,7 +65,7 @@ def test_the_wheel_is_what_runs(lumbar, installed):
     assert (installed / f"lumbar-{version}.dist-info").is_dir()
 
 
-def test_the_wheel_holds_every_file_of_the_library(installed):
+def test_wheel_contains_every_file_of_the_library(installed):
     """Templates, catalogues, C sources and tables too: what they are for, other tests try in the sources."""
 
     def files(root):

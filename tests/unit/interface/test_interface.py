@@ -68,7 +68,7 @@ def test_records_are_read_from_a_folder_or_from_files(folder, records):
     some = lumbar.read([folder / "noise.csv", folder / "other.csv"], names=["a", "b"], periods={"a": 5.0})
     assert [item.period for item in some] == [5.0, None]
     assert np.array_equal(some["a"]["output"], records["noise"]["output"])
-    with pytest.raises(lumbar.InputError, match="unknown"):
+    with pytest.raises(lumbar.InputError, match="tisue"):
         lumbar.read(folder, "tisue")
 
 

@@ -49,7 +49,7 @@ class Cells(HTMLParser):
             self.cells[-1] += data
 
 
-def test_three_formats_hold_the_same_cells(tmp_path):
+def test_three_formats_have_equal_cells(tmp_path):
     made().write(tmp_path / "table")
     rows = list(csv.DictReader((tmp_path / "table.csv").open(encoding="utf-8")))
     assert [row["model"] for row in rows] == ["A_1", "<B>"]

@@ -44,7 +44,7 @@ def value(actual, measure, plane="all"):
     return rows.loc[(measure, plane), "value"]
 
 
-def test_the_lumbar_spine_bends_as_it_was_made_to(actual):
+def test_lumbar_flexion_equals_that_of_the_made_motion(actual):
     """Thorax 1, pelvis 0.45 of the flexion (`lumbar.twin.lifter`): 24° and 36° beyond the 4° of carrying."""
     for name, flexion in (("expert_23kg", 28), ("novice_23kg", 40)):
         bent = value(actual[name], "lumbar_flexion_release", "flexion_extension")

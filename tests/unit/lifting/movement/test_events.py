@@ -171,7 +171,7 @@ def test_events_of_a_scene_are_found_or_absent_with_a_reason(name):
         assert phases == ["before", "lift", *["carry"] * bool(expected["toe_off"]), "deposit", "after"]
 
 
-def test_a_box_that_is_not_set_down_is_no_deposit():
+def test_box_that_is_not_set_down_has_no_deposit():
     lift = lift_of(scene(drop=0.02))
     event = lift.analysed.events["deposit_start"]
     assert event.time_s is None and "lifting.events.descent_m" in event.how

@@ -174,7 +174,7 @@ def test_drift_that_ends_in_a_leap_is_left_out(box_transfer, start):
     assert finding.frames.stop == start + DRIFT
 
 
-def test_undecided_leap_is_noted_and_nothing_is_left_out():
+def test_ambiguous_leap_is_noted_and_keeps_all_frames():
     """Markers that move at will have no distance that says where one of them belongs."""
     rng = np.random.default_rng(3)
     time = np.arange(400) / 100

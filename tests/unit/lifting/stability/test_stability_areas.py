@@ -31,9 +31,9 @@ def test_figure_4_3_has_the_thesis_s_and_the_exact_funnels(basins):
     rows = basins.funnels.query("com == 'abdomen' and plane == 'flexion_extension'")
     for names, panel, curve in zip(columns, axes[0], axes[2], strict=True):
         funnel = rows.set_index(["wording", "method"]).loc[[names]]
-        assert ("no certificate" in panel.get_title()) == (names[1] == "thesis")
+        assert ("certificate" in panel.get_title()) == (names[1] == "thesis")
         assert curve.lines[0].get_ydata() == pytest.approx(funnel["rho"].to_numpy())
-        dashed = next(line for line in panel.lines if line.get_label() == "basin at t = 0").get_xydata()
+        dashed = next(line for line in panel.lines if line.get_linestyle() == "--").get_xydata()
         x, y = dashed.T
         enclosed = 0.5 * abs(np.dot(x[:-1], y[1:]) - np.dot(x[1:], y[:-1]))
         assert enclosed == pytest.approx(funnel["area_rad2_s"].iloc[0], rel=2e-3)  # a polygon of 80 corners

@@ -40,7 +40,7 @@ def test_contributions_of_sums_and_of_products():
     assert contributions(product) == pytest.approx([0, 150, 150, 0, 0])
 
 
-def test_exchange_of_nothing_and_everything_gives_the_two_pendulums():
+def test_exchange_of_no_or_all_parts_gives_the_two_pendulums():
     before, after = lift(subject="novice", duration=1.9)[3], lift(box=15.0)[3]
     after = replace(after, angle=after.angle + 0.05)
     for taken, whole in ((EXCHANGED[0], before), (EXCHANGED[-1], after)):

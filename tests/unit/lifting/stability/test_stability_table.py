@@ -180,7 +180,7 @@ def test_table_4_1_includes_the_published_columns(tables_made, published):
         assert not re.search(f"<th[^>]*>{name}", table.to_html() + controls.to_html())
 
 
-def test_controls_hold_the_headline_within_its_range(tables_made, study):
+def test_controls_contain_the_headline_within_its_range(tables_made, study):
     table, controls = tables_made.table, tables_made.controls
     rows = controls.frame[controls.frame["comparison"] == "expert_vs_novice"]
     assert ((rows["lowest_percent"] <= rows["percent"]) & (rows["percent"] <= rows["highest_percent"])).all()

@@ -164,7 +164,7 @@ def test_no_half_written_fmu(tmp_path, monkeypatch):
 )
 @pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler: apt-get install gcc libc6-dev")
 @pytest.mark.parametrize(("name", "version"), [("KB", 3), ("KB+coulomb_friction", 2)])
-def test_fmpy_compiles_the_sources_alone(name, version, fmu_folder, fmu_positions, tmp_path):
+def test_fmpy_compiles_the_exported_sources(name, version, fmu_folder, fmu_positions, tmp_path):
     """Without binaries, with another compiler: the sources in the FMU are complete, and give the same bits."""
     from fmpy.build import build_platform_binary
 

@@ -253,7 +253,7 @@ def cpp_program(source: Path, folder: Path) -> Path:
 
 
 @with_cpp
-def test_cpp_loader_answers_right_and_wrong_use(fmus, player, tmp_path):
+def test_cpp_loader_returns_forces_and_rejects_wrong_use(fmus, player, tmp_path):
     program = cpp_program(STUBS / "use_loader.cpp", tmp_path)
     printed = output_of(program, fmus / "KB", "KB.so", fmus / "old", fmus / "empty").splitlines()
     lines = [line.partition(": ")[::2] for line in printed]
@@ -303,7 +303,7 @@ def test_chai3d_example_presses_into_tissue(fmus, player, tmp_path):
 
 
 @with_mono
-def test_unity_package_answers_right_and_wrong_use(fmus, player, tmp_path):
+def test_unity_package_returns_forces_and_rejects_wrong_use(fmus, player, tmp_path):
     """Against stubs of Unity, with its symbol defined: sample, haptic thread, errors, a comma as decimal sign."""
     program = tmp_path / "unity.exe"
     sources = [*UNITY.rglob("*.cs"), STUBS / "UnityStubs.cs", STUBS / "UseUnityPackage.cs"]

@@ -75,7 +75,7 @@ def test_at_100_Hz_no_model_is_stable_on_a_light_stylus(name, damping, gain, ren
     assert not analysis.stable
 
 
-def test_inverted_model_is_judged_as_it_is_displayed(rendering):
+def test_inverted_model_is_judged_with_its_displayed_sign(rendering):
     """Like the others, so that it draws the tool in: −125 N/m against a hand of 300 N/m, and of 100 N/m."""
     held = verdict(rendering, "IL", 100.0).analysis
     np.testing.assert_allclose(held.model.loops[0].numerator, -125.0 / 3)
@@ -127,7 +127,7 @@ def test_dry_friction_is_judged_by_its_slope_and_its_effect(zig_cache, tmp_path)
     path.write_text(json.dumps(models_json(effect_entry("KB", "coulomb_friction/coulomb"))))
     settings = changed(SETTINGS, compiler_cache=str(zig_cache))
     judged = lumbar.render(lumbar.load_models(path), settings=settings)[-1]
-    slopes = {loop.name.split("steps of ")[1]: loop.numerator[0] for loop in judged.model.loops[:4]}
+    slopes = {" ".join(loop.name.split()[-2:]): loop.numerator[0] for loop in judged.model.loops[:4]}
     springs = 1e3 * (0.8 + 6.0) / 3  # those of the base, over the average of three positions
     assert slopes["1e-06 mm"] - springs == pytest.approx(1e3 * 0.8 / 0.7 * 1e3 / 3, rel=1e-3)
     assert judged.analysis.gain < 0.3 and not judged.stable

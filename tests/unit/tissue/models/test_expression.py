@@ -54,7 +54,7 @@ def test_values_and_derivatives_match_sympy(text):
         assert evaluate(derivative(parse(text), name)) == pytest.approx(float(slope), rel=1e-12, abs=1e-13)
 
 
-def test_operations_keep_the_order_in_which_they_are_written():
+def test_operations_keep_their_written_order():
     """Three terms or factors round differently in each order here."""
     for text in ("a + b + c", "a + (b + c)", "a*b*c", "a*(b*c)", "a/b*c", "a*b/c"):
         given = {"a": 0.1, "b": 0.2, "c": 0.3}
@@ -109,7 +109,7 @@ def test_forbidden_expressions_are_rejected(text, message):
         ("where(k > z, k, c)", r"where\(k > z, k, c\) .*\bc, k\b.*\bnonlinear\b"),
     ],
 )
-def test_a_force_that_is_not_proportional_is_rejected(text, message):
+def test_force_not_proportional_to_its_parameter_is_rejected(text, message):
     with pytest.raises(InputError, match=message):
         linear_parts(parse(text), ("k", "c"))
 
@@ -284,7 +284,7 @@ def test_an_iteration_that_does_not_end_falls_back_to_steps():
         ("hysteresis/bouc_wen_general", (1.5, 2.5)),
     ],
 )
-def test_closed_forms_are_what_their_equations_say(key, numbers):
+def test_closed_forms_solve_their_equations(key, numbers):
     """For the same straight lines: exact where the equation is linear, else to the step's second order."""
     form, motion = SOLVED[key], straight(walk(5))
     nonlinear = np.array(numbers)[: len(form.nonlinear)]

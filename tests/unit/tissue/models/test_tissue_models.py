@@ -100,7 +100,7 @@ def test_models_without_mechanical_counterpart_are_rejected(model, transfer_func
 
 
 @pytest.mark.parametrize("denominator", [(1.0, -1.0), (1.0, -1.04), (1.0, 0.0, 1.2), (1.0, float("nan"))])
-def test_an_unstable_model_is_never_simulated(denominator):
+def test_unstable_model_is_not_simulated(denominator):
     model = TransferFunction((1.0, 0.5), denominator)
     assert not model.stable
     with pytest.raises(NumericalError, match="unstable"):
