@@ -27,10 +27,8 @@ def tissue_force(
         Seconds, evenly spaced, and millimetres.
     k1, k2 : float
         Stiffness parallel to the dashpot and in series with both, N/mm.
-    relaxation_s : float
-        Time constant b/(k1 + k2) of the relaxation at constant position, seconds.
-    cubic : float
-        Hardening, N/mm³.
+    relaxation_s, cubic : float
+        Time constant b/(k1 + k2) of the relaxation at constant position, seconds; hardening, N/mm³.
 
     Notes
     -----

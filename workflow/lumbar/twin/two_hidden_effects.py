@@ -275,10 +275,8 @@ def line_spectrum_motion(
         Name of the record.
     amplitudes, phases : numpy.ndarray, shape (lines,)
         Of the lines ``spacing_Hz``, ``2 spacing_Hz`` …; radians.
-    spacing_Hz : float
-        A period 1/spacing_Hz has an integer number of samples.
-    duration_s : float
-        Whole periods, or the beginning of one.
+    spacing_Hz, duration_s : float
+        A period 1/spacing_Hz has an integer number of samples; whole periods, or the beginning of one.
     peak_mm : float
         Largest recorded displacement.
     """

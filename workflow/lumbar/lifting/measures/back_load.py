@@ -21,41 +21,28 @@ UPRIGHT_DEG = 15.0
 
 
 def inclination(line: np.ndarray, towards: np.ndarray) -> np.ndarray:
-    """Return the angle of a line from straight up in the vertical plane of a direction, degrees, positive towards it.
+    """Return a line's angle in degrees from straight up in the vertical plane of a direction, positive towards it, shape (n,).
 
     Parameters
     ----------
-    line : numpy.ndarray, shape (n, 3)
-        Line from below to above, of any length.
-    towards : numpy.ndarray, shape (n, 3)
-        Horizontal unit vectors.
-
-    Returns
-    -------
-    numpy.ndarray, shape (n,)
-        Angle in degrees.
+    line, towards : numpy.ndarray, shape (n, 3)
+        Line from below to above, of any length; horizontal unit vectors.
     """
     return np.degrees(np.arctan2(np.einsum("nj,nj->n", line, towards), line[:, 2]))
 
 
 def subtract_upright(bend: np.ndarray, trunk: np.ndarray, forward: np.ndarray) -> np.ndarray:
-    """Return the angle beyond that of standing upright, as Plamondon et al. (2010) measure flexion of the lumbar region.
+    """Return the angle in degrees beyond that of standing upright, shape (n,).
 
-    Zero is the mean over the straightest `UPRIGHT_SHARE` per cent of the recording.
+    Zero is the mean over the straightest `UPRIGHT_SHARE` per cent of the recording. Plamondon et al. (2010) measure flexion of
+    the lumbar region so.
 
     Parameters
     ----------
     bend : numpy.ndarray, shape (n,)
         Angle in degrees.
-    trunk : numpy.ndarray, shape (n, 3)
-        Line from L5/S1 to C7/T1.
-    forward : numpy.ndarray, shape (n, 3)
-        Horizontal unit vectors.
-
-    Returns
-    -------
-    numpy.ndarray, shape (n,)
-        Angle in degrees.
+    trunk, forward : numpy.ndarray, shape (n, 3)
+        Line from L5/S1 to C7/T1; horizontal unit vectors.
 
     Raises
     ------
@@ -99,10 +86,8 @@ def net_moment(joint: np.ndarray, links: Iterable[Link], rate: float, gravity: f
         Position of the joint in m; it may move.
     links : iterable of Link
         All links that the joint carries.
-    rate : float
-        Frames per second.
-    gravity : float
-        Gravitational acceleration in m/s².
+    rate, gravity : float
+        Frames per second; gravitational acceleration in m/s².
     """
     total = np.zeros_like(joint)
     for link in links:
@@ -126,7 +111,7 @@ _TRUNK_OF_WOMEN = 0.65
 
 
 def trunk_extension_strength(inclination_deg: np.ndarray, sex: str) -> np.ndarray:
-    """Return the mean largest extension moment of the trunk in N·m by its inclination in degrees (`TRUNK_SOURCE`).
+    """Return the mean largest extension moment of the trunk in N·m by its inclination (`TRUNK_SOURCE`), shape (n,).
 
     Linear between the published angles, constant beyond them.
 
@@ -136,11 +121,6 @@ def trunk_extension_strength(inclination_deg: np.ndarray, sex: str) -> np.ndarra
         Angle of the trunk from straight up, positive forward.
     sex : str
         ``male`` or ``female``; for any other the mean of both.
-
-    Returns
-    -------
-    numpy.ndarray, shape (n,)
-        Moment in N·m.
     """
     share = {"male": 1.0, "female": _TRUNK_OF_WOMEN}.get(sex, (1 + _TRUNK_OF_WOMEN) / 2)
     return share * np.interp(inclination_deg, _FLEXION_DEG, _EXTENSION_N_M)

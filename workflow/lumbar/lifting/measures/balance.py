@@ -66,29 +66,22 @@ class BaseOfSupport:
 
         Parameters
         ----------
-        point : numpy.ndarray, shape (n, 2)
-            Horizontal position in m.
-        direction : numpy.ndarray, shape (n, 2)
-            Unit vectors.
+        point, direction : numpy.ndarray, shape (n, 2)
+            Horizontal position in m; unit vectors.
         """
         along = np.einsum("nkj,nj->nk", self.corners, direction)
         furthest = np.where(self.grounded, along, -np.inf).max(axis=1)
         return np.where(self.grounded.any(axis=1), furthest - np.einsum("nj,nj->n", point, direction), np.nan)
 
     def margin(self, point: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the signed distance of a point to the edge, and the direction of the nearest edge.
+        """Return the signed distance of a point to the edge in m, shape (n,), and the unit vector of the nearest edge, (n, 2).
+
+        The distance is positive inside; both are NaN if nothing is on the ground or the point is unknown.
 
         Parameters
         ----------
         point : numpy.ndarray, shape (n, 2)
             Horizontal position in m.
-
-        Returns
-        -------
-        distance : numpy.ndarray, shape (n,)
-            In m, positive inside; NaN if nothing is on the ground or the point is unknown.
-        direction : numpy.ndarray, shape (n, 2)
-            Unit vectors; NaN as `distance`.
         """
         # Directions that include the nearest edge or corner: normals of all pairs, corner to point. Pairs that are not edges only
         # give larger distances than the smallest.
@@ -159,12 +152,8 @@ def ground_contact(marker: np.ndarray, rate: float, height_m: float, speed_m_s: 
     ----------
     marker : numpy.ndarray, shape (n, 3)
         Positions in m.
-    rate : float
-        Frames per second.
-    height_m : float
-        Largest height above the lowest level.
-    speed_m_s : float
-        Largest speed.
+    rate, height_m, speed_m_s : float
+        Frames per second; largest height above the lowest level; largest speed.
     """
     height = marker[:, 2]
     if not np.isfinite(height).any():
@@ -192,10 +181,8 @@ def extrapolated_centre(position: np.ndarray, velocity: np.ndarray, rate: np.nda
 
     Parameters
     ----------
-    position : numpy.ndarray, shape (n, k)
-        Horizontal position of the whole body's centre of mass with what it carries, in m.
-    velocity : numpy.ndarray, shape (n, k)
-        Its velocity in m/s.
+    position, velocity : numpy.ndarray, shape (n, k)
+        Horizontal position of the whole body's centre of mass with what it carries, in m; its velocity in m/s.
     rate : numpy.ndarray, shape (n,), or float
         ω0 in 1/s.
     """
@@ -210,10 +197,8 @@ def smallest_impulse(mass: np.ndarray | float, rate: np.ndarray | float, margin:
 
     Parameters
     ----------
-    mass : numpy.ndarray, shape (n,), or float
-        Mass of the body with what it carries in kg.
-    rate : numpy.ndarray, shape (n,), or float
-        ω0 in 1/s.
+    mass, rate : numpy.ndarray, shape (n,), or float
+        Mass of the body with what it carries in kg; ω0 in 1/s.
     margin : numpy.ndarray, shape (n,)
         Signed distance of the extrapolated centre to the edge in m.
     """
@@ -252,10 +237,8 @@ def braking_speed(angle: np.ndarray, length: np.ndarray, reach: np.ndarray, grav
 
     Parameters
     ----------
-    angle : numpy.ndarray, shape (n,)
-        θ from straight up in rad.
-    length : numpy.ndarray, shape (n,)
-        l in m.
+    angle, length : numpy.ndarray, shape (n,)
+        θ from straight up in rad; l in m.
     reach : numpy.ndarray, shape (n,)
         r in m, the largest braking torque over the weight: how far the centre of pressure can go ahead of the pivot.
     gravity : float
@@ -281,12 +264,8 @@ def viability_margin(
 
     Parameters
     ----------
-    angle : numpy.ndarray, shape (n,)
-        θ from straight up in rad.
-    angular_velocity : numpy.ndarray, shape (n,)
-        θ̇ in rad/s.
-    length : numpy.ndarray, shape (n,)
-        l in m.
+    angle, angular_velocity, length : numpy.ndarray, shape (n,)
+        θ from straight up in rad; θ̇ in rad/s; l in m.
     mass : numpy.ndarray, shape (n,), or float
         m in kg.
     limits : tuple of numpy.ndarray, shape (n,)
@@ -342,7 +321,8 @@ def pressure_limits(
     """Return the limits of the centre of pressure from the middle of the standing ankles, by foot size and ankle torque.
 
     Fore and aft the torques of all standing ankles add up over the weight. Sideways the weight shifts from foot to foot, and
-    beyond the outer ankle only that ankle's torque counts (outward inversion, inward eversion if only one stands).
+    beyond the outer ankle only that ankle's torque counts (outward inversion, inward eversion if only one stands). By plane the
+    distances along the axis (right, forward) and against it, in m, each of shape (n,).
 
     Parameters
     ----------
@@ -358,11 +338,6 @@ def pressure_limits(
         m·g of body and load in N.
     torques : AnkleTorques
         Limits of one ankle.
-
-    Returns
-    -------
-    dict of str to tuple of numpy.ndarray, shape (n,)
-        By plane the distances along the axis (right, forward) and against it, in m.
     """
     forward = np.stack([-right[:, 1], right[:, 0]], axis=1)
     pivot = mean_of_grounded(ankles, standing)

@@ -51,10 +51,8 @@ def compare_means(first: pd.Series, second: pd.Series, paired: bool, names: tupl
 
     Parameters
     ----------
-    first : pandas.Series
-        Values by subject.
-    second : pandas.Series
-        Values by subject, same unit.
+    first, second : pandas.Series
+        Values by subject, in the same unit.
     paired : bool
         True to compare the changes of the subjects on both sides.
     names : tuple of str

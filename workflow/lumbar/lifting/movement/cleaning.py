@@ -89,7 +89,7 @@ def clean(recording: MarkerRecording, settings: LiftingSettings) -> CleanRecordi
 
 
 def fill_gaps(recording: MarkerRecording, maximum_s: float = 0.2) -> tuple[MarkerRecording, list[Gap]]:
-    """Bridge short gaps by cubic splines.
+    """Bridge short gaps by cubic splines; return the recording and every gap, by marker and time.
 
     Each gap is bridged separately, by the interpolating spline through the frames seen within `maximum_s` of its ends, so that a
     distant part of the recording has no influence. Seen frames are unchanged to the last bit; a gap that stays is NaN.
@@ -100,13 +100,6 @@ def fill_gaps(recording: MarkerRecording, maximum_s: float = 0.2) -> tuple[Marke
         Recording with NaN in the gaps.
     maximum_s : float, default 0.2
         Longest gap that is bridged: missing frames divided by the rate; 0 bridges none.
-
-    Returns
-    -------
-    recording : MarkerRecording
-        Recording with the short gaps filled.
-    gaps : list of Gap
-        Every gap, by marker and time.
     """
     time, rate = recording.time, recording.rate
     # At least the two frames on each side, even if only very short gaps are bridged.
@@ -179,10 +172,8 @@ def dual_pass_sections(cutoff_Hz: float, rate: float, order: int = 2) -> np.ndar
 
     Parameters
     ----------
-    cutoff_Hz : float
-        −3 dB frequency of both passes together, between 0 and half the rate.
-    rate : float
-        Frames per second.
+    cutoff_Hz, rate : float
+        −3 dB frequency of both passes together, between 0 and half the rate; frames per second.
     order : int, default 2
         Order of one pass.
 
@@ -216,10 +207,8 @@ def extension_frames(cutoff_Hz: float, rate: float, order: int = 2) -> int:
 
     Parameters
     ----------
-    cutoff_Hz : float
-        −3 dB frequency of both passes together.
-    rate : float
-        Frames per second.
+    cutoff_Hz, rate : float
+        −3 dB frequency of both passes together; frames per second.
     order : int, default 2
         Order of one pass.
     """
@@ -232,7 +221,7 @@ def extension_frames(cutoff_Hz: float, rate: float, order: int = 2) -> int:
 
 
 def low_pass(values: np.ndarray, rate: float, cutoff_Hz: float = 6.0, order: int = 2) -> np.ndarray:
-    """Filter forward and backward, each contiguous interval of finite values separately.
+    """Filter forward and backward, each contiguous interval of finite values separately; a missing value is NaN.
 
     At both ends an interval is continued by its point reflection (odd extension) over three periods of the cut-off (more at
     orders other than 2: `extension_frames`), or by its whole length, which keeps position and velocity there. Within one period
@@ -248,11 +237,6 @@ def low_pass(values: np.ndarray, rate: float, cutoff_Hz: float = 6.0, order: int
         −3 dB frequency of both passes together.
     order : int, default 2
         Order of one pass.
-
-    Returns
-    -------
-    numpy.ndarray, shape of `values`
-        Filtered values, NaN if missing.
 
     Raises
     ------
@@ -303,7 +287,7 @@ def filter_markers(recording: MarkerRecording, cutoff_Hz: float = 6.0, order: in
 
 
 def derivative(values: np.ndarray, rate: float, order: Literal[1, 2] = 1) -> np.ndarray:
-    """Differentiate filtered values by central differences, each contiguous interval separately.
+    """Differentiate filtered values by central differences, each contiguous interval separately; a missing value is NaN.
 
     Three-point formulas of second-order accuracy; one-sided ones at the ends. The result for a sine of frequency f is too small
     by the factor ``sin(x)/x`` (first) or ``(sin(x/2)/(x/2))**2`` (second derivative), x = 2πf/rate: 2.4 % and 1.2 % at 6 Hz and
@@ -317,11 +301,6 @@ def derivative(values: np.ndarray, rate: float, order: Literal[1, 2] = 1) -> np.
         Frames per second.
     order : {1, 2}, default 1
         First or second derivative.
-
-    Returns
-    -------
-    numpy.ndarray, shape of `values`
-        In the values' unit per second (per second squared), NaN if missing.
 
     Raises
     ------

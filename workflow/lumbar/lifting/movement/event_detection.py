@@ -42,6 +42,8 @@ def find_events(
 ) -> dict[str, Event]:
     """Find the events of a lift; those declared by hand, or marked in the file if it is selected, replace detected ones.
 
+    An event that the recording does not have is marked as absent, with its reason.
+
     Parameters
     ----------
     recording : MarkerRecording
@@ -50,11 +52,6 @@ def find_events(
         Thresholds of the detection, labels and origin of the events.
     declared : DeclaredEvents or "file", optional
         Events of the trial in the subject's file.
-
-    Returns
-    -------
-    dict of str to Event
-        By the names in `EVENTS`; an event that the recording does not have is absent, with its reason.
 
     Raises
     ------

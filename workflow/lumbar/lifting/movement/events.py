@@ -277,10 +277,8 @@ def file_event(
     name : str
         One of `EVENTS`. Among steps (``"toe_off"``) the first between `start` and `stop` is returned; any other event may be
         there only a single time.
-    start : float
-        Start of the lift in s.
-    stop : float
-        End of the lift in s.
+    start, stop : float
+        Start of the lift in s; end of the lift in s.
 
     Raises
     ------

@@ -216,10 +216,8 @@ class Pelvis:
 
         Parameters
         ----------
-        forward : float
-            Distance ahead of the origin in m.
-        up : float
-            Distance above the origin in m.
+        forward, up : float
+            Distance ahead of the origin in m; distance above the origin in m.
         right : float, default 0.0
             Distance to the right of the origin in m.
         """
@@ -366,9 +364,7 @@ def typical_distance(start: np.ndarray, end: np.ndarray) -> float:
 
     Parameters
     ----------
-    start : numpy.ndarray, shape (n, 3)
-        Positions in m, NaN if unknown.
-    end : numpy.ndarray, shape (n, 3)
+    start, end : numpy.ndarray, shape (n, 3)
         Positions in m, NaN if unknown.
     """
     distance = np.linalg.norm(end - start, axis=-1)

@@ -135,10 +135,8 @@ def fill_rigid(
     ----------
     points : mapping of str to numpy.ndarray, shape (n, 3)
         All markers by label, in metres.
-    rate : float
-        Frames per second.
-    start_s : float
-        Time of the first frame.
+    rate, start_s : float
+        Frames per second; time of the first frame.
     shape : BodyShape
         Shape of the body.
     body : str
@@ -173,19 +171,12 @@ def fill_rigid(
 
 
 def fill_from_body(markers: Mapping[str, np.ndarray]) -> tuple[Mapping[str, np.ndarray], dict[str, int]]:
-    """Fill every unseen frame of a body's markers from three others.
+    """Fill unseen frames of a body's markers from three others; return the markers and the number of filled frames by marker.
 
     Parameters
     ----------
     markers : mapping of str to numpy.ndarray, shape (n, 3)
         Markers of the body by label in m.
-
-    Returns
-    -------
-    markers : mapping of str to numpy.ndarray, shape (n, 3)
-        Markers with the frames filled.
-    frames : dict of str to int
-        Number of filled frames by marker.
     """
     complete = all(np.isfinite(points).all() for points in markers.values())
     shape = None if complete else body_shape(markers, markers, "")

@@ -421,7 +421,7 @@ def read_upright(path: str | os.PathLike, layout: MarkerLayout) -> MarkerRecordi
 def check_unaliased_axes(
     points: dict[str, np.ndarray], recording: MarkerRecording, layout: MarkerLayout
 ) -> list[str]:
-    """Check the declared axes by the usual labels of markers without an alias.
+    """Return the declared axes, up and forward, that no marker shows by its usual label without an alias.
 
     Parameters
     ----------
@@ -431,11 +431,6 @@ def check_unaliased_axes(
         The same markers under standard names.
     layout : MarkerLayout
         Declared axes.
-
-    Returns
-    -------
-    list of str
-        Those of up and forward that no marker shows.
 
     Raises
     ------

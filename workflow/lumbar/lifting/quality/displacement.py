@@ -306,10 +306,8 @@ def median_distance(points: dict[str, np.ndarray], one: str, other: str, frames:
     ----------
     points : dict of str to numpy.ndarray, shape (n_frames, 3)
         Markers by label in m.
-    one : str
-        Label of the first marker.
-    other : str
-        Label of the second marker.
+    one, other : str
+        Label of the first marker; label of the second marker.
     frames : slice or numpy.ndarray
         Frames that are compared.
     """

@@ -93,10 +93,8 @@ class Legend:
             Key of `REMEDIES`.
         outcome : {"error", "left out", "proposed", "noted"}
             Consequence of the finding.
-        evidence : str
-            Measured numbers, for the reader.
-        cause : str
-            The likely cause, or what to do.
+        evidence, cause : str
+            Measured numbers, for the reader; the likely cause, or what to do.
         markers : tuple of str, default ()
             Labels of the file; empty if the whole recording is meant.
         frames : slice, optional

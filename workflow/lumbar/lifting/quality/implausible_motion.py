@@ -172,7 +172,7 @@ class Exchange:
 
 
 def take_exchanges(leaps: dict[str, list[Leap]]) -> tuple[list[Exchange], dict[str, list[Leap]]]:
-    """Separate the leaps that are exchanges from all others.
+    """Separate the leaps that are exchanges of two labels from all others, by label.
 
     If several markers leap simultaneously, such as those of both legs, each leap belongs to the exchange that it fits best.
 
@@ -180,13 +180,6 @@ def take_exchanges(leaps: dict[str, list[Leap]]) -> tuple[list[Exchange], dict[s
     ----------
     leaps : dict of str to list of Leap
         Leaps by label.
-
-    Returns
-    -------
-    exchanges : list of Exchange
-        Exchanges of two labels.
-    remaining : dict of str to list of Leap
-        All other leaps by label.
     """
     flat = [(label, leap) for label, own_leaps in leaps.items() for leap in own_leaps]
     candidates = []
@@ -244,7 +237,7 @@ def marker_at_landing(leap: Leap, label: str, points: dict[str, np.ndarray]) -> 
 def missing_frames(
     points: dict[str, np.ndarray], leaps: dict[str, list[Leap]], legend: Legend
 ) -> tuple[list[MarkerFinding], dict[str, list[Leap]]]:
-    """Find the frames between which most markers leap.
+    """Return frames between which most markers leap, as errors (the missing movement is unknown), and the other leaps by label.
 
     Parameters
     ----------
@@ -254,13 +247,6 @@ def missing_frames(
         Leaps by label, without exchanges of two markers.
     legend : Legend
         Times of the frames and meanings of the labels.
-
-    Returns
-    -------
-    findings : list of MarkerFinding
-        Errors: the missing movement is unknown.
-    remaining : dict of str to list of Leap
-        The other leaps by label.
     """
     counted = Counter(leap.first for own_leaps in leaps.values() for leap in own_leaps)
     findings: list[MarkerFinding] = []

@@ -240,10 +240,8 @@ def decimals(value: float, resolution: float) -> int:
 
     Parameters
     ----------
-    value : float
-        Value in any unit, not zero.
-    resolution : float
-        Relative uncertainty of the value.
+    value, resolution : float
+        Value in any unit, not zero; relative uncertainty of the value.
     """
     return -math.floor(math.log10(resolution * abs(value)))
 

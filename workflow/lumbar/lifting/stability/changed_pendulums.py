@@ -90,19 +90,14 @@ OTHER_MASSES = {
 
 
 def areas_under_changes(study: ComparedLifts) -> tuple[dict[str, pd.DataFrame], list[Failure]]:
-    """Return average cross-sections under every change that the headline is tested with.
+    """Return average cross-sections under every change that the headline is tested with, and those that could not be computed.
+
+    By change; columns ``subject, experience, box_mass_kg, com, plane, mean_area`` (rad²/s).
 
     Parameters
     ----------
     study : ComparedLifts
         Lifts of the study and their basins.
-
-    Returns
-    -------
-    areas : dict of str to pandas.DataFrame
-        By change; columns ``subject, experience, box_mass_kg, com, plane, mean_area`` (rad²/s).
-    failures : list of Failure
-        Areas that could not be computed: they have no row.
     """
     settings, trajectories = study.settings, study.trajectories()
     cases = dict.fromkeys((*VARIANTS, *TAYLOR), trajectories) | {
@@ -138,7 +133,7 @@ def _areas_of_change(items: list[Trajectory], name: str, settings: StabilitySett
 
 
 def varied_areas(cases: Mapping[str, list[Trajectory]], settings: StabilitySettings) -> dict[str, np.ndarray]:
-    """Return average cross-sections (exact method) with Q, R and b changed, all computed together.
+    """Return average cross-sections (exact method) in rad²/s with Q, R and b changed, shape (trajectories,) per change.
 
     Parameters
     ----------
@@ -146,11 +141,6 @@ def varied_areas(cases: Mapping[str, list[Trajectory]], settings: StabilitySetti
         Trajectories by change, one of `VARIANTS`; under any other name the trajectories are unchanged.
     settings : StabilitySettings
         Settings of the study.
-
-    Returns
-    -------
-    dict of str to numpy.ndarray, shape (trajectories,)
-        Areas by change in rad²/s.
 
     Raises
     ------
@@ -171,7 +161,7 @@ def varied_areas(cases: Mapping[str, list[Trajectory]], settings: StabilitySetti
 
 
 def taylor_areas(trajectories: list[Trajectory], settings: StabilitySettings, degree: int) -> np.ndarray:
-    """Return average cross-sections (exact method) with the sine replaced by its Taylor polynomial of a degree.
+    """Return average cross-sections (exact) in rad²/s with the sine's Taylor polynomial of a degree, shape (trajectories,).
 
     Parameters
     ----------
@@ -181,11 +171,6 @@ def taylor_areas(trajectories: list[Trajectory], settings: StabilitySettings, de
         Settings of the study.
     degree : int
         Degree of the polynomial.
-
-    Returns
-    -------
-    numpy.ndarray, shape (trajectories,)
-        Areas in rad²/s.
 
     Raises
     ------
@@ -224,10 +209,8 @@ def exchanged(before: Trajectory, after: Trajectory, taken: frozenset[str]) -> T
 
     Parameters
     ----------
-    before : Trajectory
-        Pendulum that is changed.
-    after : Trajectory
-        Pendulum that the parts come from.
+    before, after : Trajectory
+        Pendulum that is changed; pendulum that the parts come from.
     taken : frozenset of str
         Those of `PARTS` that come from `after`.
     """
@@ -245,17 +228,12 @@ def exchanged(before: Trajectory, after: Trajectory, taken: frozenset[str]) -> T
 
 
 def contributions(areas: np.ndarray) -> np.ndarray:
-    """Return the contribution of each part to a difference of areas.
+    """Return the contribution of each of `PARTS` to a difference of areas, shape (..., 5), in percent of the area before.
 
     Parameters
     ----------
     areas : numpy.ndarray, shape (..., 32)
         Average cross-sections in rad²/s, by `EXCHANGED`.
-
-    Returns
-    -------
-    numpy.ndarray, shape (..., 5)
-        By `PARTS`, in percent of the area before.
     """
     index = {taken: position for position, taken in enumerate(EXCHANGED)}
     parts = []

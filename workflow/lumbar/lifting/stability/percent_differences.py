@@ -149,6 +149,9 @@ def percent_differences(
 ) -> list[dict]:
     """Compare average cross-sections as Table 4.1 does.
 
+    A row has ``comparison, com, status`` and, per plane, the percentage, NaN if the study cannot make the comparison or a basin
+    is missing; the status names it.
+
     Parameters
     ----------
     areas : pandas.DataFrame
@@ -158,12 +161,6 @@ def percent_differences(
         Column with the areas that are compared.
     comparisons : sequence of BasinComparison
         Comparisons of the study.
-
-    Returns
-    -------
-    list of dict
-        ``comparison, com, status`` and, per plane, the percentage, NaN if the study cannot make the comparison or a basin is
-        missing; the status names it.
     """
     table = areas.groupby(["experience", "box_mass_kg", "com", "plane"])[column].mean().to_dict()
     rows = []

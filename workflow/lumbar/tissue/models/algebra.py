@@ -211,7 +211,7 @@ _DERIVATIVES: dict[str, list[str]] = shipped_yaml(Path(__file__).with_name("func
 
 
 def linear_parts(expression: Expression, linear: Collection[str]) -> dict[str, Expression]:
-    """Return the factor of each linear parameter in an expression: z and v*abs(v) of k*z + c*v*abs(v).
+    """Return the factor of each linear parameter that an expression uses: z and v*abs(v) of k*z + c*v*abs(v).
 
     Parameters
     ----------
@@ -219,11 +219,6 @@ def linear_parts(expression: Expression, linear: Collection[str]) -> dict[str, E
         Expression without ``sum``.
     linear : collection of str
         Symbols of the linear parameters.
-
-    Returns
-    -------
-    dict of str to Expression
-        Factors by symbol; symbols that the expression does not use are missing.
 
     Raises
     ------

@@ -77,7 +77,7 @@ class Base:
 
 
 def elongation(motion: Motion, nonlinear: np.ndarray) -> tuple[np.ndarray]:
-    """Return the state of a Maxwell branch.
+    """Return the elongation of a Maxwell branch's spring in the unit of the position, shape (samples,).
 
     Parameters
     ----------
@@ -85,11 +85,6 @@ def elongation(motion: Motion, nonlinear: np.ndarray) -> tuple[np.ndarray]:
         Motion along one axis.
     nonlinear : numpy.ndarray, shape (1,)
         Relaxation time in seconds.
-
-    Returns
-    -------
-    tuple of numpy.ndarray, shape (samples,)
-        Elongation of the branch's spring, in the unit of the position.
     """
     return (relaxation(motion, nonlinear[0]),)
 

@@ -110,7 +110,7 @@ class ForceBalance:
         return Evaluator(trees), Evaluator([*trees, *slopes])
 
     def values(self, known: Mapping[str, np.ndarray | float], shape: tuple[int, ...]) -> np.ndarray:
-        """Return R and the states' rates, in the force's unit and in those of the states per second.
+        """Return R, then the states' rates, in the units of the force and of the states per second, shape (1 + states, *shape).
 
         Parameters
         ----------
@@ -118,11 +118,6 @@ class ForceBalance:
             Values of all symbols, each of a shape that broadcasts to `shape`.
         shape : tuple of int
             Shape of one result.
-
-        Returns
-        -------
-        numpy.ndarray, shape (1 + states, *shape)
-            R first, then the rates.
         """
         return np.array([np.broadcast_to(item, shape) for item in self._evaluators[0](known)], dtype=float)
 
@@ -131,19 +126,14 @@ class ForceBalance:
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return R and the states' rates as `values` does, and their derivatives by z, ż, z̈ and the states.
 
+        The derivatives have shape (1 + states, 3 + states, *shape).
+
         Parameters
         ----------
         known : mapping of str to array_like
             Values of all symbols, each of a shape that broadcasts to `shape`.
         shape : tuple of int
             Shape of one result.
-
-        Returns
-        -------
-        values : numpy.ndarray, shape (1 + states, *shape)
-            R first, then the rates.
-        slopes : numpy.ndarray, shape (1 + states, 3 + states, *shape)
-            Derivatives by z, ż, z̈ and the states.
         """
         count = 1 + len(self.states)
         numbers = np.array([np.broadcast_to(item, shape) for item in self._evaluators[1](known)], dtype=float)
@@ -153,7 +143,9 @@ class ForceBalance:
 def linearise(
     form: Form, linear: Sequence[float], nonlinear: Sequence[float]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the slopes of a base's force and of its states' rates at 0.
+    """Return the slopes of a base's force (first row) and of its states' rates at 0: by z, ż, z̈, and by the states.
+
+    Shapes (1 + states, 3) and (1 + states, states).
 
     Parameters
     ----------
@@ -161,13 +153,6 @@ def linearise(
         Equation of the base.
     linear, nonlinear : sequence of float
         Its parameters, in the form's order and units.
-
-    Returns
-    -------
-    by_motion : numpy.ndarray, shape (1 + states, 3)
-        Derivatives by z, ż, z̈; the first row is the force.
-    by_states : numpy.ndarray, shape (1 + states, states)
-        Derivatives by the states.
     """
     balance = ForceBalance((form,))
     known = dict(zip(balance.parameters, (*linear, *nonlinear), strict=True))
@@ -385,6 +370,9 @@ class ForceDrive:
     ) -> np.ndarray:
         """Return the derivatives of the position by parameters, and by position, velocity and states at the start.
 
+        Shape (steps + 1, derivatives): one column per change, then with `by_start` one each for position, velocity and every
+        state.
+
         Parameters
         ----------
         parameters : mapping of str to float
@@ -395,11 +383,6 @@ class ForceDrive:
             Symbols, and the steps of central differences of the equations (not of the motion).
         by_start : bool, optional
             True if derivatives by the start follow those by the parameters.
-
-        Returns
-        -------
-        numpy.ndarray, shape (steps + 1, derivatives)
-            One column per change, then with `by_start` one each for position, velocity and every state.
         """
         steps, count = len(self.force), len(motion.points)
         start = np.concatenate([[motion.position[0], motion.velocity[0]], motion.states[:, 0]])
@@ -423,7 +406,9 @@ class ForceDrive:
 
 
 def recursion(slope: np.ndarray, driven: np.ndarray, first: np.ndarray | None = None) -> np.ndarray:
-    """Solve yₖ₊₁ = Sₖ yₖ + dₖ for several right-hand sides.
+    """Solve yₖ₊₁ = Sₖ yₖ + dₖ for several right-hand sides; shape (steps + 1, size, columns).
+
+    Not a number from the first step that is not finite.
 
     Parameters
     ----------
@@ -433,11 +418,6 @@ def recursion(slope: np.ndarray, driven: np.ndarray, first: np.ndarray | None = 
         d of every step and right-hand side.
     first : numpy.ndarray, shape (size, columns), optional
         y₀; 0 by default.
-
-    Returns
-    -------
-    numpy.ndarray, shape (steps + 1, size, columns)
-        y at the beginning and after every step; not a number from the first step that is not finite.
     """
     steps, size, columns = driven.shape
     bands = step_bands(slope.transpose(1, 2, 0))

@@ -200,7 +200,7 @@ class Equation:
         solution: Solution | None = None,
         force: np.ndarray | None = None,
     ) -> list[np.ndarray]:
-        """Return the force per linear parameter at size 1, or the transformed force.
+        """Return the force per linear parameter at size 1, shape (samples,) each; one transformed force for an output form.
 
         Parameters
         ----------
@@ -212,11 +212,6 @@ class Equation:
             From motion and nonlinear parameters to the states, instead of the solver.
         force : numpy.ndarray, shape (samples,), optional
             Force that an output form transforms.
-
-        Returns
-        -------
-        list of numpy.ndarray, shape (samples,)
-            One force per linear parameter, in the force's unit per unit of the parameter; one for an output form.
         """
         values: dict = self.parameters(nonlinear)
         if self.state is not None and solution is not None:

@@ -44,17 +44,12 @@ class FittedModel(ModelData):
     """
 
     def simulate(self, record: Record) -> np.ndarray:
-        """Simulate the output from a record's input only, as a free run.
+        """Simulate the output from a record's input only, as a free run; shape (samples,), along several axes (axes, samples).
 
         Parameters
         ----------
         record : Record
             Record with the channel ``input`` and those that the effects need; a continuous model accepts any sampling time.
-
-        Returns
-        -------
-        numpy.ndarray, shape (samples,)
-            Output in its unit; along several axes of shape (axes, samples).
 
         Raises
         ------
@@ -200,7 +195,7 @@ SCHEMA = "lumbar.models/2"
 def models_document(
     models: Iterable[FittedModel], source_label: str, noise_floor_rms: float | None = None
 ) -> dict:
-    """Return the content of a file of models.
+    """Return the content of a file of models, complete with the YAML files of user-defined bases and effects.
 
     Parameters
     ----------
@@ -210,11 +205,6 @@ def models_document(
         Source of the data.
     noise_floor_rms : float, optional
         Noise floor of the training record, in the output's unit.
-
-    Returns
-    -------
-    dict
-        The models, and the content of the YAML files of user-defined bases and effects, so that it is complete without them.
     """
     models = list(models)
     structures = [model.structure for model in models if isinstance(model.structure, Structure)]

@@ -237,17 +237,14 @@ class Form:
     def columns(self, motion: OneMotion, nonlinear: np.ndarray) -> list[np.ndarray]:
         """Return the forces of a parallel form, one per linear parameter at size 1.
 
+        In the force's unit per unit of the parameter, shape (samples,); in space (axes × samples,), one axis after the other.
+
         Parameters
         ----------
         motion : OneMotion
             Motion that reaches the form.
         nonlinear : numpy.ndarray, shape (nonlinear parameters,)
             Nonlinear parameters of the form.
-
-        Returns
-        -------
-        list of numpy.ndarray, shape (samples,)
-            Forces in the force's unit per unit of the parameter; in space one axis after the other, (axes × samples,).
         """
         if self.hand_written:
             return self.hand_written.columns(motion, nonlinear)
@@ -352,19 +349,12 @@ class Effect:
     """Content of the user's file that defines it, stored in files of models; None for effects of the catalogue."""
 
     def in_space(self, axes: tuple[str, ...]) -> tuple[Self | None, dict[str, str]]:
-        """Return the effect for motions along several axes.
+        """Return the effect for motions along several axes, None without such a form, and why other forms have none, by key.
 
         Parameters
         ----------
         axes : tuple of str
             Names of the axes.
-
-        Returns
-        -------
-        effect : Effect or None
-            Effect with the forms that have a meaning in space; None without such a form.
-        reasons : dict of str to str
-            Why a form has no meaning there, by its key.
         """
         forms, reasons = [], {}
         for form in self.forms:

@@ -33,10 +33,8 @@ def unit_of(template: str, input_unit: str, output_unit: str) -> str:
 
     Parameters
     ----------
-    template : str
-        Unit in terms of the input's unit ``{x}`` and the output's ``{y}``.
-    input_unit, output_unit : str
-        Units of the model's input and output.
+    template, input_unit, output_unit : str
+        Unit in terms of the input's unit ``{x}`` and the output's ``{y}``; units of the model's input and output.
     """
     return template.replace("{x}", input_unit).replace("{y}", output_unit)
 
@@ -212,17 +210,12 @@ class ModelData:
         raise InputError(f"{self.name} has no parameter {key!r}; there are {known}")
 
     def values_of(self, part: Base | Form) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        """Return the linear and nonlinear parameters of the base or of an effect's form.
+        """Return the linear parameters of the base or of an effect's form, and the nonlinear ones as a fit searches them.
 
         Parameters
         ----------
         part : Base or Form
             Base or form of the model's structure.
-
-        Returns
-        -------
-        linear, nonlinear : tuple of float
-            Values in the order of `part`; nonlinear ones as a fit searches them.
 
         Raises
         ------

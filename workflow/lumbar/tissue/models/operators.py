@@ -24,9 +24,9 @@ from lumbar.tissue.models.transfer_function import filtered
 def relaxation(motion: Motion, time_constant: float) -> np.ndarray:
     """Return the elongation of the spring of a Maxwell branch with τ = b/k: q̇ = ẋ − q/τ, q(0) = 0.
 
-    Exact for a velocity that is a parabola between samples (from the spline's values at the samples and halfway); a
-    position that is not smooth is taken as linear between samples, or in steps between them (ramp-invariant). Otherwise a
-    branch as fast as two samples would show the interpolation's error as a force.
+    Exact for a velocity that is a parabola between samples (from the spline's values at the samples and halfway); a position
+    that is not smooth is taken as linear between samples, or in steps between them (ramp-invariant). Otherwise a branch as fast
+    as two samples would show the interpolation's error as a force. It has the unit of the position, shape (samples,).
 
     Parameters
     ----------
@@ -34,11 +34,6 @@ def relaxation(motion: Motion, time_constant: float) -> np.ndarray:
         Motion along one axis.
     time_constant : float or complex
         τ in seconds; complex for one of a conjugate pair of poles at −1/τ.
-
-    Returns
-    -------
-    numpy.ndarray, shape (samples,)
-        Elongation in the unit of the position.
     """
     rate = motion.sampling_time / time_constant
     constant = -np.expm1(-rate) / rate
@@ -59,7 +54,7 @@ def relaxation(motion: Motion, time_constant: float) -> np.ndarray:
 
 
 def play(motion: Motion, gap: float) -> np.ndarray:
-    """Return the position behind a gap (backlash), which rests until the gap is closed.
+    """Return the position behind a gap (backlash), shape (samples,), which rests until the gap is closed.
 
     Play operator of Krasnosel'skii and Pokrovskii, Systems with Hysteresis (1989), at rest in the middle first.
 
@@ -69,11 +64,6 @@ def play(motion: Motion, gap: float) -> np.ndarray:
         Motion along one axis.
     gap : float
         Half-width of the gap, in the unit of the position.
-
-    Returns
-    -------
-    numpy.ndarray, shape (samples,)
-        Position in the unit of the motion.
     """
     position = motion.position
     turns = motion.turns
@@ -90,7 +80,7 @@ def play(motion: Motion, gap: float) -> np.ndarray:
 
 
 def presliding(motion: Motion, distance: float) -> np.ndarray:
-    """Return Dahl's friction as a fraction of its limit: dr/dx = (1 − r·sign ẋ)/d, r(0) = 0.
+    """Return Dahl's friction as a fraction r of its limit, −1 to 1, shape (samples,): dr/dx = (1 − r·sign ẋ)/d, r(0) = 0.
 
     P. Dahl, A solid friction model (1968), exponent 1; along a monotone interval r approaches ±1 exponentially with
     the presliding distance d.
@@ -101,11 +91,6 @@ def presliding(motion: Motion, distance: float) -> np.ndarray:
         Motion along one axis.
     distance : float
         d, in the unit of the position.
-
-    Returns
-    -------
-    numpy.ndarray, shape (samples,)
-        r, from -1 to 1.
     """
     position = motion.position
     turns = motion.turns
@@ -120,7 +105,7 @@ def presliding(motion: Motion, distance: float) -> np.ndarray:
 
 
 def bouc_wen(motion: Motion, distance: float) -> np.ndarray:
-    """Return Bouc–Wen hysteresis with exponent 2 and β = γ as a fraction of its limit.
+    """Return Bouc–Wen hysteresis with exponent 2 and β = γ as a fraction r of its limit, −1 to 1, shape (samples,).
 
     dr/dx = (1 − r²·[r ẋ > 0])/d: loading approaches the limit as a hyperbolic tangent, unloading is straight.
     Y. Wen, J. Eng. Mech. Div. 102 (1976) 249-263, with n = 2, β = γ = 1/2.
@@ -131,11 +116,6 @@ def bouc_wen(motion: Motion, distance: float) -> np.ndarray:
         Motion along one axis.
     distance : float
         d, in the unit of the position.
-
-    Returns
-    -------
-    numpy.ndarray, shape (samples,)
-        r, from -1 to 1.
     """
 
     def load_one(share: float, travel: float) -> float:
@@ -159,7 +139,7 @@ _MAX_EXPONENT = 50.0  # of a loop without a limit: no trial of a search overflow
 
 
 def bouc_wen_general(motion: Motion, distance: float, unloading_share: float) -> np.ndarray:
-    """Return Bouc–Wen hysteresis with exponent 1 and any β, γ, δ, as a fraction of α/(2βγ).
+    """Return Bouc–Wen hysteresis with exponent 1 and any β, γ, δ, as a fraction ρ of α/(2βγ), shape (samples,).
 
     ṙ = αv − β(γ|v|r + δv|r|) becomes dρ/dx = (1 + w|ρ| − [ρ ẋ > 0]|ρ|)/d, w = (γ − δ)/(2γ), d = 1/(2βγ) (the loop of the
     benchmark of Noël and Schoukens 2016, n = 1). Unloading relaxes exponentially at w, loading at 1 − w; above w = 1 loading
@@ -169,15 +149,8 @@ def bouc_wen_general(motion: Motion, distance: float, unloading_share: float) ->
     ----------
     motion : Motion
         Motion along one axis.
-    distance : float
-        d, in the unit of the position.
-    unloading_share : float
-        w, above 0.
-
-    Returns
-    -------
-    numpy.ndarray, shape (samples,)
-        ρ, without unit.
+    distance, unloading_share : float
+        d, in the unit of the position; w, above 0.
     """
 
     def load(library, share, travel):
@@ -212,7 +185,7 @@ def _follow_loop(motion: Motion, distance: float, load_one: Callable, load: Call
 
 
 def elastoplastic(motion: Motion, distance: float) -> np.ndarray:
-    """Return a Jenkins element (spring and slider in series) as a fraction of its limit: x less its play, over the distance.
+    """Return a Jenkins element (spring and slider in series) as a fraction of its limit, shape (samples,): (x − play)/distance.
 
     Parameters
     ----------
@@ -220,17 +193,12 @@ def elastoplastic(motion: Motion, distance: float) -> np.ndarray:
         Motion along one axis.
     distance : float
         Elongation at which the slider moves, in the unit of the position.
-
-    Returns
-    -------
-    numpy.ndarray, shape (samples,)
-        Fraction from -1 to 1.
     """
     return (motion.position - play(motion, distance)) / distance
 
 
 def surface_of_branch(motion: Motion, share: float, time_constant: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return the position of the dashpot of a Maxwell branch parallel to a spring, and whether the free tool touches.
+    """Return the position w of a Maxwell branch's dashpot parallel to a spring, and whether the free tool touches, (samples,).
 
     Force over the sum of both stiffnesses: x − (1 − share) w, with ẇ = (x − w)/τ; in contact x is the tool's
     position (linear between samples), else the force is 0: x = (1 − share) w.
@@ -239,17 +207,8 @@ def surface_of_branch(motion: Motion, share: float, time_constant: float) -> tup
     ----------
     motion : Motion
         Motion along one axis, relative to the surface at rest.
-    share : float
-        Stiffness of the spring over that of spring and branch, 0 to 1.
-    time_constant : float
-        τ of the branch in seconds.
-
-    Returns
-    -------
-    dashpot : numpy.ndarray, shape (samples,)
-        w, in the unit of the position.
-    touching : numpy.ndarray of bool, shape (samples,)
-        True in contact.
+    share, time_constant : float
+        Stiffness of the spring over that of spring and branch, 0 to 1; τ of the branch in seconds.
     """
     rate = motion.sampling_time / time_constant
     decay, recovery = float(np.exp(-rate)), float(np.exp(-share * rate))
@@ -297,7 +256,7 @@ def surface_of_branch(motion: Motion, share: float, time_constant: float) -> tup
 
 
 def surface_of_dashpot(motion: Motion, retardation_time: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return the surface of a spring parallel to a dashpot under a free tool, and whether the tool touches it.
+    """Return the surface of a spring parallel to a dashpot under a free tool, and whether the tool touches it, shape (samples,).
 
     Force over stiffness: x + T v. The free surface recovers with the retardation time T.
 
@@ -307,13 +266,6 @@ def surface_of_dashpot(motion: Motion, retardation_time: float) -> tuple[np.ndar
         Motion along one axis, relative to the surface at rest.
     retardation_time : float
         T in seconds.
-
-    Returns
-    -------
-    surface : numpy.ndarray, shape (samples,)
-        Position of the surface, in the unit of the motion.
-    touching : numpy.ndarray of bool, shape (samples,)
-        True in contact.
     """
     position, velocity = motion.position, motion.velocity
     recovery = float(np.exp(-motion.sampling_time / retardation_time))

@@ -89,7 +89,7 @@ class NonlinearParameter(Parameter):
         return float(np.exp(value)) if self.signed else value
 
     def grid(self, size: float, sampling_time: float | None = None) -> np.ndarray:
-        """Return the starting values, in increasing order.
+        """Return at least `points` starting values that a fit searches, in increasing order.
 
         Parameters
         ----------
@@ -97,11 +97,6 @@ class NonlinearParameter(Parameter):
             Size of its `scale` in the records.
         sampling_time : float, optional
             Sampling time of the records in seconds, if time constants follow the record.
-
-        Returns
-        -------
-        numpy.ndarray, shape (values,)
-            At least `points` numbers that a fit searches.
         """
         low, points = self.low * size, self.points
         if self.follows_record and sampling_time and 2 * sampling_time < low:

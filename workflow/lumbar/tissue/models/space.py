@@ -65,17 +65,12 @@ def signed(name: str, unit: str, symbol: str, most: float) -> NonlinearParameter
 
 
 def turn(vector: np.ndarray) -> np.ndarray:
-    """Return the rotation matrix of a rotation vector.
+    """Return the rotation matrix of a rotation vector, shape (2, 2) or (3, 3), which rotates column vectors.
 
     Parameters
     ----------
     vector : numpy.ndarray, shape (1,) in the plane or (3,) in space
         Rotation in radians.
-
-    Returns
-    -------
-    numpy.ndarray, shape (2, 2) or (3, 3)
-        Matrix that rotates column vectors.
     """
     x, y, z = vector if len(vector) == 3 else (0.0, 0.0, vector[0])
     generator = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
@@ -161,17 +156,12 @@ class SpatialBase:
         )
 
     def frames_at(self, nonlinear: np.ndarray) -> list[np.ndarray]:
-        """Return the principal axes at nonlinear parameters of the base.
+        """Return a matrix of shape (axes, axes) for every frame, with the principal axes at nonlinear parameters as columns.
 
         Parameters
         ----------
         nonlinear : numpy.ndarray, shape (nonlinear parameters,)
             Parameters of the field `nonlinear`, as a fit searches them.
-
-        Returns
-        -------
-        list of numpy.ndarray, shape (axes, axes)
-            Matrix for every frame; its columns are the principal axes.
         """
         size = len(self.axes)
         given = [np.array(frame).reshape(size, size) for frame in self.frames]
@@ -183,7 +173,7 @@ class SpatialBase:
         return [frame @ turn(angle) for frame, angle in zip(given, angles, strict=True)]
 
     def columns(self, motion: Motion, nonlinear: np.ndarray) -> list[np.ndarray]:
-        """Return the forces along the axes of every linear parameter at size 1.
+        """Return the forces of every linear parameter at size 1, one axis after the other, shape (axes × samples,) each.
 
         Parameters
         ----------
@@ -191,11 +181,6 @@ class SpatialBase:
             Motion along the axes of the base.
         nonlinear : numpy.ndarray, shape (nonlinear parameters,)
             Parameters of the field `nonlinear`, as a fit searches them.
-
-        Returns
-        -------
-        list of numpy.ndarray, shape (axes × samples,)
-            Force per linear parameter, in the force's unit per unit of the parameter; one axis after the other.
         """
         own_values = nonlinear[: len(self.base.nonlinear)]
         forces = motion.cache.compute_at(
@@ -208,7 +193,7 @@ class SpatialBase:
         return columns
 
     def matrices(self, linear: np.ndarray, nonlinear: np.ndarray) -> dict[str, np.ndarray]:
-        """Return the matrices by the name of the one-axis parameter.
+        """Return the symmetric matrices, shape (axes, axes), by the name of the one-axis parameter and in its unit.
 
         Parameters
         ----------
@@ -216,11 +201,6 @@ class SpatialBase:
             Parameters of the field `linear`.
         nonlinear : numpy.ndarray, shape (nonlinear parameters,)
             Parameters of the field `nonlinear`, as a fit searches them.
-
-        Returns
-        -------
-        dict of str to numpy.ndarray, shape (axes, axes)
-            Symmetric matrices in the units of the parameters.
         """
         sizes = [len(axes) for axes in self.equal_axes.values()]
         values = np.repeat(linear.reshape(-1, len(sizes)), sizes, axis=1)
@@ -320,21 +300,14 @@ def _write_by_hand(
 
 
 def matrices_of(linear: np.ndarray, count: int, size: int) -> list[np.ndarray]:
-    """Return the matrices of `symmetric_base` from the values of their elements.
+    """Return the symmetric matrices of `symmetric_base`, each of shape (size, size), from the values of their elements.
 
     Parameters
     ----------
     linear : numpy.ndarray, shape (count * size * (size + 1) / 2,)
         Elements of the upper triangles, row by row, one matrix after the other.
-    count : int
-        Number of matrices.
-    size : int
-        Number of axes.
-
-    Returns
-    -------
-    list of numpy.ndarray, shape (size, size)
-        Symmetric matrices in the units of the elements.
+    count, size : int
+        Number of matrices; number of axes.
     """
     rows, columns = np.triu_indices(size)
     matrices = np.zeros((count, size, size))
@@ -382,19 +355,12 @@ class PlaneContact:
     """Optional parameters of a model: none."""
 
     def plane(self, nonlinear: np.ndarray) -> tuple[np.ndarray, float]:
-        """Return normal and depth of the surface at nonlinear parameters of the base.
+        """Return the unit normal into the tissue, shape (axes,), and the surface's position along it at parameters of the base.
 
         Parameters
         ----------
         nonlinear : numpy.ndarray, shape (nonlinear parameters,)
             Parameters of the field `nonlinear`, as a fit searches them.
-
-        Returns
-        -------
-        normal : numpy.ndarray, shape (axes,)
-            Unit vector into the tissue.
-        depth : float
-            Position of the surface along the normal, in the unit of the position.
         """
         frame = np.array(self.frames[0]).reshape(len(self.axes), -1)
         numbers = np.log(nonlinear[len(self.base.nonlinear) + 1 :])
@@ -412,7 +378,7 @@ class PlaneContact:
         return motion.cache.compute_at("into the surface", nonlinear[len(self.base.nonlinear) + 1 :], project)
 
     def columns(self, motion: SpatialMotion, nonlinear: np.ndarray) -> list[np.ndarray]:
-        """Return the forces along the axes of every linear parameter at size 1.
+        """Return the forces of every linear parameter at size 1, one axis after the other, shape (axes × samples,) each.
 
         Parameters
         ----------
@@ -420,11 +386,6 @@ class PlaneContact:
             Motion along the axes of the base.
         nonlinear : numpy.ndarray, shape (nonlinear parameters,)
             Parameters of the field `nonlinear`, as a fit searches them.
-
-        Returns
-        -------
-        list of numpy.ndarray, shape (axes × samples,)
-            Force per linear parameter, in the force's unit per unit of the parameter; one axis after the other.
         """
         normal, count = self.plane(nonlinear)[0], len(self.base.nonlinear)
         into = self.base.form.columns(self._pressed(motion, nonlinear), nonlinear[:count])
@@ -438,7 +399,7 @@ class PlaneContact:
         ]
 
     def touching(self, motion: SpatialMotion, nonlinear: np.ndarray) -> np.ndarray:
-        """Return whether the tool touches the tissue.
+        """Return whether the tool touches the tissue, shape (axes × samples,): equal for all axes.
 
         Parameters
         ----------
@@ -446,11 +407,6 @@ class PlaneContact:
             Motion along the axes of the base.
         nonlinear : numpy.ndarray, shape (nonlinear parameters,)
             Parameters of the field `nonlinear`, as a fit searches them.
-
-        Returns
-        -------
-        numpy.ndarray of bool, shape (axes × samples,)
-            Equal for all axes, one axis after the other.
         """
         assert self.base.touching is not None
         pressed = self._pressed(motion, nonlinear)
@@ -477,17 +433,12 @@ class PlaneContact:
 
 
 def frame_of(normal: np.ndarray) -> np.ndarray:
-    """Return a rotation matrix with a given direction as first column.
+    """Return a rotation matrix with a given direction as first column, shape (axes, axes).
 
     Parameters
     ----------
     normal : numpy.ndarray, shape (axes,)
         Unit vector.
-
-    Returns
-    -------
-    numpy.ndarray, shape (axes, axes)
-        The other columns are perpendicular to it.
     """
     frame = np.linalg.qr(np.column_stack([normal, np.eye(len(normal))]))[0][:, : len(normal)]
     frame *= np.sign(frame[:, 0] @ normal)

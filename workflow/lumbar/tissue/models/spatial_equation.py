@@ -69,7 +69,7 @@ def length(vector: Vector) -> Expression:
 
 
 def vectorise(expression: Expression, vectors: Mapping[str, Vector]) -> Expression | Vector:
-    """Read an expression in space: k*z**3 is k*(z·z)*z.
+    """Read an expression in space, a number or the components of a vector: k*z**3 is k*(z·z)*z.
 
     Parameters
     ----------
@@ -77,11 +77,6 @@ def vectorise(expression: Expression, vectors: Mapping[str, Vector]) -> Expressi
         Expression along one axis, without ``sum``.
     vectors : mapping of str to tuple of Expression
         Components of the symbols that are vectors.
-
-    Returns
-    -------
-    Expression or tuple of Expression
-        A number, or the components of a vector.
 
     Raises
     ------
@@ -261,7 +256,9 @@ class SpatialEquation(Equation):
         solution: Solution | None = None,
         force: np.ndarray | None = None,
     ) -> list[np.ndarray]:
-        """Return the force per linear parameter at size 1, or the transformed force.
+        """Return the force per linear parameter at size 1, or one transformed force, one axis after the other.
+
+        Shape (axes × samples,) each.
 
         Parameters
         ----------
@@ -273,11 +270,6 @@ class SpatialEquation(Equation):
             From the motion along one axis and nonlinear parameters to the states, used if the axes are independent.
         force : numpy.ndarray, shape (axes × samples,), optional
             Force that an output form transforms.
-
-        Returns
-        -------
-        list of numpy.ndarray, shape (axes × samples,)
-            One force per linear parameter in space, one axis after the other; one for an output form.
         """
         assert isinstance(motion, SpatialMotion)
         values: dict = self.parameters(nonlinear)

@@ -180,7 +180,7 @@ class StateEquation:
             )
 
     def trajectory(self, motion: OneMotion, values: Mapping[str, float]) -> dict[str, np.ndarray]:
-        """Return the states at every sample, by symbol.
+        """Return the states at every sample, by symbol, shape (samples,); not finite from the sample at which they diverge.
 
         Parameters
         ----------
@@ -188,11 +188,6 @@ class StateEquation:
             Motion along one axis or several.
         values : mapping of str to float
             Parameters and constants by symbol.
-
-        Returns
-        -------
-        dict of str to numpy.ndarray, shape (samples,)
-            States; not finite from the sample at which they diverge.
         """
         if len(self.apart) > 1:
             paths = {
@@ -302,7 +297,7 @@ class StateEquation:
         return np.array([path + [math.nan] * (steps + 1 - len(path))])
 
     def solve_stepwise(self, known: Mapping, steps: int, begin: np.ndarray | float = 0.0) -> np.ndarray:
-        """Solve for the states step by step as in C.
+        """Solve for the states step by step as in C; shape (states, steps + 1).
 
         Parameters
         ----------
@@ -312,11 +307,6 @@ class StateEquation:
             Number of steps.
         begin : float or numpy.ndarray, shape (states,), optional
             Start values.
-
-        Returns
-        -------
-        numpy.ndarray, shape (states, steps + 1)
-            States at the beginning and after every step.
         """
         states = np.zeros((len(self.names), steps + 1))
         states[:, 0] = begin
@@ -387,17 +377,14 @@ def _recursion(slopes: np.ndarray, driven: np.ndarray) -> np.ndarray:
 
 
 def step_bands(slopes: np.ndarray) -> np.ndarray:
-    """Return the lower bands of the system yₖ − Sₖ yₖ₋₁, as LAPACK stores them.
+    """Return the lower bands of the system yₖ − Sₖ yₖ₋₁, diagonal first, as LAPACK stores them.
+
+    Shape (2 * size, size * (steps + 1)).
 
     Parameters
     ----------
     slopes : numpy.ndarray, shape (size, size, steps)
         S of every step.
-
-    Returns
-    -------
-    numpy.ndarray, shape (2 * size, size * (steps + 1))
-        Diagonal first.
     """
     size, _, steps = slopes.shape
     bands = np.zeros((2 * size, size * (steps + 1)))

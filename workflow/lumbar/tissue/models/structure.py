@@ -76,7 +76,9 @@ class Structure:
         return nonlinear[: len(self.base.nonlinear)], parts
 
     def design(self, motion: AnyMotion, nonlinear: np.ndarray) -> np.ndarray:
-        """Return the force of every amplitude at size 1, before output forms.
+        """Return the force of every amplitude at size 1, before output forms, shape (samples, linear parameters).
+
+        In space one axis after the other.
 
         Parameters
         ----------
@@ -84,11 +86,6 @@ class Structure:
             Motion of one record or several.
         nonlinear : numpy.ndarray, shape (nonlinear parameters,)
             Parameters of the field `nonlinear`.
-
-        Returns
-        -------
-        numpy.ndarray, shape (samples, linear parameters)
-            Forces in the output's unit per unit of the parameter; in space one axis after the other.
         """
         if isinstance(motion, JoinedMotions) and not isinstance(motion, SpatialMotion):
             return np.concatenate([self.design(part, nonlinear) for part in motion.parts])
@@ -136,7 +133,7 @@ class Structure:
         return force
 
     def simulate(self, motion: AnyMotion, linear: np.ndarray, nonlinear: np.ndarray) -> np.ndarray:
-        """Simulate the measured force as a free run.
+        """Simulate the measured force as a free run, shape (samples,); in space one axis after the other.
 
         Parameters
         ----------
@@ -144,11 +141,6 @@ class Structure:
             Motion of one record or several.
         linear, nonlinear : numpy.ndarray, shape (parameters,)
             Parameters of the fields `linear` and `nonlinear`.
-
-        Returns
-        -------
-        numpy.ndarray, shape (samples,)
-            Force in the output's unit; in space one axis after the other.
         """
         return self.output(self.design(motion, nonlinear) @ linear, motion, nonlinear)
 
@@ -158,7 +150,7 @@ def _compute_cached(name: Hashable, function: Callable, motion: Any, nonlinear: 
 
 
 def forces_of(form: Form, motion: AnyMotion, nonlinear: np.ndarray) -> np.ndarray:
-    """Return the forces that a parallel form adds, one per amplitude at size 1.
+    """Return the forces that a parallel form adds, one per amplitude at size 1, shape (samples, linear parameters).
 
     Parameters
     ----------
@@ -168,11 +160,6 @@ def forces_of(form: Form, motion: AnyMotion, nonlinear: np.ndarray) -> np.ndarra
         Motion of one record or several.
     nonlinear : numpy.ndarray, shape (nonlinear parameters,)
         Nonlinear parameters of the form.
-
-    Returns
-    -------
-    numpy.ndarray, shape (samples, linear parameters)
-        Forces in the output's unit per unit of the parameter.
     """
     if isinstance(motion, JoinedMotions) and not isinstance(motion, SpatialMotion):
         return np.concatenate([forces_of(form, part, nonlinear) for part in motion.parts])
@@ -247,7 +234,9 @@ class ForwardStructure(Structure):
     def simulate(
         self, motion: AnyMotion, linear: np.ndarray, nonlinear: np.ndarray, zero: float = 0.0
     ) -> np.ndarray:
-        """Simulate the position without its sensor's zero as a free run.
+        """Simulate the position without its sensor's zero as a free run, shape (samples,).
+
+        Not finite if no motion solves the equations.
 
         Parameters
         ----------
@@ -257,11 +246,6 @@ class ForwardStructure(Structure):
             Parameters of the fields `linear` and `nonlinear`.
         zero : float, optional
             Zero of the position's sensor in the output's unit, subtracted from `MEASURED`.
-
-        Returns
-        -------
-        numpy.ndarray, shape (samples,)
-            Position in the output's unit; not finite if no motion solves the equations.
         """
         if isinstance(motion, JoinedMotions):
             return np.concatenate([self.simulate(part, linear, nonlinear, zero) for part in motion.parts])
@@ -271,7 +255,7 @@ class ForwardStructure(Structure):
     def sensitivities(
         self, motion: AnyMotion, linear: np.ndarray, nonlinear: np.ndarray, zero: float = 0.0
     ) -> np.ndarray:
-        """Return the derivatives of the position by linear parameters and logarithms of nonlinear ones.
+        """Return the position's derivatives by linear parameters and logarithms of nonlinear ones, shape (samples, parameters).
 
         Parameters
         ----------
@@ -281,11 +265,6 @@ class ForwardStructure(Structure):
             Parameters of the fields `linear` and `nonlinear`.
         zero : float, optional
             Zero of the position's sensor in the output's unit.
-
-        Returns
-        -------
-        numpy.ndarray, shape (samples, parameters)
-            In the output's unit per unit of the linear parameter, or per factor e of the nonlinear one.
         """
         if isinstance(motion, JoinedMotions):
             return np.concatenate(

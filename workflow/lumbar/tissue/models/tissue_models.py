@@ -132,7 +132,9 @@ class TissueModel:
     def physical_parameters(
         self, transfer_function: TransferFunction, sampling_time: float
     ) -> dict[str, float]:
-        """Return the parameters of the base and the elements of an identified model (exact ramp-invariant conversion).
+        """Return the parameters of base and elements of an identified model by name (exact ramp-invariant conversion).
+
+        In the units of input and output and in seconds.
 
         Parameters
         ----------
@@ -140,11 +142,6 @@ class TissueModel:
             Identified model of this structure.
         sampling_time : float
             Seconds.
-
-        Returns
-        -------
-        dict of str to float
-            Values by name, in the units of input and output and in seconds.
 
         Raises
         ------
@@ -237,10 +234,8 @@ def inverted_linear(force_max: float, travel: float) -> TransferFunction:
 
     Parameters
     ----------
-    force_max : float
-        Force after `travel`, in the unit of the output; above 0.
-    travel : float
-        Travel from contact, in the unit of the input; above 0.
+    force_max, travel : float
+        Force after `travel` in the unit of the output, and travel from contact in the unit of the input; both above 0.
 
     Raises
     ------

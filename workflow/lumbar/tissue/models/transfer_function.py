@@ -47,17 +47,12 @@ class TransferFunction:
         return sum(self.numerator) / sum(self.denominator)
 
     def simulate(self, inputs: np.ndarray) -> np.ndarray:
-        """Simulate the output from the input only, at rest at ``inputs[0]`` before the record.
+        """Simulate the output from the input only, shape (samples,), at rest at ``inputs[0]`` before the record.
 
         Parameters
         ----------
         inputs : numpy.ndarray, shape (samples,)
             Input in the unit of the model.
-
-        Returns
-        -------
-        numpy.ndarray, shape (samples,)
-            Output in the unit of the model.
 
         Raises
         ------
@@ -73,17 +68,12 @@ class TransferFunction:
         return filtered(self.numerator, self.denominator, inputs - first) + self.static_gain * first
 
     def predict_one_step(self, inputs: np.ndarray, outputs: np.ndarray) -> np.ndarray:
-        """Predict ``outputs[largest lag:]`` one step ahead from measured past outputs: A x of Eq. 3.6.
+        """Predict ``outputs[largest lag:]``, shape (samples - largest lag,), one step ahead from past outputs: A x of Eq. 3.6.
 
         Parameters
         ----------
         inputs, outputs : numpy.ndarray, shape (samples,)
             Measured input and output in the units of the model.
-
-        Returns
-        -------
-        numpy.ndarray, shape (samples - largest lag,)
-            Output in the unit of the model.
         """
         lag = self.largest_lag
         count = len(inputs) - lag
@@ -158,17 +148,12 @@ def observer_form(discrete: TransferFunction) -> StateSpace:
 
 
 def aligned_coefficients(discrete: TransferFunction) -> tuple[np.ndarray, np.ndarray]:
-    """Return numerator and denominator of one length, in rising powers of z⁻¹, without common trailing zeros.
+    """Return numerator and denominator, shape (largest lag + 1,), in rising powers of z⁻¹, without common trailing zeros.
 
     Parameters
     ----------
     discrete : TransferFunction
         Any transfer function.
-
-    Returns
-    -------
-    numerator, denominator : numpy.ndarray, shape (largest lag + 1,)
-        Coefficients.
     """
     parts = [np.trim_zeros(part, "b") for part in (discrete.numerator, discrete.denominator)]
     length = max(map(len, parts))
@@ -200,17 +185,13 @@ class ArxStructure:
     def combination(self, lag: int) -> np.ndarray:
         """Return the matrix from free coefficients to those of the full regressor vector y[k−1] … y[k−lag], u[k] … u[k−lag].
 
-        The full regressor matrix times it is that of this structure.
+        The full regressor matrix times it is that of this structure. Shape (2 * lag + 1, parameter_count), elements -1, 0 and
+        1.
 
         Parameters
         ----------
         lag : int
             Number of past samples of the full regressor vector, at least `largest_lag`.
-
-        Returns
-        -------
-        numpy.ndarray, shape (2 * lag + 1, parameter_count)
-            Elements -1, 0 and 1.
         """
         matrix = np.zeros((2 * lag + 1, self.parameter_count))
         np.fill_diagonal(matrix[: self.order, : self.order], 1.0)
@@ -263,17 +244,14 @@ class ArxStructure:
 def full_regressors(inputs: np.ndarray, outputs: np.ndarray, lag: int) -> np.ndarray:
     """Return the regressor matrix of Eq. 3.6 with all lags up to a largest one.
 
+    Shape (samples - lag, 2 * lag + 1): columns are y[k−1] … y[k−lag], u[k] … u[k−lag]; rows are k = lag … samples − 1.
+
     Parameters
     ----------
     inputs, outputs : numpy.ndarray, shape (samples,)
         Measured input u and output y.
     lag : int
         Largest lag, in samples.
-
-    Returns
-    -------
-    numpy.ndarray, shape (samples - lag, 2 * lag + 1)
-        Columns are y[k−1] … y[k−lag], u[k] … u[k−lag]; rows are k = lag … samples − 1.
     """
     count = len(inputs) - lag
     columns = [outputs[lag - i : lag - i + count] for i in range(1, lag + 1)]

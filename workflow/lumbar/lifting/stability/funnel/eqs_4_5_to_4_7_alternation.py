@@ -56,6 +56,8 @@ MOST_DECREASES = 10
 def level_factors(growth: np.ndarray, rate: np.ndarray, multiplier: np.ndarray) -> np.ndarray:
     """Return the largest s = ρ/ρ_before of step 2: −v + ρ̇/ρ_before + L·(|z|² − s) is a sum of squares.
 
+    Shape (programmes,); NaN if no s is possible, or no s is the largest.
+
     Parameters
     ----------
     growth : numpy.ndarray, shape (programmes, 15)
@@ -64,11 +66,6 @@ def level_factors(growth: np.ndarray, rate: np.ndarray, multiplier: np.ndarray) 
         ρ̇/ρ_before in 1/s.
     multiplier : numpy.ndarray, shape (programmes, 6)
         L, of degree 2, in 1/s.
-
-    Returns
-    -------
-    numpy.ndarray, shape (programmes,)
-        s, dimensionless; NaN if no s is possible, or no s is the largest.
     """
     padded = np.zeros_like(growth)
     padded[:, : multiplier.shape[1]] = multiplier
@@ -194,10 +191,8 @@ def alternate(
         Their accurate cost-to-go is replaced by Euler's.
     knots : int
         Knots at which ρ is searched; the nearest number that divides those of `loops` evenly is taken.
-    initial_level : float
-        First guess of ρ at every knot, dimensionless.
-    ratio : float
-        Ratio of the geometric progression, between 0 and 1.
+    initial_level, ratio : float
+        First guess of ρ at every knot, dimensionless; ratio of the geometric progression, between 0 and 1.
     alternations : int
         Number of alternations; the thesis: 2.
     certificate : Certificate, optional

@@ -107,12 +107,8 @@ def s_procedure(positive: Polynomial, zero: Polynomial, multiplier: Polynomial) 
 
     Parameters
     ----------
-    positive : Polynomial
-        p.
-    zero : Polynomial
-        g.
-    multiplier : Polynomial
-        L, with variables of cvxpy as coefficients.
+    positive, zero, multiplier : Polynomial
+        p; g; L, with variables of cvxpy as coefficients.
     """
     return is_sum_of_squares(positive - multiplier * zero)
 
@@ -140,10 +136,8 @@ def lyapunov_rate(
     ----------
     loops : ClosedLoops
         Pendulums under their regulator.
-    point : int
-        Point of the grid of `loops`.
-    pendulum : int
-        Index of the pendulum.
+    point, pendulum : int
+        Point of the grid of `loops`; index of the pendulum.
     state : tuple of two Polynomial
         Error x̄ = (e, ω) in rad and rad/s.
     degree : int
@@ -201,10 +195,8 @@ class RateProgramme:
         ----------
         loops : ClosedLoops
             Pendulums under their regulator.
-        point : int
-            Point of the grid of `loops`.
-        pendulum : int
-            Index of the pendulum.
+        point, pendulum : int
+            Point of the grid of `loops`; index of the pendulum.
         level : float
             ρ > 0 at this point, dimensionless.
 
@@ -237,7 +229,7 @@ class RateProgramme:
 
 
 def rate_differences(loops: ClosedLoops, level: np.ndarray, knots: list[int]) -> np.ndarray:
-    """Return the largest difference of the rates that the alternation's programme and Eq. 4.6 in cvxpy certify, in 1/s.
+    """Return the largest difference in 1/s, shape (pendulums,), of rates that the alternation and Eq. 4.6 in cvxpy certify.
 
     Parameters
     ----------
@@ -247,11 +239,6 @@ def rate_differences(loops: ClosedLoops, level: np.ndarray, knots: list[int]) ->
         ρ at all knots of `loops`, dimensionless.
     knots : list of int
         Knots at which the rates are compared.
-
-    Returns
-    -------
-    numpy.ndarray, shape (pendulums,)
-        Difference in 1/s.
     """
     own, written, labels = Certificate(DEGREE, ACCURACY), RateProgramme(DEGREE), loops.pendulums.labels
     differences = np.zeros((len(knots), len(labels)))
@@ -276,6 +263,8 @@ def cross_check(
 ) -> tuple[pd.DataFrame, list[Failure]]:
     """Fill ``sos_cvxpy_difference`` of the rows with the method thesis; the programmes are compared on the exact funnels.
 
+    The column is in 1/s. The failures are basins at which the two formulations do not agree, or one of them has no optimum.
+
     Parameters
     ----------
     boa : pandas.DataFrame
@@ -284,13 +273,6 @@ def cross_check(
         Valid trajectories of all lifts in the thesis's convention.
     settings : StabilitySettings
         Settings of the study.
-
-    Returns
-    -------
-    boa : pandas.DataFrame
-        With the column filled, in 1/s.
-    failures : list of Failure
-        Basins at which the two formulations do not agree, or one of them has no optimum.
     """
     rows = boa["method"] == "thesis"
     if "cvxpy" not in settings.checks or not rows.any():

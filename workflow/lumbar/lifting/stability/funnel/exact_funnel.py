@@ -248,7 +248,7 @@ def funnel_variants(
 
 
 def integrate_backward(loops: ClosedLoops, goal: np.ndarray, slope: Callable) -> np.ndarray:
-    """Integrate ln ρ backward from its value at T, from knot to knot.
+    """Integrate ln ρ backward from its value at T, from knot to knot; shape (knots, ..., pendulums).
 
     Adams's method of order 4, predicted and corrected with one search of the boundary per knot, started by Runge–Kutta steps: the
     equation for ln ρ is not stiff. The largest of several peaks has a kink at which another takes over: if predicted and
@@ -263,11 +263,6 @@ def integrate_backward(loops: ClosedLoops, goal: np.ndarray, slope: Callable) ->
         ln ρ(T).
     slope : callable
         Returns d ln ρ/dt in 1/s from a point of the grid and ln ρ.
-
-    Returns
-    -------
-    numpy.ndarray, shape (knots, ..., pendulums)
-        ln ρ.
     """
     log_level = np.empty((loops.knots, *goal.shape))
     log_level[-1] = goal

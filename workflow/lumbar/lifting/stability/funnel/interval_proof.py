@@ -169,21 +169,14 @@ class IntervalBounds:
         self.rates = _coefficient_rates(whole, self.whole, gravity)
 
     def bounds(self, piece: np.ndarray, arcs: np.ndarray, radius: float) -> tuple[np.ndarray, np.ndarray]:
-        """Return a lower bound of g in the middle of each box and an upper bound on it.
+        """Return a lower bound of g in the middle of each box and an upper bound on it, in 1/s, each of shape (boxes,).
 
         Parameters
         ----------
-        piece : numpy.ndarray, shape (boxes,)
-            Index of each box's piece of time.
-        arcs : numpy.ndarray, shape (boxes,)
-            Middle of each box's arc, φ in rad.
+        piece, arcs : numpy.ndarray, shape (boxes,)
+            Index of each box's piece of time; middle of each box's arc, φ in rad.
         radius : float
             Half the length of the arcs in rad.
-
-        Returns
-        -------
-        low, high : numpy.ndarray, shape (boxes,)
-            Bounds in 1/s.
         """
         c, s = Interval(arcs).cos(), Interval(arcs).sin()
         at, over, rates = (

@@ -29,7 +29,9 @@ def monomials(degree: int) -> list[tuple[int, int]]:
 
 
 def growth_polynomial(form: NormalForm, level: np.ndarray, degree: int) -> np.ndarray:
-    """Return the coefficients of V̇/ρ in z with the Taylor polynomial of sin(θ0 + e) in e.
+    """Return the coefficients in 1/s of V̇/ρ in z with the Taylor polynomial of sin(θ0 + e) in e.
+
+    Shape (..., monomials of degree + 1).
 
     Parameters
     ----------
@@ -39,11 +41,6 @@ def growth_polynomial(form: NormalForm, level: np.ndarray, degree: int) -> np.nd
         ρ, dimensionless.
     degree : int
         Degree of the Taylor polynomial.
-
-    Returns
-    -------
-    numpy.ndarray, shape (..., monomials of degree + 1)
-        Coefficients in 1/s.
     """
     index = {exponents: position for position, exponents in enumerate(monomials(degree + 1))}
     coefficients = np.zeros((*np.shape(level), len(index)))
@@ -61,17 +58,14 @@ def growth_polynomial(form: NormalForm, level: np.ndarray, degree: int) -> np.nd
 
 @cache
 def harmonics_of_monomials(degree: int) -> np.ndarray:
-    """Return the matrix from coefficients of monomials to harmonics 1, cos φ, sin φ, cos 2φ, ….
+    """Return the matrix from coefficients of monomials to harmonics 1, cos φ, sin φ, cos 2φ, …, in exact dyadic rationals.
+
+    Shape (2·degree + 1, monomials).
 
     Parameters
     ----------
     degree : int
         Largest total degree.
-
-    Returns
-    -------
-    numpy.ndarray, shape (2·degree + 1, monomials)
-        Entries are dyadic rationals and exact.
     """
     samples = 4 * (degree + 1)
     angle = 2 * np.pi * np.arange(samples) / samples
@@ -103,7 +97,7 @@ NEGLIGIBLE = 1e-8
 
 
 def circle_maximum(coefficients: np.ndarray, degree: int) -> np.ndarray:
-    """Return the largest value on the unit circle: samples, then Newton's method from the best of each part.
+    """Return the largest value on the unit circle, shape (...): samples, then Newton's method from the best of each part.
 
     Parameters
     ----------
@@ -111,11 +105,6 @@ def circle_maximum(coefficients: np.ndarray, degree: int) -> np.ndarray:
         Coefficients of polynomials over `monomials`.
     degree : int
         Their total degree.
-
-    Returns
-    -------
-    numpy.ndarray, shape (...)
-        In the coefficients' unit.
     """
     # The best sample of every part of the circle.
     amplitudes = coefficients @ harmonics_of_monomials(degree).T
@@ -147,17 +136,14 @@ def _powers(angle: np.ndarray, degree: int) -> np.ndarray:
 
 
 def gram_map(degree: int) -> np.ndarray:
-    """Return the matrix that takes the scaled upper triangle of G, column by column, to the coefficients of bᵀGb.
+    """Return Γ, which takes the scaled upper triangle of G, column by column, to the coefficients of bᵀGb.
+
+    Shape (monomials of degree + 1, triangle).
 
     Parameters
     ----------
     degree : int
         The sine's Taylor degree.
-
-    Returns
-    -------
-    numpy.ndarray, shape (monomials of degree + 1, triangle)
-        Γ.
     """
     index = {exponents: position for position, exponents in enumerate(monomials(degree + 1))}
     basis = monomials((degree + 1) // 2)
@@ -172,15 +158,12 @@ def gram_map(degree: int) -> np.ndarray:
 def circle_map(degree: int) -> np.ndarray:
     """Return the matrix that takes the coefficients of L to those of L·(1 − |z|²).
 
+    Shape (monomials of degree + 1, monomials of degree − 1).
+
     Parameters
     ----------
     degree : int
         The sine's Taylor degree.
-
-    Returns
-    -------
-    numpy.ndarray, shape (monomials of degree + 1, monomials of degree − 1)
-        Dimensionless.
     """
     index = {exponents: position for position, exponents in enumerate(monomials(degree + 1))}
     matrix = np.zeros((len(index), len(monomials(degree - 1))))
@@ -237,17 +220,12 @@ class SumOfSquares:
         self.status = ""
 
     def solve(self, target: np.ndarray) -> np.ndarray | None:
-        """Return y, or None unless the solver's status is "solved" ("almost solved" is not).
+        """Return y, shape (free,), or None unless the solver's status is "solved" ("almost solved" is not).
 
         Parameters
         ----------
         target : numpy.ndarray, shape (coefficients,)
             Right-hand side.
-
-        Returns
-        -------
-        numpy.ndarray, shape (free,), or None
-            y.
         """
         self._target[: self._equations] = target
         self._solver.update(b=self._target)
@@ -274,7 +252,7 @@ class Certificate:
         self._programme = SumOfSquares(np.eye(free.shape[1])[0], free, [gram_map(degree)], accuracy)
 
     def solve(self, coefficients: np.ndarray, label: str) -> tuple[float, np.ndarray]:
-        """Return the smallest certified rate r in 1/s and the coefficients of L.
+        """Return the smallest certified rate r and the coefficients of L, shape (monomials of degree − 1,), both in 1/s.
 
         Parameters
         ----------
@@ -282,13 +260,6 @@ class Certificate:
             v = V̇/ρ in 1/s.
         label : str
             Name of the pendulum, for messages.
-
-        Returns
-        -------
-        rate : float
-            r in 1/s.
-        multiplier : numpy.ndarray, shape (monomials of degree − 1,)
-            L in 1/s.
 
         Raises
         ------

@@ -117,10 +117,8 @@ def feedforward_torque(trajectory: Trajectory, sign: str, damping: float, gravit
         Reference states of one pendulum.
     sign : {"hanging", "inverted"}
         Sign of gravity.
-    damping : float
-        b in N·m·s/rad.
-    gravity : float
-        Gravitational acceleration in m/s².
+    damping, gravity : float
+        b in N·m·s/rad; gravitational acceleration in m/s².
     """
     inertia = trajectory.mass_kg * trajectory.length_m**2
     gravity_torque = SIGNS[sign] * trajectory.mass_kg * gravity * trajectory.length_m
@@ -136,10 +134,8 @@ def remainder(angle: np.ndarray, error: np.ndarray) -> np.ndarray:
 
     Parameters
     ----------
-    angle : numpy.ndarray, shape (...)
-        θ0 in rad.
-    error : numpy.ndarray, shape (...)
-        e in rad; broadcast with `angle`.
+    angle, error : numpy.ndarray, shape (...)
+        θ0 and e in rad, broadcast with each other.
     """
     return np.cos(angle) * (np.sin(error) - error) - 2 * np.sin(angle) * np.sin(error / 2) ** 2
 
@@ -230,7 +226,7 @@ def riccati_rate(pendulums: Pendulums, weights: Weights, angle: np.ndarray, cost
 
 
 def cost_to_go(pendulums: Pendulums, weights: Weights) -> np.ndarray:
-    """Integrate the Riccati equation backward from S(T) = Qf, adaptively.
+    """Integrate the Riccati equation backward from S(T) = Qf, adaptively; S has shape (points, pendulums, 3).
 
     Method: Dormand–Prince of order 8; Radau's implicit method of order 5 for small inertias, which make the loop stiff.
 
@@ -240,11 +236,6 @@ def cost_to_go(pendulums: Pendulums, weights: Weights) -> np.ndarray:
         Pendulums that are computed together.
     weights : Weights
         Weights of the regulator.
-
-    Returns
-    -------
-    numpy.ndarray, shape (points, pendulums, 3)
-        S on the grid of ``pendulums.angle``.
 
     Raises
     ------
@@ -289,7 +280,7 @@ def cost_to_go(pendulums: Pendulums, weights: Weights) -> np.ndarray:
 
 
 def cost_to_go_euler(pendulums: Pendulums, weights: Weights) -> np.ndarray:
-    """Integrate the Riccati equation by Euler's method from knot to knot, as the thesis does.
+    """Integrate the Riccati equation by Euler's method between knots, as the thesis does; S has shape (knots, pendulums, 3).
 
     Parameters
     ----------
@@ -297,11 +288,6 @@ def cost_to_go_euler(pendulums: Pendulums, weights: Weights) -> np.ndarray:
         Pendulums that are computed together.
     weights : Weights
         Weights of the regulator.
-
-    Returns
-    -------
-    numpy.ndarray, shape (knots, pendulums, 3)
-        S at the knots (every other point of ``pendulums.angle``).
 
     Raises
     ------

@@ -352,7 +352,7 @@ def compute_together(
     """Compute all trajectories together: the integration takes the same number of steps for one basin as for a hundred.
 
     If the label of an error is that of a trajectory, it is computed separately and the others together again; otherwise each is
-    computed separately.
+    computed separately. Returned are the trajectories that were computed together, with their result.
 
     Parameters
     ----------
@@ -364,11 +364,6 @@ def compute_together(
         Name for `Failure.basin`.
     failures : list of Failure
         Gets the trajectories that fail separately.
-
-    Returns
-    -------
-    list of tuple
-        Trajectories that were computed together, with their result.
 
     Examples
     --------

@@ -78,10 +78,8 @@ def exceeds(
         ρ, dimensionless.
     reference : Reference
         Feedforward torque of the same pendulums.
-    lowest : float
-        Smallest torque of the range in N·m.
-    highest : float
-        Largest torque of the range in N·m.
+    lowest, highest : float
+        Smallest torque of the range in N·m; largest torque of the range in N·m.
     """
     points = slice(None, None, 2)
     s11, s12, s22 = np.moveaxis(loops.cost[points], -1, 0)
