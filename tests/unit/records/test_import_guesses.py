@@ -91,7 +91,7 @@ def stamped(moved: dict[int, int]) -> str:
         (WHOLE, {"trim": (10, 20)}, "10 … 20 s … 0 … 2.995 s"),
         (WHOLE, {"trim": (2, 1)}, "--trim 2:1"),
         (WHOLE, {"rate": -1.0}, "--rate -1 … positive"),
-        *((text, {}, "trial.csv … table") for text in ("", "no numbers\nat all\n", "1,2,3\n2,3,4\n")),
+        *((text, {}, "trial.csv … no table … 8 rows") for text in ("", "no numbers\nat all\n", "1,2,3\n2,3,4\n")),
         (stamped({50: 49, 120: 110}), {}, "line 52 … 1 … repeated"),
         (stamped({50: 49, 120: 110}), {}, "line 122 … 1 … backward"),
     ],
@@ -191,7 +191,7 @@ def test_uneven_clock_is_resampled_with_note(tmp_path):
     expected = 4 * np.sin(2 * np.pi * 1.1 * record.time) + 1.5 * np.sin(2 * np.pi * 3.3 * record.time + 1)
     assert record["input"] == pytest.approx(expected, abs=0.02)  # a peak between two samples is cut
     assert np.std(record["input"] - expected) < 2e-3
-    assert has_tokens(one.notes[0], "resampled")
+    assert has_tokens(one.notes[0], "ms … 13 … resampled … 198 Hz")
     assert record.time[-1] > time[-1] - 1 / RATE
 
 
@@ -299,9 +299,11 @@ def test_unclear_velocities_need_choice(tmp_path):
     head, columns = "time_s,v1 [mm/s],v2 [mm/s],force_N", (TIME, VELOCITY, VELOCITY, DRIVEN)
     tokens = "position … column 2 'v1' [mm/s] … column 3 'v2' [mm/s] … --position"
     assert has_tokens(refusal(given, tmp_path, head, columns=columns), tokens)
-    assert has_tokens(refusal(given, tmp_path, "time_s,velocity,force_N"), "--position-unit … mm/s")
+    assert has_tokens(
+        refusal(given, tmp_path, "time_s,velocity,force_N"), "column 2 'velocity' … --position-unit … mm/s"
+    )
     note = given(tmp_path, "time_s,velocity,force_N", position="velocity", position_unit="mm").notes[0]
-    assert has_tokens(note, "velocity … position")
+    assert has_tokens(note, "column 2 'velocity' … position … --position-unit mm/s")
 
 
 def test_parts_share_zero_of_integration(tmp_path):

@@ -79,7 +79,9 @@ def test_unit_behind_the_axis(tmp_path, name):
 
 def test_file_without_times_needs_rate(tmp_path):
     path = write(tmp_path, table(ONE.removeprefix("time_s,"), time=None))
-    assert has_tokens(refusal(read_markers, path, MILLIMETRES), "lift.csv … markers.rate_Hz")
+    assert has_tokens(
+        refusal(read_markers, path, MILLIMETRES), "lift.csv … column … time_s … markers.rate_Hz"
+    )
     recording = read_markers(path, lumbar.MarkerLayout(unit="mm", rate_Hz=50))
     np.testing.assert_allclose(recording.time, np.arange(30) / 50)
 
@@ -97,7 +99,7 @@ def test_missing_samples_and_other_columns(tmp_path):
 @pytest.mark.parametrize(
     ("text", "tokens"),
     [
-        (table(ONE.replace("C7_z", "C7_y")), "C7_y"),
+        (table(ONE.replace("C7_z", "C7_y")), "C7_y:"),
         ("time_s,angle_rad\n0,1\n1,2\n", "marker … time_s, angle_rad"),
         ("time_s,C7_x,C7_y,C7_z\n0,1,2,3\n", "2 lines … frames"),
         ("", "tab, semicolon … comma"),
@@ -105,8 +107,8 @@ def test_missing_samples_and_other_columns(tmp_path):
         (table().replace(f"{TIME[4]:.4f},", "1_000,"), "line 6: column 1 … '1_000'"),
         (table().replace(f"{TIME[4]:.4f},", "1e200,"), "line 6: 1e+200 … column 1"),
         (table().replace(f"{TIME[4]:.4f},", ","), "frame 5 … time"),
-        (table(time=np.delete(2 + np.arange(31) / 60, 14)), "rate … frames"),
-        (table(time=0 * TIME), "0 s … increase"),
+        (table(time=np.delete(2 + np.arange(31) / 60, 14)), "frame 15 … 2.25 s … 58 Hz … frames"),
+        (table(time=0 * TIME), "time … 0 … 0 s … increase"),
         (table(ONE.replace("C7_x", "C7_x_mm")), "units … mm … header"),
         (table().replace("C7_x", '"' + "C" * 200_000 + '_x"'), "C7: … y, z … x"),
     ],

@@ -114,7 +114,8 @@ def test_facing_within_tolerance_is_accepted(tmp_path, degrees, fits):
 def test_swapped_sides_are_rejected(tmp_path):
     swapped = {name: name.replace("L_", "r_").replace("R_", "L_").replace("r_", "R_") for name in BODY}
     path = write(tmp_path, BODY)
-    assert has_tokens(refusal(read_markers, path, layout_of(aliases=swapped)), "left … right … swapped")
+    message = refusal(read_markers, path, layout_of(aliases=swapped))
+    assert has_tokens(message, "left … right … swapped") and not has_tokens(message, "forward:")
 
 
 WALKING = (
@@ -234,7 +235,7 @@ UNLIKE = {"C7": "CV7", "L_TOE": ["LTOE", "LFM1"], "SACRUM": "SACRUM"}
         (BODY, {"aliases": UNLIKE}, "markers.aliases.C7 … CV7 … C7"),
         (BODY, {"aliases": UNLIKE}, "markers.aliases.L_TOE … LTOE … LFM1 … L_TOE"),
         (BODY, {"aliases": UNLIKE}, "C7, SACRUM, L_HIP"),
-        (BODY, {"aliases": {"C7": []}}, "markers.aliases.C7"),
+        (BODY, {"aliases": {"C7": []}}, "markers.aliases.C7 … empty … C7"),
         (BODY, {"aliases": {"A": {"mean": ["B", "C7"]}, "B": {"mean": ["A", "C7"]}}}, "markers.aliases.A … no A"),
         (BODY, {"aliases": {"C7": "C7"}, "required": ["T12"]}, "markers.required … T12"),
         ({**BODY, "LHipAngles": (0.1, 0.2, 0.3)}, {"aliases": {"L_HIP": "LHipAngles"}}, "markers.aliases.L_HIP … LHipAngles"),

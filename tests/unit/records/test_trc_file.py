@@ -147,8 +147,8 @@ def changed(row, text):
         ({"rows": changed(4, "6120\t\t4\t2\t1450\t4\t-4\t1000")}, "line 11: … time"),
         ({"rows": changed(4, "6120\t17.54\t4\t1e308\t1450\t4\t-4\t1000")}, "line 11: 1e+308 … column 4"),
         ({"rows": [*regular_rows(6), *regular_rows(6, start=17.6)]}, "rate … frames"),
-        ({"rows": [], "header": {"NumFrames": "1"}}, "rows"),
-        ({"first": "Time\tFrame\t"}, "line 4: … Frame# … Time"),
+        ({"rows": [], "header": {"NumFrames": "1"}}, "no … rows"),
+        ({"first": "Time\tFrame\t"}, "line 4: … ['Time', 'Frame'] … Frame# … Time"),
         ({"names": ""}, "line 4: … marker"),
     ],
 )

@@ -220,7 +220,7 @@ class _Resolver:
                     return self.resolve(alternative)
                 except _UnresolvedError as reason:
                     reasons.append(str(reason))
-            raise _UnresolvedError("; ".join(reasons))
+            raise _UnresolvedError("; ".join(reasons) or "the list of labels is empty")
         if isinstance(term, MeanOfMarkers):
             values = np.mean([self.resolve_part(part) for part in term.mean], axis=0)
         elif isinstance(term, PointBetween):
