@@ -7,6 +7,7 @@ import pytest
 from lifting_cases import ANN, hide, recording_of, true_recording
 
 import lumbar
+from refusing import has_tokens
 from study_settings import changed
 
 LIFTING = lumbar.load_settings().lifting
@@ -119,5 +120,5 @@ def test_hidden_spine_of_the_ilium_does_not_hide_hips_and_loin():
     points, expected = (lumbar.lift(body, ANN, 0.0).analysed.points for body in (bending, whole))
     for name in ("MID_HIP", "L5S1", "L4L5"):
         assert points[name] == pytest.approx(expected[name], abs=5e-5)  # filtered up to the gap
-        assert "L_ASIS in 100 frames" in points.points[name].rule
-    assert "frames" not in expected.points["MID_HIP"].rule
+        assert has_tokens(points.points[name].rule, "L_ASIS…100")
+    assert "100" not in expected.points["MID_HIP"].rule

@@ -186,7 +186,7 @@ def test_table_of_spectra_has_mean():
 
 
 @pytest.mark.parametrize(
-    ("records", "words"),
+    ("records", "tokens"),
     [
         ([trial("one"), trial("one")], "surgeon.records: .*'one'"),
         (
@@ -197,8 +197,8 @@ def test_table_of_spectra_has_mean():
         ([trial("metres", unit="m")], r"metres\.csv: position .*'m'.*\bmm\b.*surgeon\.layout"),
     ],
 )
-def test_trials_that_cannot_be_pooled_are_rejected(records, words):
-    with pytest.raises(InputError, match=words):
+def test_trials_that_cannot_be_pooled_are_rejected(records, tokens):
+    with pytest.raises(InputError, match=tokens):
         motion_spectra(records, ["a"] * len(records), WelchSettings(segment_s=10.24))
 
 
@@ -266,16 +266,16 @@ def test_linear_detrending_subtracts_ramp():
 
 
 @pytest.mark.parametrize(
-    ("quantity", "samples", "segment_s", "words"),
+    ("quantity", "samples", "segment_s", "tokens"),
     [
         ("position", 500, 10.24, r"500 samples \(5 s\).*10\.24 s needs 1024"),
         ("velocity", 1024, 10.24, r"\b1024 .*10\.24 s.*\b1025\b.*surgeon\.welch\.segment_s"),
         ("position", 500, 0.05, r"0\.05 s .*\b5 .*100 Hz.*\b8\b"),
     ],
 )
-def test_segment_longer_than_recording_is_rejected(quantity, samples, segment_s, words):
+def test_segment_longer_than_recording_is_rejected(quantity, samples, segment_s, tokens):
     motion_psd(np.sin(np.arange(1024) / 7), 100.0, WELCH)
-    with pytest.raises(InputError, match=words):
+    with pytest.raises(InputError, match=tokens):
         motion_psd(np.arange(float(samples)), 100.0, WelchSettings(segment_s=segment_s), quantity)
 
 

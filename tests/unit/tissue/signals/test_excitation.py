@@ -44,11 +44,11 @@ def test_band_is_rounded_multiple_of_bandwidth(tmp_path, bandwidth, band):
 
 
 @pytest.mark.parametrize(
-    ("bandwidth", "words"),
+    ("bandwidth", "tokens"),
     [(None, r"signals\.bandwidth: .*'power_share'"), (0.01, r"\b0 Hz"), (30.0, r"\b60 Hz")],
 )
-def test_impossible_band_is_rejected(tmp_path, bandwidth, words):
-    with pytest.raises(lumbar.InputError, match=words):
+def test_impossible_band_is_rejected(tmp_path, bandwidth, tokens):
+    with pytest.raises(lumbar.InputError, match=tokens):
         band_of(tmp_path, bandwidth)
 
 
@@ -102,7 +102,7 @@ def test_ramp_starts_and_ends_at_rest_and_keeps_later_periods():
 
 
 @pytest.mark.parametrize(
-    ("band", "change", "words"),
+    ("band", "change", "tokens"),
     [
         (5.0, {"ramp_s": 6}, r"signals\.ramp_s .*\b6 s\b.*\bnoise .*10 s"),
         (
@@ -127,8 +127,8 @@ def test_ramp_starts_and_ends_at_rest_and_keeps_later_periods():
         ),
     ],
 )
-def test_impossible_signals_are_rejected(band, change, words):
-    with pytest.raises(lumbar.InputError, match=words):
+def test_impossible_signals_are_rejected(band, change, tokens):
+    with pytest.raises(lumbar.InputError, match=tokens):
         designed(band, **change)
 
 

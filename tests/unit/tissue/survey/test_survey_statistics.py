@@ -258,15 +258,15 @@ def test_result_that_depends_on_treatment_of_zeros_is_undecided():
 
 
 @pytest.mark.parametrize(
-    ("test", "scores", "words"),
+    ("test", "scores", "tokens"),
     [
-        (friedman, [[3, 3, 3]] * 10, "Friedman"),
-        (kruskal_wallis, [[3, 3, 3]] * 10, "Kruskal-Wallis"),
+        (friedman, [[3, 3, 3]] * 10, r"Friedman.*\bparticipant\b"),
+        (kruskal_wallis, [[3, 3, 3]] * 10, r"Kruskal-Wallis.*\bratings\b"),
         (friedman, [[1, 2], [2, 3]], r"Friedman.*\b2\b.*\b3\b"),
     ],
 )
-def test_equal_answers_are_rejected(test, scores, words):
-    with pytest.raises(NumericalError, match=words):
+def test_equal_answers_are_rejected(test, scores, tokens):
+    with pytest.raises(NumericalError, match=tokens):
         test(made(scores))
 
 
