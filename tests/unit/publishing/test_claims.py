@@ -88,7 +88,7 @@ def bandwidths_of(limited, unlimited, level):
         ((3.5, 4.5, None), DOES_NOT_HOLD, ""),
     ],
 )
-def test_bandwidth_is_read_by_every_rule(judged, readings, verdict, remark):
+def test_bandwidth_has_one_value_per_rule(judged, readings, verdict, remark):
     frame = judged({"bandwidth": bandwidths_of(*readings)}, synthetic=True)
     assert frame.at["bandwidth", "verdict"] == DOES_NOT_HOLD
     row = frame.loc["bandwidth_velocity"]
@@ -138,7 +138,7 @@ def test_study_without_results_cannot_test_claims(judged):
 
 @pytest.mark.parametrize("seed", range(6))
 @pytest.mark.parametrize("alpha", [0.0, 30.0])
-def test_no_data_give_a_smaller_mru_than_the_bound(seed, alpha):
+def test_mru_is_at_least_its_bound(seed, alpha):
     """Columns of any scale and correlation, ridge or none: Eqs 3.13 to 3.16 written out."""
     rng = np.random.default_rng(seed)
     rows, parameters = 400, int(rng.integers(2, 7))

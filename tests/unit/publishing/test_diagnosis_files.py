@@ -118,7 +118,7 @@ def test_source_label_is_shown_and_not_run(html):
     assert "alert(1)" in html
 
 
-def test_long_records_are_thinned_and_the_page_says_so(page):
+def test_thinning_of_long_records_is_stated(page):
     thinned, columns = replace(page, max_values=20000), len(page.models) + 6
     assert thinned.step > 1
     samples = sum(len(record.columns["time"]) for record in thinned.records)

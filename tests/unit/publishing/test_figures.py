@@ -66,7 +66,7 @@ def test_notebook_keeps_its_style_and_windows(tmp_path):
 
 
 @house_style
-def test_saved_files_are_those_of_savefig(tmp_path):
+def test_save_writes_same_files_as_savefig(tmp_path):
     figure, axes = new_figure()
     axes.plot([0, 1])
     axes.set_title("office, (a)", fontweight="bold")
@@ -226,14 +226,14 @@ def test_comparison_shows_segment_residual_floor_and_shares(tests):
     assert len({line.get_linestyle() for line in response_axis.lines}) == 2
 
 
-def test_the_default_segment_is_typical():
+def test_default_segment_has_typical_error():
     error = np.concatenate([np.full(2000, 5.0), np.full(6000, 1.0), np.full(1000, 9.0)])
     test = record(np.arange(9000.0), error)
     low, high = default_segment(test, np.zeros(9000), 0.5)
     assert 2000 * STEP <= low < high <= 8000 * STEP + STEP
 
 
-def test_location_has_three_panels_with_what_was_found(tests):
+def test_location_figure_shows_depth_and_reversals(tests):
     periodic, simulated = tests[0]
     residual = residual_after(periodic, simulated, noise_floor(periodic))
     location = Location.of_residual(periodic.name, residual, rank_causes([residual]))

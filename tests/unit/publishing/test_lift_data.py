@@ -37,7 +37,7 @@ def test_pendulums_end_at_the_centres_of_mass(folder, page):
                 assert result == pytest.approx(rows[f"{wanted}_m"][deposit].to_numpy(), abs=1e-4)
 
 
-def test_outlines_of_the_base_hold_the_margin(page):
+def test_outlines_of_base_are_inside_by_margin(page):
     """The margin that is printed is the distance to the outline that is drawn."""
     share = page.settings.measures.functional_share
     drawn = balance_columns(page.course.frame, share, EVERY)

@@ -61,7 +61,7 @@ def acceleration(position: np.ndarray) -> np.ndarray:
     return np.fft.irfft(-(omega**2) * np.fft.rfft(position), len(position))
 
 
-def test_the_threshold_is_the_gain_that_one_in_a_hundred_nulls_reach():
+def test_threshold_is_99th_percentile_of_null_gains():
     null = NullDistribution(np.sort(np.random.default_rng(1).chisquare(3, 1000)), 30)
     threshold = null.threshold(30)
     assert null.p_value(threshold, 30) <= LEVEL < null.p_value(threshold - 0.2, 30)
@@ -72,7 +72,7 @@ FORMS = [form for effect in TISSUE.values() for form in effect.forms]
 
 
 @pytest.mark.parametrize("equation", [form.latex for form in FORMS] + [base.latex for base in BASES.values()])
-def test_every_equation_is_set(equation):
+def test_mathml_has_every_letter_of_equation(equation):
     root = ElementTree.fromstring(equation_mathml(equation))
     letters = re.sub(r"\\[A-Za-z]+|[^A-Za-z]", "", equation)
     assert set(letters) <= set("".join(root.itertext()))
@@ -91,7 +91,7 @@ def test_equation_contains_no_link():
 
 
 @pytest.mark.parametrize("form", FORMS, ids=lambda form: form.key)
-def test_signatures_are_visible_and_as_large_as_said(form):
+def test_signatures_have_stated_size(form):
     slow, fast = signatures(TISSUE[form.effect], form)
     share = np.sqrt(np.mean(slow.added_force**2) / np.mean(slow.base**2))
     assert np.all(np.isfinite(fast.force))
@@ -112,7 +112,7 @@ def test_signatures_follow_closed_forms():
     assert ratio == pytest.approx((RATES[1] / RATES[0]) ** 2, rel=0.02)
 
 
-def test_building_blocks_escape_what_they_are_given(tmp_path):
+def test_building_blocks_escape_their_arguments(tmp_path):
     page = document("a < b", "x & y", [paragraph("-1 < 2, 3-4"), listing(["<b>"]), table(["<h>"], [["a&b"]])])
     assert "a &lt; b" in page and "x &amp; y" in page and "−1 &lt; 2, 3-4" in page
     assert "<b>" not in page.split("</header>")[1].replace("<p><b>Data", "").replace("</b>", "")
@@ -121,7 +121,7 @@ def test_building_blocks_escape_what_they_are_given(tmp_path):
     assert "<figcaption>a &amp; b</figcaption>" in figure(tmp_path / "empty.svg", "a & b")
 
 
-def test_numbering_what_bokeh_names_leaves_coded_numbers_alone():
+def test_numbering_of_bokeh_ids_keeps_encoded_arrays():
     """In millions of encoded letters some look like a name."""
     coded = "AAA+p12345/A 01234567-0123-0123-0123-0123456789ab b"
     pictures = embed_pictures(lambda document: document.add_root(plain_figure("a", "", "", 0)))
@@ -130,7 +130,7 @@ def test_numbering_what_bokeh_names_leaves_coded_numbers_alone():
     assert coded in text and not re.search(r'"p\d{4,}"', text)
 
 
-def test_a_tie_brings_the_file_of_the_excitation_that_settles_it(diagnosis, page):
+def test_page_of_tie_has_separating_excitations(diagnosis, page):
     rival = next(
         item.candidate for item in diagnosis.result.ranking if item.candidate.effects == ("hysteresis",)
     )

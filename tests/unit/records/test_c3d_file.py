@@ -121,7 +121,7 @@ def test_broken_files_are_rejected(shared, name, tokens):
 @pytest.mark.parametrize("processor", [INTEL, DEC, MIPS])
 @pytest.mark.parametrize("scale", [-1.0, 0.05])
 @pytest.mark.parametrize("channels", [0, 3])
-def test_built_file(tmp_path, points, processor, scale, channels):
+def test_built_file_is_read_back(tmp_path, points, processor, scale, channels):
     residuals = np.zeros(points.shape[:2])
     residuals[4:7, 1] = -1
     analog = np.random.default_rng(1).integers(-900, 900, (40, 5 * channels)) if channels else None
@@ -141,7 +141,7 @@ def test_built_file(tmp_path, points, processor, scale, channels):
     assert (file.rate, list(file.positions)) == (100, LABELS)
 
 
-def test_more_frames_than_the_header_can_count(tmp_path):
+def test_frame_count_beyond_header_field_is_read(tmp_path):
     n_frames = 65700
     points = np.ones((n_frames, 1, 3), np.float32)
     points[:, 0, 0] = np.arange(n_frames)
@@ -149,7 +149,7 @@ def test_more_frames_than_the_header_can_count(tmp_path):
     np.testing.assert_allclose(1e3 * file["C7"], points[:, 0])
 
 
-def test_frame_numbers_beyond_what_the_header_can_hold(tmp_path, points):
+def test_frame_numbers_beyond_header_field_are_read(tmp_path, points):
     file = read_c3d(write(tmp_path, build_c3d(points, LABELS, first_frame=65510, trial=True)))
     np.testing.assert_allclose(stacked(file), points, rtol=1e-6)
     np.testing.assert_allclose(file.time, (65509 + np.arange(40)) / 100)
@@ -171,7 +171,7 @@ def test_zero_and_infinite_samples_are_missing(tmp_path, points):
     assert np.flatnonzero(np.isnan(file.positions["SACR"]).all(axis=1)).tolist() == [5]
 
 
-def test_points_listed_as_angles_are_dropped_whatever_their_name(tmp_path, points):
+def test_points_listed_as_angles_are_dropped(tmp_path, points):
     # Groups come in pairs, the list's name and the name of one entry; only the first names a list.
     extra = {"POINT:TYPE_GROUPS": ["TILTS", "TILT"], "POINT:TILTS": ["LTOE"], "POINT:TILT": ["C7"]}
     extra["POINT:ANGLES"] = ["SACR"]
@@ -218,7 +218,7 @@ def test_contradictions_are_rejected(tmp_path, points, change, tokens):
 
 
 @pytest.mark.parametrize("missing_bytes", [1, 48, 1900])
-def test_every_missing_byte_is_noticed(tmp_path, points, missing_bytes):
+def test_truncated_file_is_rejected(tmp_path, points, missing_bytes):
     content = build_c3d(points, LABELS)
     message = refusal(read_c3d, write(tmp_path, content[:-missing_bytes]))
     assert has_tokens(message, "40 frames … 48 bytes")
@@ -251,7 +251,7 @@ def test_bytes_after_last_frame_are_noted(tmp_path, points, inserted):
         ),
     ],
 )
-def test_irregular_groups_do_not_matter(tmp_path, points, extra, renamed, groups, notes):
+def test_irregular_groups_are_read(tmp_path, points, extra, renamed, groups, notes):
     content = bytearray(build_c3d(points, LABELS, extra=extra))
     for name, group in groups.items():  # the number of a parameter's group; negative of a group
         place = content.index(name) - 1
@@ -303,7 +303,7 @@ def test_header_is_corrected_by_file_size(tmp_path, points, processor, place, ne
     assert has_tokens(" ".join(file.notes), tokens)
 
 
-def test_reals_are_read_whatever_the_size_of_the_scale_factor(tmp_path, points):
+def test_scale_factor_does_not_multiply_reals(tmp_path, points):
     """The sign of the scale factor means that coordinates are stored as reals, which are not multiplied by it."""
     file = read_c3d(write(tmp_path, build_c3d(points, LABELS, scale=-0.05, replace={"POINT:SCALE": [-0.04]})))
     np.testing.assert_allclose(stacked(file), points, rtol=1e-6)

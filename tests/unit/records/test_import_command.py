@@ -63,7 +63,7 @@ def test_imports_are_added_to_folder(run, sources, tmp_path):
     assert [entry["name"] for entry in content["records"]] == ["excel_deutsch", "labview"]
 
 
-def test_recordings_side_by_side_in_one_file(run, tmp_path):
+def test_one_file_may_hold_several_recordings(run, tmp_path):
     file = tmp_path / "both.csv"
     time = 0.01 * np.arange(400)
     columns = [time, np.sin(time), 2 * np.sin(time), np.cos(time), 3 * np.cos(time)]

@@ -191,7 +191,7 @@ def test_utf_encodings_are_detected(tmp_path, encoding):
     assert told.record["output"] == pytest.approx(one.record["output"])
 
 
-def test_western_words_are_recognised_as_windows_1252(tmp_path):
+def test_windows_1252_is_detected(tmp_path):
     text = "# Prüfkraft, größer als 5 °C – N·m, 20 µm²\ntime_s,position_mm,force_N\n" + rows(",")
     (tmp_path / "trial.txt").write_bytes(text.encode("cp1252"))
     [one] = lumbar.import_recordings(tmp_path / "trial.txt")

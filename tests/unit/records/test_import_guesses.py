@@ -245,7 +245,7 @@ def test_gap_in_uneven_clock_is_rejected(tmp_path):
     assert (start, stop) == pytest.approx((TIME[230], TIME[-1] + 0.0025))
 
 
-def test_clipped_forces_are_refused_unless_accepted(tmp_path):
+def test_clipped_forces_are_rejected_unless_accepted(tmp_path):
     text = HEAD + rows(",", columns=(TIME, POSITION, np.clip(FORCE, -4, 4)))
     assert "clipped" in refusal(imported, tmp_path, text)
     assert imported(tmp_path, text, accept_clipped=True).clipped

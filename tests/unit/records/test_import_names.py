@@ -26,7 +26,7 @@ from refusing import has_tokens, refusal
         ("rpm", "angular velocity", 2 * np.pi / 60),
     ],
 )
-def test_units_are_known(spelling, quantity, factor):
+def test_spellings_of_units_are_read(spelling, quantity, factor):
     unit = find_unit(spelling)
     assert unit.quantity == quantity
     assert unit.factor == pytest.approx(factor, rel=1e-12)
@@ -64,7 +64,7 @@ def test_header_is_split_into_name_and_unit(cell, parted):
         ("Temperature", "time", -1),
     ],
 )
-def test_names_match_roles(name, role, plainness):
+def test_column_names_are_scored_by_role(name, role, plainness):
     assert name_match_score(name, role) == plainness
 
 

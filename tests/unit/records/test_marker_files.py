@@ -65,7 +65,7 @@ def test_layouts_of_tables_have_equal_values(tmp_path, text):
 
 
 @pytest.mark.parametrize("name", ["C7_x_mm", "C7 X [mm]", "C7.x (mm)"])
-def test_unit_behind_the_axis(tmp_path, name):
+def test_unit_after_axis_is_read(tmp_path, name):
     header = "time_s," + ",".join(
         name.replace("C7", marker).replace(" X", f" {axis.upper()}").replace("x", axis)
         for marker in ("C7", "THIGH")

@@ -55,7 +55,7 @@ def write(tmp_path, positions, axes=None, unit="mm", **options):
 
 
 @pytest.mark.parametrize("unit", ["m", "cm", "mm"])
-def test_unit_of_the_file(tmp_path, unit):
+def test_unit_of_file_is_read(tmp_path, unit):
     recording = read_markers(write(tmp_path, BODY, unit=unit))
     np.testing.assert_allclose(recording["C7"].mean(axis=0)[2], 1.45, atol=0.003)
 
@@ -71,7 +71,7 @@ PAIRS = [(up, forward) for up in AXES for forward in AXES if up[1] != forward[1]
 
 
 @pytest.mark.parametrize(("up", "forward"), PAIRS)
-def test_every_orientation_of_a_file(tmp_path, up, forward):
+def test_every_orientation_is_read(tmp_path, up, forward):
     rotation = file_axes(up, forward)
     assert np.linalg.det(rotation) == pytest.approx(1)
     path = write(tmp_path, BODY, axes=rotation)

@@ -33,7 +33,7 @@ def read(lines, dialect=None, columns=None, **options) -> NumberTable:
 @pytest.mark.parametrize(
     "dialect", [Dialect(), Dialect("\t"), Dialect(";", ","), Dialect(None), Dialect("|", ",")], ids=str
 )
-def test_plain_numbers_are_those_of_single_rows(dialect):
+def test_plain_reader_agrees_with_row_reader(dialect):
     lines = text_of(dialect.delimiter or "  ", dialect.decimal)
     table, plain = read(lines, dialect), read_plain_numbers(lines, dialect, 3)
     np.testing.assert_array_equal(table.values, ROWS)
@@ -42,13 +42,13 @@ def test_plain_numbers_are_those_of_single_rows(dialect):
 
 
 @pytest.mark.parametrize("line", ["1,2", "1,2,3,4", "1,2,x", "1,2,nan", "# 1,2,3", "", '1,2,"3"'])
-def test_plain_reader_declines_other_tables(line):
+def test_plain_reader_rejects_irregular_tables(line):
     lines = text_of(",")
     assert read_plain_numbers([*lines[:9], line, *lines[9:]], Dialect(), 3) is None
     assert read_plain_numbers([line, *lines], Dialect(), 3) is None
 
 
-def test_rows_are_counted_as_an_editor_counts_lines():
+def test_rows_have_line_numbers_of_file():
     lines = ["# made up", "", "x,y,z", "", "1, 2 ,3", "#", '4,"5,5",6']
     rows = list(split_rows(lines, Dialect(comment="#"), "a.csv", first=5))
     assert rows == [Row(7, ["x", "y", "z"]), Row(9, ["1", "2", "3"]), Row(11, ["4", "5,5", "6"])]
@@ -81,7 +81,7 @@ def test_narrow_table_names_missing_column():
 
 
 @pytest.mark.parametrize(("text", "value"), [("1D3", 1e3), ("-2.5d-01", -0.25), (".5", 0.5), ("+1E2", 100)])
-def test_numbers_as_programs_write_them(text, value):
+def test_exponents_of_fortran_and_signs_are_read(text, value):
     assert parse_number(text) == value
 
 

@@ -54,7 +54,7 @@ def test_sets_share_quantities_and_units():
     assert has_tokens(message, "b: output … missing")
 
 
-def test_resampling_keeps_what_lies_below_and_removes_what_lies_above():
+def test_resampling_removes_frequencies_above_nyquist():
     time = np.arange(4000) / 1000
     slow, fast = np.sin(2 * np.pi * 7 * time), np.sin(2 * np.pi * 180 * time)
     record = record_of(time, slow + fast + 10)

@@ -82,7 +82,7 @@ def test_irregular_files_have_equal_values(tmp_path, irregular):
 
 
 @pytest.mark.parametrize("names", ["C7\t\t\tSACR\t\t\t", "C7\t\t\tSACR", "C7\t\t\t\t\t\tSACR\t\t\t"])
-def test_trajectories_without_a_name(tmp_path, names):
+def test_trajectories_without_label_are_dropped(tmp_path, names):
     """Cortex counts them in NumMarkers and leaves their names out."""
     rows = [row + "\t7\t8\t9" for row in regular_rows(12)]
     file = read_trc(trc(tmp_path, rows, names=names, header={"NumMarkers": "3"}))
@@ -108,7 +108,7 @@ def test_lost_column_is_rejected(tmp_path):
     assert has_tokens(refusal(read_trc, trc(tmp_path, rows)), "lift.trc … marker 2 … column")
 
 
-def test_clock_printed_with_two_digits(tmp_path):
+def test_clock_with_two_digits_is_even(tmp_path):
     rows = regular_rows(300, rate=120.0, digits=2)
     file = read_trc(trc(tmp_path, rows, header={"DataRate": "120"}))
     np.testing.assert_allclose(file.time, 17.5 + np.arange(300) / 120)

@@ -45,7 +45,7 @@ def recorded(config, root, **changes) -> dict:
     return {**config, **study, **changes}
 
 
-def test_the_default_study_is_sound(config, folder):
+def test_default_study_loads(config, folder):
     study = load_study(config, folder)
     assert study.synthetic
     assert study.data_label == "synthetic twin"
@@ -149,7 +149,7 @@ def test_record_sets_of_a_pendulum_need_gravity(config, folder):
     load_study(config, folder)
 
 
-def test_effects_of_the_study_itself_count(config, folder, project):
+def test_effect_files_of_study_define_effects(config, folder, project):
     shutil.copy(project / "examples" / "own_effect" / "hertzian_contact.py", folder / "own.py")
     config["improvement"] |= {"effects": ["hertzian_contact"], "effect_files": ["own.py"]}
     assert load_study(config, folder).settings.improvement.effects == ("hertzian_contact",)
@@ -305,7 +305,7 @@ def test_artefacts_with_unknown_chapter_or_repeated_id_are_rejected(tmp_path):
         read_artefacts(sheet)
 
 
-def test_every_key_has_a_meaning():
+def test_every_key_has_a_description():
     assert [path for path, key, _ in keys(Key.from_class(StudySettings), {}) if not key.meaning] == []
 
 
@@ -403,7 +403,7 @@ def test_faults_of_a_file_have_its_line_despite_a_command_line(tmp_path, config)
 
 
 @pytest.mark.parametrize(("content", "tokens"), [("a: Pr\xfcfung", "line 1: … 0xfc"), ("a: x", "")])
-def test_a_study_is_read_before_snakemake_reads_it(tmp_path, content, tokens):
+def test_yaml_module_reports_faults_without_traceback(tmp_path, content, tokens):
     """As ``make`` does: nothing of the workflow runs before Snakemake has read its ``--configfile``."""
     path = tmp_path / "study.yaml"
     path.write_text(content, encoding="latin-1")
