@@ -84,7 +84,25 @@ def locate(
     settings: StudySettings | None = None,
     source_label: str = "",
 ) -> Locations:
-    """Locate a model's error: time, frequency, position and velocity, reversals, causes. For parameters see `compare`.
+    """Locate a model's error: time, frequency, position and velocity, reversals, causes.
+
+    Parameters
+    ----------
+    records : sequence of Record
+        One per excitation, with channels ``input`` and ``output``.
+    model : FittedModel
+        Result of `identify`, `refine` or `diagnose`, or read from a file.
+    train : str or sequence of str, optional
+        Record with the noise floor, see `compare`.
+    settings : StudySettings, optional
+        Used are ``improvement.session``, ``tissue.settling_s`` and ``seed``, see `compare`.
+    source_label : str
+        Name of the source of the data; default the folder or file they were read from.
+
+    Raises
+    ------
+    InputError
+        If `model` is not a model, or the records cannot be used.
 
     Examples
     --------
@@ -164,7 +182,13 @@ class ModelReports(Result):
         return self[self.reports[0].record.name if not name and len(self.reports) == 1 else name]
 
     def save(self, folder: str | os.PathLike) -> None:
-        """Write the `files` and a page that shows them, ``compare_page.html`` or ``location_page.html``."""
+        """Write the `files` and a page that shows them, ``compare_page.html`` or ``location_page.html``.
+
+        Parameters
+        ----------
+        folder : path
+            Folder; it is made if it is missing.
+        """
         super().save(folder)
         name, page = self._page(Path(folder))
         write_text(Path(folder) / f"{name}_page.html", page)
@@ -188,7 +212,13 @@ class Comparisons(ModelReports):
         return comparison_table([item.comparison for item in self.simulated], self.source_label)
 
     def figure(self, name: str = "") -> Figure:
-        """Return the picture of one record: its measured and simulated output. A single record needs no name."""
+        """Return the picture of one record: its measured and simulated output.
+
+        Parameters
+        ----------
+        name : str
+            Name of the record; a single record needs none.
+        """
         report = self._report(name)
         if report.record.axes:
             from lumbar.publishing.figures.location_figures import spatial_comparison_figure
@@ -227,7 +257,13 @@ class Locations(ModelReports):
         return residuals.location_table(self.reports, self.source_label)
 
     def figure(self, name: str = "") -> Figure:
-        """Return the picture of the error on one record, or along one of its axes. A single record needs no name."""
+        """Return the picture of the error on one record, or along one of its axes.
+
+        Parameters
+        ----------
+        name : str
+            Name of the record; a single record needs none.
+        """
         from lumbar.publishing.figures.location_figures import location_figure, spatial_location_figure
 
         report = self._report(name)

@@ -208,7 +208,17 @@ def render(
 
 
 def judge_rendering(models: Sequence[FittedModel], settings: RuntimeSettings, source_label: str) -> Rendering:
-    """Judge models on the device of the settings; keep the reasons why models cannot be judged."""
+    """Judge models on the device of the settings; keep the reasons why models cannot be judged.
+
+    Parameters
+    ----------
+    models : sequence of FittedModel
+        Models of a tissue.
+    settings : RuntimeSettings
+        Device, hands and rates.
+    source_label : str
+        Name of the source of the data.
+    """
     verdicts, reasons = judge_models(models, settings)
     return Rendering(tuple(verdicts), tuple(reasons), settings, source_label)
 

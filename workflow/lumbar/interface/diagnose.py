@@ -83,7 +83,20 @@ def propose(
     settings: StudySettings | None = None,
     source_label: str = "",
 ) -> ProposedLaw:
-    """Diagnose, and look for a short formula for what the catalogue leaves. For parameters see `lumbar.diagnose`.
+    """Diagnose, and look for a short formula for what the catalogue leaves.
+
+    Parameters
+    ----------
+    records : sequence of Record
+        Records of one axis with the position as input.
+    base : str, optional
+        Base model, see `lumbar.diagnose`.
+    train : str or sequence of str, optional
+        Record to fit on, or several that are fitted together.
+    settings : StudySettings, optional
+        Settings that `lumbar.diagnose` uses.
+    source_label : str
+        Name of the source of the data; default the folder or file they were read from.
 
     Raises
     ------

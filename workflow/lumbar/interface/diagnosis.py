@@ -102,13 +102,24 @@ class Diagnosis:
         return explain(self.result)
 
     def add(self, *effects: str) -> Refinement:
-        """Refit the base with the selected effects and these; effects that are selected already are not added twice."""
+        """Refit the base with the selected effects and others.
+
+        Parameters
+        ----------
+        *effects : str
+            Names of the effects; those that are selected already are not added twice.
+        """
         return self._refit(list(dict.fromkeys([*self.selected, *effects])))
 
     def refine(self, effects: Iterable[str]) -> Refinement:
         """Return the base with exactly these effects, as the page of the diagnosis shows it.
 
         Models that the search fitted are taken from it, for any order of the effects; others are fitted now.
+
+        Parameters
+        ----------
+        effects : iterable of str
+            Names of the effects, in the order in which they are added.
         """
         effects = list(effects)
         known = {model_key(item.effects): item for item in fitted_candidates(self.result)}
@@ -151,7 +162,13 @@ class Diagnosis:
         return ProposedLaw(proposal, self.candidates, self.source_label)
 
     def to_html(self, pictures: Mapping[str, Path] | None = None) -> str:
-        """Return the diagnosis as a page without script, for notebooks and mail."""
+        """Return the diagnosis as a page without script, for notebooks and mail.
+
+        Parameters
+        ----------
+        pictures : mapping of str to path, optional
+            SVG files by caption, shown with the evidence.
+        """
         from lumbar.publishing.pages.diagnosis_page import diagnosis_page
 
         return diagnosis_page(self.result, self.headline, self._sections(pictures or {}), self.source_label)
@@ -286,7 +303,18 @@ _MISSING_MODELS_REMARK = (
 
 
 def require_motion_input(forward: bool) -> None:
-    """Raise `InputError` for records with the force as input."""
+    """Raise for records with the force as input.
+
+    Parameters
+    ----------
+    forward : bool
+        ``improvement.forward`` of the settings.
+
+    Raises
+    ------
+    InputError
+        If `forward` is true.
+    """
     if forward:
         raise InputError(
             "records with the force as input (improvement.forward): no law is looked for in them"
@@ -321,6 +349,11 @@ class ProposedLaw:
     def to_yaml(self, name: str = "proposed_law") -> str:
         """Return the text of the effect's file.
 
+        Parameters
+        ----------
+        name : str
+            Name of the effect: letters a to z, digits and _, a letter first.
+
         Raises
         ------
         InputError
@@ -337,11 +370,29 @@ class ProposedLaw:
         return effect_text(self.proposal, name, self.source_label)
 
     def save(self, path: str | os.PathLike, name: str = "proposed_law") -> None:
-        """Write the effect's file, for ``improvement: effect_files``; errors of `to_yaml`."""
+        """Write the effect's file, for ``improvement: effect_files``.
+
+        Parameters
+        ----------
+        path : path
+            The file.
+        name : str
+            Name of the effect.
+
+        Raises
+        ------
+        InputError
+            See `to_yaml`.
+        """
         write_text(path, self.to_yaml(name))
 
     def draw(self, stem: str | os.PathLike) -> None:
         """Write the picture of what is missing, ``stem.svg`` and ``stem.pdf``.
+
+        Parameters
+        ----------
+        stem : path
+            Path of the files without their endings.
 
         Raises
         ------

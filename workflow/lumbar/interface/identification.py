@@ -105,7 +105,16 @@ class Identification(Result):
         return self.get(name)
 
     def get(self, name: str, estimator: str = ARX, trained_on: str | None = None) -> FittedModel:
-        """Return one model by name, estimator and training record (default the first).
+        """Return one model.
+
+        Parameters
+        ----------
+        name : str
+            Name of the model, e.g. ``"KB"``.
+        estimator : str
+            Estimator; if it is missing, another one of the model is returned.
+        trained_on : str, optional
+            Training record; default the first.
 
         Raises
         ------
@@ -143,7 +152,13 @@ class Identification(Result):
         return physical_parameters_table(self.models, self.settings.bootstrap.confidence, self.source_label)
 
     def free_run_figure(self, record: Record) -> Figure:
-        """Return Figure 3.5: a record with the free runs of the thesis's models and of those with effects."""
+        """Return Figure 3.5: a record with the free runs of the thesis's models and of those with effects.
+
+        Parameters
+        ----------
+        record : Record
+            Record that is simulated.
+        """
         from lumbar.publishing.figures.tissue_figures import free_run_figure
 
         first = self.models[0].trained_on
@@ -181,7 +196,7 @@ class Identification(Result):
         return fit_passive_models(self.models, records, training, settings, settling_s)
 
     def files(self) -> Iterator[tuple[str, Any]]:
-        """``models.json``, ``search.csv``, tables ``table_3_1`` and ``physical_parameters``."""
+        """Yield ``models.json``, ``search.csv``, tables ``table_3_1`` and ``physical_parameters``."""
         yield "models.json", models_document(distinct(self.models), self.source_label)
         yield "search.csv", self.search
         yield "table_3_1", self.table_3_1

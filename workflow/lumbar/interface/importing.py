@@ -40,6 +40,15 @@ class ForeignFile:
     def of_content(cls, name: str, content: bytes, choices: Choices) -> ForeignFile:
         """Read a file from memory.
 
+        Parameters
+        ----------
+        name : str
+            Name of the file; its stem becomes the record's name.
+        content : bytes
+            Content of the file.
+        choices : Choices
+            The user's options.
+
         Raises
         ------
         InputError
@@ -49,7 +58,20 @@ class ForeignFile:
 
     @classmethod
     def of_path(cls, path: Path, choices: Choices) -> ForeignFile:
-        """Read a file; raise as `of_content` does."""
+        """Read a file.
+
+        Parameters
+        ----------
+        path : Path
+            The file.
+        choices : Choices
+            The user's options.
+
+        Raises
+        ------
+        InputError
+            If it does not exist or has no table.
+        """
         require_file(path)
         return cls.of_content(str(path), path.read_bytes(), choices)
 
@@ -255,7 +277,13 @@ class ImportedRecordings(Sequence[ImportedRecording]):
         return write_folder(self.recordings, folder, earlier, source_label, licence, forward)
 
     def next_command(self, study: Path) -> str:
-        """Return the command that diagnoses the records of a saved folder."""
+        """Return the command that diagnoses the records of a saved folder.
+
+        Parameters
+        ----------
+        study : Path
+            Path of the study in this folder.
+        """
         command, content = ["lumbar", "diagnose", str(study.parent)], read_json(study.parent / PROVENANCE)
         if is_study_needed(content):
             command += ["--config", str(study)]

@@ -166,7 +166,18 @@ def _run_pipeline(path: Path, file: _MarkerFile, settings: LiftingSettings) -> t
 
 
 def check_picture_format(path: Path) -> None:
-    """Raise `InputError` for a picture in a format that is not written."""
+    """Raise for a picture in a format that is not written.
+
+    Parameters
+    ----------
+    path : Path
+        The picture.
+
+    Raises
+    ------
+    InputError
+        If its ending is not ``.svg`` or ``.pdf``.
+    """
     if path.suffix not in (".svg", ".pdf"):
         raise InputError(f"{path}: pictures are written as .svg or .pdf")
 
@@ -229,7 +240,13 @@ class InspectionReport:
         return [*lines, *(f"  {line}" for line in outcome.splitlines())]
 
     def save_picture(self, path: str | os.PathLike) -> None:
-        """Draw heights, gaps and findings into a file ``.svg`` or ``.pdf``."""
+        """Draw heights, gaps and findings into a file.
+
+        Parameters
+        ----------
+        path : path
+            The file, ``.svg`` or ``.pdf``.
+        """
         from lumbar.publishing.figures.movement_figures import quality_figure
         from lumbar.publishing.figures.style import save
 

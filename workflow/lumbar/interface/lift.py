@@ -190,7 +190,7 @@ class Lift(Result):
         return list(self.events.values())
 
     def files(self) -> Iterator[tuple[str, Any]]:
-        """``pendulum``, ``thesis_pendulum``, ``com``, ``body``, ``events``, ``gaps``, ``quality``, and data of figures."""
+        """Yield ``pendulum``, ``thesis_pendulum``, ``com``, ``body``, ``events``, ``gaps``, ``quality``, and data of figures."""
         label = {"data": self.source_label}
         tables = {
             "pendulum": self.states,

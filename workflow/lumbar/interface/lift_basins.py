@@ -113,7 +113,7 @@ class Basins(Result):
         return failures_frame([*self._trajectories[1], *self._basins.failures])
 
     def files(self) -> Iterator[tuple[str, Any]]:
-        """``boa.csv``, ``funnel.csv`` and ``failures.csv``."""
+        """Yield ``boa.csv``, ``funnel.csv`` and ``failures.csv``."""
         yield "boa.csv", self.areas
         yield "funnel.csv", self.funnels
         yield "failures.csv", self.failures()

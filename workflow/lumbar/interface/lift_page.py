@@ -66,7 +66,13 @@ def lift_page(
 
 
 def saved_lifts(folder: str | os.PathLike) -> list[Path]:
-    """Return folders of lifts: this one, those in it, or those of a study with its results in it."""
+    """Return folders of lifts: this one, those in it, or those of a study with its results in it.
+
+    Parameters
+    ----------
+    folder : path
+        Folder of a lift, of several, or of a study's results.
+    """
     folder = Path(folder)
     inner = [path for parent in (folder, folder / "lifting") for path in sorted(parent.glob("*/"))]
     return [path for path in (folder, *inner) if all((path / name).is_file() for name in FILES)]

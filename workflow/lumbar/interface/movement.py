@@ -109,7 +109,7 @@ class Measures(Result):
         return self.values
 
     def files(self) -> Iterator[tuple[str, Any]]:
-        """``movement_measures.csv`` (the values) and ``movement_course.csv`` (every instant)."""
+        """Yield ``movement_measures.csv`` (the values) and ``movement_course.csv`` (every instant)."""
         yield "movement_measures.csv", self.values.assign(data=self.source_label)
         yield "movement_course.csv", self.instants.assign(data=self.source_label)
 

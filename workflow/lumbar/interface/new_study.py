@@ -55,7 +55,13 @@ class MarkerSet:
 
 
 def marker_set(recording: MarkerRecording) -> MarkerSet:
-    """Recognise the markers of a file, read with its own labels, including subject prefixes, and in its own axes."""
+    """Recognise the markers of a file.
+
+    Parameters
+    ----------
+    recording : MarkerRecording
+        Markers with the labels (also subject prefixes) and the axes of the file.
+    """
     points = {label.rpartition(":")[2]: values for label, values in recording.positions.items()}
     box = [label.rpartition(":")[2] for label in recording.positions if _BOX.search(label)]
     known = {name: label for name, label in landmarks(points).items() if label not in (*THIGH, *box)}
@@ -110,6 +116,11 @@ def _rank(name: str, term: Alias) -> tuple[int, int]:
 def format_yaml(value: Alias | tuple[Alias, ...]) -> str:
     """Return a text, an alias or several aliases in YAML on one line.
 
+    Parameters
+    ----------
+    value : str, Alias or tuple of Alias
+        Value of a key of a study's markers.
+
     Examples
     --------
     >>> format_yaml(("SACR", MeanOfMarkers(mean=("LPSI", "RPSI"))))
@@ -151,6 +162,11 @@ class NewStudy:
 
     def save(self, project: str | os.PathLike = ".") -> list[Path]:
         """Write the files into a project; return their paths.
+
+        Parameters
+        ----------
+        project : path
+            Folder of the project.
 
         Raises
         ------

@@ -112,7 +112,7 @@ class GroupDifferences(Result):
         return group_comparison_figure(self.comparisons, self.groups)
 
     def files(self) -> Iterator[tuple[str, Any]]:
-        """``measure_comparison`` as a table and as a figure."""
+        """Yield ``measure_comparison`` as a table and as a figure."""
         yield "measure_comparison", self.table
         yield "measure_comparison", self.figure()
 

@@ -168,6 +168,11 @@ def _default_layout(kind: str):
 def column_files(folder: Path) -> list[Path]:
     """Return the column files of a folder, by name.
 
+    Parameters
+    ----------
+    folder : Path
+        Folder of recordings.
+
     Raises
     ------
     InputError
@@ -184,11 +189,25 @@ def column_files(folder: Path) -> list[Path]:
 
 
 def is_column_file(path: Path, endings: tuple[str, ...] = COLUMN_ENDINGS) -> bool:
-    """Return whether the name is that of a column file, and not of a text about the data such as ``LICENSE.txt``."""
+    """Return whether the name is that of a column file, and not of a text about the data such as ``LICENSE.txt``.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    endings : tuple of str
+        Endings of column files in lower case.
+    """
     name = path.name.lower().removesuffix(".gz")
     return path.is_file() and name.endswith(endings) and not _TEXTS.fullmatch(name)
 
 
 def is_marker_file(path: Path) -> bool:
-    """Return whether the name is that of a marker file; a table of markers is not recognised by its name."""
+    """Return whether the name is that of a marker file; a table of markers is not recognised by its name.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    """
     return ending_of(path) in MARKER_ENDINGS

@@ -72,7 +72,21 @@ def refine(
 def fit_effects(
     records: Sequence[Record], effects: list[str], settings: DiagnosisSettings, seed: int, source_label: str
 ) -> Refinement:
-    """Fit the base with these effects, each added in turn, on records of a manageable size."""
+    """Fit the base with effects, each added in turn, on records of a manageable size.
+
+    Parameters
+    ----------
+    records : sequence of Record
+        Records of one setup.
+    effects : list of str
+        Names of the effects, in the order in which they are added.
+    settings : DiagnosisSettings
+        Settings of the fit, with the base and the training records.
+    seed : int
+        Seed of the intervals.
+    source_label : str
+        Name of the source of the data.
+    """
     driven = [use_load_as_input(record) for record in records] if settings.load_drives else list(records)
     used, findings = limit_samples(driven, settings.session)
     if any(record.axes for record in used):
@@ -116,11 +130,23 @@ class Refinement(Result):
         return self.models[-1]
 
     def add(self, *effects: str) -> Refinement:
-        """Refit with additional effects."""
+        """Refit with additional effects.
+
+        Parameters
+        ----------
+        *effects : str
+            Names of the effects; those that the model has already are not added twice.
+        """
         return self._refit(list(dict.fromkeys([*self.effects, *effects])))
 
     def remove(self, *effects: str) -> Refinement:
-        """Refit without these effects."""
+        """Refit without some effects.
+
+        Parameters
+        ----------
+        *effects : str
+            Names of the effects.
+        """
         return self._refit([name for name in self.effects if name not in effects])
 
     def _refit(self, effects: list[str]) -> Refinement:
@@ -156,7 +182,7 @@ class Refinement(Result):
         ]
 
     def files(self) -> Iterator[tuple[str, Any]]:
-        """``refined.json``, every model of the path, ready for export, and ``ladder``, its picture."""
+        """Yield ``refined.json``, every model of the path, ready for export, and ``ladder``, its picture."""
         yield "refined.json", refinement.refined_document(self.path, self.experiment, self.source_label)
         yield "ladder", self.figure()
 

@@ -25,6 +25,13 @@ UNKNOWN_SOURCE = "source unknown"
 def data_label(given: str, sources: Iterable[str]) -> str:
     """Return the given label, else the name of the folder of several files or of a single file; skip empty sources.
 
+    Parameters
+    ----------
+    given : str
+        Label that the user gave; empty without one.
+    sources : iterable of str
+        Paths of the files that were read.
+
     Examples
     --------
     >>> data_label("", ["recordings/tissue/chirp.csv", "recordings/tissue/noise.csv"])
@@ -41,6 +48,13 @@ def data_label(given: str, sources: Iterable[str]) -> str:
 
 def records_label(given: str, records: Iterable[Record]) -> str:
     """Return the `data_label` of records.
+
+    Parameters
+    ----------
+    given : str
+        Label that the user gave; empty without one.
+    records : iterable of Record
+        Records, as an API function got them.
 
     Raises
     ------
@@ -60,6 +74,11 @@ def records_label(given: str, records: Iterable[Record]) -> str:
 def settings_or_default(given: StudySettings | None) -> StudySettings:
     """Return the settings of a study that were given, or the defaults.
 
+    Parameters
+    ----------
+    given : StudySettings or None
+        Settings that the user gave.
+
     Raises
     ------
     InputError
@@ -77,6 +96,13 @@ def settings_or_default(given: StudySettings | None) -> StudySettings:
 
 def read_table(path: str | os.PathLike, what: str) -> pd.DataFrame:
     """Return a CSV file as a frame.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+    what : str
+        Content of the table, for messages.
 
     Raises
     ------
@@ -120,15 +146,33 @@ class Result(ABC):
 
     @abstractmethod
     def files(self) -> Iterable[tuple[str, Any]]:
-        """Name and content of every file: frames (``.csv``), plain data (``.json``), published tables and figures (no ending)."""
+        """Yield name and content of every file.
+
+        Yields
+        ------
+        tuples of str and object
+            Frames (``.csv``), plain data (``.json``), published tables and figures (no ending).
+        """
 
     def save(self, folder: str | os.PathLike) -> None:
-        """Write all `files` into a folder; tables and figures in each of their formats."""
+        """Write all `files` into a folder; tables and figures in each of their formats.
+
+        Parameters
+        ----------
+        folder : path
+            Folder; it is made if it is missing.
+        """
         for name, content in self.files():
             _write(Path(folder) / name, content, self.source_label)
 
     def write(self, paths: Mapping[str, str | os.PathLike]) -> None:
-        """Write some of the `files`, each to its own path; tables and figures to a path without an ending."""
+        """Write some of the `files`, each to its own path; tables and figures to a path without an ending.
+
+        Parameters
+        ----------
+        paths : dict of str to path
+            Path of each file to write, by its name in `files`.
+        """
         for name, content in self.files():
             if name in paths:
                 _write(Path(paths[name]), content, self.source_label)

@@ -32,7 +32,13 @@ class StudyReport:
         return self.html
 
     def save(self, file: str | os.PathLike) -> None:
-        """Write the page."""
+        """Write the page.
+
+        Parameters
+        ----------
+        file : path
+            The page.
+        """
         write_text(Path(file), self.html)
 
 

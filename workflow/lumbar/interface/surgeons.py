@@ -94,7 +94,7 @@ class Bandwidth(Result):
         return psd_figure(self.spectra, self.values, self.settings.reference_Hz)
 
     def files(self) -> Iterator[tuple[str, Any]]:
-        """``bandwidth.json`` and ``psd.csv``."""
+        """Yield ``bandwidth.json`` and ``psd.csv``."""
         yield (
             "bandwidth.json",
             {**self.values, "welch": self.settings.welch.model_dump(mode="json"), "data": self.source_label},
@@ -192,7 +192,7 @@ class Signals(Result):
         return excitation_figure(self.excitation.signals, self.band_Hz, design.assumptions(self.settings))
 
     def files(self) -> Iterator[tuple[str, Any]]:
-        """Every signal as ``<name>.csv``, ``multisine.json`` and ``properties.csv``."""
+        """Yield every signal as ``<name>.csv``, ``multisine.json`` and ``properties.csv``."""
         for signal in self.excitation.signals:
             yield f"{signal.name}.csv", design.machine_file(signal)
         description = design.multisine_description(self.excitation, self.settings)

@@ -20,11 +20,24 @@ if TYPE_CHECKING:
 
 
 def linear_chirp(duration: float, lowest: float, highest: float, rate: float) -> np.ndarray:
-    """Return sin((a t + b) t) that sweeps from `lowest` to `highest` Hz; thesis Eq. 3.2 with amplitude 1.
+    """Return sin((a t + b) t) that sweeps from one frequency to another; thesis Eq. 3.2 with amplitude 1.
 
-    The instantaneous frequency is the derivative of the phase a t² + b t, (2 a t + b)/2π. To begin at f0 and to end at f1 after
-    T seconds it needs b = 2π f0 and a = π (f1 − f0)/T; with a = 2π (f1 − f0)/T the sweep would end at 2 f1 − f0, about twice
-    the band. Duration in seconds, rate in Hz; the shape is (round(duration * rate),).
+    The instantaneous frequency is the derivative of the phase a t² + b t, (2 a t + b)/2π. To begin at f0 and to end at
+    f1 after T seconds it needs b = 2π f0 and a = π (f1 − f0)/T; with a = 2π (f1 − f0)/T the sweep would end at 2 f1 −
+    f0, about twice the band.
+
+    Parameters
+    ----------
+    duration : float
+        Seconds.
+    lowest, highest : float
+        Frequencies at the start and at the end, Hz.
+    rate : float
+        Samples per second, Hz.
+
+    Returns
+    -------
+    numpy.ndarray, shape (round(duration * rate),)
 
     Raises
     ------
@@ -43,15 +56,33 @@ def linear_chirp(duration: float, lowest: float, highest: float, rate: float) ->
 
 
 def band_limited_noise(duration: float, highest: float, rate: float, order: int, seed: int) -> np.ndarray:
-    """Return Gaussian noise through a zero-phase low-pass filter, mean 0 and RMS 1, shape (round(duration * rate),).
+    """Return Gaussian noise through a zero-phase low-pass filter, mean 0 and RMS 1.
 
-    White noise passes forward and backward through a Butterworth filter of an order. Both passes together halve the density
-    (−3 dB) at `highest` Hz, below the corner of each. The middle of a longer filtered signal is used, because its ends differ.
+    White noise passes forward and backward through a Butterworth filter. Both passes together halve the density (−3 dB)
+    at the upper end of the band, below the corner of each. The middle of a longer filtered signal is used, because its
+    ends differ.
+
+    Parameters
+    ----------
+    duration : float
+        Seconds.
+    highest : float
+        Upper end of the band, Hz.
+    rate : float
+        Samples per second, Hz.
+    order : int
+        Order of the filter.
+    seed : int
+        Seed of the noise.
+
+    Returns
+    -------
+    numpy.ndarray, shape (round(duration * rate),)
 
     Raises
     ------
     InputError
-        If the corner is not below half the rate (Hz).
+        If the corner is not below half the rate.
     """
     # |H|⁴ = 1/2 at `highest`, with |H|² = 1/(1 + (f/corner)^(2·order)).
     corner = highest / (np.sqrt(2) - 1) ** (1 / (2 * order))
@@ -104,7 +135,13 @@ class Signal:
         return np.fft.rfftfreq(len(values), 1 / self.rate)[1:], amplitudes[1:]
 
     def band_power_share(self, band: float) -> float:
-        """Return the share of the power of `steady` at or below `band` Hz, from 0 to 1."""
+        """Return the share of the power of `steady` in a band, from 0 to 1.
+
+        Parameters
+        ----------
+        band : float
+            Upper end of the band, Hz; the lower end is 0.
+        """
         frequency, amplitude = self.line_amplitudes()
         return float(np.sum(amplitude[frequency <= band + 1e-9] ** 2) / np.sum(amplitude**2))
 
@@ -122,6 +159,13 @@ class Excitation:
 
 def excited_band(bandwidths: dict, settings: SignalsSettings) -> float:
     """Return the upper end in Hz of the band to excite: a factor times the surgeons' bandwidth, rounded.
+
+    Parameters
+    ----------
+    bandwidths : dict
+        Result of `motion_bandwidths`.
+    settings : SignalsSettings
+        Quantity, rule, factor and rounding of the band.
 
     Raises
     ------
@@ -147,7 +191,16 @@ def excited_band(bandwidths: dict, settings: SignalsSettings) -> float:
 
 
 def design_excitation(band: float, settings: SignalsSettings, seed: int) -> Excitation:
-    """Design multisine, noise and chirp up to `band` Hz, scaled and checked against the testing machine.
+    """Design multisine, noise and chirp, scaled and checked against the testing machine.
+
+    Parameters
+    ----------
+    band : float
+        Upper end of the excited band, Hz.
+    settings : SignalsSettings
+        Signals, amplitude and limits of the machine.
+    seed : int
+        Seed of the noise and of the detection lines.
 
     Raises
     ------
@@ -200,14 +253,28 @@ def _ramp(settings: SignalsSettings, name: str, values: np.ndarray, at_end: bool
 
 
 def machine_file(signal: Signal) -> pd.DataFrame:
-    """Return the columns ``time_s, position_mm`` for the testing machine, to a nanometre."""
+    """Return the columns ``time_s, position_mm`` for the testing machine, to a nanometre.
+
+    Parameters
+    ----------
+    signal : Signal
+        Designed signal.
+    """
     import pandas as pd
 
     return pd.DataFrame({"time_s": np.round(signal.time, 9), "position_mm": np.round(signal.position, 6)})
 
 
 def multisine_description(excitation: Excitation, settings: SignalsSettings) -> dict:
-    """Return lines, amplitudes, phases and detection lines of the multisine as plain data."""
+    """Return lines, amplitudes, phases and detection lines of the multisine as plain data.
+
+    Parameters
+    ----------
+    excitation : Excitation
+        Designed signals.
+    settings : SignalsSettings
+        Settings of the design.
+    """
     multisine = excitation.multisine
     return {
         "schema": "lumbar.multisine/1",
@@ -229,7 +296,19 @@ def multisine_description(excitation: Excitation, settings: SignalsSettings) -> 
 def signal_properties(
     excitation: Excitation, settings: SignalsSettings, source_label: str, bandwidths: dict | None = None
 ) -> Table:
-    """Return the table of the signals and their demands on the machine; `bandwidths` of the surgeons, if the band follows."""
+    """Return the table of the signals and their demands on the machine.
+
+    Parameters
+    ----------
+    excitation : Excitation
+        Designed signals.
+    settings : SignalsSettings
+        Settings of the design.
+    source_label : str
+        Name of the source of the data.
+    bandwidths : dict, optional
+        Result of `motion_bandwidths`, if the band follows from it.
+    """
     rows = []
     for signal in excitation.signals:
         motion = peak_kinematics(signal.position, signal.rate)
@@ -268,7 +347,13 @@ def signal_properties(
 
 
 def assumptions(settings: SignalsSettings) -> str:
-    """Return a sentence on assumptions that are not in the thesis."""
+    """Return a sentence on assumptions that are not in the thesis.
+
+    Parameters
+    ----------
+    settings : SignalsSettings
+        Settings of the design.
+    """
     amplitude, period, noise = settings.amplitude, settings.multisine.period_s, settings.noise.filter_order
     measure = {"rms": "root mean square", "peak": "peak"}[amplitude.measure]
     return (

@@ -16,7 +16,13 @@ _ITERATIONS_PER_LEVEL = 60
 
 
 def crest_factor(values: np.ndarray) -> float:
-    """Return the largest absolute value over the root mean square of whole, finely sampled periods."""
+    """Return the crest factor: the largest absolute value over the root mean square.
+
+    Parameters
+    ----------
+    values : numpy.ndarray, shape (samples,)
+        Whole, finely sampled periods in any unit.
+    """
     return float(np.abs(values).max() / np.sqrt(np.mean(np.square(values))))
 
 
@@ -31,6 +37,11 @@ def one_period(lines: np.ndarray, amplitudes: np.ndarray, phases: np.ndarray, sa
         Amplitudes in any unit, phases in radians.
     samples : int
         Samples per period.
+
+    Raises
+    ------
+    ValueError
+        If a line does not fit the samples.
     """
     if lines.min() < 1 or lines.max() >= samples / 2:
         raise ValueError(f"lines {lines.min()} to {lines.max()} do not fit {samples} samples per period")
@@ -40,16 +51,32 @@ def one_period(lines: np.ndarray, amplitudes: np.ndarray, phases: np.ndarray, sa
 
 
 def fine_samples(lines: np.ndarray, oversampling: int = _PEAK_OVERSAMPLING) -> int:
-    """Return a number of samples per period, a power of two, that resolves a multisine's peak."""
+    """Return a number of samples per period, a power of two, that resolves a multisine's peak.
+
+    Parameters
+    ----------
+    lines : numpy.ndarray of int, shape (lines,)
+        Multiples of the fundamental.
+    oversampling : int
+        Least number of samples per period of the highest line.
+    """
     return int(2 ** np.ceil(np.log2(oversampling * int(lines.max()))))
 
 
 def clipped_phases(lines: np.ndarray, amplitudes: np.ndarray, phases: np.ndarray) -> np.ndarray:
     """Return phases of low crest factor by iterated clipping, in radians from -π to π, shape (lines,).
 
-    From given phases (radians) of lines (multiples of the fundamental) with fixed amplitudes: the signal is clipped, at a level
-    that rises towards the peak, and takes the phases of the clipped signal. The best phases are returned, so that the crest
-    factor never grows.
+    The signal is clipped, at a level that rises towards the peak, and takes the phases of the clipped signal. The best
+    phases are returned, so that the crest factor never grows.
+
+    Parameters
+    ----------
+    lines : numpy.ndarray of int, shape (lines,)
+        Multiples of the fundamental.
+    amplitudes : numpy.ndarray, shape (lines,)
+        Fixed amplitudes in any unit.
+    phases : numpy.ndarray, shape (lines,)
+        Phases from which the iteration starts, radians.
 
     References
     ----------
@@ -105,7 +132,14 @@ class Multisine:
         return one_period(self.lines, self.amplitudes, self.phases, fine_samples(self.lines))
 
     def sampled(self, rate: float, periods: int) -> np.ndarray:
-        """Return periods at `rate` Hz, from t = 0, shape (periods * period * rate,).
+        """Return sampled periods from t = 0, shape (periods * period * rate,), mm.
+
+        Parameters
+        ----------
+        rate : float
+            Samples per second, Hz.
+        periods : int
+            Number of periods.
 
         Raises
         ------
@@ -127,6 +161,11 @@ def schroeder_phases(amplitudes: np.ndarray) -> np.ndarray:
     For N equal amplitudes φ_k = −π k(k−1)/N. The signal sweeps through its lines like a chirp, each for a time in proportion to
     its power. `k` counts the excited lines, so that a signal of odd lines sweeps in half a period, as its odd symmetry requires.
 
+    Parameters
+    ----------
+    amplitudes : numpy.ndarray, shape (lines,)
+        Amplitudes of the excited lines in any unit.
+
     References
     ----------
     M. R. Schroeder, IEEE Trans. Inf. Theory 16 (1970) 85-89, eq. 11.
@@ -137,10 +176,19 @@ def schroeder_phases(amplitudes: np.ndarray) -> np.ndarray:
 
 
 def design_multisine(band: float, settings: MultisineSettings, seed: int = 0) -> Multisine:
-    """Design a multisine of unit RMS (thesis Eq. 3.1) up to `band` Hz on a full or an odd grid of lines.
+    """Design a multisine of unit RMS (thesis Eq. 3.1) on a full or an odd grid of lines.
 
     On the odd grid one line, drawn at random, of every `detection_group` consecutive odd lines is left out to show nonlinearity;
     products could hide in regular gaps.
+
+    Parameters
+    ----------
+    band : float
+        Upper end of the excited band, Hz.
+    settings : MultisineSettings
+        Period, grid and rule of the phases.
+    seed : int
+        Seed of the detection lines.
 
     Raises
     ------

@@ -23,6 +23,17 @@ def motion_psd(
     steady advance into a constant that detrending removes; multiplied by (2πf)², the position's density would also contain
     the window's side lobes of the slow, large motion. The gain 2·rate·sin(πf/rate) of a difference is replaced by 2πf.
 
+    Parameters
+    ----------
+    position : numpy.ndarray, shape (samples,)
+        Position, e.g. in mm.
+    rate : float
+        Samples per second, Hz.
+    settings : WelchSettings
+        Length, overlap, window and detrending of the segments.
+    quantity : str
+        ``"position"`` or ``"velocity"``.
+
     Returns
     -------
     frequency : numpy.ndarray, shape (lines,)
@@ -66,10 +77,27 @@ def motion_psd(
 def welch(
     values: np.ndarray, sampling_time: float, window: np.ndarray, degree: int = 0
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return frequencies in Hz and one-sided power spectral density by Welch's method, with segments that overlap by half.
+    """Return frequencies and one-sided power spectral density by Welch's method, with segments that overlap by half.
 
-    Like `scipy.signal.welch`, the import of which takes a tenth of a diagnosis. The mean of every segment of the window's length
-    is subtracted, or, with `degree` 1, its straight line.
+    Like `scipy.signal.welch`, the import of which takes a tenth of a diagnosis.
+
+    Parameters
+    ----------
+    values : numpy.ndarray, shape (samples,)
+        Samples in any unit.
+    sampling_time : float
+        Seconds.
+    window : numpy.ndarray, shape (length,)
+        Weights of the samples of a segment.
+    degree : int
+        Subtracted from every segment: 0 its mean, 1 its straight line.
+
+    Returns
+    -------
+    frequency : numpy.ndarray, shape (length // 2 + 1,)
+        Hz.
+    psd : numpy.ndarray, shape (length // 2 + 1,)
+        Unit of the values squared per hertz.
     """
     length = len(window)
     segments = sliding_window_view(values, length)[:: length - length // 2]
@@ -86,16 +114,32 @@ def spectral_edge(signal: np.ndarray, share: float) -> float:
     """Return the frequency (cycles per sample) below which a share of a signal's power is; at least one cycle per record.
 
     The signal is tapered, so that a drift from its start to its end is not mistaken for high frequencies. Its mean counts.
+
+    Parameters
+    ----------
+    signal : numpy.ndarray, shape (samples,)
+        Samples in any unit.
+    share : float
+        Between 0 and 1.
     """
     power = np.cumsum(np.abs(np.fft.rfft(signal * np.hanning(len(signal)))) ** 2)
     return max(float(np.searchsorted(power, share * power[-1])), 1.0) / len(signal)
 
 
 def occupied_band(position: np.ndarray, sampling_time: float, occupied: float = 0.99) -> tuple[float, float]:
-    """Return the frequencies (Hz) that bound a share of the power of a position, with equal power below and above.
+    """Return the two frequencies (Hz) that bound a share of the power of a position, with equal power below and above.
 
     The position is not tapered as in `spectral_edge`, so that the edges are lines of a periodic motion. Steps of a coarse encoder
     would dominate its velocity.
+
+    Parameters
+    ----------
+    position : numpy.ndarray, shape (samples,)
+        Position in any unit.
+    sampling_time : float
+        Seconds.
+    occupied : float
+        Share of the power between both frequencies.
     """
     power = np.abs(np.fft.rfft(position - position.mean())) ** 2
     share = np.cumsum(power) / power.sum()
@@ -148,10 +192,24 @@ def power_share_frequency(frequency: np.ndarray, psd: np.ndarray, share: float, 
 
 
 def level_frequency(frequency: np.ndarray, psd: np.ndarray, level: float, maximum: float) -> float | None:
-    """Return the last frequency of the analysis band at which the density is above a level below its peak.
+    """Return the last frequency (Hz) of the analysis band at which the density is above a level below its peak.
 
-    Interpolated between lines (logarithm of the density against frequency); ``None`` if the density is above the level at the end
-    of the analysis band. `level` in decibels relative to the peak, e.g. -20; else see `power_share_frequency`.
+    Interpolated between lines (logarithm of the density against frequency); ``None`` if the density is above the level
+    at the end of the analysis band.
+
+    Parameters
+    ----------
+    frequency, psd : numpy.ndarray, shape (lines,)
+        Hz, evenly spaced from 0; one-sided density.
+    level : float
+        Decibels relative to the peak, e.g. -20.
+    maximum : float
+        Upper end of the analysis band, Hz.
+
+    Raises
+    ------
+    InputError
+        If the analysis band is not within the spectrum, or the spectrum has no power.
     """
     _check_spectrum(frequency, psd, maximum)
     last = int(np.searchsorted(frequency, maximum, side="right"))
@@ -167,7 +225,14 @@ def level_frequency(frequency: np.ndarray, psd: np.ndarray, level: float, maximu
 
 
 def motion_range(position: np.ndarray, sampling_time: float) -> MotionRange:
-    """Return the range of positions, the speed and the band of a motion of at least three samples, not all equal.
+    """Return the range of positions, the speed and the band of a motion.
+
+    Parameters
+    ----------
+    position : numpy.ndarray, shape (samples,)
+        At least three positions in any unit, not all equal.
+    sampling_time : float
+        Seconds.
 
     Examples
     --------
@@ -203,10 +268,17 @@ _UNITS = {"displacement": "mm", "velocity": "mm/s", "acceleration": "mm/s²"}
 
 
 def peak_kinematics(position: np.ndarray, rate: float) -> Kinematics:
-    """Return peak displacement, velocity and acceleration of the smooth motion through at least 6 samples (mm) at a rate (Hz).
+    """Return peak displacement, velocity and acceleration of the smooth motion through samples.
 
     The motion is a quintic spline; differences of samples would miss the peaks between them and underestimate the acceleration
     of a sine of 20 samples per cycle by 0.8 %.
+
+    Parameters
+    ----------
+    position : numpy.ndarray, shape (samples,)
+        At least 6 samples, mm.
+    rate : float
+        Samples per second, Hz.
     """
     time = np.arange(len(position)) / rate
     spline = scipy.interpolate.make_interp_spline(time, position, k=5)
@@ -217,6 +289,13 @@ def peak_kinematics(position: np.ndarray, rate: float) -> Kinematics:
 
 def check_machine_limits(motions: dict[str, Kinematics], limits: Kinematics) -> None:
     """Reject signals that the testing machine cannot play.
+
+    Parameters
+    ----------
+    motions : dict of str to Kinematics
+        Peaks of each signal by its name.
+    limits : Kinematics
+        Largest values of the machine.
 
     Raises
     ------

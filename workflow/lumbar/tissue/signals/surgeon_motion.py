@@ -35,7 +35,13 @@ class MotionSpectra:
     """Spectra by quantity, shape (trials, lines): ``"position"`` in mm²/Hz, ``"velocity"`` in (mm/s)²/Hz."""
 
     def pooled(self, quantity: str) -> np.ndarray:
-        """Return the mean over surgeons of the mean over their trials, shape (lines,)."""
+        """Return the mean over surgeons of the mean over their trials, shape (lines,).
+
+        Parameters
+        ----------
+        quantity : str
+            ``"position"`` or ``"velocity"``; the unit is that in `psd`.
+        """
         surgeons = len(set(self.surgeons))
         weights = np.array([1 / (surgeons * self.surgeons.count(surgeon)) for surgeon in self.surgeons])
         return weights @ self.psd[quantity]
@@ -44,7 +50,16 @@ class MotionSpectra:
 def motion_spectra(
     records: Sequence[Record], surgeons: Sequence[str], settings: WelchSettings
 ) -> MotionSpectra:
-    """Return the spectra of position and velocity of trials with a channel ``position`` in mm, one surgeon per trial.
+    """Return the spectra of position and velocity of trials.
+
+    Parameters
+    ----------
+    records : sequence of Record
+        Trials with a channel ``position`` in mm.
+    surgeons : sequence of str
+        Surgeon of each trial.
+    settings : WelchSettings
+        Length, overlap, window and detrending of the segments.
 
     Raises
     ------
@@ -80,7 +95,13 @@ def motion_spectra(
 
 
 def spectra_table(spectra: MotionSpectra) -> pd.DataFrame:
-    """Return the spectra as a tidy table, one row per record, quantity and frequency; ``pooled`` is the mean."""
+    """Return the spectra as a tidy table, one row per record, quantity and frequency; ``pooled`` is the mean.
+
+    Parameters
+    ----------
+    spectra : MotionSpectra
+        Spectra of all trials.
+    """
     import pandas as pd
 
     parts = []
@@ -102,6 +123,15 @@ def motion_bandwidths(spectra: MotionSpectra, settings: BandwidthSettings, seed:
     Student's t with one degree of freedom less than there are surgeons. In simulated populations of 4 and 12 surgeons the
     interval of 95 % covered the truth in 90 % of cases, percentiles in 76 % and 90 %. With one surgeon only trials are drawn
     and the interval is not valid for other surgeons; one trial has no interval.
+
+    Parameters
+    ----------
+    spectra : MotionSpectra
+        Spectra of all trials.
+    settings : BandwidthSettings
+        Rules, analysis band and resamples.
+    seed : int
+        Seed of the bootstrap.
 
     Returns
     -------
@@ -155,9 +185,14 @@ def motion_bandwidths(spectra: MotionSpectra, settings: BandwidthSettings, seed:
 
 
 def bandwidth_readings(bandwidths: dict) -> dict[str, dict[str, float | None]]:
-    """Return every bandwidth of `motion_bandwidths` in hertz, by quantity and by the label of its rule; None if a rule has none.
+    """Return every bandwidth in hertz, by quantity and by the label of its rule; None if a rule has none.
 
     The share of the power has two: below the upper end of the analysis band, and of the whole spectrum.
+
+    Parameters
+    ----------
+    bandwidths : dict
+        Result of `motion_bandwidths`.
     """
     share = f"{100 * bandwidths['rules']['power_share']:g} % of the power"
     limit = f"below {bandwidths['analysis_band_Hz'][1]:g} Hz"
@@ -173,7 +208,13 @@ def bandwidth_readings(bandwidths: dict) -> dict[str, dict[str, float | None]]:
 
 
 def readings_in_words(readings: dict[str, float | None]) -> str:
-    """Return the readings of one quantity as text."""
+    """Return the readings of one quantity as text.
+
+    Parameters
+    ----------
+    readings : dict of str to float or None
+        Hertz by the label of the rule, see `bandwidth_readings`.
+    """
     return ", ".join(
         f"{'none' if value is None else f'{value:.2f} Hz'} ({rule})" for rule, value in readings.items()
     )
