@@ -174,7 +174,7 @@ def test_choices_and_tests_use_different_seconds():
         assert sorted(both) == sorted(whole.trim(whole.force))
 
 
-def test_straight_exponential_becomes_a_line():
+def test_nearly_straight_exponential_becomes_linear_term():
     prepared, base = experiment(lambda z, v: (0.5 + 0.12 * z) * np.tanh(v / 2))
     search = Search(alternate(prepared)[0], terms("friction friction_exp friction_z"))
     laws = search.laws(base)

@@ -369,7 +369,7 @@ def change_columns(layout, **columns):
     ],
     ids=["direction", "sign"],
 )
-def test_lines_of_yaml_correct_the_records(tmp_path, wrong):
+def test_suggested_yaml_corrects_records(tmp_path, wrong):
     force = drive(7)
     position = lsim(COMPLIANCES["kelvin_voigt"], force, TIME)[1]
     file = tmp_path / "record.csv"
@@ -383,7 +383,7 @@ def test_lines_of_yaml_correct_the_records(tmp_path, wrong):
     assert_allclose(corrected["output"], force, atol=1e-12)
 
 
-def test_labelled_experiments_have_no_such_finding(shared):
+def test_valid_experiments_have_no_sign_or_direction_finding(shared):
     for folder in sorted(
         [*(shared / "hidden_effects").glob("case_*"), *(shared / "hard_effects").glob("*/records")]
     ):

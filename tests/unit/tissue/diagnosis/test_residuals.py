@@ -170,7 +170,7 @@ def test_mann_kendall_agrees_with_kendalls_tau():
     assert mann_kendall_p(np.arange(10.0)) < 0.001
 
 
-def test_cross_correlation_is_the_sum_it_says():
+def test_cross_correlation_equals_its_definition():
     test = noisy_record(6, 0.3, 2)
     residual = residual_after(test, relaxing_force(test["input"]), noise_floor(test))
     signal = residual.position - residual.position.mean()
@@ -181,14 +181,14 @@ def test_cross_correlation_is_the_sum_it_says():
     assert result.limit == pytest.approx(1.96 / np.sqrt(len(signal)), rel=0.1)
 
 
-def test_reversals_of_a_noisy_triangle():
+def test_reversals_of_noisy_triangle_are_found():
     position = np.concatenate([np.linspace(0, 1, 100), np.linspace(1, -1, 200), np.linspace(-1, 0.5, 150)])
     turns, directions = reversals(position + 0.01 * noise(450, 1))
     assert directions.tolist() == [-1, 1]
     assert turns == pytest.approx([100, 300], abs=4)
 
 
-def test_velocity_of_a_noisy_position_is_steadied():
+def test_velocity_of_noisy_position_is_smoothed():
     time = np.arange(2000) * STEP
     position = 5 * np.sin(2 * np.pi * 0.5 * time)
     expected = 5 * np.pi * np.cos(2 * np.pi * 0.5 * time)

@@ -131,7 +131,7 @@ def judged(*errors: np.ndarray):
     )
 
 
-def test_zero_moved_if_record_begins_with_it():
+def test_moved_zero_is_found_from_start_of_record():
     white = 0.1 * np.random.default_rng(1).standard_normal((2, 1000))
     moved = judged(white[0] + 0.5, white[1] - 0.3)
     assert zeros_moved(moved)
@@ -142,7 +142,7 @@ def test_zero_moved_if_record_begins_with_it():
     assert (finding.kind, finding.value, finding.unit) == ("apparent_zeros", 1.0, "N")
 
 
-def test_p_values_of_the_null_table():
+def test_p_values_follow_null_table():
     table = NullDistribution(np.sort(np.random.default_rng(1).chisquare(2, 2000)), 28)
     assert table.p_value(-1.0) == 1.0
     assert table.p_value(np.log(2) * 2) == pytest.approx(0.5, abs=0.04)

@@ -80,7 +80,7 @@ def test_false_alarms_are_as_rare_as_stated(tmp_path):
     assert alarms <= 1
 
 
-def test_second_table_is_the_unseen_one(tmp_path):
+def test_second_table_is_unseen(tmp_path):
     write(tmp_path / "a.csv"), write(tmp_path / "b.csv", np.linspace(0.0, 9.0, 14), seed=2)
     diagnosis = diagnose(tmp_path)
     assert [item.name for item in diagnosis.result.experiment.tests] == ["b"]

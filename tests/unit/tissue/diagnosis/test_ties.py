@@ -52,7 +52,7 @@ def test_clusters_of_known_angles():
     assert complete_linkage(angles[:1, :1], 15.0) == [[0]]
 
 
-def test_refit_takes_up_the_tangent_space():
+def test_refit_removes_tangent_space():
     structure = Structure(BASES["KB"])
     time = np.arange(2000) / 100
     motion = Motion(time, np.cos(time) + np.cos(4.1 * time), 0.01)
