@@ -127,7 +127,7 @@ class Signal:
         return self.position[start:stop]
 
     def line_amplitudes(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return frequencies (Hz) and amplitudes (mm) of the Fourier series of `steady`, without its mean."""
+        """Return frequencies (Hz) and amplitudes (mm), shape (lines,), of the Fourier series of `steady`, without its mean."""
         values = self.steady
         amplitudes = 2 * np.abs(np.fft.rfft(values)) / len(values)
         if len(values) % 2 == 0:
