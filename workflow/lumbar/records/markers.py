@@ -79,6 +79,16 @@ class MarkerRecording:
         positions = {name: points[frames] for name, points in self.positions.items()}
         return replace(self, time=self.time[frames], positions=positions)
 
+    def replace_positions(self, positions: dict[str, np.ndarray]) -> "MarkerRecording":
+        """Return the recording with other positions of its markers.
+
+        Parameters
+        ----------
+        positions : dict of str to numpy.ndarray, shape (n_frames, 3)
+            Positions in m by marker.
+        """
+        return replace(self, positions=positions)
+
     def __contains__(self, marker: str) -> bool:
         return marker in self.positions
 

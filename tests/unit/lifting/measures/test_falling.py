@@ -6,12 +6,11 @@ from scipy.integrate import solve_ivp
 
 from lumbar.lifting.measures.back_load import trunk_extension_strength
 from lumbar.lifting.measures.balance import (
+    MEAN_ANKLE_TORQUES,
     AnkleTorques,
     BaseOfSupport,
-    ankle_torques,
     braking_speed,
     capture_margin,
-    extrapolated_centre,
     pendulum_rate,
     pressure_limits,
     smallest_impulse,
@@ -39,7 +38,7 @@ def best_braking(point, velocity, duration=4.0):
 @pytest.mark.parametrize("velocity", [(0.0, 0.1), (0.12, -0.05), (-0.2, 0.05)])
 def test_smallest_impulse_makes_the_linear_pendulum_fall(velocity):
     point, velocity = np.array([0.01, 0.04]), np.array(velocity)
-    margin, direction = BASE.margin(extrapolated_centre(point[None], velocity[None], OMEGA))
+    margin, direction = BASE.margin((point + velocity / OMEGA)[None])
     push = smallest_impulse(MASS, OMEGA, margin)[0] * direction[0]
     less, more = (best_braking(point, velocity + share * push / MASS) for share in (0.98, 1.02))
     assert np.linalg.norm(less) < 0.3
@@ -115,7 +114,7 @@ def test_weak_ankles_or_short_feet_limit_the_centre_of_pressure():
 
 
 def test_strength_of_unknown_sex_is_the_mean_of_published_ones():
-    assert ankle_torques("unknown").plantar_flexion == pytest.approx((158.1 + 100.4) / 2)
+    assert MEAN_ANKLE_TORQUES.plantar_flexion == pytest.approx((158.1 + 100.4) / 2)
     assert trunk_extension_strength(np.array([0.0, 20.0, 50.0, 90.0]), "male") == pytest.approx(
         [288, 288, (232 + 171) / 2, 171]
     )

@@ -17,7 +17,7 @@ in closed form.
 """
 
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import combinations
 from typing import Self
 
@@ -59,7 +59,7 @@ class BaseOfSupport:
             Share of an edge's distance from the centre that remains.
         """
         centre = self.centre[:, None, :]
-        return replace(self, corners=centre + share * (self.corners - centre))
+        return type(self)(centre + share * (self.corners - centre), self.grounded)
 
     def reach(self, point: np.ndarray, direction: np.ndarray) -> np.ndarray:
         """Return the distance from a point to the end of the base in a direction, shape (n,) in m; negative beyond it.
@@ -176,19 +176,6 @@ def pendulum_rate(length: np.ndarray | float, gravity: float) -> np.ndarray | fl
     return np.sqrt(gravity / length)
 
 
-def extrapolated_centre(position: np.ndarray, velocity: np.ndarray, rate: np.ndarray | float) -> np.ndarray:
-    """Return the extrapolated centre of mass x + v/ω0 (Hof et al. 2005, Eq. 5), shape of `position` in m.
-
-    Parameters
-    ----------
-    position, velocity : numpy.ndarray, shape (n, k)
-        Horizontal position of the whole body's centre of mass with what it carries, in m; its velocity in m/s.
-    rate : numpy.ndarray, shape (n,), or float
-        ω0 in 1/s.
-    """
-    return position + velocity / np.reshape(rate, (-1, 1))
-
-
 def smallest_impulse(mass: np.ndarray | float, rate: np.ndarray | float, margin: np.ndarray) -> np.ndarray:
     """Return the horizontal impulse in N·s that just moves the extrapolated centre over the edge: m·ω0·b (Hof et al. 2005).
 
@@ -293,21 +280,11 @@ class AnkleTorques:
 
 
 ANKLE_SOURCE = "da Fonseca et al., World J. Orthop. 16 (2025) 108858: mean isokinetic peak torques of 69 men and 31 women"
-_ANKLES = {"male": AnkleTorques(158.1, 53.6, 37.0, 33.4), "female": AnkleTorques(100.4, 37.4, 30.1, 22.3)}
-
-
-def ankle_torques(sex: str) -> AnkleTorques:
-    """Return the mean torques of one ankle (`ANKLE_SOURCE`).
-
-    Parameters
-    ----------
-    sex : str
-        ``male`` or ``female``; for any other the mean of both.
-    """
-    if sex in _ANKLES:
-        return _ANKLES[sex]
-    male, female = (vars(torques) for torques in _ANKLES.values())
-    return AnkleTorques(**{name: float(np.mean([male[name], female[name]])) for name in male})
+_MALE, _FEMALE = (158.1, 53.6, 37.0, 33.4), (100.4, 37.4, 30.1, 22.3)
+ANKLE_TORQUES = {"male": AnkleTorques(*_MALE), "female": AnkleTorques(*_FEMALE)}
+"""Mean torques of one ankle by sex (`ANKLE_SOURCE`)."""
+MEAN_ANKLE_TORQUES = AnkleTorques(*np.mean([_MALE, _FEMALE], axis=0).tolist())
+"""Those for any other sex: the mean of both."""
 
 
 def pressure_limits(

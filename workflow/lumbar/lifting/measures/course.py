@@ -100,9 +100,17 @@ def course_of_lift(lifter: Lifter) -> Course:
     trunk = (com_of("thorax"), com_of("abdomen"), "C7T1", "T12L1", "L4L5", "L5S1")
     parts: list[tuple[Callable[[Lifter], dict[str, np.ndarray]], Iterable[str], Iterable[str]]] = [
         (_balance, (WHOLE_BODY, "L_ANKLE", "R_ANKLE", *feet, *lifter.load_points), BALANCE_COLUMNS),
-        (_inclination, ("L5S1", "C7T1"), ("trunk_inclination_deg",)),
         (
-            partial(_bend, column="lumbar_flexion_deg", lines=LUMBAR_LINES),
+            lambda lifter: {
+                "trunk_inclination_deg": back_load.inclination(
+                    lifter.points["C7T1"] - lifter.points["L5S1"], lifter.axes[1]
+                )
+            },
+            ("L5S1", "C7T1"),
+            ("trunk_inclination_deg",),
+        ),
+        (
+            partial(_joint_angle, column="lumbar_flexion_deg", lines=LUMBAR_LINES, is_bend=True),
             ("L5S1", "C7T1", "T12L1", MID_HIP),
             ("lumbar_flexion_deg",),
         ),
@@ -111,8 +119,9 @@ def course_of_lift(lifter: Lifter) -> Course:
     for (joint, lines), side in product(JOINT_ANGLES.items(), SIDES):
         lines = tuple((start.format(side), end.format(side)) for start, end in lines)
         points = [end for line in lines for end in line] + (["C7T1"] if joint == "hip_flexion" else [])
-        angle, column = _bend if joint == "hip_flexion" else _angle_between, f"{side.lower()}_{joint}_deg"
-        parts.append((partial(angle, column=column, lines=lines), dict.fromkeys(points), (column,)))
+        column, is_bend = f"{side.lower()}_{joint}_deg", joint == "hip_flexion"
+        angle = partial(_joint_angle, column=column, lines=lines, is_bend=is_bend)
+        parts.append((angle, dict.fromkeys(points), (column,)))
     for part, points, names in parts:
         unseen.update(dict.fromkeys(names, tuple(points)))
         lacking = [name for name in points if name not in lifter.points]
@@ -199,10 +208,10 @@ def _balance(lifter: Lifter) -> dict[str, np.ndarray]:
         velocity = velocity + np.where(held > 0, held * derivative(load, lifter.rate), 0.0)
     mass = body_mass + lifter.load
     centre, velocity = centre / mass[:, None], velocity / mass[:, None]
-    # Extrapolated centre of mass against the functional base, as a whole and by direction.
+    # Extrapolated centre of mass x + v/ω0 (Hof et al. 2005, Eq. 5) against the functional base, as a whole and by direction.
     relative = centre - balance.mean_of_grounded(ankles, standing)
     omega = balance.pendulum_rate(np.linalg.norm(relative, axis=1), lifter.gravity)
-    point = balance.extrapolated_centre(centre[:, :2], velocity[:, :2], omega)
+    point = centre[:, :2] + velocity[:, :2] / omega[:, None]
     margin, direction = functional.margin(point)
     right, forward = (axis[:, :2] for axis in lifter.axes)
     axes = dict(zip(DIRECTIONS, (forward, right, -forward, -right), strict=True))
@@ -222,7 +231,8 @@ def _balance(lifter: Lifter) -> dict[str, np.ndarray]:
         "smallest_impulse_N_s": balance.smallest_impulse(mass, omega, margin),
     }
     # Capture point and pendulum against the limits of the centre of pressure, by plane.
-    weight, torques = mass * lifter.gravity, balance.ankle_torques(lifter.facts["sex"])
+    weight = mass * lifter.gravity
+    torques = balance.ANKLE_TORQUES.get(lifter.facts["sex"], balance.MEAN_ANKLE_TORQUES)
     limits = balance.pressure_limits(base, ankles[..., :2], standing, right, weight, torques)
     for plane, axis, pair in (
         ("flexion_extension", forward, ("forward", "backward")),
@@ -246,11 +256,6 @@ def _balance(lifter: Lifter) -> dict[str, np.ndarray]:
     return columns
 
 
-def _inclination(lifter: Lifter) -> dict[str, np.ndarray]:
-    trunk = lifter.points["C7T1"] - lifter.points["L5S1"]
-    return {"trunk_inclination_deg": back_load.inclination(trunk, lifter.axes[1])}
-
-
 LUMBAR_LINES = (("T12L1", "C7T1"), (MID_HIP, "L5S1"))
 JOINT_ANGLES = {
     "hip_flexion": ((MID_HIP, "L5S1"), ("{}_KNEE", "{}_HIP")),
@@ -263,16 +268,15 @@ That of the hip is in the sagittal plane, beyond that of standing upright; the o
 """
 
 
-def _bend(lifter: Lifter, column: str, lines: tuple[tuple[str, str], ...]) -> dict[str, np.ndarray]:
-    """Return the angle between two lines in the sagittal plane, beyond that of standing upright."""
+def _joint_angle(
+    lifter: Lifter, column: str, lines: tuple[tuple[str, str], ...], is_bend: bool
+) -> dict[str, np.ndarray]:
+    """Return the angle between two lines, 0 to 180 degrees; of a bend in the sagittal plane, beyond that of standing upright."""
     points, forward = lifter.points, lifter.axes[1]
-    one, other = (back_load.inclination(points[end] - points[start], forward) for start, end in lines)
-    return {column: back_load.subtract_upright(one - other, points["C7T1"] - points["L5S1"], forward)}
-
-
-def _angle_between(lifter: Lifter, column: str, lines: tuple[tuple[str, str], ...]) -> dict[str, np.ndarray]:
-    """Return the angle between two lines, 0 to 180 degrees."""
-    one, other = (lifter.points[end] - lifter.points[start] for start, end in lines)
+    one, other = (points[end] - points[start] for start, end in lines)
+    if is_bend:
+        bend = back_load.inclination(one, forward) - back_load.inclination(other, forward)
+        return {column: back_load.subtract_upright(bend, points["C7T1"] - points["L5S1"], forward)}
     across, along = np.linalg.norm(np.cross(one, other), axis=1), np.sum(one * other, axis=1)
     return {column: np.degrees(np.arctan2(across, along))}
 

@@ -8,7 +8,7 @@ so each pass has a higher cut-off than the two together: Winter, *Biomechanics a
 section 3.4.4.2.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -130,7 +130,7 @@ def fill_gaps(recording: MarkerRecording, maximum_s: float = 0.2) -> tuple[Marke
                 filled[gap] = CubicSpline(time[support], points[support])(time[gap])
             start_s, frames = float(time[gap.start]), gap.stop - gap.start
             gaps.append(Gap(marker, gap.start, frames, start_s, length_s, outcome, method))
-    return replace(recording, positions=positions), gaps
+    return recording.replace_positions(positions), gaps
 
 
 def remove_islands(recording: MarkerRecording, shortest: int) -> tuple[MarkerRecording, list[Gap]]:
@@ -160,7 +160,7 @@ def remove_islands(recording: MarkerRecording, shortest: int) -> tuple[MarkerRec
             positions[marker][run] = np.nan
             frames, start_s = run.stop - run.start, float(recording.time[run.start])
             islands.append(Gap(marker, run.start, frames, start_s, frames / recording.rate, ISLAND))
-    return replace(recording, positions=positions), islands
+    return recording.replace_positions(positions), islands
 
 
 def dual_pass_sections(cutoff_Hz: float, rate: float, order: int = 2) -> np.ndarray:
@@ -283,7 +283,7 @@ def filter_markers(recording: MarkerRecording, cutoff_Hz: float = 6.0, order: in
         except InputError as error:
             problems.add(marker, str(error))
     problems.raise_if_any()
-    return replace(recording, positions=positions)
+    return recording.replace_positions(positions)
 
 
 def derivative(values: np.ndarray, rate: float, order: Literal[1, 2] = 1) -> np.ndarray:

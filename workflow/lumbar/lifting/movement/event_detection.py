@@ -77,7 +77,7 @@ def find_events(
                     raise InputError(f"{recording.source}: {name} in the file: {several}") from several
                 listed = str(several)
         # An event set by hand precedes that of the file, and this the detected one if it is selected.
-        time, method, how = event.time_s, event.method, event.how
+        time, method, how, replaced = event.time_s, event.method, event.how, {}
         if name in given:
             time, method = given[name], DECLARED
             how = f"set in the subject's file ({declared.reason or 'no reason given'})"
@@ -85,9 +85,9 @@ def find_events(
             time, method, how = mark.time, IN_FILE, f"marked in the file as {mark.full_label}"
         if method in (DECLARED, IN_FILE):
             how += "; no event detected" if event.time_s is None else f"; detected at {event.time_s:.2f} s"
-            event = replace(event, detected_s=event.time_s, earliest_s=None, latest_s=None)
-        file_s = mark.time if mark else None
-        search.add(name, replace(event, time_s=time, method=method, how=how, file_s=file_s, file=listed))
+            replaced = {"detected_s": event.time_s, "earliest_s": None, "latest_s": None}
+        final = {"time_s": time, "method": method, "how": how, "file_s": mark.time if mark else None}
+        search.add(name, replace(event, **replaced, **final, file=listed))
     events = {name: search.found[name] for name in EVENTS}
     lift_events.check_order(
         recording, {name: event.time_s for name, event in events.items() if event.time_s is not None}

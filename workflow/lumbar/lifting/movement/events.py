@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -209,7 +209,7 @@ def several_lifts(recording: MarkerRecording, events: dict[str, Event], settings
     # Hands rise for other reasons too before and after they hold something; a box does not.
     is_held = (carried == "box") | ((recording.time >= start) & (recording.time <= stop))
     hidden = {name: np.where(is_held[:, None], part, np.nan) for name, part in recording.positions.items()}
-    points, _ = locate_load(replace(recording, positions=hidden))
+    points, _ = locate_load(recording.replace_positions(hidden))
     known = False if points is None else np.isfinite(points).all(axis=1)
     if not np.any(known):
         return ""

@@ -98,7 +98,12 @@ def analyse_lift(
     missing = absent_segments(points, table)
     times = [event.time_s for event in events.values() if event.time_s is not None]
     if len(missing) == len(COMS) and not times:
-        _reject_recording(smooth, {**missing, "lift_off": events["lift_off"].how})
+        problems = Problems(f"{smooth.source}: neither an event of a lift nor a centre of mass")
+        for name, reason in {**missing, "lift_off": events["lift_off"].how}.items():
+            problems.add(name, reason)
+        unused = f"markers of the file that no alias names: {', '.join(smooth.unused[:60]) or 'none'}"
+        problems.add("", unused, recognised_unaliased(smooth))
+        problems.raise_if_any()
     if settings.gaps.longer == "error" and times:
         needed, span = _needed(points, table.ends, settings.pivot), (min(times), max(times))
         harmful = [gap for gap in gaps if gap.marker in needed and _overlaps(gap, *span)]
@@ -112,7 +117,12 @@ def analyse_lift(
         except InputError as error:
             without_frame = str(error)
     if angle:
-        smooth, complete = (pendulum.rotate_recording(one, angle) for one in (smooth, complete))
+        cosine, sine = np.cos(angle), np.sin(angle)
+        axes = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
+        smooth, complete = (
+            one.replace_positions({name: points @ axes for name, points in one.positions.items()})
+            for one in (smooth, complete)
+        )
         points = _points(smooth, subject, settings)
 
     masses, share = (subject.mass_kg, trial.box_mass_kg), settings.box.share
@@ -237,16 +247,6 @@ def cut_to_window(
             f"from {smooth.time[0]:g} to {smooth.time[-1]:g} s; more than {shortest} are needed"
         )
     return smooth.select_frames(inside)
-
-
-def _reject_recording(recording: MarkerRecording, reasons: dict[str, str]) -> None:
-    """Raise an error for a recording that holds neither an event of a lift nor a centre of mass."""
-    problems = Problems(f"{recording.source}: neither an event of a lift nor a centre of mass")
-    for name, reason in reasons.items():
-        problems.add(name, reason)
-    unused = f"markers of the file that no alias names: {', '.join(recording.unused[:60]) or 'none'}"
-    problems.add("", unused, recognised_unaliased(recording))
-    problems.raise_if_any()
 
 
 def _reject_open_gaps(recording: MarkerRecording, gaps: Sequence[Gap], maximum_s: float) -> None:

@@ -6,7 +6,7 @@ relative to the pivot. Its rate is θ̇ = (ṙ z − r ż)/L² with L² = r² + 
 interpolated angle.
 """
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from typing import Self
 
 import numpy as np
@@ -139,21 +139,6 @@ def heading(recording: MarkerRecording, time: float) -> float:
             f"{recording.source}: a hip is not seen at {time:.2f} s, so lifting.frame pelvis is unknown"
         )
     return float(np.arctan2(across[1], across[0]))
-
-
-def rotate_recording(recording: MarkerRecording, angle: float) -> MarkerRecording:
-    """Return a recording in rotated axes.
-
-    Parameters
-    ----------
-    recording : MarkerRecording
-        Recording with the z axis up.
-    angle : float
-        Rotation of the axes about the vertical in rad.
-    """
-    cosine, sine = np.cos(angle), np.sin(angle)
-    rotation = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
-    return replace(recording, positions={name: p @ rotation for name, p in recording.positions.items()})
 
 
 def pendulum_states(

@@ -404,14 +404,12 @@ def read_upright(path: str | os.PathLike, layout: MarkerLayout) -> MarkerRecordi
         As `read_markers`; and if the body stands or faces along another axis than `markers.up` or `markers.forward`, or left
         and right are exchanged.
     """
-    measured: dict[str, np.ndarray] = {}
-
-    def store(points: dict[str, np.ndarray], *_):
-        measured.update(points)
-        return points, {}
-
-    recording = read_markers(path, layout, screen=store)
-    unknown = check_unaliased_axes(measured, recording, layout)
+    # The screen keeps the markers by the file's labels, and omits none.
+    measured: dict[str, dict[str, np.ndarray]] = {}
+    recording = read_markers(
+        path, layout, screen=lambda points, *_: (measured.setdefault("points", points), {})
+    )
+    unknown = check_unaliased_axes(measured["points"], recording, layout)
     if not unknown:
         return recording
     note = f"not checked: {' and '.join(unknown)} of the axes, because no known label of the body shows them"

@@ -113,7 +113,10 @@ def areas_under_changes(study: ComparedLifts) -> tuple[dict[str, pd.DataFrame], 
     areas: dict[str, pd.DataFrame] = {}
     failures: list[Failure] = []
     for name, items in cases.items():
-        compute = partial(_areas_of_change, name=name, settings=settings)
+        if name in TAYLOR:
+            compute = partial(taylor_areas, settings=settings, degree=TAYLOR[name])
+        else:
+            compute = lambda items, name=name: varied_areas({name: items}, settings)[name]  # noqa: E731
         basin = f"Table 4.1, {CHANGES.get(name, 'null control')}"
         computed = [(items, together[name])] if name in together else []
         computed += compute_together(compute, [] if computed else items, basin, failures)
@@ -124,12 +127,6 @@ def areas_under_changes(study: ComparedLifts) -> tuple[dict[str, pd.DataFrame], 
         ]
         areas[name] = pd.DataFrame(rows, columns=[*_KEYS, "mean_area"])
     return areas, failures
-
-
-def _areas_of_change(items: list[Trajectory], name: str, settings: StabilitySettings) -> np.ndarray:
-    if name in TAYLOR:
-        return taylor_areas(items, settings, TAYLOR[name])
-    return varied_areas({name: items}, settings)[name]
 
 
 def varied_areas(cases: Mapping[str, list[Trajectory]], settings: StabilitySettings) -> dict[str, np.ndarray]:

@@ -1,7 +1,7 @@
 """The percent differences of Table 4.1: the comparisons of a study, average cross-section by average cross-section."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
@@ -67,7 +67,7 @@ class ComparedLifts:
         """
         lifts = self.lifts
         if change_masses is not None:
-            lifts = [replace(lift, facts=change_masses(lift.facts)) for lift in lifts]
+            lifts = [LiftStates(lift.states, change_masses(lift.facts), lift.in_thesis) for lift in lifts]
         return [item for lift in lifts for item in lift.trajectories(convention or self.headline)[0]]
 
     def areas(self, method: str, convention: Convention) -> pd.DataFrame:

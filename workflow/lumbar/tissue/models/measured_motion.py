@@ -11,7 +11,7 @@ import numpy as np
 import scipy
 
 from lumbar.base.errors import InputError
-from lumbar.records.record import Record
+from lumbar.records.record import Channel, Record
 from lumbar.tissue.models.bases import Base
 from lumbar.tissue.models.motion import JoinedMotions, Motion
 
@@ -34,7 +34,7 @@ def add_measured_motion(record: Record) -> Record:
         Record with a force as input and a motion as output.
     """
     output = record.channels["output"]
-    filtered = replace(output, values=remove_noise(output.values))
+    filtered = Channel(remove_noise(output.values), output.quantity, output.unit)
     return replace(record, channels={**record.channels, MEASURED: filtered})
 
 

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import Annotated, Any, Literal
 
+import numpy as np
 from pydantic import Field
 
 from lumbar.base.errors import Problems
@@ -168,7 +169,7 @@ def _structure(
 
 def _spatial_structure(structure: Structure, space: _Space, problems: Problems) -> Structure | None:
     """Return the structure along several axes."""
-    from lumbar.tissue.models.space import PlaneContact, SpatialBase, Symmetry, is_rotation
+    from lumbar.tissue.models.space import PlaneContact, SpatialBase, Symmetry
 
     size, base, place = len(space.axes), structure.base, "structure.space"
     has_plane = space.depth is not None and space.reach is not None
@@ -178,7 +179,10 @@ def _spatial_structure(structure: Structure, space: _Space, problems: Problems) 
         problems.add(f"{place}.symmetry", space.symmetry, allowed)
     elif len(space.frames) != needed or any(len(frame) != size**2 for frame in space.frames):
         problems.add(f"{place}.frames", str(len(space.frames)), f"{needed} of {size**2} numbers are needed")
-    elif not all(is_rotation(frame, size) for frame in space.frames):
+    elif not all(
+        np.allclose(matrix @ matrix.T, np.eye(size), atol=1e-9) and np.linalg.det(matrix) > 0
+        for matrix in (np.array(frame, float).reshape(size, size) for frame in space.frames)
+    ):
         problems.add(f"{place}.frames", str(space.frames), "rotation matrices are needed, row by row")
     else:
         spatial: PlaneContact | SpatialBase

@@ -7,7 +7,7 @@ one along several axes. `lumbar.tissue.models.parameter.SIGNALS` defines the sym
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Self
 
@@ -413,7 +413,7 @@ class SpatialMotion(JoinedMotions):
         change : callable
             From the motion along one axis to another one with equal samples.
         """
-        return replace(self, parts=tuple(map(change, self.parts)))
+        return type(self)(tuple(map(change, self.parts)), self.names)
 
     @cached_property
     def increments(self) -> np.ndarray:

@@ -170,11 +170,6 @@ def _channel(role: str, latex: str, meaning: str) -> MotionSignal:
     return MotionSignal(meaning, lambda motion: motion.channels[role], latex=latex, channel=role)
 
 
-def _differentiate_length(motion) -> np.ndarray:
-    """Return the first derivative of the length, by a quintic spline as for the position."""
-    return scipy.interpolate.make_interp_spline(motion.time, motion.channels["length"], k=5)(motion.time, 1)
-
-
 FORCE = "F"
 """The force that an output form transforms."""
 SIGNALS = {
@@ -194,7 +189,12 @@ SIGNALS = {
     "box_held": _channel("box_held", "h", "share of the box that the hands carry"),
     "length": _channel("length", r"\ell", "distance from the pivot to the centre of mass"),
     "length_dot": MotionSignal(
-        "rate of the length", _differentiate_length, latex=r"\dot \ell", channel="length"
+        "rate of the length",  # by a quintic spline, as for the position
+        lambda motion: scipy.interpolate.make_interp_spline(motion.time, motion.channels["length"], k=5)(
+            motion.time, 1
+        ),
+        latex=r"\dot \ell",
+        channel="length",
     ),
     "pivot_acceleration_x": _channel("pivot_acceleration_x", r"\ddot x_p", "the pivot's to the front"),
     "pivot_acceleration_z": _channel("pivot_acceleration_z", r"\ddot z_p", "the pivot's upwards"),

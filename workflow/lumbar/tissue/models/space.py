@@ -77,20 +77,6 @@ def turn(vector: np.ndarray) -> np.ndarray:
     return scipy.linalg.expm(generator if len(vector) == 3 else generator[:2, :2])
 
 
-def is_rotation(numbers: Sequence[float], size: int) -> bool:
-    """Return whether numbers are a rotation matrix.
-
-    Parameters
-    ----------
-    numbers : sequence of float
-        Elements, row by row.
-    size : int
-        Number of rows.
-    """
-    matrix = np.array(numbers, float).reshape(size, size)
-    return bool(np.allclose(matrix @ matrix.T, np.eye(size), atol=1e-9) and np.linalg.det(matrix) > 0)
-
-
 @dataclass(frozen=True)
 class SpatialBase:
     """A base of one axis, its symmetry in space, and the frames from which its principal axes are rotated."""
@@ -255,7 +241,8 @@ class SpatialBase:
         free : bool, optional
             True if a fit rotates the axes.
         """
-        return replace(self, frames=tuple(tuple(frame.ravel().tolist()) for frame in frames), free=free)
+        rows = tuple(tuple(frame.ravel().tolist()) for frame in frames)
+        return SpatialBase(self.base, self.symmetry, self.axes, rows, free)
 
 
 def symmetric_base(base: Base, axes: tuple[str, ...]) -> Base:
@@ -429,7 +416,8 @@ class PlaneContact:
             Parameters of the field `nonlinear`, as a fit searches them.
         """
         normal, depth = self.plane(np.asarray(nonlinear))
-        return replace(self, frames=(tuple(frame_of(normal).ravel().tolist()),), depth=depth)
+        frame = tuple(frame_of(normal).ravel().tolist())
+        return PlaneContact(self.base, self.axes, (frame,), depth, self.reach)
 
 
 def frame_of(normal: np.ndarray) -> np.ndarray:

@@ -58,7 +58,7 @@ class Structure:
         form : Form
             Form of an effect that the structure lacks; it is the last one.
         """
-        return replace(self, forms=(*self.forms, form))
+        return type(self)(self.base, (*self.forms, form))
 
     def nonlinear_of(self, nonlinear: np.ndarray) -> tuple[np.ndarray, dict[str, np.ndarray]]:
         """Split all nonlinear parameters into the base's and those of each form by its key.
@@ -315,15 +315,17 @@ class ForwardStructure(Structure):
             edge = np.searchsorted(power, _BAND_POWER * power[-1]) / len(signal)
             return int(np.clip(np.ceil(2 * np.pi * edge / _MAX_STEP_RAD), 1, _MAX_STEPS))
 
-        def force_at_points() -> np.ndarray:
-            if is_held(force):
-                return np.repeat(force.position[:-1], steps)[:, None] * np.ones(len(POINTS))
-            return _interpolate(force.position, steps)
-
         steps = motion.cache.compute_once("steps per sample", steps_per_sample)
         drive = ForceDrive(
             self.balance,
-            force.cache.compute_once("force at points", force_at_points),
+            force.cache.compute_once(
+                "force at points",
+                lambda: (
+                    np.repeat(force.position[:-1], steps)[:, None] * np.ones(len(POINTS))
+                    if is_held(force)
+                    else _interpolate(force.position, steps)
+                ),
+            ),
             motion.sampling_time / steps,
             1.0 if measured is None else float(np.ptp(measured)),
             steps,
@@ -388,7 +390,8 @@ def _estimate_start(drive, values, measured, sampling_time, start=None) -> np.nd
         near = min(_MIN_START_SAMPLES, count)
         slope, _ = np.polyfit(sampling_time * np.arange(near + 1), measured[: near + 1], 1)
         start[:2] = measured[0], slope
-    first = replace(drive, force=drive.force[: count * drive.parts])
+    force = drive.force[: count * drive.parts]
+    first = ForceDrive(drive.balance, force, drive.step, drive.size, drive.parts)
     best, least, guess = start, np.inf, None
     for _ in range(iterations):
         driven = first.motion(values, start, guess)

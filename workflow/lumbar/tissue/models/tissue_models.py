@@ -150,7 +150,12 @@ class TissueModel:
         """
         if self.structure is None or self.base is None:
             raise NumericalError(f"{self.name}: {self.no_parameters_because}")
-        parameters = undiscretise(transfer_function, sampling_time).base_parameters()
+        # Parameters of the bases LE, Maxwell and KB together.
+        system = undiscretise(transfer_function, sampling_time)
+        parameters = {"spring_stiffness": system.k}
+        if system.gamma:
+            branch_stiffness = system.nu / system.gamma - system.k
+            parameters |= {"branch_stiffness": branch_stiffness, "relaxation_time": system.gamma}
         values = {item.name: parameters[item.name] for item in (*self.base.linear, *self.base.nonlinear)}
         return {**values, **self.element_values(values)}
 

@@ -292,13 +292,6 @@ class FirstOrder:
         fast = spring_stiffness + branch_stiffness
         return cls(spring_stiffness, viscosity + fast * relaxation_time, relaxation_time)
 
-    def base_parameters(self) -> dict[str, float]:
-        """Return the parameters of the bases LE, Maxwell and KB together."""
-        if not self.gamma:
-            return {"spring_stiffness": self.k}
-        branch = {"branch_stiffness": self.nu / self.gamma - self.k, "relaxation_time": self.gamma}
-        return {"spring_stiffness": self.k, **branch}
-
 
 def undiscretise(discrete: TransferFunction, sampling_time: float) -> FirstOrder:
     """Return the continuous coefficients with `discrete` as ramp-invariant form.

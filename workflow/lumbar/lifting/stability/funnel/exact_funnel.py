@@ -30,7 +30,7 @@ under the linear loop: without gravity's nonlinearity no funnel is larger (Liouv
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
@@ -368,7 +368,7 @@ def replace_lyapunov_function(loops: ClosedLoops, share: float | np.ndarray) -> 
             f"{pendulums.labels[index]}: the Lyapunov function of share {share[index]:g} is indefinite",
             label=pendulums.labels[index],
         )
-    return replace(loops, cost=cost, decay=share[:, None] * loops.decay)
+    return ClosedLoops(pendulums, loops.weights, cost, share[:, None] * loops.decay, loops.gains)
 
 
 def best_of_family(loops: ClosedLoops, terminal_level: float, shares: Sequence[float]) -> Funnels:
