@@ -184,11 +184,11 @@ def _read_file(path: Path, layout: MarkerLayout) -> MarkerFile:
 
         return c3d_markers(read_in_child(c3d_content, path), str(path))
     if ending == ".trc":
-        from lumbar.records.trc_file import read_trc as read
+        from lumbar.records.text_markers import read_trc as read
     elif ending in (".csv", ".tsv"):
         from lumbar.records.marker_table import read_marker_table as read
     elif ending == ".bvh":
-        from lumbar.records.bvh_file import read_bvh as read
+        from lumbar.records.text_markers import read_bvh as read
     else:
         raise InputError(
             f"{path}: markers are read from .c3d, .trc, .csv and .bvh files, also with .gz, not "

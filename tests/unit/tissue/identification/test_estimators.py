@@ -10,13 +10,13 @@ from viscoelastic import discretise, kelvin_boltzmann
 
 from lumbar.base.errors import InputError, NumericalError
 from lumbar.tissue.identification.arx_search import IdentificationData, ReducedRegression, search, select
-from lumbar.tissue.identification.metrics import block_bootstrap
-from lumbar.tissue.identification.output_error import (
+from lumbar.tissue.identification.identify_tissue import (
     fit_output_error,
     relaxation_starts,
     simulation_sensitivities,
     stabilise,
 )
+from lumbar.tissue.identification.metrics import block_bootstrap
 from lumbar.tissue.models.tissue_models import KB, MAXWELL, MW, higher_order_structures
 from lumbar.tissue.models.transfer_function import ArxStructure, TransferFunction
 
