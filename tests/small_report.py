@@ -8,7 +8,7 @@ from lumbar.base.files import write_json, write_text
 from lumbar.publishing.figures.style import new_figure, save
 from lumbar.publishing.study_report.contents import chapters
 from lumbar.publishing.study_report.report_page import report_page
-from lumbar.study.artefacts import Artefact
+from lumbar.study.study import Artefact
 from lumbar.tables.table import Table
 
 SHEET = [

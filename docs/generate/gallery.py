@@ -11,7 +11,7 @@ from itertools import groupby
 from pathlib import Path
 
 from lumbar.base.files import write_text
-from lumbar.study.artefacts import Artefact, read_artefacts
+from lumbar.study.study import Artefact, read_artefacts
 
 PAGE = "gallery.md"
 IN_PYTHON = {

@@ -23,7 +23,7 @@ from generate.configuration_reference import STUDY_PAGE, keys
 from lumbar.base.files import write_text
 from lumbar.settings.study_settings import StudySettings
 from lumbar.settings.validation import Key, defaults_of
-from lumbar.study.artefacts import read_artefacts
+from lumbar.study.study import read_artefacts
 
 DOCS = Path(__file__).resolve().parents[1]
 SOURCE = DOCS.parent / "resources" / "thesis" / "items.yaml"

@@ -11,7 +11,7 @@ sys.path.insert(0, str(WORKFLOW))
 
 from run.dependencies import library_code
 from run.jobs import job_size, remove_half_written, set_job_environment, warnings_in
-from lumbar.study.artefacts import read_artefacts
+from lumbar.study.study import read_artefacts
 from lumbar.study.load_study import load_study
 from lumbar.base.errors import LumbarError
 

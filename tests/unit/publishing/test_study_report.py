@@ -11,7 +11,7 @@ from generate.thesis_items import read_items
 from lumbar.publishing.reproduction.claim import CANNOT_BE_TESTED, DOES_NOT_HOLD, HOLDS
 from lumbar.publishing.study_report.contents import chapters, compare_cells, shorten_svg
 from lumbar.publishing.study_report.report_page import FAILS, WARNS, troubles
-from lumbar.study.artefacts import read_artefacts
+from lumbar.study.study import read_artefacts
 from small_report import CHOICES, CLAIMS, SHEET, make_results, page_of
 
 

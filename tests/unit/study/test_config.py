@@ -15,9 +15,8 @@ from lumbar.base.yaml_file import read_yaml
 from lumbar.cli.command import main
 from lumbar.settings.study_settings import StudySettings, record_layout
 from lumbar.settings.validation import Key, overlay
-from lumbar.study.artefacts import read_artefacts
 from lumbar.study.load_study import DEFAULT_FILES, load_settings, load_study, load_study_file
-from lumbar.study.study import reading_plan, record_set, recordings_of
+from lumbar.study.study import read_artefacts, reading_plan, record_set, recordings_of
 from refusing import has_tokens, refusal
 from running import PROJECT
 from study_settings import study_config, study_settings

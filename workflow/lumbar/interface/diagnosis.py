@@ -399,8 +399,8 @@ class ProposedLaw:
         InputError
             If nothing is missing.
         """
-        from lumbar.publishing.figures.law_figure import law_figure
         from lumbar.publishing.figures.style import save
+        from lumbar.publishing.pages.diagnosis_pictures import law_figure
 
         if not self.proposal.is_needed:
             raise InputError(f"nothing to draw: {self.sentences[0]}")

@@ -12,8 +12,8 @@ from lumbar.base.yaml_file import read_yaml
 from lumbar.publishing.figures.style import person_and_box
 from lumbar.publishing.study_report.contents import chapters
 from lumbar.publishing.study_report.report_page import report_page
-from lumbar.study.artefacts import read_artefacts
 from lumbar.study.load_study import load_study
+from lumbar.study.study import read_artefacts
 from lumbar.tables.layout import value_in_words
 
 

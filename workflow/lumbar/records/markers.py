@@ -137,13 +137,14 @@ def read_markers(
     path = Path(path)
     labelled = _read_file(path, layout)
     file = select_subject(labelled, layout.subject_prefix)
+    time, rate, events, dropped = file.time, file.rate, file.events, file.dropped
     if layout.rate_Hz is not None:
         rate = layout.rate_Hz
-        events = tuple(replace(event, time=event.time * file.rate / rate) for event in file.events)
-        file = replace(file, time=file.time * file.rate / rate, rate=rate, events=events)
-    if len(file.time) < minimum_frames:
+        time = time * file.rate / rate
+        events = tuple(RecordedEvent(one.label, one.context, one.time * file.rate / rate) for one in events)
+    if len(time) < minimum_frames:
         raise InputError(
-            f"{path}: {len(file.time)} frame{'s' if len(file.time) != 1 else ''}; "
+            f"{path}: {len(time)} frame{'s' if len(time) != 1 else ''}; "
             f"a trajectory needs at least {minimum_frames}"
         )
     unit = layout.scale * metres_per_unit(file.source, file.unit, layout.unit)
@@ -154,21 +155,25 @@ def read_markers(
     for values in (*points.values(), *model_points.values()):
         values[:] = values[:, order] * factors
     if screen is not None:
-        points, omitted = screen(points, file.time, file.rate)
+        points, omitted = screen(points, time, rate)
         points = {label: values for label, values in points.items() if not np.isnan(values).all()}
-        file = replace(file, dropped=file.dropped | omitted)
+        dropped = dropped | omitted
+    if not points:
+        raise InputError(f"{file.source}: no marker was seen; left out: {', '.join(dropped) or 'none'}")
     _check_spread(points, file)
     if repair is not None:
-        points = repair(points, file.time)
-    resolved = resolve_aliases(
-        layout.aliases, points, model_points, file.dropped, file.source, layout.required
-    )
+        points = repair(points, time)
+    resolved = resolve_aliases(layout.aliases, points, model_points, dropped, file.source, layout.required)
     if layout.check_axes:
         check_axes(resolved.positions, layout, file.source)
-    shared = ("time", "rate", "source", "dropped", "events", "notes")
     return MarkerRecording(
         name=name or stem_of(path),
-        **{part: getattr(file, part) for part in shared},
+        time=time,
+        rate=rate,
+        source=file.source,
+        dropped=dropped,
+        events=events,
+        notes=file.notes,
         **vars(resolved),
         subjects=() if layout.subject_prefix == KEEP else labelled.subjects,
         joints=file.joints if layout.points == "file" else layout.points == "joint_centres",
@@ -228,8 +233,6 @@ def metres_per_unit(source: str, unit: str, declared: str) -> float:
 
 def _check_spread(points: dict[str, np.ndarray], file: MarkerFile) -> None:
     """Raise if the extent of the markers is implausible, because of a wrong unit or corrupt data."""
-    if not points:
-        raise InputError(f"{file.source}: no marker was seen; left out: {', '.join(file.dropped) or 'none'}")
     for label, values in points.items():
         is_far = (np.abs(values) > MAX_DISTANCE_M).any(axis=1)
         if is_far.any():

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 
 from lumbar.base.errors import LumbarError, did_you_mean
 from lumbar.settings.lifting import GROUPS
-from lumbar.settings.runtime import SurveySettings
 from lumbar.settings.study_settings import StudySettings
 from lumbar.settings.tissue import ImprovementSettings
 from lumbar.study.study import (
@@ -78,15 +77,6 @@ def _check_record_sets(settings: StudySettings, root: Path, add: Add) -> None:
     if is_weightless and any(record_set(settings, entry.name).base == "pendulum" for entry in sets):
         allowed = "record sets with the base pendulum need gravity: leave them out of improvement.record_sets, or set this key"
         add("stability.pendulum.gravity_m_s2", "0", allowed)
-
-
-def _check_survey(survey: SurveySettings, add: Add) -> None:
-    models = [model.name for model in survey.layout.models]
-    if survey.baseline not in models:
-        add("survey.baseline", f"{survey.baseline!r} is not rated", f"models: {', '.join(models)}")
-    points, labels = survey.layout.scale_points, len(survey.scale_labels)
-    if labels != points:
-        add("survey.scale_labels", f"{labels} names", f"survey.layout.scale_points is {points}")
 
 
 def _check_lifting(study: Study, add: Add) -> None:
@@ -211,7 +201,12 @@ def check_consistency(study: Study, root: Path, origins: Origins, sources: Mappi
     if study.has("improvement"):
         _check_record_sets(settings, root, add)
     if study.has("survey"):
-        _check_survey(settings.survey, add)
+        survey, labels = settings.survey, len(settings.survey.scale_labels)
+        models, points = [model.name for model in survey.layout.models], survey.layout.scale_points
+        if survey.baseline not in models:
+            add("survey.baseline", f"{survey.baseline!r} is not rated", f"models: {', '.join(models)}")
+        if labels != points:
+            add("survey.scale_labels", f"{labels} names", f"survey.layout.scale_points is {points}")
     _check_lifting(study, add)
     if study.synthetic:
         _check_twin_movements(settings, add)

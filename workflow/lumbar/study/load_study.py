@@ -14,9 +14,17 @@ from lumbar.settings.lifting import SubjectFile, SubjectSettings
 from lumbar.settings.study_settings import StudySettings
 from lumbar.settings.tissue import ImprovementSettings, is_data
 from lumbar.settings.validation import Origins, overlay, validate
-from lumbar.study.artefacts import LIFTED, NEEDS, OF_ONE_AXIS, OF_SEVERAL_AXES, read_artefacts
 from lumbar.study.consistency import Add, check_consistency, check_effects
-from lumbar.study.study import TWIN, RecordedLift, Study
+from lumbar.study.study import (
+    LIFTED,
+    NEEDS,
+    OF_ONE_AXIS,
+    OF_SEVERAL_AXES,
+    TWIN,
+    RecordedLift,
+    Study,
+    read_artefacts,
+)
 
 
 def load_study(config: dict, root: Path, files: Sequence[str | Path] = (), *, trust: bool = False) -> Study:

@@ -14,8 +14,8 @@ from lumbar.lifting.stability.model.eqs_4_1_to_4_4_closed_loop import close_loop
 from lumbar.lifting.stability.model.pendulum_trajectories import COMS, PLANES, THESIS
 from lumbar.lifting.stability.percent_differences import ComparedLifts
 from lumbar.lifting.stability.table_4_1 import alternations_table
-from lumbar.publishing.reproduction.basin_claims import MAX_RATIO, basin_sentences
 from lumbar.publishing.reproduction.claim import UntestableError
+from lumbar.publishing.reproduction.claims import MAX_RATIO, sentence_claims
 from lumbar.settings.lifting import StabilitySettings
 from refusing import has_tokens
 
@@ -36,7 +36,7 @@ def test_reach_is_the_farthest_point_of_the_ellipses():
 
 @pytest.mark.parametrize(("reach", "agrees"), [(0.5, False), (0.09, True), (0.0005, False)])
 def test_the_claim_is_judged_in_both_states(reach, agrees):
-    claim = next(item for item in basin_sentences() if item.id == "basins_like_states")
+    claim = next(item for item in sentence_claims("basins") if item.id == "basins_like_states")
     row = {
         "method": "exact",
         "sign": "hanging",
@@ -55,7 +55,7 @@ def test_the_claim_is_judged_in_both_states(reach, agrees):
 
 
 def judged(name, results):
-    claim = next(item for item in basin_sentences() if item.id == name)
+    claim = next(item for item in sentence_claims("basins") if item.id == name)
     return claim.judge(results).agrees
 
 

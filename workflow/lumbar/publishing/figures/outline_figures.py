@@ -83,55 +83,46 @@ def outline_figure() -> Figure:
 def article_figure() -> Figure:
     """Draw Figure 3.1: from signals over systems to the simulation, with a sketch of each step."""
     steps = (
-        ("Signals", "excite the tissue across\nthe surgeons' bandwidth", _draw_signal),
-        ("Systems", "identify the tissue as\ndynamic viscoelastic models", _draw_system),
-        ("Simulation", "test the models\nin a surgical simulator", _draw_simulation),
+        ("Signals", "excite the tissue across\nthe surgeons' bandwidth"),
+        ("Systems", "identify the tissue as\ndynamic viscoelastic models"),
+        ("Simulation", "test the models\nin a surgical simulator"),
     )
     figure, axes = new_figure(DOUBLE_COLUMN, 2.3, ncols=len(steps))
     frame = {"boxstyle": "round,pad=0,rounding_size=0.1", "facecolor": "none", "edgecolor": INK}
-    for axis, (title, text, draw) in zip(axes, steps, strict=True):
+    for axis, (title, text) in zip(axes, steps, strict=True):
         axis.set(xlim=(0, 3), ylim=(0, 2.4), aspect="equal")
         axis.axis("off")
         axis.add_patch(FancyBboxPatch((0.05, 0.05), 2.75, 2.3, **frame))
         _write(axis, 1.42, 2.12, title, fontsize=9, fontweight="bold")
         _write(axis, 1.42, 1.72, text, fontsize=7)
-        draw(axis)
         if axis is not axes[0]:
             arrow(axis, (-0.38, 1.2), (0.05, 1.2))
-    return figure
-
-
-def _draw_signal(axis) -> None:
-    """Draw a period of a multisine of Eq. 3.1 with few lines and Schroeder's phases."""
+    signal, system, simulation = axes
+    # A period of a multisine of Eq. 3.1 with few lines and Schroeder's phases.
     lines, amplitudes = np.arange(1, 7), np.ones(6)
     period = one_period(lines, amplitudes, schroeder_phases(amplitudes), 256)
-    axis.plot(np.linspace(0.3, 2.55, 256), 0.78 + 0.45 * period / np.abs(period).max(), color=INK)
-    arrow(axis, (0.3, 0.2), (2.6, 0.2))
-    _write(axis, 2.6, 0.32, "t")
-    _write(axis, 0.22, 1.28, "x")
-
-
-def _draw_system(axis) -> None:
-    """Draw the Kelvin–Boltzmann model between position and force."""
-    inner = axis.inset_axes([0.3, 0.04, 0.34, 0.58])
+    signal.plot(np.linspace(0.3, 2.55, 256), 0.78 + 0.45 * period / np.abs(period).max(), color=INK)
+    arrow(signal, (0.3, 0.2), (2.6, 0.2))
+    _write(signal, 2.6, 0.32, "t")
+    _write(signal, 0.22, 1.28, "x")
+    # The Kelvin–Boltzmann model between position and force.
+    inner = system.inset_axes([0.3, 0.04, 0.34, 0.58])
     width, height = network_size(KB.network)
     inner.set(xlim=(-width / 2 - 0.1, width / 2 + 0.3), ylim=(-height, 0.0), aspect="equal")
     inner.axis("off")
     draw_network(inner, KB.network, 0.0, 0.0)
     for text, place, start in (("x(t)", 0.35, 0.6), ("f(t)", 2.5, 1.9)):
-        _write(axis, place, 0.75, text)
-        arrow(axis, (start, 0.75), (start + 0.35, 0.75))
-
-
-def _draw_simulation(axis) -> None:
-    """Draw the loop of model, haptic device and hand."""
+        _write(system, place, 0.75, text)
+        arrow(system, (start, 0.75), (start + 0.35, 0.75))
+    # The loop of model, haptic device and hand.
     box = {"boxstyle": "square,pad=0.5", "facecolor": "white", "edgecolor": INK}
     for x, text in ((0.75, "model"), (2.05, "haptic\ndevice,\nhand")):
-        _write(axis, x, 0.75, text, bbox=box)
-    arrow(axis, (1.1, 0.9), (1.68, 0.9), "#D55E00")
-    _write(axis, 1.39, 1.05, "force", color="#D55E00")
-    arrow(axis, (1.68, 0.6), (1.1, 0.6), INK)
-    _write(axis, 1.39, 0.45, "position", color=INK)
+        _write(simulation, x, 0.75, text, bbox=box)
+    arrow(simulation, (1.1, 0.9), (1.68, 0.9), "#D55E00")
+    _write(simulation, 1.39, 1.05, "force", color="#D55E00")
+    arrow(simulation, (1.68, 0.6), (1.1, 0.6), INK)
+    _write(simulation, 1.39, 0.45, "position", color=INK)
+    return figure
 
 
 def _write(axis, x: float, y: float, text: str, **look) -> None:

@@ -1,27 +1,168 @@
-"""The pictures of a diagnosis as files."""
+"""The pictures of a diagnosis as files; and its proposed law and linear dynamics."""
 
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
+import scipy
+from matplotlib.figure import Figure
+
+from lumbar.base.templates import typeset_minus_signs
 from lumbar.publishing.figures.comparison_figures import (
+    draw_error_bars,
     ladder_figure,
     record_comparison_figure,
     signature_figure,
 )
-from lumbar.publishing.figures.law_figure import law_figure, linear_figure
 from lumbar.publishing.figures.location_figures import (
     location_figure,
     spatial_comparison_figure,
     spatial_location_figure,
 )
-from lumbar.publishing.figures.style import save
+from lumbar.publishing.figures.style import (
+    DOUBLE_COLUMN,
+    SERIES,
+    add_head_room,
+    house_style,
+    label_panels,
+    new_figure,
+    save,
+)
 from lumbar.publishing.pages.html import LOCATION_CAPTION, SPACE_CAPTION
+from lumbar.tissue.diagnosis.law.proposal import Proposal
+from lumbar.tissue.diagnosis.law.validation import motions
 from lumbar.tissue.diagnosis.residuals.locate import ResidualReport, axis_reports
 from lumbar.tissue.diagnosis.selection.result import DiagnosisResult
 from lumbar.tissue.diagnosis.selection.sentences import runner_up
 from lumbar.tissue.diagnosis.spatial.spatial_reports import SpatialReport
 from lumbar.tissue.effects.signature import pictured_form
 from lumbar.tissue.models.form import Effect
+
+_CELLS = 24
+_SECTIONS = (0.1, 0.5, 0.9)
+"""Quantiles of the velocity in the middle of the sections."""
+_WIDTH = 0.08
+"""Share of the samples of a section on either side."""
+_MIN_CELL_SAMPLES = 5
+"""Fewest samples of a cell that is drawn."""
+_SEGMENTS = 2
+"""Segments of a spectral estimate."""
+_MIN_POWER_SHARE = 1e-5
+"""Least power of the motion, relative to its largest, at frequencies that are drawn."""
+_LOOKS = (("o", "-"), ("s", (0, (4, 1.5))), ("^", (0, (1, 1))))
+
+
+@house_style
+def law_figure(proposal: Proposal) -> Figure:
+    """Draw the missing force over the position at three speeds, and the errors of base, catalogue, law and noise."""
+    figure, axes = new_figure(DOUBLE_COLUMN, 2.8, ncols=2)
+    _draw_sections(axes[0], proposal)
+    _draw_errors(axes[1], proposal)
+    label_panels(axes)
+    return figure
+
+
+def _means(values: np.ndarray, force: np.ndarray, edges: np.ndarray) -> np.ndarray:
+    """Return the mean force between edges; NaN for few samples."""
+    cell = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, len(edges) - 2)
+    count = np.bincount(cell, minlength=len(edges) - 1)
+    total = np.bincount(cell, force, minlength=len(edges) - 1)
+    return np.where(count >= _MIN_CELL_SAMPLES, total / np.maximum(count, 1), np.nan)
+
+
+def _draw_sections(axis, proposal: Proposal) -> None:
+    """Draw the model's residual and the law's force over the position, for velocities near each quantile."""
+    experiment, start = proposal.experiment, proposal.start.fit
+    records = [item.drop_whitening() for item in (experiment.training, *experiment.tests)]
+    position, velocity = (
+        [item.trim(np.concatenate([getattr(motion, name) for motion in motions(item)])) for item in records]
+        for name in ("position", "velocity")
+    )
+    position, velocity = np.concatenate(position), np.concatenate(velocity)
+    missing = np.concatenate([-start.errors(item) for item in records])
+    law = None if proposal.law is None else proposal.law.fit
+    added = law and np.concatenate(
+        [item.trim(law.simulate(item.motion) - start.simulate(item.motion)) for item in records]
+    )
+    edges = np.linspace(*np.quantile(position, [0.005, 0.995]), _CELLS + 1)
+    middle = (edges[1:] + edges[:-1]) / 2
+    ranks = np.argsort(np.argsort(velocity)) / len(velocity)
+    for quantile, (marker, line), color in zip(_SECTIONS, _LOOKS, SERIES, strict=False):
+        inside = np.abs(ranks - quantile) <= _WIDTH
+        typical = float(np.median(velocity[inside]))
+        label = f"$v$ ≈ {typeset_minus_signs(f'{typical:.0f}' if abs(typical) >= 100 else f'{typical:.2g}')}"
+        measured = _means(position[inside], missing[inside], edges)
+        axis.plot(middle, measured, marker, color=color, markersize=2.5, label=label)
+        if added is not None:
+            of_law = _means(position[inside], added[inside], edges)
+            axis.plot(middle, of_law, linestyle=line, color=color, linewidth=1)
+    axis.set(xlabel=f"Position ({experiment.input_unit})", ylabel=f"Missing force ({experiment.output_unit})")
+    title = f"marks: measured{'' if added is None else ', lines: the law'}; $v$ in {experiment.input_unit}/s"
+    add_head_room(axis, 0.4)
+    close = {"ncols": 3, "columnspacing": 0.6, "handletextpad": 0.1}
+    axis.legend(loc="upper center", title=title, title_fontsize=6, fontsize=6, **close)
+
+
+def _draw_errors(axis, proposal: Proposal) -> None:
+    rows = [(proposal.base.fit.structure.base.name, proposal.base)]
+    if proposal.before.effects:
+        rows.append(("with the catalogue", proposal.before))
+    if proposal.law is not None:
+        start = "catalogue" if proposal.law.start.effects else "base"
+        rows.append((f"{start} and law", proposal.law.candidate))
+    floor = proposal.experiment.floor
+    train, test = [item.train_rms for _, item in rows], [item.test_rms for _, item in rows]
+    texts = [f"{value:#.2g}" for value in [*train, *test]]
+    draw_error_bars(axis, {"training": train, "unseen": test}, texts, floor and floor.rms)
+    axis.set_ylim(0, 1.35 * axis.get_ylim()[1])
+    axis.set_xticks(range(len(rows)), [name.replace(" ", "\n", 1) for name, _ in rows])
+    axis.set_ylabel(f"RMS of the simulation error ({proposal.experiment.output_unit})")
+    axis.legend(loc="upper center", ncols=2)
+
+
+@house_style
+def linear_figure(diagnosis: DiagnosisResult) -> Figure:
+    """Draw the linear dynamics of higher order with base and record: gain, phase and poles.
+
+    All three responses are cross spectra of force and motion divided by the motion's spectrum (Welch's estimate), so that
+    they have the same bias, at the frequencies of the training record's motion.
+    """
+    part = max(diagnosis.experiment.training.records, key=lambda item: item.size)
+    rate, unit = 1 / part.motion.sampling_time, diagnosis.experiment.output_unit
+    drawn = {
+        "measured": part.force,
+        "base": diagnosis.base.fit.simulate(part.motion),
+        "linear dynamics": diagnosis.linear.fit.simulate(part.motion),
+    }
+    settings = {"fs": rate, "nperseg": len(part.drop_history(part.force)) // _SEGMENTS}
+    position = part.drop_history(part.motion.position)
+    frequency, power = scipy.signal.csd(position, position, **settings)
+    moved = np.flatnonzero(np.abs(power) > _MIN_POWER_SHARE * np.abs(power).max())
+    moved = moved[moved > 0]
+    figure, (gain, phase, plane) = new_figure(DOUBLE_COLUMN, 2.4, ncols=3)
+    for (label, force), color in zip(drawn.items(), SERIES, strict=False):
+        response = (
+            scipy.signal.csd(position, part.drop_history(force), **settings)[1][moved] / power[moved].real
+        )
+        look = {"color": color, "label": label, "linestyle": "" if label == "measured" else "-"}
+        look["marker"], look["markersize"] = "." if label == "measured" else "", 2
+        gain.loglog(frequency[moved], np.abs(response), **look)
+        phase.semilogx(frequency[moved], np.degrees(np.unwrap(np.angle(response))), **look)
+    # The poles (1/s) are rates and pairs among the nonlinear parameters of the linear base.
+    fit = diagnosis.linear.fit
+    values = dict(zip((item.name for item in fit.structure.base.nonlinear), fit.nonlinear, strict=False))
+    poles = [complex(-value) for name, value in values.items() if name.startswith("relaxation_rate")]
+    for name, damping in values.items():
+        if name.startswith("pair_damping"):
+            poles += [*np.roots([1.0, damping, values[name.replace("damping", "frequency_squared")]])]
+    plane.plot(np.real(poles), np.imag(poles), "x", color=SERIES[2])
+    gain.set(xlabel="Frequency (Hz)", ylabel=f"Gain ({unit}/{diagnosis.experiment.input_unit})")
+    phase.set(xlabel="Frequency (Hz)", ylabel="Phase (°)")
+    plane.set(xlabel="Real part of the poles (1/s)", ylabel="Imaginary part (1/s)")
+    add_head_room(gain, 0.3)
+    gain.legend(loc="upper left", fontsize=6)
+    label_panels((gain, phase, plane))
+    return figure
 
 
 def draw_pictures(

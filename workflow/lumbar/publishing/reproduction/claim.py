@@ -1,12 +1,10 @@
 """A claim of the thesis, its outcome in a run, and the four verdicts."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 from lumbar.base.errors import LumbarError
-from lumbar.base.yaml_file import shipped_yaml
 
 HOLDS = "holds"
 DOES_NOT_HOLD = "does not hold"
@@ -53,20 +51,3 @@ class Claim:
     """Raises `UntestableError` if the results have no value."""
     on_twin: str = ""
     """`BUILT_IN` if the synthetic twin was made to show it, `CANNOT_BE_TESTED` if it is about real lifters."""
-
-
-def sentences(
-    part: str, judges: Mapping[str, Callable[[Results], Outcome]], **fields: str | float
-) -> list[Claim]:
-    """Return the claims of one part of ``claims.yaml``; `fields` fill the placeholders of the texts."""
-    return [
-        Claim(
-            id=name,
-            statement=entry.pop("statement").format(**fields),
-            criterion=entry.pop("criterion").format(**fields),
-            needs=tuple(entry.pop("needs")),
-            judge=judges[name],
-            **entry,
-        )
-        for name, entry in shipped_yaml(Path(__file__).with_name("claims.yaml"))[part].items()
-    ]

@@ -3,12 +3,13 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
+from lumbar.base.yaml_file import shipped_yaml
 from lumbar.lifting.stability.percent_differences import comparison_names
-from lumbar.publishing.reproduction.basin_claims import basin_sentences
 from lumbar.publishing.reproduction.claim import (
     BUILT_IN,
     CANNOT_BE_TESTED,
@@ -19,7 +20,7 @@ from lumbar.publishing.reproduction.claim import (
     Results,
     UntestableError,
 )
-from lumbar.publishing.reproduction.tissue_claims import identification_sentences, survey_sentences
+from lumbar.publishing.reproduction.sentence_judges import MAX_RATIO, judges_of_sentences
 from lumbar.settings.lifting import GROUPS
 from lumbar.tables.table import Table, columns_of, table_from_schema
 
@@ -72,13 +73,33 @@ def all_claims(thesis_tables: dict[str, pd.DataFrame], groups: tuple[str, str] =
         Names of the groups that the study compares instead of the thesis's expert and novice.
     """
     return [
-        *identification_sentences(),
+        *sentence_claims("identification"),
         _mru_claim(thesis_tables["table_3_1"]),
         *(cell.claim() for cell in _table_3_1_cells(thesis_tables["table_3_1"])),
-        *survey_sentences(),
+        *sentence_claims("survey"),
         *(cell.claim() for cell in _table_3_2_cells(thesis_tables["table_3_2"])),
-        *basin_sentences(groups),
+        *sentence_claims("basins", groups),
         *(cell.claim() for cell in _table_4_1_cells(thesis_tables["table_4_1"], groups)),
+    ]
+
+
+def sentence_claims(part: str, groups: tuple[str, str] = GROUPS) -> list[Claim]:
+    """Return the claims of a part of ``claims.yaml``: ``identification``, ``survey`` or ``basins``.
+
+    `groups` replace the thesis's expert and novice in the statements.
+    """
+    judges = judges_of_sentences(groups)
+    fields = {"first": groups[0], "second": groups[1], "within": MAX_RATIO}
+    return [
+        Claim(
+            id=name,
+            statement=entry.pop("statement").format(**fields),
+            criterion=entry.pop("criterion").format(**fields),
+            needs=tuple(entry.pop("needs")),
+            judge=judges[name],
+            **entry,
+        )
+        for name, entry in shipped_yaml(Path(__file__).with_name("claims.yaml"))[part].items()
     ]
 
 

@@ -11,7 +11,7 @@ import pandas as pd
 
 from lumbar.base.files import read_json
 from lumbar.publishing.figures.style import SUBJECT_PREFIX
-from lumbar.study.artefacts import Artefact
+from lumbar.study.study import Artefact
 from lumbar.tables.layout import column_in_words, scientific, split_number, unit_in_print
 from lumbar.tables.table import svg_address
 

@@ -75,8 +75,14 @@ def troubles(results: Path) -> list[Trouble]:
         for item in recordings(results)
         for finding in item["findings"]
     ]
-    for part in (_lift_troubles, _diagnosis_troubles, _basin_troubles, _fmu_troubles):
+    for part in (_lift_troubles, _diagnosis_troubles, _basin_troubles):
         every += part(results)
+    for row in _rows(results / "runtime" / "fmu_check.csv").itertuples():
+        if row.schema_problems:
+            every.append(Trouble(FAILS, row.file, f"{row.schema_problems} problems found by fmpy"))
+        if row.relative_error > row.tolerance:
+            sentence = f"off its model by {row.relative_error:.2g} (allowed: {row.tolerance:.2g})"
+            every.append(Trouble(FAILS, row.file, sentence))
     # Warnings that stages wrote to their logs.
     for path in sorted((results / "logs").rglob("*.log")):
         stage = path.relative_to(results / "logs").with_suffix("")
@@ -132,15 +138,6 @@ def _basin_troubles(results: Path) -> Iterator[Trouble]:
     if unproved:
         sentence = f"{unproved} of {len(exact)} exact basins are not proved over the whole movement"
         yield Trouble(WARNS, "basins", sentence)
-
-
-def _fmu_troubles(results: Path) -> Iterator[Trouble]:
-    for row in _rows(results / "runtime" / "fmu_check.csv").itertuples():
-        if row.schema_problems:
-            yield Trouble(FAILS, row.file, f"{row.schema_problems} problems found by fmpy")
-        if row.relative_error > row.tolerance:
-            sentence = f"off its model by {row.relative_error:.2g} (allowed: {row.tolerance:.2g})"
-            yield Trouble(FAILS, row.file, sentence)
 
 
 def _rows(path: Path) -> pd.DataFrame:

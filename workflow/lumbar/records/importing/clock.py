@@ -8,7 +8,7 @@ import numpy as np
 
 from lumbar.base.errors import InputError, Problems
 from lumbar.records.importing.raw_table import StatedRate
-from lumbar.records.record import CLOCK_TOLERANCE, MIN_SAMPLES, Record, place_of
+from lumbar.records.record import CLOCK_TOLERANCE, MIN_SAMPLES, Channel, Record, place_of
 
 MAX_STEP = 3.0
 """Longest step of an uneven clock, in median steps, that is interpolated."""
@@ -212,7 +212,9 @@ def even_clock(record: Record, lines: Sequence[int] | None) -> tuple[Record, str
     for role, channel in record.channels.items():
         around = channel.values[after - 1], channel.values[after]
         spline = CubicSpline(record.time, channel.values)(time)
-        channels[role] = replace(channel, values=np.clip(spline, np.minimum(*around), np.maximum(*around)))
+        channels[role] = Channel(
+            np.clip(spline, np.minimum(*around), np.maximum(*around)), channel.quantity, channel.unit
+        )
     dropped = int(np.sum(np.maximum(np.round(steps / step) - 1, 0)))
     return replace(record, time=time, channels=channels), (
         f"the clock is uneven (steps of {1e3 * steps.min():.4g} to {1e3 * steps.max():.4g} ms, {dropped} samples dropped): "

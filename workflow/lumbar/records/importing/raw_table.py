@@ -6,7 +6,7 @@ Units are read in the spellings of machines and users, and converted to s, mm, N
 import math
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import astuple, dataclass
 from itertools import product
 from pathlib import Path
 
@@ -125,7 +125,7 @@ def _known_units() -> tuple[dict[str, Unit], dict[str, Unit]]:
     for path, time in product(paths, times):
         speed, factor = f"{path.name}/{time.name}", path.factor / time.factor
         exact[speed] = Unit(speed, SPEEDS[path.quantity], factor, f"{path.target}/s")
-    exact["rpm"] = replace(exact["rev/min"], name="rpm")
+    exact["rpm"] = Unit("rpm", *astuple(exact["rev/min"])[1:])
     exact |= {word: Unit(word, "reading", 1.0, word) for word in _READINGS.split()}
     lower: dict[str, Unit | None] = {}
     for word, unit in exact.items():

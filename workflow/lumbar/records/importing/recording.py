@@ -311,7 +311,8 @@ def _to_record(
         quantity, unit = channels["input"].quantity, motion.unit.target.removesuffix("/s")
         velocity = motion.column.values * motion.unit.factor
         position, note = integrate_velocity(time, velocity, samples, unit, table.lines)
-        record = replace(record, channels={**channels, "input": Channel(position, quantity, unit)})
+        channels |= {"input": Channel(position, quantity, unit)}
+        record = Record(part.name, clock, channels, table.source)
         notes.append(f"the {quantity} is the integral of {motion.column.label} {note}")
     elif motion is not None and is_velocity_name(motion.column.name_in_group):
         notes.append(

@@ -34,7 +34,6 @@ from lumbar.records.importing.raw_table import (
 from lumbar.records.importing.roles import Choices
 from lumbar.records.importing.variables import read_variables
 from lumbar.records.number_table import (
-    NumberTable,
     decode_lines,
     read_numbers,
     read_plain_numbers,
@@ -147,7 +146,13 @@ def _read_sheets(source: str, content: bytes) -> dict[str, list[str]]:
 def _read_lines(lines: list[str], source: str, encoding: str, table: str | None = None) -> RawTable:
     """Return the table in lines of text; of several tables, the one with this number (from 1)."""
     dialect = find_dialect(lines)
-    plain = _read_plain_rows(lines, dialect) if dialect else None
+    plain = None
+    if dialect and not dialect.text_columns and dialect.decimal != dialect.delimiter:
+        # A text with only rows of numbers from its first row to its end.
+        last = next((n for n in range(len(lines), 0, -1) if lines[n - 1].strip()), 0)
+        first = next((n for n in range(last) if dialect.is_row(lines[n])), last)
+        if last - first >= MIN_ROWS:
+            plain = read_plain_numbers(lines[first:last], dialect, dialect.width, first + 1)
     if plain is not None:
         blocks = runs = [(plain.lines[0] - 1, plain.lines[-1] - 1)]
     else:
@@ -202,15 +207,6 @@ def _read_lines(lines: list[str], source: str, encoding: str, table: str | None 
     form = "; ".join([f"{encoding}, {dialect}, lines {first + 1} to {last + 1}", *remarks])
     rates = tuple(_stated_rates(lines[:first]))
     return RawTable(source, form, tuple(columns), numbers.lines, rates, tuple(texts))
-
-
-def _read_plain_rows(lines: list[str], dialect: TableDialect) -> NumberTable | None:
-    """Return the table of a text with only rows of numbers from its first row to its end."""
-    last = next((n for n in range(len(lines), 0, -1) if lines[n - 1].strip()), 0)
-    first = next((n for n in range(last) if dialect.is_row(lines[n])), last)
-    if last - first < MIN_ROWS or dialect.text_columns or dialect.decimal == dialect.delimiter:
-        return None
-    return read_plain_numbers(lines[first:last], dialect, dialect.width, first + 1)
 
 
 def _choose_block(blocks: list[tuple[int, int]], table: str | None, source: str) -> tuple[int, int]:

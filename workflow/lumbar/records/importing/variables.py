@@ -187,7 +187,12 @@ def _hdf5_variables(source: str, content: bytes) -> dict[str, Any]:
         attributes = _hdf5_attributes(item)
         arrays.update({f"{path}/{name}": value for name, value in attributes.items()})
         if isinstance(item, h5py.Dataset) and not path.startswith("#"):  # MATLAB's internal groups
-            arrays.update(_hdf5_values(path, item))
+            # Only numbers: other kinds may be large, or refer to other files.
+            for name in item.dtype.names or [None]:
+                if (item.dtype[name] if name else item.dtype).kind in "fiu":
+                    values = np.squeeze(item[name] if name else item[()])
+                    is_wide = values.ndim == 2 and values.shape[1] > values.shape[0]
+                    arrays[f"{path}/{name}" if name else path] = values.T if is_wide else values
             for name, value in attributes.items():
                 if name.casefold() in ("unit", "units"):
                     unit = value.item()
@@ -213,15 +218,6 @@ def _hdf5_size(path: str, item, source: str) -> int:
     if creation.get_external_count() or creation.get_layout() == h5py.h5d.VIRTUAL:
         raise InputError(_ELSEWHERE.format(source=source, path=path))
     return max(8, item.dtype.itemsize) * max(item.size or 0, math.prod(item.chunks or ()))
-
-
-def _hdf5_values(path: str, item) -> Iterator[tuple[str, np.ndarray]]:
-    """Yield the numbers of an item and its fields by path; other kinds may be large, or refer to other files."""
-    for name in item.dtype.names or [None]:
-        if (item.dtype[name] if name else item.dtype).kind in "fiu":
-            values = np.squeeze(item[name] if name else item[()])
-            is_wide = values.ndim == 2 and values.shape[1] > values.shape[0]
-            yield f"{path}/{name}" if name else path, values.T if is_wide else values
 
 
 def _hdf5_attributes(item) -> dict[str, np.ndarray]:

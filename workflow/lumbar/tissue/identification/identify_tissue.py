@@ -96,16 +96,17 @@ def fit_output_error(
 
     initials = [structure.coefficients(stabilise(start)) for start in starts]
     initials.sort(key=lambda coefficients: float(np.sum(residuals(coefficients) ** 2)))
-    best = None
-    for initial in initials[:_MAX_STARTS]:
-        result = scipy.optimize.least_squares(
+    minima = [
+        scipy.optimize.least_squares(
             residuals, initial, jac=jacobian, method="lm", x_scale="jac", xtol=1e-10, ftol=1e-12, max_nfev=300
         )
-        if structure.transfer_function(result.x).stable and (best is None or result.cost < best.cost):
-            best = result
-    if best is None:
+        for initial in initials[:_MAX_STARTS]
+    ]
+    stable = [minimum for minimum in minima if structure.transfer_function(minimum.x).stable]
+    if not stable:
         raise NumericalError("no start of the output-error fit leads to a stable model")
-    return OutputErrorFit(best.x, -residuals(best.x), jacobian(best.x), best.status > 0)
+    best = min(stable, key=lambda minimum: minimum.cost)
+    return OutputErrorFit(best.x, -best.fun, best.jac, best.status > 0)
 
 
 def simulation_sensitivities(
@@ -212,8 +213,7 @@ def identify(
     regression = ReducedRegression(data.inputs, data.outputs, lag)
     alphas = np.concatenate([[0.0], np.geomspace(ridge.alpha_min, ridge.alpha_max, ridge.alpha_points)])
     estimators = _Estimators(training, data, others, settings, seed)
-    fits, grid = [], []
-    nested: TransferFunction | None = None
+    fits, grid, nested = [], [], None
     for model in (*FIXED_STRUCTURE, HO):
         structures = [model.structure] if model.structure else higher_order_structures(lag)
         condition_max = None if model.structure else settings.search.condition_max
@@ -252,11 +252,8 @@ def distinct(models: list[FittedModel]) -> list[FittedModel]:
 
 def ports_of(record: Record, *offsets: float) -> tuple[Port, Port]:
     """Return the input and the output of a record with their values at rest."""
-    channels = (record.channels["input"], record.channels["output"])
-    return tuple(
-        Port(channel.quantity, channel.unit, offset)
-        for channel, offset in zip(channels, offsets, strict=True)
-    )
+    channels = zip((record.channels["input"], record.channels["output"]), offsets, strict=True)
+    return tuple(Port(channel.quantity, channel.unit, offset) for channel, offset in channels)
 
 
 def scores_of(

@@ -1,16 +1,19 @@
-"""Sentences of Chapter 3: surgeon motion, excitation, identified models and the survey.
+"""Judges of the sentences of Chapter 3 (surgeons, excitation, identified models, survey) and Chapter 4 (basins of attraction).
 
 The reconstructed survey was made from the published margins, so claims that follow from them are built in. Claims that
 need the pairing of one participant's answers are not.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from itertools import pairwise
 
 import pandas as pd
 
-from lumbar.publishing.reproduction.claim import Claim, Outcome, Results, UntestableError, sentences
+from lumbar.lifting.stability.basins import RANGES, REACHES
+from lumbar.lifting.stability.percent_differences import comparison_names
+from lumbar.publishing.reproduction.claim import Outcome, Results, UntestableError
+from lumbar.settings.lifting import GROUPS
 from lumbar.tissue.signals.surgeon_motion import bandwidth_readings, readings_in_words
 
 THESIS_MODELS = ("MW", "KB", "HO")
@@ -61,21 +64,22 @@ def _bandwidth(quantity: str, results: Results) -> Outcome:
     return Outcome(readings_in_words(readings), bool(near), remark)
 
 
-def _near(
-    thesis: float, tolerance: float, read: Callable[[Results], float | None], results: Results
-) -> Outcome:
-    """Compare one number with the thesis's."""
-    value = read(results)
-    if value is None:
-        raise UntestableError("the survey's table has no such group")
-    return Outcome(value, abs(value - thesis) <= tolerance)
-
-
 def _participants(group: str, thesis: float, results: Results) -> Outcome:
-    """Compare the share of a group of participants in percent with the thesis's."""
+    """Compare the share of a group of participants in percent, or their number for an empty group, with the thesis's."""
     participants = results["survey"]["participants"]
+    if not group:
+        return Outcome(participants["number"], participants["number"] == thesis)
     row = participants["groups"].get(group) or participants["experience"].get(group)
-    return _near(thesis, 0.051, lambda _: None if row is None else round(row["percent"], 1), results)
+    if row is None:
+        raise UntestableError("the survey's table has no such group")
+    percent = round(row["percent"], 1)
+    return Outcome(percent, abs(percent - thesis) <= 0.051)
+
+
+@_judges("excitation_band")
+def _excitation_band(results: Results) -> Outcome:
+    highest = float(max(results["multisine"]["frequency_Hz"]))
+    return Outcome(highest, abs(highest - 5.0) <= 0.25)
 
 
 @_judges("highest_vaf")
@@ -173,19 +177,6 @@ _HO_IS = {
 """By claim: a column of Table 3.1 and which end of its range the HO model has."""
 
 
-def identification_sentences() -> list[Claim]:
-    """Return the claims on surgeon motion, excitation and models."""
-    judges = {
-        "bandwidth": partial(_bandwidth, "position"),
-        "bandwidth_velocity": partial(_bandwidth, "velocity"),
-        "excitation_band": partial(
-            _near, 5.0, 0.25, lambda results: float(max(results["multisine"]["frequency_Hz"]))
-        ),
-        **{f"ho_{name}": partial(_ho_is_extreme, *column) for name, column in _HO_IS.items()},
-    }
-    return sentences("identification", _JUDGES | judges)
-
-
 @_judges("kruskal_wallis")
 def _kruskal(results: Results) -> Outcome:
     test = results["survey"]["kruskal_wallis"]
@@ -257,16 +248,149 @@ def _closer_is_preferred(results: Results) -> Outcome:
     return Outcome(text, rising, "three models: an order that chance gives in one case of six or more")
 
 
-def survey_sentences() -> list[Claim]:
-    """Return the claims on the survey."""
+_PERCENT = ["lateral_bending_percent", "flexion_extension_percent"]
+_MISSING = "this study lacks one of the lifts compared"
+_NOT_RUN = "the thesis's procedure was not run"
+MAX_RATIO = 10.0
+"""A basin is of the order of magnitude of its movement if it reaches at most this many times as far, and at least the
+inverse."""
+
+
+def _rows(results: Results, comparison: str) -> pd.DataFrame:
+    """Return the rows of one comparison of Table 4.1 by centre of mass."""
+    table = results["table_4_1"]
+    rows = table[table.comparison == comparison]
+    if rows.empty or rows[_PERCENT].isna().any(axis=None):
+        raise UntestableError(_MISSING)
+    return rows.set_index("com")
+
+
+def _compared(comparison: str, agrees: Callable[[pd.DataFrame], bool], results: Results) -> Outcome:
+    rows = _rows(results, comparison)
+    percents = "; ".join(
+        f"{com}: {row.lateral_bending_percent:+.2f} %, {row.flexion_extension_percent:+.2f} %"
+        for com, row in rows.iterrows()
+    )
+    return Outcome(percents, bool(agrees(rows)))
+
+
+def _novice_susceptible(lighter: Sequence[str], groups: tuple[str, str], results: Results) -> Outcome:
+    expert, novice = (_rows(results, name)[_PERCENT].abs().mean(axis=None) for name in lighter)
+    text = f"mean size of the change: {groups[0]} {expert:.2f} %, {groups[1]} {novice:.2f} %"
+    return Outcome(text, bool(novice > expert))
+
+
+def _trajectories_matter(names: Sequence[str], results: Results) -> Outcome:
+    """Compare the headline's differences with those of its null control (θ0 = 0)."""
+    rows = results["table_4_1_controls"].dropna(subset=["percent", "null_percent"])
+    rows = rows[rows.comparison.isin(names)]
+    if set(names) != set(rows.comparison):
+        raise UntestableError(_MISSING)
+    left = (rows.percent - rows.null_percent) ** 2
+    sums = rows.assign(left=left, all=rows.percent**2).groupby("comparison")[["left", "all"]].sum()
+    explained = 1 - sums["left"] / sums["all"]
+    shares = [
+        f"{name.replace('_', ' ')}: without any movement {100 * share:.0f} % of their squares are left"
+        for name, share in explained.items()
+    ]
+    return Outcome("; ".join(shares), bool((explained < 0.5).all()))
+
+
+def _basins(results: Results, method: str, absent: str) -> pd.DataFrame:
+    rows = results["boa"][results["boa"].method == method]
+    if rows.empty:
+        raise UntestableError(absent)
+    return rows
+
+
+@_judges("alternation_certifies")
+def _alternation_certifies(results: Results) -> Outcome:
+    shares = 100 * _basins(results, "thesis", _NOT_RUN).violation_share
+    text = f"{shares.min():.3g} to {shares.max():.3g} % of the knots violate the condition"
+    return Outcome(text, bool(shares.max() == 0), "ρ̇ frozen at the previous guess is not the ρ̇ of the result")
+
+
+@_judges("alternation_converges")
+def _alternation_converges(results: Results) -> Outcome:
+    rows = _basins(results, "thesis", _NOT_RUN)
+    more, fewer = (100 * (rows[f"mean_area_after_{n}"] / rows.mean_area - 1) for n in (4, 1))
+    jumping = int((rows.jumped_knots > 0).sum())
+    text = (
+        f"with one mean areas change by {fewer.min():+.1f} to {fewer.max():+.1f} %, with four by {more.min():+.1f} to "
+        f"{more.max():+.1f} %; in {jumping} of {len(rows)} basins ρ jumps at {int(rows.jumped_knots.sum())} knots in all"
+    )
+    remark = "only knots that have a multiplier again grow; the solver's tolerance decides which these are"
+    return Outcome(text, bool(more.abs().max() <= 1), remark)
+
+
+def _no_exits(method: str, remark: str, results: Results) -> Outcome:
+    """Judge whether simulated starts stay in the funnels of one method."""
+    rows = _basins({"boa": results["boa"].dropna(subset=["exits"])}, method, "no start was simulated")
+    starts, exits = int(rows.simulated_starts.sum()), int(rows.exits.sum())
+    return Outcome(f"{exits} exits in {starts} simulated starts", exits == 0, remark)
+
+
+@_judges("basins_like_states")
+def _basins_like_states(results: Results) -> Outcome:
+    """Compare each exact basin's reach with the range of its movement, for every pendulum and time.
+
+    A state that does not move has no order of magnitude and is left out.
+    """
+    absent, spans, met = "no basin about a movement could be computed", [], []
+    for (sign, time), rows in _basins(results, "exact", absent).groupby(["sign", "time"], sort=False):
+        ratios = {
+            state: (rows[reached] / rows[moved])[rows[moved] > 0]
+            for state, moved, reached in zip(("angle", "velocity"), RANGES, REACHES, strict=True)
+        }
+        if any(ratio.empty for ratio in ratios.values()):
+            continue
+        met.append(all(ratio.between(1 / MAX_RATIO, MAX_RATIO).all() for ratio in ratios.values()))
+        texts = (
+            f"{ratio.min():.3g} to {ratio.max():.3g} times in {state}" for state, ratio in ratios.items()
+        )
+        spans.append(f"{sign}, {time} time: {', '.join(texts)}")
+    if not met:
+        raise UntestableError(absent)
+    return Outcome("; ".join(spans), all(met), "Q, R and Qf are the study's, the thesis gives none")
+
+
+@_judges("expands_backward")
+def _expands_backward(results: Results) -> Outcome:
+    rows = _basins(results, "exact", "no basin could be computed")
+    larger = rows.initial_area > rows.final_area
+    text = f"{int(larger.sum())} of {len(rows)} basins larger at the start than at the goal"
+    return Outcome(text, bool(larger.all()))
+
+
+def judges_of_sentences(groups: tuple[str, str]) -> dict[str, Callable[[Results], Outcome]]:
+    """Return the judge of every claim of ``claims.yaml``; `groups` replace the thesis's expert and novice."""
+    names, (lateral, sagittal) = comparison_names(groups), _PERCENT
+    between, lighter = names["expert_vs_novice"], [names[f"decrease_in_mass_{name}"] for name in GROUPS]
     shares = {"clinician": 75.6, "dry_needling": 15.6, "acupuncture": 13.3, "palpation": 93.3}
     shares |= {"<5": 11.1, ">20": 35.6}
-    judges = {
-        "participants": partial(_near, 45, 0, lambda results: results["survey"]["participants"]["number"]),
+    return {
+        **_JUDGES,
+        "bandwidth": partial(_bandwidth, "position"),
+        "bandwidth_velocity": partial(_bandwidth, "velocity"),
+        **{f"ho_{name}": partial(_ho_is_extreme, *column) for name, column in _HO_IS.items()},
+        "participants": partial(_participants, "", 45),
         **{f"participants.{group}": partial(_participants, group, share) for group, share in shares.items()},
         "pairs_differ": partial(_all_but_kb_ho, "p_value", "mann_whitney"),
         "pairs_differ_holm": partial(_all_but_kb_ho, "p_holm", "mann_whitney"),
         "best_ho": partial(_best, "highest", "HO"),
         "best_il": partial(_best, "lowest", "IL"),
+        "expert_larger": partial(_compared, between, lambda rows: (rows[lateral] > 0).all()),
+        "lateral_largest": partial(
+            _compared, between, lambda rows: (rows[lateral].abs() > rows[sagittal].abs()).all()
+        ),
+        "expert_unchanged": partial(
+            _compared, lighter[0], lambda rows: rows[_PERCENT].abs().max(axis=None) <= 1
+        ),
+        "novice_susceptible": partial(_novice_susceptible, lighter, groups),
+        "trajectories_matter": partial(_trajectories_matter, [between]),
+        "trajectories_matter_with_mass": partial(_trajectories_matter, lighter),
+        "basins_reach_goal": partial(_no_exits, "thesis", "Eqs 4.5 to 4.7, in the thesis's wording"),
+        "exact_is_invariant": partial(
+            _no_exits, "exact", "fixed V, exact ρ(t); not a sentence of the thesis"
+        ),
     }
-    return sentences("survey", _JUDGES | judges)
