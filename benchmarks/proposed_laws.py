@@ -43,7 +43,7 @@ def record(name: str, time: np.ndarray, position: np.ndarray, force: np.ndarray)
 def error(fit, one: Record) -> float:
     """RMS of the free run on a record, from where it counts."""
     first = round(settling_time(one) / one.sampling_time)
-    return float(np.sqrt(np.mean((fit.simulate(Motion.of(one)) - one["output"])[first:] ** 2)))
+    return float(np.sqrt(np.mean((fit.simulate(Motion.from_record(one)) - one["output"])[first:] ** 2)))
 
 
 def law_row(name: str, make, seed: int = 0) -> dict:

@@ -54,7 +54,7 @@ def shared() -> Path:
 
 
 @dataclass(frozen=True)
-class MadeOnce:
+class SharedResults:
     """Things made once below one folder that all workers of a session see."""
 
     root: Path
@@ -82,14 +82,14 @@ def _attempt(make: Callable[[Path], Any], folder: Path) -> tuple[str | None, Any
 
 
 @pytest.fixture(scope="session")
-def made_once(tmp_path_factory):
+def share_result(tmp_path_factory):
     """Make things once for all workers of a session, by name."""
     own = tmp_path_factory.getbasetemp()
-    return MadeOnce(own.parent if "PYTEST_XDIST_WORKER" in os.environ else own)
+    return SharedResults(own.parent if "PYTEST_XDIST_WORKER" in os.environ else own)
 
 
 @pytest.fixture(scope="session")
-def saved_lift(made_once):
+def saved_lift(share_result):
     """Folder of a saved synthetic lift, and the page that was made before it was saved."""
     import lumbar
     from lumbar.twin.examples import example_lift
@@ -100,4 +100,4 @@ def saved_lift(made_once):
         lift.save(folder)
         return lumbar.lift_page(lift).to_html()
 
-    return made_once("lift", analyse)
+    return share_result("lift", analyse)

@@ -37,7 +37,7 @@ class Units:
     otherwise: bool = False
     """True if the records are in another order and the units have other names."""
 
-    def of(self, record: Record) -> Record:
+    def convert(self, record: Record) -> Record:
         """The record in the other units."""
         way = -1 if self.turned else 1
         factors = {"input": way * self.motion, "output": way * self.force, "pivot_acceleration_x": way}
@@ -63,7 +63,7 @@ def check_alike(diagnose: Diagnose, records: Sequence[Record], units: Units) -> 
     """Diagnose the records and the same in other units; both say the same."""
     first = diagnose(records, None)
     train = [item.name for item in first.experiment.training.records]
-    second = diagnose([units.of(record) for record in records[:: -1 if units.otherwise else 1]], train)
+    second = diagnose([units.convert(record) for record in records[:: -1 if units.otherwise else 1]], train)
     assert unit_free_fields(first) == unit_free_fields(second)
     for one, other in zip(first.path, second.path, strict=True):
         assert other.test_rms == pytest.approx(one.test_rms * units.force, rel=SIGNIFICANT)

@@ -10,7 +10,7 @@ PATIENCE_S = 900
 """Ends a wait for what will never come; nothing is asserted of time."""
 
 
-def seen(look: Callable[[], Seen], every_s: float = 0.02) -> Seen:
+def wait_until(look: Callable[[], Seen], every_s: float = 0.02) -> Seen:
     """Return what `look` returns as soon as that is true."""
     end = time.monotonic() + PATIENCE_S
     while not (found := look()):

@@ -92,7 +92,7 @@ def _cell(then, now, table: str, row: str, column: str, settings: dict) -> list[
     return [Movement(table, row, column, float(then), float(now), allowed, moved <= allowed)]
 
 
-def kept_as(name: str, settings: dict) -> str:
+def reference_name(name: str, settings: dict) -> str:
     """File name of a table's reference."""
     return settings.get("kept_as", Path(name).name)
 
@@ -114,12 +114,14 @@ def main(arguments: list[str] | None = None) -> int:
         for name, settings in tables.items():
             frame = pd.read_csv(options.results / name, dtype=str, keep_default_na=False)
             kept = [*settings["keys"], *settings["columns"]] if "columns" in settings else list(frame.columns)
-            frame[kept].to_csv(options.reference / kept_as(name, settings), index=False, lineterminator="\n")
+            frame[kept].to_csv(
+                options.reference / reference_name(name, settings), index=False, lineterminator="\n"
+            )
         print(f"{len(tables)} tables taken as reference")
         return 0
     failed = cells = 0
     for name, settings in tables.items():
-        reference = pd.read_csv(options.reference / kept_as(name, settings))
+        reference = pd.read_csv(options.reference / reference_name(name, settings))
         cells += reference.size
         if not (options.results / name).is_file():
             print(f"NOT ALLOWED: {name}: missing; run the default study first")

@@ -35,7 +35,7 @@ class Motion:
         """The motion times a number or a number per axis."""
         return Motion(self.step, self.position * factor, self.velocity * factor, self.acceleration * factor)
 
-    def at_rest(self) -> "Motion":
+    def hold_first_position(self) -> "Motion":
         """The tool held at its first position."""
         still = np.zeros_like(self.position)
         return Motion(self.step, still + self.position[0], still, still)

@@ -89,7 +89,7 @@ def measured_force(truth: dict, motion: Motion) -> np.ndarray:
     force, effects = tissue_force(truth, motion), truth["effects"]
     if "delay" in effects:
         late = round(effects["delay"]["Td"] / motion.step)
-        rest = tissue_force(truth, motion.at_rest())[:1]
+        rest = tissue_force(truth, motion.hold_first_position())[:1]
         force = np.concatenate([np.repeat(rest, late, axis=0), force[: len(force) - late]])
     force = force @ np.array(truth["sensor"]).T
     if "drift" in effects:

@@ -57,7 +57,7 @@ def fmu_models():
 
 
 @pytest.fixture(scope="session")
-def fmu_folder(fmu_models, made_once):
+def fmu_folder(fmu_models, share_result):
     """Return a folder with the FMUs of the shared models and of one with an effect and an awkward name."""
 
     def make(folder):
@@ -66,7 +66,7 @@ def fmu_folder(fmu_models, made_once):
         chosen = selected(awkward, changed(SETTINGS, models=["KB+coulomb_friction"], moving_average_ms=0))
         export(chosen, folder, "A & B <lab>")
 
-    return made_once("fmu", make)[0]
+    return share_result("fmu", make)[0]
 
 
 @pytest.fixture

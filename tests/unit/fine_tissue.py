@@ -86,7 +86,7 @@ def _pressed(depth: list[float], step: float, force_beside) -> np.ndarray:
     return np.maximum(forces, 0.0)
 
 
-def found(records: list[Record], settings=None) -> tuple[str, tuple[str, ...], str]:
+def diagnosed_effects(records: list[Record], settings=None) -> tuple[str, tuple[str, ...], str]:
     """Base, selected effects and verdict of a diagnosis."""
     diagnosis = diagnose(records, settings)
     return diagnosis.base.fit.structure.base.name, diagnosis.selected, diagnosis.status

@@ -132,7 +132,7 @@ def noisy_recording(name, seed, noise_mm, folder) -> MarkerRecording:
     return lumbar.read(folder / "lift.c3d", layout=study_settings().lifting.markers)
 
 
-def without(recording, *parts) -> MarkerRecording:
+def hide_markers(recording, *parts) -> MarkerRecording:
     """The recording without the markers in whose names one of these parts stands."""
     kept = {name: points for name, points in recording.positions.items() if not any(map(name.count, parts))}
     return replace(recording, positions=kept)

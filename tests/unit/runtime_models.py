@@ -117,7 +117,7 @@ def forces_of(path: Path, positions: np.ndarray) -> np.ndarray:
     return simulate_fmu(path, positions)
 
 
-def put(slave, reference: int, value: float) -> None:
+def set_variable(slave, reference: int, value: float) -> None:
     """Set a variable of an FMI 2.0 or 3.0 instance."""
     setter = slave.setReal if hasattr(slave, "setReal") else slave.setFloat64
     setter([reference], [value])

@@ -36,7 +36,7 @@ def spatial_model(
     for key, numbers in effects.items():
         effect, name = key.split("/")
         if effect in TISSUE:
-            form = next(item for item in TISSUE[effect].in_space(axes)[0].forms if item.name == name)
+            form = next(item for item in TISSUE[effect].to_space(axes)[0].forms if item.name == name)
         else:
             (form,) = force_sensor_effects(axes)[effect].forms
         structure = structure.with_form(form)

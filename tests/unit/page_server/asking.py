@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lumbar.page_server.server import HOST, Visitors
-from patience import PATIENCE_S, seen
+from patience import PATIENCE_S, wait_until
 
 if TYPE_CHECKING:
     from bokeh.server.server import Server
@@ -78,4 +78,4 @@ def ended(served, page: str) -> str:
         assert status == 200
         return "location.reload()" not in text and text
 
-    return seen(finished_page)
+    return wait_until(finished_page)

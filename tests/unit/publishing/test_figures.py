@@ -236,7 +236,7 @@ def test_default_segment_has_typical_error():
 def test_location_figure_shows_depth_and_reversals(tests):
     periodic, simulated = tests[0]
     residual = residual_after(periodic, simulated, noise_floor(periodic))
-    location = Location.of_residual(periodic.name, residual, rank_causes([residual]))
+    location = Location.from_residual(periodic.name, residual, rank_causes([residual]))
     figure = location_figure(location)
     time, depth, turning = figure.axes
     for axis in figure.axes:

@@ -12,7 +12,7 @@ from lifting_cases import missing_share
 import lumbar
 from refusing import has_tokens, refusal
 
-pytestmark = pytest.mark.usefixtures("in_this_process")
+pytestmark = pytest.mark.usefixtures("read_in_this_process")
 
 LABELS = ["C7", "SACR", "LTOE"]
 

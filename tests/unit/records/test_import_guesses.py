@@ -261,7 +261,7 @@ MOTION = 4 * np.sin(RADIAN * TIME)
 DRIVEN = 1.3 * MOTION + 0.02 * np.random.default_rng(5).normal(size=len(TIME))
 
 
-def given(tmp_path, head, columns=(TIME, VELOCITY, DRIVEN), **options):
+def import_table(tmp_path, head, columns=(TIME, VELOCITY, DRIVEN), **options):
     (tmp_path / "trial.csv").write_text(head + "\n" + rows(",", columns=columns, digits=7), encoding="utf-8")
     [recording] = lumbar.import_recordings(tmp_path / "trial.csv", **options)
     return recording
@@ -278,7 +278,7 @@ def given(tmp_path, head, columns=(TIME, VELOCITY, DRIVEN), **options):
     ],
 )
 def test_velocity_is_integrated_with_note(tmp_path, head, options):
-    one = given(tmp_path, head, **options)
+    one = import_table(tmp_path, head, **options)
     step = 1 / RATE
     assert one.record["input"][0] == 0
     assert one.record["input"] == pytest.approx(MOTION, abs=step**2 / 12 * np.ptp(RADIAN * VELOCITY) + 1e-6)
@@ -288,32 +288,35 @@ def test_velocity_is_integrated_with_note(tmp_path, head, options):
 
 
 def test_position_is_preferred_to_velocity(tmp_path):
-    one = given(tmp_path, "time_s,v [mm/s],z [mm],force_N", columns=(TIME, VELOCITY, MOTION + 3, DRIVEN))
+    one = import_table(
+        tmp_path, "time_s,v [mm/s],z [mm],force_N", columns=(TIME, VELOCITY, MOTION + 3, DRIVEN)
+    )
     assert one.record["input"] == pytest.approx(MOTION + 3, abs=1e-6)
     columns = (TIME, VELOCITY, MOTION + 3, DRIVEN)
-    two = given(tmp_path, "time_s,v [mm/s],z [mm],force_N", columns=columns, position="v")
+    two = import_table(tmp_path, "time_s,v [mm/s],z [mm],force_N", columns=columns, position="v")
     assert two.record["input"][0] == 0
 
 
 def test_unclear_velocities_need_choice(tmp_path):
     head, columns = "time_s,v1 [mm/s],v2 [mm/s],force_N", (TIME, VELOCITY, VELOCITY, DRIVEN)
     tokens = "position … column 2 'v1' [mm/s] … column 3 'v2' [mm/s] … --position"
-    assert has_tokens(refusal(given, tmp_path, head, columns=columns), tokens)
+    assert has_tokens(refusal(import_table, tmp_path, head, columns=columns), tokens)
     assert has_tokens(
-        refusal(given, tmp_path, "time_s,velocity,force_N"), "column 2 'velocity' … --position-unit … mm/s"
+        refusal(import_table, tmp_path, "time_s,velocity,force_N"),
+        "column 2 'velocity' … --position-unit … mm/s",
     )
-    note = given(tmp_path, "time_s,velocity,force_N", position="velocity", position_unit="mm").notes[0]
+    note = import_table(tmp_path, "time_s,velocity,force_N", position="velocity", position_unit="mm").notes[0]
     assert has_tokens(note, "column 2 'velocity' … position … --position-unit mm/s")
 
 
 def test_parts_share_zero_of_integration(tmp_path):
     """If samples are missing before a part, it has its own zero, with a note."""
-    whole = given(tmp_path, "time_s,v [mm/s],force_N").record
-    part = given(tmp_path, "time_s,v [mm/s],force_N", trim=(1, 2)).record
+    whole = import_table(tmp_path, "time_s,v [mm/s],force_N").record
+    part = import_table(tmp_path, "time_s,v [mm/s],force_N", trim=(1, 2)).record
     assert part["input"] == pytest.approx(whole["input"][200:400])
     gap = VELOCITY.copy()
     gap[50] = np.nan
-    part = given(tmp_path, "time_s,v [mm/s],force_N", columns=(TIME, gap, DRIVEN), trim=(1, 2))
+    part = import_table(tmp_path, "time_s,v [mm/s],force_N", columns=(TIME, gap, DRIVEN), trim=(1, 2))
     assert part.record["input"] == pytest.approx(whole["input"][200:400] - whole["input"][51])
     assert has_tokens(part.notes[1], "0 … line 53")
 
@@ -321,7 +324,7 @@ def test_parts_share_zero_of_integration(tmp_path):
 def test_velocity_is_integrated_on_uneven_clock(tmp_path):
     time = TIME + np.random.default_rng(2).uniform(-0.4, 0.4, len(TIME)) / RATE
     speed = 4 * RADIAN * np.cos(RADIAN * time)
-    record = given(tmp_path, "time_s,v [mm/s],force_N", columns=(time, speed, DRIVEN)).record
+    record = import_table(tmp_path, "time_s,v [mm/s],force_N", columns=(time, speed, DRIVEN)).record
     expected = 4 * (np.sin(RADIAN * record.time) - np.sin(RADIAN * time[0]))
     assert record["input"] == pytest.approx(expected, abs=0.02)
 

@@ -8,7 +8,7 @@ from lifting_cases import missing_share
 import lumbar
 from refusing import has_tokens, refusal
 
-pytestmark = pytest.mark.usefixtures("in_this_process")
+pytestmark = pytest.mark.usefixtures("read_in_this_process")
 
 METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 

@@ -84,7 +84,7 @@ def test_input_up_to_nyquist_is_diagnosed():
 def test_sixty_samples_at_ten_hertz_are_located():
     position = np.cumsum(noise(60, 5))
     test = record(position, relaxing_force(position) + 0.01 * noise(60, 6))
-    slow = lumbar.diagnose([_at(test, 0.1)], settings=ONE_EFFECT)
+    slow = lumbar.diagnose([resample_clock(test, 0.1)], settings=ONE_EFFECT)
     assert str(slow.add().locate())
 
 
@@ -92,10 +92,10 @@ def test_sixty_samples_at_ten_hertz_are_located():
 def test_fifty_samples_are_too_few_at_any_rate(step):
     position = np.cumsum(noise(50, 5))
     with pytest.raises(InputError, match=r"\b50 samples\b.*\b48\b"):
-        lumbar.diagnose([_at(record(position, relaxing_force(position)), step)])
+        lumbar.diagnose([resample_clock(record(position, relaxing_force(position)), step)])
 
 
-def _at(test, step):
+def resample_clock(test, step):
     return replace(test, time=np.arange(len(test)) * step)
 
 

@@ -14,7 +14,7 @@ import yaml
 
 from lumbar.settings.lifting import PendulumSettings, StabilitySettings
 from lumbar.settings.study_settings import StudySettings
-from patience import PATIENCE_S, seen
+from patience import PATIENCE_S, wait_until
 from run.jobs import job_size, remove_half_written, warnings_in
 
 WORKFLOW = Path(__file__).resolve().parents[3] / "workflow"
@@ -167,7 +167,7 @@ def test_job_ends_with_its_parent(tmp_path):
         env=os.environ | {"PYTHONPATH": str(WORKFLOW)},
         stderr=subprocess.DEVNULL,
     )
-    assert seen(lambda: parent.poll() is not None or (said.is_file() and said.read_text()))
+    assert wait_until(lambda: parent.poll() is not None or (said.is_file() and said.read_text()))
     worker = psutil.Process(int(said.read_text()))
     parent.kill()
     parent.wait()

@@ -17,7 +17,7 @@ from lumbar.tables.table import Table, escape_latex, table_from_schema
 LIBRARY = Path(lumbar.__file__).parent
 
 
-def made(**changes) -> Table:
+def make_table(**changes) -> Table:
     content = {
         "title": "A table & its title.",
         "frame": pd.DataFrame({"model": ["A_1", "<B>"], "value_N": [1 / 3, 2000.0], "p": [None, 0.5]}),
@@ -50,7 +50,7 @@ class Cells(HTMLParser):
 
 
 def test_three_formats_have_equal_cells(tmp_path):
-    made().write(tmp_path / "table")
+    make_table().write(tmp_path / "table")
     rows = list(csv.DictReader((tmp_path / "table.csv").open(encoding="utf-8")))
     assert [row["model"] for row in rows] == ["A_1", "<B>"]
     assert float(rows[0]["value_N"]) == 1 / 3
@@ -67,14 +67,14 @@ def test_three_formats_have_equal_cells(tmp_path):
 
 
 def test_decimals_are_applied():
-    assert "0.333 " in made(decimals={"value_N": 3}).to_latex()
-    assert made(decimals={"value_N": 0}).cell("value_N", 2.6) == "3"
-    assert made().cell("value_N", 2.5e-16) == "2.5·10⁻¹⁶"
-    assert [made().cell("p_value", value) for value in (0.0, 1e-4)] == ["< 0.0001", "0.0001"]
+    assert "0.333 " in make_table(decimals={"value_N": 3}).to_latex()
+    assert make_table(decimals={"value_N": 0}).cell("value_N", 2.6) == "3"
+    assert make_table().cell("value_N", 2.5e-16) == "2.5·10⁻¹⁶"
+    assert [make_table().cell("p_value", value) for value in (0.0, 1e-4)] == ["< 0.0001", "0.0001"]
 
 
 def test_page_is_self_contained_and_escaped():
-    page = made(notes=("<script>alert(1)</script>",)).to_html()
+    page = make_table(notes=("<script>alert(1)</script>",)).to_html()
     assert "<script" not in page
     assert "http" not in page
     assert "Data: synthetic twin" in page
@@ -90,13 +90,13 @@ def test_page_is_self_contained_and_escaped():
     ],
 )
 def test_columns_need_definitions_and_values(change, error, place):
-    changes = change if "definitions" in change else {"frame": made().frame.assign(**change)}
+    changes = change if "definitions" in change else {"frame": make_table().frame.assign(**change)}
     with pytest.raises(error, match=place):
-        made(**changes)
+        make_table(**changes)
 
 
 def test_an_empty_table_can_be_written(tmp_path):
-    made(frame=pd.DataFrame({"model": [], "value_N": [], "p": []})).write(tmp_path / "table")
+    make_table(frame=pd.DataFrame({"model": [], "value_N": [], "p": []})).write(tmp_path / "table")
     assert (tmp_path / "table.csv").read_text() == "model,value_N,p,data\n"
 
 
@@ -136,12 +136,15 @@ def test_latex_numbers_and_splits_long_tables():
 
 
 def test_latex_is_balanced_and_escaped():
-    tex = made(notes=("100 % & more_or_less {x} ~ 1.2·10⁻¹⁶.",)).to_latex()
+    tex = make_table(notes=("100 % & more_or_less {x} ~ 1.2·10⁻¹⁶.",)).to_latex()
     assert sorted(re.findall(r"\\begin\{(\w+)\}", tex)) == sorted(re.findall(r"\\end\{(\w+)\}", tex))
     bare = re.sub(r"\\[\\%&_{}~#$]", "", tex)
     assert bare.count("{") == bare.count("}")
     assert r"1.2$\cdot10^{-16}$" in tex
-    assert r"$-$1.50 &" in made(frame=made().frame.assign(value_N=-1.5), decimals={"value_N": 2}).to_latex()
+    assert (
+        r"$-$1.50 &"
+        in make_table(frame=make_table().frame.assign(value_N=-1.5), decimals={"value_N": 2}).to_latex()
+    )
 
 
 @pytest.mark.parametrize(
@@ -163,7 +166,7 @@ def test_latex_omits_only_folded_columns(tmp_path):
 
 
 def test_column_without_header_is_shown():
-    assert "Value (N)" in made(headers={"model": "Model"}).to_latex()
+    assert "Value (N)" in make_table(headers={"model": "Model"}).to_latex()
 
 
 @pytest.mark.parametrize("file", sorted(LIBRARY.rglob("tables.yaml")), ids=lambda file: file.parent.name)

@@ -102,7 +102,7 @@ def run_inspect(options) -> None:
         except InputError as error:
             problems.add("", str(error))
     if options.json:
-        print(json.dumps([one.as_dict() for one in results], indent=2))
+        print(json.dumps([one.to_dict() for one in results], indent=2))
     else:
         print("\n\n".join(map(str, results)))
     if options.picture and results:

@@ -122,7 +122,7 @@ def run_diagnose(options) -> None:
 def run_propose(options) -> None:
     """Diagnose, search a law, print it, and write the effect's file and figure if there is a law."""
     law = lumbar.propose(**fit_arguments(options))
-    if options.output and law.found:
+    if options.output and law.has_law:
         law.save(options.output, options.output.stem)
     if options.picture and law.proposal.is_needed:
         law.draw(options.picture)

@@ -263,7 +263,7 @@ class Diagnosis:
         write_json(folder / "refined.json", document)
         # A law that an earlier diagnosis wrote is removed.
         path = folder / "proposed_law.yaml"
-        if self.result.proposal is not None and self.propose().found:
+        if self.result.proposal is not None and self.propose().has_law:
             self.propose().save(path, path.stem)
         else:
             path.unlink(missing_ok=True)
@@ -332,14 +332,14 @@ class ProposedLaw:
     """Name of the source of the records, for the file and the picture."""
 
     @property
-    def found(self) -> bool:
+    def has_law(self) -> bool:
         """True if a law is proposed."""
         return self.proposal.law is not None
 
     @property
     def equation(self) -> str:
         """The law as an expression; empty if none is proposed."""
-        return self.proposal.form.equation if self.found else ""
+        return self.proposal.form.equation if self.has_law else ""
 
     @property
     def sentences(self) -> list[str]:
@@ -359,7 +359,7 @@ class ProposedLaw:
         InputError
             If no law is proposed, or the name cannot be an effect's.
         """
-        if not self.found:
+        if not self.has_law:
             raise InputError(f"no effect to write: {self.sentences[0]}")
         if not NAME.fullmatch(name):
             raise InputError(f"effect {name!r}: use letters a to z, digits and _, a letter first")

@@ -37,7 +37,7 @@ class ForeignFile:
     sha256: str
 
     @classmethod
-    def of_content(cls, name: str, content: bytes, choices: Choices) -> ForeignFile:
+    def from_content(cls, name: str, content: bytes, choices: Choices) -> ForeignFile:
         """Read a file from memory.
 
         Parameters
@@ -57,7 +57,7 @@ class ForeignFile:
         return cls(record_name(stem_of(Path(name))), *read_content(content, Path(name), choices))
 
     @classmethod
-    def of_path(cls, path: Path, choices: Choices) -> ForeignFile:
+    def from_path(cls, path: Path, choices: Choices) -> ForeignFile:
         """Read a file.
 
         Parameters
@@ -73,7 +73,7 @@ class ForeignFile:
             If it does not exist or has no table.
         """
         require_file(path)
-        return cls.of_content(str(path), path.read_bytes(), choices)
+        return cls.from_content(str(path), path.read_bytes(), choices)
 
 
 def import_recordings(
@@ -174,7 +174,7 @@ def import_recordings(
     for item in sources:
         path = Path(item.table.source) if isinstance(item, ForeignFile) else item
         try:
-            file = item if isinstance(item, ForeignFile) else ForeignFile.of_path(item, choices)
+            file = item if isinstance(item, ForeignFile) else ForeignFile.from_path(item, choices)
             called = file.name if name is None else record_name(stem_of(Path(f"{name}.csv")))
             for recording in to_records(file.table, choices, called, file.sha256):
                 recordings.append(_note_inverted_sign(recording, flip_force))

@@ -201,12 +201,12 @@ class InspectionReport:
     prefixes: tuple[str, ...]
     """Prefixes of subjects, removed from the labels."""
 
-    def as_dict(self) -> dict:
+    def to_dict(self) -> dict:
         """Return all but the trajectories as data for JSON."""
         is_analysed, outcome = self.pipeline
         return {
             "schema": "lumbar.inspected/1",
-            **self.sheet.as_dict(),
+            **self.sheet.to_dict(),
             "prefixes": list(self.prefixes),
             "axes": self.axes,
             "filled": dict(self.meant),

@@ -182,7 +182,7 @@ class Lift(Result):
     @property
     def events(self) -> dict[str, dict[str, Any]]:
         """Events by name, in the order in which they happen."""
-        return {name: event.as_dict() for name, event in self.analysed.events.items()}
+        return {name: event.to_dict() for name, event in self.analysed.events.items()}
 
     @property
     def table(self) -> list[dict]:
@@ -207,7 +207,7 @@ class Lift(Result):
         in_file = {"file": self._file_events} if self._file_events else {}
         yield "events.json", {"lift": self.name, "events": self.events, **in_file, "rules": rules, **label}
         file = Path(self.quality.file).name  # independent of the folder of the recordings
-        yield "quality.json", {"lift": self.name, **self.quality.as_dict(), "file": file, **label}
+        yield "quality.json", {"lift": self.name, **self.quality.to_dict(), "file": file, **label}
         yield "pendulum.json", {**self.facts, **label}
 
     def __str__(self) -> str:

@@ -191,7 +191,7 @@ class UploadSession:
     def _foreign(self, name: str) -> ForeignFile:
         choice = Choices(table=self.choices.get("table"), encoding=self.choices.get("encoding"))
         if (name, choice) not in self._read:
-            self._read[name, choice] = ForeignFile.of_content(name, self.files[name], choice)
+            self._read[name, choice] = ForeignFile.from_content(name, self.files[name], choice)
         return self._read[name, choice]
 
     def _imported(self) -> ImportedRecordings:

@@ -19,7 +19,7 @@ from lumbar.base.yaml_file import read_yaml
 from lumbar.interface.lift_page import lift_page
 from lumbar.page_server.background import DRAWING, WRITING, Job, page_message
 from lumbar.publishing.explorer.explorer_page import ExplorerPage, excitation_facts, model_facts
-from lumbar.publishing.explorer.page_data import ModelData, model_key
+from lumbar.publishing.explorer.page_data import PageModel, model_key
 from lumbar.settings.lifting import StabilitySettings
 from lumbar.tissue.diagnosis.evidence.discrimination import separating_excitation
 from lumbar.tissue.diagnosis.evidence.evidence import machine_limits
@@ -75,7 +75,7 @@ class ExploredSet:
     html: str = ""
     """Page of a diagnosis without an interactive page, as soon as it is made."""
     _refits: dict[str, Refinement] = field(default_factory=dict)
-    _fitted: dict[str, ModelData] = field(default_factory=dict)
+    _fitted: dict[str, PageModel] = field(default_factory=dict)
     _one_at_a_time: threading.Lock = field(default_factory=threading.Lock)
     _preparing: threading.Lock = field(default_factory=threading.Lock)
 
@@ -129,7 +129,7 @@ class ExploredSet:
                 self._refits[key] = self.diagnosis.refine(effects)
             return self._refits[key]
 
-    def fitted(self, effects: Sequence[str]) -> ModelData:
+    def fitted(self, effects: Sequence[str]) -> PageModel:
         """Return the base with these effects as the page draws it, from the diagnosis or from `refitted`."""
         key = model_key(effects)
         if not self._fitted:
@@ -215,14 +215,14 @@ class TabRequests:
     explored: ExploredSet
     _one_at_a_time: threading.Lock = field(default_factory=threading.Lock)
 
-    def answer(self, text: str) -> tuple[dict[str, Any], list[ModelData]]:
+    def answer(self, text: str) -> tuple[dict[str, Any], list[PageModel]]:
         """Answer a request in JSON with ``number``, ``action`` and ``effects``.
 
         Returns
         -------
         dict
             Answer for the page; ``error`` if the request failed.
-        list of ModelData
+        list of PageModel
             New models for the pictures.
         """
         number = None
@@ -250,7 +250,7 @@ class TabRequests:
             return {"number": number, "error": page_message(error)}, []
         return {"number": number, **content}, models
 
-    def _do(self, action: str, effects: list[str]) -> tuple[dict, list[ModelData]]:
+    def _do(self, action: str, effects: list[str]) -> tuple[dict, list[PageModel]]:
         explored = self.explored
         if action == "fit":
             # Every step of the path, and the causes of the error at its end.

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import sympy
-from lifting_cases import trial_of, true_recording, without
+from lifting_cases import hide_markers, trial_of, true_recording
 
 import lumbar
 from lumbar.lifting.measures.back_load import Link, net_moment
@@ -78,7 +78,7 @@ def table():
     """Two measured lifts, the second without feet."""
     lifts = []
     for person, hidden in (("expert", ()), ("novice", ("TOE", "HEEL"))):
-        recording = without(true_recording(f"{person}_23kg"), *hidden)
+        recording = hide_markers(true_recording(f"{person}_23kg"), *hidden)
         lift = lumbar.lift(recording, subject_settings(person), trial=trial_of(23.0))
         lifts.append((lumbar.measure_movement(lift).values, lift.facts))
     return long_table(lifts, {"expert": "expert", "novice": "novice"})

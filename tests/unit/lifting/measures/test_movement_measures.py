@@ -6,7 +6,7 @@ import ezc3d
 import numpy as np
 import pandas as pd
 import pytest
-from lifting_cases import ANN, ATHLETE, cut, trial_of, true_recording, without
+from lifting_cases import ANN, ATHLETE, cut, hide_markers, trial_of, true_recording
 
 import lumbar
 from study_settings import changed, subject_settings
@@ -98,14 +98,14 @@ def test_saved_lift_gives_the_same_measures(lifts, actual, tmp_path):
     ],
 )
 def test_measure_without_its_markers_has_a_reason(expert, gone, measure, reason):
-    rows = measured(without(expert, *gone.split())).values
+    rows = measured(hide_markers(expert, *gone.split())).values
     rows = rows[rows["measure"] == measure]
     assert rows["value"].isna().all() if reason else (rows["reason"] == "").all()
     assert rows["reason"].str.contains(reason or "").all()
 
 
 def test_foot_without_a_toe_marker_has_the_length_of_its_stature(expert, actual):
-    toeless = measured(without(expert, "TOE"))
+    toeless = measured(hide_markers(expert, "TOE"))
     assert len(toeless.course.notes) == 2
     assert all("TOE" in note for note in toeless.course.notes) and "L_TOE" in str(toeless)
     marked = value(actual["expert_23kg"], "margin_of_stability")

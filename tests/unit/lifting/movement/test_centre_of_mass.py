@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from lifting_cases import ALIASES, ANN, recording_of, trial_of, without
+from lifting_cases import ALIASES, ANN, hide_markers, recording_of, trial_of
 from scipy.spatial.transform import Rotation
 
 import lumbar
@@ -68,7 +68,9 @@ def test_the_box_counts_only_between_lift_off_and_release(standing):
 
 
 def test_segments_without_landmarks_are_missing_by_name(standing):
-    lift = lumbar.lift(without(standing, "HIP"), ANN, 23.0, settings=changed(LIFTING, segment_ends="skin"))
+    lift = lumbar.lift(
+        hide_markers(standing, "HIP"), ANN, 23.0, settings=changed(LIFTING, segment_ends="skin")
+    )
     assert set(lift.analysed.centres) == {"thorax", "abdomen"}
     assert has_tokens(lift.analysed.missing["pelvis"], "MID_HIP…L_HIP, R_HIP")
 
@@ -84,7 +86,7 @@ def test_hands_replace_a_box_without_markers():
 
 
 def test_without_box_and_hands_positions_with_box_are_unknown(standing):
-    for centre in centres_of(without(standing, "BOX")).values():
+    for centre in centres_of(hide_markers(standing, "BOX")).values():
         assert np.array_equal(np.isnan(centre.position_with_box[:, 0]), HELD)
         assert np.isfinite(centre.position).all()
 
@@ -277,7 +279,7 @@ def test_head_markers_reduce_the_distance_from_plug_in_gait(shared, trial, behin
     markers = {"unit": "m", "aliases": PLUG_IN_GAIT, "required": [], "check_axes": False}
     layout, file = lumbar.MarkerLayout(**markers), shared / "real/lifting/ktk_pig_com_oracle" / f"{trial}.c3d"
     recording = lumbar.read(file, layout=layout)
-    for seen, expected in ((recording, behind), (without(recording, "HEAD_CENTRE"), headless)):
+    for seen, expected in ((recording, behind), (hide_markers(recording, "HEAD_CENTRE"), headless)):
         lift = lumbar.lift(seen, ANN, 0.0, settings=LIFTING)
         centre = lift.body[[f"WHOLE_BODY_{axis}_m" for axis in "xyz"]].to_numpy()
         offset, forward = (

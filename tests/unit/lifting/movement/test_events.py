@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from lifting_cases import ANN, cut, mark, noisy_recording, recording_of, trial_of, without
+from lifting_cases import ANN, cut, hide_markers, mark, noisy_recording, recording_of, trial_of
 
 import lumbar
 from refusing import has_tokens
@@ -112,7 +112,7 @@ def box_set(value, kept=slice(None)):
 
 
 def swinging():
-    bare = without(scene(), "BOX")
+    bare = hide_markers(scene(), "BOX")
     for name in ("L_WRIST", "R_WRIST"):
         bare[name][:] = [0.2, 0.3, 0.9]
         bare[name][:, 2] += 0.1 * np.sin(2 * np.pi * TIME)
@@ -133,7 +133,7 @@ SCENES = {
     "a pause while carrying": (lambda: scene(pause=True), {}),
     "slowing down halfway, still raised until 5.1 s": (lambda: scene(hesitation=0.02), {"deposit_start": 5.1}),
     "no step": (lambda: scene(step=0.0, shuffle=0.3), {"toe_off": None}),
-    "no feet": (lambda: without(scene(), "L_TOE", "R_TOE"), {"toe_off": None}),
+    "no feet": (lambda: hide_markers(scene(), "L_TOE", "R_TOE"), {"toe_off": None}),
     "a twitch": (lambda: twitching(0), {"toe_off": None}),
     "a twitch and a step": (lambda: twitching(1), {"toe_off": 4.5}),
     "a box that never moves": (
@@ -201,7 +201,7 @@ def test_an_event_set_by_hand_replaces_the_detected_one():
 
 
 def test_events_that_cannot_be_detected_can_be_declared():
-    bare = without(scene(), "BOX", "L_WRIST", "R_WRIST")
+    bare = hide_markers(scene(), "BOX", "L_WRIST", "R_WRIST")
     assert {event.method for event in events_of(bare).values()} == {"absent"}
     events = events_of(bare, {"lift_off_s": 2.0, "release_s": 6.5})
     assert events["toe_off"].time_s == pytest.approx(3.2, abs=0.05)
@@ -264,7 +264,7 @@ def test_a_box_that_creeps_up_and_rises_no_further_is_lifted():
 @pytest.mark.parametrize("seed", [None, 4, 5])
 @pytest.mark.parametrize("wrists", ["both", "right"])
 def test_hands_replace_a_box_without_markers(seed, wrists):
-    bare = without(scene(seed=seed), "BOX", *(["L_WRIST"] if wrists == "right" else []))
+    bare = hide_markers(scene(seed=seed), "BOX", *(["L_WRIST"] if wrists == "right" else []))
     events = events_of(bare)
     for name, true in TRUE.items():
         assert events[name].time_s == pytest.approx(true, abs=0.1), name
@@ -272,7 +272,7 @@ def test_hands_replace_a_box_without_markers(seed, wrists):
 
 def test_hands_pick_up_from_the_floor_and_put_down_there(squat):
     """Only hands: the person bends to the floor until 1.4 s and again from 18.55 s (raw data)."""
-    events = events_of(without(squat, "L_TOE", "R_TOE"))
+    events = events_of(hide_markers(squat, "L_TOE", "R_TOE"))
     assert 1.0 < events["lift_off"].time_s < 1.6
     assert events["deposit_start"].time_s == pytest.approx(18.55, abs=0.2)
     assert 19.0 < events["release"].time_s < 20.6

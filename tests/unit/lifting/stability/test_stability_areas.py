@@ -12,7 +12,7 @@ from lumbar.lifting.stability.model.eqs_4_1_to_4_4_closed_loop import close_loop
 from lumbar.lifting.stability.model.pendulum_trajectories import (
     COMS,
     PLANES,
-    in_unit_time,
+    scale_to_unit_time,
 )
 from lumbar.lifting.stability.percent_differences import comparisons_of, percent_differences
 from lumbar.publishing.figures.stability_figures import figure_4_3, select_lift
@@ -22,7 +22,7 @@ from study_settings import changed
 @pytest.fixture(scope="module")
 def basins():
     settings = changed(SETTINGS, checks=["thesis_method"])
-    return basins_of_lift(lift(), settings, 1, [in_unit_time(item) for item in lift()])
+    return basins_of_lift(lift(), settings, 1, [scale_to_unit_time(item) for item in lift()])
 
 
 def test_figure_4_3_has_the_thesis_s_and_the_exact_funnels(basins):

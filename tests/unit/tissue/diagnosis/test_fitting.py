@@ -307,7 +307,7 @@ def test_linear_joint_fit_is_least_squares_of_stacked_records():
     found = fit_base(Structure(BASES["KV"]), training)
     rows, force = [], []
     for item in records:
-        velocity = Motion.of(item).velocity
+        velocity = Motion.from_record(item).velocity
         rows.append(np.column_stack([item["input"], velocity, np.ones(len(item))])[50:])
         force.append(item["output"][50:])
     expected = np.linalg.lstsq(np.concatenate(rows), np.concatenate(force), rcond=None)[0]

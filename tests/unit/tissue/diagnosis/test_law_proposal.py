@@ -96,7 +96,7 @@ def terms(names: str):
 def error(result, position: np.ndarray, added) -> float:
     """RMS on a new record, beyond its noise."""
     one = record("new", position, added, 99)
-    return float(np.std((result.simulate(Motion.of(one)) - one["output"])[50:])) / NOISE
+    return float(np.std((result.simulate(Motion.from_record(one)) - one["output"])[50:])) / NOISE
 
 
 @pytest.fixture(scope="module")

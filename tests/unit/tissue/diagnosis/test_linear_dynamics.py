@@ -176,7 +176,10 @@ def test_spring_and_slow_pole_do_not_cancel():
     prepared = experiment(lambda s: 0.5 + 0 * s, extra=lambda z: 0.01 * z**3)
     elsewhere = record(motion(9)[300:2300], motion(9)[300:2300], "elsewhere")
     dynamics = linear_dynamics(prepared)
-    assert np.abs(dynamics.simulate(Motion.of(elsewhere))).max() < 10 * np.abs(elsewhere["output"]).max()
+    assert (
+        np.abs(dynamics.simulate(Motion.from_record(elsewhere))).max()
+        < 10 * np.abs(elsewhere["output"]).max()
+    )
 
 
 def test_single_sine_determines_few_parameters():

@@ -262,7 +262,7 @@ def test_floor_of_exactly_repeated_force_is_resolution_of_digits():
 def drops(size: float):
     """Drop the force at random levels of the rising response; it recovers within 0.3 s."""
 
-    def lost(_, force):
+    def drop_samples(_, force):
         random, dropped = np.random.default_rng(8), 0.0
         level, change = 0.0, np.zeros(len(force))
         for k, value in enumerate(force):
@@ -274,7 +274,7 @@ def drops(size: float):
             change[k] = -dropped
         return change
 
-    return lost
+    return drop_samples
 
 
 @pytest.mark.parametrize("pole", [0.0, 0.6])

@@ -137,7 +137,7 @@ def test_distortion_is_estimated_without_bias():
 
 def locate(record, simulated, *noise, **start):
     residual = residual_after(record, simulated, *noise, **start)
-    return Location.of_residual(record.name, residual, rank_causes([residual]))
+    return Location.from_residual(record.name, residual, rank_causes([residual]))
 
 
 @pytest.mark.statistical

@@ -145,7 +145,7 @@ def test_list_of_hand_written_forms_is_complete():
 
 def evaluate_expressions(model, positions: np.ndarray, functions: dict) -> np.ndarray:
     """Return a model's response from the expression trees of its C code, on the functions of the C library."""
-    motion = SampledMotion.of_positions(positions, model.sampling_time)
+    motion = SampledMotion.from_positions(positions, model.sampling_time)
     force = np.zeros(len(positions))
     with np.errstate(over="ignore"):
         for term in model.terms:

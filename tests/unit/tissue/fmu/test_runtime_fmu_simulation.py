@@ -18,7 +18,7 @@ from runtime_models import (
     device_models,
     export,
     get,
-    put,
+    set_variable,
     unzipped,
 )
 
@@ -46,11 +46,11 @@ def test_fmi2_client_reads_the_feedthrough_one_sample_late(name, fmu_models, fmu
     model = next(model for model in fmu_models if model.name == name)
     state_part, through = written_out(model, fmu_positions)
     slave = fmu_instance(name, 2)
-    put(slave, POSITION, fmu_positions[0])
+    set_variable(slave, POSITION, fmu_positions[0])
     slave.exitInitializationMode()
     forces = [get(slave)]
     for k in range(len(fmu_positions) - 1):
-        put(slave, POSITION, fmu_positions[k])
+        set_variable(slave, POSITION, fmu_positions[k])
         slave.doStep(k * 0.01, 0.01)
         forces.append(get(slave))
     late = np.concatenate([through[:1], through[:-1]])
@@ -70,7 +70,7 @@ def test_fmi3_event_mode_has_no_delay(name, fmu_models, fmu_instance, fmu_positi
             assert event
             assert not early
             slave.enterEventMode()
-        put(slave, POSITION, position)
+        set_variable(slave, POSITION, position)
         before_update = get(slave)
         more, *_, defined, next_event = slave.updateDiscreteStates()
         assert (more, defined) == (False, True)
@@ -86,11 +86,11 @@ def test_event_iteration_may_change_the_input(fmu_models, fmu_instance):
     slave = fmu_instance("KB", 3, event_mode=True)
     slave.exitInitializationMode()
     for position in (5.0, -3.0, 1.0):
-        put(slave, POSITION, position)
+        set_variable(slave, POSITION, position)
         slave.updateDiscreteStates()
         assert get(slave) == pytest.approx(1.9 * position / 3, rel=1e-15)
     slave.enterStepMode()
-    put(slave, POSITION, 100.0)
+    set_variable(slave, POSITION, 100.0)
     assert get(slave) == pytest.approx(1.9 / 3, rel=1e-15)
 
 
@@ -116,10 +116,10 @@ def test_early_return_leads_to_every_sample(fmu_folder, tmp_path):
 def test_decayed_states_are_flushed_to_zero(fmu_instance):
     # 0.72 is such that rounding keeps an unflushed state at the smallest denormal number for ever.
     slave = fmu_instance("HO", 2)
-    put(slave, POSITION, 1.0)
+    set_variable(slave, POSITION, 1.0)
     slave.exitInitializationMode()
     slave.doStep(0.0, 0.01)
-    put(slave, POSITION, -0.4)
+    set_variable(slave, POSITION, -0.4)
     slave.doStep(0.01, 60.0)
     saved = slave.getFMUstate()
     content = slave.serializeFMUstate(saved)
@@ -131,15 +131,15 @@ def test_decayed_states_are_flushed_to_zero(fmu_instance):
 @pytest.mark.parametrize("version", [2, 3])
 def test_overflow_keeps_the_last_finite_force(version, fmu_instance):
     slave = fmu_instance("HO", version)
-    put(slave, POSITION, 1.0)
+    set_variable(slave, POSITION, 1.0)
     slave.exitInitializationMode()
     slave.doStep(0.0, 0.01)
     for k in range(1, 50):
-        put(slave, POSITION, 1.7e308)
+        set_variable(slave, POSITION, 1.7e308)
         slave.doStep(k * 0.01, 0.01)
         assert abs(get(slave)) <= 15.0
     for k in range(50, 4000):
-        put(slave, POSITION, -0.4)
+        set_variable(slave, POSITION, -0.4)
         slave.doStep(k * 0.01, 0.01)
     assert get(slave) == pytest.approx(-0.3, abs=1e-9)
 
@@ -151,10 +151,10 @@ def test_overflow_keeps_the_last_finite_force(version, fmu_instance):
 )
 def test_values_out_of_range_change_nothing(version, reference, value, fmu_instance):
     slave = fmu_instance("KB", version)
-    put(slave, POSITION, 1.0)
+    set_variable(slave, POSITION, 1.0)
     before = [get(slave, known) for known in range(1, 7)]
     with pytest.raises(FMICallException):
-        put(slave, reference, value)
+        set_variable(slave, reference, value)
     assert [get(slave, known) for known in range(1, 7)] == before
 
 

@@ -18,8 +18,8 @@ from runtime_models import (
     exported,
     forces_of,
     get,
-    put,
     random_motion,
+    set_variable,
 )
 
 import lumbar
@@ -80,10 +80,10 @@ def test_guards_can_be_lowered_while_the_model_runs(tmp_path, fmu_instance):
     assert [get(slave, reference) for reference in (7, 8, 9, 10)] == [300.0, DAMPING, 0.2, 0.0]
     for reference, value in ((FORCE_RATE_LIMIT, 301.0), (8, -1.0), (9, 2000.0), (ENERGY, 1.0)):
         with pytest.raises(Exception, match="SetFloat64"):
-            put(slave, reference, value)
-    put(slave, 8, 0.0)  # a device without damping: no force can be held without risk
+            set_variable(slave, reference, value)
+    set_variable(slave, 8, 0.0)  # a device without damping: no force can be held without risk
     for k in range(50):
-        put(slave, 1, 0.1 * k)
+        set_variable(slave, 1, 0.1 * k)
         assert get(slave) == 0.0
         slave.enterStepMode()
         slave.doStep(k * 1e-3, 1e-3)
@@ -96,8 +96,8 @@ def switching(folder, fmu_instance, positions, gains) -> tuple[np.ndarray, np.nd
     slave.exitInitializationMode()
     forces, energies = np.zeros((2, len(positions)))
     for k, (position, gain) in enumerate(zip(positions, gains, strict=True)):
-        put(slave, GAIN, gain)
-        put(slave, POSITION, position)
+        set_variable(slave, GAIN, gain)
+        set_variable(slave, POSITION, position)
         forces[k] = get(slave)
         slave.enterStepMode()
         if "passive" in slave.unzipDirectory:

@@ -28,7 +28,7 @@ def numbers_in_space(key: str) -> tuple[list, list] | None:
     effect, name = key.split("/")
     form = next(item for item in TISSUE[effect].forms if item.name == name)
     try:
-        linear = form.in_space(AXES).linear
+        linear = form.to_space(AXES).linear
     except InputError:
         return None
     given, nonlinear = FORM_NUMBERS[key]

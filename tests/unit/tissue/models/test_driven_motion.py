@@ -208,7 +208,7 @@ def record(noise=0.0, decimals=None):
 
 def acceleration_error(item):
     exact = -np.sin(2 * np.pi * np.outer(SWING_TIME, LINES)) @ (SIZES * (2 * np.pi * LINES) ** 2)
-    return np.sqrt(np.mean((Motion.of(item).acceleration - exact)[50:] ** 2))
+    return np.sqrt(np.mean((Motion.from_record(item).acceleration - exact)[50:] ** 2))
 
 
 FAULTS = [

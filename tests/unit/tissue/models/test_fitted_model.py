@@ -43,7 +43,7 @@ DISCRETE = FittedModel(
 )
 
 
-def given(base: str, *keys: str) -> FittedModel:
+def read_model(base: str, *keys: str) -> FittedModel:
     return FittedModel.from_json(effect_entry(base, *keys), CATALOGUES)
 
 
@@ -60,7 +60,7 @@ def walk(samples=400) -> np.ndarray:
 
 def tissue_records(spring=0.5, branch=3.0, relaxation=0.034) -> list[Record]:
     """Two records of a Kelvin–Boltzmann tissue with white noise of 2 %."""
-    truth = discretise(FirstOrder.of_base(spring, branch, relaxation), T)
+    truth = discretise(FirstOrder.from_base(spring, branch, relaxation), T)
     records = []
     for name, seed in (("long", 1), ("other", 2)):
         rng = np.random.default_rng(seed)
@@ -74,7 +74,7 @@ def tissue_records(spring=0.5, branch=3.0, relaxation=0.034) -> list[Record]:
 @pytest.mark.parametrize("base", ["LE", "Maxwell", "KB"])
 def test_base_matches_its_transfer_function(base):
     """Against python-control's own simulation of the transfer function on a grid fifty times as fine."""
-    model, fine = given(base), T / 50 * np.arange(200 * 50 + 1)
+    model, fine = read_model(base), T / 50 * np.arange(200 * 50 + 1)
     position = np.sin(5 * fine) - 0.4 * np.sin(23 * fine)
     expected = control.forced_response(model.to_control(), fine, position).outputs[::50]
     result = model.simulate(record(position[::50]))
@@ -85,12 +85,12 @@ def test_base_matches_its_transfer_function(base):
 def test_improper_models_have_no_state_space():
     (spring, viscosity), _ = BASE_NUMBERS["KV"]
     s = 2j
-    assert given("KV").to_control()(s) == pytest.approx(spring + viscosity * s)
+    assert read_model("KV").to_control()(s) == pytest.approx(spring + viscosity * s)
     (inertia, damping, gravity), _ = BASE_NUMBERS["pendulum"]
-    assert given("pendulum").to_control()(s) == pytest.approx(inertia * s**2 + damping * s + gravity)
+    assert read_model("pendulum").to_control()(s) == pytest.approx(inertia * s**2 + damping * s + gravity)
     for base in ("KV", "pendulum"):
         with pytest.raises(NumericalError, match="improper"):
-            given(base).to_state_space()
+            read_model(base).to_state_space()
 
 
 def test_a_discrete_model_is_the_same_in_all_its_forms():
@@ -110,7 +110,7 @@ def test_a_discrete_model_is_the_same_in_all_its_forms():
 
 def test_effects_have_no_transfer_function():
     with pytest.raises(NumericalError, match=r"KB\+coulomb_friction: .*\(coulomb_friction\)"):
-        given("KB", "coulomb_friction/coulomb").to_control()
+        read_model("KB", "coulomb_friction/coulomb").to_control()
 
 
 def test_discrete_model_is_simulated_about_rest_at_its_rate():
@@ -122,7 +122,7 @@ def test_discrete_model_is_simulated_about_rest_at_its_rate():
         DISCRETE.simulate(record(walk(), unit="m"))
 
 
-MODELS = [DISCRETE, given("pendulum"), *(given(*item) for item in COMBINATIONS)]
+MODELS = [DISCRETE, read_model("pendulum"), *(read_model(*item) for item in COMBINATIONS)]
 
 
 @pytest.mark.parametrize("model", MODELS, ids=lambda item: item.name)
@@ -182,7 +182,7 @@ def test_models_file_in_documentation_is_valid(project):
 
 
 def test_parameter_is_found_by_name():
-    model = given("KB", "coulomb_friction/coulomb")
+    model = read_model("KB", "coulomb_friction/coulomb")
     assert model["relaxation_time"].value == BASE_NUMBERS["KB"][1][0]
     assert model["coulomb_friction.coulomb_force"].effect == "coulomb_friction"
     with pytest.raises(
@@ -197,7 +197,7 @@ def test_text_shows_equation_parameters_and_scores():
     page = replace(DISCRETE, structure=small, remark="<b>")._repr_html_()
     assert r"$$H(z) = \frac{1.9 - 2.5 \cdot 10^{-7} z^{-1}}{1 - 0.45 z^{-1}}$$" in page
     assert "&lt;b&gt;" in page
-    with_effect = given("KB", "coulomb_friction/coulomb")
+    with_effect = read_model("KB", "coulomb_friction/coulomb")
     for part in (with_effect.structure.base, *with_effect.structure.forms):
         assert part.text in str(with_effect)
         assert part.latex.replace("<", "&lt;") in with_effect._repr_html_()

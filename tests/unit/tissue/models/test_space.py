@@ -45,9 +45,9 @@ def _force(base, motion: SpatialMotion, linear, nonlinear=(), forms=()) -> np.nd
 
 
 FORMS = [
-    (form, form.in_space(XYZ))
+    (form, form.to_space(XYZ))
     for effect in TISSUE.values()
-    if effect.in_space(XYZ)[0] is not None and effect.name not in ("delay", "saturation")
+    if effect.to_space(XYZ)[0] is not None and effect.name not in ("delay", "saturation")
     for form in effect.forms
     if not form.one_axis and (not form.hand_written or form.hand_written.spatial)
 ]
@@ -116,7 +116,7 @@ def test_an_expression_in_components(text, components):
     "name", ["quadratic_stiffness", "contact_loss", "depth_dependent_damping", "backlash"]
 )
 def test_effect_without_form_in_space_gives_reason(name):
-    result, without = TISSUE[name].in_space(XYZ)
+    result, without = TISSUE[name].to_space(XYZ)
     assert result is None
     assert without.keys() == {form.key for form in TISSUE[name].forms}
     assert all(without.values())
@@ -196,7 +196,7 @@ def test_zero_is_added_to_its_channel(zeros, wanted):
 
 
 def test_a_form_of_one_channel_leaves_the_others():
-    forms = TISSUE["saturation"].in_space(XYZ)[0].forms
+    forms = TISSUE["saturation"].to_space(XYZ)[0].forms
     names = ["sharp", "sharp_x", "sharp_y", "sharp_z"]
     names += ["sharp_xy", "sharp_xz", "sharp_yz", "sharp_xyz", "soft", "rounded"]
     assert [form.name for form in forms] == names

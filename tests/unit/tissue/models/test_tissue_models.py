@@ -27,7 +27,7 @@ def test_equation_of_table_2_1_matches_mechanical_analogue(model, system, elemen
     numerator, denominator = polynomials(system)
     expected = np.polyval(numerator, s) / np.polyval(denominator, s)
     np.testing.assert_allclose(dynamic_stiffness(model.network, elements, s), expected, rtol=1e-12)
-    base = FirstOrder.of_base(system.k, system.nu / system.gamma - system.k, system.gamma)
+    base = FirstOrder.from_base(system.k, system.nu / system.gamma - system.k, system.gamma)
     assert (base.k, base.nu, base.gamma) == pytest.approx((system.k, system.nu, system.gamma))
 
 

@@ -46,7 +46,7 @@ def analysed(ratings, settings):
     return analyse_survey(ratings, settings, 7, "synthetic twin")
 
 
-def made(scores, best=None, models=("A", "B", "C", "D")) -> Ratings:
+def make_ratings(scores, best=None, models=("A", "B", "C", "D")) -> Ratings:
     scores = np.asarray(scores)
     models = models[: scores.shape[1]]
     return Ratings(
@@ -142,7 +142,7 @@ def test_friedman_and_kendall_of_worked_example():
     scores = np.array([[1, 2, 3, 4], [2, 1, 3, 4], [1, 3, 2, 4]])
     sums = scores.sum(axis=0)
     w = 12 * ((sums - sums.mean()) ** 2).sum() / (9 * (64 - 4))
-    overall, concordance = friedman(made(scores))
+    overall, concordance = friedman(make_ratings(scores))
     assert concordance == pytest.approx(w)
     assert overall.statistic == pytest.approx(3 * 3 * w)
     assert overall.p_value == pytest.approx(stats.chi2.sf(3 * 3 * w, 3))
@@ -167,7 +167,7 @@ def test_bootstrap_interval_is_that_of_resampled_rows(ratings):
 
 def test_bootstrap_draws_whole_participants():
     # Two kinds of participants with opposite answers: the counts of the two models must move together.
-    counts = resampled_counts(made([[1, 5]] * 10 + [[5, 1]] * 10), 500, [1])
+    counts = resampled_counts(make_ratings([[1, 5]] * 10 + [[5, 1]] * 10), 500, [1])
     assert (counts[:, 0, 0] == counts[:, 1, 4]).all()
     assert (counts.sum(axis=2) == 20).all()
     assert counts[:, 0, 0].std() == pytest.approx(math.sqrt(20 / 4), rel=0.1)
@@ -175,7 +175,7 @@ def test_bootstrap_draws_whole_participants():
 
 def test_equivalence_is_two_one_sided_tests():
     # Both tests at 0.05 pass where the interval of 90 % lies inside; that of 95 % may reach out.
-    result = compare_pairs(made([[1, 2, 3], [3, 2, 1]]), 0.95, 1000, 1)[0]
+    result = compare_pairs(make_ratings([[1, 2, 3], [3, 2, 1]]), 0.95, 1000, 1)[0]
     inside = replace(result, low=0.43, narrow_low=0.45, narrow_high=0.55, high=0.57)
     assert inside.is_equivalent(0.06)
     assert not replace(inside, narrow_high=0.57).is_equivalent(0.06)
@@ -246,14 +246,15 @@ def test_result_that_depends_on_treatment_of_zeros_is_undecided():
     # Fifteen equal; of the others fifteen up and five down.
     first = np.r_[[3] * 15, [4] * 13, [5] * 2, [2] * 4, [1]]
     scores = np.column_stack([first, [3] * 35, [1, 2, 3, 4, 5] * 7])
-    pair = compare_pairs(made(scores), 0.95, 1000, 1)[0]
+    pair = compare_pairs(make_ratings(scores), 0.95, 1000, 1)[0]
     difference = first - 3
     assert pair.test.p_value == signed_rank_test(difference, "pratt").p_value
     assert pair.test_without_zeros.p_value == signed_rank_test(difference, "wilcox").p_value
     assert pair.test.p_value != pytest.approx(pair.test_without_zeros.p_value, rel=0.05)
     pair = replace(pair, p_holm=0.034, p_holm_without_zeros=0.054)
     assert any(
-        "0.034" in note and "0.054" in note for note in paired_analysis._notes(made(scores), [pair], 0.06)
+        "0.034" in note and "0.054" in note
+        for note in paired_analysis._notes(make_ratings(scores), [pair], 0.06)
     )
 
 
@@ -267,10 +268,10 @@ def test_result_that_depends_on_treatment_of_zeros_is_undecided():
 )
 def test_equal_answers_are_rejected(test, scores, tokens):
     with pytest.raises(NumericalError, match=tokens):
-        test(made(scores))
+        test(make_ratings(scores))
 
 
 def test_two_constant_models_have_p_one():
-    ratings = made([[3, 3, rating] for rating in (1, 2, 5) * 3])
+    ratings = make_ratings([[3, 3, rating] for rating in (1, 2, 5) * 3])
     assert mann_whitney(ratings)[0] == 1.0
     assert compare_pairs(ratings, 0.95, 1000, 1)[0].test.p_value == 1.0

@@ -51,7 +51,7 @@ class Event:
     file: str = ""
     """The file's label, or those of several."""
 
-    def as_dict(self) -> dict:
+    def to_dict(self) -> dict:
         """Return plain data for JSON."""
         return asdict(self)
 

@@ -74,7 +74,7 @@ class QualitySheet:
         """Return the share of all samples of all markers that were not seen."""
         return sum(gap.missing_share for gap in self.gaps) / max(1, len(self.markers))
 
-    def as_dict(self) -> dict:
+    def to_dict(self) -> dict:
         """Return the sheet as data for JSON."""
         return asdict(self) | {"missing_share": self.missing_share}
 
@@ -338,7 +338,7 @@ def quality_table(sheets: Sequence[dict], source_label: str) -> Table:
     Parameters
     ----------
     sheets : sequence of dict
-        Results of `QualitySheet.as_dict`, with the name of the lift under ``lift``.
+        Results of `QualitySheet.to_dict`, with the name of the lift under ``lift``.
     source_label : str
         Source of the recordings, for the table's caption.
     """

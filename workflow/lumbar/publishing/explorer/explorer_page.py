@@ -13,7 +13,7 @@ from lumbar.publishing.explorer.explorer_pictures import ANSWER, ASIDE, FIRST, S
 from lumbar.publishing.explorer.one_file import add_roots, embed_pictures, one_file
 from lumbar.publishing.explorer.page_data import (
     RECORD_COLUMNS,
-    ModelData,
+    PageModel,
     RecordData,
     fitted_candidates,
     gather_records,
@@ -91,13 +91,13 @@ class ExplorerPage:
         return max(1, -(-samples * columns // self.max_values))
 
     @cached_property
-    def models(self) -> list[ModelData]:
+    def models(self) -> list[PageModel]:
         """All fitted models, the base first, then the thesis's."""
         drawn = self.result.experiment, self.records, self.step
         fitted = [self.simulate(candidate) for candidate in fitted_candidates(self.result)]
         return [*fitted, *(simulate_thesis_model(model, *drawn) for model in self.others)]
 
-    def simulate(self, candidate: Candidate) -> ModelData:
+    def simulate(self, candidate: Candidate) -> PageModel:
         """Return one model of the diagnosis, or one fitted later, as it is drawn."""
         return simulate_candidate(candidate, self.result.experiment, self.records, self.step)
 
@@ -120,7 +120,7 @@ class ExplorerPage:
         markers = {marker for record in self.records for marker in record.marker}
         lines = ", ".join(meaning for marker, meaning in LINES.items() if marker in markers)
         meanings = {"spectrum": f"; the first model's lines: {lines}"} if lines else {}
-        groups: dict[str, list[ModelData]] = {}
+        groups: dict[str, list[PageModel]] = {}
         for model in self.models:
             groups.setdefault(model.group, []).append(model)
         return {
@@ -178,7 +178,7 @@ class ExplorerPage:
         return one_file(embed_pictures(self.fill), PAGE, self.variables())
 
 
-def model_facts(model: ModelData, located: Sequence[ResidualReport]) -> dict[str, Any]:
+def model_facts(model: PageModel, located: Sequence[ResidualReport]) -> dict[str, Any]:
     """Return a model and its locations as data for the page's script."""
     return {
         "label": model.label,

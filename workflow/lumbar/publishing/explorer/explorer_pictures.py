@@ -20,7 +20,7 @@ from bokeh.palettes import Blues256
 from bokeh.plotting import figure
 
 from lumbar.publishing.explorer.one_file import empty_source, plain_figure
-from lumbar.publishing.explorer.page_data import ModelData, RecordData
+from lumbar.publishing.explorer.page_data import PageModel, RecordData
 from lumbar.publishing.figures.style import MEASURED, SERIES
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 
@@ -43,7 +43,7 @@ _HEIGHT = 230
 
 
 def page_models(
-    experiment: Experiment, records: Sequence[RecordData], models: Sequence[ModelData]
+    experiment: Experiment, records: Sequence[RecordData], models: Sequence[PageModel]
 ) -> tuple[list[Model], list[Model]]:
     """Return the pictures in the page's order and the data sources, from which the page's script fills them."""
     brushed = empty_source(BRUSHED, _COLUMNS)

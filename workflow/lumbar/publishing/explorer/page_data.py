@@ -84,7 +84,7 @@ def _density(error: np.ndarray, rows: np.ndarray | None, step: float) -> tuple[n
 
 
 @dataclass(frozen=True, eq=False)
-class ModelData:
+class PageModel:
     """One model on every record."""
 
     key: str
@@ -166,12 +166,12 @@ def _since_reversal(record: Record) -> tuple[np.ndarray, np.ndarray]:
 
 def simulate_candidate(
     candidate: Candidate, experiment: Experiment, records: Sequence[RecordData], step: int
-) -> ModelData:
+) -> PageModel:
     """Simulate the base with effects on every record; every `step`-th sample is drawn."""
     simulate = simulation(
         [item.record for item in records], candidate.fit, experiment.surface, experiment.session
     )
-    return ModelData(
+    return PageModel(
         model_key(candidate.effects),
         candidate.effects,
         model_name(candidate.fit).replace("+", " + ").replace("_", " "),
@@ -184,7 +184,7 @@ def simulate_candidate(
 
 def simulate_thesis_model(
     model: FittedModel, experiment: Experiment, records: Sequence[RecordData], step: int
-) -> ModelData:
+) -> PageModel:
     """Simulate a model of the thesis on every record; every `step`-th sample is drawn.
 
     Raises
@@ -203,7 +203,7 @@ def simulate_thesis_model(
         errors.append(float(np.sqrt(sum(squares) / sum(sizes))) if counted else None)
     label = model.name if model.estimator == GIVEN else f"{model.name} ({_ESTIMATORS[model.estimator]})"
     key, group = f"{model.name}:{model.estimator}", _THESIS_GROUPS[model.estimator]
-    return ModelData(key, (), label, group, *errors, values, density, merits)
+    return PageModel(key, (), label, group, *errors, values, density, merits)
 
 
 def _simulate(simulate: Callable[[Record], np.ndarray], records: Sequence[RecordData], step: int):

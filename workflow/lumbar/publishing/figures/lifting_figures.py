@@ -78,7 +78,7 @@ def events_figure(lift: dict) -> Figure:
     ----------
     lift : dict
         ``motion`` (data frame with ``time_s``, ``<box|wrists|l_wrist|r_wrist>_height_m``, ``<…>_speed_m_s``), ``events``
-        (per event the result of `lumbar.lifting.movement.event_detection.Event.as_dict`) and ``summary`` (``lift``).
+        (per event the result of `lumbar.lifting.movement.event_detection.Event.to_dict`) and ``summary`` (``lift``).
     """
     motion, events = lift["motion"], lift["events"]
     figure, axes = new_figure(DOUBLE_COLUMN, 4.6, nrows=3, sharex=True, height_ratios=[1, 1, 0.8])

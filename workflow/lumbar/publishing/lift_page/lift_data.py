@@ -39,7 +39,7 @@ class LiftTables:
     facts: Mapping[str, Any]
     """``pendulum.json``."""
     events: Mapping[str, Mapping[str, Any]]
-    """Results of `lumbar.lifting.movement.events.Event.as_dict` by name."""
+    """Results of `lumbar.lifting.movement.events.Event.to_dict` by name."""
     source_label: str
     """Origin of the data."""
 

@@ -29,7 +29,7 @@ Criterion = tuple[str, Callable[[Any, float], bool | None]]
 """Text, and a function of the thesis's value and that of a run; it returns None if they cannot be compared."""
 
 
-def _within(tolerance: float, text: str) -> Criterion:
+def _tolerance(tolerance: float, text: str) -> Criterion:
     return text, lambda thesis, value: abs(value - thesis) <= tolerance
 
 
@@ -41,10 +41,10 @@ def _factor(limit: float) -> Criterion:
 
 
 TABLE_3_1: dict[str, tuple[str, Criterion]] = {
-    "order": ("order of the transfer function", _within(1, "within 1")),
+    "order": ("order of the transfer function", _tolerance(1, "within 1")),
     "condition_number": ("condition number of the regressors", _factor(5)),
-    "vaf_percent": ("%VAF", _within(10, "within 10 percentage points")),
-    "fit_percent": ("FIT", _within(10, "within 10 percentage points")),
+    "vaf_percent": ("%VAF", _tolerance(10, "within 10 percentage points")),
+    "fit_percent": ("FIT", _tolerance(10, "within 10 percentage points")),
     "mru_percent": ("maximum relative uncertainty in percent", _factor(10)),
     "mean_residual_N": ("mean residual in N", _factor(2)),
     "nmse_train": ("NMSE on the training record", _factor(3)),
@@ -58,7 +58,7 @@ TABLE_3_1: dict[str, tuple[str, Criterion]] = {
 """Meaning of each column and when a run agrees. α depends on a scaling that the thesis does not state."""
 _BUILT_IN = {"condition_number", "vaf_percent", "fit_percent", "mean_residual_N"}
 """Columns of Table 3.1 that the twin's tissue was made to show."""
-_DIGITS = _within(0.051, "equal to the printed digits")
+_DIGITS = _tolerance(0.051, "equal to the printed digits")
 _SIGN = ("same sign", lambda thesis, value: thesis * value > 0)
 
 
@@ -172,7 +172,7 @@ def _table_3_2_cells(thesis: pd.DataFrame) -> list[_Cell]:
                 limit = float(printed[1:])
                 compared = printed, ("as printed", lambda _, value, limit=limit: value < limit)
             else:
-                compared = float(printed), _within(0.05, "within 0.05")
+                compared = float(printed), _tolerance(0.05, "within 0.05")
             statement = f"Mann–Whitney p of {model} against {other}"
             more = f"{model} and {other} were not both rated", BUILT_IN
             cells.append(

@@ -52,7 +52,7 @@ def record_name(text: str) -> str:
 
 
 @dataclass(frozen=True)
-class Part:
+class TablePart:
     """Samples of a table that become one record."""
 
     name: str
@@ -63,7 +63,7 @@ class Part:
     """Origin of the part; empty for the whole table."""
 
 
-def split_parts(table: RawTable, time: np.ndarray, choices: Choices, name: str) -> list[Part]:
+def split_parts(table: RawTable, time: np.ndarray, choices: Choices, name: str) -> list[TablePart]:
     """Split a table into the parts that the user requested.
 
     Parameters
@@ -90,15 +90,15 @@ def split_parts(table: RawTable, time: np.ndarray, choices: Choices, name: str) 
     elif choices.trim is not None:
         samples = samples_between(time, choices.trim, table.source)
         reason = f"{count - samples.size} of {count} samples lie outside --trim and are left out"
-        return [Part(name, samples, reason)]
+        return [TablePart(name, samples, reason)]
     else:
-        return [Part(name, np.arange(count))]
+        return [TablePart(name, np.arange(count))]
     return [replace(part, reason=f"{part.samples.size} of {count} samples: {part.reason}") for part in parts]
 
 
 def _cut_spans(
     table: RawTable, time: np.ndarray, cut: tuple[tuple[str, tuple[float, float]], ...]
-) -> list[Part]:
+) -> list[TablePart]:
     problems, parts = Problems(table.source), []
     names = [name for name, _ in cut]
     for name in dict.fromkeys(name for name in names if names.count(name) > 1):
@@ -112,7 +112,7 @@ def _cut_spans(
             problems.add(option, "the start must lie before the stop")
         else:
             try:
-                parts.append(Part(name, samples_between(time, span, option), option))
+                parts.append(TablePart(name, samples_between(time, span, option), option))
             except InputError as error:
                 problems.add("", str(error))
     ordered = sorted((span, name) for name, span in cut if span[0] < span[1])
@@ -123,7 +123,7 @@ def _cut_spans(
     return parts
 
 
-def _cut_by_column(table: RawTable, request: str, name: str) -> list[Part]:
+def _cut_by_column(table: RawTable, request: str, name: str) -> list[TablePart]:
     """Return the runs of rows with one value in a column; repeated values get a number after their name."""
     column, _ = select_column((*table.columns, *table.text_columns), request, "cut-by")
     values = column.values
@@ -144,7 +144,7 @@ def _cut_by_column(table: RawTable, request: str, name: str) -> list[Part]:
         part = part if counts[part] == 1 else f"{part}_{counts[part]}"
         if stop - first < MIN_SAMPLES:
             problems.add(part, f"{stop - first} samples", f"at least {MIN_SAMPLES} are needed")
-        parts.append(Part(part, np.arange(first, stop), f"{column.label} is {label}"))
+        parts.append(TablePart(part, np.arange(first, stop), f"{column.label} is {label}"))
     problems.raise_if_any()
     return parts
 
@@ -285,7 +285,7 @@ def to_records(
 
 
 def _to_record(
-    table: RawTable, choices: Choices, roles: dict[str, Role], time: np.ndarray, part: Part
+    table: RawTable, choices: Choices, roles: dict[str, Role], time: np.ndarray, part: TablePart
 ) -> tuple[Record, tuple[str, ...]]:
     """Return the record of a part, and notes on its changes."""
     samples, notes = part.samples, [part.reason]

@@ -78,12 +78,12 @@ class FittedModel(ModelData):
             if record.axes != structure.base.spatial.axes:
                 axes = ", ".join(structure.base.spatial.axes)
                 raise InputError(f"{record.name} does not have the axes {axes} that {self.name} takes")
-            forces = structure.simulate(SpatialMotion.of(record, self.rests), linear, nonlinear)
+            forces = structure.simulate(SpatialMotion.from_record(record, self.rests), linear, nonlinear)
             return forces.reshape(len(record.axes), -1) + np.array(self.zeros)[:, None]
         if isinstance(structure, ForwardStructure):
-            force = Motion.of(add_measured_motion(record), offset=self.input.offset)
+            force = Motion.from_record(add_measured_motion(record), offset=self.input.offset)
             return structure.simulate(force, linear, nonlinear, self.output.offset) + self.output.offset
-        motion = Motion.of(for_base(record, structure.base), offset=self.input.offset)
+        motion = Motion.from_record(for_base(record, structure.base), offset=self.input.offset)
         return structure.simulate(motion, linear, nonlinear) + self.output.offset
 
     def to_control(self) -> control.TransferFunction:
@@ -119,7 +119,7 @@ class FittedModel(ModelData):
             )
 
         mass = values.pop("mass", 0.0)
-        system = FirstOrder.of_base(**values)
+        system = FirstOrder.from_base(**values)
         above, below = [system.nu, system.k], [system.gamma, 1.0]
         if mass:
             above = np.polyadd(np.polymul([mass, 0.0, 0.0], below), above).tolist()

@@ -103,7 +103,7 @@ class Form:
     written: tuple[LinearParameter, ...] = ()
     """Linear parameters of the equation itself, if it acts along several axes."""
 
-    def in_space(self, axes: tuple[str, ...]) -> Self:
+    def to_space(self, axes: tuple[str, ...]) -> Self:
         """Return the form for motions along several axes.
 
         Parameters
@@ -348,7 +348,7 @@ class Effect:
     definition: Mapping | None = field(default=None, compare=False, repr=False)
     """Content of the user's file that defines it, stored in files of models; None for effects of the catalogue."""
 
-    def in_space(self, axes: tuple[str, ...]) -> tuple[Self | None, dict[str, str]]:
+    def to_space(self, axes: tuple[str, ...]) -> tuple[Self | None, dict[str, str]]:
         """Return the effect for motions along several axes, None without such a form, and why other forms have none, by key.
 
         Parameters
@@ -359,7 +359,7 @@ class Effect:
         forms, reasons = [], {}
         for form in self.forms:
             try:
-                forms.append(read := form.in_space(axes))
+                forms.append(read := form.to_space(axes))
                 if form is self.forms[0] and form.place is Place.OUTPUT:
                     # One channel of a sensor may be at its limit while the others are not, or several, each at its own.
                     single = [replace(read, name=f"{form.name}_{axis}", channel=axis) for axis in axes]

@@ -153,7 +153,7 @@ def _structure(
     if written.space is not None:
         from lumbar.tissue.models.space import force_sensor_effects
 
-        read = [item.in_space(written.space.axes)[0] for item in catalogue.values()]
+        read = [item.to_space(written.space.axes)[0] for item in catalogue.values()]
         sensor_effects = force_sensor_effects(written.space.axes)
         catalogue = {item.name: item for item in read if item} | sensor_effects
     forms: list[Form] = []

@@ -84,7 +84,7 @@ class Motion:
     """Forces of models on this motion."""
 
     @classmethod
-    def of(cls, record: Record, role: str = "input", offset: float = 0.0) -> Motion:
+    def from_record(cls, record: Record, role: str = "input", offset: float = 0.0) -> Motion:
         """Return the motion of one channel of a record, with the additional channels.
 
         Parameters
@@ -280,7 +280,7 @@ class SampledMotion(Motion):
     smooth: bool = False
 
     @classmethod
-    def of_positions(cls, position: np.ndarray, sampling_time: float) -> SampledMotion:
+    def from_positions(cls, position: np.ndarray, sampling_time: float) -> SampledMotion:
         """Return the motion through some positions from time 0.
 
         Parameters
@@ -379,7 +379,7 @@ class SpatialMotion(JoinedMotions):
     """Forces of models on this motion."""
 
     @classmethod
-    def of(cls, record: Record, rests: Sequence[float] = ()) -> Self:
+    def from_record(cls, record: Record, rests: Sequence[float] = ()) -> Self:
         """Return the motion of a record of several axes.
 
         Parameters
@@ -390,7 +390,7 @@ class SpatialMotion(JoinedMotions):
             Position that is subtracted along every axis, in the input's unit; by default positions are as recorded.
         """
         along = zip(record.axes, rests or [0.0] * len(record.axes), strict=True)
-        parts = tuple(Motion.of(record.axis(axis), offset=rest) for axis, rest in along)
+        parts = tuple(Motion.from_record(record.axis(axis), offset=rest) for axis, rest in along)
         return cls(parts, names=record.axes)
 
     time = cached_property(lambda self: self.parts[0].time)

@@ -100,7 +100,7 @@ class SpatialBase:
     @cached_property
     def form(self) -> Form:
         """The base's equation in space."""
-        return self.base.form.in_space(self.axes)
+        return self.base.form.to_space(self.axes)
 
     @property
     def equal_axes(self) -> dict[str, list[int]]:
@@ -255,7 +255,7 @@ def symmetric_base(base: Base, axes: tuple[str, ...]) -> Base:
     axes : tuple of str
         Names of the axes.
     """
-    form, size = base.form.in_space(axes), len(axes)
+    form, size = base.form.to_space(axes), len(axes)
     places = [(row, column) for row in range(size) for column in range(row, size)]
 
     def columns(motion: Motion, nonlinear: np.ndarray) -> list[np.ndarray]:

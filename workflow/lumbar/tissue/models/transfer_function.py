@@ -271,7 +271,7 @@ class FirstOrder:
     """Relaxation time, seconds."""
 
     @classmethod
-    def of_base(
+    def from_base(
         cls,
         spring_stiffness: float = 0.0,
         branch_stiffness: float = 0.0,

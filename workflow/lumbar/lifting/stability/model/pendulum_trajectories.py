@@ -96,7 +96,7 @@ def pendulum_label(trajectory: Trajectory, sign: str) -> str:
     return f"{trajectory.label} ({sign})"
 
 
-def in_unit_time(trajectory: Trajectory) -> Trajectory:
+def scale_to_unit_time(trajectory: Trajectory) -> Trajectory:
     """Return the same path played in one second, as the thesis has it ("to non-dimensionalize time", section 4.2.3.1).
 
     Mass, length, damping, gravity and the regulator's weights stay: this is another movement, not a change of units, which would
@@ -311,7 +311,7 @@ def trajectories_of_lift(
             if problems:
                 failures.append(Failure.from_trajectory(trajectory, NO_TRAJECTORY, ". ".join(problems)))
             else:
-                trajectories.append(in_unit_time(trajectory) if time == "unit" else trajectory)
+                trajectories.append(scale_to_unit_time(trajectory) if time == "unit" else trajectory)
     return trajectories, failures
 
 

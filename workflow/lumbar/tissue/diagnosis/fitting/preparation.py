@@ -277,7 +277,7 @@ def prepare(
         whitening = np.ones(1) if floor is None or not is_alike else floor.whitening
         whole, begins = histories.get(record.name, (record, 0))
         rest = whole["output"], whitening, settling[record.name]
-        return FitData(record.name, Motion.of(whole), *rest, begins=begins)
+        return FitData(record.name, Motion.from_record(whole), *rest, begins=begins)
 
     fitted, tests = list(map(prepare_record, chosen)), list(map(prepare_record, others))
     fields = {"records": tuple(records), "session": session, "settling_s": settling_s, **fields}

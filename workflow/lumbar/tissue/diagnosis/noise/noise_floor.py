@@ -18,7 +18,7 @@ from lumbar.tissue.diagnosis.noise.nonrepeating import (
     DRIFT,
     LINE,
     OTHER,
-    Part,
+    StructuredPart,
     excess,
     line_power,
     remove_structure,
@@ -212,7 +212,7 @@ def noise_floor(record: Record, period: float | None = None, fewest: int = MIN_P
     density = 2 * power * record.sampling_time
     density[[0, -1] if folding.samples % 2 == 0 else 0] /= 2
     values = sum((part.values for part in parts), np.zeros_like(noise))
-    structure = Part("all parts", values, sum(part.degrees for part in parts))
+    structure = StructuredPart("all parts", values, sum(part.degrees for part in parts))
     return NoiseFloor(
         **_rms_interval(variance, effective),
         structured=_describe_structure(parts, bursts, variance, mean_period, record),
@@ -263,7 +263,11 @@ def _resolution(mean_period: np.ndarray) -> float:
 
 
 def _describe_structure(
-    parts: list[Part], bursts: Bursts | None, variance: float, mean_period: np.ndarray, record: Record
+    parts: list[StructuredPart],
+    bursts: Bursts | None,
+    variance: float,
+    mean_period: np.ndarray,
+    record: Record,
 ) -> tuple[tuple[str, float], ...]:
     """Return description and RMS of every part, the largest first; periods count from the record's last, as from 2."""
     unit = record.channels["output"].unit
@@ -315,8 +319,8 @@ def prediction_error_filter(covariance: np.ndarray) -> tuple[np.ndarray, float]:
 
 
 def _separate_bursts(
-    noise: np.ndarray, parts: list[Part], degrees: float
-) -> tuple[np.ndarray, list[Part], float, Bursts | None]:
+    noise: np.ndarray, parts: list[StructuredPart], degrees: float
+) -> tuple[np.ndarray, list[StructuredPart], float, Bursts | None]:
     """Look for bursts in the noise and the unnamed changes; if these explain most of the bursts, return no bursts."""
     unnamed = [part for part in parts if part.kind == OTHER]
     changing = sum((part.values for part in unnamed), np.zeros_like(noise))

@@ -38,7 +38,7 @@ DRIFT, AMPLITUDE, LINE, OTHER = "drift", "amplitude change", "off-grid line", "o
 
 
 @dataclass(eq=False)
-class Part:
+class StructuredPart:
     """One structured part of the deviations."""
 
     kind: str
@@ -95,7 +95,7 @@ class StructureSearch:
     def __init__(self, deviations: np.ndarray, mean_period: np.ndarray, mean_excitation: np.ndarray):
         self.deviations = deviations
         self.rest = deviations
-        self.parts: list[Part] = []
+        self.parts: list[StructuredPart] = []
         periods, samples = deviations.shape
         self.taper = taper(samples)
         self.straight = np.linalg.qr(np.vander(np.linspace(-1, 1, samples), 2))[0]
@@ -123,7 +123,7 @@ class StructureSearch:
         named = sum(part.degrees for part in self.parts if part.kind != OTHER)
         return float(self.free_rows * (self.rest.shape[1] - named / (len(self.deviations) - 1)))
 
-    def strongest_part(self) -> Part | None:
+    def strongest_part(self) -> StructuredPart | None:
         """Return the part that explains most of the excess over the noise; None if no part is significant."""
         if not np.any(self.rest):
             return None
@@ -141,7 +141,7 @@ class StructureSearch:
             energy = float(np.sum(explained**2))
             is_significant = kind not in known and excess(energy, degrees) > _MIN_SIGMAS
             if is_significant and energy - degrees > best_energy:
-                best, best_energy = Part(kind, np.zeros_like(self.rest), degrees), energy - degrees
+                best, best_energy = StructuredPart(kind, np.zeros_like(self.rest), degrees), energy - degrees
         # Power over the noise level between the lines. Below the period's first line the level is not measured: it may rise
         # like that of a random walk.
         spectrum, periods = self._power(self.rest) / fine_level, len(self.rest)
@@ -161,10 +161,10 @@ class StructureSearch:
             values = np.linalg.eigvalsh(whitened @ whitened.T)
             largest = float(values[-1] - values[-self.free_rows : -1].mean())
             if largest > _UNNAMED_ADVANTAGE * best_energy:
-                best = Part(OTHER, np.zeros_like(self.rest), self.rest.shape[1])
+                best = StructuredPart(OTHER, np.zeros_like(self.rest), self.rest.shape[1])
         return best
 
-    def add(self, part: Part) -> None:
+    def add(self, part: StructuredPart) -> None:
         """Add a part, fit all, and remove those that are no longer significant."""
         if part.harmonics > 1:
             multiples = part.frequency * np.arange(1, part.harmonics + 1)
@@ -213,7 +213,7 @@ class StructureSearch:
         transform = np.fft.rfft(rows * self.taper, axis=-1) / np.sqrt(level)
         return np.fft.irfft(transform, rows.shape[-1], axis=-1)
 
-    def _line_candidates(self, spectrum: np.ndarray) -> list[Part]:
+    def _line_candidates(self, spectrum: np.ndarray) -> list[StructuredPart]:
         """Return the strongest line, and known lines with more harmonics, if they exceed the noise."""
         size = self.rest.size
         # The largest of n exponential variables exceeds ln(n) + x with probability exp(−x).
@@ -221,7 +221,9 @@ class StructureSearch:
         candidates = []
         peak = int(spectrum.argmax())
         if spectrum[peak] > np.log(len(spectrum)) + limit:
-            candidates.append(Part(LINE, np.zeros_like(self.rest), 3, _refine_line(self.rest, peak / size)))
+            candidates.append(
+                StructuredPart(LINE, np.zeros_like(self.rest), 3, _refine_line(self.rest, peak / size))
+            )
         for line in (part for part in self.parts if part.kind == LINE):
             multiples = np.arange(line.harmonics + 1, min(int(0.5 / line.frequency), _MAX_HARMONICS) + 1)
             places = np.round(multiples * line.frequency * size).astype(int)
@@ -229,7 +231,9 @@ class StructureSearch:
             strong = np.flatnonzero(spectrum[nearby].max(axis=1) > np.log(3 * len(nearby) + 1) + limit)
             if strong.size >= (2 if line.harmonics == 1 else 1):
                 count = int(multiples[strong[-1]])
-                candidates.append(Part(LINE, np.zeros_like(self.rest), 2 * count + 1, line.frequency, count))
+                candidates.append(
+                    StructuredPart(LINE, np.zeros_like(self.rest), 2 * count + 1, line.frequency, count)
+                )
         return candidates
 
     def _fit(self) -> None:
@@ -248,7 +252,7 @@ class StructureSearch:
             rest = rest - part.values
         self.rest = rest
 
-    def _fit_courses(self, courses: list[Part], rows: np.ndarray) -> np.ndarray:
+    def _fit_courses(self, courses: list[StructuredPart], rows: np.ndarray) -> np.ndarray:
         """Fit drift and lines together, the frequencies by Gauss and Newton; return the sum of their values."""
         lines = [part for part in courses if part.kind == LINE]
         drifts = [part for part in courses if part.kind == DRIFT]

@@ -268,16 +268,19 @@ def rank_causes(residuals: Sequence[Residual]) -> list[Cause]:
     constants = record[:, None] == np.arange(len(residuals))
     linear = np.hstack([np.vstack([linear_columns(item, times) for item in residuals]), constants])
 
-    def left(columns: np.ndarray = linear, groups: np.ndarray | None = None) -> float:
+    def error_left(columns: np.ndarray = linear, groups: np.ndarray | None = None) -> float:
         return max(_mean_square_left(values, columns, groups) - noise, 0.0) / explainable
 
-    rest, left_by = left(), {name: left(groups=groups) for name, groups in _groups(residuals).items()}
+    rest, left_by = (
+        error_left(),
+        {name: error_left(groups=groups) for name, groups in _groups(residuals).items()},
+    )
     # Of records that repeat, time has what does not repeat with the input; of others, what windows of time explain.
     by_time, repeating = rest - left_by["time"], [item for item in residuals if item.folding is not None]
     if (total := sum(item.explainable for item in repeating)) > 0:
         by_time = sum(time_view(item).share * item.explainable for item in repeating) / total
     # The last columns are the records' constants: an offset is not linear dynamics.
-    centred = left(linear[:, -len(residuals) :])
+    centred = error_left(linear[:, -len(residuals) :])
     shares = {
         "constant offset": 1 - centred,
         "linear dynamics": centred - rest,

@@ -89,7 +89,7 @@ class Location:
     """Causes of the error of all records together, by how well they are distinguished."""
 
     @classmethod
-    def of_residual(cls, record: str, residual: Residual, causes: Sequence[Cause]) -> Location:
+    def from_residual(cls, record: str, residual: Residual, causes: Sequence[Cause]) -> Location:
         """Return all views of a record's residual; the causes are those of all records."""
         spectrum_view = band_view if residual.folding is None else line_view
         kinds = (time_view, spectrum_view, motion_view, reversal_view, causes_view)
@@ -183,7 +183,7 @@ def simulation(
     """
 
     def simulate(record: Record) -> np.ndarray:
-        return fit.simulate(Motion.of(record, offset=surface))
+        return fit.simulate(Motion.from_record(record, offset=surface))
 
     return simulate_in_session(records, simulate) if session else simulate
 
@@ -201,7 +201,7 @@ def residual_reports(
     for number, (record, values, experiment) in enumerate(track(simulated, "records compared and located")):
         start, floor = settling_time(record, experiment.settling_s), experiment.floor
         comparison = compare_record(record, values, floor, experiment.floor_from, start, seed + number)
-        location = Location.of_residual(record.name, residuals[number], causes)
+        location = Location.from_residual(record.name, residuals[number], causes)
         reports.append(ResidualReport(record, values, comparison, location))
     return reports
 

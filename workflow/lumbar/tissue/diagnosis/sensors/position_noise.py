@@ -331,7 +331,7 @@ def find_rough_acceleration(record: Record) -> Repair | None:
     if mass is None:
         return None
     rate = 1 / record.sampling_time
-    acceleration, force = Motion.of(record).acceleration, record["output"]
+    acceleration, force = Motion.from_record(record).acceleration, record["output"]
     frequency, power = scipy.signal.welch(acceleration, rate, nperseg=length)
     cross_power = scipy.signal.csd(acceleration, force, rate, nperseg=length)[1].real
     average = np.ones(_SMOOTHED) / _SMOOTHED

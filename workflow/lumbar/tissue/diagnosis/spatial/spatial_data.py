@@ -108,7 +108,9 @@ def prepare(records: list[Record], settings: DiagnosisSettings) -> Experiment:
             taps = [floor.whitening for floor in known]
         settling = settling_samples(record.widest, settings.settling_s)
         parts = [
-            FitData(record.name, Motion.of(single, offset=rest), single["output"], whitening, settling)
+            FitData(
+                record.name, Motion.from_record(single, offset=rest), single["output"], whitening, settling
+            )
             for single, whitening, rest in zip(map(record.axis, axes), taps, rests, strict=True)
         ]
         return SpatialData.join(parts, axes=axes)

@@ -131,7 +131,7 @@ def refine(
     known, without = usable_in_space(settings.candidates, experiment), {}
     for effect in choose(effects, {**settings.candidates, **known}):
         if effect.name not in known:
-            without |= effect.in_space(axes)[1] or {effect.name: f"needs another axis than {', '.join(axes)}"}
+            without |= effect.to_space(axes)[1] or {effect.name: f"needs another axis than {', '.join(axes)}"}
     if without:
         raise InputError("; ".join(f"{key}: {why}" for key, why in without.items()))
     usable = {name: known[name] for name in effects}
@@ -149,7 +149,7 @@ def refine(
 
 def effects_in_space(catalogue: dict[str, Effect], axes: tuple[str, ...]) -> dict[str, Effect]:
     """Return the effects of a catalogue that have a form in space, and those of the force sensor."""
-    read = {name: effect.in_space(axes)[0] for name, effect in catalogue.items()}
+    read = {name: effect.to_space(axes)[0] for name, effect in catalogue.items()}
     return {name: effect for name, effect in read.items() if effect is not None} | force_sensor_effects(axes)
 
 

@@ -253,8 +253,8 @@ class EffectModel:
         """Return the motion of positions, shape (samples,), in space (samples, axes), as a running loop knows it."""
         inputs = np.asarray(inputs, dtype=float)
         if not self.axes:
-            return SampledMotion.of_positions(inputs, self.sampling_time)
-        parts = (SampledMotion.of_positions(along, self.sampling_time) for along in inputs.T)
+            return SampledMotion.from_positions(inputs, self.sampling_time)
+        parts = (SampledMotion.from_positions(along, self.sampling_time) for along in inputs.T)
         return SpatialMotion(tuple(parts), self.axes)
 
     def response(self, inputs: np.ndarray, late: bool = False) -> np.ndarray:
