@@ -8,12 +8,13 @@ import numpy as np
 import lumbar
 from lumbar.lifting.stability.model.eqs_4_1_to_4_4_closed_loop import Pendulums, Weights, gather
 from lumbar.lifting.stability.model.pendulum_trajectories import Trajectory
+from lumbar.records.c3d_file import write_c3d
 from lumbar.records.marker_file import RecordedEvent
 from lumbar.records.markers import MarkerRecording
 from lumbar.settings.lifting import ALIASES, RegulatorSettings, SubjectSettings, TrialSettings
 from lumbar.twin.examples import example_lift
 from lumbar.twin.lifter import simulate
-from lumbar.twin.lifting_recordings import true_movement, write_lift, write_markers
+from lumbar.twin.lifting_recordings import true_movement, write_lift
 from study_settings import study_settings
 
 __all__ = ["ALIASES", "example_lift", "simulate", "true_movement"]
@@ -95,7 +96,8 @@ def trial_of(mass_kg=15.0, events=None, **others) -> TrialSettings:
 
 def write_recording(path, positions, rate=100.0, subject="ann") -> Path:
     """Write markers in metres to a C3D file."""
-    write_markers(path, positions, rate, subject)
+    labels = [f"{'box' if name.startswith('BOX_') else subject}:{name}" for name in positions]
+    write_c3d(path, 1e3 * np.stack(list(positions.values()), axis=1), labels, float(rate))
     return path
 
 

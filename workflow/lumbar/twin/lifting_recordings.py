@@ -1,6 +1,5 @@
 """Lifting recordings of the synthetic twin: marker files (C3D) with hip moments, and hip moments of repeated lifts."""
 
-import os
 from collections.abc import Iterable
 
 import numpy as np
@@ -63,19 +62,12 @@ def write_lift(
         start = int(rng.integers(margin, len(measured[name]) - margin - length))
         measured[name][start : start + length] = np.nan
     content = settings.lifts[lift]
-    write_markers(markers_path, measured, rate, subject=content.person)
+    # Labels have the prefix of the person, those of the box its own; a C3D file has millimetres.
+    labels = [f"{'box' if name.startswith('BOX_') else content.person}:{name}" for name in measured]
+    write_c3d(markers_path, 1e3 * np.stack(list(measured.values()), axis=1), labels, float(rate))
     if moment_path is not None:
         signals = trunk_angle(movement), box_held(content.events_s)
         write_csv(moment_path, hip_moment(movement.time, signals, content, settings, gravity_m_s2, rng))
-
-
-def write_markers(path: str | os.PathLike, markers: dict[str, np.ndarray], rate: float, subject: str) -> None:
-    """Write markers (metres, shape (n, 3), NaN if hidden) at `rate` Hz as a C3D file in millimetres.
-
-    Labels have the prefix of the subject, those of the box ``box:``.
-    """
-    labels = [f"{'box' if name.startswith('BOX_') else subject}:{name}" for name in markers]
-    write_c3d(path, 1e3 * np.stack(list(markers.values()), axis=1), labels, float(rate))
 
 
 def _repeat_lift(

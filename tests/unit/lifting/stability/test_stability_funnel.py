@@ -11,7 +11,7 @@ from statsmodels.stats.proportion import proportion_confint
 
 from lumbar.base.errors import NumericalError
 from lumbar.lifting.stability.funnel.exact_funnel import boundary_growth, exact_funnels, reachable_area
-from lumbar.lifting.stability.funnel.monte_carlo_check import quadratic_form, simulate, upper_share
+from lumbar.lifting.stability.funnel.monte_carlo_check import MonteCarloCheck, quadratic_form, simulate
 from lumbar.lifting.stability.model.eqs_4_1_to_4_4_closed_loop import (
     Weights,
     cost_to_go,
@@ -250,6 +250,6 @@ def test_knots_too_far_apart_for_the_loop_are_named():
 
 
 def test_upper_share_is_clopper_pearson():
-    for exits in (0, 3, 250, 499, 500):
-        expected = proportion_confint(exits, 500, method="beta")[1]
-        assert upper_share(np.array(exits), 500) == pytest.approx(expected)
+    exits = np.array([0, 3, 250, 499, 500])
+    expected = proportion_confint(exits, 500, method="beta")[1]
+    assert MonteCarloCheck(exits, 500).share_high == pytest.approx(expected)

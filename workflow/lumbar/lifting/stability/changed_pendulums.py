@@ -63,29 +63,25 @@ NULL_CONTROL = "null"
 """Name of the areas of the pendulums at rest at θ0 = 0 for the same duration."""
 
 
-def _scale_body_mass(facts: Mapping, factor: float) -> dict:
-    """Change the masses of a lift's facts as if the subject weighed `factor` times as much."""
-    masses = {}
+def _change_masses(facts: Mapping, factor: float = 1.0, exchange_share: bool = False) -> dict:
+    """Return a lift's facts as if the subject weighed `factor` times as much, or as if the box were shared the other way.
+
+    The whole box counts to every centre of mass, or a part in proportion to its mass.
+    """
+    masses, whole = {}, sum(mass["without_box"] for mass in facts["mass_kg"].values())
     for com, mass in facts["mass_kg"].items():
-        bare = factor * mass["without_box"]
-        masses[com] = {"without_box": bare, "with_box": mass["with_box"] + (factor - 1) * mass["without_box"]}
-    return {**facts, "mass_kg": masses}
-
-
-def _exchange_box_share(facts: Mapping) -> dict:
-    """Give the whole box to every centre of mass instead of a part in proportion, or the reverse."""
-    bare = {com: mass["without_box"] for com, mass in facts["mass_kg"].items()}
-    is_shared, box, masses = facts["box"]["share"] == "by_mass", float(facts["box_mass_kg"]), {}
-    for com, mass in bare.items():
-        part = box if is_shared else box * mass / sum(bare.values())
-        masses[com] = {"without_box": mass, "with_box": mass + part}
+        bare, with_box = mass["without_box"], mass["with_box"] + (factor - 1) * mass["without_box"]
+        if exchange_share:
+            box, is_shared = float(facts["box_mass_kg"]), facts["box"]["share"] == "by_mass"
+            with_box = bare + (box if is_shared else box * bare / whole)
+        masses[com] = {"without_box": factor * bare, "with_box": with_box}
     return {**facts, "mass_kg": masses}
 
 
 OTHER_MASSES = {
-    "lighter": partial(_scale_body_mass, factor=1 - BODY_MASS_SHARE),
-    "heavier": partial(_scale_body_mass, factor=1 + BODY_MASS_SHARE),
-    "box_share": _exchange_box_share,
+    "lighter": partial(_change_masses, factor=1 - BODY_MASS_SHARE),
+    "heavier": partial(_change_masses, factor=1 + BODY_MASS_SHARE),
+    "box_share": partial(_change_masses, exchange_share=True),
 }
 
 

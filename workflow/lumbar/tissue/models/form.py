@@ -121,7 +121,7 @@ class Form:
         form = replace(self, axes=axes, written=() if self.hand_written else self.linear)
         if form.hand_written:
             return form
-        return replace(form, linear=form._unchecked.linear_in_space())  # type: ignore[attr-defined]  # it has axes
+        return replace(form, linear=form._unchecked.linear_in_space)  # type: ignore[attr-defined]  # it has axes
 
     def with_constants(self, values: Mapping[str, float]) -> Self:
         """Return the form with other values of its constants.

@@ -445,11 +445,6 @@ def force_sensor_effects(axes: tuple[str, ...]) -> dict[str, Effect]:
     size = len(axes)
     pairs = [(row, column) for row in range(size) for column in range(size) if row != column]
 
-    def couple(nonlinear: np.ndarray) -> np.ndarray:
-        matrix = np.eye(size)
-        matrix[tuple(zip(*pairs, strict=True))] = np.log(nonlinear)
-        return matrix
-
     def effect(
         effect_name: str, mechanism: str, nonlinear: Sequence[NonlinearParameter], **fields: Any
     ) -> Effect:
@@ -476,7 +471,13 @@ def force_sensor_effects(axes: tuple[str, ...]) -> dict[str, Effect]:
             ],
             name="couplings",
             equation=r"F \to (I + C) F",
-            hand_written=HandWritten(matrix=couple, spatial=True),
+            # Shares row by row, between the ones of the diagonal.
+            hand_written=HandWritten(
+                matrix=lambda nonlinear: np.insert(
+                    np.log(nonlinear), range(0, size * (size - 1) + 1, size), 1.0
+                ).reshape(size, size),
+                spatial=True,
+            ),
         ),
     )
     return {item.name: item for item in effects}

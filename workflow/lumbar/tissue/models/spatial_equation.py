@@ -361,8 +361,9 @@ class SpatialEquation(Equation):
         begun = {f"position_{axis}": f"(position_{axis} - step_{axis})" for axis in self.axes}
         return {**begun, "path": f"(path - sqrt({squares}))"}
 
+    @property
     def linear_in_space(self) -> tuple[LinearParameter, ...]:
-        """Return the linear parameters in space; a term without direction has one per axis.
+        """Linear parameters in space; a term without direction has one per axis.
 
         Raises
         ------

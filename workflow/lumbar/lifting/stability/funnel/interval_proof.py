@@ -186,8 +186,10 @@ class IntervalBounds:
         half, reach = self.half[piece], radius + ARC_OVERLAP_RAD
         arc = Interval(arcs - reach, arcs + reach)
         duration, extent = Interval(-half, half), Interval(-reach, reach)
-        centre = _g(at, c, s)
-        change = _g_time(over, rates, c, s) * duration + _g_arc(over, arc.cos(), arc.sin()) * extent
+        gravity = (at["angle"] + at["A"] * c).sin() - at["angle"].sin()
+        centre = _quadratic(at, c, s) - at["weight"] * s * gravity
+        by_time, by_arc = _slopes_of_g(over, rates, (c, s), (arc.cos(), arc.sin()))
+        change = by_time * duration + by_arc * extent
         return centre.low, (centre + change).high
 
 
@@ -239,29 +241,24 @@ def _coefficient_rates(curves: dict, over: dict[str, Interval], gravity: Interva
     }
 
 
-def _g(at: dict[str, Interval], c: Interval, s: Interval) -> Interval:
-    gravity = (at["angle"] + at["A"] * c).sin() - at["angle"].sin()
-    return _quadratic(at, c, s) - at["weight"] * s * gravity
-
-
 def _quadratic(at: dict[str, Interval], c: Interval, s: Interval) -> Interval:
     return at["q11"] * c.square() + at["q12"] * (c * s) + at["q22"] * s.square()
 
 
-def _g_time(over: dict, rates: dict, c: Interval, s: Interval) -> Interval:
+def _slopes_of_g(
+    over: dict, rates: dict, middle: tuple[Interval, Interval], arc: tuple[Interval, Interval]
+) -> tuple[Interval, Interval]:
+    """Return the derivatives of g by time in the middle of arcs and by φ over them, given by cosine and sine."""
+    c, s = middle
     displaced = over["angle"] + over["A"] * c
-    gravity = displaced.sin() - over["angle"].sin()
-    cosine = displaced.cos()
+    gravity, cosine = displaced.sin() - over["angle"].sin(), displaced.cos()
     change = rates["angle"] * (cosine - over["angle"].cos()) + rates["A"] * c * cosine
-    return _quadratic(rates, c, s) - s * (rates["weight"] * gravity + over["weight"] * change)
-
-
-def _g_arc(over: dict, c: Interval, s: Interval) -> Interval:
+    by_time = _quadratic(rates, c, s) - s * (rates["weight"] * gravity + over["weight"] * change)
+    c, s = arc
     displaced = over["angle"] + over["A"] * c
-    gravity = displaced.sin() - over["angle"].sin()
-    slope = c * gravity - s.square() * over["A"] * displaced.cos()
+    slope = c * (displaced.sin() - over["angle"].sin()) - s.square() * over["A"] * displaced.cos()
     quadratic = 2 * (over["q22"] - over["q11"]) * (c * s) + over["q12"] * (c.square() - s.square())
-    return quadratic - over["weight"] * slope
+    return by_time, quadratic - over["weight"] * slope
 
 
 ARCS = 24

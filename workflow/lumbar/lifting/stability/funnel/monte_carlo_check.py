@@ -25,8 +25,16 @@ class MonteCarloCheck:
 
     exits: np.ndarray
     """Shape (pendulums,): starts whose V exceeded ρ at any point checked."""
-    share_high: np.ndarray
-    """Shape (pendulums,): upper end of the exact (Clopper–Pearson) 95 % interval of the share that leaves."""
+    starts: int
+    """Starts per pendulum."""
+
+    @property
+    def share_high(self) -> np.ndarray:
+        """Upper end of the exact (Clopper–Pearson) 95 % interval of the share that leaves, shape (pendulums,)."""
+        from scipy.special import betaincinv
+
+        inside = self.starts - self.exits
+        return np.where(inside > 0, betaincinv(self.exits + 1.0, np.maximum(inside, 1.0), 0.975), 1.0)
 
 
 def monte_carlo_check(loops: ClosedLoops, funnels: Funnels, starts: int, seed: list[int]) -> MonteCarloCheck:
@@ -70,8 +78,7 @@ def monte_carlo_check(loops: ClosedLoops, funnels: Funnels, starts: int, seed: l
         if not between:
             value = quadratic_form(funnels.cost[index], state)
             inside &= value <= funnels.level[index][:, None] * (1 + LEVEL_TOLERANCE)
-    exits = starts - inside.sum(axis=1)
-    return MonteCarloCheck(exits, upper_share(exits, starts))
+    return MonteCarloCheck(starts - inside.sum(axis=1), starts)
 
 
 def simulate(loops: ClosedLoops, start: np.ndarray):
@@ -196,24 +203,3 @@ def quadratic_form(cost: np.ndarray, state: np.ndarray) -> np.ndarray:
     """
     s11, s12, s22 = (cost[:, entry, None] for entry in range(3))
     return s11 * state[0] ** 2 + 2 * s12 * state[0] * state[1] + s22 * state[1] ** 2
-
-
-def upper_share(exits: np.ndarray, starts: int) -> np.ndarray:
-    """Return the upper end of the Clopper–Pearson 95 % interval of a share.
-
-    Parameters
-    ----------
-    exits : numpy.ndarray, shape (...)
-        Number of starts that left.
-    starts : int
-        Number of starts.
-
-    Returns
-    -------
-    numpy.ndarray, shape (...)
-        Share from 0 to 1.
-    """
-    from scipy.special import betaincinv
-
-    exits = np.asarray(exits)
-    return np.where(exits < starts, betaincinv(exits + 1.0, np.maximum(starts - exits, 1.0), 0.975), 1.0)
