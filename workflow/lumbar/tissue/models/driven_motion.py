@@ -143,9 +143,7 @@ class ForceBalance:
 def linearise(
     form: Form, linear: Sequence[float], nonlinear: Sequence[float]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the slopes of a base's force (first row) and of its states' rates at 0: by z, ż, z̈, and by the states.
-
-    Shapes (1 + states, 3) and (1 + states, states).
+    """Return the slopes of a base's force (first row) and states' rates at 0: by z, ż, z̈, and by states, (1 + states, states).
 
     Parameters
     ----------

@@ -256,9 +256,7 @@ class SpatialEquation(Equation):
         solution: Solution | None = None,
         force: np.ndarray | None = None,
     ) -> list[np.ndarray]:
-        """Return the force per linear parameter at size 1, or one transformed force, one axis after the other.
-
-        Shape (axes × samples,) each.
+        """Return the force per linear parameter at size 1, or one transformed force, by axis, shape (axes × samples,) each.
 
         Parameters
         ----------

@@ -158,7 +158,7 @@ class StateEquation:
         return Symbol(name) + gain * slope
 
     def slopes_at_rest(self, values: Mapping[str, float], sampling_time: float) -> np.ndarray:
-        """Return the derivatives of the increments without motion.
+        """Return the derivatives of the increments of states (rows) by states (columns) without motion, shape (states, states).
 
         Parameters
         ----------
@@ -166,11 +166,6 @@ class StateEquation:
             Parameters and constants by symbol.
         sampling_time : float
             Seconds.
-
-        Returns
-        -------
-        numpy.ndarray, shape (states, states)
-            Change of every state in a step (row) by every state (column).
         """
         given = dict.fromkeys((*self.names, *self.signals), 0.0)
         rows = [Evaluator(row, STEP_FUNCTIONS) for row in self._jacobian]
@@ -377,9 +372,7 @@ def _recursion(slopes: np.ndarray, driven: np.ndarray) -> np.ndarray:
 
 
 def step_bands(slopes: np.ndarray) -> np.ndarray:
-    """Return the lower bands of the system yₖ − Sₖ yₖ₋₁, diagonal first, as LAPACK stores them.
-
-    Shape (2 * size, size * (steps + 1)).
+    """Return the lower bands of the system yₖ − Sₖ yₖ₋₁ as in LAPACK, diagonal first, shape (2 * size, size * (steps + 1)).
 
     Parameters
     ----------

@@ -76,9 +76,7 @@ class Structure:
         return nonlinear[: len(self.base.nonlinear)], parts
 
     def design(self, motion: AnyMotion, nonlinear: np.ndarray) -> np.ndarray:
-        """Return the force of every amplitude at size 1, before output forms, shape (samples, linear parameters).
-
-        In space one axis after the other.
+        """Return the forces of amplitudes of size 1 before output forms, (samples, amplitudes); in space axis after axis.
 
         Parameters
         ----------
@@ -172,13 +170,8 @@ do not count these samples."""
 _MAX_STEP_RAD = 0.4  # at the upper edge of the band that contains _BAND_POWER of the motion's power
 _BAND_POWER = 0.95
 _MAX_STEPS = 4  # from sample to sample
-_FIRST_ITERATIONS, _NEXT_ITERATIONS = (
-    4,
-    2,
-)  # of the state at the start, for the first and for later parameters
-_START_RIDGE = (
-    1e-3  # relative to the information in the first samples; a state without influence stays unchanged
-)
+_FIRST_ITERATIONS, _NEXT_ITERATIONS = 4, 2  # of the state at the start, for the first and later parameters
+_START_RIDGE = 1e-3  # relative to the information in the first samples; without influence a state stays
 _RELATIVE_STEP = 1e-6  # of differences by parameters
 _Any = TypeVar("_Any", LinearParameter, NonlinearParameter)
 
@@ -234,9 +227,7 @@ class ForwardStructure(Structure):
     def simulate(
         self, motion: AnyMotion, linear: np.ndarray, nonlinear: np.ndarray, zero: float = 0.0
     ) -> np.ndarray:
-        """Simulate the position without its sensor's zero as a free run, shape (samples,).
-
-        Not finite if no motion solves the equations.
+        """Simulate the position without its sensor's zero as a free run, shape (samples,); not finite without a solution.
 
         Parameters
         ----------
@@ -316,20 +307,11 @@ class ForwardStructure(Structure):
             return int(np.clip(np.ceil(2 * np.pi * edge / _MAX_STEP_RAD), 1, _MAX_STEPS))
 
         steps = motion.cache.compute_once("steps per sample", steps_per_sample)
-        drive = ForceDrive(
-            self.balance,
-            force.cache.compute_once(
-                "force at points",
-                lambda: (
-                    np.repeat(force.position[:-1], steps)[:, None] * np.ones(len(POINTS))
-                    if is_held(force)
-                    else _interpolate(force.position, steps)
-                ),
-            ),
-            motion.sampling_time / steps,
-            1.0 if measured is None else float(np.ptp(measured)),
-            steps,
+        points = force.cache.compute_once(
+            "force at points", lambda: _interpolate(force.position, steps, is_held(force))
         )
+        size = 1.0 if measured is None else float(np.ptp(measured))
+        drive = ForceDrive(self.balance, points, motion.sampling_time / steps, size, steps)
         numbers = np.concatenate([linear, nonlinear, [zero]])
         compute = partial(self._motion, motion, drive, self.parameters(linear, nonlinear), zero)
         return drive, motion.cache.compute_at(self._key, numbers, compute)
@@ -356,8 +338,10 @@ class ForwardStructure(Structure):
         return driven
 
 
-def _interpolate(signal: np.ndarray, parts: int) -> np.ndarray:
-    """Return a signal at the collocation points of every step, by a cubic spline through its samples."""
+def _interpolate(signal: np.ndarray, parts: int, held: bool = False) -> np.ndarray:
+    """Return a signal at the collocation points of every step, by a cubic spline through its samples if it is not held."""
+    if held:
+        return np.repeat(signal[:-1], parts)[:, None] * np.ones(len(POINTS))
     samples = (np.arange(parts * (len(signal) - 1))[:, None] + POINTS) / parts
     return scipy.interpolate.make_interp_spline(np.arange(len(signal)), signal, k=3)(samples)
 
@@ -379,8 +363,7 @@ def _balance_at_rest(drive: ForceDrive, values: dict[str, float]) -> np.ndarray:
 
 def _estimate_start(drive, values, measured, sampling_time, start=None) -> np.ndarray:
     """Fit the state at the start to the first measured samples by the Gauss–Newton method."""
-    count = max(min(_MAX_START_SAMPLES, len(measured) // 20), _MIN_START_SAMPLES)
-    count = min(count, len(measured) - 1)
+    count = min(max(min(_MAX_START_SAMPLES, len(measured) // 20), _MIN_START_SAMPLES), len(measured) - 1)
     measured = measured[: count + 1]
     iterations = _NEXT_ITERATIONS
     if start is None:

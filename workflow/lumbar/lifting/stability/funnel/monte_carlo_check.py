@@ -114,7 +114,7 @@ def simulate(loops: ClosedLoops, start: np.ndarray):
 
 
 def preimage(loops: ClosedLoops, edge: np.ndarray) -> np.ndarray:
-    """Follow states at T backward to t = 0 with the true sine: from the edge of a goal set to that of all states that reach it.
+    """Return errors at t = 0, shape of `edge`, that reach those at T with the true sine, such as the edge of a goal set.
 
     Parameters
     ----------
@@ -122,11 +122,6 @@ def preimage(loops: ClosedLoops, edge: np.ndarray) -> np.ndarray:
         Pendulums under their regulator.
     edge : numpy.ndarray, shape (2, pendulums, points)
         Errors x̄ at T in rad and rad/s.
-
-    Returns
-    -------
-    numpy.ndarray, shape (2, pendulums, points)
-        Errors at t = 0.
 
     Raises
     ------

@@ -29,9 +29,7 @@ def monomials(degree: int) -> list[tuple[int, int]]:
 
 
 def growth_polynomial(form: NormalForm, level: np.ndarray, degree: int) -> np.ndarray:
-    """Return the coefficients in 1/s of V̇/ρ in z with the Taylor polynomial of sin(θ0 + e) in e.
-
-    Shape (..., monomials of degree + 1).
+    """Return the coefficients in 1/s of V̇/ρ in z with the Taylor polynomial of sin(θ0 + e), (..., monomials of degree + 1).
 
     Parameters
     ----------
@@ -58,9 +56,7 @@ def growth_polynomial(form: NormalForm, level: np.ndarray, degree: int) -> np.nd
 
 @cache
 def harmonics_of_monomials(degree: int) -> np.ndarray:
-    """Return the matrix from coefficients of monomials to harmonics 1, cos φ, sin φ, cos 2φ, …, in exact dyadic rationals.
-
-    Shape (2·degree + 1, monomials).
+    """Return the exact matrix, shape (2·degree + 1, monomials), from coefficients of monomials to harmonics 1, cos φ, sin φ, ….
 
     Parameters
     ----------
@@ -136,9 +132,7 @@ def _powers(angle: np.ndarray, degree: int) -> np.ndarray:
 
 
 def gram_map(degree: int) -> np.ndarray:
-    """Return Γ, which takes the scaled upper triangle of G, column by column, to the coefficients of bᵀGb.
-
-    Shape (monomials of degree + 1, triangle).
+    """Return Γ, (monomials of degree + 1, triangle): from the scaled upper triangle of G, by columns, to coefficients of bᵀGb.
 
     Parameters
     ----------
@@ -156,9 +150,7 @@ def gram_map(degree: int) -> np.ndarray:
 
 
 def circle_map(degree: int) -> np.ndarray:
-    """Return the matrix that takes the coefficients of L to those of L·(1 − |z|²).
-
-    Shape (monomials of degree + 1, monomials of degree − 1).
+    """Return the matrix from coefficients of L to those of L·(1 − |z|²), (monomials of degree + 1, monomials of degree − 1).
 
     Parameters
     ----------
