@@ -192,8 +192,24 @@ class Record:
         keep = (self.time >= start - 1e-9) & (self.time < stop - 1e-9)
         number = np.cumsum(keep) - 1
         filled = tuple(int(number[sample]) for sample in self.filled if keep[sample])
-        part = self.with_values(**{role: channel.values[keep] for role, channel in self.channels.items()})
-        return replace(part, time=self.time[keep], filled=filled)
+        values = {role: channel.values[keep] for role, channel in self.channels.items()}
+        return self.with_samples(self.time[keep], values, filled)
+
+    def with_samples(
+        self, time: np.ndarray, values: Mapping[str, np.ndarray], filled: tuple[int, ...] = ()
+    ) -> Record:
+        """Return the record with other samples of all channels.
+
+        Parameters
+        ----------
+        time : ndarray, shape (samples,)
+            Clock, in seconds.
+        values : mapping of str to ndarray, shape (samples,)
+            Values by the role of the channel, in its unit.
+        filled : tuple of int
+            Numbers of the samples that were interpolated.
+        """
+        return replace(self.with_values(**values), time=time, filled=filled)
 
     def with_values(self, **values: np.ndarray) -> Record:
         """Return the record with other values in some channels.

@@ -254,7 +254,7 @@ def test_slopes_are_derivatives_of_the_force(delay):
     position = motion(1)
     moved = Motion(np.arange(len(position)) * 0.01, position, 0.01)
     linear = np.random.default_rng(0).standard_normal(forces(moved, poles, False).shape[1])
-    vector = poles.to_vector()
+    vector = poles.logarithms
 
     def force(values):
         return forces(moved, poles.moved_to(values), False) @ linear

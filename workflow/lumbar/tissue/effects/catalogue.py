@@ -3,7 +3,6 @@
 import math
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import suppress
-from dataclasses import replace
 from pathlib import Path
 from typing import TypeVar
 
@@ -119,7 +118,7 @@ def filter_forms(
             sizes = {item.symbol: item.value * scale(item.scale) for item in form.constants if item.scale}
             forms.append(form.with_constants(sizes))
         if forms:
-            effects[name] = replace(effect, forms=tuple(forms))
+            effects[name] = effect.with_forms(forms)
     return effects
 
 
@@ -149,8 +148,7 @@ def catalogue_with(
             raise InputError(f"gravity_m_s2 is {gravity_m_s2:g}: the effects on a pendulum need m/s² above 0")
         constants = {"g": float(gravity_m_s2)}
         for name, effect in catalogue.items():
-            forms = tuple(form.with_constants(constants) for form in effect.forms)
-            catalogue[name] = replace(effect, forms=forms)
+            catalogue[name] = effect.with_forms(form.with_constants(constants) for form in effect.forms)
     for file in files:
         catalogue.update(load_effects(Path(file), catalogue))
     return catalogue
@@ -302,7 +300,7 @@ def _read_effect(file: YamlFile, problems: Problems, taken: Collection[str] = ()
     for place, form in forms.items():
         _check_equation(form, place, file, problems)
     problems.raise_if_any()
-    return replace(entry.effect(forms.values(), file), definition=file.content)
+    return entry.effect(forms.values(), file, file.content)
 
 
 def _check_equation(form: Form, place: str, file: YamlFile, problems: Problems) -> None:

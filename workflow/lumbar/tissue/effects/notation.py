@@ -245,10 +245,11 @@ class EffectDescription(Description):
     rival: bool = False
     """True if it is only compared with similar effects that were selected."""
 
-    def effect(self, forms: Collection[Form], file: YamlFile) -> Effect:
-        """Return the effect with its forms."""
-        texts = self.model_dump(include=set(EffectDescription.model_fields))
-        return Effect(**{**texts, "source": self.source or Path(file.path).name}, forms=tuple(forms))
+    def effect(self, forms: Collection[Form], file: YamlFile, definition: Mapping | None = None) -> Effect:
+        """Return the effect with its forms; `definition` is the content of a user's file."""
+        fields = self.model_dump(include=set(EffectDescription.model_fields))
+        fields |= {"source": self.source or Path(file.path).name, "definition": definition}
+        return Effect(**fields, forms=tuple(forms))
 
 
 class EffectOfOneForm(FormEntry, EffectDescription):

@@ -11,7 +11,7 @@ equation expresses (play, delay) are `HandWritten` forms.
 """
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from functools import cached_property
@@ -367,7 +367,17 @@ class Effect:
                     forms += [*single, *(_join_channels(read, some) for group in groups for some in group)]
             except InputError as error:
                 reasons[form.key] = str(error)
-        return (replace(self, forms=tuple(forms)) if forms else None), reasons
+        return (self.with_forms(forms) if forms else None), reasons
+
+    def with_forms(self, forms: Iterable[Form]) -> Self:
+        """Return the effect with other forms.
+
+        Parameters
+        ----------
+        forms : iterable of Form
+            At least one.
+        """
+        return replace(self, forms=tuple(forms))
 
     @property
     def changes(self) -> bool:

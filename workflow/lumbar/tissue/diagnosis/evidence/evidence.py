@@ -8,7 +8,7 @@ added forces have the same direction; the angle between them measures how well t
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -228,10 +228,10 @@ def gather_evidence(
     other_forms = []
     for form in model.fit.structure.forms:
         effect = catalogue[form.effect]
-        others = tuple(item for item in effect.forms if item.name != form.name)
+        others = [item for item in effect.forms if item.name != form.name]
         if others:
             without = drop_effect(model, form.effect, experiment)
-            other_forms += extend(without, {form.effect: replace(effect, forms=others)}, experiment)
+            other_forms += extend(without, {form.effect: effect.with_forms(others)}, experiment)
     return Evidence(
         remaining=remaining,
         ties=signal_angles(diagnosis),

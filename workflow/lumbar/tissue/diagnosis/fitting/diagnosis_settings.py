@@ -1,7 +1,7 @@
 """Settings of a diagnosis: base, training records, candidates."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Self
 
 from lumbar.settings.layout import ColumnLayout
@@ -59,6 +59,18 @@ class DiagnosisSettings:
     def preparation(self) -> dict[str, Any]:
         """Arguments of `lumbar.tissue.diagnosis.fitting.preparation.prepare`."""
         return {"train": self.train, "session": self.session, "settling_s": self.settling_s}
+
+    def limit(self, catalogue: dict[str, Effect], most_effects: int | None = None) -> Self:
+        """Return the settings with fewer candidate effects, or fewer that may be added.
+
+        Parameters
+        ----------
+        catalogue : dict of str to Effect
+            Candidate effects.
+        most_effects : int, optional
+            Largest number of effects to add; default as before.
+        """
+        return replace(self, catalogue=catalogue, most_effects=most_effects or self.most_effects)
 
     @classmethod
     def from_study(

@@ -311,11 +311,9 @@ def _shorten_longest(records: list[Record]) -> tuple[list[Record], list[Finding]
 
 def _slice_record(record: Record, samples: slice) -> Record:
     remaining = range(len(record))[samples]
-    channels = {
-        role: replace(channel, values=channel.values[samples]) for role, channel in record.channels.items()
-    }
+    values = {role: channel.values[samples] for role, channel in record.channels.items()}
     filled = tuple(remaining.index(sample) for sample in record.filled if sample in remaining)
-    return replace(record, time=record.time[samples], channels=channels, filled=filled)
+    return record.with_samples(record.time[samples], values, filled)
 
 
 def band_edge(position: np.ndarray) -> float:

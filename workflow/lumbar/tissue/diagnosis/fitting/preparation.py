@@ -82,14 +82,12 @@ def add_session_history(records: Sequence[Record]) -> dict[str, tuple[Record, in
             between = round(_MOVE_SHARE * past.time_scale / past.sampling_time)
         share = np.arange(1, between + 1) / (between + 1)
         progress = share**2 * (3 - 2 * share)
-        channels = {}
-        for role, channel in past.channels.items():
-            start, end = channel.values[-1], record[role][0]
-            values = [channel.values, start + progress * (end - start), record[role]]
-            channels[role] = replace(channel, values=np.concatenate(values))
+        values = {}
+        for role in record.channels:
+            start, end = past[role][-1], record[role][0]
+            values[role] = np.concatenate([past[role], start + progress * (end - start), record[role]])
         begins = len(past) + between
-        time = np.arange(begins + len(record)) * past.sampling_time
-        past = replace(record, time=time, channels=channels, filled=())
+        past = record.with_samples(np.arange(begins + len(record)) * past.sampling_time, values)
         histories[record.name] = past, begins
     return histories
 

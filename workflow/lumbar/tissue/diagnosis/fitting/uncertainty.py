@@ -274,17 +274,11 @@ def score_covariance(scores: Sequence[np.ndarray]) -> np.ndarray:
     centred = [item - mean for item in scores]
     times = correlation_times(centred)
     bandwidth = min(_BANDWIDTH * float(times.max()), float(size))
-    middle = sum(_bartlett_sum(item, bandwidth) for item in centred)
+    middle = sum(bartlett_sum(item, bandwidth) for item in centred)
     share = bandwidth / size
     critical = 1.96 + 2.9694 * share + 0.416 * share**2 - 0.5324 * share**3
     effective = max(1 - 2 * float(times.sum()) / size, _MIN_EFFECTIVE_SHARE)
     return middle * (critical / 1.96) ** 2 / effective
-
-
-def variance_of_sum(series: Sequence[np.ndarray]) -> float:
-    """Return the variance of the sum of correlated numbers of mean 0, by record, by Bartlett's window over √samples."""
-    bandwidth = float(np.sqrt(sum(map(len, series))))
-    return float(sum(_bartlett_sum(item[:, None], bandwidth)[0, 0] for item in series))
 
 
 def correlation_times(scores: Sequence[np.ndarray]) -> np.ndarray:
@@ -310,7 +304,7 @@ def _autocorrelation(series: Sequence[np.ndarray], lags: int) -> np.ndarray:
     return total / np.where(total[0] > 0, total[0], 1.0)
 
 
-def _bartlett_sum(scores: np.ndarray, bandwidth: float) -> np.ndarray:
+def bartlett_sum(scores: np.ndarray, bandwidth: float) -> np.ndarray:
     """Return Σ w(k) Γ(k) with Bartlett's weights, in the frequency domain, where they are never negative."""
     size = len(scores)
     length = scipy.fft.next_fast_len(2 * size - 1, real=True)

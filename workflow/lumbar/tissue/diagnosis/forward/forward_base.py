@@ -120,15 +120,16 @@ def _convert(data: FitData, kind: type[FitData], **changes) -> FitData:
 
 def to_inverse_problem(experiment: Experiment, response: Response) -> Experiment:
     """Return an experiment with the force as input, prepared with the motion as input."""
-
-    def invert(data: ForwardData) -> FitData:
-        measured = data.measured_motion
-        motion = Motion(measured.time, measured.position, measured.sampling_time)
-        return _convert(
-            data, FilteredForwardData, motion=motion, force=data.motion.position, response=response
-        )
-
-    return experiment.change_data(invert, FilteredForwardJointData)
+    return experiment.change_data(
+        lambda data: _convert(
+            data,
+            FilteredForwardData,
+            motion=Motion(data.motion.time, data.measured_motion.position, data.motion.sampling_time),
+            force=data.motion.position,
+            response=response,
+        ),
+        FilteredForwardJointData,
+    )
 
 
 def response_of(base: Base, linear: np.ndarray, nonlinear: np.ndarray) -> Response:

@@ -75,7 +75,7 @@ def select_by_simulation(state: DiagnosisState) -> DiagnosisState:
     if state.inverse is None and base.train_rms**2 > (1 - _MIN_EXPLAINED) * variance:
         # The motion hardly follows the force: without a response no effect can be searched.
         return after_selection(state, _Confirmation(experiment, base, state.settings))
-    usable = replace(state.settings, catalogue=forward_catalogue(state.settings.searched, model, data))
+    usable = state.settings.limit(forward_catalogue(state.settings.searched, model, data))
     response = response_of(model, base.fit.linear, base.fit.nonlinear)
     inverse = to_inverse_problem(experiment, response)
     search = Selection(inverse, fit_base(model, inverse), usable)
@@ -107,7 +107,7 @@ def fit_whole_records(state: DiagnosisState) -> DiagnosisState:
         return state.next(step, "not needed: the search has used whole records")
     base = resume_fit(experiment, state.result.base, _FINAL_EVALUATIONS)
     model, data = base.fit.structure.base, experiment.training
-    usable = replace(state.settings, catalogue=forward_catalogue(state.settings.searched, model, data))
+    usable = state.settings.limit(forward_catalogue(state.settings.searched, model, data))
     ranked, selected = [item.candidate for item in state.result.ranking], set(state.result.selected)
     rivals = [item for item in ranked if set(item.effects) != selected]
     named = [*state.result.path[1:], *state.result.tied_with, *rivals[:1]]

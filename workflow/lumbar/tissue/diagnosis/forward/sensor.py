@@ -42,9 +42,16 @@ def sensor_candidates(
     candidates = []
     for name, effect_forms in forms.items():
         for form in effect_forms:
-            fits = _fit_absolute_value if name == "absolute_value" else _fit_before_sensor
-            if pairs := fits(experiment, form):
-                candidates.append(min(pairs, key=lambda pair: pair[1].score))
+            if name == "absolute_value":
+                pairs = _fit_absolute_value(experiment, form)
+                candidates += [min(pairs, key=lambda pair: pair[1].score)] if pairs else []
+                continue
+            # Dynamics of the order that the sensor's signal requires, then dynamics and sensor together.
+            dynamics, training = linear_dynamics(experiment), experiment.training
+            if dynamics.kind == "rational" and dynamics.order:
+                before = _to_fit(dynamics, training)
+                both = evaluate(add(before, form, training), experiment)
+                candidates.append((evaluate(before, experiment), both))
     return candidates
 
 
@@ -88,15 +95,6 @@ def _fit_with_sign(training: FitData, sign: np.ndarray, order: int) -> LinearDyn
         if np.array_equal(sign, last):
             break
     return dynamics
-
-
-def _fit_before_sensor(experiment: Experiment, form: Form) -> list[tuple[Candidate, Candidate]]:
-    """Fit dynamics of the order that the sensor's signal requires, then dynamics and sensor together."""
-    dynamics = linear_dynamics(experiment)
-    if dynamics.kind != "rational" or not dynamics.order:
-        return []
-    before = _to_fit(dynamics, experiment.training)
-    return [(evaluate(before, experiment), evaluate(add(before, form, experiment.training), experiment))]
 
 
 def _to_fit(dynamics: LinearDynamics, data: FitData) -> Fit:

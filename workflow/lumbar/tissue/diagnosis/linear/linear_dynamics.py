@@ -74,8 +74,8 @@ class LinearDynamics(FreeRun):
 
     @property
     def nonlinear(self) -> np.ndarray:
-        """Searched parameters: those of `Poles.to_vector`, not their logarithms."""
-        return np.exp(self.poles.to_vector())
+        """Searched parameters: those of `Poles.logarithms`."""
+        return np.exp(self.poles.logarithms)
 
     @property
     def order(self) -> int:

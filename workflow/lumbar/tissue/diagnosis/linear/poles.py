@@ -54,12 +54,13 @@ class Poles:
         sections += [(slow + fast, slow * fast) for slow, fast in zip(real[0:-1:2], real[1::2], strict=True)]
         return cls(real[len(real) - len(real) % 2 :], np.array(sections).reshape(-1, 2))
 
-    def to_vector(self) -> np.ndarray:
-        """Return the logarithms of the searched parameters: the delay if there is one, sections, rates."""
+    @property
+    def logarithms(self) -> np.ndarray:
+        """Logarithms of the searched parameters: the delay if there is one, sections, rates."""
         return np.log([*[self.delay] * bool(self.delay), *self.sections.ravel(), *self.rates])
 
     def moved_to(self, vector: np.ndarray) -> Self:
-        """Return poles of the same kind with the searched parameters of `to_vector`."""
+        """Return poles of the same kind with these `logarithms`."""
         values, first = np.exp(vector), int(self.delay > 0)
         paired = first + self.sections.size
         sections = values[first:paired].reshape(-1, 2)
@@ -87,7 +88,7 @@ def forces(motion: Motion | JoinedMotions, poles: Poles, held: bool) -> np.ndarr
 
 
 def slope_forces(motion: Motion | JoinedMotions, poles: Poles, linear: np.ndarray, held: bool) -> np.ndarray:
-    """Differentiate the force by the parameters of `Poles.to_vector` with fixed linear parameters, by differences.
+    """Differentiate the force by the parameters of `Poles.logarithms` with fixed linear parameters, by differences.
 
     The result has shape (samples, searched parameters).
     """

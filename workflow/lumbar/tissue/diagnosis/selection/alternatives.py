@@ -120,7 +120,7 @@ def compare_with_linear_dynamics(state: DiagnosisState) -> DiagnosisState:
     again = state
     if not set(result.selected) <= set(only):
         reason = f"linear dynamics explain more ({errors}) and leave nothing nonlinear: linear effects are searched"
-        trial = state.next(step, reason, settings=replace(state.settings, catalogue=only), status=None)
+        trial = state.next(step, reason, settings=state.settings.limit(only), status=None)
         again = run((*SEARCH, find_ties), trial)
         if linear_alternative(again.result.model, experiment) is None:
             named = effects_text(again.result.selected)
@@ -145,9 +145,7 @@ def check_lead(state: DiagnosisState) -> DiagnosisState:
 
 def report_zeros(state: DiagnosisState) -> DiagnosisState:
     """Report the zeros of the sensors, if they matter."""
-    findings = report_offsets(state.result)
-    kinds = ", ".join(item.kind.replace("_", " ") for item in findings)
-    return state.next("report zeros", kinds or "the zeros are where the records say", *findings)
+    return state.report("report zeros", report_offsets(state.result), "the zeros are where the records say")
 
 
 def report_offsets(result: DiagnosisResult) -> list[Finding]:

@@ -172,9 +172,9 @@ def unseen_improvement(before: Candidate, after: Candidate, experiment: Experime
 def loss_improvement(before: Fit, after: Fit, records: list[FitData]) -> float:
     """Return the number of standard errors by which the loss on some records falls.
 
-    Mean difference of losses over its standard error, neighbouring samples taken as dependent (Diebold and Mariano,
-    J. Bus. Econ. Stat. 13 (1995) 253-263; `variance_of_sum`). The loss is that of Student's t: of
-    squared errors the mean depends on a few peaks of an extrapolated force, and no difference is ever significant.
+    Mean difference of losses over its standard error, neighbouring samples taken as dependent over √samples (Diebold and
+    Mariano, J. Bus. Econ. Stat. 13 (1995) 253-263). The loss is that of Student's t: of squared errors the mean depends on a
+    few peaks of an extrapolated force, and no difference is ever significant.
     """
     errors = [(before.whitened_errors(record), after.whitened_errors(record)) for record in records]
     scale = min(_student_scale(np.concatenate(by_fit)) for by_fit in zip(*errors, strict=True))
@@ -183,7 +183,8 @@ def loss_improvement(before: Fit, after: Fit, records: list[FitData]) -> float:
     differences = [_loss(first, scale) - _loss(second, scale) for first, second in errors]
     size = sum(len(item) for item in differences)
     mean = sum(float(item.sum()) for item in differences) / size
-    variance = uncertainty.variance_of_sum([item - mean for item in differences])
+    sums = (uncertainty.bartlett_sum(item[:, None] - mean, float(np.sqrt(size))) for item in differences)
+    variance = float(sum(item[0, 0] for item in sums))
     if variance <= 0:
         return 0.0 if mean == 0 else float(np.copysign(np.inf, mean))
     return mean * size / float(np.sqrt(variance))

@@ -1,7 +1,6 @@
 """A diagnosis as a sequence of named steps: from records to the physical effect that a base model is missing."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -20,7 +19,7 @@ from lumbar.tissue.diagnosis.selection.alternatives import (
 from lumbar.tissue.diagnosis.selection.base_choice import SEARCH, find_base, reweigh_errors
 from lumbar.tissue.diagnosis.selection.candidate import Candidate, drop_effect, is_adequate, refit
 from lumbar.tissue.diagnosis.selection.forward_selection import extend, find_ties
-from lumbar.tissue.diagnosis.selection.result import DiagnosisResult, DiagnosisState, Status, run
+from lumbar.tissue.diagnosis.selection.result import UNUSABLE, DiagnosisResult, DiagnosisState, Status, run
 from lumbar.tissue.diagnosis.selection.sentences import effects_text
 from lumbar.tissue.diagnosis.selection.thresholds import COMPLETE
 from lumbar.tissue.diagnosis.sensors.sensor_faults import repair
@@ -119,7 +118,7 @@ def estimate_noise_floor(state: DiagnosisState) -> DiagnosisState:
         f"{noise}; {len(usable)} effects can be tried",
         prepared=experiment,
         experiment=experiment,
-        settings=replace(settings, catalogue=usable),
+        settings=settings.limit(usable),
         effects={**settings.candidates, **usable},
         not_tried=not_tried,
     )
@@ -137,18 +136,10 @@ def check_direction(state: DiagnosisState) -> DiagnosisState:
     if finding is None:
         return state.next(step, "input, output and signs are those of a tissue")
     experiment, base = find_base(experiment, settings.base, settings.candidates)
-    return state.next(
-        step,
-        f"{finding.kind}: these records are not what a tissue model takes",
-        finding,
-        findings=tuple(item for item in state.result.findings if item not in state.result.experiment.faults),
-        experiment=experiment,
-        base=base,
-        path=[base],
-        status=Status.UNEXPLAINED,
-        refined_status=Status.UNEXPLAINED,
-        is_decided=True,
-    )
+    changes = {**UNUSABLE, "experiment": experiment, "base": base, "path": [base]}
+    others = tuple(item for item in state.result.findings if item not in state.result.experiment.faults)
+    reason = f"{finding.kind}: these records are not what a tissue model takes"
+    return state.next(step, reason, finding, findings=others, **changes)
 
 
 def search_formula(state: DiagnosisState) -> DiagnosisState:
@@ -223,8 +214,7 @@ def check_rate_independence(state: DiagnosisState) -> DiagnosisState:
 def compare_records(state: DiagnosisState) -> DiagnosisState:
     """Report unseen records that the model misses though it leaves only noise in training, and stiffness that falls."""
     findings = [*_train_on_others(state), *_falling_stiffness(state.result.experiment)]
-    kinds = ", ".join(item.kind.replace("_", " ") for item in findings)
-    return state.next("compare records", kinds or "no record contradicts the others", *findings)
+    return state.report("compare records", findings, "no record contradicts the others")
 
 
 def _train_on_others(state: DiagnosisState) -> list[Finding]:

@@ -311,10 +311,9 @@ class Selection:
         ]
 
 
-def select_effects(state: DiagnosisState) -> DiagnosisState:
-    """Select the effects that the base lacks, by forward selection."""
-    result = state.result
-    return after_selection(state, Selection(result.experiment, result.base, state.settings))
+def select_effects(state: DiagnosisState, kind: type[Selection] = Selection) -> DiagnosisState:
+    """Select the effects that the base lacks, by forward selection; `kind` is the class of the search."""
+    return after_selection(state, kind(state.result.experiment, state.result.base, state.settings))
 
 
 def after_selection(

@@ -1,6 +1,6 @@
 """The result of a diagnosis, the state between two of its steps, and the runner of a sequence of steps."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from enum import StrEnum
 from typing import Any, Self
@@ -35,6 +35,10 @@ class Status(StrEnum):
     """Something is missing that the selected effects do not explain."""
 
 
+UNUSABLE = {"status": Status.UNEXPLAINED, "refined_status": Status.UNEXPLAINED, "is_decided": True}
+"""Changes by a step that finds records that the models do not apply to: no effect is searched in them."""
+
+
 @dataclass(frozen=True)
 class Step:
     """One step of a diagnosis."""
@@ -61,10 +65,7 @@ class Ranked:
         names = [item.name for item in self.estimates]
         parameters = {
             item.name if names.count(item.name) == 1 else f"{item.effect or 'base'}.{item.name}": {
-                "value": item.value,
-                "low": item.low,
-                "high": item.high,
-                "unit": item.unit,
+                **{key: getattr(item, key) for key in ("value", "low", "high", "unit")},
                 "effect": item.effect or None,
             }
             for item in self.estimates
@@ -211,6 +212,21 @@ class DiagnosisState:
     """Records with the force as input, prepared with the motion as input for the search."""
     is_decided: bool = False
     """True if no further step can change the result."""
+
+    def report(self, step: str, findings: Sequence[Finding], otherwise: str) -> Self:
+        """Return the state after a step that only reports findings.
+
+        Parameters
+        ----------
+        step : str
+            Name of the step.
+        findings : sequence of Finding
+            Findings, of which the kinds are the result of the step.
+        otherwise : str
+            Result of the step without findings.
+        """
+        kinds = ", ".join(item.kind.replace("_", " ") for item in findings)
+        return self.next(step, kinds or otherwise, *findings)
 
     def next(self, step: str, reason: str, *findings: Finding, **changes) -> Self:
         """Return the state after a step.

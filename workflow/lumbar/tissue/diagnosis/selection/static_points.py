@@ -1,7 +1,7 @@
 """Points of a static test, a table of position and force without a clock: the law of position that a spring is missing."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import scipy
@@ -20,7 +20,7 @@ from lumbar.tissue.diagnosis.fitting.preparation import (
 from lumbar.tissue.diagnosis.selection.alternatives import report_zeros
 from lumbar.tissue.diagnosis.selection.base_choice import first_surface, fit_at_surface
 from lumbar.tissue.diagnosis.selection.candidate import Candidate, fit_base
-from lumbar.tissue.diagnosis.selection.forward_selection import Selection, after_selection, extend, find_ties
+from lumbar.tissue.diagnosis.selection.forward_selection import Selection, extend, find_ties, select_effects
 from lumbar.tissue.diagnosis.selection.result import DiagnosisState, Status
 from lumbar.tissue.diagnosis.selection.thresholds import UNSEEN
 from lumbar.tissue.effects.catalogue import filter_forms
@@ -63,7 +63,7 @@ def prepare_points(state: DiagnosisState) -> DiagnosisState:
         f"{count} points without a clock; {len(catalogue)} laws of position can be tried",
         Finding("static_points", sentence, float(count), "1"),
         experiment=experiment,
-        settings=replace(state.settings, catalogue=catalogue, most_effects=1),
+        settings=state.settings.limit(catalogue, most_effects=1),
     )
 
 
@@ -99,12 +99,6 @@ def choose_spring(state: DiagnosisState) -> DiagnosisState:
     return state.next("choose the base", reason, experiment=experiment, base=base, path=[base])
 
 
-def select_law(state: DiagnosisState) -> DiagnosisState:
-    """Select the law of position that the spring lacks."""
-    result = state.result
-    return after_selection(state, StaticSelection(result.experiment, result.base, state.settings))
-
-
 def check_curve(state: DiagnosisState) -> DiagnosisState:
     """Check whether errors of neighbouring points are correlated: then the points are on a curve that no law tried has."""
     step, result = "check the curve", state.result
@@ -121,9 +115,6 @@ def check_curve(state: DiagnosisState) -> DiagnosisState:
     return state.next(step, reason, status=status, refined_status=Status.UNEXPLAINED)
 
 
-POINT_STEPS = (prepare_points, choose_spring, select_law, find_ties, check_curve, report_zeros)
-
-
 class StaticSelection(Selection):
     """A search with false alarms by the F test: those of simulated experiments are of long records and of all effects."""
 
@@ -133,6 +124,16 @@ class StaticSelection(Selection):
         left = self.experiment.training.size - after.parameters - 1
         gained = max(before.fit.squared_error / max(after.fit.squared_error, 1e-300) - 1, 0.0)
         return float(min(1.0, self.forms * scipy.special.fdtrc(more, left, gained * left / more)))
+
+
+POINT_STEPS = (
+    prepare_points,
+    choose_spring,
+    partial(select_effects, kind=StaticSelection),
+    find_ties,
+    check_curve,
+    report_zeros,
+)
 
 
 def _prepare_tables(records: Sequence[Record], settings: DiagnosisSettings) -> Experiment:

@@ -1,6 +1,6 @@
 """Samples that are not measurements: missing rows, outliers, values repeated by the sensor, rows lost unnoticed."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import scipy
@@ -149,7 +149,7 @@ def find_stuck_samples(record: Record, role: str) -> Repair | None:
     values = record[role].copy()
     values[samples] = known[samples] + spline(samples)
     filled = tuple(np.union1d(record.filled, samples).astype(int).tolist())
-    return Repair(replace(record.with_values(**{role: values}), filled=filled), (finding,))
+    return Repair(record.with_samples(record.time, {role: values}, filled), (finding,))
 
 
 def _stuck_runs(values: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
@@ -278,11 +278,10 @@ def _insert(record: Record, places: np.ndarray, missing: np.ndarray) -> Repair:
     late[places + 1] = missing
     measured = np.arange(len(record)) + np.cumsum(late)
     every = np.arange(measured[-1] + 1)
-    channels = {}
+    values = {}
     for role, channel in record.channels.items():
-        values = scipy.interpolate.make_interp_spline(measured, channel.values, k=3)(every)
-        values[measured] = channel.values
-        channels[role] = replace(channel, values=values)
+        values[role] = scipy.interpolate.make_interp_spline(measured, channel.values, k=3)(every)
+        values[role][measured] = channel.values
     filled = np.union1d(np.setdiff1d(every, measured), measured[list(record.filled)]).astype(int)
     time = record.time[0] + record.sampling_time * every
-    return Repair(replace(record, time=time, channels=channels, filled=tuple(filled.tolist())), (finding,))
+    return Repair(record.with_samples(time, values, tuple(filled.tolist())), (finding,))

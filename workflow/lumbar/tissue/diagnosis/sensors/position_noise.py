@@ -191,10 +191,17 @@ def find_roughness(record: Record) -> Repair | None:
             "full resolution."
         )
         return Repair(smooth, (Finding("quantisation", sentence, step, channel.unit, record.name),))
-    if rough.noise > 0 and _is_motion(rough, record):
-        return None
     findings = []
     if rough.noise > 0:
+        # If the force follows the position beyond the band, the position is motion and not noise. Only samples at low speed
+        # are used, because jitter of the clock at high speed makes both channels deviate together.
+        slow = np.abs(rough.speed) <= np.median(np.abs(rough.speed))
+        columns = np.column_stack([rough.rough, np.gradient(rough.rough, record.sampling_time)])[slow]
+        fitted = columns @ np.linalg.lstsq(columns, rough.response[slow], rcond=None)[0]
+        explained, left = np.sum(fitted**2), np.sum((rough.response[slow] - fitted) ** 2)
+        expected = rough.gain_at_edge(record["output"]) ** 2 * np.sum(columns[:, 0] ** 2)
+        if explained > 25.0 * left / slow.sum() and explained > 0.25 * expected:
+            return None
         sentence = (
             f"{record.name}: the {position} has noise of {rough.noise:.2g} {channel.unit} RMS that the {force} does not follow. "
             f"{filtered}; use a quieter sensor or a filter before it."
@@ -286,19 +293,6 @@ def _noise_and_jitter(rough: np.ndarray, speed: np.ndarray, taps: np.ndarray) ->
     single = min(("noise", "jitter"), key=loss.get)
     noise, jitter = np.sqrt(fits["both" if needs_both else single])
     return float(noise), float(jitter)
-
-
-def _is_motion(rough: Roughness, record: Record) -> bool:
-    """Return whether the force follows the position beyond the band, so that the position is motion and not noise.
-
-    Only samples at low speed are used, because jitter of the clock at high speed makes both channels deviate together.
-    """
-    slow = np.abs(rough.speed) <= np.median(np.abs(rough.speed))
-    columns = np.column_stack([rough.rough, np.gradient(rough.rough, record.sampling_time)])[slow]
-    fitted = columns @ np.linalg.lstsq(columns, rough.response[slow], rcond=None)[0]
-    explained, left = np.sum(fitted**2), np.sum((rough.response[slow] - fitted) ** 2)
-    expected = rough.gain_at_edge(record["output"]) ** 2 * np.sum(columns[:, 0] ** 2)
-    return bool(explained > 25.0 * left / slow.sum() and explained > 0.25 * expected)
 
 
 def _quantisation(values: np.ndarray, noise: float) -> float | None:

@@ -89,7 +89,11 @@ def _estimate_skew(record: Record) -> tuple[float, float] | None:
     force = force - drift * (np.arange(folding.samples) - folding.samples / 2)
     mean, position = force.mean(axis=0), position - position.mean()
     mean_position = position.mean(axis=0)
-    rate, speed = (_differentiate_period(values, step) for values in (mean, mean_position))
+    # Rates of change per second; half the sampling rate has none.
+    frequency = np.fft.rfftfreq(len(mean), step)
+    frequency[-1] = 0.0
+    spectra = (np.fft.rfft(values) * 2j * np.pi * frequency for values in (mean, mean_position))
+    rate, speed = (np.fft.irfft(spectrum, len(mean)) for spectrum in spectra)
     # If a period is not quite a whole number of samples, both channels slip against their folding.
     slip = float(middle @ (position @ speed) / (middle @ middle) / (speed @ speed))
     if abs(slip) * record.duration > _MAX_SLIP_SAMPLES * step:
@@ -140,14 +144,6 @@ def _is_skew(growth: np.ndarray, rate: np.ndarray, others: list[np.ndarray]) -> 
         and by_rate - paired < _CLEARLY_BETTER
         and by_rate - noise < _MAX_UNEXPLAINED * explained
     )
-
-
-def _differentiate_period(values: np.ndarray, sampling_time: float) -> np.ndarray:
-    """Return the rate of change (per second) of a period."""
-    frequency = np.fft.rfftfreq(len(values), sampling_time)
-    spectrum = np.fft.rfft(values) * 2j * np.pi * frequency
-    spectrum[-1] = 0  # half the sampling rate has no rate of change
-    return np.fft.irfft(spectrum, len(values))
 
 
 def shift_times(values: np.ndarray, rate: float) -> np.ndarray:

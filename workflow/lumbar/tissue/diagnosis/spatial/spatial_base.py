@@ -100,11 +100,6 @@ def _choose_symmetry(base: Base, symmetric: Candidate, experiment: Experiment) -
     count, forms = len(fit.structure.base.linear), fit.structure.forms
     matrices = matrices_of(fit.linear[:count], len(base.linear), len(axes))
     own = len(base.nonlinear)
-
-    def starting_error(candidate: SpatialBase) -> float:
-        start = np.concatenate([fit.nonlinear[:own], np.ones(len(candidate.nonlinear) - own)])
-        return joint_fit.fit_at(Structure(candidate.structural), experiment.training, start).squared_error
-
     best: Candidate | None = None
     for symmetry in Symmetry:
         # A plane has no direction across an axis, and a single matrix no second frame.
@@ -117,8 +112,13 @@ def _choose_symmetry(base: Base, symmetric: Candidate, experiment: Experiment) -
         more = len(bases[0].linear) + len(bases[0].nonlinear) - count - own
         least = symmetric.score + more * float(np.log(experiment.size))
         if best is None or best.score > least - _LIKELIHOOD_MARGIN:
-            nearest = min(bases, key=starting_error) if len(bases) > 1 else bases[0]
-            fitted = _refit(nearest, fit.nonlinear, experiment, forms)
+            if len(bases) > 1:
+                start = np.concatenate([fit.nonlinear[:own], np.ones(len(bases[0].nonlinear) - own)])
+                fits = [
+                    joint_fit.fit_at(Structure(item.structural), experiment.training, start) for item in bases
+                ]
+                bases = [bases[int(np.argmin([item.squared_error for item in fits]))]]
+            fitted = _refit(bases[0], fit.nonlinear, experiment, forms)
             best = fitted if best is None else choose_likelier(experiment, best, fitted)
     assert best is not None
     return best

@@ -16,11 +16,11 @@ from lumbar.tissue.diagnosis.selection.forward_selection import (
     find_ties,
 )
 from lumbar.tissue.diagnosis.selection.refine import add_in_turn
-from lumbar.tissue.diagnosis.selection.result import DiagnosisState, Status
+from lumbar.tissue.diagnosis.selection.result import UNUSABLE, DiagnosisState
 from lumbar.tissue.diagnosis.selection.thresholds import TIED
 from lumbar.tissue.diagnosis.spatial.spatial_base import KINDS, choose_base, choose_likelier, refit_axes
 from lumbar.tissue.diagnosis.spatial.spatial_data import prepare
-from lumbar.tissue.diagnosis.spatial.spatial_findings import SENSOR, exchanged_channels, spatial_findings
+from lumbar.tissue.diagnosis.spatial.spatial_findings import SENSOR, exchanged_channels, report_mounting
 from lumbar.tissue.effects.catalogue import choose, usable_effects
 from lumbar.tissue.models.bases import CHOSEN_BY_DATA
 from lumbar.tissue.models.form import Effect
@@ -45,7 +45,7 @@ def prepare_axes(state: DiagnosisState) -> DiagnosisState:
         *experiment.faults,
         prepared=experiment,
         experiment=experiment,
-        settings=replace(state.settings, catalogue=usable),
+        settings=state.settings.limit(usable),
     )
 
 
@@ -56,16 +56,8 @@ def check_channels(state: DiagnosisState) -> DiagnosisState:
     if finding is None:
         return state.next(step, "channels of force and position belong to the same axes")
     base = choose_base(experiment, kinds)
-    return state.next(
-        step,
-        "the channels of the force are not those of the axes of the position",
-        finding,
-        base=base,
-        path=[base],
-        status=Status.UNEXPLAINED,
-        refined_status=Status.UNEXPLAINED,
-        is_decided=True,
-    )
+    reason = "the channels of the force are not those of the axes of the position"
+    return state.next(step, reason, finding, base=base, path=[base], **UNUSABLE)
 
 
 def select_in_space(state: DiagnosisState) -> DiagnosisState:
@@ -75,7 +67,7 @@ def select_in_space(state: DiagnosisState) -> DiagnosisState:
     """
     experiment, settings = state.result.experiment, state.settings
     base, singles = choose_base(experiment, _kinds(settings)), None
-    single_effect = replace(settings, most_effects=1)
+    single_effect = settings.limit(settings.catalogue, most_effects=1)
     for chosen in (single_effect, *[settings] * _ROUNDS):
         selection = SpatialSelection(experiment, refit_axes(base, experiment, free=False), chosen, singles)
         better = _better_base(selection.selected_path[-1], experiment, settings)
@@ -97,13 +89,6 @@ def free_axes(state: DiagnosisState) -> DiagnosisState:
     path = [refit_axes(item, experiment, free=True) for item in state.result.path]
     error = f"error {path[-1].test_rms:.4g} {experiment.output_unit}"
     return state.next("fit the axes", f"{error} unseen with the axes fitted too", base=path[0], path=path)
-
-
-def report_mounting(state: DiagnosisState) -> DiagnosisState:
-    """Report how the force sensor is mounted, and directions that the training record hardly excites."""
-    findings = spatial_findings(state.result)
-    kinds = ", ".join(item.kind.replace("_", " ") for item in findings)
-    return state.next("report mounting and excitation", kinds or "nothing to report", *findings)
 
 
 SEARCH_IN_SPACE = (select_in_space, find_ties, free_axes)

@@ -12,7 +12,7 @@ from lumbar.tissue.diagnosis.fitting.uncertainty import estimates, scaled_covari
 from lumbar.tissue.diagnosis.linear.direction import columns_yaml
 from lumbar.tissue.diagnosis.residuals.residual import steady_velocity
 from lumbar.tissue.diagnosis.selection.alternatives import position_offset
-from lumbar.tissue.diagnosis.selection.result import DiagnosisResult, Status
+from lumbar.tissue.diagnosis.selection.result import DiagnosisResult, DiagnosisState, Status
 from lumbar.tissue.diagnosis.selection.sentences import (
     distinguishing_digits,
     effects_text,
@@ -54,9 +54,9 @@ def headline_in_space(result: DiagnosisResult) -> str:
     return f"The {base} model {start}, and the force sensor has {' and '.join(sensor)}: with {added} {fall}.{end}"
 
 
-def spatial_findings(result: DiagnosisResult) -> list[Finding]:
-    """Return findings of the force sensor, and of directions that the training record hardly excites."""
-    experiment, fit = result.experiment, result.model.fit
+def report_mounting(state: DiagnosisState) -> DiagnosisState:
+    """Report how the force sensor is mounted, and directions that the training record hardly excites."""
+    result, experiment, fit = state.result, state.result.experiment, state.result.model.fit
     known = estimates(fit, experiment.training, experiment.input_unit, experiment.output_unit)
     selected, sensor = result.selected if result.status in _SELECTED else (), []
     if "turned_frame" in selected:
@@ -64,7 +64,8 @@ def spatial_findings(result: DiagnosisResult) -> list[Finding]:
         sensor.append(_report_rotation(rotation, experiment.records[0].axes))
     if "crosstalk" in selected:
         sensor.append(_report_crosstalk([item for item in known if item.effect == "crosstalk"]))
-    return [*position_offset(experiment), *sensor, *_report_unexcited_direction(experiment)]
+    findings = [*position_offset(experiment), *sensor, *_report_unexcited_direction(experiment)]
+    return state.report("report mounting and excitation", findings, "nothing to report")
 
 
 def _report_rotation(known: list, axes: tuple[str, ...]) -> Finding:
