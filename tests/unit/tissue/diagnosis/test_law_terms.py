@@ -9,7 +9,6 @@ from lumbar.tissue.diagnosis.law.law_form import (
     OF_SIGNALS,
     Dimension,
     dimension,
-    dimensions_in,
     distinct,
     form_of,
 )
@@ -49,9 +48,16 @@ def test_different_dimensions_are_rejected(text, message):
         dimension(parse(text), OF_SIGNALS)
 
 
+def known_dimensions(item):
+    """Dimensions of the symbols of a term or form; states whose names begin with q, u or m are positions."""
+    parameters = (*getattr(item, "linear", ()), *item.nonlinear, *item.constants)
+    states = {name: Dimension(x=float(name[0] in "qum")) for name, _ in item.state}
+    return {**OF_SIGNALS, **{one.symbol: Dimension.parse(one.unit) for one in parameters}, **states}
+
+
 def check_dimensions(item):
     """Refuse a term of which a part or the rate of a state is dimensionally unsound."""
-    known = dimensions_in(item)
+    known = known_dimensions(item)
     for part in item.parts:
         assert dimension(parse(part), known) == FORCE or item.place is not Place.OUTPUT, part
     for name, rate in item.state:
@@ -64,13 +70,7 @@ def test_every_term_is_dimensionally_valid_and_makes_a_form():
         form = form_of((item,))
         form.check()
         if form.place is Place.PARALLEL:
-            known = {
-                **OF_SIGNALS,
-                **{one.symbol: Dimension.parse(one.unit) for one in (*form.linear, *form.nonlinear, *form.constants)},
-                **{name: {"q": Dimension(x=1), "u": Dimension(x=1), "m": Dimension(x=1)}.get(name[0], Dimension())
-                   for name, _ in form.state},
-            }  # fmt: skip
-            assert dimension(parse(form.equation), known) == FORCE, item.name
+            assert dimension(parse(form.equation), known_dimensions(form)) == FORCE, item.name
 
 
 def test_states_solved_term_by_term_are_those_of_the_whole_form():

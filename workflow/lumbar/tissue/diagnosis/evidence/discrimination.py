@@ -241,7 +241,8 @@ def separating_excitation(diagnosis: DiagnosisResult, limits: Kinematics | None 
             difference = data.whiten(model.simulate(data.motion) - rival.fit.simulate(data.motion))
             for fit in (model, rival.fit):
                 rest = project_out(tangent_basis(fit, [data]), difference)
-                left.append(_rms_and_squares(float(rest @ rest), data.size))
+                squared = float(rest @ rest)
+                left.append((float(np.sqrt(squared / data.size)), squared))
         return min(left)
 
     def refitted(item: ExcitationCandidate) -> tuple[tuple[float, float], tuple[str, ...]]:
@@ -252,9 +253,9 @@ def separating_excitation(diagnosis: DiagnosisResult, limits: Kinematics | None 
                 force = truth.simulate(item.motion)
                 data = FitData(item.description, item.motion, force, training.whitening)
                 unfitted = data.whiten(other.simulate(item.motion) - force)
-                squared = refit(other.structure, data, other.nonlinear).squared_error
-                left = _rms_and_squares(min(squared, float(unfitted @ unfitted)), data.size)
-                judged.append((left, rival.effects))
+                fitted = refit(other.structure, data, other.nonlinear).squared_error
+                squared = float(min(fitted, float(unfitted @ unfitted)))
+                judged.append(((float(np.sqrt(squared / data.size)), squared), rival.effects))
         return min(judged, key=lambda pair: pair[0])
 
     def distance(squares: float) -> float:
@@ -268,10 +269,6 @@ def separating_excitation(diagnosis: DiagnosisResult, limits: Kinematics | None 
     judged = [(*refitted(item), item) for _, item in (inside if enough else ranked)[:REFITTED]]
     (rms, squares), closest, excitation = max(judged, key=lambda item: item[0][0])
     return Separation(excitation, distance(squares), rms, recorded, closest, len(family))
-
-
-def _rms_and_squares(squared: float, size: int) -> tuple[float, float]:
-    return float(np.sqrt(squared / size)), float(squared)
 
 
 def separation_sentence(separation: Separation, diagnosis: DiagnosisResult) -> str:

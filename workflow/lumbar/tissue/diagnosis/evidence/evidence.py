@@ -86,10 +86,8 @@ def signal_angles(diagnosis: DiagnosisResult) -> Ties | None:
     candidates += [item for item in diagnosis.tied_with if frozenset(item.effects) not in ranked]
     basis = uncertainty.tangent_basis(diagnosis.base.fit, records)
     base = uncertainty.whitened_simulation(diagnosis.base.fit, records)
-    added = np.stack(
-        [uncertainty.whitened_simulation(item.fit, records) - base for item in candidates], axis=1
-    )
-    added = uncertainty.project_out(basis, added)
+    simulated = [uncertainty.whitened_simulation(item.fit, records) for item in candidates]
+    added = uncertainty.project_out(basis, np.stack([item - base for item in simulated], axis=1))
     size = np.sqrt(np.sum(added**2, axis=0))
     # A candidate that adds less than noise would hide has no direction.
     shown = [index for index in range(len(candidates)) if index == 0 or size[index] ** 2 > TIED * noise**2]
@@ -124,9 +122,8 @@ def complete_linkage(angles: np.ndarray, largest: float) -> list[list[int]]:
     if len(angles) == 1:
         return [[0]]
     clusters: dict[int, list[int]] = {}
-    tree = scipy.cluster.hierarchy.linkage(
-        scipy.spatial.distance.squareform(angles, checks=False), "complete"
-    )
+    distances = scipy.spatial.distance.squareform(angles, checks=False)
+    tree = scipy.cluster.hierarchy.linkage(distances, "complete")
     for index, number in enumerate(scipy.cluster.hierarchy.fcluster(tree, largest, "distance")):
         clusters.setdefault(number, []).append(index)
     return list(clusters.values())

@@ -375,18 +375,14 @@ def linear_with_new(previous: Fit, form: Form) -> np.ndarray:
     return np.concatenate([previous.linear, np.zeros(len(form.linear))])
 
 
-def add(previous: Fit, form: Form, data: FitData, starts: int = 1) -> Fit:
-    """Refit a model with one more form, jointly, from the best `starts` starting values.
+def add(previous: Fit, form: Form, data: FitData) -> Fit:
+    """Refit a model with one more form, jointly, from its best starting value.
 
     A parallel form contains the smaller model: if the optimiser ends above it, that model is returned as not converged. Another
     form contains it only beyond its bounds (no delay): its fit may be worse, and has then converged if a parameter is at one.
     """
     structure = previous.structure.with_form(form)
-    fits = [
-        fit(structure, data, np.concatenate([previous.nonlinear, start]))
-        for _, start in screen(previous, form, data)[:starts]
-    ]
-    best = min(fits, key=lambda item: item.squared_error)
+    best = fit(structure, data, np.concatenate([previous.nonlinear, screen(previous, form, data)[0][1]]))
     if best.squared_error <= previous.squared_error * (1 + 1e-6):
         return best
     new = best.nonlinear[len(previous.nonlinear) :]

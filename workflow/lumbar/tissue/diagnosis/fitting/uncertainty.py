@@ -135,16 +135,6 @@ def _log_interval(value: float, deviation: float) -> tuple[float, float]:
     return value / factor, value * factor
 
 
-def zero_interval(fit: Fit, data: FitData) -> tuple[float, float]:
-    """Return the 95 % interval of the sensor's zero, of the last record if each has one; 0 if the base has none."""
-    if not fit.structure.base.sensor_zero:
-        return 0.0, 0.0
-    scaled, size = scaled_covariance(fit, data)
-    deviation = 1.96 * float(np.sqrt(max(scaled[-1, -1], 0.0)) / size[-1])
-    zero = float(fit.zeros[-1])
-    return zero - deviation, zero + deviation
-
-
 def prediction_variance(fit: Fit, data: FitData, records: list[FitData]) -> float:
     """Return the mean variance of a fit's predictions of other records due to the uncertainty of its parameters.
 

@@ -158,13 +158,6 @@ def _common_dimension(whole: Expression, operands, known: Mapping[str, Dimension
 _KINDS = {"{y}": ("F", "force"), "{y}/{x}": ("k", "stiffness"), "{y} s/{x}": ("b", "damping")}
 
 
-def dimensions_in(term: Term) -> dict[str, Dimension]:
-    """Return the dimensions of all symbols of a term; those of states follow from their first letters."""
-    parameters = (*term.nonlinear, *term.constants)
-    states = {name: POSITION if name[0] in "qum" else ONE for name, _ in term.state}
-    return {**OF_SIGNALS, **{item.symbol: Dimension.parse(item.unit) for item in parameters}, **states}
-
-
 def distinct(terms: tuple[Term, ...], shared: bool = False) -> tuple[Term, ...]:
     """Rename symbols that several terms use with different meanings.
 
@@ -218,9 +211,12 @@ def form_of(
     at_output = terms[0].place is Place.OUTPUT
     linear, summands = [], []
     for index, (part, term) in enumerate(parts if not at_output else []):
-        tree = parse(part)
+        tree, parameters = parse(part), (*term.nonlinear, *term.constants)
+        known = OF_SIGNALS | {item.symbol: Dimension.parse(item.unit) for item in parameters}
+        # The dimensions of states follow from their first letters.
+        known |= {name: POSITION if name[0] in "qum" else ONE for name, _ in term.state}
         # Unit of what the part is multiplied by to give a force; raises if the part is dimensionally invalid.
-        unit = (FORCE / (dimension(tree, dimensions_in(term)) or ONE)).unit
+        unit = (FORCE / (dimension(tree, known) or ONE)).unit
         letter, word = _KINDS.get(unit, ("c", "coefficient"))
         number = "" if len(parts) == 1 else f"_{index + 1}"
         sign = 0 if signs is None else signs[index]

@@ -235,10 +235,8 @@ def effect_text(proposal: Proposal, name: str = NAME, source_label: str = "") ->
     def quoted(text: str) -> str:
         return json.dumps(text, ensure_ascii=False)
 
-    entries = []
-    values = np.concatenate(
-        [law.fit.linear[len(law.start.fit.linear) :], law.fit.nonlinear[len(law.start.fit.nonlinear) :]]
-    )
+    entries, start = [], law.start.fit
+    values = [*law.fit.linear[len(start.linear) :], *law.fit.nonlinear[len(start.nonlinear) :]]
     for item, value in zip((*form.linear, *form.nonlinear), values, strict=True):
         if isinstance(item, NonlinearParameter):
             # Another fit starts around the fitted value.

@@ -108,10 +108,9 @@ class Search:
                     for start in nonlinear_starts(form, data, error):
                         columns.append((term, start, added_forces(model, form, data, start)))
         residual = project_out(basis, data.whiten(error))
-        screened = [
-            (_explained(project_out(basis, forces), residual), term, start) for term, start, forces in columns
-        ]
-        return sorted(screened, key=lambda item: -item[0])
+        screened = ((project_out(basis, forces), term, start) for term, start, forces in columns)
+        explained = [(_explained(forces, residual), term, start) for forces, term, start in screened]
+        return sorted(explained, key=lambda item: -item[0])
 
     def lengthen(self, law: Law) -> list[Law]:
         """Return the best laws with one more term, best first."""

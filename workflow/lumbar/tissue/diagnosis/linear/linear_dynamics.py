@@ -105,9 +105,8 @@ def linear_dynamics(experiment: Experiment) -> LinearDynamics:
 
 def rational_of_order(data: FitData, order: int) -> LinearDynamics:
     """Fit an output-error model with this number of free poles and free residues to a record."""
-    return _fit_rational(
-        data, order, _solve("rational", data, Poles.from_places(np.zeros(0)), is_held(data.motion))
-    )
+    without = _solve("rational", data, Poles.from_places(np.zeros(0)), is_held(data.motion))
+    return _fit_rational(data, order, without)
 
 
 def _lowest_criterion(candidates: list[LinearDynamics], data: FitData) -> LinearDynamics:
@@ -150,9 +149,8 @@ def _candidates(data: FitData) -> Iterator[LinearDynamics]:
         yield fitted
         if order == 1:
             # Constant and spring only: with one pole this is the Kelvin–Boltzmann model.
-            yield _fit_all_samples(
-                data, partial(_fit_from, held=held, starts=[replace(fitted.poles, direct=2)])
-            )
+            starts = [replace(fitted.poles, direct=2)]
+            yield _fit_all_samples(data, partial(_fit_from, held=held, starts=starts))
         if order == _DELAYED_ORDER and not held:
             delays = np.array(_START_DELAYS) * data.motion.sampling_time
             starts = [replace(fitted.poles, delay=delay) for delay in delays.tolist()]
@@ -208,9 +206,7 @@ def _fit_from(data: FitData, held: bool, starts: list[Poles], kind: str = "ratio
     fast = 10 * fast
     pairs = [(0.1 * slow, 10 * fast), (slow**2, fast**2)] * len(start.poles.sections)
     bounds = np.array([*delay, *pairs, *[(slow, fast)] * len(start.poles.rates)]).reshape(-1, 2)
-    low, high = (
-        to_log_ratio(bound, first) for bound in (bounds[:, 0] * (1 - 1e-9), bounds[:, 1] * (1 + 1e-9))
-    )
+    low, high = (to_log_ratio(bound, first) for bound in (bounds * [1 - 1e-9, 1 + 1e-9]).T)
     unit = float(np.linalg.norm(force)) or 1.0
 
     def poles_at(values):

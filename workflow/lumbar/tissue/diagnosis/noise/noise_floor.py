@@ -346,9 +346,8 @@ def find_bursts(noise: np.ndarray, degrees: float) -> Bursts | None:
     quietest = [_local_variance(rows) <= np.quantile(_local_variance(rows), _QUIET_SHARE) for rows in halves]
     # Phases are chosen in some periods and measured in the others: the smallest of many spreads is biased.
     measured = [other[:, phases] for other, phases in zip(halves[::-1], quietest, strict=True)]
-    variance = float(
-        sum(np.sum(item**2) for item in measured) / (per_row * sum(item.size for item in measured))
-    )
+    size = per_row * sum(item.size for item in measured)
+    variance = float(sum(np.sum(item**2) for item in measured) / size)
     if variance <= 0:
         return None
     local = _local_variance(noise)

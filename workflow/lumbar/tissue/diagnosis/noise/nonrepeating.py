@@ -106,10 +106,8 @@ class StructureSearch:
         self.drifts = _orthonormal(courses.T).T.reshape(-1, periods, samples)
         # Response and input, which the springs' share resembles, times quadratic courses within the period; (samples, 6).
         quadratic = np.polynomial.legendre.legvander(np.linspace(-1, 1, samples), 2)
-        shapes = [
-            (signal - signal.mean()) / max(np.std(signal), 1e-300)
-            for signal in (mean_period, mean_excitation)
-        ]
+        signals = (mean_period, mean_excitation)
+        shapes = [(item - item.mean()) / max(np.std(item), 1e-300) for item in signals]
         self.shapes = _orthonormal(np.hstack([shape[:, None] * quadratic for shape in shapes]))
 
     @property

@@ -40,10 +40,9 @@ class Folding:
 
     def difference(self, values: np.ndarray) -> float:
         """Return the difference of periods from their mean, relative to the RMS; 0 for a channel at rest."""
-        folded, variance = self.fold(values), float(np.var(values[self.rows]))
-        return (
-            float(np.sqrt(np.mean((folded - folded.mean(axis=0)) ** 2) / variance)) if variance > 0 else 0.0
-        )
+        folded = self.fold(values)
+        square, variance = np.mean((folded - folded.mean(axis=0)) ** 2), float(np.var(folded))
+        return float(np.sqrt(square / variance)) if variance > 0 else 0.0
 
 
 def mismatch(values: np.ndarray, lags: int) -> np.ndarray:

@@ -96,11 +96,8 @@ def causes_view(residual: Residual) -> View:
             "stiffness, damping and relaxations fitted to the error itself (linear dynamics) would explain "
             f"{format_share(share)} of the {residual.error_name} of this record ({probability(linear_p)}); {rest}"
         )
-    position, velocity, speed = (
-        residual.position - residual.position.mean(),
-        residual.velocity,
-        np.std(residual.velocity),
-    )
+    position, velocity = residual.position - residual.position.mean(), residual.velocity
+    speed = np.std(velocity)
     functions = {
         "z": position,
         "v": velocity,
@@ -205,18 +202,15 @@ def _correlation_sentence(correlations: Mapping[str, CrossCorrelation], p_value:
             name = max(names, key=lambda item: abs(values[item]))
             largest.append((values[name], name, kind, meaning))
     largest.sort(key=lambda item: -abs(item[0]))
-    weak = _WEAK_RATIO * abs(largest[0][0])
-    strong = ", ".join(
-        f"{kind} (up to {value:+.2f} with {name}{meaning})"
-        for value, name, kind, meaning in largest
-        if abs(value) > weak
-    )
-    faint = ", ".join(
-        f"{kind} ({value:+.2f} with {name})" for value, name, kind, _ in largest if abs(value) <= weak
-    )
-    faint = f"; weakly also with {faint}" if faint else ""
+    strong, faint = [], []
+    for value, name, kind, meaning in largest:
+        if abs(value) > _WEAK_RATIO * abs(largest[0][0]):
+            strong.append(f"{kind} (up to {value:+.2f} with {name}{meaning})")
+        else:
+            faint.append(f"{kind} ({value:+.2f} with {name})")
+    weakly = f"; weakly also with {', '.join(faint)}" if faint else ""
     limit = np.median([item.limit for item in correlations.values()])
-    return f"The error correlates with {strong}{faint}; noise alone stays below {limit:.2g}."
+    return f"The error correlates with {', '.join(strong)}{weakly}; noise alone stays below {limit:.2g}."
 
 
 _PATH_SHARES = np.linspace(0, 1, 9)

@@ -240,9 +240,7 @@ def comparison_table(comparisons: list[Comparison], source_label: str) -> Table:
         rows.append(
             row
             | {
-                "noise_floor_rms": floor.rms if floor else None,
-                "noise_floor_low": floor.low if floor else None,
-                "noise_floor_high": floor.high if floor else None,
+                **{f"noise_floor_{key}": floor and getattr(floor, key) for key in ("rms", "low", "high")},
                 "noise_floor_from": item.floor_from or None,
                 "explainable_rms": item.explainable_rms,
                 "explainable_percent": item.explainable_percent,

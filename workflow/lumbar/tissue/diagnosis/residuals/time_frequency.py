@@ -136,10 +136,10 @@ def line_classes(excited: np.ndarray, count: int) -> np.ndarray:
     """
     lines = np.arange(count)
     if np.all(excited % 2 == 1):
-        classes = np.where(lines % 2 == 0, EVEN, ODD).astype(object)
+        classes = np.where(lines % 2 == 0, EVEN, ODD)
     else:
         classes = np.where(lines > excited.max(), ABOVE, np.where(lines < excited.min(), BELOW, BETWEEN))
-        classes = classes.astype(object)
+    classes = classes.astype(object)
     classes[excited] = EXCITED
     return classes
 
@@ -201,15 +201,13 @@ def _line_sentence(residual: Residual, shares, p_values, excited, classes, exces
             "grid with detection lines would."
         )
     even, odd = shares.get(EVEN, 0.0), shares.get(ODD, 0.0)
-    even_force = (
-        " (even nonlinearity: a force that is not mirrored with the motion, such as one-sided contact or z²)"
-    )
-    odd_force = " (odd nonlinearity: a mirrored force, such as friction or z³)"
-    parts = [
-        on_excited,
-        f"{percent(even)} on even multiples of the fundamental{even_force if even > 0.05 else ''}",
-        f"{percent(odd)} on odd multiples that were left out{odd_force if odd > 0.05 else ''}",
-    ]
+    even_text = f"{percent(even)} on even multiples of the fundamental"
+    if even > 0.05:
+        even_text += " (even nonlinearity: a force that is not mirrored with the motion, such as one-sided contact or z²)"
+    odd_text = f"{percent(odd)} on odd multiples that were left out"
+    if odd > 0.05:
+        odd_text += " (odd nonlinearity: a mirrored force, such as friction or z³)"
+    parts = [on_excited, even_text, odd_text]
     inside = (classes == ODD) & (np.arange(len(classes)) <= excited.max())
     if odd > 0 and len(excited) > 1 and inside.sum() > 1:
         hidden = residual.share(len(excited) * float(np.mean(excess[inside])))

@@ -9,7 +9,7 @@ from lumbar.tissue.diagnosis.finding import Finding
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData
 from lumbar.tissue.diagnosis.fitting.joint_fit import fit_base as fit_structure
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
-from lumbar.tissue.diagnosis.fitting.uncertainty import estimates, zero_interval
+from lumbar.tissue.diagnosis.fitting.uncertainty import estimates, scaled_covariance
 from lumbar.tissue.diagnosis.selection.base_choice import SEARCH
 from lumbar.tissue.diagnosis.selection.candidate import (
     Candidate,
@@ -79,7 +79,8 @@ def compare_zeros(state: DiagnosisState) -> DiagnosisState:
     is_simpler = len(again.result.selected) < len(result.selected)
     if not (is_better or (is_simpler and own < shared / _OWN_ZERO_ERROR_RATIO)):
         return state.next(step, f"one zero serves all records: {errors}")
-    if zeros_moved(again.result):
+    finding = apparent_zeros(again.result)
+    if finding is None:
         return again.next(step, f"the zeros moved between the records, which begin with them: {errors}")
     changes = {}
     if result.refined_status == Status.ADEQUATE:
@@ -88,7 +89,7 @@ def compare_zeros(state: DiagnosisState) -> DiagnosisState:
     if set(result.selected) != set(again.result.selected):
         changes |= {"status": Status.UNEXPLAINED, "tied_with": []}
         reason += f"; with them {effects_text(again.result.selected)} would be selected"
-    return state.next(step, reason, apparent_zeros(again.result), **changes)
+    return state.next(step, reason, finding, **changes)
 
 
 def compare_with_linear_dynamics(state: DiagnosisState) -> DiagnosisState:
@@ -159,7 +160,11 @@ def report_offsets(result: DiagnosisResult) -> list[Finding]:
             "Depths are counted from there."
         )
         findings = [Finding("surface", sentence, experiment.surface, experiment.input_unit)]
-    low, high = zero_interval(fit, experiment.training)
+    low = high = 0.0
+    if fit.structure.base.sensor_zero:  # 95 % interval of the zero, of the last record if each has one
+        scaled, size = scaled_covariance(fit, experiment.training)
+        deviation = 1.96 * float(np.sqrt(max(scaled[-1, -1], 0.0)) / size[-1])
+        low, high = float(fit.zeros[-1]) - deviation, float(fit.zeros[-1]) + deviation
     notable = _MIN_ZERO_SHARE * float(np.ptp(experiment.training.force))
     if abs(fit.zero) > notable and (low > 0 or high < 0):
         sentence = (
@@ -219,22 +224,19 @@ def _record_zeros(result: DiagnosisResult) -> list[_RecordZero]:
     return zeros
 
 
-def zeros_moved(result: DiagnosisResult) -> bool:
-    """Return True if records begin, within the noise, with the zeros fitted to them and not with that of training."""
-    zeros = _record_zeros(result)
+def apparent_zeros(result: DiagnosisResult) -> Finding | None:
+    """Return a finding on zeros at which records do not begin: a model that lacks something would give them.
+
+    None if the zeros moved: records begin, within the noise, with the zeros fitted to them and not with that of training.
+    """
+    unit, zero, zeros = result.experiment.output_unit, result.model.fit.zero, _record_zeros(result)
     distances = np.array([item.start - item.zero for item in zeros])
-    shifts = np.array([item.zero - result.model.fit.zero for item in zeros])
+    shifts = np.array([item.zero - zero for item in zeros])
     noise = result.experiment.noise / np.sqrt([item.start_samples for item in zeros])
     limit = _ZERO_SHIFT_SHARE * np.linalg.norm(shifts) + _ZERO_SHIFT_SIGMAS * np.linalg.norm(noise)
-    return bool(np.linalg.norm(distances) < limit)
-
-
-def apparent_zeros(result: DiagnosisResult) -> Finding:
-    """Return a finding on zeros at which records do not begin: a model that lacks something would give them."""
-    unit, zero = result.experiment.output_unit, result.model.fit.zero
-    listed = ", ".join(
-        f"{item.name} {item.zero:+.3g} (begins at {item.start:+.3g})" for item in _record_zeros(result)
-    )
+    if np.linalg.norm(distances) < limit:
+        return None
+    listed = ", ".join(f"{item.name} {item.zero:+.3g} (begins at {item.start:+.3g})" for item in zeros)
     sentence = (
         f"With a separate zero for every record the error on unseen records would be {result.model.test_rms:.3g} {unit}: "
         f"{listed}, in {result.experiment.training.name} {zero:+.3g} {unit}. The records do not begin there, so these may not be "
@@ -293,13 +295,9 @@ def force_leads(model: Candidate, experiment: Experiment, linear: set[str]) -> F
     for samples in (number for number in _MAX_LEADS if _MIN_SAMPLES_PER_LEAD * number <= shortest):
         put_late = experiment.change_data(partial(_delay_force, samples=samples, longest=samples))
         # The likeliest base with a delay and with the other effects.
-        fits = (
-            fit_structure(
-                Structure(BASES[name], (*others, delay)), put_late.training, [*acting, start * step]
-            )
-            for name in _LEAD_BASES
-            for start in _DELAY_STARTS
-        )
+        structures = [Structure(BASES[name], (*others, delay)) for name in _LEAD_BASES]
+        pairs = ((structure, [*acting, start * step]) for structure in structures for start in _DELAY_STARTS)
+        fits = (fit_structure(structure, put_late.training, start) for structure, start in pairs)
         best = min((evaluate(fit, put_late) for fit in fits), key=lambda item: item.score)
         units = experiment.input_unit, experiment.output_unit
         late = next(item for item in estimates(best.fit, put_late.training, *units) if item.effect == "delay")

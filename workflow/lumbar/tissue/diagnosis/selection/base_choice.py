@@ -97,10 +97,8 @@ def find_base(
     if surface is None:
         return experiment, fastened
     # A spring that is met at a surface must fit better than a fastened one, by more than a clipped response would.
-    spring, met = (
-        fit_base(BASES["LE"], experiment),
-        fit_base(BASES["LE-contact"], experiment.shift_origin(surface)),
-    )
+    spring = fit_base(BASES["LE"], experiment)
+    met = fit_base(BASES["LE-contact"], experiment.shift_origin(surface))
     if met.fit.squared_error >= _MAX_SPRING_RATIO * spring.fit.squared_error:
         return experiment, fastened
     rivals = [fastened, *extend(fastened, catalogue, experiment)]

@@ -95,9 +95,7 @@ def fitted_model(candidate: Candidate, experiment: Experiment) -> FittedModel:
         scores=scores,
         remark="base and effects fitted together by free-run simulation error",
         valid_for=None if experiment.points else _valid_for(experiment),
-        zeros=()
-        if spatial is None
-        else tuple(fit.zeros.reshape(-1, len(spatial.axes)).mean(axis=0).tolist()),
+        zeros=tuple(fit.zeros.reshape(-1, len(spatial.axes)).mean(axis=0).tolist()) if spatial else (),
         rests=experiment.rest if spatial and any(experiment.rest) else (),
     )
 
@@ -110,13 +108,8 @@ def _valid_for(experiment: Experiment) -> MotionRange:
     along = [
         motion_range(part.position, part.sampling_time) for part in motion.parts if np.ptp(part.position) > 0
     ]
-    return MotionRange(
-        min(item.lowest for item in along),
-        max(item.highest for item in along),
-        max(item.speed for item in along),
-        min(item.lowest_Hz for item in along),
-        max(item.highest_Hz for item in along),
-    )
+    ends = {"lowest": min, "highest": max, "speed": max, "lowest_Hz": min, "highest_Hz": max}
+    return MotionRange(**{key: end(getattr(item, key) for item in along) for key, end in ends.items()})
 
 
 def refined_document(path: list[Candidate], experiment: Experiment, source_label: str) -> dict:

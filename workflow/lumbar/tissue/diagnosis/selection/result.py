@@ -176,9 +176,7 @@ class DiagnosisResult:
             "ladder": [
                 {
                     "effects": list(item.effects),
-                    "train_rms": item.train_rms,
-                    "test_rms": item.test_rms,
-                    "unseen_rms": item.unseen_rms,
+                    **{key: getattr(item, key) for key in ("train_rms", "test_rms", "unseen_rms")},
                 }
                 for item in self.path
             ],

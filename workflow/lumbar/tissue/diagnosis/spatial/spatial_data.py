@@ -115,16 +115,10 @@ def prepare(records: list[Record], settings: DiagnosisSettings) -> Experiment:
         ]
         return SpatialData.join(parts, axes=axes)
 
-    return assemble_experiment(
-        first.widest,
-        list(map(data, chosen)),
-        list(map(data, others)),
-        NoiseFloor.together(known) if known else None,
-        rest=tuple(rests),
-        records=tuple(records),
-        faults=tuple(faults),
-        settling_s=settings.settling_s,
-    )
+    fitted, tests = list(map(data, chosen)), list(map(data, others))
+    floor = NoiseFloor.together(known) if known else None
+    fields = {"records": tuple(records), "faults": tuple(faults), "settling_s": settings.settling_s}
+    return assemble_experiment(first.widest, fitted, tests, floor, rest=tuple(rests), **fields)
 
 
 def axis_record(record: Record, axis: str) -> Record:

@@ -51,7 +51,7 @@ class SpatialReport:
             )
         if floor:
             return (
-                f"{record}: {explainable:.3g} {unit} of the error's {rms:.3g} {unit} per axis are not noise."
+                f"{record}: {explainable:.3g} {unit} of the error's {rms:.3g} {unit} per axis are no noise."
             )
         return f"{record}: the error in space is {rms:.3g} {unit} per axis; its share of noise is unknown."
 
@@ -126,12 +126,8 @@ def spatial_reports(model: FittedModel, experiment: Experiment, seed: int) -> li
         force = model.simulate(record)
         single = [axis_record(record, axis) for axis in axes]
         runs[record.name] = record, force, list(zip(single, force, of_axis, strict=True))
-    moving = [
-        run
-        for *_, own in runs.values()
-        for run in own
-        if min(np.ptp(run[0]["input"]), np.ptp(run[0]["output"])) > 0
-    ]
+    every = (run for *_, own in runs.values() for run in own)
+    moving = [run for run in every if min(np.ptp(run[0][role]) for role in ("input", "output")) > 0]
     compared = {item.record.name: item for item in residual_reports(moving, seed)}
     reports = []
     for record, force, own in runs.values():
