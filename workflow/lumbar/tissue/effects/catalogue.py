@@ -9,13 +9,7 @@ from typing import TypeVar
 from lumbar.base.errors import InputError, Problems, did_you_mean
 from lumbar.base.yaml_file import YamlFile, parse_key_path, read_yaml, shipped_yaml
 from lumbar.settings.tissue import is_data, system_of
-from lumbar.tissue.effects.notation import (
-    BaseEntry,
-    EffectOfForms,
-    EffectOfOneForm,
-    HookedEffect,
-    read_entry,
-)
+from lumbar.tissue.effects.notation import BaseEntry, EffectOfForms, EffectOfOneForm, HookedEffect, read_entry
 from lumbar.tissue.models.bases import BASES, Base
 from lumbar.tissue.models.form import Effect, Form
 from lumbar.tissue.models.model_entry import OWN_BASES
@@ -157,9 +151,7 @@ def catalogue_with(
 def catalogues_with(files: Collection[str | Path], content: object = None) -> dict[str, dict[str, Effect]]:
     """Return the catalogue of every system with the effects of a user's files and those in the content of a file of models."""
     catalogues = {base.system: catalogue_with(files, base.name) for base in BASES.values()}
-    effects = {
-        system: {**read_model_effects(content, known), **known} for system, known in catalogues.items()
-    }
+    effects = {key: {**read_model_effects(content, known), **known} for key, known in catalogues.items()}
     return {**effects, OWN_BASES: read_model_bases(content)}
 
 

@@ -214,9 +214,8 @@ def gather_evidence(
     """
     experiment, model = diagnosis.experiment, diagnosis.model
     null = null_distribution(diagnosis.base.fit.structure.base.system)
-    catalogue, _ = usable_effects(
-        settings.searched, experiment.training.motion.channels, experiment.training.scale
-    )
+    training = experiment.training
+    catalogue, _ = usable_effects(settings.searched, training.motion.channels, training.scale)
     threshold = null.threshold(number_of_forms(catalogue))
     remaining = [] if experiment.points else compare_and_locate(experiment, model.fit, seed)
     if settings.forward or experiment.points:
@@ -286,9 +285,8 @@ def limitations(diagnosis: DiagnosisResult, evidence: Evidence) -> list[str]:
     if evidence.detectable:
         easiest, unit = evidence.detectable[0], experiment.output_unit
         hardest = sorted(evidence.detectable, key=lambda item: -item.hardest)[:_LISTED_EFFECTS]
-        listed = ", ".join(
-            f"{readable(item.effect)} {item.easiest:.2g} to {item.hardest:.2g}" for item in hardest
-        )
+        ranges = (f"{readable(item.effect)} {item.easiest:.2g} to {item.hardest:.2g}" for item in hardest)
+        listed = ", ".join(ranges)
         sentences.append(
             f"Effects that are too small to be seen. To be selected, an effect must add at least {easiest.easiest:.2g} {unit} "
             f"RMS to the training record ({readable(easiest.effect)}); hardest to see in this excitation, depending on their "

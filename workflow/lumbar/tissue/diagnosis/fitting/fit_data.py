@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import Self
 
@@ -56,6 +56,11 @@ class FitData:
     def size(self) -> int:
         """Number of samples that count."""
         return len(self.force) - self.first
+
+    def convert(self, kind: type[FitData], **changes) -> FitData:
+        """Return the record as an object of another class, with changed or additional fields."""
+        values = {item.name: getattr(self, item.name) for item in fields(FitData) if item.init}
+        return kind(**{**values, **changes})
 
     def drop_history(self, signal: np.ndarray) -> np.ndarray:
         """Return a signal (samples first) without the samples of earlier records."""
@@ -243,12 +248,10 @@ def limit_samples(records: list[Record], session: bool = False) -> tuple[list[Re
         return records, ()
     wanted = int(sum(map(len, records)) / ENOUGH_SAMPLES)
     rates = [round(1 / record.sampling_time, 6) for record in records]
-    factors = {
-        rate: _decimation_factor(
-            [item for item, own in zip(records, rates, strict=True) if own == rate], wanted
-        )
-        for rate in set(rates)
+    by_rate = {
+        rate: [item for item, own in zip(records, rates, strict=True) if own == rate] for rate in rates
     }
+    factors = {rate: _decimation_factor(own, wanted) for rate, own in by_rate.items()}
     lower, findings = [], []
     for record, rate in zip(records, rates, strict=True):
         factor = factors[rate]
@@ -339,9 +342,8 @@ def decimate(data: FitData) -> FitData:
     lower = []
     for part in data.records:
         motion, step = part.motion, factor * part.motion.sampling_time
-        position, force = (
-            np.convolve(signal, window, "valid")[::factor] for signal in (motion.position, part.force)
-        )
+        signals = (motion.position, part.force)
+        position, force = (np.convolve(signal, window, "valid")[::factor] for signal in signals)
         settling = max(round((part.first - (len(window) - 1) / 2) / factor), 0)
         slow = Motion(np.arange(len(position)) * step, position, step, motion.smooth)
         lower.append(FitData(part.name, slow, force, settling=settling))

@@ -335,17 +335,10 @@ def assemble_experiment(
     if not tests:
         fitted, tests = zip(*(item.split(1 - _TEST_SHARE) for item in fitted), strict=True)
     position, force = first.channels["input"], first.channels["output"]
-    return Experiment(
-        training=fitted[0] if len(fitted) == 1 else JointData.join(list(fitted)),
-        tests=list(tests),
-        floor=floor,
-        input_unit=position.unit,
-        output_unit=force.unit,
-        floor_from=first.name,
-        input_quantity=position.quantity,
-        output_quantity=force.quantity,
-        **fields,
-    )
+    fields |= {"input_unit": position.unit, "input_quantity": position.quantity}
+    fields |= {"output_unit": force.unit, "output_quantity": force.quantity, "floor_from": first.name}
+    training = fitted[0] if len(fitted) == 1 else JointData.join(list(fitted))
+    return Experiment(training=training, tests=list(tests), floor=floor, **fields)
 
 
 def check_excitation(training: Record, others: list[Record]) -> None:

@@ -186,9 +186,8 @@ def added_forces(fit: Fit, form: Form, data: FitData, start: np.ndarray) -> np.n
     if form.place is Place.PARALLEL:
         return data.whiten(forces_of(form, data.motion, start))
     structure, linear = fit.structure.with_form(form), linear_with_new(fit, form)
-    changed = replace(
-        fit, structure=structure, linear=linear, nonlinear=np.concatenate([fit.nonlinear, start])
-    )
+    nonlinear = np.concatenate([fit.nonlinear, start])
+    changed = replace(fit, structure=structure, linear=linear, nonlinear=nonlinear)
     return data.whiten(changed.simulate(data.motion) - fit.simulate(data.motion))[:, None]
 
 

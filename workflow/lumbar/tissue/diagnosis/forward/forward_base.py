@@ -8,8 +8,8 @@ parameters here, needs no simulation.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields
-from functools import cached_property, lru_cache, partial
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
 
 import numpy as np
 import scipy
@@ -112,17 +112,10 @@ class FilteredForwardJointData(JointData):
         return np.concatenate([part.error(piece) for part, piece in pieces])
 
 
-def _convert(data: FitData, kind: type[FitData], **changes) -> FitData:
-    """Return data as another class, with changed or additional fields."""
-    values = {item.name: getattr(data, item.name) for item in fields(data) if item.init}
-    return kind(**{**values, **changes})
-
-
 def to_inverse_problem(experiment: Experiment, response: Response) -> Experiment:
     """Return an experiment with the force as input, prepared with the motion as input."""
     return experiment.change_data(
-        lambda data: _convert(
-            data,
+        lambda data: data.convert(
             FilteredForwardData,
             motion=Motion(data.motion.time, data.measured_motion.position, data.motion.sampling_time),
             force=data.motion.position,
@@ -155,10 +148,8 @@ def fit_inverse_problem(experiment: Experiment, base: Base) -> tuple[np.ndarray,
     first = training.records[0]
     # The first weighting is the ratio of the spectra of motion and force without their phases.
     force, motion = first.motion.position, first.force
-    rate = 1 / first.motion.sampling_time
-    frequency, powers = scipy.signal.welch(
-        np.array([force - force.mean(), motion - motion.mean()]), rate, nperseg=len(force) // _SEGMENTS
-    )
+    signals, rate = np.array([force - force.mean(), motion - motion.mean()]), 1 / first.motion.sampling_time
+    frequency, powers = scipy.signal.welch(signals, rate, nperseg=len(force) // _SEGMENTS)
     ratio = np.sqrt(powers[1] / np.maximum(powers[0], 1e-12 * powers[0].max()))
     ratio[powers[0] < 1e-6 * powers[0].max()] = 0.0  # noise at frequencies without force
 
@@ -190,7 +181,7 @@ def prepare_forward(records: list[Record], settings: DiagnosisSettings) -> Exper
         )
     measured = [add_measured_motion(record) for record in records]
     experiment = prepare(measured, **settings.preparation)
-    return experiment.change_data(partial(_convert, kind=ForwardData), ForwardJointData)
+    return experiment.change_data(lambda data: data.convert(ForwardData), ForwardJointData)
 
 
 def shorten(experiment: Experiment) -> Experiment:

@@ -62,9 +62,8 @@ def choose_simulated_base(state: DiagnosisState) -> DiagnosisState:
     prepared, base = _prepare_base(state.prepared, state.settings)
     experiment = shorten(prepared)
     reason = f"{base.fit.structure.base.name}: error {base.test_rms:.4g} {experiment.output_unit} unseen"
-    return state.next(
-        "choose the base", reason, prepared=prepared, experiment=experiment, base=base, path=[base]
-    )
+    changes = {"prepared": prepared, "experiment": experiment, "base": base, "path": [base]}
+    return state.next("choose the base", reason, **changes)
 
 
 def select_by_simulation(state: DiagnosisState) -> DiagnosisState:
@@ -233,8 +232,8 @@ class _Confirmation(Selection):
         path = [self.base]
         while True:
             passes = self.passes if len(path) == 1 else self.is_further
-            larger = [item for item in self.tried if set(item.effects) > set(path[-1].effects)]
-            larger = [item for item in larger if passes(path[-1], item)]
+            effects = set(path[-1].effects)
+            larger = [item for item in self.tried if set(item.effects) > effects and passes(path[-1], item)]
             if not larger:
                 return path
             path.append(min(larger, key=lambda item: (len(item.effects), item.score)))

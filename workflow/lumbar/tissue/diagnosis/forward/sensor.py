@@ -126,13 +126,9 @@ def _refine_all(structure: Structure, dynamics: LinearDynamics, data: FitData) -
 def _to_base(dynamics: LinearDynamics) -> Base:
     """Return linear dynamics as a base, with the residues as linear parameters and the poles as nonlinear ones."""
     poles, held = dynamics.poles, dynamics.held
+    of_rates = [("gain_of_rate", "{y} s/{x}"), ("gain_of_acceleration", "{y} s^2/{x}")]
     gains = [("constant", "{y}"), ("direct_gain", "{y}/{x}")]
-    gains += (
-        [("gain_of_last", "{y}/{x}")]
-        if held
-        else [("gain_of_rate", "{y} s/{x}"), ("gain_of_acceleration", "{y} s^2/{x}")]
-    )
-    gains = gains[: poles.direct]
+    gains = [*gains, *([("gain_of_last", "{y}/{x}")] if held else of_rates)][: poles.direct]
     gains += [(f"residue_{number + 1}", "{y}/{x}") for number in range(poles.order)]
     rates = [
         (f"{name}_{number + 1}", unit)

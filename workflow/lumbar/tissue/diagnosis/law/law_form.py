@@ -85,16 +85,8 @@ class Dimension:
 _AXIS = {"{x}": "x", "{y}": "y", "s": "s", "Hz": "s"}
 ONE, POSITION, FORCE, TIME = Dimension(), Dimension(x=1), Dimension(y=1), Dimension(s=1)
 SPEED = POSITION / TIME
-OF_SIGNALS = {
-    "z": POSITION,
-    "v": SPEED,
-    "a": SPEED / TIME,
-    "dz": POSITION,
-    "s": POSITION,
-    "t": TIME,
-    "F": FORCE,
-    "pi": ONE,
-}
+OF_SIGNALS = dict.fromkeys(("z", "dz", "s"), POSITION) | {"v": SPEED, "a": SPEED / TIME}
+OF_SIGNALS |= {"t": TIME, "F": FORCE, "pi": ONE}
 """Dimensions of the signals that an equation of a tissue knows."""
 
 
@@ -171,9 +163,8 @@ def distinct(terms: tuple[Term, ...], shared: bool = False) -> tuple[Term, ...]:
         for symbol, meaning in meanings.items():
             names[symbol], number = symbol, 2
             while names[symbol] in used and not (shared and used[names[symbol]] == meaning):
-                names[symbol] = (
-                    f"{symbol}{number}" if "_" in symbol or symbol == "q" else f"{symbol}_{number}"
-                )
+                stroke = "" if "_" in symbol or symbol == "q" else "_"
+                names[symbol] = f"{symbol}{stroke}{number}"
                 number += 1
         used |= {names[symbol]: meaning for symbol, meaning in meanings.items()}
         renamed.append(term.rename({old: new for old, new in names.items() if old != new}))

@@ -1,6 +1,6 @@
 """Tests that a formula must pass before it is proposed: it stays bounded, gives off no energy, and has a known range."""
 
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -39,12 +39,6 @@ class PartialData(FitData):
     counts: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool))
     """Over the samples that count of the whole."""
 
-    @classmethod
-    def from_record(cls, whole: FitData, counts: np.ndarray) -> "PartialData":
-        """Let only these samples of a record count."""
-        copied = {item.name: getattr(whole, item.name) for item in fields(FitData) if item.init}
-        return cls(**copied, whole=whole, counts=counts)
-
     @property
     def zeros(self) -> np.ndarray:
         """Contribution of the sensor's zeros, as in the whole record."""
@@ -74,7 +68,8 @@ def alternate(experiment: Experiment) -> tuple[Experiment, Experiment]:
         tests = []
         for item in experiment.tests:
             block = max(1, round(BLOCK * item.scale("time") / item.motion.sampling_time))
-            tests.append(PartialData.from_record(item, np.arange(item.size) // block % 2 == parity))
+            counts = np.arange(item.size) // block % 2 == parity
+            tests.append(item.convert(PartialData, whole=item, counts=counts))
         halves.append(replace(experiment, tests=tests))
     return halves[0], halves[1]
 
@@ -145,9 +140,8 @@ class Extrapolation:
         """True if both errors are about as large as within the fitted range."""
         if self.inner_rms > _MAX_ERROR_RATIO * self.all_rms:
             return False
-        return self.beyond_rms is None or self.beyond_rms <= _MAX_ERROR_RATIO * max(
-            self.all_rms, self.floor or 0.0
-        )
+        largest = _MAX_ERROR_RATIO * max(self.all_rms, self.floor or 0.0)
+        return self.beyond_rms is None or self.beyond_rms <= largest
 
 
 def extrapolation(fit: Fit, experiment: Experiment) -> Extrapolation | None:
@@ -159,16 +153,15 @@ def extrapolation(fit: Fit, experiment: Experiment) -> Extrapolation | None:
     inner = is_within(training, training, INNER)
     if min(inner.sum(), (~inner).sum()) < _MIN_ERROR_SAMPLES:
         return None
-    again = refit(fit.structure, PartialData.from_record(training, inner), fit.nonlinear)
-    outer = PartialData.from_record(training, ~inner)
-    beyond = [PartialData.from_record(item, ~is_within(item, training, 1.0)) for item in experiment.tests]
+
+    def part(record: FitData, counts: np.ndarray) -> FitData:
+        return record.convert(PartialData, whole=record, counts=counts)
+
+    again, outer = refit(fit.structure, part(training, inner), fit.nonlinear), part(training, ~inner)
+    beyond = [part(item, ~is_within(item, training, 1.0)) for item in experiment.tests]
     is_enough = sum(item.size for item in beyond) >= _MIN_ERROR_SAMPLES
-    return Extrapolation(
-        again.rms(outer),
-        fit.rms(outer),
-        fit.rms(*beyond) if is_enough else None,
-        None if experiment.floor is None else experiment.floor.rms,
-    )
+    floor = None if experiment.floor is None else experiment.floor.rms
+    return Extrapolation(again.rms(outer), fit.rms(outer), fit.rms(*beyond) if is_enough else None, floor)
 
 
 def thin(experiment: Experiment) -> Experiment:
@@ -177,8 +170,7 @@ def thin(experiment: Experiment) -> Experiment:
     Nothing is filtered. Errors are not whitened: the colour of the noise is that of another rate. The same experiment is returned
     if it has no samples to spare.
     """
-    records = [experiment.training, *experiment.tests]
-    parts = [part for item in records for part in item.records]
+    parts = [part for item in (experiment.training, *experiment.tests) for part in item.records]
     edges = [band_edge(part.drop_history(part.motion.position)) for part in parts]
     largest = min(int(1 / (MIN_SAMPLES_PER_CYCLE * edge)) for edge in edges)
     factor = min(largest, experiment.training.size // _MIN_THINNED_SAMPLES)

@@ -132,10 +132,9 @@ def _standard_errors(measures: list[dict[str, Any]], name: str) -> float:
 
 def _measure(position: np.ndarray, force: np.ndarray) -> dict[str, Any]:
     """Return dimensionless relations of input and output of one record."""
-    jump, response_jump = (
-        float(np.abs(np.diff(signal)).max() / np.ptp(signal)) for signal in (position, force)
-    )
-    edges = [spectral_edge(signal - signal.mean(), _BAND_POWER) for signal in (position, force)]
+    signals = (position, force)
+    jump, response_jump = (float(np.abs(np.diff(signal)).max() / np.ptp(signal)) for signal in signals)
+    edges = [spectral_edge(signal - signal.mean(), _BAND_POWER) for signal in signals]
     window = max(round(1 / (_SAMPLES_PER_CYCLE * max(edges))), 1)
     first, second = _smooth(position, window), _smooth(force, window)
     speed, rate = np.gradient(first), np.gradient(second)

@@ -125,9 +125,8 @@ class NoiseFloor:
         """Return the joint floor of several channels of one record."""
         variances = [floor.rms**2 for floor in floors]
         mean = float(np.mean(variances))
-        degrees = sum(variances) ** 2 / sum(
-            square**2 / floor.degrees_of_freedom for square, floor in zip(variances, floors, strict=True)
-        )
+        pairs = zip(variances, floors, strict=True)
+        degrees = sum(variances) ** 2 / sum(size**2 / floor.degrees_of_freedom for size, floor in pairs)
         parts = sorted((part for floor in floors for part in floor.structured), key=lambda part: -part[1])
         return replace(
             floors[0],

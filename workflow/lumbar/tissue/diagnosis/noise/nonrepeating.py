@@ -176,11 +176,11 @@ class StructureSearch:
         variance = float(np.sum(self.rest**2)) / self.degrees
         if variance > 0:
             # The newest part remains, so that the search ends.
+            energies = [float(np.sum(item.values**2)) / variance for item in self.parts]
             remaining = [
                 item
-                for item in self.parts
-                if item is part
-                or excess(float(np.sum(item.values**2)) / variance, item.degrees) > _MIN_REMAINING_SIGMAS
+                for item, energy in zip(self.parts, energies, strict=True)
+                if item is part or excess(energy, item.degrees) > _MIN_REMAINING_SIGMAS
             ]
             if len(remaining) < len(self.parts):
                 self.parts = remaining

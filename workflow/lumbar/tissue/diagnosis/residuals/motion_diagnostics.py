@@ -58,15 +58,10 @@ def motion_view(residual: Residual) -> View:
     position = means(residual.position, groups >= 0)
     advancing = means(residual.values, (groups >= 0) & (residual.velocity > 0))
     retracting = means(residual.values, (groups >= 0) & (residual.velocity < 0))
-    table = dict(
-        zip(_DEPTH_COLUMNS, (position, depth.mean, depth.deviation, advancing, retracting), strict=True)
-    )
-    numbers = {
-        "even_share": even,
-        "odd_share": odd,
-        "depth_share": depth.significant_share,
-        "depth_p": depth.p_value,
-    }
+    columns_of_depth = (position, depth.mean, depth.deviation, advancing, retracting)
+    table = dict(zip(_DEPTH_COLUMNS, columns_of_depth, strict=True))
+    numbers = {"even_share": even, "odd_share": odd}
+    numbers |= {"depth_share": depth.significant_share, "depth_p": depth.p_value}
     chance = probability(average.p_value)
     both = f"Over {name}: the mean error depends on neither ({chance})"
     if average.p_value < SIGNIFICANT:

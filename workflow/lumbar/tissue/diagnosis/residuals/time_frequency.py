@@ -11,14 +11,8 @@ from lumbar.tissue.diagnosis.residuals.residual import SIGNIFICANT, Residual, Vi
 _WINDOWS = 10
 _MIN_CYCLE_SHARE = 0.5
 """Share of a window below which the rest of the record is part of the window before."""
-EXCITED, EVEN, ODD, ABOVE, BELOW, BETWEEN = (
-    "excited lines",
-    "even lines",
-    "odd lines left out",
-    "above the excited band",
-    "below the excited band",
-    "excited band",
-)
+EXCITED, EVEN, ODD = "excited lines", "even lines", "odd lines left out"
+ABOVE, BELOW, BETWEEN = "above the excited band", "below the excited band", "excited band"
 _MIN_LINE_SHARE = 1e-2
 """Smallest amplitude of an excited line, as a share of the strongest one."""
 _MIN_BAND_LINES = 4
@@ -44,13 +38,8 @@ def time_view(residual: Residual) -> View:
     slope_deviation = float(np.sqrt(residual.covariance(weights)[0, 0]))
     slope_p = float(2 * scipy.special.ndtr(-abs(slope) / slope_deviation)) if slope_deviation > 0 else 1.0
     rms_p = mann_kendall_p(rms)
-    table = {
-        "start": residual.time[edges],
-        "stop": residual.time[stops],
-        "rms": rms,
-        "mean": average.mean,
-        "deviation": average.deviation,
-    }
+    table = {"start": residual.time[edges], "stop": residual.time[stops], "rms": rms}
+    table |= {"mean": average.mean, "deviation": average.deviation}
     unit, word = residual.unit, "window" if residual.folding is None else "period"
     trend = "no trend" if rms_p > 0.05 else "rising" if rms[-1] > rms[0] else "falling"
     spread = f"RMS from {rms.min():.3g} to {rms.max():.3g} {unit} over {count} {word}{'s' * (count != 1)}"

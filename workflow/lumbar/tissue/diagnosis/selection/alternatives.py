@@ -66,9 +66,8 @@ def compare_zeros(state: DiagnosisState) -> DiagnosisState:
         < _OWN_ZERO_ERROR_RATIO * item.test_rms
         for item in result.path
     ):
-        return state.next(
-            step, "one zero serves all records: others hardly lower the error on unseen records"
-        )
+        reason = "one zero serves all records: others hardly lower the error on unseen records"
+        return state.next(step, reason)
     reason = "base and effects are searched again with one zero per record"
     again = run((*SEARCH, find_ties), state.next(step, reason, experiment=with_zeros, status=None))
     own, shared = again.result.model.test_rms, result.model.test_rms

@@ -90,9 +90,8 @@ def diagnose(
         from lumbar.tissue.diagnosis.selection.static_points import POINT_STEPS
 
         steps = POINT_STEPS
-    return run(
-        steps, DiagnosisState(list(records), settings, DiagnosisResult(findings=tuple(findings)))
-    ).result
+    start = DiagnosisState(list(records), settings, DiagnosisResult(findings=tuple(findings)))
+    return run(steps, start).result
 
 
 def repair_sensor_faults(state: DiagnosisState) -> DiagnosisState:
@@ -149,9 +148,8 @@ def search_formula(state: DiagnosisState) -> DiagnosisState:
     further = result.further is not None and is_adequate(result.further, result.experiment, COMPLETE)
     is_error_left = result.status == Status.UNEXPLAINED or (result.complete is False and not further)
     if result.orientation is not None or not is_error_left:
-        return state.next(
-            step, "not needed: nothing is known to be left that effects of the catalogue do not explain"
-        )
+        reason = "not needed: nothing is known to be left that effects of the catalogue do not explain"
+        return state.next(step, reason)
     if not state.settings.propose_law:
         return state.next(step, "left out: the settings do not ask for it")
     from lumbar.tissue.diagnosis.law.proposal import propose
@@ -185,9 +183,8 @@ def check_rate_independence(state: DiagnosisState) -> DiagnosisState:
     rates_differ, failed = high >= _MIN_RATE_RATIO * low, _unpredicted_records(result, named)
     rates = f"rates from {low:.3g} to {high:.3g} Hz"
     if rates_differ and not failed:
-        return state.next(
-            step, f"{effects_text(named)} predicts all records with one set of constants ({rates})"
-        )
+        reason = f"{effects_text(named)} predicts all records with one set of constants ({rates})"
+        return state.next(step, reason)
     known = {frozenset(item.effects) for item in result.tied_with}
     rivals = [item for item in _fit_rivals(result, named, effects) if frozenset(item.effects) not in known]
     tied, missed = [*result.tied_with, *rivals], " and ".join(failed)
@@ -221,17 +218,12 @@ def _train_on_others(state: DiagnosisState) -> list[Finding]:
     """Report the errors of the selected model fitted to the unseen records, and to all, if it leaves noise in training only."""
     experiment, model = state.result.experiment, state.result.model
     noise = experiment.noise or model.train_rms
-    is_tissue = (
-        model.fit.structure.base.system == "tissue" and not experiment.session and not experiment.points
-    )
-    if not is_tissue or model.train_rms > COMPLETE * noise:
+    is_other = model.fit.structure.base.system != "tissue" or experiment.session or experiment.points
+    if is_other or model.train_rms > COMPLETE * noise:
         return []
     first = [item.name for item in experiment.training.records]
-    missed = {
-        name: rms
-        for name, rms in model.unseen_rms.items()
-        if rms > _MAX_UNSEEN_ERROR * noise and name not in first
-    }
+    unseen_rms = {name: rms for name, rms in model.unseen_rms.items() if name not in first}
+    missed = {name: rms for name, rms in unseen_rms.items() if rms > _MAX_UNSEEN_ERROR * noise}
     if not missed:
         return []
     unseen = [item.name for item in experiment.tests]
@@ -268,9 +260,8 @@ def _falling_stiffness(experiment: Experiment) -> list[Finding]:
     slopes = []
     for record in records:
         least = _MIN_RANGE_SHARE * float(np.ptp(record["input"]))
-        for position, force in zip(
-            *(np.array_split(record[role], _SEGMENTS) for role in ("input", "output")), strict=True
-        ):
+        segments = (np.array_split(record[role], _SEGMENTS) for role in ("input", "output"))
+        for position, force in zip(*segments, strict=True):
             if np.ptp(position) < least:
                 return []  # a hold shows no stiffness
             moved = position - position.mean()
@@ -316,9 +307,8 @@ def _fit_rivals(result: DiagnosisResult, named: list[str], effects: dict[str, Ef
     experiment, start = result.experiment, result.model
     for name in named:
         start = drop_effect(start, name, experiment)
-    relaxations, springs = (
-        {name: effects[name] for name in names if name in effects} for names in (_RELAXATIONS, _SPRINGS)
-    )
+    kinds = (_RELAXATIONS, _SPRINGS)
+    relaxations, springs = ({name: effects[name] for name in kind if name in effects} for kind in kinds)
     rivals = extend(start, relaxations, experiment)[:1]
     rivals += [item for model in rivals for item in extend(model, springs, experiment)[:1]]
     return [item for item in rivals if item.test_rms <= _MAX_ERROR_RATIO * result.model.test_rms]

@@ -61,9 +61,8 @@ def extend(
     are refitted, and general ones if simpler ones fail and they remove `MOST_OF_REST` of what these leave; otherwise only the
     form with the best screening.
     """
-    every = [
-        form for effect in catalogue.values() if effect.name not in model.effects for form in effect.forms
-    ]
+    others = [effect for effect in catalogue.values() if effect.name not in model.effects]
+    every = [form for effect in others for form in effect.forms]
     forms = [form for form in every if not form.general]
     if most is not None:
         # Only forms of the effects that screening ranks first.
@@ -217,9 +216,8 @@ class Selection:
         forms = list(model.fit.structure.forms)
         path = [self.base]
         while forms:
-            best = min(
-                (add_form(path[-1], form, self.experiment) for form in forms), key=lambda item: item.score
-            )
+            longer = (add_form(path[-1], form, self.experiment) for form in forms)
+            best = min(longer, key=lambda item: item.score)
             forms = [form for form in forms if form.effect != best.effects[-1]]
             if not forms and best.score > model.score:
                 # The last one is the model itself, with its effects in the order in which they help.
@@ -258,9 +256,8 @@ class Selection:
         if model is self.base:
             lacking = self.periods_differ or not is_adequate(self.base, self.experiment)
             return Status.UNEXPLAINED if lacking else Status.ADEQUATE
-        if not model.fit.converged or (
-            share < thresholds.EXPLAINS and not is_adequate(model, self.experiment)
-        ):
+        explains = share >= thresholds.EXPLAINS or is_adequate(model, self.experiment)
+        if not (model.fit.converged and explains):
             return Status.UNEXPLAINED
         return Status.TIED if tied else Status.NAMED
 
@@ -290,11 +287,8 @@ class Selection:
             return Status.NAMED
         if self.periods_differ and not any(self.settings.candidates[name].changes for name in model.effects):
             return Status.UNEXPLAINED  # an effect of time or path is missing
-        return (
-            Status.ADEQUATE
-            if is_adequate(model, self.experiment, thresholds.COMPLETE)
-            else Status.UNEXPLAINED
-        )
+        is_complete = is_adequate(model, self.experiment, thresholds.COMPLETE)
+        return Status.ADEQUATE if is_complete else Status.UNEXPLAINED
 
     def best_sets(self, model: Candidate) -> list[Candidate]:
         """Return the selected set, then the other sets tried, best first."""

@@ -48,18 +48,10 @@ def fitted_model(candidate: Candidate, experiment: Experiment) -> FittedModel:
         structure, base = replace(structure, base=fixed.structural), spatial.base.name
         signed = {item.name for item in spatial.nonlinear if item.signed}
         turning = {item.name for item in spatial.turning}
-        parameters = [
-            item
-            if item.effect or item.name not in signed
-            else replace(
-                item,
-                value=0.0,
-                low=item.low - item.value,
-                high=item.high - item.value,
-                derived=item.name in turning,
-            )
-            for item in parameters
-        ]
+        for index, item in enumerate(parameters):
+            if item.name in signed and not item.effect:
+                low, high, derived = item.low - item.value, item.high - item.value, item.name in turning
+                parameters[index] = replace(item, value=0.0, low=low, high=high, derived=derived)
     try:
         derived, failure = derived_estimates(fit, training, *units), ""
     except NumericalError as error:
@@ -105,9 +97,8 @@ def _valid_for(experiment: Experiment) -> MotionRange:
     motion = experiment.training.motion
     if not isinstance(motion, SpatialMotion):
         return motion_range(motion.position + experiment.surface, motion.sampling_time)
-    along = [
-        motion_range(part.position, part.sampling_time) for part in motion.parts if np.ptp(part.position) > 0
-    ]
+    moving = [part for part in motion.parts if np.ptp(part.position) > 0]
+    along = [motion_range(part.position, part.sampling_time) for part in moving]
     ends = {"lowest": min, "highest": max, "speed": max, "lowest_Hz": min, "highest_Hz": max}
     return MotionRange(**{key: end(getattr(item, key) for item in along) for key, end in ends.items()})
 

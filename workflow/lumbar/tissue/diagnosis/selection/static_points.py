@@ -46,9 +46,8 @@ def prepare_points(state: DiagnosisState) -> DiagnosisState:
         If tables with and without a clock are mixed, a table has few points, or the base is not one of a static test.
     """
     experiment = _prepare_tables(state.records, state.settings)
-    catalogue = filter_forms(
-        state.settings.candidates, lambda form: form.is_static, experiment.training.scale
-    )
+    candidates, scale = state.settings.candidates, experiment.training.scale
+    catalogue = filter_forms(candidates, lambda form: form.is_static, scale)
     unseen = "Other tables are the unseen points"
     if experiment.tests[0].name == experiment.training.records[0].name:
         unseen = f"One point in {_TEST_STRIDE} was held back as unseen"

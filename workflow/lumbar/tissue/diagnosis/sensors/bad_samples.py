@@ -215,9 +215,8 @@ def _jumps_after_runs(steps: np.ndarray, starts: np.ndarray, lengths: np.ndarray
     jump = steps[starts + lengths] / np.where(speed == 0, np.inf, speed * (lengths + 1))
     clear = np.abs(speed) * lengths > 2 * roughness
     if clear.sum() >= _MIN_RUNS:
-        return bool(
-            np.mean((jump[clear] > _JUMP_RATIOS[0]) & (jump[clear] < _JUMP_RATIOS[1])) >= _MIN_JUMP_SHARE
-        )
+        jumps = (jump[clear] > _JUMP_RATIOS[0]) & (jump[clear] < _JUMP_RATIOS[1])
+        return bool(np.mean(jumps) >= _MIN_JUMP_SHARE)
     return bool(np.median(np.abs(np.diff(steps))) > _MAX_ROUGHNESS * np.median(np.abs(steps[steps != 0])))
 
 
@@ -233,22 +232,16 @@ def find_dropped(record: Record) -> Repair | None:
         return None
     half = _POINTS // 2
     travel = np.abs(np.diff(values))
-    moving = (
-        scipy.ndimage.uniform_filter1d(travel, _POINTS - 1)[half - 1 : -half + 1]
-        > _MIN_TRAVEL * travel.mean()
-    )
+    smooth = scipy.ndimage.uniform_filter1d(travel, _POINTS - 1)[half - 1 : -half + 1]
+    moving = smooth > _MIN_TRAVEL * travel.mean()
     misfit = sum(np.convolve(values, column[::-1], "valid") ** 2 for column in _polynomial_annihilator(0))
     typical = np.median(misfit[moving]) + (1e-7 * np.ptp(values)) ** 2
     windows = np.flatnonzero((misfit > _MIN_MISFIT_RATIO * typical) & moving)
     if not windows.size:
         return None
     around = values[windows[:, None] + np.arange(_POINTS)]
-    inserted = np.array(
-        [
-            np.sum((around @ _polynomial_annihilator(missing).T) ** 2, axis=1)
-            for missing in range(1, _MAX_LOST + 3)
-        ]
-    )
+    columns = (_polynomial_annihilator(missing).T for missing in range(1, _MAX_LOST + 3))
+    inserted = np.array([np.sum((around @ column) ** 2, axis=1) for column in columns])
     best, least = inserted.argmin(axis=0) + 1, inserted.min(axis=0)
     improvement = np.zeros(len(misfit))
     improvement[windows] = misfit[windows] / np.maximum(least, 1e-3 * typical)

@@ -9,12 +9,7 @@ import numpy as np
 from lumbar.records.record import Record
 from lumbar.tissue.diagnosis.finding import Finding
 from lumbar.tissue.diagnosis.noise.nonrepeating import line_power, smooth_power
-from lumbar.tissue.diagnosis.noise.periods import (
-    MIN_FULL_PERIODS,
-    declared_period,
-    find_period,
-    fold_periods,
-)
+from lumbar.tissue.diagnosis.noise.periods import MIN_FULL_PERIODS, declared_period, find_period, fold_periods
 from lumbar.tissue.diagnosis.sensors.bad_samples import (
     Repair,
     find_dropped,
@@ -151,9 +146,8 @@ def shift_times(values: np.ndarray, rate: float) -> np.ndarray:
     size = len(values)
     taps = np.arange(-_TAPS + 1, _TAPS + 1)
     result = np.empty(size)
-    padded = np.concatenate(
-        [2 * values[0] - values[_TAPS:0:-1], values, 2 * values[-1] - values[-2 : -_TAPS - 2 : -1]]
-    )
+    before, after = 2 * values[0] - values[_TAPS:0:-1], 2 * values[-1] - values[-2 : -_TAPS - 2 : -1]
+    padded = np.concatenate([before, values, after])
     for start in range(0, size, _BLOCK):
         place = np.clip(np.arange(start, min(start + _BLOCK, size)) * (1 + rate), 0, size - 1)
         whole = np.floor(place).astype(int)

@@ -114,9 +114,8 @@ def _choose_symmetry(base: Base, symmetric: Candidate, experiment: Experiment) -
         if best is None or best.score > least - _LIKELIHOOD_MARGIN:
             if len(bases) > 1:
                 start = np.concatenate([fit.nonlinear[:own], np.ones(len(bases[0].nonlinear) - own)])
-                fits = [
-                    joint_fit.fit_at(Structure(item.structural), experiment.training, start) for item in bases
-                ]
+                structures = [Structure(item.structural) for item in bases]
+                fits = [joint_fit.fit_at(item, experiment.training, start) for item in structures]
                 bases = [bases[int(np.argmin([item.squared_error for item in fits]))]]
             fitted = _refit(bases[0], fit.nonlinear, experiment, forms)
             best = fitted if best is None else choose_likelier(experiment, best, fitted)

@@ -162,18 +162,15 @@ def exchanged_channels(experiment: Experiment, layout: ColumnLayout | None) -> F
         for order in permutations(range(size))
         for signs in product((1, -1), repeat=size)
     )
-    left = {
-        reading: _unexplained_power(
-            power, np.stack([sign * along[source] for source, sign in reading]), moved
-        )
-        for reading in readings
-    }
+    left = {}
+    for reading in readings:
+        read = np.stack([sign * along[source] for source, sign in reading])
+        left[reading] = _unexplained_power(power, read, moved)
     recorded_power = next(iter(left.values()))
     best = min(left, key=lambda reading: left[reading])
     least = power - float(np.trace(along @ np.linalg.lstsq(moved, along.T, rcond=None)[0]))
-    better = (
-        left[best] <= _MAX_ERROR_RATIO * recorded_power and recorded_power - left[best] >= _MIN_GAIN * power
-    )
+    gain = recorded_power - left[best]
+    better = left[best] <= _MAX_ERROR_RATIO * recorded_power and gain >= _MIN_GAIN * power
     if not better or left[best] > least + _SYMMETRY_TOLERANCE * power:
         return None
     force, explained = experiment.output_quantity, 100 * (1 - left[best] / power)

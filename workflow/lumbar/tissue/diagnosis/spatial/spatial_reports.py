@@ -51,7 +51,7 @@ class SpatialReport:
             )
         if floor:
             return (
-                f"{record}: {explainable:.3g} {unit} of the error's {rms:.3g} {unit} per axis are no noise."
+                f"{record}: {explainable:.3g} {unit} of the error's {rms:.3g} {unit} per axis are not noise."
             )
         return f"{record}: the error in space is {rms:.3g} {unit} per axis; its share of noise is unknown."
 
