@@ -115,10 +115,7 @@ def angles_between(signals: np.ndarray) -> np.ndarray:
 
 
 def complete_linkage(angles: np.ndarray, largest: float) -> list[list[int]]:
-    """Return clusters in which no two members are further apart than `largest`, merged from the closest pair.
-
-    The cluster of the first item comes first, the others in the order of their first members.
-    """
+    """Return clusters, by first member, in which no two are further apart than `largest`, merged from the closest pair."""
     if len(angles) == 1:
         return [[0]]
     clusters: dict[int, list[int]] = {}
@@ -228,15 +225,9 @@ def gather_evidence(
         if others:
             without = drop_effect(model, form.effect, experiment)
             other_forms += extend(without, {form.effect: effect.with_forms(others)}, experiment)
-    return Evidence(
-        remaining=remaining,
-        ties=signal_angles(diagnosis),
-        separation=separating_excitation(diagnosis, machine_limits(machine, experiment)),
-        detectable=detectable_effects(diagnosis, catalogue, null),
-        threshold=threshold,
-        null=null,
-        other_forms=other_forms,
-    )
+    separation = separating_excitation(diagnosis, machine_limits(machine, experiment))
+    detectable = detectable_effects(diagnosis, catalogue, null)
+    return Evidence(remaining, signal_angles(diagnosis), separation, detectable, threshold, null, other_forms)
 
 
 def limitations(diagnosis: DiagnosisResult, evidence: Evidence) -> list[str]:

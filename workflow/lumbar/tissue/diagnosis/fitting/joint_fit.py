@@ -309,7 +309,7 @@ def fit_base(structure: Structure, data: FitData, acting: Sequence[float] = ()) 
     """
     grids, refined = _grids(structure.base.nonlinear, data), 2
     if math.prod(map(len, grids)) <= _MAX_COMBINATIONS:
-        starts = [np.array(point) for point in product(*grids)]
+        starts = combinations(structure.base.nonlinear, data)
     else:
         from scipy.stats.qmc import Sobol
 

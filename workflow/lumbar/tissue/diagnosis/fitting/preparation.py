@@ -328,10 +328,7 @@ def settling_samples(record: Record, settling_s: float | None) -> int:
 def assemble_experiment(
     first: Record, fitted: Sequence[FitData], tests: Sequence[FitData], floor: NoiseFloor | None, **fields
 ) -> Experiment:
-    """Return an experiment of prepared records, the floor from `first`, with further `fields`.
-
-    Without tests, the last part of every record becomes one.
-    """
+    """Return an experiment of records, with the floor of `first`; without tests, the last part of every record is one."""
     if not tests:
         fitted, tests = zip(*(item.split(1 - _TEST_SHARE) for item in fitted), strict=True)
     position, force = first.channels["input"], first.channels["output"]

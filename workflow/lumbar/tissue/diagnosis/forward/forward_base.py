@@ -303,10 +303,7 @@ def simulate_base(experiment: Experiment, base: Base) -> Candidate:
 
 
 def better_base(model: Candidate, inverse: Experiment) -> Base | None:
-    """Return a base that explains the records better with the same effects in the inverse problem, or None.
-
-    A missing effect may have been mistaken for a relaxation or a mass.
-    """
+    """Return a base that explains the records better with the same effects in the inverse problem, or None."""
     present = model.fit.structure.base
     bases = [present, *(BASES[name] for name in FORWARD_BASES if name != present.name)]
     best = min(bases, key=lambda base: exchange_base(model, base, inverse).score)

@@ -130,17 +130,12 @@ def check_motion_sensor(state: DiagnosisState) -> DiagnosisState:
         judge.tried = [after]
         share = judge.share_removed(after)
         error = f"{after.test_rms:.4g} {experiment.output_unit} unseen"
-        return state.next(
-            step,
-            f"{after.effects[-1]} of the sensor and linear dynamics leave {error}",
-            base=before,
-            status=judge.status(after, [], share),
-            path=[before, after],
-            tied_with=[],
-            ranking=[*judge.ranking(after), *state.result.ranking],
-            explainable_share_removed=share,
-            refined_status=judge.refined_status(after, None),
-        )
+        changes = {"base": before, "path": [before, after], "explainable_share_removed": share}
+        changes |= {"status": judge.status(after, [], share), "tied_with": []}
+        changes |= {"refined_status": judge.refined_status(after, None)}
+        changes |= {"ranking": [*judge.ranking(after), *state.result.ranking]}
+        reason = f"{after.effects[-1]} of the sensor and linear dynamics leave {error}"
+        return state.next(step, reason, **changes)
     return state.next(step, "no sensor that clips or gives the absolute value explains the records better")
 
 

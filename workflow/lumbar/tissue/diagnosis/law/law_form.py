@@ -151,10 +151,7 @@ _KINDS = {"{y}": ("F", "force"), "{y}/{x}": ("k", "stiffness"), "{y} s/{x}": ("b
 
 
 def distinct(terms: tuple[Term, ...], shared: bool = False) -> tuple[Term, ...]:
-    """Rename symbols that several terms use with different meanings.
-
-    With `shared`, parameters that mean the same, and states that follow the same equation, may be one.
-    """
+    """Rename symbols with several meanings; if `shared`, parameters of one meaning and states of one equation may be one."""
     used: dict[str, str] = {}
     renamed = []
     for term in terms:

@@ -139,10 +139,7 @@ class Search:
     def refit(
         self, law: Law, terms: tuple[Term, ...], nonlinear: np.ndarray, shared: bool = False
     ) -> Law | None:
-        """Fit terms jointly with the model; None if the fit does not end, or ends at a bound.
-
-        At a bound of its parameter a term has become another one: an exponential a straight line, friction a damper.
-        """
+        """Fit terms jointly with the model; None if the fit does not end, or ends at a bound, where a term becomes another."""
         structure = law.start.fit.structure.with_form(form_of(terms, shared=shared))
         before = law.fit.nonlinear[: len(law.start.fit.nonlinear)]
         start = np.concatenate([before, nonlinear])

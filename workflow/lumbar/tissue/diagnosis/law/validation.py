@@ -59,10 +59,7 @@ class PartialData(FitData):
 
 
 def alternate(experiment: Experiment) -> tuple[Experiment, Experiment]:
-    """Return the experiment with every other block of its unseen records, and with the blocks in between.
-
-    Choices are made with the first and tested with the second.
-    """
+    """Return the experiment with every other block of its unseen records, for choices, and with those in between, for tests."""
     halves = []
     for parity in (0, 1):
         tests = []
@@ -145,10 +142,7 @@ class Extrapolation:
 
 
 def extrapolation(fit: Fit, experiment: Experiment) -> Extrapolation | None:
-    """Fit to the samples with position and speed within `INNER` of their ranges and evaluate outside; None if they are too few.
-
-    Unseen samples beyond the training record's range are evaluated as well.
-    """
+    """Fit to samples within `INNER` of the ranges of position and speed, evaluate outside; None if they are too few."""
     training = experiment.training
     inner = is_within(training, training, INNER)
     if min(inner.sum(), (~inner).sum()) < _MIN_ERROR_SAMPLES:

@@ -175,10 +175,8 @@ def _correlation(one: np.ndarray, other: np.ndarray) -> float:
 
 
 def _passive_shares(force: np.ndarray, position: np.ndarray, speed: np.ndarray) -> tuple[float, float]:
-    """Return the shares of a force and of the inverted force that a spring, a damper and a mass ≥ 0 explain.
-
-    Equivalent to `scipy.optimize.nnls`, which takes longer to import than the rest of an import of recordings.
-    """
+    """Return the shares of a force and of the inverted force that a spring, a damper and a mass ≥ 0 explain."""
+    # As `scipy.optimize.nnls`, which takes longer to import than the rest of an import of recordings.
     columns = [signal - signal.mean() for signal in (position, speed, np.gradient(speed))]
     columns = np.column_stack([signal / max(float(np.std(signal)), 1e-300) for signal in columns])
     size = float(np.linalg.norm(force))

@@ -88,10 +88,7 @@ def forces(motion: Motion | JoinedMotions, poles: Poles, held: bool) -> np.ndarr
 
 
 def slope_forces(motion: Motion | JoinedMotions, poles: Poles, linear: np.ndarray, held: bool) -> np.ndarray:
-    """Differentiate the force by the parameters of `Poles.logarithms` with fixed linear parameters, by differences.
-
-    The result has shape (samples, searched parameters).
-    """
+    """Differentiate the force by `Poles.logarithms` with fixed linear parameters; shape (samples, searched parameters)."""
     if isinstance(motion, JoinedMotions):
         return np.concatenate([slope_forces(part, poles, linear, held) for part in motion.parts])
     slopes = []

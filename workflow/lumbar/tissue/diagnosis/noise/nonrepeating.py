@@ -288,10 +288,7 @@ def taper(samples: int) -> np.ndarray:
 
 
 def line_power(rows: np.ndarray, degrees: float) -> np.ndarray:
-    """Return the mean power of rows, shape (periods, samples), at 0, 1, 2, … cycles per row, as variance per sample.
-
-    `degrees` are their degrees of freedom, in rows.
-    """
+    """Return the mean power of rows (periods, samples), with `degrees` of freedom in rows, at 0, 1, … cycles, per sample."""
     return np.sum(np.abs(np.fft.rfft(rows, axis=1)) ** 2, axis=0) / (rows.shape[1] * degrees)
 
 

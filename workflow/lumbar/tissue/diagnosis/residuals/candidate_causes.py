@@ -171,10 +171,7 @@ class CrossCorrelation:
 
 
 def cross_correlation(residual: Residual, signal: np.ndarray) -> CrossCorrelation:
-    """Correlate the residual with the past of a signal.
-
-    Lags run circularly: under the null hypothesis the wrapped signal is as unrelated as the signal.
-    """
+    """Correlate the residual with the past of a signal, wrapped round: by the null hypothesis that is as unrelated."""
     size = len(signal)
     longest = int(min(np.sqrt(size), size // 10))
     lags = np.unique(np.linspace(0, longest, min(_LAGS, longest + 1)).astype(int))

@@ -200,11 +200,7 @@ def settling_samples(record: Record, simulated: np.ndarray, start: float) -> int
 
 
 def block_groups(signals: list[np.ndarray], period: int | None) -> list[np.ndarray]:
-    """Return the indices of the samples that are resampled together.
-
-    Blocks of equal length, three times as long as the energy of any of the signals is correlated but at least eight to a record
-    or period.
-    """
+    """Return groups of samples to resample together: eight blocks or more, three times as long as energies correlate."""
     size = len(signals[0])
     span = period if period and period < size else size
     length = 1

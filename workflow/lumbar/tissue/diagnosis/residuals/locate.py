@@ -98,10 +98,7 @@ class Location:
 
     @property
     def shares(self) -> dict[str, float]:
-        """Share of the explainable error by cause, in the order of `causes`, then the largest first.
-
-        The spectrum has no part in it: all of a repeating error is in it.
-        """
+        """Share of the explainable error by cause, in the order of `causes`, then the largest first; without the spectrum."""
         motion, linear = self.views["position and velocity"], self.views["candidate causes"]
         shares = {
             "time": self.views["time"].share,

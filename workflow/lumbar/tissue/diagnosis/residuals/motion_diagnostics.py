@@ -162,11 +162,7 @@ def _even_odd(residual, average, rows, columns, *edges) -> tuple[float | None, f
 
 
 def reversals(position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the samples at which the motion turns, and the direction (±1) after each.
-
-    A turn counts if the motion back from the extreme exceeds a share of the range: noise in a measured position
-    turns often but not far.
-    """
+    """Return the samples at which the motion turns by more than a share of its range, and the direction (±1) after each."""
     least = float(_MIN_TURN_SHARE * np.ptp(position))
     values = np.asarray(position, dtype=float).tolist()  # plain numbers: the loop takes half the time
     turns, directions = [], []

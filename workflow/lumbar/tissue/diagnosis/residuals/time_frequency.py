@@ -91,10 +91,7 @@ def mann_kendall_p(values: np.ndarray) -> float:
 
 
 def _not_repeating(residual: Residual) -> tuple[float, float]:
-    """Return the share of the residual's variance that differs between periods beyond noise, and its p-value.
-
-    The periods after the transient show whether there is any; if there is, the samples before them count too.
-    """
+    """Return the share of the residual's variance that differs between periods beyond noise, and its p-value."""
     folding, noise = residual.folding, residual.floor.rms**2
     folded = folding.fold(residual.values)
     mean = folded.mean(axis=0)
@@ -104,7 +101,7 @@ def _not_repeating(residual: Residual) -> tuple[float, float]:
     energy = float(np.sum(sum(part.values for part in parts) ** 2))
     degrees = sum(part.degrees for part in parts)
     p_value = float(scipy.special.ndtr(-excess(energy / noise, degrees))) if noise > 0 else 0.0
-    before = int(folding.rows[0, 0])
+    before = int(folding.rows[0, 0])  # the samples of the transient count only if the periods differ
     transient = residual.values[:before] - mean[np.arange(-before, 0) % folding.samples]
     energy += max(float(np.sum(transient**2)) - before * noise * (1 + 1 / len(folded)), 0.0)
     return residual.share((energy - noise * degrees) / len(residual.values)), p_value

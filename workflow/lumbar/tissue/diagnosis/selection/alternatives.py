@@ -224,10 +224,7 @@ def _record_zeros(result: DiagnosisResult) -> list[_RecordZero]:
 
 
 def apparent_zeros(result: DiagnosisResult) -> Finding | None:
-    """Return a finding on zeros at which records do not begin: a model that lacks something would give them.
-
-    None if the zeros moved: records begin, within the noise, with the zeros fitted to them and not with that of training.
-    """
+    """Return a finding on zeros that records do not begin with, within the noise; None if they do: the zeros moved."""
     unit, zero, zeros = result.experiment.output_unit, result.model.fit.zero, _record_zeros(result)
     distances = np.array([item.start - item.zero for item in zeros])
     shifts = np.array([item.zero - zero for item in zeros])

@@ -89,10 +89,7 @@ def refit(structure: Structure, start: np.ndarray, experiment: Experiment) -> Ca
 
 
 def refit_from_starts(model: Candidate, experiment: Experiment) -> Candidate:
-    """Fit a model from every starting value of its base's parameters; return the better of both fits.
-
-    The start of the base, from when effects were missing, may be on the other side of a ridge.
-    """
+    """Fit a model from every start of its base, which may be beyond a ridge from here; return the better of both fits."""
     structure = model.fit.structure
     if not (structure.is_linear and structure.base.nonlinear):
         return model

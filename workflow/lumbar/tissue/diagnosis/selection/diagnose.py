@@ -112,15 +112,9 @@ def estimate_noise_floor(state: DiagnosisState) -> DiagnosisState:
         if floor
         else "unknown: no record repeats"
     )
-    return state.next(
-        "estimate the noise floor",
-        f"{noise}; {len(usable)} effects can be tried",
-        prepared=experiment,
-        experiment=experiment,
-        settings=settings.limit(usable),
-        effects={**settings.candidates, **usable},
-        not_tried=not_tried,
-    )
+    changes = {"prepared": experiment, "experiment": experiment, "not_tried": not_tried}
+    changes |= {"settings": settings.limit(usable), "effects": {**settings.candidates, **usable}}
+    return state.next("estimate the noise floor", f"{noise}; {len(usable)} effects can be tried", **changes)
 
 
 def check_direction(state: DiagnosisState) -> DiagnosisState:
@@ -175,11 +169,9 @@ def check_rate_independence(state: DiagnosisState) -> DiagnosisState:
         return state.next(step, "not needed: no rate-independent effect is named")
     # Lowest and highest frequency (Hz) of the motion in all records.
     records = [part for item in (experiment.training, *experiment.tests) for part in item.records]
-    bands = [
-        occupied_band(part.drop_history(part.motion.position), part.motion.sampling_time, _FUNDAMENTAL)
-        for part in records
-    ]
-    low, high = min(edges[0] for edges in bands), max(edges[1] for edges in bands)
+    motions = [(part.drop_history(part.motion.position), part.motion.sampling_time) for part in records]
+    lows, highs = zip(*(occupied_band(*motion, _FUNDAMENTAL) for motion in motions), strict=True)
+    low, high = min(lows), max(highs)
     rates_differ, failed = high >= _MIN_RATE_RATIO * low, _unpredicted_records(result, named)
     rates = f"rates from {low:.3g} to {high:.3g} Hz"
     if rates_differ and not failed:

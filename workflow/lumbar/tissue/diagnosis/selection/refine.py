@@ -34,10 +34,7 @@ def model_name(fit: Fit) -> str:
 
 
 def fitted_model(candidate: Candidate, experiment: Experiment) -> FittedModel:
-    """Return one model with its parameters, the elements of its base and its errors.
-
-    One-step errors, ridge and condition number belong to difference equations and are left empty.
-    """
+    """Return a model with parameters, elements and errors; one-step errors, ridge and condition number stay empty."""
     fit, training = candidate.fit, experiment.training
     units = experiment.input_unit, experiment.output_unit
     parameters, spatial = estimates(fit, training, *units), fit.structure.base.spatial

@@ -62,15 +62,11 @@ class Ranked:
 
     def to_json(self) -> dict:
         """Return the entry of ``ranking`` in ``diagnosis.json``."""
-        names = [item.name for item in self.estimates]
-        parameters = {
-            item.name if names.count(item.name) == 1 else f"{item.effect or 'base'}.{item.name}": {
-                **{key: getattr(item, key) for key in ("value", "low", "high", "unit")},
-                "effect": item.effect or None,
-            }
-            for item in self.estimates
-        }
-        candidate = self.candidate
+        names, candidate, parameters = [item.name for item in self.estimates], self.candidate, {}
+        for item in self.estimates:
+            label = item.name if names.count(item.name) == 1 else f"{item.effect or 'base'}.{item.name}"
+            values = {key: getattr(item, key) for key in ("value", "low", "high", "unit")}
+            parameters[label] = {**values, "effect": item.effect or None}
         return {
             "effects": list(candidate.effects),
             "forms": [form.name for form in candidate.fit.structure.forms],

@@ -57,13 +57,10 @@ def prepare_points(state: DiagnosisState) -> DiagnosisState:
         f"tried, because rates, delays, relaxation, hysteresis, drift and faults of a clock cannot be seen in them. {unseen}; "
         "nothing was filtered."
     )
-    return state.next(
-        "prepare points",
-        f"{count} points without a clock; {len(catalogue)} laws of position can be tried",
-        Finding("static_points", sentence, float(count), "1"),
-        experiment=experiment,
-        settings=state.settings.limit(catalogue, most_effects=1),
-    )
+    changes = {"experiment": experiment, "settings": state.settings.limit(catalogue, most_effects=1)}
+    reason = f"{count} points without a clock; {len(catalogue)} laws of position can be tried"
+    finding = Finding("static_points", sentence, float(count), "1")
+    return state.next("prepare points", reason, finding, **changes)
 
 
 def choose_spring(state: DiagnosisState) -> DiagnosisState:
@@ -153,7 +150,7 @@ def _prepare_tables(records: Sequence[Record], settings: DiagnosisSettings) -> E
             raise InputError(
                 f"{record.source or record.name}: {len(record)} points of a static test; at least {MIN_POINTS} are needed"
             )
-    chosen, others = choose_training(list(records), settings.train)
+    chosen, others = choose_training(records, settings.train)
     check_unseen(chosen, others)
     fitted, tests = [_sort_points(record) for record in chosen], [_sort_points(record) for record in others]
     if not tests:

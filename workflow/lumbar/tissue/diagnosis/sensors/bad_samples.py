@@ -23,10 +23,7 @@ class Repair:
 
 
 def linear_response(record: Record, left_out: np.ndarray | None = None) -> np.ndarray:
-    """Return the force of a linear tissue fitted to a record without the samples `left_out`, shape (samples,).
-
-    Constant, stiffness, damping and relaxing branches: good enough to fill samples in and to see whether a repair helps.
-    """
+    """Return the force of a tissue with relaxations fitted to a record without the samples `left_out`, shape (samples,)."""
     position, step = record["input"] - record["input"][0], record.sampling_time
     columns = [np.ones(len(position)), position, np.gradient(position, step)]
     for time in _RELAXATION_TIMES:

@@ -44,10 +44,7 @@ _ROUNDING = 1e-20
 
 
 def find_skew(record: Record) -> Repair | None:
-    """Find a skew between the clocks of force and position of a periodic record, and resample the force.
-
-    Both clocks are assumed to agree at the record's start.
-    """
+    """Find a skew between the clocks of force and position, which agree at the start of a record, and resample the force."""
     skew = _estimate_skew(record)
     if skew is None:
         return None

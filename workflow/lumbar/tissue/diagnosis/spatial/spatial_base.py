@@ -173,10 +173,7 @@ def refit_axes(model: Candidate, experiment: Experiment, free: bool) -> Candidat
 def _fit_plane_contact(
     experiment: Experiment, forms: tuple[Form, ...], acting: Sequence[float]
 ) -> Candidate | None:
-    """Fit the best base that touches the tissue at a plane, with forms of effects.
-
-    Return None if a spring with contact fits no better than a fastened one of any symmetry.
-    """
+    """Fit the best base that touches a plane of the tissue; None if a spring there fits no better than a fastened one."""
     training, axes = experiment.training, experiment.records[0].axes
     fastened = joint_fit.fit_at(Structure(symmetric_base(BASES["LE"], axes)), training, np.zeros(0))
     plane = _find_plane(training, axes)

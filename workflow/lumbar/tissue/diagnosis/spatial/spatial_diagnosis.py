@@ -34,14 +34,9 @@ def prepare_axes(state: DiagnosisState) -> DiagnosisState:
     floor, unit = experiment.floor, experiment.output_unit
     noise = f"{floor.rms:.3g} {unit} per axis" if floor else "unknown: no record repeats"
     faults = ", ".join(f"{item.kind.replace('_', ' ')} in {item.record}" for item in experiment.faults)
-    return state.next(
-        "estimate the noise floor",
-        f"axes {', '.join(axes)}; noise {noise}; sensor faults: {faults or 'none'}; {len(usable)} effects can be tried",
-        *experiment.faults,
-        prepared=experiment,
-        experiment=experiment,
-        settings=state.settings.limit(usable),
-    )
+    changes = {"prepared": experiment, "experiment": experiment, "settings": state.settings.limit(usable)}
+    reason = f"axes {', '.join(axes)}; noise {noise}; sensor faults: {faults or 'none'}; {len(usable)} effects can be tried"
+    return state.next("estimate the noise floor", reason, *experiment.faults, **changes)
 
 
 def check_channels(state: DiagnosisState) -> DiagnosisState:
@@ -56,12 +51,10 @@ def check_channels(state: DiagnosisState) -> DiagnosisState:
 
 
 def select_in_space(state: DiagnosisState) -> DiagnosisState:
-    """Choose base, symmetry and axes and select effects, until the effects no longer change what is chosen.
-
-    A single effect is selected first: with wrong axes the search of a second one is futile.
-    """
+    """Choose base, symmetry and axes and select effects, until the effects no longer change what is chosen."""
     experiment, settings = state.result.experiment, state.settings
     base, singles = choose_base(experiment, _kinds(settings)), None
+    # A single effect first: with wrong axes the search of a second one is futile.
     single_effect = settings.limit(settings.catalogue, most_effects=1)
     for chosen in (single_effect, *[settings] * _ROUNDS):
         selection = SpatialSelection(experiment, refit_axes(base, experiment, free=False), chosen, singles)
@@ -149,10 +142,7 @@ def _kinds(settings: DiagnosisSettings) -> tuple[str, ...]:
 
 
 def _better_base(model: Candidate, experiment: Experiment, settings: DiagnosisSettings) -> Candidate | None:
-    """Return the base, without effects, that the records require with a model's effects; None if the model has it.
-
-    It has another equation, symmetry or other axes.
-    """
+    """Return the base (equation, symmetry, axes) that the records require with a model's effects; None if the model has it."""
     structure = model.fit.structure
     if not model.effects:
         return None
