@@ -39,7 +39,7 @@ from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.selection.candidate import likelihood_ratio
 from lumbar.tissue.diagnosis.selection.diagnose import diagnose
 from lumbar.tissue.diagnosis.selection.forward_selection import extend
-from lumbar.tissue.diagnosis.selection.refine import refined_fit
+from lumbar.tissue.diagnosis.selection.refine import fitted_model, refine
 from lumbar.tissue.diagnosis.selection.thresholds import null_distribution
 from lumbar.tissue.effects.catalogue import TISSUE as CATALOGUE
 from lumbar.tissue.models.model_data import FittedParameter
@@ -81,7 +81,8 @@ def interval_rows(known: KnownEffect, colour: str, number: int) -> list[dict]:
     settings = DiagnosisSettings(base="KB", catalogue=single_form_catalogue(known))
     parameters = {"effect": known.effect, "noise": colour, "number": number}
     try:
-        estimated = refined_fit(experiment.records, [known.effect], settings).parameters
+        prepared, path = refine(experiment.records, [known.effect], settings)
+        estimated = fitted_model(path[-1], prepared).parameters
     except LumbarError as error:
         return [{**parameters, "refused": str(error)}]
     fitted = [item for item in estimated if not item.derived]

@@ -16,7 +16,7 @@ from lumbar.settings.study_settings import StudySettings
 from lumbar.settings.tissue import TissueSettings
 from lumbar.tables.table import Table
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
-from lumbar.tissue.diagnosis.selection.refine import refined_fit
+from lumbar.tissue.diagnosis.selection.refine import fitted_model, refine
 from lumbar.tissue.identification.identify_tissue import distinct
 from lumbar.tissue.identification.identify_tissue import identify as identify_one
 from lumbar.tissue.identification.model_tables import physical_parameters_table, table_3_1
@@ -84,7 +84,8 @@ def identify(
             # Table 3.1 has the refined model and the thesis's, so its base does not depend on the data.
             base = "KB" if improvement.base == CHOSEN_BY_DATA else improvement.base
             chosen_settings = DiagnosisSettings.from_study(settings, base, train=training.name)
-            models.append(refined_fit([training, *tests], list(improvement.effects), chosen_settings))
+            experiment, path = refine([training, *tests], list(improvement.effects), chosen_settings)
+            models.append(fitted_model(path[-1], experiment))
         grid += rows
     return Identification(models, pd.DataFrame(grid).assign(data=source_label), tissue, source_label)
 

@@ -12,7 +12,7 @@ from lumbar.base.errors import InputError, NumericalError
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.selection.base_choice import find_base
 from lumbar.tissue.diagnosis.selection.diagnose import diagnose
-from lumbar.tissue.diagnosis.selection.refine import refined_fit
+from lumbar.tissue.diagnosis.selection.refine import fitted_model, refine
 from lumbar.tissue.effects.catalogue import CATALOGUES, TISSUE
 from lumbar.tissue.models.fitted_model import models_document, read_models
 
@@ -87,7 +87,8 @@ def test_fastened_tool_has_no_surface():
 
 @pytest.fixture(scope="module")
 def model():
-    return refined_fit(palpation(), [], DiagnosisSettings(base="KB-contact", catalogue=RIVALS))
+    experiment, path = refine(palpation(), [], DiagnosisSettings(base="KB-contact", catalogue=RIVALS))
+    return fitted_model(path[-1], experiment)
 
 
 def test_surface_is_saved_with_the_model(model):

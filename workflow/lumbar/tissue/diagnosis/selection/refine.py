@@ -152,12 +152,6 @@ def refine(
     return surfaced, path
 
 
-def refined_fit(records: list[Record], effects: list[str], settings: DiagnosisSettings) -> FittedModel:
-    """Refine a base model by these effects and return the last model of the path."""
-    experiment, path = refine(records, effects, settings)
-    return fitted_model(path[-1], experiment)
-
-
 def add_in_turn(experiment: Experiment, first: Candidate, chosen: dict[str, Effect]) -> list[Candidate]:
     """Add effects one after the other, each in the form that fits best; return base, base and first effect, ….
 
