@@ -143,14 +143,8 @@ class Problems:
     def add(self, place: str, problem: str, allowed: str = "") -> None:
         """Add one problem.
 
-        Parameters
-        ----------
-        place : str
-            File line, column or configuration key.
-        problem : str
-            The wrong value.
-        allowed : str, optional
-            Allowed values, or the remedy.
+        `place` is a line of a file, a column or a configuration key, `problem` the wrong value; `allowed` are the allowed
+        values, or the remedy.
         """
         text = f"{place}: {problem}" if place else problem
         self.entries.append(f"{text}; {allowed}" if allowed else text)

@@ -18,10 +18,7 @@ def template(name: str):
 
     In a template ``file_text("page_server/own_recordings.css")`` is the text of a style sheet or script.
 
-    Parameters
-    ----------
-    name : str
-        Path below the library, e.g. ``"tissue/fmu/build/documentation.html.jinja"``.
+    `name` is a path below the library, e.g. ``"tissue/fmu/build/documentation.html.jinja"``.
     """
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
     from markupsafe import Markup

@@ -75,16 +75,8 @@ def one_file(
 ) -> str:
     """Return a page as HTML.
 
-    Parameters
-    ----------
-    pictures : EmbeddedPictures
-        Pictures of the page.
-    page : str
-        Template that extends ``publishing/explorer/shell.html.jinja``.
-    variables : dict
-        Variables of the template.
-    sources : sequence of ColumnDataSource
-        Further data in the document of the pictures, which the page's script finds by name.
+    `page` is a template that extends ``publishing/explorer/shell.html.jinja``, with its `variables`; the page's script
+    finds the `sources`, further data in the document of the `pictures`, by name.
     """
     documents = pictures.documents
     if sources:

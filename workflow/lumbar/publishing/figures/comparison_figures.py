@@ -57,16 +57,8 @@ def record_comparison_figure(
 ) -> Figure:
     """Draw a typical segment of one record with its residual, and what the model leaves of every record's variance.
 
-    Parameters
-    ----------
-    record : Record
-        Channels ``input`` and ``output``; one of the compared records.
-    simulated : numpy.ndarray, shape (samples,)
-        Free run over the record.
-    comparisons : list of Comparison
-        Of all records, this one among them.
-    model : str
-        Name of the model in the legend.
+    `simulated` is the free run over `record`, shape (samples,); `comparisons` are those of all records, this one among
+    them; `model` is the name in the legend.
     """
     mine = next(item for item in comparisons if item.record == record.name)
     segment = default_segment(record, simulated, mine.start)
@@ -146,12 +138,7 @@ def _draw_shares(axis, comparisons: list[Comparison]) -> None:
 def ladder_figure(path: Sequence[Candidate], experiment: Experiment) -> Figure:
     """Draw training and unseen error of the base and after each added effect, and the noise floor.
 
-    Parameters
-    ----------
-    path : sequence of Candidate
-        Base, base and first effect, ….
-    experiment : Experiment
-        Source of the errors' unit and the noise floor.
+    `path` has the base, then the base and the first effect, …; `experiment` the errors' unit and the noise floor.
     """
     figure, axes = new_figure(SINGLE_COLUMN, 2.6)
     train, test = [item.train_rms for item in path], [item.test_rms for item in path]
@@ -177,16 +164,8 @@ def ladder_figure(path: Sequence[Candidate], experiment: Experiment) -> Figure:
 def draw_error_bars(axes, errors: dict[str, list[float]], texts: list[str], floor: float | None) -> None:
     """Draw training and unseen errors side by side, with texts above them, and the noise floor.
 
-    Parameters
-    ----------
-    axes : matplotlib.axes.Axes
-        Axes to draw in.
-    errors : dict of str to list of float
-        Training errors, then unseen errors, by label.
-    texts : list of str
-        One per bar, those of the training errors first.
-    floor : float or None
-        RMS of the noise if it is known.
+    The `errors` are training errors, then unseen errors, by label; `texts` has one per bar on the `axes`, those of the
+    training errors first; `floor` is the RMS of the noise if it is known.
     """
     on_white = {"facecolor": "white", "alpha": 0.8, "linewidth": 0, "pad": 0.3}
     looks = ({"alpha": 0.45}, {"hatch": "//", "edgecolor": "white"})
@@ -211,12 +190,8 @@ _CLOSE = {"ncols": 2, "handlelength": 1.4, "columnspacing": 0.8, "borderpad": 0.
 def signature_figure(effects: list[Effect], system: str = "tissue") -> Figure:
     """Draw one row per effect: force over position, added force over position at two rates, added force over time.
 
-    Parameters
-    ----------
-    effects : list of Effect
-        Each is drawn in the form of `lumbar.tissue.effects.signature.pictured_form`; the list may be empty.
-    system : str
-        ``tissue`` or ``pendulum``.
+    Each of the `effects`, which may be none, is drawn in the form of `lumbar.tissue.effects.signature.pictured_form`;
+    `system` is ``tissue`` or ``pendulum``.
     """
     if not effects:
         figure, axes = new_figure(SINGLE_COLUMN, 0.6)

@@ -74,11 +74,8 @@ _GREY = "#888888"
 def events_figure(lift: dict) -> Figure:
     """Draw heights and speeds of box, wrists and toes over time, with the events found in them.
 
-    Parameters
-    ----------
-    lift : dict
-        ``motion`` (data frame with ``time_s``, ``<box|wrists|l_wrist|r_wrist>_height_m``, ``<…>_speed_m_s``), ``events``
-        (per event the result of `lumbar.lifting.movement.event_detection.Event.to_dict`) and ``summary`` (``lift``).
+    `lift` has ``motion`` (data frame with ``time_s``, ``<box|wrists|l_wrist|r_wrist>_height_m``, ``<…>_speed_m_s``),
+    ``events`` (per event the result of `lumbar.lifting.movement.event_detection.Event.to_dict`) and ``summary`` (``lift``).
     """
     motion, events = lift["motion"], lift["events"]
     figure, axes = new_figure(DOUBLE_COLUMN, 4.6, nrows=3, sharex=True, height_ratios=[1, 1, 0.8])
@@ -148,12 +145,8 @@ def pendulum_figure(lift: dict, pendulum: PendulumSettings) -> Figure:
 
     On the right the angles of the total body and of the trunk's segments, and u0(t) by Eq. 4.1 with either sign of gravity.
 
-    Parameters
-    ----------
-    lift : dict
-        ``landmarks`` (points at every event), ``body``, ``centres``, ``states`` (data frames) and ``summary``.
-    pendulum : PendulumSettings
-        Damping and gravity.
+    `lift` has ``landmarks`` (points at every event), ``body``, ``centres``, ``states`` (data frames) and ``summary``;
+    `pendulum` has damping and gravity.
     """
     if lift["states"].empty:
         return _draw_reasons(lift)
@@ -234,10 +227,7 @@ def _draw_pendulum(axis, lift: dict, total: Trajectory) -> None:
 def segments_figure(lift: dict) -> Figure:
     """Draw Figure 4.2: the torso's markers and the segments between them from front and back; the study's ends at the side.
 
-    Parameters
-    ----------
-    lift : dict
-        ``landmarks`` (points at every event), ``states`` and ``summary`` (``segments.ends``).
+    `lift` has ``landmarks`` (points at every event), ``states`` and ``summary`` (``segments.ends``).
     """
     if lift["states"].empty:
         return _draw_reasons(lift)
@@ -328,12 +318,7 @@ PLANE = "flexion_extension"
 def total_body_pendulum(body: pd.DataFrame, centres: pd.DataFrame, facts: Mapping) -> Trajectory:
     """Return the trajectory of the total body's centre of mass about the study's pivot, as long as it was recorded.
 
-    Parameters
-    ----------
-    body, centres : pandas.DataFrame
-        ``body.csv`` and ``com.csv`` of a lift with a deposit.
-    facts : mapping
-        ``pendulum.json``.
+    `body` and `centres` are ``body.csv`` and ``com.csv`` of a lift with a deposit, `facts` is its ``pendulum.json``.
 
     Raises
     ------

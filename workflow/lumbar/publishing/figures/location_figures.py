@@ -105,12 +105,7 @@ def _draw_reversals(axis, table: dict[str, np.ndarray], unit: str) -> None:
 def spatial_comparison_figure(report: SpatialReport, model: str) -> Figure:
     """Draw measured and simulated force along every axis over a typical segment of a record, and what the model leaves.
 
-    Parameters
-    ----------
-    report : SpatialReport
-        Comparison on one record.
-    model : str
-        Name of the model in the legend.
+    `report` is the comparison on one record, `model` the name in the legend.
     """
     widest = max(report.axes, key=lambda item: item.comparison.rms.value)
     segment = default_segment(widest.record, widest.values, widest.comparison.start)

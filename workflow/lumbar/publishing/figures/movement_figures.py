@@ -51,13 +51,9 @@ def _title(lift: dict) -> str:
 def course_figure(lifts: list[dict], functional_share: float) -> Figure:
     """Draw the margin of stability and the moment about L5/S1 from lift-off to a little after the release.
 
-    Parameters
-    ----------
-    lifts : list of dict
-        ``course`` (data frame of `lumbar.lifting.measures.course.course_of_lift`), ``facts`` and ``events``; the first
-        `MAX_LIFTS` are drawn.
-    functional_share : float
-        Share of the base that people use, for the label.
+    Each of the `lifts`, of which the first `MAX_LIFTS` are drawn, has ``course`` (data frame of
+    `lumbar.lifting.measures.course.course_of_lift`), ``facts`` and ``events``; `functional_share` is the share of the base
+    that people use.
     """
     looks, shown = _person_looks(lifts), lifts[:MAX_LIFTS]
     size = {"nrows": 2, "ncols": len(shown), "squeeze": False}
@@ -107,12 +103,7 @@ def _mark_events(axes, lift: dict) -> None:
 def support_figure(lifts: list[dict], functional_share: float) -> Figure:
     """Draw the feet, the base of support and the path of the extrapolated centre during the deposit, seen from above.
 
-    Parameters
-    ----------
-    lifts : list of dict
-        See `course_figure`.
-    functional_share : float
-        Share of the base that people use.
+    For `lifts` and `functional_share` see `course_figure`.
     """
     looks, shown = _person_looks(lifts), lifts[:MAX_LIFTS]
     figure, axes = new_figure(DOUBLE_COLUMN, 2.6, ncols=len(shown), sharex=True, sharey=True, squeeze=False)
@@ -178,16 +169,8 @@ def quality_figure(
 ) -> Figure:
     """Draw heights over time, and below them one row per marker with gaps or findings.
 
-    Parameters
-    ----------
-    sheet : QualitySheet
-        Report on the recording.
-    points : dict of str to ndarray, shape (n_frames, 3)
-        Measured markers by the file's labels; metres, z up.
-    time : ndarray, shape (n_frames,)
-        Seconds.
-    meant : dict of str to str
-        Standard name to label, by a laboratory's aliases.
+    `sheet` is the report on the recording. `points` are the measured markers by the file's labels, shape (n_frames, 3),
+    metres, z up; `time` has shape (n_frames,), seconds; `meant` is the label by standard name, by a laboratory's aliases.
     """
     # Markers with findings, then those with gaps, longest first.
     labels = [label for finding in sheet.findings for label in finding.markers]

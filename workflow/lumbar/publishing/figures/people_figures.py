@@ -124,16 +124,8 @@ def likert_figure(models: Sequence[str], counts: np.ndarray, labels: Sequence[st
 
     The middle point of an odd scale straddles zero.
 
-    Parameters
-    ----------
-    models : sequence of str
-        Names of the models.
-    counts : numpy.ndarray of int, shape (models, points)
-        Number of answers by point, from the least to the greatest agreement.
-    labels : sequence of str
-        Names of the points.
-    statement : str
-        Statement that the participants rated.
+    `counts` are the numbers of answers, shape (models, points), from the least to the greatest agreement; `labels` names
+    the points; `models` names the models, and `statement` is what the participants rated.
     """
     percent = 100 * counts / counts.sum(axis=1, keepdims=True)
     points = counts.shape[1]
@@ -182,13 +174,8 @@ def _point_looks(points: int) -> list[dict[str, str]]:
 def best_picks_figure(best_picks: dict[str, dict], confidence: float) -> Figure:
     """Draw the share of best picks of every model with its interval and its simultaneous interval.
 
-    Parameters
-    ----------
-    best_picks : dict of str to dict
-        By model, in percent of the participants: ``percent``, and the ends ``wilson_percent`` and
-        ``goodman_percent``.
-    confidence : float
-        Of the intervals, e.g. 0.95.
+    `best_picks` has by model, in percent of the participants, ``percent`` and the ends ``wilson_percent`` and
+    ``goodman_percent`` of its intervals at a `confidence`, e.g. 0.95.
     """
     models = list(best_picks)
     percent, wilson, goodman = (

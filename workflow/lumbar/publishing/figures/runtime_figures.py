@@ -39,18 +39,9 @@ def fmu_force_figure(
 ) -> Figure:
     """Draw the outputs of all FMUs to one push, and the delay of FMI 2.0 for one model.
 
-    Parameters
-    ----------
-    time : numpy.ndarray, shape (samples,)
-        Seconds.
-    inputs : numpy.ndarray, shape (samples,)
-        Position of the push.
-    outputs : dict of tuple (str, str) to numpy.ndarray, each of shape (samples,)
-        By model and FMI version, ``"2.0"`` or ``"3.0"``.
-    detail : str
-        Model drawn in both versions.
-    input_label, output_label : str
-        Axis labels with units.
+    `time` in seconds and `inputs`, the position of the push, have shape (samples,), as has each of the `outputs` by model
+    and FMI version, ``"2.0"`` or ``"3.0"``; `detail` is the model drawn in both versions. `input_label` and `output_label`
+    have units.
     """
     figure, (movement, force, zoom) = new_figure(DOUBLE_COLUMN, 2.6, ncols=3, width_ratios=[0.8, 1.2, 1.2])
     movement.plot(time, inputs, color="#000000")

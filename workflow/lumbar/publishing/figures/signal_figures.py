@@ -33,14 +33,8 @@ _WHITE = {"facecolor": "white", "edgecolor": "none", "pad": 0.5, "alpha": 0.7}
 def psd_figure(spectra: MotionSpectra, bandwidths: dict, reference: float | None) -> Figure:
     """Draw every trial thin, the pooled spectrum thick, and the bandwidths with their intervals above.
 
-    Parameters
-    ----------
-    spectra : MotionSpectra
-        The first frequency is 0 Hz and is not drawn: the axis is logarithmic.
-    bandwidths : dict
-        Result of `lumbar.tissue.signals.surgeon_motion.motion_bandwidths`.
-    reference : float or None
-        A published bandwidth in Hz to compare with.
+    The first frequency of the `spectra`, 0 Hz, is not drawn: the axis is logarithmic. `bandwidths` is the result of
+    `lumbar.tissue.signals.surgeon_motion.motion_bandwidths`, `reference` a published bandwidth in Hz to compare with.
     """
     frequency, surgeons, psd = spectra.frequency, spectra.surgeons, spectra.psd
     pooled = {quantity: spectra.pooled(quantity) for quantity in psd}
@@ -110,14 +104,8 @@ _SPECTRUM_BANDS = 2.0
 def excitation_figure(signals: Sequence[Signal], band: float, note: str) -> Figure:
     """Draw position against time (left) and line amplitudes against frequency (right), one row per signal.
 
-    Parameters
-    ----------
-    signals : sequence of Signal
-        Signals of the testing machine.
-    band : float
-        Upper end of the excited band in Hz.
-    note : str
-        Text below the figure.
+    `signals` are those of the testing machine, `band` is the upper end of the excited band in Hz, `note` the text below the
+    figure.
     """
     size = {"nrows": len(signals), "ncols": 2, "squeeze": False}
     figure, axes = new_figure(DOUBLE_COLUMN, 1.5 * len(signals) + 0.5, sharey="col", **size)

@@ -42,14 +42,8 @@ _CIRCLE = np.linspace(0.0, 2 * np.pi, 81)
 def select_lift(facts: list[dict], labels: dict[str, str], group: str) -> int:
     """Return the index of the lift shown: the heaviest box of a group, as the thesis shows its expert's.
 
-    Parameters
-    ----------
-    facts : list of dict
-        ``subject``, ``box_mass_kg`` and ``duration_s`` of every lift; without a deposit that is None, and another is shown.
-    labels : dict of str to str
-        Groups by subject.
-    group : str
-        Group of the lift shown, if it has one.
+    `facts` has ``subject``, ``box_mass_kg`` and ``duration_s`` of every lift; without a deposit that is None, and another
+    is shown. `labels` are the groups by subject, `group` is that of the lift shown, if it has one.
     """
     deposited = [index for index, item in enumerate(facts) if item["duration_s"] is not None]
     candidates = deposited or range(len(facts))
@@ -109,12 +103,7 @@ def _pendulum(rows: pd.DataFrame, com: str, plane: str) -> pd.DataFrame:
 def figure_4_3(funnels: pd.DataFrame, settings: StabilitySettings) -> Figure:
     """Draw the abdomen's basins on the θ-θ̇ plane, on the ellipses of the regulator from which they are expanded, and ρ(t).
 
-    Parameters
-    ----------
-    funnels : pandas.DataFrame
-        ``funnel.csv`` of one lift.
-    settings : StabilitySettings
-        Goal set and level of the thesis's method at its start.
+    `funnels` is ``funnel.csv`` of one lift; `settings` has the goal set and the level of the thesis's method at its start.
     """
     shown = _variants(funnels, settings)
     figure, axes = new_figure(DOUBLE_COLUMN, 6.2, nrows=3, ncols=len(shown), squeeze=False)
@@ -240,16 +229,8 @@ def method_comparison_figure(
 ) -> Figure:
     """Draw the sections at t = 0 of the abdomen's basins in both planes, in error coordinates, by every method.
 
-    Parameters
-    ----------
-    trajectories : list of Trajectory
-        Those of one lift.
-    funnels : pandas.DataFrame
-        ``funnel.csv`` of the lift; the thesis's method and the best V are computed on the same pendulums.
-    settings : StabilitySettings
-        Regulator, goal set, methods and knots.
-    who : str
-        Subject and box, for the titles.
+    `trajectories` are those of one lift and `funnels` its ``funnel.csv``; the thesis's method and the best V are computed
+    on the same pendulums. `settings` has regulator, goal set, methods and knots; `who` is subject and box, for the titles.
     """
     figure, axes = new_figure(DOUBLE_COLUMN, 3.4, ncols=2, sharex=True, sharey=True)
     abdomen = [item for item in trajectories if item.com == "abdomen"]

@@ -130,17 +130,9 @@ def svg_text(figure) -> str:
 def save(figure, stem: str | os.PathLike, source_label: str, who: str = "") -> None:
     """Write ``stem.svg`` and ``stem.pdf``, byte for byte the same at every run.
 
-    Parameters
-    ----------
-    figure : matplotlib.figure.Figure
-        The finished figure.
-    stem : path
-        Path without ending.
-    source_label : str
-        Origin of the data, e.g. ``"synthetic twin"``, written at the foot of the figure below its `supxlabel` and in the
-        file's metadata. Empty only for drawings that show no data.
-    who : str
-        Subject and box, if the figure shows one lift; written before `source_label`.
+    `stem` is the path without ending. `source_label` is the origin of the data, e.g. ``"synthetic twin"``, written at the
+    foot of the `figure` below its `supxlabel` and in the file's metadata; empty only for drawings that show no data. `who`
+    is subject and box, if the figure shows one lift, written before it.
     """
     stem = Path(stem)
     description = f"Data: {source_label}" if source_label else "Drawing without data"

@@ -172,12 +172,7 @@ def _segment(record: Record, segment_s: tuple[float, float]) -> np.ndarray:
 def record_segments_figure(records: list[Record], segment_s: tuple[float, float]) -> Figure:
     """Draw Figure 3.4: a segment of input and output of every record, one column each.
 
-    Parameters
-    ----------
-    records : list of Record
-        Channels ``input`` and ``output``.
-    segment_s : (float, float)
-        Seconds since the start of each record.
+    The `records` have the channels ``input`` and ``output``; `segment_s` is the segment in seconds since the start of each.
     """
     size = {"nrows": 2, "ncols": len(records), "squeeze": False}
     figure, axes = new_figure(DOUBLE_COLUMN, 3.4, sharex="col", sharey="row", **size)
@@ -201,14 +196,8 @@ def free_run_figure(
 ) -> Figure:
     """Draw Figure 3.5: measured output, the free run of every model, and its residual.
 
-    Parameters
-    ----------
-    record : Record
-        Channels ``input`` and ``output``.
-    simulated : dict of str to numpy.ndarray, shape (samples,)
-        Free run by name of the model.
-    segment_s : (float, float)
-        Seconds since the start of the record.
+    `record` has the channels ``input`` and ``output``; `simulated` is the free run by name of the model, shape (samples,);
+    `segment_s` is the segment in seconds since the start of the record.
     """
     inside = _segment(record, segment_s)
     time, output = record.time[inside] - record.time[0], record.channels["output"]

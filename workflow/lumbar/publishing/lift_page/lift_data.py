@@ -68,18 +68,8 @@ def stick_figure(points) -> list[dict]:
 def body_columns(lift: LiftTables, frames: slice) -> dict[str, np.ndarray]:
     """Return the coordinates of all points and the ends of the pendulums at the drawn frames.
 
-    Parameters
-    ----------
-    lift : LiftTables
-        Body, pivot and states of the lift.
-    frames : slice
-        Drawn frames.
-
-    Returns
-    -------
-    dict of str to numpy.ndarray
-        ``time``; ``<POINT>_x``, ``_y``, ``_z`` in metres; ``<com>/<plane>/across`` and ``/up``, pivot plus ℓ(sin θ, cos θ) in
-        the plane of the pendulum, NaN outside the deposit.
+    Of the drawn `frames` of a `lift`: ``time``; ``<POINT>_x``, ``_y``, ``_z`` in metres; ``<com>/<plane>/across`` and
+    ``/up``, pivot plus ℓ(sin θ, cos θ) in the plane of the pendulum, NaN outside the deposit.
     """
     points = dict(points_of(lift.body))
     if lift.pivot is not None:
@@ -109,20 +99,9 @@ def centres(points) -> list[dict]:
 def balance_columns(course: pd.DataFrame, share: float, frames: slice) -> dict[str, np.ndarray]:
     """Return the balance seen from above at the drawn frames; empty if the course has no balance.
 
-    Parameters
-    ----------
-    course : pandas.DataFrame
-        See `lumbar.lifting.measures.course.course_of_lift`.
-    share : float
-        Share of the base that people use.
-    frames : slice
-        Drawn frames.
-
-    Returns
-    -------
-    dict of str to numpy.ndarray
-        `BALANCE`, ``direction`` of the nearest edge, and outlines ``base_x``, ``base_y``, ``used_x``, ``used_y`` of
-        shape (frames, `CORNERS` + 1), closed, NaN without a foot on the ground.
+    Of the drawn `frames` of a `course` (`lumbar.lifting.measures.course.course_of_lift`): `BALANCE`, ``direction`` of the
+    nearest edge, and outlines ``base_x``, ``base_y``, ``used_x``, ``used_y`` of shape (frames, `CORNERS` + 1), closed, NaN
+    without a foot on the ground. People use a `share` of the base.
     """
     if BALANCE[-2] not in course:
         return {}

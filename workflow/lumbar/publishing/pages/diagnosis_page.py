@@ -23,16 +23,8 @@ def diagnosis_page(
 ) -> str:
     """Return the page.
 
-    Parameters
-    ----------
-    diagnosis : DiagnosisResult
-        Status and base.
-    headline : str
-        The verdict in one sentence.
-    sections : mapping of str to list of markupsafe.Markup
-        Sections by title.
-    source_label : str
-        Origin of the data.
+    `diagnosis` has status and base, `headline` is the verdict in one sentence, `sections` are by title, `source_label` is
+    the origin of the data.
     """
     blocks = [html.paragraph(f"Verdict: {diagnosis.status}"), html.paragraph(headline, "headline")]
     for title, section in sections.items():
@@ -49,14 +41,8 @@ def evidence_sections(
 ) -> dict[str, list[Markup]]:
     """Return the sections with the evidence by title.
 
-    Parameters
-    ----------
-    diagnosis, evidence
-        Result and evidence.
-    catalogue : dict of str to Effect
-        Source of mechanisms and experiments.
-    pictures : mapping of str to pathlib.Path
-        SVG files by caption.
+    Mechanisms and experiments of the `diagnosis` and its `evidence` are those of the `catalogue`; `pictures` are SVG files
+    by caption.
     """
     floor, after = diagnosis.experiment.floor, diagnosis.model.test_rms
     noise = f"{after / floor.rms:.3g} times the noise floor" if floor else "the share of noise is unknown"

@@ -175,21 +175,9 @@ def draw_pictures(
     """Write ``comparison``, ``location``, ``ladder``, ``signatures``, and of results that have them ``proposed_law`` and
     ``linear_dynamics``.
 
-    Parameters
-    ----------
-    diagnosis : DiagnosisResult
-        Path, ranking, law and linear dynamics.
-    reports : sequence of ResidualReport or SpatialReport
-        Those of the base model.
-    catalogue : dict of str to Effect
-        Catalogue of one axis, along which signatures are drawn.
-    folder, source_label
-        Folder of the files; origin of the data.
-
-    Returns
-    -------
-    dict of str to pathlib.Path
-        SVG files by caption.
+    The SVG files, written to `folder` with the origin of the data (`source_label`), are returned by caption. `diagnosis`
+    has path, ranking, law and linear dynamics; `reports` are those of the base model; `catalogue` is of one axis, along
+    which signatures are drawn.
     """
     simulated, base = axis_reports(reports), diagnosis.base.fit.structure.base
     # The record of whose output the model explains the smallest share.

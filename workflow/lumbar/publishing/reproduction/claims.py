@@ -65,12 +65,8 @@ _SIGN = ("same sign", lambda thesis, value: thesis * value > 0)
 def all_claims(thesis_tables: dict[str, pd.DataFrame], groups: tuple[str, str] = GROUPS) -> list[Claim]:
     """Return every claim in the thesis's order.
 
-    Parameters
-    ----------
-    thesis_tables : dict of str to pandas.DataFrame
-        ``table_3_1``, ``table_3_2`` and ``table_4_1`` as published.
-    groups : tuple of str
-        Names of the groups that the study compares instead of the thesis's expert and novice.
+    `thesis_tables` are ``table_3_1``, ``table_3_2`` and ``table_4_1`` as published; `groups` name those that the study
+    compares instead of the thesis's expert and novice.
     """
     return [
         *sentence_claims("identification"),
@@ -243,21 +239,9 @@ def impossible_mru(printed: pd.DataFrame) -> dict[str, tuple[float, float]]:
 def examine_claims(claims: list[Claim], results: Results, synthetic: bool, source_label: str) -> pd.DataFrame:
     """Examine all claims on the results of one run.
 
-    Parameters
-    ----------
-    claims : list of Claim
-        Claims in the order of the rows.
-    results : dict
-        Results of the run by name.
-    synthetic : bool
-        True if these are the twin's.
-    source_label : str
-        Source of the data.
-
-    Returns
-    -------
-    pandas.DataFrame
-        Columns ``claim, location, statement, thesis_value, this_run, verdict, criterion, remark, evidence, data``.
+    The rows are in the order of the `claims`; `results` are those of the run by name, `synthetic` is true if they are the
+    twin's, `source_label` is the source of the data. Columns are ``claim, location, statement, thesis_value, this_run,
+    verdict, criterion, remark, evidence, data``.
     """
     rows = []
     for claim in claims:

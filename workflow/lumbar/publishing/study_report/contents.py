@@ -129,18 +129,9 @@ def chapters(
 ) -> list[Chapter]:
     """Return the chapters of a study's report.
 
-    Parameters
-    ----------
-    results : pathlib.Path
-        ``results/<study>``.
-    captions : pathlib.Path
-        Folder with a caption ``<id>.rst`` for every artefact that has a label.
-    sheet : sequence of Artefact
-        Artefacts of the study's chapters, in order.
-    choices : dict of str to dict of str to str
-        Values of ``{lift}``, ``{record_set}`` and ``{model}``, each with its title.
-    claims : pandas.DataFrame or None
-        ``claims.csv``.
+    `results` is ``results/<study>``; `captions` a folder with a caption ``<id>.rst`` for every artefact that has a label;
+    `sheet` has the artefacts of the study's chapters, in order; `choices` are the values of ``{lift}``, ``{record_set}``
+    and ``{model}``, each with its title; `claims` is ``claims.csv``.
     """
     contents = []
     claim_rows = [] if claims is None else list(claims.itertuples())

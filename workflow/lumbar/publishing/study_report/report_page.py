@@ -153,17 +153,9 @@ def report_page(
 ) -> str:
     """Return the page; failures and warnings are read from the folder of results.
 
-    Parameters
-    ----------
-    facts : dict
-        Head of the page: ``name``, ``title``, ``source_label``, ``people`` (subject and box of every lift), ``seed`` and
-        ``versions`` by package.
-    results : pathlib.Path
-        ``results/<study>``.
-    made : sequence of Chapter
-        Contents of the page.
-    claims : pandas.DataFrame or None
-        ``claims.csv``.
+    `facts` is the head of the page: ``name``, ``title``, ``source_label``, ``people`` (subject and box of every lift),
+    ``seed`` and ``versions`` by package. `results` is ``results/<study>``, `made` the contents of the page, `claims` is
+    ``claims.csv``.
     """
     every = troubles(results)
     rows = [] if claims is None else list(claims[claims["verdict"] == DOES_NOT_HOLD].itertuples())

@@ -68,10 +68,7 @@ class WorkUnits:
 def work_units(position: str, force: str) -> WorkUnits:
     """Return position and force in SI units and the unit of damping.
 
-    Parameters
-    ----------
-    position, force : str
-        Units: of a length and a force, or of an angle and a torque.
+    `position` and `force` are units: of a length and a force, or of an angle and a torque.
     """
     x, y = ({**(base_unit(unit) or {})} for unit in (position, force))
     factors = float(x.pop("factor", 1.0)), float(y.pop("factor", 1.0))

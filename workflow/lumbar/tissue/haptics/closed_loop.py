@@ -28,12 +28,8 @@ def all_angles(points: int = 2000, smallest: float = 1e-4) -> np.ndarray:
 def evaluate_polynomials(coefficients: np.ndarray, angles: np.ndarray) -> np.ndarray:
     """Return polynomials in z⁻¹ at exp(jθ), complex, shape (angles,) or (angles, polynomials).
 
-    Parameters
-    ----------
-    coefficients : numpy.ndarray, shape (powers,) or (powers, polynomials)
-        Coefficients of z⁰, z⁻¹, …
-    angles : numpy.ndarray, shape (angles,)
-        Angles θ; of any shape for a single polynomial.
+    `coefficients` are those of z⁰, z⁻¹, …, shape (powers,) or (powers, polynomials); `angles` are θ, shape (angles,), for a
+    single polynomial of any shape.
     """
     if coefficients.ndim == 1:
         # After a delay, and in a model that runs several times over, most powers have no coefficient.

@@ -126,14 +126,8 @@ class RidgePath:
     def factorise(cls, regressors: np.ndarray, target: np.ndarray, rows: int) -> "RidgePath":
         """Standardise and decompose a regression.
 
-        Parameters
-        ----------
-        regressors : numpy.ndarray, shape (any, parameters)
-            A, or a matrix with the same AᵀA.
-        target : numpy.ndarray
-            b, or a vector with the same Aᵀb and norm.
-        rows : int
-            Rows of A itself.
+        `regressors` is A, shape (any, parameters), or a matrix with the same AᵀA; `target` is b, or a vector with the same
+        Aᵀb and norm; `rows` are those of A itself.
         """
         column_scale = np.linalg.norm(regressors, axis=0) / np.sqrt(rows)
         column_scale = np.where(column_scale > 0, column_scale, 1.0)

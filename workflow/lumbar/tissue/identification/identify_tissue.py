@@ -69,16 +69,8 @@ def fit_output_error(
 ) -> OutputErrorFit:
     """Minimise the squared simulation error by Levenberg–Marquardt with exact sensitivities.
 
-    Parameters
-    ----------
-    structure : ArxStructure
-        Orders and lags.
-    inputs, outputs : numpy.ndarray, shape (samples,)
-        Demeaned signals.
-    starts : list of TransferFunction
-        Starts, e.g. the ARX solution; those with the smallest errors are used, and the lowest minimum is returned.
-    skip : int
-        Samples at the beginning that do not count (start of the record).
+    `inputs` and `outputs` are demeaned, shape (samples,). Of the `starts`, e.g. the ARX solution, those with the smallest
+    errors are used, and the lowest minimum of the `structure` is returned. The first `skip` samples do not count.
 
     Raises
     ------

@@ -173,14 +173,8 @@ def compile_sources(
 ) -> bytes:
     """Return the library of C sources, compiled only once in a process that judges a model before it exports it.
 
-    Parameters
-    ----------
-    sources : tuple of tuple
-        Name and contents of each C file and header.
-    listed : tuple of str
-        Names of the C files to compile, in their order.
-    name, target, cache
-        File name of the library, one of `TARGETS`, and the folder of the compiler's cache.
+    `sources` are name and contents of each C file and header, `listed` the names of the C files in their order; `name`,
+    `target` and `cache` are the file name of the library, one of `TARGETS`, and the folder of the compiler's cache.
 
     Raises
     ------

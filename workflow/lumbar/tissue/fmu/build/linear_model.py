@@ -64,12 +64,8 @@ class LinearModel:
     def response(self, inputs: np.ndarray, late: bool = False) -> np.ndarray:
         """Return the output of the transfer function, from rest.
 
-        Parameters
-        ----------
-        inputs : numpy.ndarray, shape (samples,)
-            Deviations from rest.
-        late : bool
-            True: as an FMI 2.0 client reads it, with the feed-through (with effects: all) one sample late except at the start.
+        `inputs` are deviations from rest, shape (samples,). If `late`, as an FMI 2.0 client reads it: the feed-through
+        (with effects: all) one sample late except at the start.
         """
         delayed = np.concatenate([np.zeros(self.delay), inputs])[: len(inputs)]
         outputs = filtered(self._spread(self.numerator), self._spread(self.denominator), delayed)
