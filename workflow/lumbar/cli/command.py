@@ -137,22 +137,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return 0
 
 
-def _span(text: str) -> tuple[float, float]:
-    start, colon, stop = text.partition(":")
+def _span(text: str, has_name: bool = False) -> tuple:
+    name, _, ends = text.partition("=") if has_name else ("", "", text)
+    start, colon, stop = ends.partition(":")
     try:
         span = float(start or "-inf"), float(stop or "inf")
     except ValueError:
         span = None
     if not colon or span is None:
-        raise argparse.ArgumentTypeError(f"{text!r}: START:STOP is needed, e.g. 1.5:20")
-    return span
-
-
-def _named_span(text: str) -> tuple[str, tuple[float, float]]:
-    name, equals, span = text.partition("=")
-    if not equals:
-        raise argparse.ArgumentTypeError(f"{text!r}: NAME=START:STOP is needed, e.g. fit=0:60")
-    return name, _span(span)
+        allowed = (
+            "NAME=START:STOP is needed, e.g. fit=0:60" if has_name else "START:STOP is needed, e.g. 1.5:20"
+        )
+        raise argparse.ArgumentTypeError(f"{text!r}: {allowed}")
+    return (name, span) if has_name else span
 
 
 def _port(text: str) -> int:
@@ -168,7 +165,7 @@ TYPES = {
     "names": lambda text: [name.strip() for name in text.split(",")],
     "port": _port,
     "span": _span,
-    "named_span": _named_span,
+    "named_span": partial(_span, has_name=True),
 }
 """Types of options by their names in ``commands.yaml``."""
 

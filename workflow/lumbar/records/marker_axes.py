@@ -28,14 +28,8 @@ _MIN_CONTRADICTION = 2.0
 rotated foot stays below."""
 
 
-def axis_vector(axis: str) -> np.ndarray:
-    """Return the unit vector, shape (3,), of a signed axis.
-
-    Parameters
-    ----------
-    axis : str
-        Sign and letter, e.g. ``"+z"`` or ``"-x"``.
-    """
+def _axis_vector(axis: str) -> np.ndarray:
+    """Return the unit vector, shape (3,), of a signed axis, e.g. ``"+z"``."""
     vector = np.zeros(3)
     vector["xyz".index(axis[1])] = 1.0 if axis[0] == "+" else -1.0
     return vector
@@ -54,7 +48,7 @@ def rotation_to_standard(up: str, forward: str) -> np.ndarray:
     InputError
         Both are along the same line.
     """
-    up_vector, forward_vector = axis_vector(up), axis_vector(forward)
+    up_vector, forward_vector = _axis_vector(up), _axis_vector(forward)
     if up_vector @ forward_vector != 0:
         raise InputError(f"markers.up is {up!r} and markers.forward {forward!r}; they must be perpendicular")
     return np.array([np.cross(forward_vector, up_vector), forward_vector, up_vector])
@@ -138,7 +132,7 @@ def find_axes(positions: dict[str, np.ndarray]) -> tuple[str, str] | None:
     if upward is None:
         return None
     up = _file_axis(upward, np.eye(3))
-    vertical = axis_vector(up)
+    vertical = _axis_vector(up)
     across = _segments(positions, (*_SIDES, ("L_ASIS", "R_ASIS"), ("L_PSIS", "R_PSIS")))
     facing = [np.cross(vertical, vector) for vector in across] + _segments(positions, _FRONT)
     if not facing:

@@ -147,7 +147,7 @@ def read_markers(
             f"{path}: {len(time)} frame{'s' if len(time) != 1 else ''}; "
             f"a trajectory needs at least {minimum_frames}"
         )
-    unit = layout.scale * metres_per_unit(file.source, file.unit, layout.unit)
+    unit = layout.scale * _metres_per_unit(file.source, file.unit, layout.unit)
     rotation = rotation_to_standard(layout.up, layout.forward)
     # Axes are swapped and inverted in place: a matrix product is ten times slower, and a copy doubles the memory.
     order, factors = np.abs(rotation).argmax(axis=1), unit * rotation.sum(axis=1)
@@ -203,22 +203,10 @@ def _read_file(path: Path, layout: MarkerLayout) -> MarkerFile:
     return replace(read_readable(path, read, *options), source=str(path))
 
 
-def metres_per_unit(source: str, unit: str, declared: str) -> float:
-    """Return the factor from a file's unit of length to metres.
+def _metres_per_unit(source: str, unit: str, declared: str) -> float:
+    """Return the factor from a file's unit of length to metres; raise if no unit is known, or the two differ.
 
-    Parameters
-    ----------
-    source : str
-        The file, for messages.
-    unit : str
-        Unit that the file states; empty if it states none.
-    declared : str
-        `MarkerLayout.unit`: ``"file"`` or one of `METRES`.
-
-    Raises
-    ------
-    InputError
-        No unit is known, or the two differ.
+    `unit` is empty if the file states none; `declared` is ``"file"`` or one of `METRES`.
     """
     stated = _UNIT_NAMES.get(unit.strip().lower())
     if declared == "file" and stated is None:

@@ -186,14 +186,8 @@ class FlatTop:
     """First sample of every flat top."""
 
 
-def flat_tops(values: np.ndarray) -> list[FlatTop]:
-    """Return the flat tops at the largest and at the smallest value; none if a channel is not clipped.
-
-    Parameters
-    ----------
-    values : ndarray, shape (n,)
-        Samples of a channel in any unit.
-    """
+def _flat_tops(values: np.ndarray) -> list[FlatTop]:
+    """Return the flat tops at the largest and at the smallest value; none if a channel is not clipped."""
     tops: list[FlatTop] = []
     for extreme in (np.max, np.min):
         level = extreme(values)
@@ -252,7 +246,7 @@ def check_clipping(record: Record, lines: Sequence[int] | None = None) -> None:
         excites = role in record.roles("input")
         if not excites and role not in (*record.roles("output"), "moment"):
             continue
-        for top in flat_tops(channel.values):
+        for top in _flat_tops(channel.values):
             if excites:  # a position that rests at its extreme stops only a few times, or always at one speed
                 values = channel.values
                 entries = top.starts[(top.starts >= 2) & ~_comes_to_rest(top, values)]

@@ -184,7 +184,7 @@ class Table:
         """Return ``booktabs`` table environments of what is shown first: a journal's column, or both."""
         names, rows = self._first_shown()
         remarks = [*self.notes, *(f"{self.header(name)}: {self.definitions[name]}" for name in names)]
-        return latex_table(self.title, self._columns(names, rows), remarks, self.source_label)
+        return _latex_table(self.title, self._columns(names, rows), remarks, self.source_label)
 
     def to_html(self) -> str:
         """Return a self-contained page without scripts or external resources.
@@ -317,22 +317,10 @@ def escape_latex(text: str) -> str:
     return _POWER.sub(lambda match: rf"$\cdot10^{{{match[1].translate(_LOWERED)}}}$", escaped)
 
 
-def latex_table(
+def _latex_table(
     title: str, columns: Sequence[layout.Column], remarks: Sequence[str], source_label: str
 ) -> str:
-    """Return ``booktabs`` table environments; LaTeX numbers the table.
-
-    Parameters
-    ----------
-    title : str
-        Caption, with the number of the table if it has one.
-    columns : sequence of Column
-        Printed columns.
-    remarks : sequence of str
-        Remarks below the table.
-    source_label : str
-        Source of the data.
-    """
+    """Return ``booktabs`` table environments; LaTeX numbers the table."""
     wide = sum(column.width for column in columns) > LATEX_WIDTH
     environment = "table*" if wide else "table"
     rows = len(columns[0].cells) if columns else 0

@@ -63,24 +63,10 @@ class TablePart:
     """Origin of the part; empty for the whole table."""
 
 
-def split_parts(table: RawTable, time: np.ndarray, choices: Choices, name: str) -> list[TablePart]:
-    """Split a table into the parts that the user requested.
+def _split_parts(table: RawTable, time: np.ndarray, choices: Choices, name: str) -> list[TablePart]:
+    """Return the parts that the user requested; the names of parts by column begin with `name`.
 
-    Parameters
-    ----------
-    table : RawTable
-        Table of the file.
-    time : ndarray, shape (samples,)
-        Seconds on the file's clock.
-    choices : Choices
-        The user's options.
-    name : str
-        Name of the record of the whole table, with which the names of parts by column begin.
-
-    Raises
-    ------
-    InputError
-        With all parts that are empty, share samples or have no valid name.
+    Raise with all parts that are empty, share samples or have no valid name.
     """
     count = len(time)
     if choices.cut:
@@ -264,7 +250,7 @@ def to_records(
         time, origin = clock.column.values * clock.unit.factor, ""
     grounds = {"time": origin} | {role: f"{item.column.label}, {item.reason}" for role, item in roles.items()}
     sources = {role: (item.column.label, item.unit.name) for role, item in roles.items()}
-    parts = split_parts(table, time, choices, name)
+    parts = _split_parts(table, time, choices, name)
     problems, recordings = Problems(table.source), []
     for part in parts:
         try:

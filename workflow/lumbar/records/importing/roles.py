@@ -102,14 +102,8 @@ class Role:
     """Why this column, and why this unit."""
 
 
-def normalize(text: str) -> str:
-    """Return a text in lower case without accents.
-
-    Parameters
-    ----------
-    text : str
-        Text in any case.
-    """
+def _normalize(text: str) -> str:
+    """Return a text in lower case without accents."""
     text = text.casefold().replace("ü", "ue").replace("ä", "ae").replace("ö", "oe")
     return "".join(sign for sign in unicodedata.normalize("NFKD", text) if not unicodedata.combining(sign))
 
@@ -123,7 +117,7 @@ def split_words(name: str) -> list[str]:
         Name of a column.
     """
     spaced = re.sub(r"(?<=[a-zà-ÿ])(?=[A-Z])", " ", name)
-    return [word for word in re.split(r"[\W\d_]+", normalize(spaced)) if word]
+    return [word for word in re.split(r"[\W\d_]+", _normalize(spaced)) if word]
 
 
 def name_match_score(name: str, role: str) -> int:
@@ -144,7 +138,7 @@ def name_match_score(name: str, role: str) -> int:
     parts, words = split_words(name), set(ROLE_WORDS[role].split())
     if _OTHERS & set(parts):
         return -1
-    if words & {*parts, normalize(name)}:
+    if words & {*parts, _normalize(name)}:
         return 3
     if any(word in part for part in parts for word in words if len(word) >= 4):
         return 2
@@ -294,11 +288,11 @@ def select_column(columns: Sequence[RawColumn], request: str, option: str) -> tu
     """
 
     def letters(text: str) -> str:
-        return re.sub(r"[\W_]+", "", normalize(text))
+        return re.sub(r"[\W_]+", "", _normalize(text))
 
     for matches in (
         [column for column in columns if column.name == request],
-        [column for column in columns if column.name and normalize(column.name) == normalize(request)],
+        [column for column in columns if column.name and _normalize(column.name) == _normalize(request)],
         [
             column
             for column in columns
@@ -391,7 +385,7 @@ def is_velocity_name(name: str) -> bool:
         Name of a column.
     """
     parts = set(split_words(name))
-    return bool(parts & {normalize(word) for word in _VELOCITIES}) and not parts & _UNMEASURED
+    return bool(parts & {_normalize(word) for word in _VELOCITIES}) and not parts & _UNMEASURED
 
 
 def assign_unit(column: RawColumn, role: str, option: str | None, reason: str) -> Role:

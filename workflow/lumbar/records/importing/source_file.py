@@ -153,17 +153,20 @@ def _read_lines(lines: list[str], source: str, encoding: str, table: str | None 
         first = next((n for n in range(last) if dialect.is_row(lines[n])), last)
         if last - first >= MIN_ROWS:
             plain = read_plain_numbers(lines[first:last], dialect, dialect.width, first + 1)
-    if plain is not None:
-        blocks = runs = [(plain.lines[0] - 1, plain.lines[-1] - 1)]
-    else:
-        runs = find_blocks(lines, dialect) if dialect else []
-        blocks = [(first, last) for first, last in runs if last - first + 1 >= MIN_ROWS]
+    runs = find_blocks(lines, dialect) if dialect and plain is None else []
+    runs = runs if plain is None else [(plain.lines[0] - 1, plain.lines[-1] - 1)]
+    blocks = [(first, last) for first, last in runs if last - first + 1 >= MIN_ROWS]
     if dialect is None or not blocks:
         raise InputError(
             f"{source}: no table of numbers in these {len(lines)} lines ({encoding}); at least {MIN_ROWS} rows with two "
             "numbers or more are needed"
         )
-    first, last = _choose_block(blocks, table, source)
+    listed = ", ".join(f"{number}: lines {a + 1} to {b + 1}" for number, (a, b) in enumerate(blocks, start=1))
+    if table is None and len(blocks) > 1:
+        raise InputError(f"{source}: {len(blocks)} tables of numbers ({listed}); choose one, e.g. --table 1")
+    if table is not None and (not table.isdigit() or not 1 <= int(table) <= len(blocks)):
+        raise InputError(f"{source}: no table {table!r}; there are {listed}")
+    first, last = blocks[int(table or 1) - 1]
     before = [stop for _, stop in blocks if stop < first]
     above = lines[before[-1] + 1 if before else 0 : first]
     names, units = _read_header(above, dialect)
@@ -207,16 +210,6 @@ def _read_lines(lines: list[str], source: str, encoding: str, table: str | None 
     form = "; ".join([f"{encoding}, {dialect}, lines {first + 1} to {last + 1}", *remarks])
     rates = tuple(_stated_rates(lines[:first]))
     return RawTable(source, form, tuple(columns), numbers.lines, rates, tuple(texts))
-
-
-def _choose_block(blocks: list[tuple[int, int]], table: str | None, source: str) -> tuple[int, int]:
-    """Return first and last line (from 0) of the only table, or of the one with this number."""
-    listed = ", ".join(f"{number}: lines {a + 1} to {b + 1}" for number, (a, b) in enumerate(blocks, start=1))
-    if table is None and len(blocks) > 1:
-        raise InputError(f"{source}: {len(blocks)} tables of numbers ({listed}); choose one, e.g. --table 1")
-    if table is not None and (not table.isdigit() or not 1 <= int(table) <= len(blocks)):
-        raise InputError(f"{source}: no table {table!r}; there are {listed}")
-    return blocks[int(table or 1) - 1]
 
 
 def _read_header(above: list[str], dialect: TableDialect) -> tuple[list[str], list[str]]:

@@ -61,7 +61,7 @@ def write_folder(
             f"{folder}: holds {', '.join(foreign)}, which were not imported and would be read as records of the study; "
             "choose another folder"
         )
-    if study.exists() and study.read_text(encoding="utf-8") != study_text(content, folder):
+    if study.exists() and study.read_text(encoding="utf-8") != _study_text(content, folder):
         raise InputError(f"{study}: was changed since it was made; move it away, or choose another folder")
     if content["records"] and forward != content["forward"]:
         mode = "by the load (--forward)" if content["forward"] else "by the motion (without --forward)"
@@ -93,7 +93,7 @@ def write_folder(
     for recording in recordings:
         write_csv(folder / f"{recording.record.name}.csv", recording.frame())
     write_json(folder / PROVENANCE, content)
-    write_text(study, study_text(content, folder))
+    write_text(study, _study_text(content, folder))
     return study
 
 
@@ -142,16 +142,8 @@ def common_rate(rates: Iterable[float]) -> float | None:
     return min(rates) if max(rates) > (1 + 1e-6) * min(rates) else None
 
 
-def study_text(content: dict, folder: Path) -> str:
-    """Return the text of the study for the content of the provenance file; empty without records.
-
-    Parameters
-    ----------
-    content : dict
-        Content of the provenance file.
-    folder : Path
-        Folder of the records.
-    """
+def _study_text(content: dict, folder: Path) -> str:
+    """Return the text of the study of a folder for the content of its provenance file; empty without records."""
     records = content["records"]
     if not records:
         return ""

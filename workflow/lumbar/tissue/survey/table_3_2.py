@@ -86,15 +86,6 @@ def modes(counts: np.ndarray) -> str:
     return "/".join(str(point) for point in np.flatnonzero(counts == counts.max()) + 1)
 
 
-def format_p_value(p_value: float) -> str:
-    """Return a p-value in the thesis's format: ``<0.001``, ``<0.05`` or one decimal; two digits from 0.05 to 0.1."""
-    if p_value < 0.001:
-        return "<0.001"
-    if p_value < 0.05:
-        return "<0.05"
-    return f"{p_value:.1f}" if p_value >= 0.1 else f"{p_value:.2g}"
-
-
 def table_3_2(ratings: Ratings, source_label: str) -> Table:
     """Return Table 3.2 of the thesis, one row per model; the p-value of a pair is in the row of its first model."""
     counts, participants = ratings.counts(), len(ratings)
@@ -107,10 +98,15 @@ def table_3_2(ratings: Ratings, source_label: str) -> Table:
     }
     p_values = mann_whitney(ratings)
     adjusted = holm(p_values)
+    # The thesis's format: one decimal, here two digits from 0.05 to 0.1.
+    printed = [
+        "<0.001" if p < 0.001 else "<0.05" if p < 0.05 else f"{p:.1f}" if p >= 0.1 else f"{p:.2g}"
+        for p in p_values
+    ]
     for prefix, values in (
         ("p", p_values.tolist()),
         ("p_holm", adjusted.tolist()),
-        ("printed", [format_p_value(value) for value in p_values]),
+        ("printed", printed),
     ):
         by_pair = dict(zip(pairs(ratings), values, strict=True))
         for second in ratings.models[1:]:
