@@ -95,8 +95,14 @@ def fit_effects(
         experiment, path = fit_in_space(used, effects, settings)
     else:
         experiment, path = refinement.refine(used, effects, settings)
-    if not path[-1].fit.converged:
-        findings = (*findings, refinement.not_converged(path[-1], experiment))
+    model = path[-1]
+    if not model.fit.converged:  # the error that the base leaves can still be evaluated
+        training, unit = experiment.training.name, experiment.output_unit
+        sentence = (
+            f"The fit of {refinement.model_name(model.fit)} to {training} did not converge: its parameters are where the "
+            "optimiser stopped and are not a result."
+        )
+        findings = (*findings, Finding("not_converged", sentence, model.train_rms, unit, training))
     return Refinement(used, settings, experiment, path, seed, source_label, findings)
 
 

@@ -8,7 +8,6 @@ import numpy as np
 
 from lumbar.base.errors import InputError, NumericalError
 from lumbar.records.record import Record
-from lumbar.tissue.diagnosis.finding import Finding
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData
 from lumbar.tissue.diagnosis.fitting.joint_fit import Fit
@@ -184,16 +183,6 @@ def add_in_turn(experiment: Experiment, first: Candidate, chosen: dict[str, Effe
             "the data may not excite what is asked"
         )
     return path
-
-
-def not_converged(model: Candidate, experiment: Experiment) -> Finding:
-    """Report that the parameters of a base are not a result; the error that it leaves can still be evaluated."""
-    training, unit = experiment.training.name, experiment.output_unit
-    sentence = (
-        f"The fit of {model_name(model.fit)} to {training} did not converge: its parameters are where the optimiser stopped and "
-        "are not a result."
-    )
-    return Finding("not_converged", sentence, model.train_rms, unit, training)
 
 
 def ladder_sentences(path: Sequence[Candidate], experiment: Experiment) -> list[str]:
