@@ -5,9 +5,14 @@ from job import run, stem
 
 def main(input, output, source_label: str):
     """Write the table and all drawings."""
-    from lumbar.publishing.figures.outline_figures import article_figure, outline_figure
     from lumbar.publishing.figures.style import save
-    from lumbar.publishing.figures.tissue_figures import analogue_picture, analogues_figure, arx_figure
+    from lumbar.publishing.figures.tissue_figures import (
+        analogue_picture,
+        analogues_figure,
+        article_figure,
+        arx_figure,
+        outline_figure,
+    )
     from lumbar.tissue.identification.model_tables import table_2_1
     from lumbar.tissue.models.tissue_models import HO, IL, KB, MW, TABLE_2_1
 
