@@ -95,8 +95,8 @@ def saved_lift(share_result):
     from lumbar.twin.examples import example_lift
 
     def analyse(folder):
-        somebody = example_lift(folder / "lift.c3d")
-        lift = lumbar.lift(folder / "lift.c3d", somebody, box_mass_kg=15, source_label="synthetic twin")
+        lifter = example_lift(folder / "lift.c3d")
+        lift = lumbar.lift(folder / "lift.c3d", lifter, box_mass_kg=15, source_label="synthetic twin")
         lift.save(folder)
         return lumbar.lift_page(lift).to_html()
 

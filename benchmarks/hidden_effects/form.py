@@ -20,16 +20,19 @@ class Scales:
     amplitude: float
     """Largest displacement, mm."""
     speed: float
+    """RMS velocity of the multisine, mm/s."""
     acceleration: float
-    """`speed`, `acceleration`: RMS of the multisine, mm/s and mm/s²."""
+    """RMS acceleration of the multisine, mm/s²."""
     force: float
     """RMS of the multisine's force, N."""
     peak: float
     """Largest magnitude of this force, N."""
     elastic: float
+    """Elastic stiffness of the tissue, N/mm."""
     relaxing: float
+    """Relaxing stiffness of the tissue, N/mm."""
     relaxation_s: float
-    """`elastic`, `relaxing`, `relaxation_s`: of the tissue, N/mm and s."""
+    """Relaxation time of the tissue."""
     path: float
     """Path travelled in the multisine, mm."""
     duration: float

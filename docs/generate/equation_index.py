@@ -23,8 +23,9 @@ class Entry(NamedTuple):
     equation: str
     """Number in the thesis."""
     module: str
+    """Module of the object."""
     name: str
-    """`module`, `name`: where the object is, and its name there (``Class.method``)."""
+    """Name in the module, e.g. ``Class.method``."""
 
 
 def entries() -> list[Entry]:

@@ -160,7 +160,7 @@ def _here(item: Item) -> str:
 
 
 def _entry(item: Item) -> str:
-    """The item as printed, here, and otherwise; what is done as printed has no third line."""
+    """Return the item as printed, as computed here, and the difference if there is one."""
     otherwise = f"otherwise: {item.differs}" if item.differs else ""
     more = f"more: {', '.join(map(_page, item.pages))}" if item.pages else ""
     lines = [f"here: {_here(item)}", *filter(None, [otherwise, more])]

@@ -30,7 +30,7 @@ from lumbar.records.unpacking import ending_of
 from lumbar.settings.lifting import REFINING, LiftingSettings, SubjectSettings, TrialSettings
 
 _PLACEHOLDER_SUBJECT = SubjectSettings(
-    name="nobody", sex="unknown", mass_kg=70.0, height_m=1.7, experience="unknown", trials=()
+    name="unknown", sex="unknown", mass_kg=70.0, height_m=1.7, experience="unknown", trials=()
 )
 """Subject for the pipeline: events and gaps of a recording do not depend on the subject."""
 _MAX_FRAMES = 1000

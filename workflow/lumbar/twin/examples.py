@@ -48,9 +48,9 @@ def example_lift(path: str | os.PathLike) -> SubjectSettings:
     """Write a lift of a box of 15 kg as a C3D file, and return the subject."""
     settings = SyntheticLiftingSettings(**shipped_yaml(Path(__file__).with_suffix(".yaml")))
     write_lift(settings, "lift", [1], path, None)
-    person, trial = settings.people["somebody"], TrialSettings(box_mass_kg=15, markers=Path(path).name)
+    person, trial = settings.people["lifter"], TrialSettings(box_mass_kg=15, markers=Path(path).name)
     return SubjectSettings(
-        name="somebody",
+        name="lifter",
         sex="unknown",
         mass_kg=person.mass_kg,
         height_m=person.height_m,

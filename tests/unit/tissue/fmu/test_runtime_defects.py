@@ -25,7 +25,7 @@ def numbers(attributes: dict[str, str], key: str) -> list[float]:
     return [float(text) for text in attributes.get(key, "").split()]
 
 
-def faults(files: dict[str, bytes]) -> list[str]:
+def faults(files: dict[str, bytes]) -> list[str]:  # noqa: C901 - one fault after the other
     """Return the faults of a file whose description is valid by its schema."""
     root = ElementTree.fromstring(files[DESCRIPTION])
     simulation, problems = root.find("CoSimulation"), []

@@ -110,7 +110,7 @@ WINTER = _table(
 def _de_leva(sex: str, mass: Sequence[float], centre: Sequence[float]) -> SegmentTable:
     source = (
         f"de Leva, J. Biomech. 29 (1996) 1223-1230, Table 4 ({sex}): upper trunk cervicale-xiphion, middle trunk "
-        "xiphion-omphalion, lower trunk omphalion-mid-hip. Adapted: C7/T1 stands for the level of the cervicale, and L4/L5 for "
+        "xiphion-omphalion, lower trunk omphalion-mid-hip. Adapted: C7/T1 replaces the level of the cervicale, and L4/L5 "
         "the navel (omphalion), which carries no marker and lies at about its level. Its segments end at other heights than "
         "Winter's: compare the trunk's centre, not segments"
     )

@@ -46,7 +46,7 @@ window.lumbar = (() => {
     const turned = (error) => error.map((value, i) => value * data.turned[i]);
     whole = {
       time: data.time, position: data.position, velocity: data.velocity, since: data.since, measured: data.measured,
-      first: data[first], second: data[second], first_error, second_error, ...besides(data),
+      first: data[first], second: data[second], first_error, second_error, ...setAsideViews(data),
       first_turned: turned(first_error), second_turned: turned(second_error),
     };
     const { frequency, noise, marker, ...lines } = named("spectrum:" + record).data;
@@ -67,7 +67,7 @@ window.lumbar = (() => {
   }
 
   // The path that was set aside, with the chosen models.
-  function besides(data) {
+  function setAsideViews(data) {
     const nothing = aside === null;
     const output = nothing ? data.measured.map(() => NaN) : data[keyOf(aside)];
     return { aside: output, aside_error: data.measured.map((value, i) => value - output[i]) };
@@ -245,7 +245,7 @@ window.lumbar = (() => {
     element("headline").textContent = found ? inPrint(found.headline)
       : open ? "Looking where this model fails …"
       : "Where this model fails was not put into words: the pictures show it.";
-    element("besides").replaceChildren(...Object.values(views).map((text) => made("li", text)));
+    element("set-aside-views").replaceChildren(...Object.values(views).map((text) => made("li", text)));
     if (open && next === null && ask({ action: "locate", effects: page.models[key].effects }, "Looking where it fails", false)) locating = key;
   }
 
@@ -288,7 +288,7 @@ window.lumbar = (() => {
     element("undo").disabled = past.length === 0;
     element("remove").disabled = added.length === 0;
     for (const button of document.querySelectorAll("[data-needs-effects]")) button.disabled = added.length === 0;
-    element("beside").hidden = element("aside-curve").hidden = aside === null;
+    element("set-aside").hidden = element("aside-curve").hidden = aside === null;
     if (aside === null) return;
     fill(element("ladder-aside"), aside, false);
     const [own, other] = [added, aside].map((effects) => page.models[keyOf(effects)].test_rms);

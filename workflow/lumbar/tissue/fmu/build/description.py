@@ -58,7 +58,7 @@ def _variables(model: ExportModel, version: str) -> list[dict]:
         rows.append((7, "parameter", name, text, f"{y.unit}/s", [rate], up_to(rate, rate)))
     if guards.passive:
         damping = (
-            f"Damping that the device surely has at the tool: with less of it the FMU bounds the {y.quantity} more; 0 lets none "
+            f"Least damping of the device at the tool: with less of it the FMU bounds the {y.quantity} more; 0 lets none "
             "through"
         )
         reserve = "Most energy that counts as taken in: what is dissipated early is not kept for ever"
