@@ -37,7 +37,7 @@ from lumbar.base.files import write_csv
 from lumbar.base.progress import track
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.selection.candidate import likelihood_ratio
-from lumbar.tissue.diagnosis.selection.diagnose import diagnose
+from lumbar.tissue.diagnosis.selection.diagnosis_steps import diagnose
 from lumbar.tissue.diagnosis.selection.forward_selection import extend
 from lumbar.tissue.diagnosis.selection.refine import fitted_model, refine
 from lumbar.tissue.diagnosis.selection.thresholds import null_distribution

@@ -20,7 +20,7 @@ import pandas as pd
 from lumbar.base.files import write_csv
 from lumbar.base.progress import track
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
-from lumbar.tissue.diagnosis.selection.diagnose import diagnose
+from lumbar.tissue.diagnosis.selection.diagnosis_steps import diagnose
 from pendulum_experiments import EFFECTS, make_pendulum_experiment, records_of
 
 MEASURABLE = ("hand_load", "variable_length", "moving_pivot")

@@ -10,7 +10,7 @@ from lumbar.records.record import Record
 from lumbar.tissue.diagnosis.fitting.uncertainty import estimates
 from lumbar.tissue.diagnosis.forward.forward_base import ForwardData
 from lumbar.tissue.diagnosis.law.law_form import Dimension
-from lumbar.tissue.diagnosis.selection.result import DiagnosisResult
+from lumbar.tissue.diagnosis.selection.diagnosis_result import DiagnosisResult
 from lumbar.tissue.models.form import Form
 
 Diagnose = Callable[[Sequence[Record], Sequence[str] | str | None], DiagnosisResult]

@@ -10,7 +10,7 @@ from lumbar.base.errors import InputError, NumericalError
 from lumbar.records.columns import read_record
 from lumbar.records.record import Record
 from lumbar.settings.tissue import TissueSettings
-from lumbar.tissue.diagnosis.selection.diagnose import diagnose
+from lumbar.tissue.diagnosis.selection.diagnosis_steps import diagnose
 
 LAYOUT = TissueSettings().layout
 """Columns of the recordings."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from lumbar.base.files import write_text
-from lumbar.tables.layout import unit_in_print
+from lumbar.tables.table_layout import unit_in_print
 from lumbar.tissue.effects.catalogue import CATALOGUES
 from lumbar.tissue.effects.signature import pictured_form
 from lumbar.tissue.models.form import Effect, Form, Place

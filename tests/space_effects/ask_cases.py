@@ -20,8 +20,8 @@ from make_cases import CASES, axis_names, make_with_truth  # noqa: E402
 from lumbar.records.record import Record  # noqa: E402
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings  # noqa: E402
 from lumbar.tissue.diagnosis.fitting.uncertainty import estimates  # noqa: E402
-from lumbar.tissue.diagnosis.selection.diagnose import diagnose  # noqa: E402
-from lumbar.tissue.diagnosis.selection.result import DiagnosisResult  # noqa: E402
+from lumbar.tissue.diagnosis.selection.diagnosis_result import DiagnosisResult  # noqa: E402
+from lumbar.tissue.diagnosis.selection.diagnosis_steps import diagnose  # noqa: E402
 from space_records import record_of  # noqa: E402
 
 FINDINGS = {"frame": "turned_frame", "crosstalk": "crosstalk"}

@@ -5,7 +5,7 @@ from periodic_records import record
 from scipy.signal import lfilter
 
 from lumbar.records.record import Record
-from lumbar.tissue.diagnosis.selection.diagnose import diagnose
+from lumbar.tissue.diagnosis.selection.diagnosis_steps import diagnose
 
 FINE = 20
 """Steps of the simulation between two samples."""

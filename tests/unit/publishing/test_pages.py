@@ -15,7 +15,7 @@ from lumbar.publishing.pages.html import document, figure, listing, paragraph, t
 from lumbar.tissue.diagnosis.evidence.discrimination import separating_excitation
 from lumbar.tissue.diagnosis.evidence.evidence import detectable_effects
 from lumbar.tissue.diagnosis.selection.candidate import likelihood_ratio
-from lumbar.tissue.diagnosis.selection.diagnose import diagnose
+from lumbar.tissue.diagnosis.selection.diagnosis_steps import diagnose
 from lumbar.tissue.diagnosis.selection.thresholds import LEVEL, NullDistribution, null_distribution
 from lumbar.tissue.effects.catalogue import TISSUE
 from lumbar.tissue.effects.signature import RATES, SHARE, signatures, standard_motion

@@ -10,7 +10,7 @@ from lumbar.records.record import Record, require_one_axis, use_load_as_input
 from lumbar.settings.study_settings import StudySettings
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.fitting.fit_data import limit_samples
-from lumbar.tissue.diagnosis.selection.diagnose import diagnose as search
+from lumbar.tissue.diagnosis.selection.diagnosis_steps import diagnose as search
 
 
 def diagnose(

@@ -19,8 +19,8 @@ from lumbar.tissue.diagnosis.evidence.evidence import Evidence, gather_evidence,
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.residuals import locate
 from lumbar.tissue.diagnosis.residuals.compare import comparison_table
+from lumbar.tissue.diagnosis.selection.diagnosis_result import DiagnosisResult, Status
 from lumbar.tissue.diagnosis.selection.refine import fitted_model, refined_document
-from lumbar.tissue.diagnosis.selection.result import DiagnosisResult, Status
 from lumbar.tissue.diagnosis.selection.sentences import details, explain, headline
 from lumbar.tissue.effects.notation import NAME
 from lumbar.tissue.models.fitted_model import FittedModel

@@ -14,7 +14,7 @@ from lumbar.publishing.study_report.contents import chapters
 from lumbar.publishing.study_report.report_page import report_page
 from lumbar.study.load_study import load_study
 from lumbar.study.study import read_artefacts
-from lumbar.tables.layout import value_in_words
+from lumbar.tables.table_layout import value_in_words
 
 
 @dataclass(frozen=True, repr=False)

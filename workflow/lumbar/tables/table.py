@@ -17,7 +17,7 @@ from lumbar.base.errors import NumericalError
 from lumbar.base.files import write_text
 from lumbar.base.templates import template
 from lumbar.base.yaml_file import shipped_yaml
-from lumbar.tables import layout
+from lumbar.tables import table_layout
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -140,14 +140,14 @@ class Table:
             Value of the cell; None or NaN if missing.
         """
         if value is None or value != value:
-            return layout.EMPTY
+            return table_layout.EMPTY
         if isinstance(value, bool) or getattr(getattr(value, "dtype", None), "kind", "") == "b":
             return "yes" if value else "no"
         if not isinstance(value, float):
-            return layout.value_in_words(str(value)) or layout.EMPTY
-        if value < layout.SMALLEST_P and column.startswith("p_"):
-            return f"< {layout.SMALLEST_P:f}".rstrip("0")
-        return layout.scientific(
+            return table_layout.value_in_words(str(value)) or table_layout.EMPTY
+        if value < table_layout.SMALLEST_P and column.startswith("p_"):
+            return f"< {table_layout.SMALLEST_P:f}".rstrip("0")
+        return table_layout.scientific(
             f"{value:.{self.decimals[column]}f}" if column in self.decimals else f"{value:.4g}"
         )
 
@@ -159,11 +159,11 @@ class Table:
         name : str
             Name of the column.
         """
-        return self.headers.get(name, layout.column_in_words(name))
+        return self.headers.get(name, table_layout.column_in_words(name))
 
-    def _columns(self, names: Iterable[str], rows: Sequence[int]) -> list[layout.Column]:
+    def _columns(self, names: Iterable[str], rows: Sequence[int]) -> list[table_layout.Column]:
         return [
-            layout.Column(
+            table_layout.Column(
                 self.header(name),
                 tuple(self.cell(name, value) for value in self.frame[name].iloc[rows]),
                 tuple(svg_address(self.pictures[name][row]) for row in rows) if name in self.pictures else (),
@@ -178,7 +178,7 @@ class Table:
         names = [str(name) for name in self.frame.columns]
         if self.first or self.headers:
             return list(self.first or names), rows
-        return names[: layout.count_fitting(self._columns(names, every))], rows
+        return names[: table_layout.count_fitting(self._columns(names, every))], rows
 
     def to_latex(self) -> str:
         """Return ``booktabs`` table environments of what is shown first: a journal's column, or both."""
@@ -194,20 +194,20 @@ class Table:
         names, rows = self._first_shown()
         every = range(len(self.frame))
         folded = [str(name) for name in self.frame.columns if name not in names]
-        rest: list[list[layout.Column]] = []
+        rest: list[list[table_layout.Column]] = []
         if folded or len(rows) < len(every):
             columns = self._columns([*names, *folded], every)
-            rest = layout.split_columns(columns, layout.count_key_columns(columns))
+            rest = table_layout.split_columns(columns, table_layout.count_key_columns(columns))
         shown = self._columns(names, rows)
         return template("tables/table.html.jinja").render(
             title=self.title,
             source_label=self.source_label,
-            shown=layout.split_columns(shown, layout.count_key_columns(shown)),
+            shown=table_layout.split_columns(shown, table_layout.count_key_columns(shown)),
             rest=rest,
             counts=(len(rows), len(every), len(names), len(names) + len(folded)),
             notes=self.notes,
             definitions=[(self.header(name), self.definitions[name]) for name in (*names, *folded)],
-            split=layout.split_number,
+            split=table_layout.split_number,
         )
 
 
@@ -318,7 +318,7 @@ def escape_latex(text: str) -> str:
 
 
 def _latex_table(
-    title: str, columns: Sequence[layout.Column], remarks: Sequence[str], source_label: str
+    title: str, columns: Sequence[table_layout.Column], remarks: Sequence[str], source_label: str
 ) -> str:
     """Return ``booktabs`` table environments; LaTeX numbers the table."""
     wide = sum(column.width for column in columns) > LATEX_WIDTH
@@ -359,7 +359,7 @@ def _latex_table(
     return "\n".join(lines) + "\n"
 
 
-def _latex_header(column: layout.Column) -> str:
+def _latex_header(column: table_layout.Column) -> str:
     """Return a header, in several lines if it is wider than the cells."""
     lines, width = [""], max(column.width, 8)
     for word in column.header.split():
@@ -374,11 +374,11 @@ def _latex_header(column: layout.Column) -> str:
     return rf"\begin{{tabular}}[b]{{@{{}}{side}@{{}}}}{stacked}\end{{tabular}}"
 
 
-def _latex_cell(column: layout.Column, row: int) -> str:
+def _latex_cell(column: table_layout.Column, row: int) -> str:
     """Return a cell, padded with invisible digits so that decimal signs are aligned."""
     text = column.cells[row]
-    if not column.numeric or text == layout.EMPTY or "·" in text:
+    if not column.numeric or text == table_layout.EMPTY or "·" in text:
         return escape_latex(text)
-    missing = column.fraction - len(layout.split_number(text)[1])
+    missing = column.fraction - len(table_layout.split_number(text)[1])
     fill = "." + "0" * (missing - 1) if missing == column.fraction else "0" * missing
     return escape_latex(text).replace("-", "$-$", 1) + (rf"\phantom{{{fill}}}" if missing else "")

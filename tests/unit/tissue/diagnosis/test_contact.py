@@ -11,7 +11,7 @@ import lumbar
 from lumbar.base.errors import InputError, NumericalError
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.selection.base_choice import find_base
-from lumbar.tissue.diagnosis.selection.diagnose import diagnose
+from lumbar.tissue.diagnosis.selection.diagnosis_steps import diagnose
 from lumbar.tissue.diagnosis.selection.refine import fitted_model, refine
 from lumbar.tissue.effects.catalogue import CATALOGUES, TISSUE
 from lumbar.tissue.models.fitted_model import models_document, read_models

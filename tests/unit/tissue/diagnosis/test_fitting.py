@@ -24,9 +24,9 @@ from lumbar.tissue.diagnosis.fitting.uncertainty import (
     score_covariance,
     tangent_basis,
 )
-from lumbar.tissue.diagnosis.law.validation import alternate
+from lumbar.tissue.diagnosis.law.law_validation import alternate
 from lumbar.tissue.diagnosis.noise.periods import fold_periods
-from lumbar.tissue.diagnosis.selection.diagnose import diagnose
+from lumbar.tissue.diagnosis.selection.diagnosis_steps import diagnose
 from lumbar.tissue.diagnosis.selection.sentences import details
 from lumbar.tissue.diagnosis.sensors.sensor_faults import repair
 from lumbar.tissue.effects.catalogue import TISSUE

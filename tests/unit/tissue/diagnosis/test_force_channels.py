@@ -9,7 +9,7 @@ import yaml
 
 from lumbar.base.errors import InputError
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
-from lumbar.tissue.diagnosis.selection.diagnose import diagnose
+from lumbar.tissue.diagnosis.selection.diagnosis_steps import diagnose
 from lumbar.tissue.diagnosis.spatial.location_in_space import cells, directions
 from lumbar.tissue.diagnosis.spatial.spatial_data import axis_floors, prepare
 from lumbar.tissue.diagnosis.spatial.spatial_findings import exchanged_channels

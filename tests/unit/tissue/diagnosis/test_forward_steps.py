@@ -8,7 +8,7 @@ from force_driven import FORCE_IN, MASS, STIFFNESS, forward_records
 import lumbar
 from lumbar.tissue.diagnosis.forward import forward_diagnosis
 from lumbar.tissue.diagnosis.forward.forward_base import response_of
-from lumbar.tissue.diagnosis.selection.result import DiagnosisState
+from lumbar.tissue.diagnosis.selection.diagnosis_result import DiagnosisState
 from lumbar.tissue.models.bases import BASES
 
 

@@ -18,13 +18,13 @@ from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.fitting.joint_fit import fit, fit_base
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment, prepare
 from lumbar.tissue.diagnosis.law.law_form import form_of
+from lumbar.tissue.diagnosis.law.law_validation import alternate, is_dissipative, stays_bounded, thin
 from lumbar.tissue.diagnosis.law.proposal import MARK, effect_text, propose
 from lumbar.tissue.diagnosis.law.search import Search
 from lumbar.tissue.diagnosis.law.terms import library
-from lumbar.tissue.diagnosis.law.validation import alternate, is_dissipative, stays_bounded, thin
 from lumbar.tissue.diagnosis.selection.candidate import Candidate, evaluate
-from lumbar.tissue.diagnosis.selection.diagnose import diagnose, search_formula
-from lumbar.tissue.diagnosis.selection.result import DiagnosisState
+from lumbar.tissue.diagnosis.selection.diagnosis_result import DiagnosisState
+from lumbar.tissue.diagnosis.selection.diagnosis_steps import diagnose, search_formula
 from lumbar.tissue.effects.catalogue import TISSUE, load_effects
 from lumbar.tissue.models.bases import BASES
 from lumbar.tissue.models.motion import Motion

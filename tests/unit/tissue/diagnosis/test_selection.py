@@ -16,7 +16,7 @@ from lumbar.tissue.diagnosis.fitting.preparation import Experiment, prepare
 from lumbar.tissue.diagnosis.selection.alternatives import apparent_zeros
 from lumbar.tissue.diagnosis.selection.base_choice import better_base, find_base
 from lumbar.tissue.diagnosis.selection.candidate import Candidate, evaluate, sort_by_score
-from lumbar.tissue.diagnosis.selection.diagnose import diagnose
+from lumbar.tissue.diagnosis.selection.diagnosis_steps import diagnose
 from lumbar.tissue.diagnosis.selection.forward_selection import Selection
 from lumbar.tissue.diagnosis.selection.refine import refine
 from lumbar.tissue.diagnosis.selection.thresholds import (

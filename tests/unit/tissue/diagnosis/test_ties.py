@@ -23,7 +23,7 @@ from lumbar.tissue.diagnosis.fitting.joint_fit import Fit, add, fit, fit_base
 from lumbar.tissue.diagnosis.fitting.preparation import prepare
 from lumbar.tissue.diagnosis.fitting.uncertainty import estimates, project_out, tangent_basis
 from lumbar.tissue.diagnosis.selection.candidate import contradictions
-from lumbar.tissue.diagnosis.selection.diagnose import diagnose
+from lumbar.tissue.diagnosis.selection.diagnosis_steps import diagnose
 from lumbar.tissue.effects.catalogue import TISSUE
 from lumbar.tissue.models.bases import BASES
 from lumbar.tissue.models.motion import Motion

@@ -16,8 +16,8 @@ from lumbar.base.files import write_csv, write_text
 from lumbar.base.yaml_file import shipped_yaml
 from lumbar.lifting.measures.back_load import TRUNK_SOURCE
 from lumbar.lifting.measures.balance import ANKLE_SOURCE
-from lumbar.tables.layout import value_in_words
 from lumbar.tables.table import SYNTHETIC_TWIN, Table, table_from_schema
+from lumbar.tables.table_layout import value_in_words
 
 if TYPE_CHECKING:
     from lumbar.lifting.measures.course import Course

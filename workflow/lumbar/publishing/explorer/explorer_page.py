@@ -23,15 +23,15 @@ from lumbar.publishing.explorer.page_data import (
 )
 from lumbar.publishing.pages.diagnosis_page import candidate_role
 from lumbar.publishing.pages.html import equation, table
-from lumbar.tables.layout import unit_in_print
+from lumbar.tables.table_layout import unit_in_print
 from lumbar.tissue.diagnosis.evidence.discrimination import Separation, motion_csv, separation_sentence
 from lumbar.tissue.diagnosis.evidence.evidence import EXCITATION, Evidence
 from lumbar.tissue.diagnosis.residuals.locate import ResidualReport
 from lumbar.tissue.diagnosis.residuals.residual import probability
 from lumbar.tissue.diagnosis.selection import sentences
 from lumbar.tissue.diagnosis.selection.candidate import Candidate
+from lumbar.tissue.diagnosis.selection.diagnosis_result import DiagnosisResult, Ranked, Status
 from lumbar.tissue.diagnosis.selection.refine import model_name
-from lumbar.tissue.diagnosis.selection.result import DiagnosisResult, Ranked, Status
 from lumbar.tissue.diagnosis.selection.sentences import distinguishing_digits, effects_text, readable
 from lumbar.tissue.diagnosis.selection.thresholds import LEVEL
 from lumbar.tissue.models.fitted_model import FittedModel

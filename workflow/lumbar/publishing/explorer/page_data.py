@@ -11,8 +11,8 @@ from lumbar.tissue.diagnosis.residuals.locate import residual_of, simulation
 from lumbar.tissue.diagnosis.residuals.motion_diagnostics import reversal_reach, reversals
 from lumbar.tissue.diagnosis.residuals.time_frequency import EVEN, EXCITED, ODD, excited_lines, line_classes
 from lumbar.tissue.diagnosis.selection.candidate import Candidate
+from lumbar.tissue.diagnosis.selection.diagnosis_result import DiagnosisResult
 from lumbar.tissue.diagnosis.selection.refine import model_name
-from lumbar.tissue.diagnosis.selection.result import DiagnosisResult
 from lumbar.tissue.identification.metrics import fit_ratio, variance_accounted_for
 from lumbar.tissue.models.fitted_model import FittedModel
 from lumbar.tissue.models.measured_motion import for_base

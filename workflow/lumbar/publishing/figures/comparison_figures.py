@@ -22,7 +22,7 @@ from lumbar.publishing.figures.style import (
     show_placeholder,
 )
 from lumbar.records.record import Record
-from lumbar.tables.layout import unit_in_print
+from lumbar.tables.table_layout import unit_in_print
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.residuals.compare import Comparison
 from lumbar.tissue.diagnosis.selection.candidate import Candidate

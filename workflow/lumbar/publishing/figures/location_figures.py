@@ -16,7 +16,7 @@ from lumbar.publishing.figures.style import (
     mark_noise_floor,
     new_figure,
 )
-from lumbar.tables.layout import unit_in_print
+from lumbar.tables.table_layout import unit_in_print
 from lumbar.tissue.diagnosis.residuals.locate import Location
 from lumbar.tissue.diagnosis.residuals.residual import SIGNIFICANT, Residual, percent
 from lumbar.tissue.diagnosis.spatial.location_in_space import BANDS, TURNS, SpatialResidual, directions

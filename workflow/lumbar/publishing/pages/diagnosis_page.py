@@ -6,13 +6,13 @@ from pathlib import Path
 from markupsafe import Markup
 
 from lumbar.publishing.pages import html
-from lumbar.tables.layout import unit_in_print
+from lumbar.tables.table_layout import unit_in_print
 from lumbar.tissue.diagnosis.evidence.discrimination import separation_sentence
 from lumbar.tissue.diagnosis.evidence.evidence import ALIKE, Evidence, limitations
 from lumbar.tissue.diagnosis.residuals.residual import probability
 from lumbar.tissue.diagnosis.selection import sentences
 from lumbar.tissue.diagnosis.selection.candidate import Candidate, likelihood_ratio
-from lumbar.tissue.diagnosis.selection.result import DiagnosisResult, Ranked
+from lumbar.tissue.diagnosis.selection.diagnosis_result import DiagnosisResult, Ranked
 from lumbar.tissue.diagnosis.selection.sentences import effects_text, readable
 from lumbar.tissue.diagnosis.selection.thresholds import LEVEL
 from lumbar.tissue.models.form import Effect

@@ -29,10 +29,10 @@ from lumbar.publishing.figures.style import (
     save,
 )
 from lumbar.publishing.pages.html import LOCATION_CAPTION, SPACE_CAPTION
+from lumbar.tissue.diagnosis.law.law_validation import motions
 from lumbar.tissue.diagnosis.law.proposal import Proposal
-from lumbar.tissue.diagnosis.law.validation import motions
 from lumbar.tissue.diagnosis.residuals.locate import ResidualReport, axis_reports
-from lumbar.tissue.diagnosis.selection.result import DiagnosisResult
+from lumbar.tissue.diagnosis.selection.diagnosis_result import DiagnosisResult
 from lumbar.tissue.diagnosis.selection.sentences import runner_up
 from lumbar.tissue.diagnosis.spatial.spatial_reports import SpatialReport
 from lumbar.tissue.effects.signature import pictured_form

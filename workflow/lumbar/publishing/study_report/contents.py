@@ -12,8 +12,8 @@ import pandas as pd
 from lumbar.base.files import read_json
 from lumbar.publishing.figures.style import SUBJECT_PREFIX
 from lumbar.study.study import Artefact
-from lumbar.tables.layout import column_in_words, scientific, split_number, unit_in_print
 from lumbar.tables.table import svg_address
+from lumbar.tables.table_layout import column_in_words, scientific, split_number, unit_in_print
 
 _NUMBER = re.compile(r"-?\d+\.\d{3,}")
 _LENGTHS = re.compile(r'(?<=\s)(?:d|points|x|y|cx|cy)="[^"]*"')

@@ -12,7 +12,7 @@ from lumbar.base.files import read_json
 from lumbar.base.templates import template
 from lumbar.publishing.reproduction.claim import DOES_NOT_HOLD
 from lumbar.publishing.study_report.contents import Chapter, format_value
-from lumbar.tables.layout import split_number
+from lumbar.tables.table_layout import split_number
 
 FAILS, WARNS = "fails", "warns"
 _WARNING = re.compile(r"^(?:\w*Warning|WARNING): (.*(?:\n  .*)*)", flags=re.M)

@@ -14,7 +14,7 @@ import numpy as np
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData
 from lumbar.tissue.diagnosis.fitting.joint_fit import fit as refit
 from lumbar.tissue.diagnosis.fitting.uncertainty import project_out, tangent_basis
-from lumbar.tissue.diagnosis.selection.result import DiagnosisResult
+from lumbar.tissue.diagnosis.selection.diagnosis_result import DiagnosisResult
 from lumbar.tissue.diagnosis.selection.sentences import effects_text
 from lumbar.tissue.diagnosis.selection.thresholds import TIED
 from lumbar.tissue.models.motion import Motion

@@ -17,7 +17,7 @@ import scipy
 
 from lumbar.base.files import write_csv, write_json, write_text
 from lumbar.settings.tissue import MachineSettings
-from lumbar.tables.layout import unit_in_print
+from lumbar.tables.table_layout import unit_in_print
 from lumbar.tissue.diagnosis.evidence.discrimination import Separation, motion_csv, separating_excitation
 from lumbar.tissue.diagnosis.fitting import uncertainty
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
@@ -26,8 +26,8 @@ from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.residuals.locate import ResidualReport, compare_and_locate
 from lumbar.tissue.diagnosis.residuals.residual import steady_velocity
 from lumbar.tissue.diagnosis.selection.candidate import Candidate, drop_effect
+from lumbar.tissue.diagnosis.selection.diagnosis_result import DiagnosisResult
 from lumbar.tissue.diagnosis.selection.forward_selection import extend
-from lumbar.tissue.diagnosis.selection.result import DiagnosisResult
 from lumbar.tissue.diagnosis.selection.sentences import effects_text, readable
 from lumbar.tissue.diagnosis.selection.thresholds import (
     TIED,

@@ -32,8 +32,8 @@ from lumbar.tissue.diagnosis.selection.candidate import (
     is_adequate,
     unseen_improvement,
 )
+from lumbar.tissue.diagnosis.selection.diagnosis_result import DiagnosisState, Status
 from lumbar.tissue.diagnosis.selection.forward_selection import Selection, after_selection, find_ties
-from lumbar.tissue.diagnosis.selection.result import DiagnosisState, Status
 from lumbar.tissue.diagnosis.selection.thresholds import TIED, UNSEEN
 from lumbar.tissue.effects.catalogue import MOTION_SENSOR, filter_forms
 from lumbar.tissue.models.bases import CHOSEN_BY_DATA, Base

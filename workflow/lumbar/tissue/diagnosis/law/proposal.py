@@ -9,7 +9,7 @@ import numpy as np
 from lumbar.tissue.diagnosis.finding import Finding
 from lumbar.tissue.diagnosis.fitting.joint_fit import fit
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
-from lumbar.tissue.diagnosis.law import validation
+from lumbar.tissue.diagnosis.law import law_validation
 from lumbar.tissue.diagnosis.law.law_form import form_of
 from lumbar.tissue.diagnosis.law.search import Law, Search
 from lumbar.tissue.diagnosis.law.terms import Term, knows, library
@@ -62,7 +62,7 @@ class Proposal:
     """Share of the explainable error of `before` that the law removes, on unseen seconds that no choice has used."""
     certainty: float = 0.0
     """Standard errors by which the loss falls on these seconds."""
-    extrapolation: validation.Extrapolation | None = None
+    extrapolation: law_validation.Extrapolation | None = None
 
     @property
     def is_needed(self) -> bool:
@@ -94,14 +94,14 @@ class Proposal:
         """Range of the law, and its error outside that range."""
         tried, force, unit = self.extrapolation, self.experiment.output_unit, self.experiment.input_unit
         # Position and speed of the training record, which the law is fitted to.
-        every = validation.motions(self.experiment.training)
+        every = law_validation.motions(self.experiment.training)
         low, high = min(item.position.min() for item in every), max(item.position.max() for item in every)
         speed = max(np.abs(item.velocity).max() for item in every)
         fitted = f"z from {low:.3g} to {high:.3g} {unit}, |v| up to {speed:.3g} {unit}/s"
         if tried is None:
             return f"{fitted}; beyond that range it was not tried, because the records are too short"
         outside = (
-            f"; fitted to the inner {100 * validation.INNER:.0f} % of that range its error outside is {tried.inner_rms:.3g} "
+            f"; fitted to the inner {100 * law_validation.INNER:.0f} % of that range its error outside is {tried.inner_rms:.3g} "
             f"{force}, compared with {tried.all_rms:.3g} {force} if fitted to all"
         )
         if tried.beyond_rms is not None:
@@ -178,9 +178,9 @@ def search_law(proposal: Proposal, terms: Sequence[Term]) -> Proposal:
     """Search a law to add to the base or to the catalogue's best model, whichever leaves less; start from an empty proposal."""
     experiment, base, before = proposal.experiment, proposal.base, proposal.before
     # Choices are made on every other second of the unseen records, and tested on the others.
-    chosen_on, tested_on = validation.alternate(experiment)
-    lower = validation.thin(experiment)
-    search = Search(chosen_on if lower is experiment else validation.alternate(lower)[0], terms)
+    chosen_on, tested_on = law_validation.alternate(experiment)
+    lower = law_validation.thin(experiment)
+    search = Search(chosen_on if lower is experiment else law_validation.alternate(lower)[0], terms)
     left = before.fit.rms(*tested_on.tests) ** 2
     tried, passed = [], []
     for start in [base] if before.effects == base.effects else [base, before]:
@@ -205,7 +205,7 @@ def search_law(proposal: Proposal, terms: Sequence[Term]) -> Proposal:
     if passed[0][0].candidate.test_rms <= best[0].candidate.test_rms * _MAX_BASE_ERROR_RATIO:
         best = passed[0]
     law, share, certainty = best
-    outside = validation.extrapolation(law.fit, experiment)
+    outside = law_validation.extrapolation(law.fit, experiment)
     return Proposal(experiment, base, before, law, tried, share, certainty, outside)
 
 
@@ -221,9 +221,9 @@ def _failed_test(law: Law, experiment: Experiment, share: float, certainty: floa
         return (
             f"it removes {100 * share:.0f} % of what is missing on unseen records, less than three quarters"
         )
-    if not validation.stays_bounded(law.fit, experiment):
-        return f"its force runs away on motions {validation.STRETCH:g} times as large or as fast"
-    if "time" not in knows(law.terms) and not validation.is_dissipative(law.fit, experiment.training):
+    if not law_validation.stays_bounded(law.fit, experiment):
+        return f"its force runs away on motions {law_validation.STRETCH:g} times as large or as fast"
+    if "time" not in knows(law.terms) and not law_validation.is_dissipative(law.fit, experiment.training):
         return "it gives energy away in closed cycles"
     return ""
 

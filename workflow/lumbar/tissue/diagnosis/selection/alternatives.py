@@ -20,8 +20,8 @@ from lumbar.tissue.diagnosis.selection.candidate import (
     select_forms,
     unseen_improvement,
 )
+from lumbar.tissue.diagnosis.selection.diagnosis_result import DiagnosisResult, DiagnosisState, Status, run
 from lumbar.tissue.diagnosis.selection.forward_selection import find_ties
-from lumbar.tissue.diagnosis.selection.result import DiagnosisResult, DiagnosisState, Status, run
 from lumbar.tissue.diagnosis.selection.sentences import effects_text
 from lumbar.tissue.diagnosis.selection.thresholds import EXPLAINS, TIED, UNSEEN
 from lumbar.tissue.effects.catalogue import TISSUE

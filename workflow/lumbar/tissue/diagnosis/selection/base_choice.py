@@ -14,8 +14,8 @@ from lumbar.tissue.diagnosis.selection.candidate import (
     is_worthwhile,
     refit,
 )
+from lumbar.tissue.diagnosis.selection.diagnosis_result import DiagnosisState, run
 from lumbar.tissue.diagnosis.selection.forward_selection import extend, select_effects
-from lumbar.tissue.diagnosis.selection.result import DiagnosisState, run
 from lumbar.tissue.diagnosis.selection.thresholds import TIED
 from lumbar.tissue.models.bases import BASES, CHOSEN_BY_DATA, Base
 from lumbar.tissue.models.form import Effect

@@ -31,7 +31,7 @@ from lumbar.tissue.diagnosis.selection.candidate import (
     sort_by_score,
     unseen_improvement,
 )
-from lumbar.tissue.diagnosis.selection.result import DiagnosisState, Ranked, Status
+from lumbar.tissue.diagnosis.selection.diagnosis_result import DiagnosisState, Ranked, Status
 from lumbar.tissue.models.form import Effect, Form
 
 LOOK_AHEAD = 3

@@ -6,7 +6,7 @@ from itertools import pairwise
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.noise.noise_floor import NoiseFloor
 from lumbar.tissue.diagnosis.selection.candidate import contradictions, is_adequate
-from lumbar.tissue.diagnosis.selection.result import DiagnosisResult, Ranked, Status
+from lumbar.tissue.diagnosis.selection.diagnosis_result import DiagnosisResult, Ranked, Status
 from lumbar.tissue.diagnosis.selection.thresholds import EXPLAINS, LEVEL
 from lumbar.tissue.effects.catalogue import CHANNELS
 from lumbar.tissue.models.form import Effect

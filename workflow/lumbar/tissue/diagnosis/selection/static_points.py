@@ -20,8 +20,8 @@ from lumbar.tissue.diagnosis.fitting.preparation import (
 from lumbar.tissue.diagnosis.selection.alternatives import report_zeros
 from lumbar.tissue.diagnosis.selection.base_choice import first_surface, fit_at_surface
 from lumbar.tissue.diagnosis.selection.candidate import Candidate, fit_base
+from lumbar.tissue.diagnosis.selection.diagnosis_result import DiagnosisState, Status
 from lumbar.tissue.diagnosis.selection.forward_selection import Selection, extend, find_ties, select_effects
-from lumbar.tissue.diagnosis.selection.result import DiagnosisState, Status
 from lumbar.tissue.diagnosis.selection.thresholds import UNSEEN
 from lumbar.tissue.effects.catalogue import filter_forms
 from lumbar.tissue.models.bases import BASES, CHOSEN_BY_DATA, Base

@@ -9,9 +9,9 @@ from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.selection.base_choice import reweigh_errors
 from lumbar.tissue.diagnosis.selection.candidate import Candidate, select_forms
+from lumbar.tissue.diagnosis.selection.diagnosis_result import UNUSABLE, DiagnosisState
 from lumbar.tissue.diagnosis.selection.forward_selection import Selection, after_selection, extend, find_ties
 from lumbar.tissue.diagnosis.selection.refine import add_in_turn
-from lumbar.tissue.diagnosis.selection.result import UNUSABLE, DiagnosisState
 from lumbar.tissue.diagnosis.selection.thresholds import TIED
 from lumbar.tissue.diagnosis.spatial.spatial_base import KINDS, choose_base, choose_likelier, refit_axes
 from lumbar.tissue.diagnosis.spatial.spatial_data import prepare

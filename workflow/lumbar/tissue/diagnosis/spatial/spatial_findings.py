@@ -12,7 +12,7 @@ from lumbar.tissue.diagnosis.fitting.uncertainty import estimates, scaled_covari
 from lumbar.tissue.diagnosis.linear.direction import columns_yaml
 from lumbar.tissue.diagnosis.residuals.residual import steady_velocity
 from lumbar.tissue.diagnosis.selection.alternatives import position_offset
-from lumbar.tissue.diagnosis.selection.result import DiagnosisResult, DiagnosisState, Status
+from lumbar.tissue.diagnosis.selection.diagnosis_result import DiagnosisResult, DiagnosisState, Status
 from lumbar.tissue.diagnosis.selection.sentences import (
     distinguishing_digits,
     effects_text,

@@ -18,8 +18,14 @@ from lumbar.tissue.diagnosis.selection.alternatives import (
 )
 from lumbar.tissue.diagnosis.selection.base_choice import SEARCH, find_base, reweigh_errors
 from lumbar.tissue.diagnosis.selection.candidate import Candidate, drop_effect, is_adequate, refit
+from lumbar.tissue.diagnosis.selection.diagnosis_result import (
+    UNUSABLE,
+    DiagnosisResult,
+    DiagnosisState,
+    Status,
+    run,
+)
 from lumbar.tissue.diagnosis.selection.forward_selection import extend, find_ties
-from lumbar.tissue.diagnosis.selection.result import UNUSABLE, DiagnosisResult, DiagnosisState, Status, run
 from lumbar.tissue.diagnosis.selection.sentences import effects_text
 from lumbar.tissue.diagnosis.selection.thresholds import COMPLETE
 from lumbar.tissue.diagnosis.sensors.sensor_faults import repair
