@@ -1,8 +1,8 @@
-"""Load of the back: posture of the trunk, net moment about a joint of all that moves above it, and the strength to bear it.
+"""Load of the back: posture of the trunk, net moment at a joint from all segments above it, and strength of the trunk.
 
 The moment is computed top-down from movement and inertia (Winter 2009, section 5): M = Σ (c − p) × m·(a + g·ẑ) + dH/dt, over
 segments with centre c, mass m, acceleration a and angular momentum H about the centre; p is the joint. It is the moment that
-muscles and ligaments bring up; what the weight does to the joint is opposite.
+muscles and ligaments exert; the moment of the weight about the joint is opposite.
 """
 
 from collections.abc import Iterable
@@ -15,13 +15,13 @@ from lumbar.lifting.movement.cleaning import derivative
 from lumbar.lifting.movement.joint_centres import typical_distance, unit
 
 UPRIGHT_SHARE = 5.0
-"""Percentage of the recording with the straightest trunk, in which the lumbar spine is not bent."""
+"""Percentage of the frames, those with the straightest trunk, in which the lumbar spine counts as not bent."""
 UPRIGHT_DEG = 15.0
-"""Largest lean of a trunk that stands upright."""
+"""Largest inclination of the trunk in upright standing."""
 
 
 def inclination(line: np.ndarray, towards: np.ndarray) -> np.ndarray:
-    """Return a line's angle in degrees from straight up in the vertical plane of a direction, positive towards it, shape (n,).
+    """Return a line's angle from the vertical in degrees, shape (n,), in the plane of `towards`, positive towards it.
 
     Parameters
     ----------
@@ -32,10 +32,10 @@ def inclination(line: np.ndarray, towards: np.ndarray) -> np.ndarray:
 
 
 def subtract_upright(bend: np.ndarray, trunk: np.ndarray, forward: np.ndarray) -> np.ndarray:
-    """Return the angle in degrees beyond that of standing upright, shape (n,).
+    """Return an angle less its mean in upright standing, shape (n,) in degrees.
 
-    Zero is the mean over the straightest `UPRIGHT_SHARE` per cent of the recording. Plamondon et al. (2010) measure flexion of
-    the lumbar region so.
+    Upright standing is the `UPRIGHT_SHARE` per cent of the frames with the straightest trunk, as in Plamondon et al. (2010) for
+    flexion of the lumbar region.
 
     Parameters
     ----------
@@ -63,16 +63,16 @@ def subtract_upright(bend: np.ndarray, trunk: np.ndarray, forward: np.ndarray) -
 
 @dataclass(frozen=True)
 class Link:
-    """One segment, or a load, as it moves."""
+    """Motion and mass of one segment or load."""
 
     mass_kg: np.ndarray | float
-    """A number, or shape (n,) for a load that is carried for a while."""
+    """Mass: a number, or shape (n,) for a load that is carried only in some frames."""
     centre: np.ndarray
     """Shape (n, 3): centre of mass, metres."""
     axis: np.ndarray | None = None
-    """Shape (n, 3): along the segment, any length; None for a point mass."""
+    """Shape (n, 3): line along the segment, in metres; None for a point mass."""
     gyration: float = 0.0
-    """Radius of gyration across the axis about the centre, share of the axis's length."""
+    """Radius of gyration about the centre, across the axis, as a share of the axis's length."""
 
 
 def net_moment(joint: np.ndarray, links: Iterable[Link], rate: float, gravity: float) -> np.ndarray:
@@ -111,16 +111,16 @@ _TRUNK_OF_WOMEN = 0.65
 
 
 def trunk_extension_strength(inclination_deg: np.ndarray, sex: str) -> np.ndarray:
-    """Return the mean largest extension moment of the trunk in N·m by its inclination (`TRUNK_SOURCE`), shape (n,).
+    """Return the largest extension moment of the trunk in N·m at its inclination, shape (n,): mean of `TRUNK_SOURCE`.
 
-    Linear between the published angles, constant beyond them.
+    The strength is interpolated linearly between the published angles and constant beyond them.
 
     Parameters
     ----------
     inclination_deg : numpy.ndarray, shape (n,)
         Angle of the trunk from straight up, positive forward.
     sex : str
-        ``male`` or ``female``; for any other the mean of both.
+        ``male`` or ``female``; any other value takes the mean of both.
     """
     share = {"male": 1.0, "female": _TRUNK_OF_WOMEN}.get(sex, (1 + _TRUNK_OF_WOMEN) / 2)
     return share * np.interp(inclination_deg, _FLEXION_DEG, _EXTENSION_N_M)

@@ -1,6 +1,6 @@
-"""Balance over the feet: base of support, extrapolated centre of mass, and coming to rest without a step.
+"""Balance over the feet: base of support, extrapolated centre of mass, and capturability (coming to rest without a step).
 
-*Base of support*: the convex hull of the grounded parts of the feet. A hull is stored as its corners and which of them are on
+*Base of support*: the convex hull of the grounded parts of the feet. A hull is stored as its corners, with a flag for those on
 the ground. Its support function h(n) = max over corners of n·corner serves one foot, two feet and a foot on its toes: the
 signed distance of a point p to the edge of a convex set is the smallest h(n) − n·p over all unit directions n, positive inside.
 
@@ -9,8 +9,8 @@ person as an inverted pendulum of length l keeps balance without a step as long 
 base of support.
 
 *Capturability*, with feet of finite size and ankles of finite strength. Two models, both exact. The linear inverted pendulum
-can stop without a step if and only if its instantaneous capture point x + v·√(z/g) lies within the places where its
-centre of pressure can be (Koolen et al., Int. J. Robotics Research 31 (2012) 1094-1113, the model with a finite foot). The
+can stop without a step if and only if its instantaneous capture point x + v·√(z/g) is within the bounds of its
+centre of pressure (Koolen et al., Int. J. Robotics Research 31 (2012) 1094-1113, the model with a finite foot). The
 nonlinear pendulum with a limited torque, m l² θ̈ = m g l sin θ − τ, |τ| within the limits, can stop if and only if full
 braking stops it before the angle θ* at which gravity wins, sin θ* = τ/(m g l): energy gives the largest speed at every angle
 in closed form.
@@ -26,11 +26,11 @@ import numpy as np
 from lumbar.lifting.movement.cleaning import derivative
 
 FOOT_LENGTH, FOOT_BREADTH = 0.152, 0.055
-"""Shares of stature (Drillis and Contini 1966; Winter 2009, Figure 4.1)."""
+"""Length and breadth of a foot, shares of stature (Drillis and Contini 1966; Winter 2009, Figure 4.1)."""
 FUNCTIONAL_SHARE = 0.6
-"""Share of the distance to the edge that people use when they lean with a load (Holbein and Redfern 1997)."""
+"""Share of the distance from the centre to the edge that people use when they lean with a load (Holbein and Redfern 1997)."""
 FLOOR_PERCENTILE = 5.0
-"""Percentile of the height of a foot's marker that is the level of the floor."""
+"""Percentile of the height of a foot's marker that is taken as the level of the floor."""
 
 
 @dataclass(frozen=True)
@@ -38,9 +38,9 @@ class BaseOfSupport:
     """Convex base of support at n instants."""
 
     corners: np.ndarray
-    """Shape (n, k, 2): metres in the plane of the ground; any order, inner points are allowed."""
+    """Shape (n, k, 2): corners in the plane of the ground, metres, in any order; inner points are allowed."""
     grounded: np.ndarray
-    """Shape (n, k): whether a corner is on the ground."""
+    """Shape (n, k): True if the corner is on the ground."""
 
     @property
     def centre(self) -> np.ndarray:
@@ -48,7 +48,7 @@ class BaseOfSupport:
         return mean_of_grounded(self.corners, self.grounded)
 
     def functional(self, share: float = FUNCTIONAL_SHARE) -> Self:
-        """Return the part that people use: every edge is moved towards the centre.
+        """Return the part of the base that people use: every edge is moved towards the centre.
 
         Holbein and Redfern, Int. J. Ind. Ergon. 19 (1997) 387-395: 15 men who held loads and leaned forward, backward and to
         the sides reached about 60 % of the distance to the edge.
@@ -62,7 +62,7 @@ class BaseOfSupport:
         return type(self)(centre + share * (self.corners - centre), self.grounded)
 
     def reach(self, point: np.ndarray, direction: np.ndarray) -> np.ndarray:
-        """Return the distance from a point to the end of the base in a direction, shape (n,) in m; negative beyond it.
+        """Return the distance from a point to the edge of the base in a direction, shape (n,) in m; negative beyond the edge.
 
         Parameters
         ----------
@@ -106,7 +106,7 @@ class BaseOfSupport:
 
 
 def corners_around(points: np.ndarray) -> np.ndarray:
-    """Return the corners of the hull around known points in order; of fewer than three, or all on a line, the points."""
+    """Return the corners of the hull of known points, in order; the points themselves if fewer than three or on a line."""
     from scipy.spatial import ConvexHull, QhullError
 
     points = points[np.isfinite(points).all(axis=1)]
@@ -123,7 +123,7 @@ def footprint(
     length: float,
     breadth: float,
 ) -> BaseOfSupport:
-    """Return the base of one foot: a rectangle from the heel along the line heel-toe; heel and toe are grounded separately.
+    """Return the base of one foot: a rectangle from the heel along the line heel-toe, with separate contact of heel and toe.
 
     Parameters
     ----------
@@ -146,7 +146,7 @@ def footprint(
 
 
 def ground_contact(marker: np.ndarray, rate: float, height_m: float, speed_m_s: float) -> np.ndarray:
-    """Return whether a filtered marker of the foot is on the ground, shape (n,): near its lowest level, and slow.
+    """Return whether a filtered marker of the foot is on the ground, shape (n,): near its lowest level and slow.
 
     Parameters
     ----------
@@ -179,13 +179,13 @@ def pendulum_rate(length: np.ndarray | float, gravity: float) -> np.ndarray | fl
 def smallest_impulse(mass: np.ndarray | float, rate: np.ndarray | float, margin: np.ndarray) -> np.ndarray:
     """Return the horizontal impulse in N·s that just moves the extrapolated centre over the edge: m·ω0·b (Hof et al. 2005).
 
-    A push changes v immediately by J/m, and so the extrapolated centre by J/(m·ω0). Negative: it is over the edge already, and
-    that impulse would bring it back.
+    A push J changes v by J/m, and so the extrapolated centre by J/(m·ω0). If the centre is over the edge already, the impulse is
+    negative: it would bring the centre back.
 
     Parameters
     ----------
     mass, rate : numpy.ndarray, shape (n,), or float
-        Mass of the body with what it carries in kg; ω0 in 1/s.
+        Mass of body and load in kg; ω0 in 1/s.
     margin : numpy.ndarray, shape (n,)
         Signed distance of the extrapolated centre to the edge in m.
     """
@@ -199,12 +199,12 @@ def capture_margin(
     limits: tuple[np.ndarray, np.ndarray],
     gravity: float,
 ) -> np.ndarray:
-    """Return the distance in metres of the capture point to the nearer limit of the centre of pressure; positive: capturable.
+    """Return the distance in metres from the capture point to the nearer limit of the centre of pressure; positive if capturable.
 
     Parameters
     ----------
     offset, velocity : numpy.ndarray, shape (n,)
-        Position of the centre of mass from the pivot along one horizontal axis in m, and its velocity in m/s.
+        Position of the centre of mass relative to the pivot along one horizontal axis in m; its velocity in m/s.
     height : numpy.ndarray, shape (n,)
         Height of the centre of mass above the pivot in m.
     limits : tuple of numpy.ndarray, shape (n,)
@@ -220,7 +220,7 @@ def braking_speed(angle: np.ndarray, length: np.ndarray, reach: np.ndarray, grav
     """Return the largest angular velocity in rad/s towards positive angles at which full braking still stops the pendulum.
 
     The stable manifold of the saddle θ* = asin(r/l) of θ̈ = (g/l)·(sin θ − r/l): with the potential
-    V(θ) = cos θ + (r/l)·θ, θ̇ = sign(θ* − θ)·√(2(g/l)(V(θ*) − V(θ))). Beyond θ* it is negative: the pendulum must swing back.
+    V(θ) = cos θ + (r/l)·θ, θ̇ = sign(θ* − θ)·√(2(g/l)(V(θ*) − V(θ))). Beyond θ*, θ̇ is negative: the pendulum must swing back.
 
     Parameters
     ----------
@@ -245,9 +245,9 @@ def viability_margin(
     limits: tuple[np.ndarray, np.ndarray],
     gravity: float,
 ) -> np.ndarray:
-    """Return the impulse across the pendulum in N·s that its torque can just stop; positive: no step is needed.
+    """Return the impulse across the pendulum in N·s that its torque can just stop; positive if no step is needed.
 
-    m·l·(θ̇_braking − θ̇); for small angles m·ω0 times the `capture_margin`.
+    The impulse is m·l·(θ̇_braking − θ̇); for small angles it is m·ω0 times the `capture_margin`.
 
     Parameters
     ----------
@@ -270,13 +270,13 @@ class AnkleTorques:
     """Largest torques of one ankle, N·m."""
 
     plantar_flexion: float
-    """Limits the centre of pressure ahead of the ankle."""
+    """Largest plantar flexion: limits the centre of pressure ahead of the ankle."""
     dorsiflexion: float
-    """Limits it behind the ankle."""
+    """Largest dorsiflexion: limits the centre of pressure behind the ankle."""
     inversion: float
-    """Limits it outward."""
+    """Largest inversion: limits the centre of pressure outward."""
     eversion: float
-    """Limits it inward."""
+    """Largest eversion: limits the centre of pressure inward."""
 
 
 ANKLE_SOURCE = "da Fonseca et al., World J. Orthop. 16 (2025) 108858: mean isokinetic peak torques of 69 men and 31 women"
@@ -284,7 +284,7 @@ _MALE, _FEMALE = (158.1, 53.6, 37.0, 33.4), (100.4, 37.4, 30.1, 22.3)
 ANKLE_TORQUES = {"male": AnkleTorques(*_MALE), "female": AnkleTorques(*_FEMALE)}
 """Mean torques of one ankle by sex (`ANKLE_SOURCE`)."""
 MEAN_ANKLE_TORQUES = AnkleTorques(*np.mean([_MALE, _FEMALE], axis=0).tolist())
-"""Those for any other sex: the mean of both."""
+"""Torques of one ankle for any other sex: the mean of both."""
 
 
 def pressure_limits(
@@ -295,22 +295,22 @@ def pressure_limits(
     weight: np.ndarray | float,
     torques: AnkleTorques,
 ) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """Return the limits of the centre of pressure from the middle of the standing ankles, by foot size and ankle torque.
+    """Return by plane the limits of the centre of pressure from the middle of the standing ankles, by foot size and ankle torque.
 
-    Fore and aft the torques of all standing ankles add up over the weight. Sideways the weight shifts from foot to foot, and
-    beyond the outer ankle only that ankle's torque counts (outward inversion, inward eversion if only one stands). By plane the
-    distances along the axis (right, forward) and against it, in m, each of shape (n,).
+    Each limit is a distance in m, shape (n,): along the axis (right, forward) and against it. Fore and aft, the torques of all
+    standing ankles are added and divided by the weight. Sideways, the weight shifts from foot to foot, and beyond the outer ankle
+    only that ankle's torque counts: inversion outward, and eversion inward if only one foot stands.
 
     Parameters
     ----------
     base : BaseOfSupport
-        The whole of what is on the ground, at n instants.
+        Base of both feet at n instants.
     ankles : numpy.ndarray, shape (n, 2, 2)
         Left and right ankle, horizontal coordinates in m.
     standing : numpy.ndarray of bool, shape (n, 2)
         Which of them stand.
     right : numpy.ndarray, shape (n, 2)
-        Unit vector to the subject's right; forward is to its left by a quarter turn.
+        Unit vector to the subject's right; forward is a quarter turn to the left of it.
     weight : numpy.ndarray, shape (n,), or float
         m·g of body and load in N.
     torques : AnkleTorques
@@ -335,7 +335,7 @@ def pressure_limits(
 
 
 def mean_of_grounded(ankles: np.ndarray, standing: np.ndarray) -> np.ndarray:
-    """Return the middle of the ankles (or corners) that stand, shape (n, d): the pivot; NaN if none does.
+    """Return the mean of the ankles (or corners) on the ground, shape (n, d): the pivot; NaN if none is on the ground.
 
     Parameters
     ----------

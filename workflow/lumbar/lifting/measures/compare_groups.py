@@ -1,4 +1,4 @@
-"""Groups of people and their boxes compared, measure by measure: Welch's test on person means, paired for two boxes."""
+"""Comparison of groups and of boxes, measure by measure: Welch's test on subject means, a paired test for two boxes."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ import pandas as pd
 from lumbar.tables.table import Table, table_from_schema
 
 MIN_PERSONS = 3
-"""Subjects of a group that an interval needs."""
+"""Least number of subjects of a group for an interval."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class Difference:
 
     @property
     def percent(self) -> float | None:
-        """100(first − second)/second; None for a mean that is not positive, such as that of a signed measure."""
+        """Difference in per cent of `second`; None if a mean is not positive, as for a signed measure."""
         return 100 * self.difference / self.second if self.second > 0 else None
 
 
@@ -85,7 +85,7 @@ def compare_means(first: pd.Series, second: pd.Series, paired: bool, names: tupl
 
 @dataclass(frozen=True, eq=False)
 class GroupComparison:
-    """One measure compared between two sides, at a box or within the persons who lifted both boxes."""
+    """Comparison of one measure between two groups with one box, or between two boxes lifted by the same persons."""
 
     name: str
     box: str
@@ -94,7 +94,7 @@ class GroupComparison:
     plane: str
     unit: str
     safer: str
-    """Safer values: ``higher``, ``lower`` or empty."""
+    """Direction of the safer values: ``higher``, ``lower`` or empty."""
     sides: tuple[str, str]
     """Names of the sides: groups, or masses of boxes."""
     paired: bool
@@ -105,7 +105,7 @@ class GroupComparison:
 
     @property
     def verdict(self) -> str:
-        """Safer side, or that the interval contains 0."""
+        """Safer side, or a note that the interval contains 0."""
         low, high = self.difference.low, self.difference.high
         if low is None:
             return "no interval"
@@ -116,7 +116,7 @@ class GroupComparison:
 
 
 def compare_people(table: pd.DataFrame, groups: tuple[str, str]) -> Iterator[GroupComparison]:
-    """Compare two groups at every box that both lifted, and the lightest with the heaviest box in each group.
+    """Compare two groups with every box that both lifted, and the lightest with the heaviest box within each group.
 
     Parameters
     ----------
@@ -149,7 +149,7 @@ def compare_people(table: pd.DataFrame, groups: tuple[str, str]) -> Iterator[Gro
 
 
 def _pairs(rows: pd.DataFrame, groups: tuple[str, str]) -> Iterator[tuple]:
-    """Yield name, boxes, names of the sides, whether the same persons are on both, and the rows of either side."""
+    """Yield for each comparison its name, boxes, names of the sides, whether it is paired, and the rows of either side."""
     cells = dict(list(rows.groupby(["group", "box_mass_kg"])))
     masses = {
         group: sorted(mass for name, mass in cells if name == group) for group in rows["group"].unique()
@@ -164,7 +164,7 @@ def _pairs(rows: pd.DataFrame, groups: tuple[str, str]) -> Iterator[tuple]:
 
 
 def comparison_table(comparisons: Sequence[GroupComparison], source_label: str) -> Table:
-    """Return what differs between groups and boxes, with p values adjusted after Holm for each comparison and box."""
+    """Return the differences between groups and boxes, with p values adjusted after Holm for each comparison and box."""
     from statsmodels.stats.multitest import multipletests
 
     rows: list[dict] = []

@@ -20,11 +20,11 @@ from lumbar.lifting.movement.pendulum_states import PLANES
 from lumbar.settings.lifting import MeasureSettings
 
 CORNERS = 8
-"""Corners of the base: four of each foot."""
+"""Number of corners of the base: four for each foot."""
 DIRECTIONS = ("forward", "right", "backward", "left")
 _TRUNK_GYRATION = {"thorax": {"male": 0.320, "female": 0.314}, "abdomen": {"male": 0.383, "female": 0.354}}
-"""Radii of gyration of upper (cervicale-xiphion) and middle trunk about the transverse axis, shares of their lengths (de Leva
-1996, Table 4): Winter has none."""
+"""Radii of gyration of upper (cervicale-xiphion) and middle trunk about the transverse axis, shares of their lengths, by sex
+(de Leva 1996, Table 4); Winter gives none."""
 
 
 @dataclass(frozen=True)
@@ -32,18 +32,18 @@ class Course:
     """Measures of a lift at every instant."""
 
     frame: pd.DataFrame
-    """Shape (n, …); `lumbar.lifting.measures.lift_values` names the columns of the measures. Those of `missing` are absent."""
+    """One row per instant, one column per measure (names: `lumbar.lifting.measures.lift_values`), without those in `missing`."""
     missing: dict[str, str] = field(default_factory=dict)
-    """Columns that the recording does not allow, with the reason."""
+    """Columns that cannot be computed from the recording, with the reason."""
     unseen: dict[str, tuple[str, ...]] = field(default_factory=dict)
-    """By column: the required points, for the reason at an instant without them."""
+    """Required points by column: they are the reason if a value is missing at an instant."""
     notes: tuple[str, ...] = ()
-    """Assumptions for missing markers."""
+    """Assumptions made in place of missing markers."""
 
 
 @dataclass(frozen=True)
 class Lifter:
-    """Trajectories of a body, with the facts and settings for its measures."""
+    """Trajectories of a lifter's body, with the facts and settings for its measures."""
 
     body: pd.DataFrame
     """Result of `lumbar.lifting.movement.lift_tables.body_frame`."""
@@ -51,7 +51,7 @@ class Lifter:
     """``body_mass_kg, box_mass_kg, height_m, sex, mass_kg`` (trunk segments), ``missing_points``."""
     settings: MeasureSettings
     gravity: float
-    """m/s²."""
+    """Gravitational acceleration, m/s²."""
 
     @cached_property
     def time(self) -> np.ndarray:
@@ -81,12 +81,12 @@ class Lifter:
 
     @property
     def load_points(self) -> tuple[str, ...]:
-        """Name of the load, if there is one."""
+        """Name of the load in a tuple; empty without a load."""
         return (LOAD,) if self.load.any() else ()
 
 
 def course_of_lift(lifter: Lifter) -> Course:
-    """Compute all measures at every instant; those that the recording does not allow are left out, with the reason."""
+    """Compute all measures at every instant; measures that need missing points are left out, with the reason."""
     columns: dict[str, np.ndarray] = {
         "time_s": lifter.time,
         **{name: lifter.body[name].to_numpy() for name in ("phase", "load_held")},
@@ -189,7 +189,7 @@ def base_of_support(lifter: Lifter) -> tuple[balance.BaseOfSupport, np.ndarray]:
 
 
 def base_from_course(course: pd.DataFrame) -> balance.BaseOfSupport:
-    """Return the base at the instants of some rows of a course, with the corners on the ground."""
+    """Return the base of support at the instants of some rows of a course."""
     columns = [[f"base_{corner}_{axis}_m" for axis in "xy"] for corner in range(1, CORNERS + 1)]
     corners = np.stack([course[pair].to_numpy(float) for pair in columns], axis=1)
     return balance.BaseOfSupport(corners, np.isfinite(corners).all(axis=2))
@@ -262,16 +262,16 @@ JOINT_ANGLES = {
     "knee_flexion": (("{}_KNEE", "{}_HIP"), ("{}_ANKLE", "{}_KNEE")),
     "shoulder_elevation": (("{}_SHOULDER", "{}_ELBOW"), ("C7T1", "L5S1")),
 }
-"""Both lines of an angle, each from one point of a side (``{}``) or of the trunk to another.
+"""Two lines by angle, each line from one point to another, of a side (``{}``) or of the trunk.
 
-That of the hip is in the sagittal plane, beyond that of standing upright; the others are 0 for parallel lines.
+The angle of the hip is in the sagittal plane, less its mean in upright standing; the other angles are 0 for parallel lines.
 """
 
 
 def _joint_angle(
     lifter: Lifter, column: str, lines: tuple[tuple[str, str], ...], is_bend: bool
 ) -> dict[str, np.ndarray]:
-    """Return the angle between two lines, 0 to 180 degrees; of a bend in the sagittal plane, beyond that of standing upright."""
+    """Return the angle between two lines, 0 to 180 degrees; for a sagittal angle, less its mean in upright standing."""
     points, forward = lifter.points, lifter.axes[1]
     one, other = (points[end] - points[start] for start, end in lines)
     if is_bend:
@@ -282,7 +282,7 @@ def _joint_angle(
 
 
 def links_above_l5s1(lifter: Lifter) -> list[Link]:
-    """Return thorax, abdomen, head, arms and load, which L5/S1 carries. The box is a point mass at its centre."""
+    """Return the links that L5/S1 carries: thorax, abdomen, head, arms and load. The box is a point mass at its centre."""
     points, mass, sex = lifter.points, lifter.facts["body_mass_kg"], lifter.facts["sex"]
     links = []
     for segment, top, bottom in (("thorax", "C7T1", "T12L1"), ("abdomen", "T12L1", "L4L5")):

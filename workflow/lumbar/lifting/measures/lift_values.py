@@ -28,10 +28,10 @@ WINDOWS = {
     CARRIED: "from lift-off to release, or as far of it as was recorded",
     DEPOSIT: "from the start of the deposit to the release",
 }
-"""Phases of a lift for which a number is computed."""
+"""Phases of a lift for which measures are reduced to one number."""
 SMALLEST, LARGEST, FARTHEST = "smallest", "largest", "farthest"
 AT_RELEASE, INTEGRAL = "at_release", "integral"
-"""Reductions of a course in time to one number; farthest is the largest distance from zero."""
+"""Reductions of a course in time to one number: `FARTHEST` is the value with the largest distance from zero."""
 
 
 @dataclass(frozen=True)
@@ -44,16 +44,16 @@ class Measure:
     safer: str
     """``higher`` or ``lower``: direction away from a step, or to a smaller load of the back; empty if neither is safer."""
     meaning: str
-    """One sentence, with the sign."""
+    """Meaning of the measure and of its sign, in one sentence."""
     source: str
     columns: dict[str, str] = field(hash=False)
-    """By plane: the column of `lumbar.lifting.measures.course.course_of_lift` that it is computed from."""
+    """Column of `lumbar.lifting.measures.course.course_of_lift` by plane."""
     how: str
-    """One of the reductions above."""
+    """Reduction of the course to one number, e.g. `AT_RELEASE`."""
     phase: str = DEPOSIT
-    """One of `WINDOWS`."""
+    """Phase of the lift, one of `WINDOWS`."""
     headline: bool = False
-    """True if a summary names it."""
+    """True if a summary includes the measure."""
 
 
 def headline_sentence(name: str, value: float, size: str) -> str:
@@ -87,7 +87,7 @@ def headline_sentence(name: str, value: float, size: str) -> str:
 
 
 def print_measure(name: str) -> str:
-    """Return the printed form of a measure or of a plane's part of its name: ``l5s1_moment`` as ``L5/S1 moment``."""
+    """Return the printed name of a measure or plane: ``L5/S1 moment`` for ``l5s1_moment``."""
     text = name.replace("flexion_extension", "flexion/extension").replace("_", " ").replace("l5s1", "L5/S1")
     return text[:1].upper() + text[1:]
 
@@ -107,8 +107,8 @@ COLUMNS = (
     *("lift", "person", "group", "box_mass_kg", "trial"),
     *("measure", "plane", "value", "unit", "safer", "source", "reason"),
 )
-"""Columns of the long table, one row per lift, measure and plane. An absent `value` is empty and has a `reason`; `trial` counts
-the lifts of one subject with one box."""
+"""Columns of the long table, one row per lift, measure and plane. If `value` is empty, `reason` is given; `trial` numbers the
+lifts of one subject with one box."""
 
 
 def values_of_lift(course: Course, facts: Mapping) -> pd.DataFrame:
@@ -131,7 +131,7 @@ def values_of_lift(course: Course, facts: Mapping) -> pd.DataFrame:
 
 
 def _value(course: Course, facts: Mapping, measure: Measure, column: str) -> tuple[float, str]:
-    """Return the number and an empty reason, or NaN and the reason."""
+    """Return a measure's value and an empty reason, or NaN and the reason."""
     if column in course.missing:
         return np.nan, course.missing[column]
     if measure.phase == CARRIED:
@@ -163,14 +163,14 @@ def _value(course: Course, facts: Mapping, measure: Measure, column: str) -> tup
 
 
 def long_table(lifts: Iterable[tuple[pd.DataFrame, Mapping]], labels: Mapping[str, str]) -> pd.DataFrame:
-    """Join the measures of many lifts under the columns of `COLUMNS`.
+    """Join the measures of many lifts in one table with the columns `COLUMNS`.
 
     Parameters
     ----------
     lifts : iterable of (pandas.DataFrame, mapping)
         `values_of_lift` and facts (``lift, subject, box_mass_kg``) of each lift.
     labels : mapping of str to str
-        Group by person.
+        Name of the group by subject.
     """
     trials: Counter = Counter()
     frames = []
@@ -188,7 +188,7 @@ SENSITIVITY = "Synthetic lifters show that the measures depend on the movement; 
 
 
 def measures_page(values: pd.DataFrame, source_label: str) -> Table:
-    """Tabulate the mean of every measure over the lifts of a group with one box, from the values of `long_table`."""
+    """Tabulate the mean of every measure over the lifts of a group with one box, from a `long_table`."""
     cells = values.assign(column=values["group"] + " " + values["box_mass_kg"].map("{:g} kg".format))
     names = list(dict.fromkeys(cells["column"]))
     means = cells.groupby(["measure", "plane", "column"])["value"].mean()
@@ -216,7 +216,7 @@ def measures_page(values: pd.DataFrame, source_label: str) -> Table:
 
 
 def write_measures(stem: str | os.PathLike, values: pd.DataFrame, source_label: str) -> None:
-    """Write ``stem.csv``, one row per lift, measure and plane, and the page as ``stem.tex`` and ``stem.html``.
+    """Write ``stem.csv``, one row per lift, measure and plane, and the `measures_page` as ``stem.tex`` and ``stem.html``.
 
     Parameters
     ----------

@@ -44,7 +44,14 @@ SKIN_MARKERS = {
     MID_HIP: ("L_HIP", "R_HIP"),
 }
 """Markers whose mean is the point on the skin, which the thesis takes."""
-SKIN_OFF_MM = {"C7T1": 75.0, "T12L1": 70.0, "XIPHOID_LEVEL": 90.0, "L4L5": 80.0, "L5S1": 85.0, MID_HIP: 20.0}
+SKIN_TO_JOINT_DISTANCE_MM = {
+    "C7T1": 75.0,
+    "T12L1": 70.0,
+    "XIPHOID_LEVEL": 90.0,
+    "L4L5": 80.0,
+    "L5S1": 85.0,
+    MID_HIP: 20.0,
+}
 """Approximate distance of the point on the skin from the joint's centre: by the regressions on an adult."""
 _HIP_YEARS = {"harrington": 2007, "hara": 2016, "reed": 1999}
 _HIP_OFF_MM = {"harrington": 15.0, "hara": 15.0, "reed": 25.0}
@@ -151,7 +158,7 @@ def trunk_points(recording: MarkerRecording, ends: str, hips: str, sex: str) -> 
             place = (
                 "the middle of the trochanters" if name == MID_HIP else f"the marker {markers[0]} on the skin"
             )
-            off = SKIN_OFF_MM[name]
+            off = SKIN_TO_JOINT_DISTANCE_MM[name]
             rule = f"{name} is {place}, about {off:g} mm from the joint's centre" + (
                 f" ({inside})" if inside else ""
             )

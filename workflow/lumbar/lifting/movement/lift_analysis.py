@@ -1,4 +1,4 @@
-"""Analysis of one lift from its markers to the pendulums of the deposit: the study's, and those of the thesis's choice."""
+"""Analysis of one lift, from its markers to the pendulums of the deposit by the choices of the study and of the thesis."""
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
@@ -32,7 +32,7 @@ CUT_OR_KEEP = (
 )
 """Remedy for a lift with a gap."""
 MAX_SPLINE_S = 1.0
-"""Longest gap that lifting.gaps.maximum_s may bridge."""
+"""Largest value of ``lifting.gaps.maximum_s`` in s."""
 
 
 @dataclass(frozen=True)
@@ -40,22 +40,22 @@ class AnalysedLift:
     """One analysed lift."""
 
     recording: MarkerRecording
-    """Gaps filled, filtered, in the axes of the planes; its name is that of the lift, e.g. ``"expert_23kg"``."""
+    """Filled and filtered recording in the axes of the planes, with the lift's name, e.g. ``"expert_23kg"``."""
     complete: MarkerRecording
-    """The whole file, gaps filled, not filtered, in the same axes."""
+    """Recording of the whole file with gaps filled, not filtered, in the axes of the planes."""
     gaps: list[Gap]
     events: dict[str, Event]
     table: SegmentTable
     points: TrunkPoints
     centres: dict[str, CentreOfMass]
     pivot: np.ndarray | None
-    """Shape (n, 3), metres; None if the recording lacks its markers."""
+    """Shape (n, 3): trajectory of the pivot, metres; None if the recording lacks the pivot's markers."""
     heading: float
-    """Radians by which the axes were rotated."""
+    """Angle by which the axes were rotated, radians."""
     states: dict[tuple[str, str], PendulumStates]
     """By centre of mass and plane."""
     missing: dict[str, str]
-    """Centres of mass that have no pendulum, with the reason."""
+    """Centres of mass without a pendulum, with the reason."""
 
 
 def analyse_lift(
@@ -68,7 +68,7 @@ def analyse_lift(
 ) -> AnalysedLift:
     """Fill gaps, filter, find the events, the centres of mass and the pendulum's states during the deposit.
 
-    Results that a recording does not allow are left out, with the reason: events in `AnalysedLift.events`, pendulums in
+    Results that need missing data are left out, with the reason: events in `AnalysedLift.events`, pendulums in
     `AnalysedLift.missing`.
 
     Parameters
@@ -78,15 +78,15 @@ def analyse_lift(
     subject, trial, settings
         Settings of the study.
     filled : sequence of Gap
-        Gaps filled while it was read, for the report.
+        Gaps that were filled while the recording was read, for the report.
     findings : sequence of MarkerFinding
-        Findings of the quality checks: frames left out are the reason for missing results.
+        Findings of the quality checks: frames that they leave out explain missing results.
 
     Raises
     ------
     InputError
-        With the file and its problem: it gives neither an event nor a centre of mass, events set by hand contradict it, or
-        with ``gaps.longer: error`` a gap that matters stays open.
+        If the file gives neither an event nor a centre of mass, if declared events contradict the file, or if a gap that matters
+        stays open under ``gaps.longer: error``.
     """
     cleaned, window = clean(recording, settings), trial.window_s
     smooth, complete = cut_to_window(cleaned.smooth, trial, settings), cleaned.complete
@@ -147,7 +147,7 @@ def _pendulums(
     settings: LiftingSettings,
     without: str,
 ) -> tuple[dict[tuple[str, str], PendulumStates], dict[str, LumbarError]]:
-    """Return the states of the deposit by centre of mass and plane, and errors by centre without them: `without` if all are."""
+    """Return the states by centre of mass and plane, and the error by centre without states: `without` if all lack them."""
     states: dict[tuple[str, str], PendulumStates] = {}
     errors: dict[str, LumbarError] = {}
     for com, centre in centres.items():
@@ -169,7 +169,7 @@ def _pendulums(
 
 @dataclass(frozen=True)
 class ThesisPendulums:
-    """Pendulums of a lift by the thesis's choice (`THESIS_CHOICE`), if the study's is another."""
+    """Pendulums of a lift by the thesis's choice (`THESIS_CHOICE`), if the study has another choice."""
 
     states: dict[tuple[str, str], PendulumStates]
     """By centre of mass and plane."""
@@ -178,7 +178,7 @@ class ThesisPendulums:
 
     @property
     def facts(self) -> dict:
-        """Choice, mean lengths in m by centre of mass and plane, and missing centres; data for JSON."""
+        """Choice, mean lengths in m by centre of mass and plane, and missing centres, as data for JSON."""
         lengths: dict[str, dict[str, float]] = {}
         for (com, plane), states in self.states.items():
             lengths.setdefault(com, {})[plane] = float(states.length.mean())
@@ -190,7 +190,7 @@ def thesis_pendulums(
 ) -> ThesisPendulums | None:
     """Return the pendulums of the deposit by the thesis's choice, in the axes of the study's planes.
 
-    None if the study's own choice is the thesis's.
+    None if the study has the thesis's choice.
     """
     own, events = pendulum.PendulumChoice.from_settings(settings), lift.events
     points, centres = lift.points, lift.centres
@@ -250,7 +250,7 @@ def cut_to_window(
 
 
 def _reject_open_gaps(recording: MarkerRecording, gaps: Sequence[Gap], maximum_s: float) -> None:
-    """Raise an error that lists those of some gaps that stay open, with a remedy."""
+    """Raise an error that lists the gaps that stay open, with a remedy."""
     problems = Problems(recording.source)
     for gap in (gap for gap in gaps if not gap.filled):
         evidence = f"not seen for {gap.length_s:.3g} s from {gap.start_s:.3f} s ({gap.outcome})"
@@ -261,14 +261,14 @@ def _reject_open_gaps(recording: MarkerRecording, gaps: Sequence[Gap], maximum_s
 
 
 def recognised_unaliased(recording: MarkerRecording) -> str:
-    """Return a remedy for markers with a known meaning that no alias names; empty without any."""
+    """Return a remedy for markers with a known meaning and no alias; empty if there are none."""
     labels = [label for label in recording.unused if label not in THIGH]
     known = [name for name in landmarks(labels) if name in recording.absent]
     return f"{NEW_STUDY} writes aliases for those that are recognised: {', '.join(known)}" if known else ""
 
 
 def _needed(points: TrunkPoints, ends: Sequence[str], pivot: str) -> list[str]:
-    """Return the markers that some ends of segments and the pivot are computed from."""
+    """Return the markers from which some ends of segments and the pivot are computed."""
     return list(dict.fromkeys([*pendulum.PIVOTS[pivot], *points.markers([*ends, *pendulum.PIVOTS[pivot]])]))
 
 
@@ -303,9 +303,9 @@ def _reason_for_missing(
     gaps: Sequence[Gap],
     findings: Sequence[MarkerFinding],
 ) -> str:
-    """Return which markers are missing in some frames and a remedy, for those left out by findings and for gaps of the file.
+    """Return the markers missing in some frames, with a remedy for frames that findings leave out and for gaps of the file.
 
-    `needed` are the markers that the samples are computed from, `ends` those of them that segments need, not only the pivot.
+    `needed` are the markers from which the samples are computed, `ends` the markers among them that segments need.
     """
     start, stop = recording.time[frames[[0, -1]]]
     hidden = [name for name in needed if name in recording and not np.isfinite(recording[name][frames]).all()]

@@ -20,16 +20,16 @@ from lumbar.records.sampling import runs
 from lumbar.settings.lifting import LiftingSettings
 
 MIN_MARKERS = 3
-"""Markers that determine the pose of a body."""
+"""Least number of markers that determine the pose of a body."""
 MIN_SPREAD_M = 0.01
 """Least spread (root mean square) of markers across the line nearest to them: a smaller one shows no rotation about it."""
 EDGE_FRAMES = 5
-"""Frames on each side of a gap with a mean that shows the error of the fit there: a single one has its own noise."""
+"""Frames averaged on each side of a gap to estimate the error of the fit there: the error of a single frame is noisy."""
 OTHER_BODY_M = 0.008
-"""Difference between static trial and recording that means another body: a pelvis in gait differs by 2 mm from its own static
+"""Least difference of shape in static trial and recording for two bodies: a pelvis in gait differs by 2 mm from its own static
 trial, and by 15 mm from another person's."""
 ALIGNMENTS = 3
-"""Number of times that full frames are aligned with their mean: then it moves by less than a hundredth of a millimetre."""
+"""Number of alignments of full frames with their mean: after them the mean moves by less than a hundredth of a millimetre."""
 
 
 @dataclass(frozen=True)
@@ -38,15 +38,15 @@ class BodyShape:
 
     labels: tuple[str, ...]
     points: np.ndarray
-    """Shape (labels, 3): metres, in body axes."""
+    """Shape (labels, 3): markers in body axes, metres."""
     residual_m: float
     """Root mean square difference of full frames from the shape."""
     source: str
-    """Label of the recording of the shape."""
+    """Label of the recording that the shape was measured in."""
 
 
 def fit_shape(shape: np.ndarray, frames: np.ndarray) -> np.ndarray:
-    """Return a shape moved rigidly, frame by frame, so that its first points fit best, shape (n, m, 3) in m.
+    """Return a shape, shape (n, m, 3) in m, moved rigidly in each frame so that its first points fit best.
 
     Parameters
     ----------
@@ -68,7 +68,7 @@ def _rotations(known: np.ndarray, frames: np.ndarray) -> np.ndarray:
 
 
 def body_shape(points: Mapping[str, np.ndarray], labels: Collection[str], source: str) -> BodyShape | None:
-    """Return the shape of some markers from the frames in which all of them are seen; None without such a frame.
+    """Return the shape of some markers from the frames in which all of them are seen; None if there is no such frame.
 
     Parameters
     ----------
@@ -97,7 +97,7 @@ def body_shape(points: Mapping[str, np.ndarray], labels: Collection[str], source
 def _misfit(shape: BodyShape, points: Mapping[str, np.ndarray]) -> float | None:
     """Return the root mean square difference of a recorded body from a shape; None if three markers are never seen together.
 
-    Markers that are never all seen together are omitted, first the one seen least.
+    If no frame has all markers, markers are omitted, the least seen first.
     """
     visible = {label: np.isfinite(points[label]).all(axis=1) for label in shape.labels if label in points}
     names = sorted(visible, key=lambda label: -visible[label].sum())
@@ -129,7 +129,7 @@ def fill_rigid(
     body: str,
     longer_than_s: float,
 ) -> tuple[dict[str, np.ndarray], list[Gap]]:
-    """Fill gaps of the markers of a body if three others of it are seen; return all markers and the filled gaps.
+    """Fill gaps of a body's markers if three other markers of the body are seen; return all markers and the filled gaps.
 
     Parameters
     ----------
@@ -208,7 +208,7 @@ class BodyFilling:
         self.findings: list[MarkerFinding] = []
 
     def __call__(self, points: dict[str, np.ndarray], time: np.ndarray) -> dict[str, np.ndarray]:
-        """Return the markers with the long gaps of every body filled, if three others of it are seen."""
+        """Return the markers with the long gaps of every body filled, if three of its other markers are seen."""
         rate = (len(time) - 1) / (time[-1] - time[0])
         for body, markers in self.rules.rigid.items():
             named = [label for marker in markers for label in labels_of(marker, self.aliases)]
@@ -226,7 +226,7 @@ class BodyFilling:
     def _static_shape(
         self, body: str, labels: list[str], points: Mapping[str, np.ndarray], legend: Legend
     ) -> BodyShape | None:
-        """Return the shape of a body in the static trial; None if the recording shows another one."""
+        """Return the shape of a body in the static trial; None if the recording shows another shape."""
         shape = body_shape(self.static, labels, "the static trial")
         misfit = None if shape is None else _misfit(shape, points)
         if misfit is None or misfit <= OTHER_BODY_M:
@@ -241,7 +241,7 @@ class BodyFilling:
 
 
 def _long_gaps(points: np.ndarray, rate: float, longer_than_s: float) -> list[slice]:
-    """Return the gaps of a marker that no spline bridges: at the ends of the recording, or longer."""
+    """Return the gaps that no spline bridges: gaps at an end of the recording, and gaps longer than `longer_than_s`."""
     return [
         gap
         for gap in runs(~np.isfinite(points).all(axis=1))

@@ -1,9 +1,9 @@
 """Motion of markers that no body makes: leaps, exchanged labels, coordinates outside any laboratory or constant to the last bit.
 
-Between frames k and k + 1 the line through frames k - 1 and k and that through k + 1 and k + 2 are continued to the middle; their
-distance there is half the third difference. It is zero at constant velocity or acceleration: a fast movement causes no leap.
-Two markers that exchange their labels leap each to the place of the other; if frames are missing without a gap, most markers leap
-together.
+The line through frames k - 1 and k and the line through frames k + 1 and k + 2 are continued to the middle between k and k + 1;
+their distance there is half the third difference. It is zero at constant velocity or acceleration: a fast movement causes no
+leap. If two markers exchange their labels, each leaps to the place of the other; if frames are missing without a gap, most
+markers leap together.
 
 `points` are positions in metres by label, shape (n_frames, 3), NaN if not seen.
 """
@@ -22,13 +22,13 @@ from lumbar.records.sampling import runs
 _LIMITS = shipped_names(Path(__file__).with_name("thresholds.yaml"), "implausible_motion")
 
 SMALLEST_M = 0.02
-"""Smaller leaps are not distinguished from the noise of real markers: untouched recordings have up to 14 mm."""
+"""Smallest leap that differs from the noise of real markers: unchanged recordings have leaps of up to 14 mm."""
 ABOVE_UNREST = 8.0
-"""Least ratio of a leap to the marker's own third differences near it (their 80th percentile)."""
+"""Least ratio of a leap to the 80th percentile of the marker's steps near the leap."""
 LONGEST_GAP_S = 0.5
-"""Nothing is compared across longer gaps."""
+"""Longest gap across which positions are compared."""
 LABORATORY_M = 100.0
-"""Coordinates beyond this distance from the origin are in no laboratory."""
+"""Largest distance from the origin within a laboratory."""
 
 
 @dataclass(frozen=True)
@@ -36,27 +36,27 @@ class Leap:
     """Sudden displacement of a marker from one seen frame to the next."""
 
     last: int
-    """Last frame before."""
+    """Last seen frame before the leap."""
     first: int
-    """First frame after."""
+    """First seen frame after the leap."""
     before: np.ndarray
-    """Shape (3,): position in the middle between both frames by the movement before, metres."""
+    """Shape (3,): position in the middle between both frames, continued from the frames before, metres."""
     after: np.ndarray
-    """Shape (3,): position there by the movement after, metres."""
+    """Shape (3,): position in the middle between both frames, continued from the frames after, metres."""
 
     @property
     def step(self) -> np.ndarray:
-        """Displacement, shape (3,), metres."""
+        """Displacement by the leap, shape (3,), metres."""
         return self.after - self.before
 
     @property
     def size(self) -> float:
-        """Length of the displacement, metres."""
+        """Length of the leap, metres."""
         return float(np.linalg.norm(self.step))
 
 
 def find_leaps(positions: np.ndarray, rate: float) -> tuple[list[Leap], list[slice]]:
-    """Return the leaps of one marker, and its spikes, which return within a few frames.
+    """Return the leaps of one marker, and its spikes (leaps away and back within a few frames).
 
     Parameters
     ----------
@@ -105,7 +105,7 @@ def find_leaps(positions: np.ndarray, rate: float) -> tuple[list[Leap], list[sli
 
 
 def step_sizes(positions: np.ndarray) -> np.ndarray:
-    """Return the distance of both continuations between successive frames, shape (n_frames - 1,), metres; NaN at the ends.
+    """Return the distance of the two continued lines between successive frames, shape (n_frames - 1,), metres; NaN at the ends.
 
     Parameters
     ----------
@@ -131,7 +131,7 @@ def typical_step(size: np.ndarray) -> np.ndarray:
 
 
 def _extrapolate(positions: np.ndarray, last: int, first: int) -> tuple[np.ndarray, np.ndarray]:
-    """Continue the lines through the frames up to `last` and from `first` to the middle between these two frames."""
+    """Continue the line up to frame `last` and the line from frame `first` to the middle between the two frames."""
     before = np.arange(max(0, last - _LIMITS.line + 1), last + 1)
     after = np.arange(first, min(len(positions), first + _LIMITS.line))
     ends = []
@@ -148,22 +148,22 @@ def _extrapolate(positions: np.ndarray, last: int, first: int) -> tuple[np.ndarr
 
 @dataclass(frozen=True)
 class Exchange:
-    """Two labels that change places at some frames and back at others."""
+    """Two labels that are exchanged at some frames and exchanged back at others."""
 
     first: str
     second: str
     frames: tuple[int, ...]
     """First frames after each change."""
     distance: float
-    """Metres between both markers at the first change."""
+    """Distance of the two markers at the first change, metres."""
 
     @property
     def pair(self) -> frozenset[str]:
-        """Both labels."""
+        """The two labels."""
         return frozenset((self.first, self.second))
 
     def intervals(self, n_frames: int) -> tuple[list[slice], list[slice]]:
-        """Return the intervals after odd changes and the others, together the recording: those of fewer frames first."""
+        """Return the intervals after odd changes and all other intervals; first the set with fewer frames."""
         parts = [slice(*edges) for edges in pairwise([0, *self.frames, n_frames])]
         shorter, longer = sorted(
             (parts[1::2], parts[::2]), key=lambda each: sum(p.stop - p.start for p in each)
@@ -210,7 +210,7 @@ def take_exchanges(leaps: dict[str, list[Leap]]) -> tuple[list[Exchange], dict[s
 
 
 def marker_at_landing(leap: Leap, label: str, points: dict[str, np.ndarray]) -> str | None:
-    """Return the label of the marker that was seen, just before, at the end of a leap; None if there was none.
+    """Return the label of the marker that was at the end of a leap just before it; None if there was none.
 
     Parameters
     ----------
@@ -237,7 +237,7 @@ def marker_at_landing(leap: Leap, label: str, points: dict[str, np.ndarray]) -> 
 def missing_frames(
     points: dict[str, np.ndarray], leaps: dict[str, list[Leap]], legend: Legend
 ) -> tuple[list[MarkerFinding], dict[str, list[Leap]]]:
-    """Return frames between which most markers leap, as errors (the missing movement is unknown), and the other leaps by label.
+    """Return errors for frames between which most markers leap (their movement is unknown), and the other leaps by label.
 
     Parameters
     ----------
@@ -286,7 +286,7 @@ def missing_frames(
 
 
 def find_positions_outside(points: dict[str, np.ndarray], legend: Legend) -> list[MarkerFinding]:
-    """Find frames in which a marker is farther from the origin than any laboratory is long."""
+    """Find frames in which a marker is more than `LABORATORY_M` from the origin."""
     findings = []
     for label, positions in points.items():
         with np.errstate(invalid="ignore"):
@@ -302,9 +302,9 @@ def find_positions_outside(points: dict[str, np.ndarray], legend: Legend) -> lis
 def find_frozen_intervals(points: dict[str, np.ndarray], legend: Legend) -> list[MarkerFinding]:
     """Find intervals in which a marker keeps its coordinates to the last bit while others move.
 
-    A file with coarse numbers repeats some of them by chance: the share of unchanged steps outside of a run estimates how often,
-    and a run counts if its chance is below 1e-9. Nothing is reported if most of the three nearest markers rest too, as on a box
-    that stands, or if the marker stops and starts by steps of the file's resolution.
+    A file with coarse numbers repeats some by chance: the share of unchanged steps outside a run estimates the probability, and
+    a run is reported if it is less probable than 1e-9. Nothing is reported if most of the three nearest markers rest too, as on a
+    resting box, or if the marker stops and starts by steps of the file's resolution.
     """
     steady = np.array([_unchanged(positions) for positions in points.values()])
     findings = []
@@ -339,14 +339,14 @@ def find_frozen_intervals(points: dict[str, np.ndarray], legend: Legend) -> list
 
 
 def _unchanged(positions: np.ndarray) -> np.ndarray:
-    """Return whether each step leaves a marker exactly at its place, shape (n_frames - 1,)."""
+    """Return whether a marker keeps its exact position in each step, shape (n_frames - 1,)."""
     return (np.diff(positions, axis=0) == 0).all(axis=1)
 
 
 def find_repeated_samples(
     points: dict[str, np.ndarray], legend: Legend
 ) -> tuple[list[MarkerFinding], set[str]]:
-    """Find markers that move only in every second (third, …) frame and keep their coordinates in between; with their labels."""
+    """Find markers that move only in every second (third, …) frame; return findings and labels."""
     labels_by_hold: dict[int, list[str]] = {}
     for label, positions in points.items():
         if every := _hold_interval(positions):
@@ -367,7 +367,7 @@ def find_repeated_samples(
 
 
 def _hold_interval(positions: np.ndarray) -> int:
-    """Return for how many frames, at least 2, a marker keeps each of its positions; 0 if it does not."""
+    """Return the number of frames, at least 2, for which a marker keeps each position; 0 if it moves in every frame."""
     visible = np.isfinite(positions[:, 0])
     known = visible[1:] & visible[:-1]
     moves = ~_unchanged(positions) & known

@@ -1,7 +1,7 @@
 """Reading a marker file through the checks: frames that cannot be a body become gaps, and a quality sheet reports them.
 
-A label that is the only one to fill a standard name is defined by it; in a rule such as ``L_WRIST: {mean: [RWRA, RWRB]}`` its
-side is. So labels that the user has exchanged in the layout's aliases are not reported as exchanged again.
+An alias of a single label defines that label's meaning; a rule such as ``L_WRIST: {mean: [RWRA, RWRB]}`` defines the side of its
+labels. So labels that the user has exchanged in the layout's aliases are not reported as exchanged again.
 """
 
 import os
@@ -25,7 +25,7 @@ from lumbar.settings.layout import Alias, MarkerLayout, MeanOfMarkers, OffsetPoi
 from lumbar.tables.table import Table, table_from_schema
 
 _MAX_GAPS = 5
-"""Markers with gaps that the sheet's text names."""
+"""Largest number of markers with gaps in the text of the report."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class OpenGap:
 
     marker: str
     missing_share: float
-    """Share of the frames in which it is not seen."""
+    """Share of the frames in which the marker is not seen."""
     longest_s: float
     """Length of the longest gap."""
     from_s: float
@@ -53,14 +53,14 @@ class QualitySheet:
     markers: tuple[str, ...]
     """Measured markers, by the file's labels."""
     gaps: tuple[OpenGap, ...]
-    """Gaps of the file itself, worst first."""
+    """Gaps in the file before any check, worst first."""
     findings: tuple[MarkerFinding, ...]
     estimated: dict[str, str]
-    """Standard names that no marker fills, with the rule they follow."""
+    """Standard names without a marker that a rule estimates, with the rule."""
     absent: dict[str, str]
-    """Standard names that nothing fills, with the reason."""
+    """Standard names without marker and rule, with the reason."""
     left_out: dict[str, str]
-    """Points of the file that are not markers, or that the findings leave out altogether, with the reason."""
+    """Points of the file that are not markers, and markers left out of all frames by findings, with the reason."""
     unused: tuple[str, ...]
     """Markers without a standard name."""
     events: tuple[RecordedEvent, ...]
@@ -110,24 +110,24 @@ class QualitySheet:
 
 @dataclass
 class Screening:
-    """A screen for `lumbar.records.markers.read_markers` that keeps its findings."""
+    """Check of marker files for `lumbar.records.markers.read_markers`, with the findings in the last file."""
 
     height_m: float | None = None
     aliases: Mapping[str, Alias | None] = field(default_factory=dict)
     """Aliases of the layout, which define the laboratory's labels."""
     refuse: bool = True
-    """True if findings that are errors raise; otherwise they are only listed."""
+    """True if a finding with outcome `ERROR` raises `InputError`; False if it is only listed."""
     findings: list[MarkerFinding] = field(default_factory=list)
     """Findings in the file read last."""
     points: dict[str, np.ndarray] = field(default_factory=dict)
-    """Shape (n_frames, 3): its measured markers by label, before anything was left out."""
+    """Shape (n_frames, 3): measured markers of the file by label, before anything was left out."""
     unchecked: dict[str, str] = field(default_factory=dict)
     """Properties that could not be compared with a body, with the reason."""
 
     def __call__(
         self, points: dict[str, np.ndarray], time: np.ndarray, rate: float
     ) -> tuple[dict[str, np.ndarray], dict[str, str]]:
-        """Return the points without the frames left out, and the reasons for markers that are left out altogether."""
+        """Return the points with NaN in frames left out, and the reasons for markers left out of all frames."""
         meant = meant_labels(self.aliases, points)
         meant = meant_in_rules(self.aliases, points, meant) | meant
         self.points, self.findings = points, examine(points, time, rate, self.height_m, meant)
@@ -157,9 +157,9 @@ def read_screened(
     height_m: float | None = None,
     repair: Repair | None = None,
 ) -> tuple[MarkerRecording, QualitySheet]:
-    """Read a marker file, leave out what cannot be a body, and return its quality sheet too.
+    """Read a marker file, leave out frames that cannot be a body, and return the recording and its quality report.
 
-    Frames that are left out become gaps; a marker left out altogether is among `MarkerRecording.dropped`.
+    Frames that are left out become gaps; a marker left out of all frames is in `MarkerRecording.dropped`.
 
     Parameters
     ----------
@@ -188,7 +188,7 @@ def read_screened(
 
 @contextmanager
 def naming(path: str | os.PathLike) -> Iterator[None]:
-    """Prefix errors that do not begin with the file's name by it."""
+    """Put the file's name in front of error messages that do not begin with it."""
     try:
         yield
     except InputError as error:
@@ -197,7 +197,7 @@ def naming(path: str | os.PathLike) -> Iterator[None]:
 
 
 def sheet_of(recording: MarkerRecording, screening: Screening, layout: MarkerLayout) -> QualitySheet:
-    """Return the sheet of a recording that was read through a screening, after its axes are checked by the body.
+    """Check the axes of a recording by the body and return the quality report of its screening.
 
     Parameters
     ----------
@@ -206,12 +206,12 @@ def sheet_of(recording: MarkerRecording, screening: Screening, layout: MarkerLay
     screening : Screening
         Screening of this recording.
     layout : MarkerLayout
-        Layout it was read with.
+        Layout with which the recording was read.
 
     Raises
     ------
     InputError
-        For axes that are not those of the body.
+        If the declared axes contradict the body.
     """
     check_unaliased_axes(usable_markers(screening.points, screening.findings), recording, layout)
     from lumbar.records.marker_aliases import resolve_aliases
@@ -232,7 +232,7 @@ def sheet_of(recording: MarkerRecording, screening: Screening, layout: MarkerLay
 
 
 def meant_labels(aliases: Mapping[str, Alias | None], labels: Collection[str]) -> dict[str, str]:
-    """Return, by standard name, the label of the file that fills an alias without others.
+    """Return by standard name the first label of its alias that the file has; labels after a rule do not count.
 
     Parameters
     ----------
@@ -255,7 +255,7 @@ def meant_labels(aliases: Mapping[str, Alias | None], labels: Collection[str]) -
 def meant_in_rules(
     aliases: Mapping[str, Alias | None], labels: Collection[str], meant: Mapping[str, str]
 ) -> dict[str, str]:
-    """Return, by landmark, the labels in rules of the other side.
+    """Return label by landmark, for labels named after one side in a rule for the other side.
 
     Parameters
     ----------
@@ -292,7 +292,7 @@ def quality_sheet(
     findings: Sequence[MarkerFinding],
     unchecked: dict[str, str] | None = None,
 ) -> QualitySheet:
-    """Return the sheet of a recording.
+    """Return the quality report of a recording.
 
     Parameters
     ----------

@@ -32,8 +32,8 @@ from lumbar.tissue.models.form import Effect
 
 _SEGMENT_SAMPLES = 500
 """Samples of the default segment."""
-_NOISE = {"color": "#bbbbbb", "edgecolor": "#555555", "linewidth": 0.6}
-_EXPLAINABLE = {"color": "white", "edgecolor": MODELS["HO"]["color"], "hatch": "////", "linewidth": 0.8}
+_NOISE_STYLE = {"color": "#bbbbbb", "edgecolor": "#555555", "linewidth": 0.6}
+_EXPLAINABLE_STYLE = {"color": "white", "edgecolor": MODELS["HO"]["color"], "hatch": "////", "linewidth": 0.8}
 
 
 def default_segment(record: Record, simulated: np.ndarray, start: float) -> tuple[float, float]:
@@ -117,10 +117,12 @@ def _draw_shares(axis, comparisons: list[Comparison]) -> None:
     places = np.arange(len(comparisons))
     if comparisons[0].floor is not None:
         explainable = np.array([item.explainable_percent for item in comparisons])
-        axis.bar(places, left - explainable, 0.55, label="noise", **_NOISE)
-        axis.bar(places, explainable, 0.55, bottom=left - explainable, label="explainable", **_EXPLAINABLE)
+        axis.bar(places, left - explainable, 0.55, label="noise", **_NOISE_STYLE)
+        axis.bar(
+            places, explainable, 0.55, bottom=left - explainable, label="explainable", **_EXPLAINABLE_STYLE
+        )
     else:
-        axis.bar(places, left, 0.55, label="noise and error of the model", **_NOISE)
+        axis.bar(places, left, 0.55, label="noise and error of the model", **_NOISE_STYLE)
     axis.errorbar(places, left, bars, fmt="none", color="black", capsize=2, linewidth=0.8)
     for place, item, top in zip(places, comparisons, high, strict=True):
         note(axis, f"VAF\n{item.vaf.value:.4g} %", (place, top), (0, 3), ha="center", fontsize=6.5)

@@ -27,14 +27,14 @@ if TYPE_CHECKING:
 FIRST, SECOND, UNDECIDED = "#0072B2", "#D55E00", "#8c8c8c"
 _MARKERS = ("o", "s", "D", "^", "v")
 MAX_ROWS = 36
-"""The table has all rows."""
+"""Largest number of rows in the figure; the table has all rows."""
 
 
 @house_style
 def group_comparison_figure(comparisons: Sequence[GroupComparison], groups: tuple[str, str]) -> Figure:
-    """Draw the differences between two groups in standard deviations between people, with the safer group's side.
+    """Draw the differences between two groups, in units of the standard deviation between people, and name the safer sides.
 
-    Only comparisons between the groups are drawn.
+    Comparisons of boxes within a group are not drawn.
     """
     between = [item for item in comparisons if not item.paired]
     boxes = list(dict.fromkeys(item.box for item in between))

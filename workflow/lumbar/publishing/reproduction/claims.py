@@ -59,7 +59,7 @@ TABLE_3_1: dict[str, tuple[str, Criterion]] = {
 _BUILT_IN = {"condition_number", "vaf_percent", "fit_percent", "mean_residual_N"}
 """Columns of Table 3.1 that the twin's tissue was made to show."""
 _DIGITS = _tolerance(0.051, "equal to the printed digits")
-_SIGN = ("same sign", lambda thesis, value: thesis * value > 0)
+_SAME_SIGN = ("same sign", lambda thesis, value: thesis * value > 0)
 
 
 def all_claims(thesis_tables: dict[str, pd.DataFrame], groups: tuple[str, str] = GROUPS) -> list[Claim]:
@@ -186,7 +186,7 @@ def _table_4_1_cells(thesis: pd.DataFrame, groups: tuple[str, str]) -> list[_Cel
             name = f"table_4_1.{row['comparison']}.{com}.{plane}"
             statement = f"{comparison}, {com}, {plane}".replace("_", " ") + ": difference in percent"
             selected, column = {"comparison": comparison, "com": com}, f"{plane}_percent"
-            compared = float(row[column]), _SIGN, absent, CANNOT_BE_TESTED, column
+            compared = float(row[column]), _SAME_SIGN, absent, CANNOT_BE_TESTED, column
             cells.append(_Cell(name, statement, selected, *compared))
     return cells
 

@@ -204,7 +204,7 @@ def _paired_agrees(results: Results) -> Outcome:
     return Outcome(value, found.agrees)
 
 
-def _best(which: str, model: str, results: Results) -> Outcome:
+def _judge_best_pick(which: str, model: str, results: Results) -> Outcome:
     picks = {name: entry["percent"] for name, entry in results["survey"]["best_picks"].items()}
     chosen = max(picks, key=picks.get) if which == "highest" else min(picks, key=picks.get)
     return Outcome(", ".join(f"{name} {value:.1f} %" for name, value in picks.items()), chosen == model)
@@ -377,8 +377,8 @@ def judges_of_sentences(groups: tuple[str, str]) -> dict[str, Callable[[Results]
         **{f"participants.{group}": partial(_participants, group, share) for group, share in shares.items()},
         "pairs_differ": partial(_all_but_kb_ho, "p_value", "mann_whitney"),
         "pairs_differ_holm": partial(_all_but_kb_ho, "p_holm", "mann_whitney"),
-        "best_ho": partial(_best, "highest", "HO"),
-        "best_il": partial(_best, "lowest", "IL"),
+        "best_ho": partial(_judge_best_pick, "highest", "HO"),
+        "best_il": partial(_judge_best_pick, "lowest", "IL"),
         "expert_larger": partial(_compared, between, lambda rows: (rows[lateral] > 0).all()),
         "lateral_largest": partial(
             _compared, between, lambda rows: (rows[lateral].abs() > rows[sagittal].abs()).all()

@@ -171,7 +171,7 @@ def _add_motion_problems(trajectory: Trajectory, problems: Problems) -> None:
         )
 
 
-NO_TRAJECTORY = "trajectory"
+INVALID_TRAJECTORY = "trajectory"
 """Missing basin if the trajectory itself is invalid: all its basins."""
 
 
@@ -289,7 +289,7 @@ def trajectories_of_lift(
         for plane in PLANES:
             if com in missing:
                 failures.append(
-                    Failure(**lifted, com=com, plane=plane, basin=NO_TRAJECTORY, reason=missing[com])
+                    Failure(**lifted, com=com, plane=plane, basin=INVALID_TRAJECTORY, reason=missing[com])
                 )
                 continue
             rows = parts.get((com, plane), states[:0])
@@ -309,7 +309,7 @@ def trajectories_of_lift(
             )
             problems = find_problems(trajectory).entries
             if problems:
-                failures.append(Failure.from_trajectory(trajectory, NO_TRAJECTORY, ". ".join(problems)))
+                failures.append(Failure.from_trajectory(trajectory, INVALID_TRAJECTORY, ". ".join(problems)))
             else:
                 trajectories.append(scale_to_unit_time(trajectory) if time == "unit" else trajectory)
     return trajectories, failures
