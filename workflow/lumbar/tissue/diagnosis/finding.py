@@ -5,12 +5,12 @@ from dataclasses import asdict, dataclass
 
 @dataclass(frozen=True)
 class Finding:
-    """One property of the records; what detects it writes its sentence."""
+    """One property of the records."""
 
     kind: str
-    """E.g. ``"force_offset"``, ``"position_noise"``, ``"higher_order_linear"``."""
+    """Kind of property, e.g. ``"force_offset"``, ``"position_noise"``, ``"higher_order_linear"``."""
     sentence: str
-    """The property with numbers and units, and advice."""
+    """Description of the property with numbers and units, and advice."""
     value: float
     """Size of the property."""
     unit: str

@@ -1,9 +1,9 @@
 """The excitation that distinguishes tied models.
 
-A record distinguishes two models if neither can be refitted to the force that the other predicts. Their distance is the size of
-the error that one leaves of the other's force, in noise standard deviations, √Σ(F_A − F_B)²/σ, the smaller of both directions:
-the shift of the statistic of the likelihood-ratio test in standard deviations (T-optimality: Atkinson and Fedorov, Biometrika 62
-(1975) 57-70). Excitations are ranked by the root mean square of the difference instead, which does not reward mere length.
+A record distinguishes two models if neither can be refitted to the force that the other predicts. The distance of two models is
+the error that a refit of one leaves of the force of the other, √Σ(F_A − F_B)²/σ in noise standard deviations; the smaller value
+counts. It is the shift of the likelihood-ratio statistic in standard deviations (T-optimality: Atkinson and Fedorov, Biometrika
+62 (1975) 57-70). Excitations are ranked by the root mean square of the difference, because the distance grows with the length.
 """
 
 from collections.abc import Iterator
@@ -21,17 +21,17 @@ from lumbar.tissue.models.motion import Motion
 from lumbar.tissue.signals.spectrum import Kinematics, occupied_band, peak_kinematics
 
 _MAX_LENGTH_SHARE, _MAX_SAMPLES = 0.3, 3000
-"""Share of the training record's samples, and samples, up to the larger of which an excitation lasts unless it repeats the
-record."""
+"""Longest excitation, unless it repeats the training record: this share of the samples of that record or this number of samples,
+the larger of both."""
 _SHARES = (0.25, 1.0, 1.5)
 """Amplitudes tried, as shares of the training record's half range."""
 _ONSET = 10.0
-"""Times in which the machine turns, over which motion sets in after rest."""
+"""Time over which motion sets in after rest, in turning times of the machine."""
 REFITTED = 4
-"""Number of excitations, the best to first order, that are judged with full refits."""
+"""Number of excitations that are judged with full refits: the best to first order."""
 CLEAR, CLEARER = 6.0, 2.0
-"""Noise standard deviations, and times those of the record that left the tie, that are enough: an excitation above both is
-preferred within the range already recorded."""
+"""Distance that is enough, in noise standard deviations and in distances on the training record: an excitation above both is
+preferred if it stays within the range already recorded."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +42,7 @@ class ExcitationCandidate:
     """E.g. ``"a triangle of ±8 mm at 2 mm/s for 30 s"``."""
     motion: Motion
     is_within: bool
-    """True if it stays within the positions of the training record, where both models were fitted."""
+    """True if the signal stays within the positions of the training record, to which both models were fitted."""
 
 
 def excitation_family(reference: Motion, unit: str, limits: Kinematics | None) -> list[ExcitationCandidate]:
@@ -54,12 +54,12 @@ def excitation_family(reference: Motion, unit: str, limits: Kinematics | None) -
     Parameters
     ----------
     reference : Motion
-        Motion of the training record: its range, band and rate.
+        Motion of the training record; it gives range, band and rate.
     unit : str
         Unit of the position.
     limits : Kinematics or None
-        Limits of the machine, in this unit; default twice the record's own peaks of velocity and acceleration and one and a half
-        times its displacement.
+        Limits of the machine, in `unit`; default twice the record's peaks of velocity and acceleration, and 1.5 times its peak of
+        displacement.
 
     Returns
     -------
@@ -182,11 +182,11 @@ class Separation:
 
     excitation: ExcitationCandidate
     distance: float
-    """Noise standard deviations by which it would separate the closest pair of selected and tied candidates."""
+    """Distance under this excitation of the closest pair of selected and tied candidates, in noise standard deviations."""
     rms: float
-    """Root mean square of that pair's difference, in the output's unit."""
+    """Root mean square of the difference of the closest pair, in the output's unit."""
     recorded: float
-    """Distance on the training record."""
+    """Distance of the closest pair on the training record, in noise standard deviations."""
     closest: tuple[str, ...]
     """Effects of the selected candidate's closest rival under this excitation."""
     tried: int
@@ -194,12 +194,12 @@ class Separation:
 
     @property
     def separates(self) -> bool:
-        """True if the tie would be broken: the likelihoods then differ by more than `TIED`."""
+        """True if the excitation would break the tie: the likelihoods then differ by more than `TIED`."""
         return self.distance**2 > TIED
 
     @property
     def improves(self) -> bool:
-        """True if it separates better than the training record."""
+        """True if the excitation separates the candidates better than the training record does."""
         return self.distance > self.recorded
 
     def to_json(self) -> dict:
@@ -220,10 +220,10 @@ class Separation:
 def separating_excitation(diagnosis: DiagnosisResult, limits: Kinematics | None = None) -> Separation | None:
     """Search the excitation under which the selected and the tied candidates differ most.
 
-    None without a tie, or if a candidate needs other channels than the input: an excitation does not define them.
+    Return None without a tie, or if a candidate needs channels in addition to the input: an excitation does not define them.
 
     Every excitation is judged to first order (the difference beyond the other model's tangent space), the best few with both
-    models refitted in turn. `limits` are the machine's, in the input's unit: see `excitation_family`.
+    models refitted in turn. `limits` are the limits of the machine in the input's unit, as in `excitation_family`.
     """
     rivals, model = diagnosis.tied_with, diagnosis.model.fit
     forms = [form for item in (diagnosis.model, *rivals) for form in item.fit.structure.forms]
@@ -246,7 +246,7 @@ def separating_excitation(diagnosis: DiagnosisResult, limits: Kinematics | None 
         return min(left)
 
     def refitted(item: ExcitationCandidate) -> tuple[tuple[float, float], tuple[str, ...]]:
-        """Return the error that full refits leave of the closest rival's noise-free force, or it of the model's."""
+        """Return the error that a full refit leaves of the force of the other model without noise, and the closest rival."""
         judged = []
         for rival in rivals:
             for truth, other in ((model, rival.fit), (rival.fit, model)):
@@ -272,7 +272,7 @@ def separating_excitation(diagnosis: DiagnosisResult, limits: Kinematics | None 
 
 
 def separation_sentence(separation: Separation, diagnosis: DiagnosisResult) -> str:
-    """Propose the excitation, or report that none of those tried helps."""
+    """Propose the excitation, or report that no excitation that was tried helps."""
     unit = diagnosis.experiment.output_unit
     pair = f"{effects_text(diagnosis.selected)} from {effects_text(separation.closest)}"
     excitation, distance = separation.excitation.description, separation.distance

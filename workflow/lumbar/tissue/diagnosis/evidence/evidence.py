@@ -1,8 +1,8 @@
 """Evidence of a diagnosis in addition to the ranking: ties, the experiment that settles them, limits, the remaining error.
 
-The force that a candidate adds to the base is its simulation less the base's, on all records. Only the part counts that the
-base's own parameters cannot take up (`lumbar.tissue.diagnosis.fitting.uncertainty`). Two effects explain the same error if their
-added forces have the same direction; the angle between them measures how well they can be distinguished, whatever the noise.
+The force that a candidate adds to the base is the simulation of the candidate minus that of the base, on all records. Only the
+part counts that the parameters of the base cannot absorb (`lumbar.tissue.diagnosis.fitting.uncertainty`). Two effects explain the
+same error if their added forces have the same direction; the angle between them measures how well they can be distinguished.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ if TYPE_CHECKING:
 ALIKE = 15.0
 """Largest angle in degrees between added forces of one cluster (97 % of the force in common)."""
 _ROUNDING_SHARE = 1e-9
-"""Largest share of a force that is rounding."""
+"""Share of a force below which an added force is rounding."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,14 +54,14 @@ class Ties:
     """Angles between the added forces of candidates, and clusters of similar ones."""
 
     candidates: list[Candidate]
-    """The selected one first; those whose added force noise would hide are left out."""
+    """Candidates, the selected one first, without candidates with an added force that noise would hide."""
     angles: np.ndarray
-    """Shape (candidates, candidates): degrees, 0 to 180."""
+    """Angles between added forces in degrees, 0 to 180, shape (candidates, candidates)."""
     clusters: list[list[int]]
     """Indices of candidates with all angles at most the larger of `ALIKE` and `resolution`; the cluster of the selected one
     comes first."""
     resolution: float
-    """Degrees: noise hides an angle as small as this from the selected effect's added force."""
+    """Angle in degrees to the added force of the selected effect that noise hides."""
 
     def to_json(self) -> dict:
         """Return the entry ``ties`` of ``diagnosis.json``."""
@@ -74,7 +74,7 @@ class Ties:
 
 
 def signal_angles(diagnosis: DiagnosisResult) -> Ties | None:
-    """Compare the added forces of the ranked candidates; None if nothing was selected."""
+    """Compare the added forces of the ranked candidates; return None if nothing was selected."""
     if not diagnosis.selected:
         return None
     experiment, noise = diagnosis.experiment, diagnosis.noise_rms
@@ -101,7 +101,7 @@ def signal_angles(diagnosis: DiagnosisResult) -> Ties | None:
 def angles_between(signals: np.ndarray) -> np.ndarray:
     """Return the angles in degrees between the columns of `signals`; a column of zeros is at 90° to all others.
 
-    Taken from the half-angle, 2 atan2(‖a − b‖, ‖a + b‖) of unit vectors, which stays accurate for small angles (Kahan, How
+    The angle is 2 atan2(‖a − b‖, ‖a + b‖) of unit vectors a and b, which stays accurate for small angles (Kahan, How
     Futile are Mindless Assessments of Roundoff, 2006, §12).
     """
     size = np.sqrt(np.sum(signals**2, axis=0))
@@ -132,19 +132,19 @@ class Detectable:
 
     effect: str
     easiest: float
-    """RMS of the force that it must add, in the output's unit, for the form and shape that the record shows best."""
+    """RMS of the force that the effect must add, in the output's unit, for the form and shape that the record shows best."""
     hardest: float
-    """The RMS for the form and shape that the record shows worst."""
+    """RMS of the force that the effect must add, in the output's unit, for the form and shape that the record shows worst."""
 
 
 def detectable_effects(
     diagnosis: DiagnosisResult, catalogue: dict[str, Effect], null: NullDistribution
 ) -> list[Detectable]:
-    """Return the smallest detectable force of every effect that the model does not have, the best shown first.
+    """Return the smallest detectable force of every effect that the model lacks, the most easily detected first.
 
-    An effect is selected if its statistic N R² exceeds the threshold of the null table; R² counts only the part that the model's
-    own parameters cannot take up. A force of which they take up the share 1 − s must therefore have the RMS
-    σ √(threshold/(N s)). Effects that do not add a force are judged by the change they make at their starting parameters.
+    An effect is selected if its statistic N R² exceeds the threshold of the null table; R² counts only the part of the force that
+    the parameters of the model cannot absorb. If this part is the share s, the force must have the RMS σ √(threshold/(N s)).
+    Effects that do not add a force are judged by the change that they cause at their starting parameters.
     """
     fit, data = diagnosis.model.fit, diagnosis.experiment.training
     least = diagnosis.noise_rms * np.sqrt(null.threshold(number_of_forms(catalogue)) / data.size)
@@ -171,7 +171,7 @@ def detectable_effects(
 _MAX_HALF_WIDTH = 0.5
 """Half width of an interval, as a share of the value, above which a parameter is poorly known."""
 _LISTED_EFFECTS = 4
-"""Effects listed as the hardest to see."""
+"""Number of effects listed as the hardest to detect."""
 EXCITATION = "separating_excitation.csv"
 
 
@@ -182,21 +182,21 @@ class Evidence:
     remaining: list[ResidualReport]
     """Remaining error of the selected model on every record."""
     ties: Ties | None
-    """None if nothing was selected."""
+    """Angles between the added forces of candidates; None if nothing was selected."""
     separation: Separation | None
-    """None without a tie."""
+    """Excitation that separates tied candidates; None without a tie."""
     detectable: list[Detectable]
-    """Smallest detectable size of other effects."""
+    """Smallest detectable force of every effect that the model lacks."""
     threshold: float
-    """Gain that an effect needs to be selected."""
+    """Smallest likelihood-ratio statistic of an effect that may be selected."""
     null: NullDistribution
-    """Simulated experiments that give the threshold."""
+    """Statistics of simulated null experiments, which give the threshold."""
     other_forms: list[Candidate]
-    """The selected model with one of its effects in another mathematical form."""
+    """Models that differ from the selected model in the mathematical form of one effect."""
 
 
 def machine_limits(machine: MachineSettings | None, experiment: Experiment) -> Kinematics | None:
-    """Return the limits of the machine in the input's unit; None if it is unknown or the input is not in mm."""
+    """Return the limits of the machine in the input's unit; None if the machine is unknown or the input is not in mm."""
     if machine is None or experiment.input_unit != "mm":
         return None
     return Kinematics(machine.displacement_mm, machine.velocity_mm_s, machine.acceleration_mm_s2)
@@ -205,9 +205,10 @@ def machine_limits(machine: MachineSettings | None, experiment: Experiment) -> K
 def gather_evidence(
     diagnosis: DiagnosisResult, settings: DiagnosisSettings, seed: int, machine: MachineSettings | None = None
 ) -> Evidence:
-    """Gather the evidence for a diagnosis, with the settings that it was made with.
+    """Gather the evidence for a diagnosis.
 
-    `seed` is that of the intervals. The machine's limits are used if the input is in mm.
+    `settings` are the settings of that diagnosis. `seed` is the random seed of the intervals. The limits of the machine are used
+    if the input is in mm.
     """
     experiment, model = diagnosis.experiment, diagnosis.model
     null = null_distribution(diagnosis.base.fit.structure.base.system)
@@ -305,8 +306,8 @@ def write_diagnosis(
 ) -> None:
     """Write ``diagnosis.json``, ``ladder.csv`` and, if effects are tied, ``separating_excitation.csv``.
 
-    The result is written first without its evidence, so that it stays if `gather` cannot return the evidence. An excitation of an
-    earlier diagnosis is removed from the folder. `source_label` names the source of the data.
+    The result is first written without evidence, so that it remains if `gather` fails. The excitation of an earlier diagnosis is
+    removed from the folder. `source_label` names the source of the data.
     """
     write_json(folder / "diagnosis.json", {**diagnosis.to_json(), "data": source_label})
     write_csv(folder / "ladder.csv", ladder_frame(diagnosis, source_label))
@@ -319,7 +320,7 @@ def write_diagnosis(
 
 
 def diagnosis_document(diagnosis: DiagnosisResult, evidence: Evidence, source_label: str) -> dict:
-    """Return the content of ``diagnosis.json``: the contract's keys and those of the evidence."""
+    """Return the content of ``diagnosis.json``: the keys of the diagnosis and of its evidence."""
     unit = diagnosis.experiment.output_unit
     return {
         **diagnosis.to_json(),

@@ -19,23 +19,23 @@ class DiagnosisSettings:
     base: str | Base = CHOSEN_BY_DATA
     """Base model: a key of `lumbar.tissue.models.bases.BASES`, ``"auto"`` to let the data choose, or a user-defined one."""
     train: str | Sequence[str] | None = None
-    """Training record, or several that are fitted together; None takes the longest."""
+    """Name of the training record, or of several that are fitted together; None selects the longest."""
     catalogue: dict[str, Effect] | None = None
-    """Candidate effects; None takes those of the base's system."""
+    """Candidate effects; None selects the catalogue of the base's system."""
     most_effects: int = 3
     """Largest number of effects to add."""
     forward: bool = False
-    """The records of a tissue test have the force as input and the motion as output."""
+    """True if the records of a tissue test have the force as input and the motion as output."""
     load_drives: bool = False
-    """The load is the input of the records: with `forward`, and for a user-defined base with the load as input."""
+    """True if the load is the input of the records: with `forward`, and for a user-defined base with the load as input."""
     propose_law: bool = False
-    """Search a short formula for the part that no effect explains."""
+    """True to search a short formula for the error that no effect explains."""
     session: bool = False
-    """The records were cut from one session, in their order."""
+    """True if the records were cut from one session, in their order."""
     settling_s: float | None = None
-    """Seconds at the start of every record that no error counts; None follows the records."""
+    """Seconds at the start of every record that are excluded from all errors; None derives them from the records."""
     layout: ColumnLayout | None = None
-    """Layout that the records were read with, for proposed corrections of it; None is the reference layout."""
+    """Column layout of the files of the records, for proposed corrections; None is the reference layout."""
     force_frame: tuple[float, ...] | None = None
     """Rotation of a force sensor of several axes; see `lumbar.records.sampling.rotate_forces`."""
 
@@ -46,13 +46,13 @@ class DiagnosisSettings:
 
     @property
     def candidates(self) -> dict[str, Effect]:
-        """Candidate effects, with those of the motion's sensor if the force is the input."""
+        """Candidate effects, with the effects of the motion sensor if the force is the input."""
         catalogue = CATALOGUES[self.system] if self.catalogue is None else self.catalogue
         return {**catalogue, **MOTION_SENSOR} if self.forward else catalogue
 
     @property
     def searched(self) -> dict[str, Effect]:
-        """Candidates without those that are only tried as rivals of a named effect."""
+        """Candidate effects without effects that are only tried as rivals of a named effect."""
         return {name: effect for name, effect in self.candidates.items() if not effect.rival}
 
     @property
@@ -68,7 +68,7 @@ class DiagnosisSettings:
         catalogue : dict of str to Effect
             Candidate effects.
         most_effects : int, optional
-            Largest number of effects to add; default as before.
+            Largest number of effects to add; default unchanged.
         """
         return replace(self, catalogue=catalogue, most_effects=most_effects or self.most_effects)
 
@@ -81,7 +81,7 @@ class DiagnosisSettings:
         Raises
         ------
         InputError
-            If the base is unknown, or invalid.
+            If the base is unknown or invalid.
         """
         improvement = settings.improvement
         base = base or improvement.base

@@ -1,4 +1,4 @@
-"""Records as a fit uses them: motion, force, samples that count, colour of the noise; and lower rates of long records."""
+"""Data of records for fits: motion, force, samples that count, colour of the noise; and lower rates of long records."""
 
 from __future__ import annotations
 
@@ -25,21 +25,21 @@ class FitData:
     name: str
     motion: Motion | JoinedMotions
     force: np.ndarray
-    """Shape (samples,)."""
+    """Measured force, shape (samples,)."""
     whitening: np.ndarray = field(default_factory=lambda: np.ones(1))
     """Coefficients of an FIR filter that makes the noise white; ``[1]`` if it is white."""
     settling: int = 0
-    """Samples at the start that no error counts, because the initial state is not known."""
+    """Number of samples at the start that are excluded from errors, because the initial state is unknown."""
     has_own_zero: bool = False
-    """Zero of the sensor may differ from training: the mean of an error is then ignored."""
+    """True if the zero of the sensor may differ from that in training: the mean of an error is then ignored."""
     begins: int = 0
-    """First sample of the record; those before it belong to earlier records of the session and only set the state."""
+    """Index of the record's first sample; samples before it belong to earlier records of the session and only set the state."""
     cache: ResultCache = field(init=False, repr=False, default_factory=ResultCache)
-    """Fits to this record."""
+    """Cache of fits to this record."""
 
     @property
     def records(self) -> tuple[FitData, ...]:
-        """The records that are fitted together: this one."""
+        """The records that are fitted together: only this record."""
         return (self,)
 
     @property
@@ -67,7 +67,7 @@ class FitData:
         return signal[self.begins :]
 
     def split(self, share: float) -> tuple[FitData, FitData]:
-        """Return the first part of the record, and the whole record of which only the rest counts."""
+        """Return the first part of the record, and the whole record with only the remaining samples counted."""
         count = round(share * self.length)
         end = self.begins + count
         early = replace(self, motion=self.motion.beginning(end), force=self.force[:end])
@@ -100,7 +100,7 @@ class FitData:
         return self.trim(signal)
 
     def split_records(self, values: np.ndarray) -> list[np.ndarray]:
-        """Split values at the samples that count into those of each record."""
+        """Split values at the samples that count by record."""
         return [values]
 
     @cached_property
@@ -173,7 +173,7 @@ class JointData(FitData):
         return sum(part.size for part in self.parts)
 
     def split_records(self, values: np.ndarray) -> list[np.ndarray]:
-        """Split values at the samples that count into those of each record."""
+        """Split values at the samples that count by record."""
         return np.split(values, np.cumsum([part.size for part in self.parts])[:-1])
 
     def trim(self, signal: np.ndarray) -> np.ndarray:
@@ -208,36 +208,36 @@ class FreeRun:
 
 
 MAX_SAMPLES = 150_000
-"""Samples of all records together that a diagnosis takes as they are."""
+"""Largest number of samples, of all records together, that a diagnosis uses without reduction."""
 ENOUGH_SAMPLES = 15_000
-"""Samples of all records together that a lower rate must leave, if the excitation allows that rate."""
+"""Number of samples, of all records together, that a lower rate must leave if the excitation allows that rate."""
 MIN_SAMPLES_PER_CYCLE = 12.0
-"""Samples per cycle at the upper end of the excitation's band that a lower rate must leave."""
+"""Smallest number of samples per cycle, at the upper end of the excitation's band, that a lower rate must leave."""
 _PERIOD_SEARCH = 1_000_000
-"""Samples at the beginning of a record in which its period is searched."""
+"""Number of samples at the beginning of a record in which its period is searched."""
 _BAND_POWER = 0.999
-"""Share of the position's power below the upper end of its band. The position is used, because the steps of a coarse encoder
-would keep long records at their rate."""
+"""Share of the position's power below the upper end of its band. Speeds are not used, because the steps of a coarse encoder
+would then prevent a lower rate."""
 _ENOUGH_LINEAR = 6000
-"""Samples of all records together for a fit of linear models, if the band of the position allows that rate."""
+"""Number of samples, of all records together, for a fit of linear models, if the band of the position allows that rate."""
 _STEP_POWER = 0.9999
-"""Share of the power of the position's steps below the upper end of their band; steps, because a damper answers the speed."""
+"""Share of the power of the position's steps below the upper end of their band. Steps matter to dampers."""
 
 
 def limit_samples(records: list[Record], session: bool = False) -> tuple[list[Record], tuple[Finding, ...]]:
     """Return records with at most `MAX_SAMPLES` samples together, and a finding for each changed record.
 
-    Of records of one rate every n-th sample is taken, with at least `MIN_SAMPLES_PER_CYCLE` in the fastest cycle of their
-    excitation. If that is not enough, the longest records are cut to their beginnings. Nothing is filtered: a filter would
-    smear a force that jumps at reversals, and the noise floor and errors keep their meaning. Only disturbances of the force
-    above half the lower rate appear at another frequency.
+    Every n-th sample is taken from records of one rate, with at least `MIN_SAMPLES_PER_CYCLE` in the fastest cycle of the
+    excitation. If that is not enough, the longest records are cut to their beginnings. Nothing is filtered, because a filter
+    would smear a force that jumps at reversals and change noise floor and errors. Disturbances of the force above half the
+    lower rate therefore appear at another frequency.
 
     Parameters
     ----------
     records : list of Record
-        With a channel ``input``, or one for every axis.
+        Records with a channel ``input``, or an input channel for every axis.
     session : bool
-        Records were cut from one session: none may be shortened.
+        True if the records were cut from one session and must not be shortened.
 
     Raises
     ------
@@ -278,7 +278,7 @@ def limit_samples(records: list[Record], session: bool = False) -> tuple[list[Re
 
 
 def _decimation_factor(records: list[Record], wanted: int) -> int:
-    """Return the factor for records of one rate; one that divides their periods if possible."""
+    """Return the decimation factor of records of one rate, at most `wanted`; a divisor of all their periods is preferred."""
     edges = [band_edge(moved) for record in records for moved in record.stacked("input") if np.ptp(moved) > 0]
     largest = min(wanted, *(int(1 / (MIN_SAMPLES_PER_CYCLE * edge)) for edge in edges))
     largest = min(largest, *(len(record) // 200 for record in records))
@@ -325,10 +325,10 @@ def band_edge(position: np.ndarray) -> float:
 
 
 def decimate(data: FitData) -> FitData:
-    """Return the same records at a lower rate, smoothed over two of its samples; short ones unchanged.
+    """Return the same records at a lower rate, smoothed over two samples of that rate; short records are not changed.
 
     Position and force pass the same filter, which leaves a linear model between them unchanged. Only whole windows are used, so
-    that nothing rings at the ends. Errors are not whitened, because the remaining noise has another colour.
+    that nothing rings at the ends. Errors are not whitened, because the colour of the remaining noise is different.
     """
     # Leave `MIN_SAMPLES_PER_CYCLE` samples in the fastest cycle of every record.
     edges = [spectral_edge(np.diff(part.motion.position), _STEP_POWER) for part in data.records]

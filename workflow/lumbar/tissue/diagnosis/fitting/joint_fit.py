@@ -1,7 +1,7 @@
 """Joint fit of base and effects to a record by free-run simulation error.
 
 Linear parameters are eliminated (variable projection: Golub and Pereyra, SIAM J. Numer. Anal. 10 (1973) 413-432) and only
-nonlinear ones searched. Forms that act on the output make the problem nonlinear in all: then all are searched together.
+nonlinear ones are searched. With forms that act on the output the problem is nonlinear in all parameters: all are searched.
 """
 
 import math
@@ -32,12 +32,12 @@ class Fit(FreeRun):
     """Sum of squared (whitened) errors over the samples that count."""
     converged: bool = True
     zeros: np.ndarray = field(default_factory=lambda: np.zeros(0))
-    """Readings of the response's sensor at 0: one number, one per fitted record, or none if the base has no zero
-    (`Base.sensor_zero`)."""
+    """Readings of the response's sensor at 0: one number, one number per fitted record, or none if the base has no zero of the
+    sensor (`Base.sensor_zero`)."""
 
     @property
     def zero(self) -> float:
-        """Zero of the sensor, the mean over records; 0 without one."""
+        """Zero of the sensor, mean over records; 0 if the base has no zero."""
         return float(np.mean(self.zeros)) if len(self.zeros) else 0.0
 
     def simulate(self, motion: Motion | JoinedMotions) -> np.ndarray:
@@ -46,7 +46,7 @@ class Fit(FreeRun):
         return simulated + self._expand_zeros(motion, self.zeros)
 
     def _expand_zeros(self, motion: Motion | JoinedMotions, zeros: np.ndarray) -> np.ndarray | float:
-        """Return the zero at every sample of a motion, from one in all, per record, per axis, or per both."""
+        """Return the zero at every sample of a motion, from one zero, or zeros per record, per axis, or per record and axis."""
         if not isinstance(motion, JoinedMotions):
             return float(np.mean(zeros)) if len(zeros) else 0.0
         if isinstance(motion, SpatialMotion):
@@ -133,7 +133,7 @@ def shape_bounds(structure: Structure, data: FitData, start: np.ndarray) -> tupl
 
 
 def nonlinear_starts(form: Form, data: FitData, residual: np.ndarray) -> list[np.ndarray]:
-    """Return the starting nonlinear parameters of a form: its own for a residual, or the grid of all its parameters."""
+    """Return starting nonlinear parameters of a form: derived by the form from a residual, or the grid of all parameters."""
     if form.starts is None:
         return combinations(form.nonlinear, data)
     motion = data.motion
@@ -158,15 +158,15 @@ _MAX_EVALUATIONS = 40
 _STEP = 1e-5
 """Step of a difference, in logarithms."""
 _OFF_BOUND = 1e-3
-"""Share of the logarithmic range between a start and its bounds: a search that starts closer stays at the bound."""
+"""Smallest distance of a start from a bound, as a share of the logarithmic range: a closer search stays at the bound."""
 _AT_BOUND = 1e-3
-"""Relative distance to a bound within which a parameter counts as at it."""
+"""Relative distance from a bound within which a parameter counts as at the bound."""
 _MAX_COMBINATIONS, _MANY_REFINED = 256, 6
-"""Largest number of combinations of starting values of a base; starts that are refined if there are more."""
+"""Largest number of combinations of starting values of a base; number of starts that are refined if a base has more."""
 
 
 def fit(structure: Structure, data: FitData, start: np.ndarray) -> Fit:
-    """Fit a structure to a record from one start of its nonlinear parameters, base first; return a repeated fit from a cache."""
+    """Fit a structure to a record from one start of its nonlinear parameters, base first; repeated fits come from a cache."""
     notify_progress()
 
     def search() -> Fit:
@@ -205,8 +205,8 @@ def _least_squares(error, jacobian, start, low, high, **tolerances):
     """Minimize the squares of an error in few parameters, by scipy on the triangular factor of Jacobian and error.
 
     The factor has one row more than there are parameters, and the same cost, gradient and singular values. The error is divided
-    by its first norm, and the size of the gradient does not stop the search: the result does not depend on units. `error` is a
-    function of the parameters, shape (samples,); `jacobian` of parameters and error, shape (samples, parameters).
+    by its norm at the start, and the size of the gradient does not stop the search: the result does not depend on units. `error`
+    is a function of the parameters, shape (samples,); `jacobian` of parameters and error, shape (samples, parameters).
     """
     least, rotated, unit = np.inf, np.empty(0), float(np.linalg.norm(error(start))) or 1.0
 
@@ -250,7 +250,7 @@ def _search_nonlinear(structure, data, start, low, high) -> Fit:
 
 
 def to_log_ratio(values, start: np.ndarray) -> np.ndarray:
-    """Return 1 + log(p/p₀): free of units, and a relative step or tolerance of it is one of p."""
+    """Return 1 + log(p/p₀), which has no unit; a relative step of p is an equal step of this value."""
     return 1.0 + np.log(np.asarray(values) / start)
 
 
@@ -260,7 +260,7 @@ def from_log_ratio(vector: np.ndarray, start: np.ndarray) -> np.ndarray:
 
 
 def _search_all(structure, data, start, low, high) -> Fit:
-    """Search all parameters together: derivatives by the output forms' parameters are differences, the rest columns."""
+    """Search all parameters together; only derivatives by parameters of output forms are computed as differences."""
     force = data.whiten(data.force)
     count, amplitudes = len(structure.nonlinear), len(structure.linear)
     # The linear parameters start from their solution without the output forms.
@@ -304,8 +304,8 @@ def _search_all(structure, data, start, low, high) -> Fit:
 def fit_base(structure: Structure, data: FitData, acting: Sequence[float] = ()) -> Fit:
     """Return the best fit from all combinations of starting values of the base's nonlinear parameters.
 
-    If a user-defined base has too many, points that fill their ranges are tried (Sobol, USSR Comput. Math. Math. Phys. 7 (1967)
-    86-112). `acting` are the nonlinear parameters of the structure's effects, none of which may act on the output.
+    If a user-defined base has too many combinations, points that fill the ranges are tried (Sobol, USSR Comput. Math. Math. Phys.
+    7 (1967) 86-112). `acting` are the nonlinear parameters of the structure's effects; no effect may act on the output.
     """
     grids, refined = _grids(structure.base.nonlinear, data), 2
     if math.prod(map(len, grids)) <= _MAX_COMBINATIONS:
@@ -328,7 +328,7 @@ def fit_base(structure: Structure, data: FitData, acting: Sequence[float] = ()) 
 def screen(previous: Fit, form: Form, data: FitData) -> list[tuple[float, np.ndarray]]:
     """Return the squared error of every starting value of a form added to a fitted model, best first.
 
-    The model keeps its nonlinear parameters; the linear ones are solved for again, with output forms by one linearised step.
+    The model's nonlinear parameters are fixed; the linear ones are solved for again, with output forms by one linearised step.
     """
 
     def errors_of_starts() -> list[tuple[float, np.ndarray]]:
@@ -378,8 +378,9 @@ def linear_with_new(previous: Fit, form: Form) -> np.ndarray:
 def add(previous: Fit, form: Form, data: FitData) -> Fit:
     """Refit a model with one more form, jointly, from its best starting value.
 
-    A parallel form contains the smaller model: if the optimiser ends above it, that model is returned as not converged. Another
-    form contains it only beyond its bounds (no delay): its fit may be worse, and has then converged if a parameter is at one.
+    A model with a parallel form includes the smaller model: if the optimiser ends with a larger error, the smaller model is
+    returned as not converged. With another form the smaller model is beyond the bounds (e.g. no delay): the fit may be worse, and
+    has then converged if a parameter is at a bound.
     """
     structure = previous.structure.with_form(form)
     best = fit(structure, data, np.concatenate([previous.nonlinear, screen(previous, form, data)[0][1]]))

@@ -23,34 +23,34 @@ from lumbar.tissue.models.motion import Motion
 _MOVE_SHARE = 0.5
 """Duration of the move between two records if their clocks show no pause, relative to the time scale of a record."""
 _MAX_STEP_RATIO = 1.5
-"""Largest step between two records, relative to those within: a larger one is a move that was not recorded."""
+"""Largest step between two records, relative to the steps within them: a larger step is a move that was not recorded."""
 _MAX_PAUSE_RATIO = 10.0
-"""Longest pause between two records, in durations of all records: a longer one is an error of the clocks."""
+"""Longest pause between two records, in durations of all records: a longer pause is an error of the clocks."""
 _MAX_UNIT_RATIO = 200.0
 """Ratio of two records' force over position, in slow motion, above which their units must differ."""
 _SLOW_SHARE = 0.3
-"""Share of the samples that count as slow: at high speed a force may grow without limit."""
+"""Share of the samples that count as slow: the force at high speed has no limit."""
 _MIN_RANGE_SHARE = 0.05
-"""Share of another record's range that a training record must cover."""
+"""Smallest share of another record's range that a training record must cover."""
 _MIN_RESPONSE_VARIANCE = 2.0
 """Variance of a response in noise variances, below which it is mostly noise."""
 _MAX_ERROR_OVER_FLOOR = 3.0
-"""Ratio of an error to the noise floor above which the model causes it."""
+"""Ratio of an error to the noise floor above which the error is due to the model."""
 _BEGINNING, _TOGETHER = 100, 0.05
-"""Samples over those of a record's beginning; largest distance of beginnings at one place, as a share of all records' range."""
+"""Ratio of a record's samples to those of its beginning; largest distance of beginnings at one place, in total ranges."""
 _MIN_COPY_LENGTH, _COPY_PLACES = 64, 9
-"""Equal samples in a row that show a copy of another record; number of places that are compared."""
+"""Number of equal samples in a row that show a copy of another record; number of places that are compared."""
 _MIN_SAMPLES = 50
-"""Samples that must follow the start of a record, which no error counts."""
+"""Smallest number of samples after the start of a record, which is excluded from errors."""
 _TEST_SHARE = 0.3
-"""Share of a single record that is used as test without another record."""
+"""Share of a record that is used as test if there is no other record."""
 
 
 def add_session_history(records: Sequence[Record]) -> dict[str, tuple[Record, int]]:
     """Return every record together with all records before it in the session, and the sample at which it begins, by name.
 
-    Pauses are taken from the clocks if each record begins after the end of the one before; otherwise they are 0 s. The tool moves
-    smoothly to the next record during the pause, or within half a time scale if it jumps; no error counts the force there.
+    Pauses are taken from the clocks if each record begins after the end of the record before; otherwise they are 0 s. The tool
+    moves smoothly to the next record during the pause, or within half a time scale if it jumps; errors exclude the force there.
 
     Raises
     ------
@@ -95,7 +95,7 @@ def add_session_history(records: Sequence[Record]) -> dict[str, tuple[Record, in
 def simulate_in_session(
     records: Sequence[Record], simulate: Callable[[Record], np.ndarray]
 ) -> Callable[[Record], np.ndarray]:
-    """Return a simulation that runs through all records before the one that is simulated."""
+    """Return a simulation that first runs through all records before the simulated record."""
     histories = add_session_history(records)
     return lambda record: simulate(histories[record.name][0])[histories[record.name][1] :]
 
@@ -116,30 +116,30 @@ class Experiment:
     """A set of records ready for diagnosis."""
 
     training: FitData
-    """Training data; `JointData` of several records that are fitted together."""
+    """Training data; `JointData` if several records are fitted together."""
     tests: list[FitData]
-    """Unseen records; the last part of the training record if it is the only one."""
+    """Unseen records; the last part of the training record if there is no other record."""
     floor: NoiseFloor | None
-    """Noise floor; None if no record repeats."""
+    """Noise floor of the output; None if no record repeats."""
     input_unit: str
     output_unit: str
     floor_from: str
-    """Name of the training record that the floor was taken from, or would have been."""
+    """Name of the training record in which the noise floor was searched."""
     input_quantity: str = "position"
     output_quantity: str = "force"
     rest: tuple[float, ...] = (0.0,)
-    """Position along every axis from which those of a fastened tool are counted: 0, or that of `shift_to_rest`."""
+    """Origin along every axis of the positions of a fastened tool: 0, or the origin of `shift_to_rest`."""
     surface: float = 0.0
-    """Position from which those along one axis are counted: a surface that the tool is not fastened to, else `rest`."""
+    """Origin of the positions along one axis: the surface if the tool is not fastened to the tissue, else `rest`."""
     records: tuple[Record, ...] = ()
-    """All records, faults of their sensors repaired."""
+    """All records, with faults of their sensors repaired."""
     faults: tuple[Finding, ...] = ()
     session: bool = False
-    """Each record begins in the state at the end of the one before."""
+    """True if each record begins in the state at the end of the record before."""
     settling_s: float | None = None
-    """Seconds at the start of every record that no error counts; None follows the records (`settling_time`)."""
+    """Seconds at the start of every record that are excluded from errors; default `settling_time` of the record."""
     position_noise_force: float = 0.0
-    """RMS of the force that known position noise causes within the excitation's band, where it is not filtered."""
+    """RMS of the force caused by known position noise within the excitation's band, which is not filtered out."""
 
     @classmethod
     def from_records(
@@ -148,9 +148,9 @@ class Experiment:
         settings: DiagnosisSettings,
         repaired: tuple[list[Record], list[Finding]] | None = None,
     ) -> Self:
-        """Prepare records of one axis, those of a tissue test repaired and with positions counted from rest.
+        """Prepare records of one axis; records of a tissue test are repaired, and their positions counted from rest.
 
-        `repaired` is the result of `repair`, if known. For errors see `prepare`.
+        `repaired` is the result of `repair`, if known. Exceptions are those of `prepare`.
         """
         if settings.system != "tissue":
             converted = [for_base(record, BASES[settings.base]) for record in records]
@@ -167,17 +167,17 @@ class Experiment:
 
     @property
     def size(self) -> int:
-        """Samples of all records that count."""
+        """Number of samples of all records that count."""
         return self.training.size + sum(item.size for item in self.tests)
 
     @property
     def noise(self) -> float:
-        """RMS of the noise floor; 0 if it is not known."""
+        """RMS of the noise floor; 0 if the floor is unknown."""
         return 0.0 if self.floor is None else self.floor.rms
 
     @property
     def extra_floor_rms(self) -> float:
-        """RMS error of a right model besides the floor: force of position noise, and drift that may be a wandering zero."""
+        """RMS error of a right model in addition to the floor: force of position noise, and drift that may be a moving zero."""
         floor = self.floor
         drift = 0.0 if floor is None or floor.certain_structure_rms else floor.structured_rms
         return float(np.hypot(self.position_noise_force, drift))
@@ -195,11 +195,11 @@ class Experiment:
 
     @property
     def has_own_zeros(self) -> bool:
-        """True if every record has a zero of the sensor, instead of one for all."""
+        """True if every record has its own zero of the sensor."""
         return all(item.has_own_zero for item in self.tests)
 
     def allow_own_zeros(self) -> Self:
-        """Return the same records, each with its zero of the sensor."""
+        """Return the same records, each with its own zero of the sensor."""
         own = [replace(item, has_own_zero=True) for item in (self.training, *self.tests)]
         # A single training record has one zero anyway: its fits stay valid.
         training = own[0] if isinstance(self.training, JointData) else self.training
@@ -238,9 +238,9 @@ def prepare(
     settling_s: float | None = None,
     **fields,
 ) -> Experiment:
-    """Choose the training records, estimate their noise and prepare all records, as given, of one axis.
+    """Choose the training records, estimate their noise and prepare all records of one axis without repairs.
 
-    `train` names the training record, or several; default the longest. The other arguments are fields of the experiment.
+    `train` names one or several training records; default the longest. The other arguments are fields of the experiment.
 
     Raises
     ------
@@ -285,8 +285,9 @@ def prepare(
 def resting_position(positions: Sequence[np.ndarray]) -> np.ndarray:
     """Return the position from which records are counted, shape (axes,): 0, unless all records are far from it.
 
-    If no record comes as near to 0 as the range of all records, the result is their common start, or the mean of the first if
-    they start at different places. `positions` are those of every record, shape (axes, samples), that of training first.
+    If no record comes as near to 0 as the range of all records, the result is their common start, or the mean position of the
+    first record if they start at different places. `positions` has the positions of each record, shape (axes, samples), training
+    record first.
     """
     every = np.concatenate(positions, axis=1)
     reach = float(np.linalg.norm(np.ptp(every, axis=1)))
@@ -314,7 +315,7 @@ def choose_training(
 
 
 def settling_samples(record: Record, settling_s: float | None) -> int:
-    """Return the number of samples at the start of a record that no error counts; reject a record with few others."""
+    """Return the number of samples at the start of a record that errors exclude; reject a record with few other samples."""
     time = settling_time(record, settling_s)
     samples = round(time / record.sampling_time)
     if len(record) - samples < _MIN_SAMPLES:
@@ -328,7 +329,7 @@ def settling_samples(record: Record, settling_s: float | None) -> int:
 def assemble_experiment(
     first: Record, fitted: Sequence[FitData], tests: Sequence[FitData], floor: NoiseFloor | None, **fields
 ) -> Experiment:
-    """Return an experiment of records, with the floor of `first`; without tests, the last part of every record is one."""
+    """Return an experiment with the noise floor of `first`; without tests, the last part of every record is used as test."""
     if not tests:
         fitted, tests = zip(*(item.split(1 - _TEST_SHARE) for item in fitted), strict=True)
     position, force = first.channels["input"], first.channels["output"]
@@ -361,7 +362,7 @@ def check_excitation(training: Record, others: list[Record]) -> None:
 
 
 def check_unseen(fitted: Sequence[Record], others: Sequence[Record]) -> None:
-    """Reject records that contain samples of a training record: they are not unseen."""
+    """Reject test records that contain samples of a training record, because they are not unseen."""
     for known, other in product(fitted, others):
         roles = [*known.roles("input"), *known.roles("output")]
         whole, part = (np.stack([item[role] for role in roles], axis=1) for item in (known, other))
@@ -379,7 +380,7 @@ def check_unseen(fitted: Sequence[Record], others: Sequence[Record]) -> None:
 
 
 def _slow_stiffness(record: Record) -> float:
-    """Return the standard deviation of the force over that of the position where the position changes slowly."""
+    """Return the ratio of the standard deviations of force and position in slow motion."""
     speed = np.abs(np.gradient(record["input"]))
     slow = speed <= np.quantile(speed, _SLOW_SHARE)
     return float(np.std(record["output"][slow]) / max(np.std(record["input"][slow]), 1e-300))

@@ -15,26 +15,26 @@ from lumbar.tissue.models.structure import forces_of
 from lumbar.tissue.models.tissue_models import MODELS
 
 _MAX_LAGS = 20
-"""Autocorrelations that the test of whiteness uses."""
+"""Largest number of lags in the test of whiteness."""
 _WHITENESS_LEVEL = 0.01
-"""Probability that the test calls white errors dependent."""
+"""Probability that the test of whiteness rejects white errors."""
 _WINDOW = 5.0
-"""Correlation times over which a correlation is summed: a longer sum only adds scatter."""
+"""Length of the sum of a correlation, in correlation times: a longer sum only adds scatter."""
 _BANDWIDTH = 12.0
-"""Correlation times in Bartlett's window; it then misses about a tenth of the variance, for which the critical value allows."""
+"""Length of Bartlett's window in correlation times; it misses about 10 % of the variance, for which the critical value allows."""
 _MIN_EFFECTIVE_SHARE = 0.5
-"""Smallest share of the samples that is left after the estimates' degrees of freedom."""
+"""Smallest share of independent samples that is left after subtraction of the parameters' degrees of freedom."""
 _MAX_LOG_HALF_WIDTH = 20.0
 """Largest half-width of an interval of a logarithm."""
 _MIN_SINGULAR_VALUE = 1e-9
-"""Singular value of a direction, relative to the largest, below which it is rounding."""
+"""Singular value, relative to the largest, below which a direction is rounding."""
 
 
 def scaled_covariance(fit: Fit, data: FitData) -> tuple[np.ndarray, np.ndarray]:
-    """Return the covariance of linear parameters and logarithms of nonlinear ones, each times its sensitivity's size.
+    """Return the covariance of linear parameters and logarithms of nonlinear ones, each scaled by the norm of its sensitivity.
 
-    Gauss–Newton, s²(JᵀJ)⁻¹, if the whitened residual passes the test of whiteness; else (JᵀJ)⁻¹ Σ (JᵀJ)⁻¹ with the
-    covariance Σ of the scores (`score_covariance`).
+    It is the Gauss–Newton covariance s²(JᵀJ)⁻¹ if the whitened residual passes the test of whiteness; else (JᵀJ)⁻¹ Σ (JᵀJ)⁻¹ with
+    the covariance Σ of the scores (`score_covariance`).
 
     Returns
     -------
@@ -59,8 +59,8 @@ def scaled_covariance(fit: Fit, data: FitData) -> tuple[np.ndarray, np.ndarray]:
 def estimates(fit: Fit, data: FitData, input_unit: str, output_unit: str) -> list[FittedParameter]:
     """Return all parameters with 95 % intervals, linear ones first.
 
-    Intervals of nonlinear parameters are those of their logarithms: positive and asymmetric (`scaled_covariance`). An interval
-    that reaches a bound ends there.
+    Intervals of nonlinear parameters are computed for the logarithms: they are positive and asymmetric (`scaled_covariance`). An
+    interval that reaches a bound ends there.
 
     Parameters
     ----------
@@ -130,7 +130,7 @@ def derived_estimates(fit: Fit, data: FitData, input_unit: str, output_unit: str
 
 
 def _log_interval(value: float, deviation: float) -> tuple[float, float]:
-    """Return the interval of a positive number from the half-width of that of its logarithm."""
+    """Return the interval of a positive number from the half-width of the interval of its logarithm."""
     factor = np.exp(min(deviation, _MAX_LOG_HALF_WIDTH))
     return value / factor, value * factor
 
@@ -138,7 +138,7 @@ def _log_interval(value: float, deviation: float) -> tuple[float, float]:
 def prediction_variance(fit: Fit, data: FitData, records: list[FitData]) -> float:
     """Return the mean variance of a fit's predictions of other records due to the uncertainty of its parameters.
 
-    In the output's unit squared: tr(J C Jᵀ)/N, J the records' sensitivities and C the parameters' covariance.
+    It is tr(J C Jᵀ)/N in the output's unit squared, with sensitivities J of the records and the covariance C of the parameters.
     """
     covariance, size = scaled_covariance(fit, data)
     total, count = 0.0, 0
@@ -155,8 +155,8 @@ def prediction_variance(fit: Fit, data: FitData, records: list[FitData]) -> floa
 def tangent_basis(fit: Fit, records: list[FitData]) -> np.ndarray:
     """Return an orthonormal basis of the model's tangent space at the samples that count, shape (samples, directions).
 
-    To first order a refit moves the simulation within this span of the sensitivities; only the part outside distinguishes
-    another model (Bates and Watts, Nonlinear Regression Analysis, 1988, chapter 2). Records follow one another.
+    To first order a refit moves the simulation within this span of the sensitivities; only the part of a signal outside the span
+    distinguishes another model (Bates and Watts, Nonlinear Regression Analysis, 1988, chapter 2). Records are concatenated.
     """
     pieces = [fit.sensitivities(record) for record in records]
     if not any(record.has_own_zero for record in records):
@@ -182,7 +182,7 @@ def whitened_simulation(fit: Fit, records: list[FitData]) -> np.ndarray:
 
 
 def added_forces(fit: Fit, form: Form, data: FitData, start: np.ndarray) -> np.ndarray:
-    """Return the whitened forces that a parallel form adds, one per amplitude, or the change that another form makes."""
+    """Return the whitened forces that a parallel form adds, one per amplitude, or the change that another form causes."""
     if form.place is Place.PARALLEL:
         return data.whiten(forces_of(form, data.motion, start))
     structure, linear = fit.structure.with_form(form), linear_with_new(fit, form)
@@ -194,8 +194,7 @@ def added_forces(fit: Fit, form: Form, data: FitData, start: np.ndarray) -> np.n
 def check_excited(without: Fit, form: Form, data: FitData, nonlinear: np.ndarray, name: str) -> None:
     """Reject an effect that the training record does not excite.
 
-    A force as large as the whole response would then change the model's error by less than the noise: the 95 % interval of the
-    effect's size covers everything.
+    An effect is not excited if even a force as large as the whole response would change the model's error by less than the noise.
 
     Parameters
     ----------
@@ -243,10 +242,10 @@ def score_covariance(scores: Sequence[np.ndarray]) -> np.ndarray:
 
     Scores are correlated if noise is coloured or the model too small (Newey and West, Econometrica 55 (1987) 703-708; Hjalmarsson
     and Ljung, IEEE Trans. Automat. Contr. 37 (1992) 1004-1008); intervals for white noise are then several times too narrow.
-    Bartlett's window spans `_BANDWIDTH` correlation times of the slowest score, within each record. The critical value for
-    this share b of the samples, 1.96 + 2.9694 b + 0.416 b² − 0.5324 b³ (Kiefer and Vogelsang, Econometric Theory 21 (2005)
-    1130-1164, table 1), allows for the scatter of the estimate. Errors of a fit are smaller than those of the truth by its
-    degrees of freedom, which are counted in independent samples.
+    Bartlett's window spans `_BANDWIDTH` correlation times of the slowest score, within each record. If this is the share b of the
+    samples, the critical value is 1.96 + 2.9694 b + 0.416 b² − 0.5324 b³ (Kiefer and Vogelsang, Econometric Theory 21 (2005)
+    1130-1164, table 1), which allows for the scatter of the estimate. The parameters' degrees of freedom, in independent samples,
+    correct for errors that are smaller than those of the true parameters.
 
     Parameters
     ----------
@@ -271,9 +270,10 @@ def score_covariance(scores: Sequence[np.ndarray]) -> np.ndarray:
 
 
 def correlation_times(scores: Sequence[np.ndarray]) -> np.ndarray:
-    """Return the integrated correlation time 1/2 + Σ ρ of each column in samples; 1/2 if samples are independent.
+    """Return the integrated correlation time 1/2 + Σ ρ of each column, in samples: 1/2 if the samples are independent.
 
-    The sum ends at the first lag of `_WINDOW` such times (Madras and Sokal, J. Stat. Phys. 50 (1988) 109-186).
+    The sum over lags ends at the first lag of at least `_WINDOW` correlation times (Madras and Sokal, J. Stat. Phys. 50 (1988)
+    109-186).
     """
     lags = max(map(len, scores)) - 1
     times = np.cumsum(_autocorrelation(scores, lags), axis=0) - 0.5
@@ -294,7 +294,7 @@ def _autocorrelation(series: Sequence[np.ndarray], lags: int) -> np.ndarray:
 
 
 def bartlett_sum(scores: np.ndarray, bandwidth: float) -> np.ndarray:
-    """Return Σ w(k) Γ(k) with Bartlett's weights, in the frequency domain, where they are never negative."""
+    """Return Σ w(k) Γ(k) with Bartlett's weights, computed in the frequency domain: there no weight is negative."""
     size = len(scores)
     length = scipy.fft.next_fast_len(2 * size - 1, real=True)
     lags = np.arange(1, min(int(np.ceil(bandwidth)), size))
