@@ -1,4 +1,4 @@
-"""C3D marker files: reading of points and events after `lumbar.records.c3d_structure` has checked the file, and writing.
+"""Reader of points and events in C3D files that `lumbar.records.c3d_structure` has checked, and writer of C3D files.
 
 Each frame has four numbers per point (x, y, z and a residual, negative if the point was not seen), then the analog samples.
 Numbers are 4-byte reals or 2-byte integers in the format of the file's processor (C3D user guide, www.c3d.org).
@@ -20,7 +20,7 @@ from lumbar.records.c3d_structure import C3dStructure, check_structure, integers
 from lumbar.records.marker_file import MarkerFile, RecordedEvent, mark_missing, split_points
 from lumbar.records.unpacking import read_readable
 
-_KINDS = {
+_OMISSION_REASONS = {
     "ANGLES": "joint angle, not a position",
     "FORCES": "force, not a position",
     "MOMENTS": "moment, not a position",
@@ -31,11 +31,11 @@ _KINDS = {
 """Reason to leave out the points of a list, by the list's standard name."""
 _INTEGER, _REAL, _TEXT = 2, 4, -1
 _MAX_FRAMES, _MAX_LABELS = 65534, 255
-"""The header counts frames in 16 bits, and its largest value means "more"; a list of labels counts in 8."""
+"""Largest number of frames in the header (16 bits, and 65535 means "more") and of labels in a list (8 bits)."""
 
 
 def c3d_markers(content: dict[str, Any], source: str) -> MarkerFile:
-    """Return the markers of `c3d_content`, on the system's clock: a trimmed recording keeps its start time.
+    """Return the markers of `c3d_content`. Times are those of the uncut recording: a trimmed recording does not start at 0.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ def c3d_markers(content: dict[str, Any], source: str) -> MarkerFile:
     Raises
     ------
     ValueError
-        Content with other shapes.
+        If the shapes of the content are wrong.
     """
     points, labels, time = (content[name] for name in ("points", "labels", "time"))
     if points.shape != (len(time), len(labels), 3):
@@ -69,7 +69,7 @@ def c3d_content(path: str | os.PathLike) -> dict[str, Any]:
     Raises
     ------
     InputError
-        A broken or truncated file, or contradictions in it.
+        If the file is broken, truncated or contradictory.
     """
     return read_readable(Path(path), _read_content)
 
@@ -79,7 +79,7 @@ def _read_content(path: Path) -> dict[str, Any]:
     parameters = structure.parameters
     labels = list(map(str, _parameter_list(parameters, "POINT:LABELS")))[: structure.n_points]
     # Labels that the file lists as angles, forces, …: by POINT:TYPE_GROUPS, and by lists of standard names.
-    kinds, listed = dict(_KINDS), {}
+    kinds, listed = dict(_OMISSION_REASONS), {}
     for group in parameters.get("POINT:TYPE_GROUPS", [])[::2]:
         kinds.setdefault(group.upper(), f"listed under POINT:{group}, not a position")
     for group, reason in kinds.items():
@@ -105,7 +105,7 @@ def read_coordinates(path: Path, structure: C3dStructure) -> np.ndarray:
     path : Path
         The file.
     structure : C3dStructure
-        Its checked structure.
+        Checked structure of the file.
     """
     data = np.memmap(path, np.uint8, "r", structure.data_start, (structure.n_frames, structure.frame_bytes))
     raw = np.array(data[:, : 4 * structure.n_points * structure.word_bytes])
@@ -154,7 +154,7 @@ def write_c3d(
     points : ndarray, shape (n_frames, n_points, 3)
         Millimetres; NaN if a point was not seen.
     labels : sequence of str
-        One per point.
+        Label of each point.
     rate : float
         Frames per second.
     first_frame : int
@@ -167,22 +167,22 @@ def write_c3d(
     quads[..., 3] = np.where(missing, -1, 0)
     frames = first_frame, first_frame + n_frames - 1
     # The section contains the block at which the data start, which depends on the section's length.
-    section = _section(n_points, frames, labels, rate, data_block=0)
+    section = _parameter_section(n_points, frames, labels, rate, data_block=0)
     blocks = math.ceil(len(section) / 512)
-    section = _section(n_points, frames, labels, rate, data_block=2 + blocks)
+    section = _parameter_section(n_points, frames, labels, rate, data_block=2 + blocks)
     counts = (2, 0x50, n_points, 0, *(min(frame, _MAX_FRAMES + 1) for frame in frames), 10)
     header = struct.pack("<BB5HfHHf", *counts, -1.0, 2 + blocks, 1, rate)
     with replacing(path) as temporary:
         temporary.write_bytes(header.ljust(512, b"\0") + section.ljust(512 * blocks, b"\0") + quads.tobytes())
 
 
-def _section(
+def _parameter_section(
     n_points: int, frames: tuple[int, int], labels: Sequence[str], rate: float, data_block: int
 ) -> bytes:
-    """Return the groups POINT and ANALOG, and TRIAL if the header cannot represent the frames' numbers."""
+    """Return the parameter groups POINT and ANALOG, and TRIAL if the header cannot represent the frame numbers."""
     n_frames = frames[1] - frames[0] + 1
     content = struct.pack("4B", 1, 0x50, max(data_block - 2, 0), 84)
-    content += _entry(b"POINT", -1, b"") + _entry(b"ANALOG", -2, b"")
+    content += _encode_entry(b"POINT", -1, b"") + _encode_entry(b"ANALOG", -2, b"")
     content += _parameter(b"USED", 1, _INTEGER, (), struct.pack("<H", n_points))
     content += _parameter(b"FRAMES", 1, _INTEGER, (), struct.pack("<H", min(n_frames, _MAX_FRAMES + 1)))
     content += _parameter(b"DATA_START", 1, _INTEGER, (), struct.pack("<H", data_block))
@@ -199,17 +199,17 @@ def _section(
     content += _parameter(b"USED", 2, _INTEGER, (), struct.pack("<H", 0))
     content += _parameter(b"RATE", 2, _REAL, (), struct.pack("<f", rate))
     if frames[1] > _MAX_FRAMES:
-        content += _entry(b"TRIAL", -3, b"")
+        content += _encode_entry(b"TRIAL", -3, b"")
         for name, frame in zip((b"ACTUAL_START_FIELD", b"ACTUAL_END_FIELD"), frames, strict=True):
             content += _parameter(name, 3, _INTEGER, (2,), struct.pack("<2H", frame % 65536, frame // 65536))
     return content + b"\0\0"
 
 
 def _parameter(name: bytes, group: int, kind: int, dimensions: tuple[int, ...], values: bytes) -> bytes:
-    return _entry(name, group, struct.pack("bB", kind, len(dimensions)) + bytes(dimensions) + values)
+    return _encode_entry(name, group, struct.pack("bB", kind, len(dimensions)) + bytes(dimensions) + values)
 
 
-def _entry(name: bytes, group: int, body: bytes) -> bytes:
+def _encode_entry(name: bytes, group: int, body: bytes) -> bytes:
     """Return a group (negative number) or a parameter, with an empty description."""
     head = struct.pack("bb", len(name), group) + name
     return head + struct.pack("<h", len(body) + 3) + body + b"\0"

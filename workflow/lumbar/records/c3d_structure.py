@@ -21,26 +21,26 @@ from lumbar.records.marker_file import RATES_HZ
 
 INTEL, DEC, MIPS = 84, 85, 86
 BLOCK = 512
-"""Bytes of a block."""
+"""Size of a block in bytes."""
 MAX_COUNT = 65535
-"""Largest frame number in the header and in POINT:FRAMES; it means that the number is stored elsewhere."""
+"""Largest value of the frame numbers in the header and POINT:FRAMES; it means that the number is stored elsewhere."""
 _PROCESSORS = {INTEL: "Intel", DEC: "DEC", MIPS: "MIPS"}
 _ITEM_BYTES = {-1: 1, 1: 1, 2: 2, 4: 4}
 """Bytes of one value by the type of a parameter: characters, bytes, integers, reals."""
 _RATE_TOLERANCE = 1e-4
 _FRAME_TOLERANCE = 1
-"""Largest difference of the stated numbers of frames, as systems count from 0 or 1; the smallest number is read."""
+"""Allowed difference of the stated numbers of frames: systems count from 0 or 1. The smallest number is read."""
 _TEXTS = ("POINT:LABELS", "POINT:UNITS", "POINT:TYPE_GROUPS")
 _NUMBERS = {
     *("POINT:USED", "POINT:SCALE", "POINT:RATE", "POINT:FRAMES", "POINT:LONG_FRAMES", "POINT:DATA_START"),
     *("ANALOG:USED", "ANALOG:RATE", "ANALOG:GEN_SCALE", "TRIAL:ACTUAL_START_FIELD", "TRIAL:ACTUAL_END_FIELD"),
     *("EVENT:USED", "FORCE_PLATFORM:USED", "FORCE_PLATFORM:ZERO"),
 }
-"""Parameters that are read here and must be texts or finite numbers."""
+"""Parameters that must be finite numbers; those in `_TEXTS` must be texts."""
 
 
 def reals(raw: np.ndarray, processor: int) -> np.ndarray:
-    """Decode 4-byte reals: IEEE, or DEC's, which have swapped halves and are four times larger.
+    """Decode 4-byte reals, in IEEE or DEC form; the DEC form has swapped halves and a value four times as large.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ class C3dStructure:
     """Content of the header and the parameters of a C3D file."""
 
     processor: int
-    """84 Intel, 85 DEC, 86 MIPS (big-endian)."""
+    """Processor that wrote the file: 84 Intel, 85 DEC, 86 MIPS (big-endian)."""
     n_points: int
     n_frames: int
     first_frame: int
@@ -99,13 +99,13 @@ class C3dStructure:
     rate: float
     """Frames of points per second."""
     scale: float
-    """Negative: coordinates are stored as 4-byte reals. Positive: as 2-byte integers to be multiplied by it."""
+    """Scale factor of coordinates in 2-byte integers; negative if coordinates are stored as 4-byte reals."""
     data_start: int
     """First byte of the data."""
     size: int
     """Bytes of the file."""
     parameters: dict[str, list]
-    """Values by ``GROUP:NAME``: numbers, or stripped strings."""
+    """Parameter values by ``GROUP:NAME``: numbers, or stripped strings."""
     notes: list[str]
     """Contradictions in the file that do not affect coordinates."""
 
@@ -120,7 +120,7 @@ class C3dStructure:
         return (4 * self.n_points + self.n_analog) * self.word_bytes
 
     def fits(self, n_frames: int) -> bool:
-        """Return whether the data end in the last block of the file.
+        """Return whether data of `n_frames` frames end in the last block of the file.
 
         Parameters
         ----------
@@ -141,7 +141,7 @@ def check_structure(path: Path) -> C3dStructure:
     Raises
     ------
     InputError
-        With every contradiction.
+        If the file is contradictory, with every contradiction.
     """
     size = path.stat().st_size
     if size < 2 * BLOCK:
@@ -167,7 +167,7 @@ def check_structure(path: Path) -> C3dStructure:
 
 
 def _read_structure(path: Path, content: mmap.mmap, start: int, processor: int) -> C3dStructure:
-    """Read and check a file as written by a processor; `start` is the first byte of the parameter section."""
+    """Read and check a file that `processor` wrote; `start` is the first byte of the parameter section."""
     if processor not in _PROCESSORS:
         raise InputError(f"{path}: processor type {processor}; allowed are {_PROCESSORS}")
     order = ">" if processor == MIPS else "<"
@@ -212,7 +212,7 @@ def _read_structure(path: Path, content: mmap.mmap, start: int, processor: int) 
 def _read_parameters(
     path: Path, content: mmap.mmap, position: int, end: int, processor: int, notes: list[str]
 ) -> dict[str, list]:
-    """Read the parameters from byte `position`; leave out, with a note, those without a group and contradictory duplicates."""
+    """Read the parameters from byte `position`; omit parameters without a group and contradictory duplicates, with a note."""
     order = ">" if processor == MIPS else "<"
     groups: dict[int, str] = {}
     entries: list[tuple[int, str, list]] = []
@@ -330,7 +330,7 @@ def _choose_fitting_values(structure: C3dStructure, start: int) -> C3dStructure:
 
 
 def _stated_frames(structure: C3dStructure) -> dict[str, int]:
-    """Return the number of frames by every statement in the file that can represent it."""
+    """Return the number of frames that each place in the file states, without places that cannot represent it."""
     statements, parameters = {}, structure.parameters
     last_frame = structure.first_frame + structure.n_frames - 1
     if last_frame < MAX_COUNT:
@@ -350,7 +350,7 @@ def _stated_frames(structure: C3dStructure) -> dict[str, int]:
 
 
 def _check_agreement(path: Path, structure: C3dStructure) -> None:
-    """Compare header and parameters."""
+    """Raise if header and parameters disagree, or have implausible values."""
     problems, parameters = Problems(str(path)), structure.parameters
     required = (f"POINT:{name}" for name in ("USED", "SCALE", "RATE", "LABELS"))
     if missing := [name for name in required if not parameters.get(name)]:
@@ -375,7 +375,7 @@ def _check_agreement(path: Path, structure: C3dStructure) -> None:
 
 
 def _count_frames(path: Path, structure: C3dStructure) -> int:
-    """Return the number of frames; all statements, or those that fit the file's size, must agree within one frame."""
+    """Return the number of frames; all stated numbers, or all that fit the file's size, must agree within one frame."""
     statements = _stated_frames(structure)
     if not statements:
         raise InputError(

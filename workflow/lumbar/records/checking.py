@@ -1,4 +1,4 @@
-"""Reading of every recording of a study before anything is computed."""
+"""Check of every recording of a study before anything is computed."""
 
 import hashlib
 from collections.abc import Callable
@@ -15,7 +15,7 @@ MarkerReader = Callable[[str, MarkerLayout], MarkerRecording]
 
 
 def check_recordings(plan: list[dict], read: MarkerReader = read_markers) -> dict[str, list[dict]]:
-    """Read every recording and describe it, by chapter: name, sha256, size and the reader's results.
+    """Read every recording and return its description by chapter: name, sha256, size and the reader's results.
 
     Parameters
     ----------

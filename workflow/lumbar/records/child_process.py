@@ -23,11 +23,11 @@ from lumbar.base.errors import InputError, LumbarError
 from lumbar.base.files import MAX_FILE_BYTES, require_file
 
 MEMORY, SECONDS = 1_000_000_000, 20
-"""Limits of the child: bytes, including its program and the file's content, and seconds of processor time."""
+"""Limits of the child: memory in bytes, with its program and the file's content, and processor time in seconds."""
 TIMEOUT_S = 10 * SECONDS
-"""Time after which a child that waits is ended."""
+"""Elapsed time in seconds after which the child is ended."""
 MAX_ANSWER_BYTES, MAX_ARRAYS = 3 * MAX_FILE_BYTES, 20_000
-_ARRAY = "\0"
+_ARRAY_KEY = "\0"
 """Key that marks a reference to an array; no name in a file has it."""
 _START = (
     "import json, sys; sys.path, request = json.loads(sys.argv[1]); from {} import answer; answer(*request)"
@@ -50,7 +50,7 @@ def read_in_child(read: Callable[..., Any], source: str | os.PathLike, content: 
     Raises
     ------
     InputError
-        As `read`; it needs more memory or time than allowed, or fails in any other way.
+        If `read` raises it, needs more memory or time than allowed, or fails in any other way.
     """
     size = require_file(source) if content is None else len(content)
     large = f"{source}: its {size / 1e6:.2g} MB"
@@ -97,7 +97,7 @@ def _load_answer(output) -> list:
     if any(array.dtype.kind not in "biuf" for array in arrays):
         raise TypeError("no numbers")
     return json.loads(
-        text.tobytes(), object_hook=lambda item: arrays[item[_ARRAY]] if _ARRAY in item else item
+        text.tobytes(), object_hook=lambda item: arrays[item[_ARRAY_KEY]] if _ARRAY_KEY in item else item
     )
 
 
@@ -131,7 +131,7 @@ def answer(call: tuple[str, str, str, bool], limits: tuple[int, int, int]) -> No
         if len(arrays) >= MAX_ARRAYS:
             raise InputError(f"{source}: more than {MAX_ARRAYS} variables; save the recording by itself")
         arrays.append(value)
-        return {_ARRAY: len(arrays) - 1}
+        return {_ARRAY_KEY: len(arrays) - 1}
 
     try:
         read = getattr(import_module(module), name)

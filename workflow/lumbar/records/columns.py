@@ -112,7 +112,7 @@ def read_record(
 
 
 def _read_file(path: Path, layout: ColumnLayout) -> tuple[dict[str, np.ndarray], Sequence[int] | None]:
-    """Return columns by role, and the line of each sample; None without lines."""
+    """Return columns by role, and the line of each sample (None if the file has no lines)."""
     size = require_file(path)
     try:
         if layout.format == "mat":
@@ -203,7 +203,7 @@ def _read_mat(path: Path, layout: ColumnLayout) -> dict[str, np.ndarray]:
 
 
 def _read_mat_vectors(path: str) -> dict[str, np.ndarray | None]:
-    """Return the vectors of real numbers in a MATLAB file by name; None for each other variable."""
+    """Return the vectors of real numbers in a MATLAB file by name; None for every other variable."""
     from lumbar.records.unpacking import load_matlab
 
     content = load_matlab(Path(path).read_bytes(), path, squeeze_me=True)
@@ -219,7 +219,7 @@ def _expand_axes(
 ) -> dict[str, ColumnSettings]:
     """Return columns by role, one for each axis of position and force if the header has names with axes.
 
-    Only names of quantity and unit, as in the default layout, may have an axis between the two.
+    The axis is between quantity and unit, ``position_x_mm``, so the layout must use names of quantity and unit.
     """
     if not any(re.search("_[xyz]_", str(name)) for name in header):
         return columns
@@ -252,7 +252,9 @@ def _check_axes(
     header: Collection[str],
     problems: Problems,
 ) -> None:
-    """Add columns of one axis next to several, axes of one side only, a single axis and other units to `problems`."""
+    """Add inconsistent axis columns to `problems`: a column without axis next to columns with axes, an axis that only position
+    or only force has, a single axis, or a different unit.
+    """
     axes = sorted({axis for names in named.values() for axis in names})
     if len(axes) == 1:
         names = ", ".join(str(column.column) for column in single.values())

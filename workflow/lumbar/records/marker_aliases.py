@@ -37,7 +37,7 @@ class ResolvedMarkers:
 
 
 class _UnresolvedError(Exception):
-    """An alias, or a part of one, that is not in the file; the text is the reason."""
+    """Error for an alias, or part of an alias, that is not in the file; its text is the reason."""
 
 
 def select_subject(file: MarkerFile, prefix: str) -> MarkerFile:
@@ -92,7 +92,7 @@ def select_subject(file: MarkerFile, prefix: str) -> MarkerFile:
 
 
 def labels_of(name: str, aliases: Mapping[str, Alias | None]) -> tuple[str, ...]:
-    """Return the labels that may have a standard name: the name itself, and all labels in its alias.
+    """Return the labels from which a standard name may come: the name itself, and all labels in its alias.
 
     Parameters
     ----------
@@ -250,7 +250,7 @@ class _Resolver:
 
 
 def _describe(term) -> str:
-    """Describe an alias."""
+    """Return the text of an alias, for messages."""
     if isinstance(term, str):
         return term
     if isinstance(term, tuple):

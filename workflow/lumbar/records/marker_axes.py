@@ -22,10 +22,10 @@ _FACING = (
 _FRONT = (*_PELVIS_PAIRS, ("C7", "MANUBRIUM"), *_FEET_PAIRS)
 """Pairs of a rear and a front marker of trunk and feet."""
 _MIN_LEVEL_SHARE = 0.7
-"""Horizontal share of a vector that shows where a body faces."""
-_MIN_CONTRADICTION = 2.0
-"""Smallest ratio of the length along another axis to that along the declared axis that contradicts it; a bent trunk or a
-rotated foot stays below."""
+"""Smallest horizontal share of a vector that shows the direction in which a body faces."""
+_MIN_CONTRADICTION_RATIO = 2.0
+"""Smallest ratio of the length along another axis to the length along the declared axis that contradicts the declared axis;
+a bent trunk or a rotated foot has a smaller ratio."""
 
 
 def _axis_vector(axis: str) -> np.ndarray:
@@ -46,7 +46,7 @@ def rotation_to_standard(up: str, forward: str) -> np.ndarray:
     Raises
     ------
     InputError
-        Both are along the same line.
+        If both axes are along the same line.
     """
     up_vector, forward_vector = _axis_vector(up), _axis_vector(forward)
     if up_vector @ forward_vector != 0:
@@ -72,16 +72,16 @@ def check_axes(positions: dict[str, np.ndarray], layout: MarkerLayout, source: s
     Raises
     ------
     InputError
-        With the correct axis of the file.
+        If an axis is wrong, with the correct axis of the file.
     """
     rotation = rotation_to_standard(layout.up, layout.forward)
-    upward = _upward(positions)
+    upward = _upward_vector(positions)
     if upward is not None and _contradicts(upward, 2):
         axis = _file_axis(upward, rotation)
         raise InputError(
             f'{source}: markers.up: {layout.up}, but the body stands along {axis}{remark}; set up: "{axis}"'
         )
-    facing, description = _facing(positions)
+    facing, description = _facing_vector(positions)
     if facing is not None and _contradicts(facing, 1):
         axis = _file_axis(facing, rotation)
         raise InputError(
@@ -113,13 +113,13 @@ def uncheckable_axes(positions: dict[str, np.ndarray]) -> list[str]:
     positions : dict of str to ndarray, shape (n_frames, 3)
         Markers by standard name.
     """
-    has_forward = bool(_segments(positions, _SIDES)) or _facing(positions)[0] is not None
-    checkable = {"up": _upward(positions) is not None, "forward": has_forward}
+    has_forward = bool(_segments(positions, _SIDES)) or _facing_vector(positions)[0] is not None
+    checkable = {"up": _upward_vector(positions) is not None, "forward": has_forward}
     return [axis for axis, is_checkable in checkable.items() if not is_checkable]
 
 
 def find_axes(positions: dict[str, np.ndarray]) -> tuple[str, str] | None:
-    """Return the signed axes of a file along which the body stands and faces, up and forward.
+    """Return the signed axes, up and forward, of a file from the directions in which the body stands and faces.
 
     None if markers are missing: feet or a trunk, and left and right, heel and toe, or back and front.
 
@@ -128,7 +128,7 @@ def find_axes(positions: dict[str, np.ndarray]) -> tuple[str, str] | None:
     positions : dict of str to ndarray, shape (n_frames, 3)
         Markers by standard name, in the axes of the file.
     """
-    upward = _upward(positions)
+    upward = _upward_vector(positions)
     if upward is None:
         return None
     up = _file_axis(upward, np.eye(3))
@@ -140,13 +140,13 @@ def find_axes(positions: dict[str, np.ndarray]) -> tuple[str, str] | None:
     return up, _file_axis(np.sum(facing, axis=0) * (vertical == 0), np.eye(3))
 
 
-def _upward(positions: dict[str, np.ndarray]) -> np.ndarray | None:
+def _upward_vector(positions: dict[str, np.ndarray]) -> np.ndarray | None:
     """Return the vector, shape (3,) in metres, from feet to trunk or from pelvis to shoulders; None without such markers."""
     upward = _segment(positions, _FEET, _UPPER)
     return _segment(positions, _PELVIS, _TRUNK_TOP) if upward is None else upward
 
 
-def _facing(positions: dict[str, np.ndarray]) -> tuple[np.ndarray | None, str]:
+def _facing_vector(positions: dict[str, np.ndarray]) -> tuple[np.ndarray | None, str]:
     """Return the horizontal vector, shape (3,), in which the body faces, and its description; None without markers.
 
     Feet are used first, then the pelvis, then the chest, unless they point too far down, as the front of a bent trunk.
@@ -188,7 +188,7 @@ def _segment(
 
 def _contradicts(vector: np.ndarray, axis: int) -> bool:
     """Return whether a vector clearly does not point along the positive `axis`."""
-    return bool(np.abs(vector).max() > _MIN_CONTRADICTION * vector[axis])
+    return bool(np.abs(vector).max() > _MIN_CONTRADICTION_RATIO * vector[axis])
 
 
 def _file_axis(vector: np.ndarray, rotation: np.ndarray) -> str:

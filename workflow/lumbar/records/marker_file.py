@@ -67,7 +67,7 @@ class MarkerFile:
 
     @property
     def subjects(self) -> tuple[str, ...]:
-        """Prefixes of the labels, as in ``Subject:C7``."""
+        """Subject prefixes of the labels, as in ``Subject:C7``."""
         labels = (*self.positions, *self.dropped)
         return tuple(sorted({label.partition(":")[0] for label in labels if ":" in label}))
 
@@ -89,7 +89,7 @@ def mark_missing(points: np.ndarray) -> np.ndarray:
     return points
 
 
-_ENDINGS = (
+_NON_POSITION_LABELS = (
     (re.compile(r"Angles?(\W.*)?$"), "joint angle, not a position"),
     (re.compile(r"(Force|GRF)s?(\W.*)?$"), "force, not a position"),
     (re.compile(r"Moments?(\W.*)?$"), "moment, not a position"),
@@ -111,7 +111,7 @@ def split_points(
     file : MarkerFile
         The file without its points.
     labels : list of str
-        One per point.
+        Label of each point.
     points : ndarray, shape (n_frames, n_points, 3)
         NaN for missing samples.
     listed : dict of str to str, optional
@@ -134,7 +134,7 @@ def split_points(
             dropped[label or f"point {index + 1}"] = "trajectory without a label"
         elif counts[label] > 1:
             dropped[label] = f"label used for {counts[label]} points"
-        elif reason := next((reason for ending, reason in _ENDINGS if ending.search(name)), None):
+        elif reason := next((reason for ending, reason in _NON_POSITION_LABELS if ending.search(name)), None):
             dropped[label] = reason
         elif label in axes or _CENTRE_OF_MASS.match(name):
             dropped[label] = "computed segment axis" if label in axes else "computed centre of mass"
@@ -167,7 +167,7 @@ def read_frames(
     Raises
     ------
     InputError
-        With the lines of another width, or a cell with no or an implausible number.
+        If a row has another width, or a cell has no number or an implausible number; with the lines.
     """
     columns = {f"column {position + 1}": position for position in range(width)}
     table = read_numbers(rows, columns, source, dialect, width, columns if may_be_missing else ())
@@ -189,7 +189,7 @@ def check_even(source: str, printed: np.ndarray, even: np.ndarray, rate: float, 
     source : str
         The file, for messages.
     printed, even : ndarray, shape (n_frames,)
-        Printed times and those of the even clock, seconds.
+        Printed times and times of the even clock, in seconds.
     rate : float
         Frames per second.
     blur : float
@@ -198,7 +198,7 @@ def check_even(source: str, printed: np.ndarray, even: np.ndarray, rate: float, 
     Raises
     ------
     InputError
-        With the frame that differs most.
+        If a time differs, with the frame that differs most.
     """
     difference = np.abs(printed - even)
     worst = int(difference.argmax())

@@ -99,7 +99,7 @@ def read_marker_table(path: str | os.PathLike, rate: float | None = None) -> Mar
 
 
 class _Columns(NamedTuple):
-    """Positions of columns, from 0, and names of the others."""
+    """Positions of the columns of markers and time, from 0, and names of all other columns."""
 
     markers: dict[str, list[int]]
     """Columns of x, y and z by marker."""
@@ -107,7 +107,7 @@ class _Columns(NamedTuple):
     """Unit of length; empty if the header has none."""
     time: int | None
     seconds: float
-    """Seconds of one unit of the time."""
+    """Number of seconds in one unit of the time."""
     others: list[str]
 
 
@@ -192,8 +192,8 @@ def _even_clock(path: Path, printed: np.ndarray, declared: float | None) -> tupl
     return even, rate
 
 
-def _nexus(rows: Sequence[Row]) -> _Table:
-    """Read rate, markers, axes, units, then frames up to the next section."""
+def _read_nexus(rows: Sequence[Row]) -> _Table:
+    """Read a Nexus table: rate, markers, axes, units, then frames up to the next section."""
     begins = next(place for place, row in enumerate(rows) if row.cells[0] == "Trajectories") + 1
     (rate, *_), markers, axes, units = (row.cells for row in rows[begins : begins + 4])
     header = ["time_s", *(name if name[-2:-1] == "_" else "" for name in _join_names(markers, axes)[1:])]
@@ -205,8 +205,8 @@ def _nexus(rows: Sequence[Row]) -> _Table:
     return _Table(header, frames, next(filter(None, units), ""))
 
 
-def _motive(rows: Sequence[Row]) -> _Table:
-    """Read facts in pairs, lines that describe each column, then frames; bones and rigid bodies are omitted."""
+def _read_motive(rows: Sequence[Row]) -> _Table:
+    """Read a Motive table: settings in pairs, lines that describe columns, then frames; omit bones and rigid bodies."""
     facts = dict(zip(rows[0].cells[::2], rows[0].cells[1::2], strict=False))
     begins = next(place for place, row in enumerate(rows) if row.cells[0] == "Frame")
     described = {row.cells[1]: row.cells for row in rows[1:begins]}
@@ -222,8 +222,8 @@ def _motive(rows: Sequence[Row]) -> _Table:
     return _Table(header, frames, _UNITS[facts["Length Units"]])
 
 
-def _qualisys(rows: Sequence[Row]) -> _Table:
-    """Read facts by name, optionally a line of names, then frames in millimetres, with or without numbers and times."""
+def _read_qualisys(rows: Sequence[Row]) -> _Table:
+    """Read a Qualisys table: settings by name, optional column names, then frames in mm, with or without numbers and times."""
     facts = {row.cells[0]: row.cells[1:] for row in rows if row.cells[0][:1].isalpha()}
     labels = [label for label in facts["MARKER_NAMES"] if label]
     frames = [row for row in rows if not row.cells[0][:1].isalpha()]
@@ -240,7 +240,7 @@ def _trim(rows: Sequence[Row], width: int, announced: str = "") -> list[Row]:
     return [Row(line, [*cells[:width], *filter(None, cells[width:])]) for line, cells in rows]
 
 
-_VENDORS = dict.fromkeys(("Devices", "Trajectories"), ("Vicon Nexus", _nexus)) | {
-    "Format Version": ("Motive", _motive),
-    "NO_OF_FRAMES": ("Qualisys Track Manager", _qualisys),
+_VENDORS = dict.fromkeys(("Devices", "Trajectories"), ("Vicon Nexus", _read_nexus)) | {
+    "Format Version": ("Motive", _read_motive),
+    "NO_OF_FRAMES": ("Qualisys Track Manager", _read_qualisys),
 }

@@ -26,7 +26,7 @@ METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 _UNIT_NAMES = {unit: unit for unit in METRES} | dict.fromkeys(("meter", "meters", "metres"), "m")
 _UNIT_NAMES["millimeters"] = "mm"
 SPREAD_M = (0.02, 50.0)
-"""Plausible extent of all markers in metres; a wrong unit leads to another one."""
+"""Plausible extent of all markers in metres; a wrong unit leads to an extent outside."""
 MAX_DISTANCE_M = 1e5
 """Largest distance of a marker from the origin; only corrupt data are farther away, in any unit."""
 

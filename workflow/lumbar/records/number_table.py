@@ -20,18 +20,18 @@ import numpy as np
 from lumbar.base.errors import MAX_PROBLEMS, InputError, Problems
 
 ENCODINGS = "gbk (Chinese), shift_jis (Japanese), cp1251 (Cyrillic), cp1250 (Central Europe) or cp1252 (Western Europe)"
-"""Examples, for messages."""
+"""Examples of encodings, for messages."""
 MAX_LINE_CHARACTERS = 1_000_000
 MAX_PLAIN_COLUMNS = 1000
 MAX_SHOWN_CHARACTERS = 60
-"""Characters of a cell in a message."""
+"""Largest number of characters of a cell in a message."""
 
 
 class Row(NamedTuple):
     """Cells of one row."""
 
     line: int
-    """Number of the first line in the file, from 1."""
+    """Number of the row's first line in the file, from 1."""
     cells: list[str]
 
 
@@ -168,7 +168,7 @@ def decode_lines(
     encoding : str, optional
         Encoding by Python's name. Default: UTF-16, UTF-8 or Windows-1252, detected from the bytes.
     lenient : bool
-        Whether other bytes than those of western text are also read as Windows-1252.
+        Whether bytes that are not western text are also read as Windows-1252.
 
     Raises
     ------
@@ -211,11 +211,11 @@ def _detect_encoding(content: bytes) -> tuple[str, str]:
 
 
 _WESTERN = re.compile(r"[À-ÖØ-öø-ÿŒœŸ°±²³µ·×§®©€‘’“”–—…]|[äöüÄÖÜ]ß|éé|ç[ãõ]")
-"""Characters between ASCII letters in western words; two letters of other alphabets make longer or other runs."""
+"""Runs of characters beyond ASCII in western words; words of other alphabets have longer or other runs."""
 
 
 def _check_western(text: str, content: bytes, source: str) -> None:
-    """Raise unless all characters beyond ASCII are those of western words in Windows-1252."""
+    """Raise unless all characters beyond ASCII occur in western words in Windows-1252."""
     for run in re.finditer(r"[^\x00-\x7f]+", text):
         before, after = text[: run.start()][-1:], text[run.end() :][:1]
         if _WESTERN.fullmatch(run[0]) and not (run[0] in "°²³" and before.isalpha() and after.isalpha()):
@@ -336,7 +336,7 @@ def read_numbers(
 def read_plain_numbers(
     lines: Iterable[str], dialect: Dialect, width: int, first: int = 1
 ) -> NumberTable | None:
-    """Return all columns of a table of finite numbers only; None of any other table, for `read_numbers`.
+    """Return all columns of a table that has only finite numbers; None for any other table, which `read_numbers` reads.
 
     Parameters
     ----------

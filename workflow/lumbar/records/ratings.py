@@ -32,13 +32,13 @@ class Ratings:
     scale_points: int
     """Number of points of the Likert scale."""
     best: tuple[str, ...]
-    """Best model by each participant."""
+    """Model that each participant chose as the best."""
     groups: dict[str, np.ndarray]
     """Shape (participants,): answers to the yes/no questions."""
     experience: tuple[str, ...] = ()
-    """Level of each participant; empty without the question."""
+    """Experience level of each participant; empty if the survey did not ask for it."""
     experience_levels: tuple[str, ...] = ()
-    """All possible levels in order."""
+    """All possible experience levels in order."""
     sources: tuple[str, ...] = ()
     """Distinct values of the source column, sorted; empty without the column."""
 
@@ -61,7 +61,7 @@ class Ratings:
         return (self.scores.T[:, :, None] == points).sum(axis=1)
 
     def picks(self) -> np.ndarray:
-        """Return how often each model was the best, shape (models,)."""
+        """Return how often each model was chosen as the best, shape (models,)."""
         return np.array([self.best.count(model) for model in self.models])
 
     def label(self, source_label: str, not_real: str) -> str:

@@ -14,11 +14,10 @@ from lumbar.settings.layout import AXES, SIDES
 CLOCK_TOLERANCE = 0.25
 """Largest distance of a sample from an even clock, as a share of the sampling interval."""
 LARGEST = 1e100
-"""Largest absolute value: sums of the squares of such values are finite."""
+"""Largest allowed absolute value: sums of the squares of such values are finite."""
 LARGEST_IN = {"N": 1e6, "kN": 1e3, "mN": 1e9, "rad": 1e5, "deg": 1e7, "Nm": 1e6, "N m": 1e6, "N·m": 1e6}
 LARGEST_IN |= {"m": 1e3, "cm": 1e5, "mm": 1e6, "um": 1e9, "µm": 1e9}
-"""Largest absolute value by its unit: a thousand kilonewtons, a kilometre, ten thousand turns. Larger values come from lost
-decimal points."""
+"""Largest allowed absolute value by unit; larger values come from lost decimal points."""
 
 
 @dataclass(frozen=True)
@@ -26,7 +25,7 @@ class Channel:
     """One measured quantity."""
 
     values: np.ndarray
-    """Shape (samples,)."""
+    """Values of the samples, shape (samples,)."""
     quantity: str
     """Measured quantity, e.g. ``"position"``."""
     unit: str
@@ -39,7 +38,7 @@ class Channel:
 
 
 _MAX_STILL_SHARE = 0.05
-"""Range along an axis, as a share of the largest, up to which the axis does not move."""
+"""Largest range along an axis that does not move, as a share of the largest range along any axis."""
 MIN_SAMPLES = 8
 """Number of samples below which a record cannot be analysed."""
 
@@ -111,7 +110,7 @@ class Record:
         return tuple(f"{side}_{axis}" for axis in self.axes) or (side,)
 
     def along(self, role: str) -> Channel:
-        """Return a channel; one of several axes has the axis in its quantity.
+        """Return a channel; if the record has several axes, its quantity contains the axis.
 
         Parameters
         ----------
@@ -155,7 +154,7 @@ class Record:
 
     @property
     def widest(self) -> Record:
-        """The record of the axis with the largest motion; a record of one axis itself."""
+        """Record of the axis with the largest motion; a record of one axis is returned itself."""
         if not self.axes:
             return self
         return self.axis(max(self.axes, key=lambda axis: float(np.ptp(self[f"input_{axis}"]))))
@@ -178,7 +177,7 @@ class Record:
 
     @property
     def duration(self) -> float:
-        """Samples times sampling interval, in seconds."""
+        """Number of samples times sampling interval, in seconds."""
         return self.sampling_time * len(self.time)
 
     def between(self, start: float, stop: float) -> Record:
@@ -249,7 +248,7 @@ def check_record(
     record : Record
         The record.
     may_rest : collection of str
-        Roles of channels that may be constant; some of several axes may be constant anyway.
+        Roles of channels that may be constant; not all of several axes need to move in any case.
     lines : sequence of int, optional
         Line of each sample in the file.
 

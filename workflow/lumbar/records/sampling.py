@@ -15,25 +15,25 @@ from lumbar.records.record import LARGEST, MIN_SAMPLES, Record, place_of
 from lumbar.settings.layout import AXES
 
 MAX_GAP_ROWS = 10
-"""Consecutive missing rows that are filled; a motion over more of them is unknown."""
+"""Largest number of consecutive missing rows that are filled; in a longer gap the motion is unknown."""
 MAX_FILLED_SHARE = 0.05
-"""Share of a record's rows that is filled."""
+"""Largest share of a record's rows that is filled."""
 _GAP_TOLERANCE_ROWS = 0.1
-"""Difference of a step over a gap from a whole number of sampling intervals."""
+"""Largest difference of the length of a gap from a whole number of sampling intervals."""
 _FILTER_HALF_LENGTH = 10
 """Half the length of the anti-aliasing filter, in samples of the lower of the two rates."""
 _MIN_RUN_SAMPLES = 3
-"""Consecutive samples at the extreme that are a flat top."""
+"""Smallest number of consecutive samples at the extreme that form a flat top."""
 _MIN_TOP_SAMPLES = 6
 _MIN_COUNT_RATIO = 5
-"""Ratio of the number of samples at the extreme to that at the next value; a coarse converter repeats its other values too."""
+"""Smallest ratio of samples at the extreme to samples at the next value; a coarse converter repeats all values."""
 _MAX_ENTRY_SPEED_RATIO = 1.5
-"""Ratio of the speeds before the flat tops of a position; commanded holds begin with equal speeds."""
+"""Largest ratio of the speeds before commanded holds of a position, which begin with equal speeds."""
 _MIN_TOPS = 3
 _SPEED_SAMPLES = 4
 """Samples over which the speed before a flat top is measured."""
 _RETURN_TIME_FACTOR = 4.0
-"""Twice the time, in speed over deceleration, after which a motion that was cut off would be back."""
+"""Duration, in speed over deceleration, above which a flat top is a rest; a motion that was cut off is back in half of it."""
 
 
 def samples_between(time: np.ndarray, trim: tuple[float, float], source: str) -> np.ndarray:
@@ -79,7 +79,7 @@ def fill_missing_rows(
     Record
         With the filled samples as its `filled`; `record` itself if no row is missing, or a gap cannot be filled.
     sequence of int or None
-        Line of each sample; that of the line before for a filled one.
+        Line of each sample; a filled sample has the line of the sample before it.
     """
     series = {role: channel.values for role, channel in record.channels.items()}
     is_finite = all(np.all(np.abs(values) <= LARGEST) for values in (record.time, *series.values()))

@@ -150,8 +150,8 @@ def _check_frames(path: Path, frames: np.ndarray, rows: list[Row], header: _Head
 def _find_columns(path: Path, rows: list[Row], width: int, n_markers: int) -> slice:
     """Return the cells of a row with the frame's number, its time and the markers.
 
-    An extra delimiter before or after the numbers adds an empty cell to every row. In a row with another number of cells than
-    most, numbers are under the wrong markers.
+    An extra delimiter before or after the numbers adds an empty cell to every row. A row with another number of cells
+    is an error: its numbers would be under the wrong markers.
     """
     common = Counter(len(row.cells) for row in rows).most_common(1)[0][0]
     first, last = 0, common
@@ -177,7 +177,7 @@ _CHANNELS = [f"{axis}{kind}" for kind in ("position", "rotation") for axis in "X
 _BLANKS = Dialect(None)
 _MAX_JOINTS = 1000
 _OFFSET_TOLERANCE = 0.1
-"""Largest distance of a joint's positions from its offset, as a share of it, that is treated as a copy of the offset."""
+"""Largest distance of a joint's position channels from its offset, as a share of the offset, if they are a copy of it."""
 
 
 @dataclass
@@ -314,7 +314,7 @@ def _joint_positions(path: Path, joints: list[_Joint], values: np.ndarray, notes
 
 
 def _displacement(path: Path, joint: _Joint, channels: dict[str, np.ndarray], notes: list[str]) -> np.ndarray:
-    """Return the position channels of a joint without its offset, which some suits repeat in them."""
+    """Return the position channels of a joint; subtract its offset if the suit repeats the offset in them."""
     if not any(name.endswith("position") for name in channels):
         return np.zeros(3)
     zero = np.zeros(len(next(iter(channels.values()))))

@@ -20,7 +20,7 @@ _GZIP_ENDING = ".gz"
 
 
 def ending_of(path: Path) -> str:
-    """Return a file's ending in lower case without that of packing: ``".trc"`` of ``squat.TRC.gz``.
+    """Return a file's ending in lower case without the ending of packing: ``".trc"`` of ``squat.TRC.gz``.
 
     Parameters
     ----------
@@ -133,7 +133,7 @@ def read_readable(path: Path, read: Callable[..., Any], *options: Any) -> Any:
     Raises
     ------
     InputError
-        As `unpack` and `read`.
+        If `unpack` or `read` raises it.
     """
     if path.suffix.lower() != _GZIP_ENDING:
         return read(path, *options)
@@ -150,7 +150,7 @@ def read_readable(path: Path, read: Callable[..., Any], *options: Any) -> Any:
 
 
 _HEADER_BYTES, _COMPRESSED = 128, 15
-"""Bytes before the first variable, and the type of a packed one (MATLAB's description of MAT-files, level 5)."""
+"""Bytes before the first variable, and type number of a packed variable (MATLAB's description of MAT-files, level 5)."""
 
 
 def load_matlab(content: bytes, source: str, **options) -> dict[str, Any]:
@@ -163,12 +163,12 @@ def load_matlab(content: bytes, source: str, **options) -> dict[str, Any]:
     source : str
         The file, for messages.
     **options
-        As for `scipy.io.loadmat`.
+        Options of `scipy.io.loadmat`.
 
     Raises
     ------
     InputError
-        The file is not of version 4 to 7.2, too large or broken.
+        If the file is not of version 4 to 7.2, too large or broken.
     """
     from scipy.io import loadmat, whosmat
 

@@ -1,1 +1,1 @@
-"""Foreign recordings, whatever form a machine wrote them in, as records in time, position and force."""
+"""Conversion of recordings in any machine's form to records of time, position and force."""

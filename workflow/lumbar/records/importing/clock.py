@@ -1,4 +1,4 @@
-"""Even clock of a record, from time stamps, rounded ones, a stated rate or by resampling; and the integral of a velocity."""
+"""Even clock of a record, from exact or rounded time stamps, a stated rate or by resampling; integration of a velocity."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -13,7 +13,7 @@ from lumbar.records.record import CLOCK_TOLERANCE, MIN_SAMPLES, Channel, Record,
 MAX_STEP = 3.0
 """Longest step of an uneven clock, in median steps, that is interpolated."""
 _MIN_ODD_STEPS = 10
-"""Number of odd steps of a coarse clock that shows rounded stamps instead of dropped samples."""
+"""Smallest number of odd steps of a coarse clock with rounded stamps; fewer odd steps are dropped samples."""
 _NEGLIGIBLE_DIGIT = 0.01
 """Last digit of the stamps, in median steps, below which their rounding is negligible."""
 _MAX_LISTED = 5
@@ -96,7 +96,7 @@ def check_forward(time: np.ndarray, lines: Sequence[int] | None, source: str) ->
     Raises
     ------
     InputError
-        With the lines of these samples.
+        If a time stamp is wrong, with the lines of all wrong time stamps.
     """
     problems = Problems(source)
     steps = np.diff(time)
@@ -163,8 +163,8 @@ def recover_even_clock(time: np.ndarray) -> tuple[np.ndarray, str]:
 def even_clock(record: Record, lines: Sequence[int] | None) -> tuple[Record, str]:
     """Return the record on an even clock.
 
-    A clock within `CLOCK_TOLERANCE` of an even one stays. Otherwise a cubic spline is evaluated at the median rate, limited to
-    the two neighbouring samples: it would overshoot at a clipped sensor or an impact.
+    A clock within `CLOCK_TOLERANCE` of an even clock is kept. Otherwise a cubic spline is evaluated at the median rate. It is
+    limited to the values of the two neighbouring samples: it would overshoot at a clipped sensor or an impact.
 
     Parameters
     ----------
@@ -178,7 +178,7 @@ def even_clock(record: Record, lines: Sequence[int] | None) -> tuple[Record, str
     Record
         `record` itself if its clock is even.
     str
-        Note on the change; empty without one.
+        Note on the change; empty if nothing changed.
 
     Raises
     ------
@@ -223,14 +223,14 @@ def even_clock(record: Record, lines: Sequence[int] | None) -> tuple[Record, str
 
 
 def trim_hint(time: np.ndarray, edges: Sequence[int], step: float) -> str:
-    """Return advice to read the longest part without a gap, with the option.
+    """Return advice to read only the longest part without a gap, with the command-line option.
 
     Parameters
     ----------
     time : ndarray, shape (samples,)
         Seconds.
     edges : sequence of int
-        Samples that bound the parts, the stop of the last one included.
+        First sample of each part, then the stop of the last part.
     step : float
         Sampling interval in seconds.
     """
@@ -250,9 +250,9 @@ def integrate_velocity(
     Parameters
     ----------
     time, velocity : ndarray, shape (n,)
-        All samples of the file, as its parts share their zero.
+        Seconds and velocity of all samples of the file, because all parts have the same zero.
     samples : ndarray
-        Numbers of the required samples, without a gap among them.
+        Indices of the required samples; there is no gap between them.
     unit : str
         Unit of the position.
     lines : sequence of int, optional
@@ -263,7 +263,7 @@ def integrate_velocity(
     ndarray, shape (len(samples),)
         Position in the velocity's unit times seconds.
     str
-        Note without the column's name.
+        Note on the integration, to which the column's name must be added.
     """
     from scipy.integrate import cumulative_trapezoid
 

@@ -1,7 +1,7 @@
 """Dialect of a text table: delimiter, decimal mark, and the lines with its rows.
 
-It is chosen so that most lines are rows of numbers. General sniffers of CSV dialects search only the delimiter; decimal commas
-and the headers of testing machines require a joint search of delimiter, decimal mark and first row.
+The dialect is chosen so that most lines are rows of numbers. General sniffers of CSV dialects search only the delimiter;
+decimal commas and the headers of testing machines require a joint search of delimiter, decimal mark and first row.
 """
 
 import math
@@ -15,7 +15,7 @@ from lumbar.records.number_table import Dialect
 
 MIN_ROWS = 8
 _MAX_DIALECT_LINES = 3000
-"""Lines from which the dialect is chosen."""
+"""Number of first lines of a file from which the dialect is chosen."""
 _NUMBER = {
     ".": re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][+-]?\d+)?"),
     # A comma is a decimal mark only between digits: "0, 1, 2" is a list.
@@ -26,14 +26,14 @@ CLOCK = re.compile(r"^(\d{1,4}[-./]\d{1,2}[-./]\d{1,4}[T ]+)?\d{1,2}:\d{2}(:\d{2
 MISSING = frozenset(
     ["", "nan", "n/a", "na", "#n/a", "-", "--", "---", "null", "none", "inf", "-inf", "#div/0!"]
 )
-"""Cells without a value, in small letters."""
+"""Texts of cells without a value, in lower case."""
 DELIMITERS = {"\t": "tab", ";": "semicolon", ",": "comma", "|": "bar", None: "blanks"}
-"""Delimiters; the first one is taken if two give the same table."""
+"""Delimiters with their names; the first is used if two give the same table."""
 
 
 @dataclass(frozen=True)
 class TableDialect(Dialect):
-    """Dialect with the table's width, and its columns of text (from 0)."""
+    """Dialect with the number of columns, and the positions of text columns (from 0)."""
 
     width: int = 0
     text_columns: frozenset[int] = frozenset()
@@ -78,7 +78,7 @@ class TableDialect(Dialect):
 
     @cached_property
     def _number_row(self) -> re.Pattern:
-        """Pattern of most rows."""
+        """Pattern that matches most rows."""
         number = _NUMBER[self.decimal].pattern
         gap = r"\s+" if self.delimiter is None else rf"\s*{re.escape(self.delimiter)}\s*"
         return re.compile(rf"\s*{number}(?:{gap}{number}){{{self.width - 1}}}\s*")
@@ -166,7 +166,7 @@ def _score_dialect(
 
 
 def find_blocks(lines: list[str], dialect: TableDialect) -> list[tuple[int, int]]:
-    """Return first and last line (from 0) of every run of rows, which only blank lines and faulty rows interrupt.
+    """Return first and last line (from 0) of every block of rows; only blank lines and faulty rows may interrupt it.
 
     Parameters
     ----------

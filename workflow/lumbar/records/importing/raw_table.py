@@ -24,17 +24,17 @@ class RawColumn:
     """One column of a file."""
 
     number: int
-    """Counted from 1."""
+    """Number of the column, from 1."""
     name: str
     """Name from the header, without the unit; a variable's path in a MATLAB or HDF5 file; empty without a header."""
     unit: str
     """Unit stated in the file; empty if it states none."""
     values: np.ndarray
-    """Shape (samples,); NaN if the file has no number."""
+    """Numbers in the column, shape (samples,); NaN if a cell has none."""
     group: str = ""
     """Beginning of the name that does not describe the quantity: the groups of a variable."""
     labels: tuple[str, ...] = ()
-    """Texts of a text column; its values are their numbers."""
+    """Distinct texts of a text column; `values` are indices into `labels`."""
 
     @property
     def name_in_group(self) -> str:
@@ -62,9 +62,9 @@ class StatedRate:
     """A sampling rate that is stated in a file."""
 
     value: float
-    """Hertz."""
+    """Rate in hertz."""
     place: str
-    """Line or variable in the file."""
+    """Line or variable of the file that states the rate."""
 
 
 @dataclass(frozen=True)
@@ -89,13 +89,13 @@ class RawTable:
 
 
 _SPELLINGS: dict[str, dict[str, float]] = shipped_yaml(Path(__file__).with_name("units.yaml"))
-"""Factor to the target unit by the spellings, by quantity."""
+"""Factors to the target unit, by quantity and spelling."""
 SPEEDS = {"length": "velocity", "angle": "angular velocity"}
-"""Quantity of a velocity by that of its path."""
+"""Quantity of the velocity by the quantity of the position."""
 TARGETS = {"time": "s", "length": "mm", "angle": "rad", "force": "N", "torque": "N·m"}
 """Unit in which records are written, by quantity."""
 _READINGS = "V mV uV volt volts count counts cnt cnts bit bits raw digit digits a.u. au"
-"""Units of a sensor's reading, from which no force or length follows without a calibration."""
+"""Units of raw sensor readings, which become a force or length only with a calibration."""
 
 
 @dataclass(frozen=True)
@@ -109,7 +109,7 @@ class Unit:
     factor: float
     """Number in this unit times `factor` is the number in `target`."""
     target: str
-    """Unit of the records."""
+    """Unit in which records are written."""
 
 
 def _known_units() -> tuple[dict[str, Unit], dict[str, Unit]]:
@@ -167,7 +167,7 @@ _CALIBRATED = re.compile(r"^([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([^\d\
 
 
 def parse_unit(text: str, place: str) -> Unit:
-    """Return the unit in an option, with a factor before it or without.
+    """Return the unit that an option gives, optionally with a factor before it.
 
     Parameters
     ----------

@@ -1,6 +1,6 @@
 """A foreign table as validated records of time, position and force, with the guesses and their reasons.
 
-A table is one record, or several: intervals of its clock, or of one value in a column.
+A table is one record or several: intervals of time, or of rows with one value in a column.
 """
 
 from collections.abc import Mapping, Sequence
@@ -34,21 +34,21 @@ from lumbar.records.record import LARGEST, MIN_SAMPLES, Channel, Record, check_r
 from lumbar.records.sampling import check_clipping, runs, samples_between
 
 _MAX_PARTS = 200
-_SIGNS = "_.-"
-"""Signs of a record's name, in addition to letters and digits."""
+_NAME_SIGNS = "_.-"
+"""Signs allowed in a record's name, in addition to letters and digits."""
 _QUANTITIES = {"length": "position", "angle": "angle", "force": "force", "torque": "torque"}
 _QUANTITIES |= {"velocity": "position", "angular velocity": "angle"}
 
 
 def record_name(text: str) -> str:
-    """Return a name of a record for any text.
+    """Return a valid name of a record, made from any text.
 
     Parameters
     ----------
     text : str
         Name of a file or a part.
     """
-    return sanitize_name(text, "record", _SIGNS)
+    return sanitize_name(text, "record", _NAME_SIGNS)
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ class TablePart:
     name: str
     """Name of the record."""
     samples: np.ndarray
-    """Shape (samples,): their numbers in the table."""
+    """Indices of the samples in the table, shape (samples,)."""
     reason: str = ""
     """Origin of the part; empty for the whole table."""
 
@@ -110,7 +110,7 @@ def _cut_spans(
 
 
 def _cut_by_column(table: RawTable, request: str, name: str) -> list[TablePart]:
-    """Return the runs of rows with one value in a column; repeated values get a number after their name."""
+    """Return one part per run of rows with one value in a column; names of repeated values get a number."""
     column, _ = select_column((*table.columns, *table.text_columns), request, "cut-by")
     values = column.values
     edges = [0, *(np.flatnonzero(values[1:] != values[:-1]) + 1).tolist(), len(values)]
@@ -125,7 +125,7 @@ def _cut_by_column(table: RawTable, request: str, name: str) -> list[TablePart]:
     for first, stop in intervals:
         number = int(values[first])
         label = column.labels[number] if column.labels else f"{values[first]:g}"
-        part = f"{name}_{sanitize_name(label, str(number + 1), _SIGNS)}"
+        part = f"{name}_{sanitize_name(label, str(number + 1), _NAME_SIGNS)}"
         counts[part] = counts.get(part, 0) + 1
         part = part if counts[part] == 1 else f"{part}_{counts[part]}"
         if stop - first < MIN_SAMPLES:
@@ -158,7 +158,7 @@ class ImportedRecording:
 
     @property
     def columns(self) -> dict[str, dict[str, str]]:
-        """Columns of the tidy file by role, as a layout has them."""
+        """Settings of the tidy file's columns by role, as in a layout."""
         columns = {"time": {"column": "time_s", "quantity": "time", "unit": "s"}}
         for role, item in self.record.channels.items():
             parts = (item.quantity, role.partition("_")[2], item.unit.replace("·", ""))
@@ -173,7 +173,7 @@ class ImportedRecording:
 
     @property
     def tidy(self) -> dict[str, np.ndarray]:
-        """Columns of the tidy file by their names."""
+        """Values of the tidy file's columns by name."""
         return {
             name: self.record.time if role == "time" else self.record[role]
             for role, name in self.names.items()
@@ -198,7 +198,7 @@ class ImportedRecording:
 
     @property
     def speed(self) -> float:
-        """Largest speed of the motion, in its unit per second."""
+        """Largest speed of the motion, in `unit` per second."""
         velocity = np.gradient(self.record.stacked("input"), self.record.sampling_time, axis=1)
         return float(np.linalg.norm(velocity, axis=0).max())
 
@@ -324,7 +324,7 @@ def _make_channel(name: str, role: Role, samples: np.ndarray, flip_force: bool) 
 
 
 def _check_complete(record: Record, roles: Mapping[str, str], lines: Sequence[int] | None) -> None:
-    """Raise if samples are missing or too large; `roles` of columns by channel."""
+    """Raise if samples are missing or too large; `roles` are the columns' roles by channel."""
     problems = Problems(record.source)
     missing = np.zeros(len(record), dtype=bool)
     for name, channel in record.channels.items():

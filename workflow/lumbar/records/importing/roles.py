@@ -17,27 +17,27 @@ from lumbar.records.number_table import ENCODINGS
 
 ROLES = ("time", "position", "force")
 NONE = "none"
-"""Option of a table without a column of time."""
+"""Value of the option for a table without a column of time."""
 QUANTITIES = {"time": ("time",), "position": ("length", "angle"), "force": ("force", "torque")}
-_ALLOWED = {**QUANTITIES, "position": (*QUANTITIES["position"], *SPEEDS.values())}
-"""Quantities of a column by its role; a velocity is integrated."""
+_ALLOWED_QUANTITIES = {**QUANTITIES, "position": (*QUANTITIES["position"], *SPEEDS.values())}
+"""Allowed quantities of a role's column; a velocity is integrated."""
 ROLE_WORDS: dict[str, str] = shipped_yaml(Path(__file__).with_suffix(".yaml"))
 _VELOCITIES, _UNMEASURED = ROLE_WORDS["velocity"].split(), frozenset(ROLE_WORDS["unmeasured"].split())
-_WEAK = {"time": "t", "position": "x y z", "force": "f fx fy fz"}
+_ONE_LETTER_NAMES = {"time": "t", "position": "x y z", "force": "f fx fy fz"}
 """Names of one letter, which are used for other quantities too."""
-_OTHERS = frozenset([*_VELOCITIES, *_UNMEASURED, *ROLE_WORDS["others"].split()])
+_OTHER_NAMES = frozenset([*_VELOCITIES, *_UNMEASURED, *ROLE_WORDS["others"].split()])
 """Names of other quantities and commands; columns with such names are only used if the user names them."""
 _MIN_SECONDS_HZ = 20.0
 """Rate at or above which a clock without a unit is in seconds: in milliseconds it would be at least 20 kHz."""
 _PLAUSIBLE_HZ = (1.0, 1e5)
-"""Rates that are accepted with the file's own unit of time: headers have stated ms for seconds."""
+"""Range of rates for which the stated unit of time is accepted: some headers state ms for seconds."""
 
 Requests = dict[str, tuple[str | None, str | None]]
 """The user's column and unit for each role; None if not given."""
 
 
 def split_columns(option: str | None) -> list[str]:
-    """Return the columns of several axes in an option, separated by commas; none of a single column.
+    """Return the columns in an option that names one per axis, separated by commas; empty for a single column.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ def split_columns(option: str | None) -> list[str]:
 
 @dataclass(frozen=True)
 class Choices:
-    """The user's options for an import, see `lumbar.import_recordings`; None means that they are detected."""
+    """The user's options for an import, see `lumbar.import_recordings`; None means automatic detection."""
 
     time: str | None = None
     position: str | None = None
@@ -82,7 +82,7 @@ class Choices:
 
     @property
     def named_columns(self) -> list[str]:
-        """Columns that are given for roles."""
+        """Columns that the user gave for roles."""
         columns = [column for column, _ in self.requests.values() if column not in (None, NONE)]
         return [part for column in columns for part in (column, *split_columns(column))]
 
@@ -99,7 +99,7 @@ class Role:
     column: RawColumn
     unit: Unit
     reason: str
-    """Why this column, and why this unit."""
+    """Reasons for the column and its unit."""
 
 
 def _normalize(text: str) -> str:
@@ -121,7 +121,7 @@ def split_words(name: str) -> list[str]:
 
 
 def name_match_score(name: str, role: str) -> int:
-    """Return how clearly a name states a role: 3 a word for it, 2 a word in a word, 1 a letter, 0 not, -1 another quantity.
+    """Return the score of a name for a role: 3 whole word, 2 part of a word, 1 letter, 0 no match, -1 another quantity.
 
     Parameters
     ----------
@@ -136,13 +136,13 @@ def name_match_score(name: str, role: str) -> int:
     [3, 2, 1, -1]
     """
     parts, words = split_words(name), set(ROLE_WORDS[role].split())
-    if _OTHERS & set(parts):
+    if _OTHER_NAMES & set(parts):
         return -1
     if words & {*parts, _normalize(name)}:
         return 3
     if any(word in part for part in parts for word in words if len(word) >= 4):
         return 2
-    return 1 if parts and parts[0] in _WEAK[role].split() and len(parts) <= 2 else 0
+    return 1 if parts and parts[0] in _ONE_LETTER_NAMES[role].split() and len(parts) <= 2 else 0
 
 
 def find_roles(
@@ -154,8 +154,8 @@ def find_roles(
 ) -> dict[str, Role]:
     """Find the columns of time (optional), position and force with their units.
 
-    A column has a role by its name, else by its unit. Columns without name and unit take the remaining roles in the order
-    time, position, force, if there is one for each; without one for the time if the rate is known.
+    A column has a role by its name, else by its unit. Columns without name and unit get the remaining roles in the order
+    time, position, force, if there are as many columns as roles; time needs no column if the rate is known.
 
     Parameters
     ----------
@@ -167,14 +167,14 @@ def find_roles(
     wanted : sequence of str
         Roles to find.
     excluded : collection of int
-        Numbers of the columns without a role.
+        Numbers of the columns that must not get a role.
     rate : float, optional
         The user's sampling rate, Hz.
 
     Raises
     ------
     InputError
-        With all that is missing, the candidates, and the option that chooses each.
+        If a column or unit is missing, with the candidates and the options that choose among them.
     """
     chosen: dict[str, tuple[RawColumn, str] | None] = {}
     problems: dict[str, str] = {}
@@ -211,7 +211,7 @@ def find_roles(
 def _choose_column(
     table: RawTable, requests: Requests, used: set[int], role: str
 ) -> tuple[RawColumn, str] | None:
-    """Return the column that the user or its name gives a role, and the reason; None without candidates."""
+    """Return a role's column, by the user's option or the column's name, and the reason; None without candidates."""
     request, _ = requests[role]
     choice: tuple[RawColumn, str] | None
     if request:
@@ -231,7 +231,7 @@ def _choose_column(
 def _choose_by_order(
     table: RawTable, columns: list[RawColumn], missing: list[str], rate: float | None
 ) -> dict[str, tuple[RawColumn, str]]:
-    """Return columns without name and unit for the missing roles in order, if their numbers agree."""
+    """Return columns without name and unit for the missing roles in order, if there are as many columns as roles."""
     nameless = [column for column in columns if not column.name and not column.unit]
     if len(nameless) != len(missing):
         with suppress(InputError):
@@ -246,7 +246,7 @@ def _choose_by_order(
 def _free_columns(
     table: RawTable, requests: Requests, used: Collection[int], role: str = ""
 ) -> list[RawColumn]:
-    """Return the columns that have no role yet and that the user did not name for another one."""
+    """Return the columns that have no role yet and that the user did not name for another role."""
     others = {request for name, (request, _) in requests.items() if name != role and request}
     return [
         column
@@ -270,7 +270,7 @@ def ambiguity_error(table: RawTable, problems: Iterable[str]) -> InputError:
 
 
 def select_column(columns: Sequence[RawColumn], request: str, option: str) -> tuple[RawColumn, str]:
-    """Return the column that the user named, and this as a reason.
+    """Return the column that the user named, and the text of this reason.
 
     Parameters
     ----------
@@ -284,7 +284,7 @@ def select_column(columns: Sequence[RawColumn], request: str, option: str) -> tu
     Raises
     ------
     InputError
-        If it does not exist.
+        If the column does not exist.
     """
 
     def letters(text: str) -> str:
@@ -377,7 +377,7 @@ def _find_by_name(columns: list[RawColumn], role: str) -> tuple[RawColumn, str] 
 
 
 def is_velocity_name(name: str) -> bool:
-    """Return whether a name is that of a measured velocity, and not of a command or an error.
+    """Return whether a name means a measured velocity, and not a command or an error.
 
     Parameters
     ----------
@@ -389,7 +389,7 @@ def is_velocity_name(name: str) -> bool:
 
 
 def assign_unit(column: RawColumn, role: str, option: str | None, reason: str) -> Role:
-    """Return a column as a role, in the unit that the user gave or that the file states.
+    """Return a role with its column, in the unit that the user gave or that the file states.
 
     Parameters
     ----------
@@ -405,18 +405,18 @@ def assign_unit(column: RawColumn, role: str, option: str | None, reason: str) -
     Raises
     ------
     InputError
-        If the unit is unknown, or that of another quantity.
+        If the unit is unknown, or a unit of another quantity.
     """
     unit = find_unit(column.unit)
     if option:
         given = parse_unit(option, f"--{role}-unit")
-        if given.quantity not in (*_ALLOWED[role], *(["reading"] if role != "time" else [])):
+        if given.quantity not in (*_ALLOWED_QUANTITIES[role], *(["reading"] if role != "time" else [])):
             raise InputError(f"--{role}-unit {option!r} is a unit of {given.quantity}, not of {role}")
         differs = unit is not None and (unit.quantity, unit.factor) != (given.quantity, given.factor)
         stated = f", while the file states {column.unit}" if differs else ""
         return Role(column, given, f"{reason}; unit {given.name}, as given by --{role}-unit{stated}")
     step = float(np.nanmedian(np.diff(column.values)))
-    if unit is not None and unit.quantity in _ALLOWED[role]:
+    if unit is not None and unit.quantity in _ALLOWED_QUANTITIES[role]:
         rate = 1 / (step * unit.factor) if role == "time" and step > 0 else None
         if rate is not None and not _PLAUSIBLE_HZ[0] <= rate <= _PLAUSIBLE_HZ[1]:
             raise InputError(

@@ -1,4 +1,4 @@
-"""A foreign file as a raw table. Its kind follows from its first bytes, not from its name.
+"""Reader of a foreign file as a raw table. The kind of file follows from its first bytes, not from its name.
 
 Texts of any dialect and sheets of workbooks are columns of numbers, with names, units and the sampling rate from the lines
 above them; `lumbar.records.importing.variables` reads MATLAB and HDF5 files.
@@ -46,14 +46,14 @@ _OLD_EXCEL = b"\xd0\xcf\x11\xe0"
 _GZIP = b"\x1f\x8b"
 
 MAX_CELLS = MAX_FILE_BYTES // 8
-"""Cells of a workbook; one cell far away makes all the empty ones before it count."""
+"""Largest number of cells of a workbook, with the empty cells before the last used cell."""
 _MAX_LABEL_CHARACTERS = 1000
-"""Beginning of a line that may state a rate."""
+"""Number of first characters of a line that are searched for a rate."""
 _MAX_HEADER_LINES = 4
-"""Lines above a table that may contain names and units."""
+"""Number of lines above a table that may contain names and units."""
 _DAY_S = 86400.0
 _MAX_LABELS = 1000
-"""Different texts of a text column that are distinguished."""
+"""Largest number of distinct texts of a text column."""
 _COMMENT = re.compile(r"^\s*[#%!;]+\s*")
 
 
@@ -65,9 +65,9 @@ def read_content(stored: bytes, path: Path, choices: Choices) -> tuple[RawTable,
     stored : bytes
         Text, MATLAB, HDF5 or Excel; also gzipped.
     path : Path
-        For messages, and for the ending of its name.
+        The file, for messages and its ending.
     choices : Choices
-        The part of the file and its encoding.
+        The user's options, with the part of the file and its encoding.
 
     Returns
     -------
@@ -79,7 +79,7 @@ def read_content(stored: bytes, path: Path, choices: Choices) -> tuple[RawTable,
     Raises
     ------
     InputError
-        If it has no table, or the package that reads it is not installed.
+        If the file has no table, or the package that reads it is not installed.
     """
     content, source, ending = stored, str(path), ending_of(path)
     if stored.startswith(_GZIP):
@@ -125,7 +125,7 @@ def _read_workbook(content: bytes, source: str, choices: Choices) -> RawTable:
 
 
 def _read_sheets(source: str, content: bytes) -> dict[str, list[str]]:
-    """Return the lines of every sheet, cells separated by tabs, by its title."""
+    """Return the lines of every sheet by its title; tabs separate the cells."""
     import openpyxl
 
     sheets: dict[str, list[str]] = {}
@@ -144,7 +144,7 @@ def _read_sheets(source: str, content: bytes) -> dict[str, list[str]]:
 
 
 def _read_lines(lines: list[str], source: str, encoding: str, table: str | None = None) -> RawTable:
-    """Return the table in lines of text; of several tables, the one with this number (from 1)."""
+    """Return the table in lines of text; `table` is its number (from 1) if there are several."""
     dialect = find_dialect(lines)
     plain = None
     if dialect and not dialect.text_columns and dialect.decimal != dialect.delimiter:
@@ -290,7 +290,7 @@ _RATE = re.compile(
     re.IGNORECASE,
 )
 _IN_HERTZ = re.compile(r"rate|fre[qc]|fr[ée]q|\bfs\b", re.IGNORECASE)
-"""Label of a rate, in hertz if it has no unit, as opposed to a number of samples."""
+"""Label of a rate, not of a number of samples; a rate without a unit is in hertz."""
 _INTERVAL = re.compile(
     r"sampl\w*[\s_-]*(?:interval|period|time)|abtastintervall|abtastzeit|delta_?x|\bdt\b", re.IGNORECASE
 )

@@ -1,4 +1,4 @@
-"""Folder of imported records: tidy files, a study with the origin of each, and the same as JSON."""
+"""Folder of imported records: tidy files, a study with the origin of each file, and the origins as JSON."""
 
 import shlex
 from collections.abc import Iterable, Sequence
@@ -14,8 +14,8 @@ from lumbar.records.record import swap_input_and_output, use_load_as_input
 
 SCHEMA = "lumbar.import/1"
 STUDY, PROVENANCE = "study.yaml", "imported.json"
-_DEFAULT = {"time": ("time", "s"), "input": ("position", "mm"), "output": ("force", "N")}
-"""Quantities and units of the default layout, along each axis."""
+_DEFAULT_COLUMNS = {"time": ("time", "s"), "input": ("position", "mm"), "output": ("force", "N")}
+"""Quantity and unit of each role in the default layout, for any axis."""
 
 
 def write_folder(
@@ -26,7 +26,7 @@ def write_folder(
     licence: str | None = None,
     forward: bool = False,
 ) -> Path:
-    """Write records, study and provenance to a new folder or that of an earlier import; return the path of the study.
+    """Write records, study and provenance to a new folder or an earlier import's folder; return the study's path.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ def write_folder(
     existing : sequence of Path
         Files of the folder that would be read as records.
     source_label, licence : str, optional
-        Name and licence of the data; default those of the earlier import.
+        Name and licence of the data; default the earlier import's.
     forward : bool
         Whether the load drove the tests and is the input of the study.
 
@@ -115,7 +115,7 @@ def _entry(recording: ImportedRecording) -> dict:
 
 
 def is_study_needed(content: dict) -> bool:
-    """Return whether the records of a provenance file need their study: other columns than by default, or several rates.
+    """Return whether records of a provenance file need their study: columns are not the default, rates differ, or one is clipped.
 
     Parameters
     ----------
@@ -123,7 +123,7 @@ def is_study_needed(content: dict) -> bool:
         Content of the provenance file, with at least one record.
     """
     is_default = all(
-        (column["quantity"], column["unit"]) == _DEFAULT[role.partition("_")[0]]
+        (column["quantity"], column["unit"]) == _DEFAULT_COLUMNS[role.partition("_")[0]]
         for role, column in content["records"][0]["columns"].items()
     )
     rate = common_rate(entry["rate_Hz"] for entry in content["records"])

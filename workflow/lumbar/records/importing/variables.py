@@ -20,14 +20,14 @@ from lumbar.records.importing.roles import Choices
 from lumbar.records.unpacking import check_size, load_matlab, report_broken
 
 _MAX_COLUMNS = 64
-"""Columns of a matrix of vectors."""
+"""Largest number of columns of a matrix; each column is a vector."""
 _MAX_EXAMPLES = 3
 _ELSEWHERE = "{source}: {path} is stored in another file; store all numbers in one, with h5repack or h5copy"
 _RATES = ("fs", "f_s", "fsample", "rate", "samplerate", "sampling_rate", "sample_rate", "samplingrate")
 _INTERVALS = ("dt", "ts", "sampling_time", "sample_time", "delta_t")
 _LABELS = ("label", "Label", "name", "Name")
 _VALUES = ("values", "Values", "data", "Data")
-"""Fields of a signal as Simulink and measuring systems write it: the signal is named after its label."""
+"""Fields with the values of a signal that Simulink or a measuring system wrote; its label becomes its name."""
 
 
 def _to_table(
@@ -148,7 +148,7 @@ def read_variables(content: bytes, source: str, kind: str, choices: Choices) -> 
 
 
 def _matlab_variables(source: str, content: bytes) -> dict[str, Any]:
-    """Return the numbers of a MATLAB file by path, and the paths of objects that only MATLAB reads."""
+    """Return the arrays of a MATLAB file, the paths of objects that only MATLAB reads, and the units."""
     arrays: dict[str, np.ndarray] = {}
     opaque: list[str] = []
 
@@ -173,7 +173,7 @@ def _matlab_variables(source: str, content: bytes) -> dict[str, Any]:
 
 
 def _hdf5_variables(source: str, content: bytes) -> dict[str, Any]:
-    """Return the numbers of an HDF5 file by path, and the units of some."""
+    """Return the arrays of an HDF5 file by path, and the units that it states, by path."""
     import h5py
 
     arrays: dict[str, np.ndarray] = {}
@@ -209,7 +209,7 @@ def _hdf5_variables(source: str, content: bytes) -> dict[str, Any]:
 
 
 def _hdf5_size(path: str, item, source: str) -> int:
-    """Return the stated size of an item in bytes, at least that of a chunk; raise if its values are in another file."""
+    """Return the stated size of an item in bytes, at least the size of a chunk; raise if its values are in another file."""
     import h5py
 
     if not isinstance(item, h5py.Dataset):

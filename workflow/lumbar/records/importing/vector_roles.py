@@ -24,7 +24,7 @@ from lumbar.settings.layout import AXES
 
 QUANTITIES = {"position": "length", "force": "force"}
 _LETTERS = {"position": ("", "p"), "force": ("f",)}
-"""Rest of a name such as px or x without its axis."""
+"""Rest of a short name, such as px or x, after its axis is removed; by role."""
 _KNOWN = "|".join(
     re.escape(word) for role in QUANTITIES for word in (*ROLE_WORDS[role].split(), *_LETTERS[role])
 )
@@ -38,12 +38,12 @@ class AxisColumns:
     """Columns whose names differ only in the axis."""
 
     name: str
-    """Name without the axis, in lower case; that of the group if nothing else is left."""
+    """Name without the axis, in lower case; the group's name if nothing is left."""
     columns: dict[str, RawColumn]
     """Columns by axis."""
 
     def rank(self, role: str) -> tuple[int, bool] | None:
-        """Return how clearly they have a role, as in `rank_columns`; None if they cannot have it.
+        """Return the score of the name for a role and whether the unit fits (see `rank_columns`); None if no role is possible.
 
         Parameters
         ----------
@@ -89,7 +89,7 @@ def split_axis(name: str) -> tuple[str, str]:
 
 
 def find_axes(columns: Sequence[RawColumn]) -> list[AxisColumns]:
-    """Return the columns that differ in two or three axes, without duplicate ones; of a matrix only three columns.
+    """Return groups of two or three columns that differ only in the axis, without duplicates; a matrix needs three.
 
     Parameters
     ----------
@@ -112,9 +112,9 @@ def find_axes(columns: Sequence[RawColumn]) -> list[AxisColumns]:
 
 
 def find_roles_of_axes(table: RawTable, requests: Requests, rate: float | None = None) -> dict[str, Role]:
-    """Find the columns of one axis as `find_roles`, or else those of several: ``position_x``, …, ``force_z``.
+    """Find the columns of one axis with `find_roles`, or of several axes: ``position_x``, …, ``force_z``.
 
-    The user separates columns by commas. Otherwise a triple is used unless a single column has its role as clearly.
+    The user separates columns by commas. Otherwise a triple is used unless a single column has an equal score for the role.
 
     Parameters
     ----------
@@ -194,7 +194,7 @@ def _choose_axes(table: RawTable, requests: Requests) -> dict[str, dict[str, Raw
 
 
 def _select_axes(columns: Sequence[RawColumn], names: Sequence[str], role: str) -> dict[str, RawColumn]:
-    """Return the columns that the user named, by the axes in their names; without those in the order x, y, z."""
+    """Return the columns that the user named, by the axes in their names, or in the order x, y, z if the names have no axes."""
     if not 2 <= len(names) <= len(AXES):
         raise InputError(f"--{role}: {len(names)} columns; two or three axes have one each")
     selected = [select_column(columns, name, role)[0] for name in names]
