@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 
 REFERENCE = ("resources/reference_input.csv", "resources/reference_output.csv")
-"""Signals to try an importer with."""
+"""Files with the reference signals, for a test of an importer."""
 WITHOUT_EVENT_MODE = "resources/reference_output_without_event_mode.csv"
-"""Output that an importer without event mode reads from an FMI 3.0 FMU, equal to that of an FMI 2.0 FMU."""
+"""File with the output that an importer without event mode reads from an FMI 3.0 FMU; an FMI 2.0 FMU gives the same output."""
 ANNOTATION = "lumbar"
 """Name of the annotation of this project in the model description."""
 PUSH_S = 0.2
@@ -22,7 +22,8 @@ _BASE_UNITS = json.loads(Path(__file__).with_suffix(".json").read_text(encoding=
 
 
 def slow_push(sampling_time: float) -> np.ndarray:
-    """Return positions from 0 to 1 of a push; the mean response shows which force resists despite relaxation and friction."""
+    """Return positions of a push from 0 to 1. The sign of its mean response is the sign of resistance despite relaxation and
+    friction."""
     return np.linspace(0.0, 1.0, max(10, round(PUSH_S / sampling_time)))
 
 
@@ -32,35 +33,35 @@ def element_names(name: str, axes: int) -> tuple[str, ...]:
 
 
 def along_axes(path, axes: int) -> np.ndarray:
-    """Return a path along a line as positions in space, half as far along each axis as along the one before."""
+    """Return positions in space from a path along a line; each axis moves half as far as the axis before it."""
     return np.multiply.outer(path, 0.5 ** np.arange(axes)) if axes else path
 
 
 def base_unit(unit: str) -> dict[str, float] | None:
-    """Return exponents and factor of a unit or of one per second, None for an unknown unit."""
+    """Return exponents and factor of a unit, which may end in ``/s``; None for an unknown unit."""
     known = _BASE_UNITS.get(unit.removesuffix("/s"))
     return {**known, "s": known.get("s", 0) - 1} if known and unit.endswith("/s") else known
 
 
 @dataclass(frozen=True)
 class WorkUnits:
-    """Units of a position and a force with an energy as their product; the defaults have none."""
+    """Units of a position and a force. Their product is an energy except with the defaults."""
 
     position: float = 1.0
-    """Unit of the position in m or rad."""
+    """One unit of the position in m or rad."""
     force: float = 1.0
-    """Unit of the force in N or N·m."""
+    """One unit of the force in N or N·m."""
     damping: str = "1"
     """Unit of the damping."""
 
     @property
     def has_energy(self) -> bool:
-        """True if their product is an energy."""
+        """True if position times force is an energy."""
         return self != WorkUnits()
 
     @property
     def is_of_length(self) -> bool:
-        """True for a length and a force."""
+        """True if the position is a length and the force not a torque."""
         return self.damping == "N·s/m"
 
 
@@ -68,7 +69,7 @@ class WorkUnits:
 def work_units(position: str, force: str) -> WorkUnits:
     """Return position and force in SI units and the unit of damping.
 
-    `position` and `force` are units: of a length and a force, or of an angle and a torque.
+    `position` and `force` are unit names, of a length and a force or of an angle and a torque.
     """
     x, y = ({**(base_unit(unit) or {})} for unit in (position, force))
     factors = float(x.pop("factor", 1.0)), float(y.pop("factor", 1.0))

@@ -1,4 +1,4 @@
-"""Checks of the exported FMUs: fmpy's validation, simulation against the identified model, and a push; the table of it."""
+"""Checks of exported FMUs: validation by fmpy, simulation against the identified model, a push, and the table of results."""
 
 import tempfile
 from collections.abc import Sequence
@@ -30,11 +30,11 @@ from lumbar.tissue.models.transfer_function import filtered
 TOLERANCE = 1e-12
 """Largest error of a valid FMU, relative to the largest output."""
 _TEST_OUTPUT_SHARE = 0.8
-"""Largest output of the test input as a share of its limit."""
+"""Largest output for the test input as a share of the output's limit."""
 
 
 def schema_problems(path: Path) -> list[str]:
-    """Return the problems that fmpy finds by the standard's schema; a file that it cannot read is one."""
+    """Return the problems that fmpy finds by the standard's schema; an unreadable file is a problem."""
     from fmpy.validation import validate_fmu
 
     try:
@@ -44,12 +44,12 @@ def schema_problems(path: Path) -> list[str]:
 
 
 def validate_new_files(paths: Sequence[Path]) -> None:
-    """Validate files that were just written, and remove them all if one has a problem.
+    """Validate files that were just written; remove all of them if any file has a problem.
 
     Raises
     ------
     InputError
-        With every problem of every file.
+        If any file has a problem. The message lists every problem of every file.
     """
     problems = Problems("FMUs that must not be used")
     for path in paths:
@@ -100,7 +100,7 @@ def check_fmus(models: list[ExportModel], folder: Path, samples: int, seed: int)
     Raises
     ------
     InputError
-        If any FMU has a problem, with all of them.
+        If any FMU has a problem. The message lists all problems.
     """
     problems, checks = Problems("FMUs that must not be used"), []
     for model, version in product(models, FMI_VERSIONS):
@@ -135,7 +135,7 @@ def check_fmus(models: list[ExportModel], folder: Path, samples: int, seed: int)
 
 
 def _rounding_bound(model: ExportModel, inputs: np.ndarray, largest: float) -> float:
-    """Return the error that rounding alone may cause, relative to the largest output."""
+    """Return the largest error that rounding can cause, relative to the largest output."""
     if not largest:
         return 0.0
     dynamics = model.dynamics
@@ -155,7 +155,8 @@ def _rounding_bound(model: ExportModel, inputs: np.ndarray, largest: float) -> f
 
 
 def check_table(checks: list[Check], source_label: str, seed: int) -> Table:
-    """Return the table of checked FMUs; `source_label` is the source of the models' data, `seed` that of the test input."""
+    """Return the table of checked FMUs; `source_label` names the source of the models' data, `seed` is the seed of the test
+    input."""
     rows = [
         {
             "file": check.file,
@@ -191,19 +192,19 @@ class Push:
     """Outputs of all FMUs to the same movement."""
 
     time: np.ndarray
-    """Shape (samples,): seconds."""
+    """Time in seconds, shape (samples,)."""
     inputs: np.ndarray
-    """Shape (samples,)."""
+    """Positions, shape (samples,)."""
     outputs: dict[tuple[str, str], np.ndarray]
-    """Dict of tuple (str, str) to numpy.ndarray, each of shape (samples,): by model and FMI version."""
+    """Outputs by model and FMI version, each of shape (samples,)."""
     most_delayed: str
     """Model with the largest difference between the outputs of both versions."""
 
 
 def push(models: list[ExportModel], folder: Path) -> Push:
-    """Simulate the same push with the FMUs in a folder, of all models at the sampling time of the first one.
+    """Simulate one push with the FMUs of all models with the sampling time of the first model.
 
-    At this depth the stiffest model reaches half of its output limit.
+    The push is so deep that the stiffest model reaches half of its output limit.
     """
     models = [model for model in models if model.sampling_time == models[0].sampling_time]
     time, profile = push_profile(models[0].sampling_time)

@@ -41,13 +41,13 @@ class UnzippedFmu:
 
     @cached_property
     def ports(self) -> tuple[str, str]:
-        """Names of the position and of the force, from the reference signals."""
+        """Names of the variables for position and force, from the reference signals."""
         heads = ((self.folder / path).read_text(encoding="utf-8").splitlines()[0] for path in REFERENCE)
         return tuple(head.split(",")[1].partition("[")[0] for head in heads)
 
     @cached_property
     def elements(self) -> dict[str, tuple[Any, int | None]]:
-        """Variable of every value by the value's name, with its index in an array of FMI 3.0."""
+        """Variable and index in its array (FMI 3.0; else None) of each scalar value, by the name of the value."""
         elements: dict[str, tuple[Any, int | None]] = {}
         for name, item in self.variables.items():
             if item.dimensions:
@@ -58,7 +58,7 @@ class UnzippedFmu:
         return elements
 
     def parts(self, port: str) -> list[str]:
-        """Return the names of the values of a variable, one for every axis in space."""
+        """Return the names of the scalar values of a variable: one per axis in space."""
         return [name for name in self.elements if name.partition("[")[0] == port]
 
     @cached_property
@@ -79,7 +79,7 @@ class UnzippedFmu:
 
 
 class Instance:
-    """An instance, first in initialization mode, then at one sample after the other; event mode is for FMI 3.0 only."""
+    """An instance of an FMU: first in initialization mode, then stepped from sample to sample (in event mode with FMI 3.0)."""
 
     def __init__(self, fmu: UnzippedFmu, event_mode: bool = False):
         self.fmu, self.event_mode = fmu, event_mode
@@ -120,9 +120,9 @@ class Instance:
         setter(self.fmu.references(port), value if self.fmu.axes else [value])
 
     def sample(self, position):
-        """Return the force that a client reads at the next sample instant, where it sets this position.
+        """Set the position at the next sample instant and return the force that a client reads there.
 
-        With event mode, and at the start, it sets the position before it reads the force; else afterwards.
+        With event mode, and at the start, the position is set before the force is read; else after it.
         """
         source, force = self.fmu.ports
         self.reach_sample()
@@ -141,7 +141,7 @@ class Instance:
         return value
 
     def reach_sample(self) -> None:
-        """Step to the instant of the next sample, after the first one."""
+        """Step to the next sample instant; do nothing at the first instant."""
         if self.samples == 0:
             return
         step = self.fmu.sampling_time
@@ -150,5 +150,5 @@ class Instance:
             self.slave.enterEventMode()
 
     def play(self, positions: Iterable) -> list:
-        """Return the force at each of the next sample instants."""
+        """Return the forces at the next sample instants for these positions."""
         return [self.sample(position) for position in positions]

@@ -16,20 +16,20 @@ from lumbar.settings.runtime import DeviceSettings
 _BLOCK = 64
 """Number of coefficients in a block of a long polynomial."""
 _ROUNDING = 1e-9
-"""Share of a numerator's coefficients below which their sum is 0."""
+"""A numerator's sum counts as 0 below this share of its coefficients' magnitudes."""
 
 
 def all_angles(points: int = 2000, smallest: float = 1e-4) -> np.ndarray:
-    """Return angles ωT from near 0 to π: evenly spaced, and denser towards 0 because of slow relaxations."""
+    """Return angles ωT from near 0 to π: evenly spaced ones, and denser ones towards 0 for slow relaxations."""
     slow = np.geomspace(smallest, np.pi / points, points // 4)
     return np.concatenate([slow[:-1], np.linspace(slow[-1], np.pi, points)])
 
 
 def evaluate_polynomials(coefficients: np.ndarray, angles: np.ndarray) -> np.ndarray:
-    """Return polynomials in z⁻¹ at exp(jθ), complex, shape (angles,) or (angles, polynomials).
+    """Return the values of polynomials in z⁻¹ at exp(jθ), complex, shape (angles,) or (angles, polynomials).
 
-    `coefficients` are those of z⁰, z⁻¹, …, shape (powers,) or (powers, polynomials); `angles` are θ, shape (angles,), for a
-    single polynomial of any shape.
+    `coefficients` belong to z⁰, z⁻¹, …, shape (powers,) or (powers, polynomials). `angles` are θ, shape (angles,); for a single
+    polynomial any shape.
     """
     if coefficients.ndim == 1:
         # After a delay, and in a model that runs several times over, most powers have no coefficient.
@@ -49,15 +49,15 @@ def evaluate_polynomials(coefficients: np.ndarray, angles: np.ndarray) -> np.nda
 
 @dataclass(frozen=True)
 class StableGain:
-    """The end of a loop's stable gains."""
+    """Largest stable gain of a loop, and the oscillation that begins there."""
 
     gain: float
     """Largest factor on the model's force below which the loop is stable for every factor from 0; 0 for an unstable model,
     infinite if no gain is too large."""
     frequency: float
-    """Frequency in Hz of the oscillation that begins there; 0 if the loop runs away."""
+    """Frequency in Hz of the oscillation that begins at this gain; 0 if the loop drifts away without oscillation."""
     direction: np.ndarray | None = None
-    """Unit vector of that motion in space; None along one axis."""
+    """Direction of this oscillation in space, a unit vector; None along one axis."""
 
 
 @dataclass(frozen=True)
@@ -67,12 +67,12 @@ class SampledModel:
     name: str
     numerator: np.ndarray
     denominator: np.ndarray
-    """Coefficients of z⁰, z⁻¹, …; those of the numerator in N/m, positive if the force is against the motion. They include
-    moving average and delays of whole samples."""
+    """Coefficients of z⁰, z⁻¹, …. The numerator is in N/m, positive if the force is against the motion. Moving average and
+    delays of whole samples are included."""
     sampling_time: float
     """Seconds between two samples."""
     delay: float = 0.0
-    """Seconds from a sample to the force that follows from it, less than `sampling_time`."""
+    """Seconds from a sample to its force, less than `sampling_time`."""
 
     def response(self, angles: np.ndarray) -> np.ndarray:
         """Return H(exp(jθ)) at angles θ = ωT in radians, without `delay`; complex, shape of `angles`."""
@@ -80,7 +80,7 @@ class SampledModel:
 
     @property
     def poles(self) -> np.ndarray:
-        """Roots of the denominator in z, without those at 0."""
+        """Roots of the denominator in z, without roots at 0."""
         # A model with several phases has powers of z⁻ᵖ only: roots in zᵖ are exact.
         phases = max(int(np.gcd.reduce(np.flatnonzero(self.denominator))), 1)
         roots = np.roots(np.trim_zeros(self.denominator[::phases], "b")).astype(complex)
@@ -99,7 +99,7 @@ class SampledModel:
         return 0.0 if abs(total) < rounding else total / self.denominator.sum()
 
     def late(self, seconds: float) -> Self:
-        """Return the model with its force later by this time."""
+        """Return the model with its force delayed by this time."""
         whole, part = divmod(self.delay + seconds, self.sampling_time)
         if self.sampling_time - part < 1e-9 * self.sampling_time:
             whole, part = whole + 1, 0.0
@@ -117,7 +117,7 @@ def propagation(device: DeviceSettings, seconds: float) -> tuple[np.ndarray, np.
     transition : numpy.ndarray, shape (2, 2)
         Transition matrix of position in m and velocity in m/s.
     by_force : numpy.ndarray, shape (2,)
-        Change of both by one newton.
+        Change of position in m and velocity in m/s by a force of one newton.
     """
     mass = device.mass_kg + device.hand_mass_kg
     damping = device.damping_N_s_m + device.hand_damping_N_s_m
@@ -130,7 +130,7 @@ def propagation(device: DeviceSettings, seconds: float) -> tuple[np.ndarray, np.
 def loop_response(model: SampledModel, device: DeviceSettings) -> Callable[[np.ndarray], np.ndarray]:
     """Return the open-loop frequency response: the model times the sampled response of device and hand to its held force.
 
-    It is a function from angles ωT in radians to complex numbers; the closed loop has a pole at exp(jωT) if it is −1 there.
+    The function maps angles ωT in radians to complex numbers; at −1 the closed loop has a pole at exp(jωT).
     """
     # Over a sampling time the force before acts first, then the new one.
     rest, by_new = propagation(device, model.sampling_time - model.delay)
@@ -152,7 +152,7 @@ def loop_response(model: SampledModel, device: DeviceSettings) -> Callable[[np.n
 
 
 def largest_stable_gain(model: SampledModel, device: DeviceSettings) -> StableGain:
-    """Return the largest stable gain of a loop; other kinds of loops have a method for it.
+    """Return the largest stable gain of a loop; `PeriodicModel` and `SpatialLoop` have a method for it.
 
     If the loop's frequency response crosses the negative real axis at −r, a factor 1/r puts a pole on the unit circle. Device
     with hand and the model are stable by themselves, so that the smallest of these factors ends the stable ones. The response

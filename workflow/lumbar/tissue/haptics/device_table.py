@@ -19,7 +19,7 @@ from lumbar.tissue.models.fitted_model import FittedModel
 def device_table(
     verdicts: Sequence[LoopVerdict], refused: Sequence[str], settings: RuntimeSettings, source_label: str
 ) -> Table:
-    """Return the table model × device; `refused` are the reasons why models have no row at a rate."""
+    """Return the table model × device; `refused` are the reasons for missing rows."""
     rows = [
         {
             "model": item.model.name,
@@ -71,7 +71,7 @@ def device_text(device: DeviceSettings) -> str:
 
 
 def finite(value: float) -> float | None:
-    """Return a number of a table; None, an empty cell, if it is infinite."""
+    """Return a number for a table cell; None (an empty cell) if it is infinite."""
     return value if math.isfinite(value) else None
 
 
@@ -85,7 +85,7 @@ _ADVICE = (
 def judge_on_device(
     models: Sequence[ExportModel], settings: RuntimeSettings, fitted: Sequence[FittedModel]
 ) -> list[ExportModel]:
-    """Judge the models on the device, describe the result in their ``on_device``, and warn of those that are not safe.
+    """Judge the models on the device, write the verdicts to their ``on_device``, and warn of unsafe models.
 
     ``settings.device.unsafe`` decides whether an unstable loop is a warning on standard error or an error; `fitted` are the
     models before the export.
@@ -93,7 +93,7 @@ def judge_on_device(
     Raises
     ------
     NumericalError
-        A loop is unstable and ``unsafe`` is ``"refuse"``.
+        If a loop is unstable and ``unsafe`` is ``"refuse"``.
     """
     device, judged, unsafe = settings.device, [], []
     for model, source in zip(models, fitted, strict=True):

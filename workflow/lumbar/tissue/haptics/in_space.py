@@ -25,20 +25,20 @@ from lumbar.tissue.haptics.ticks import force_by_moves
 
 _ROUNDING = 1e-9
 _IMPULSE_SAMPLES = 1 << 15
-"""Number of samples after which an impulse has died away in a stable loop."""
+"""Number of samples in which an impulse decays in a stable loop."""
 _FINE_ANGLES = 64
-"""Number of angles between two of a coarse grid near which an eigenvalue may cross the real axis."""
+"""Number of angles between two neighbours of the coarse grid, if an eigenvalue may cross the real axis there."""
 
 
 @dataclass(frozen=True)
 class SpatialLoop:
-    """H(z) of a model or of one of its linearisations as the servo meets it, a matrix in N/m."""
+    """H(z) of a model, or of one of its linearisations, at the servo's ticks: a matrix in N/m."""
 
     name: str
     impulse: np.ndarray
     """Shape (samples, axes, axes): force along each axis after a position of 1 m for a sample along each."""
     unit: SampledModel
-    """A spring of 1 N/m with the same clock and delay."""
+    """A spring of 1 N/m with the clock and delay of the model."""
 
     def response(self, angles: np.ndarray) -> np.ndarray:
         """Return H(exp(jθ)) without the delay; shape (angles, axes, axes)."""
@@ -47,7 +47,7 @@ class SpatialLoop:
 
     @property
     def static(self) -> np.ndarray:
-        """Symmetric part of H(1): only this part stores energy of a constant position."""
+        """Static stiffness: the symmetric part of H(1), which stores energy at a constant position."""
         total = self.impulse.sum(axis=0)
         total[np.abs(total) < _ROUNDING * np.abs(self.impulse).sum(axis=0).max()] = 0.0
         return (total + total.T) / 2.0
@@ -68,7 +68,7 @@ class SpatialLoop:
         return max(0.0, float(needed[at])), _real(vectors[at])
 
     def _damping_at(self, angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the damping needed at every angle, and its direction over all axes."""
+        """Return the required damping at every angle, and the direction that requires it, shape (angles, axes)."""
         moves, seconds = force_by_moves(self.unit, angles)
         axes = self.impulse.shape[1]
         matrix = np.einsum("apq,aij->apiqj", moves, self.response(angles))
@@ -80,7 +80,7 @@ class SpatialLoop:
         return -values[:, 0] / 2.0, vectors[:, :axes, 0]
 
     def largest_stable_gain(self, device: DeviceSettings) -> StableGain:
-        """Return the smallest end of stable gains of all eigenvalues; see `lumbar.tissue.haptics.closed_loop`."""
+        """Return the smallest of all eigenvalues' largest stable gains; see `lumbar.tissue.haptics.closed_loop`."""
         plant = loop_response(self.unit, device)
         # At z = 1 the loop runs away along an axis of its static stiffness.
         stiffness, directions = np.linalg.eigh(self.static)
@@ -130,7 +130,7 @@ class SpatialLoop:
     def encoder_ripple(self, device: DeviceSettings) -> float:
         """Return the peak to peak force along an axis that the encoder's steps can sustain in a stable loop, in N.
 
-        A bounded error gives at most its size times the 1-norm of the impulse responses from it, H (1 + P H)⁻¹, like in
+        A bounded error gives at most its size times the 1-norm of its impulse responses, H (1 + P H)⁻¹, as in
         `lumbar.tissue.haptics.simulation.encoder_ripple`.
         """
         angles = np.linspace(0.0, np.pi, _IMPULSE_SAMPLES // 2 + 1)
@@ -141,12 +141,12 @@ class SpatialLoop:
         return float(size * device.encoder_um * 1e-6)
 
     def one_step(self, device: DeviceSettings) -> float:
-        """Return the largest force along an axis, in N, that sines of one encoder step along every axis give."""
+        """Return the largest force along an axis, in N, in response to sines of one encoder step along every axis."""
         return float(np.abs(self.response(all_angles())).sum(axis=2).max() * device.encoder_um * 1e-6)
 
 
 def _track_eigenvalues(values: np.ndarray) -> np.ndarray:
-    """Sort the eigenvalues at each angle so that each is in the column of the nearest one before; shape (angles, axes)."""
+    """Sort the eigenvalues at each angle: each goes to the column of the nearest eigenvalue at the previous angle."""
     orders = np.array(list(permutations(range(values.shape[1]))))
     tracked = values.copy()
     for row in range(1, len(tracked)):
@@ -156,12 +156,12 @@ def _track_eigenvalues(values: np.ndarray) -> np.ndarray:
 
 
 def _real(vector: np.ndarray) -> np.ndarray:
-    """Return the direction of a complex eigenvector; its phase has no meaning."""
+    """Return the real direction of a complex eigenvector, without its arbitrary phase."""
     direction = (vector * vector[np.abs(vector).argmax()].conj()).real
     return direction / np.linalg.norm(direction)
 
 
 def direction_text(axes: tuple[str, ...], direction: np.ndarray) -> str:
-    """Return a unit vector with the names of its axes, its largest component positive."""
+    """Return a unit vector as text with the names of its axes; its largest component is positive."""
     signed = direction * (1.0 if direction[np.abs(direction).argmax()] > 0 else -1.0)
     return f"{', '.join(axes)} = ({', '.join(f'{value + 0.0:.2g}' for value in np.round(signed, 3))})"

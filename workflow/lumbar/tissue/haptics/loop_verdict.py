@@ -40,23 +40,23 @@ from lumbar.tissue.haptics.z_width import lowest_rates
 from lumbar.tissue.models.fitted_model import FittedModel
 
 MAX_STATES = 400
-"""Most states of a loop in which the response to the encoder's errors is followed; longer impulse responses are left out."""
+"""Largest number of states of a loop for which the response to encoder errors is computed."""
 MAX_STATES_IN_HANDS = 100
-"""Most states of a loop that is judged in the corners of the hand's range."""
+"""Largest number of states of a loop that is judged in the corners of the hand's range."""
 
 
 @dataclass(frozen=True)
 class LoopAnalysis:
-    """The linear analysis of a model in the loop; for a model with effects the worst of its linearisations."""
+    """The linear analysis of a model in the loop. For a model with effects the worst linearisation counts."""
 
     model: RenderedModel
     device: DeviceSettings
     damping: float
     """Smallest damping of the device for a passive loop in N·s/m."""
     limits: tuple[StableGain, ...]
-    """End of the stable gains of each loop of the model."""
+    """Largest stable gain of each loop of the model."""
     damping_direction: np.ndarray | None = None
-    """Direction in space that needs this damping; None along one axis."""
+    """Direction in space that requires `damping`; None along one axis."""
 
     @property
     def rate(self) -> float:
@@ -70,7 +70,7 @@ class LoopAnalysis:
 
     @property
     def limit(self) -> StableGain:
-        """End of the stable gains of the worst loop."""
+        """Largest stable gain of the worst loop."""
         return self.limits[self.worst]
 
     @property
@@ -80,12 +80,12 @@ class LoopAnalysis:
 
     @property
     def stable(self) -> bool:
-        """True if the loop is stable in the hand of the settings."""
+        """True if analysis shows a stable loop in the hand of the settings."""
         return self.gain > 1.0
 
     @property
     def passive(self) -> bool:
-        """True if the device is passive with the model, in any passive hand."""
+        """True if analysis shows a passive device with the model, in any passive hand."""
         return self.damping <= self.device.damping_N_s_m and self.stable and not self.model.omitted
 
     @property
@@ -97,41 +97,41 @@ class LoopAnalysis:
 
 @dataclass(frozen=True)
 class WorstHand:
-    """The corner of the hand's range, of stiffness and damping, in which a loop is least stable."""
+    """The corner of the hand's range of stiffness and damping in which a loop is least stable."""
 
     stiffness: float
-    """Stiffness in N/m."""
+    """Stiffness of the hand in N/m."""
     damping: float
-    """Damping in N·s/m."""
+    """Damping of the hand in N·s/m."""
     radius: float
     """Largest magnitude of a pole of the loop over a period."""
 
     @property
     def stable(self) -> bool:
-        """True if the loop is stable there."""
+        """True if the loop is stable in this hand."""
         return self.radius < 1.0
 
     @property
     def label(self) -> str:
-        """Stiffness and damping with their units."""
+        """Stiffness and damping of the hand with their units, as text."""
         return f"a hand of {self.stiffness:g} N/m and {self.damping:g} N·s/m"
 
 
 @dataclass(frozen=True)
 class LoopVerdict:
-    """The verdict on a model at one rate on the device of the settings: the worse one of analysis and simulation."""
+    """The verdict on a model at one rate on the settings' device: the worse of analysis and simulation."""
 
     analysis: LoopAnalysis
     run: LoopRun
-    """The simulated loop that is least at rest."""
+    """The simulated loop that is least calm at the end."""
     worst_hand: WorstHand | None = None
-    """None in space, or if a loop has too many states for this search."""
+    """The worst corner of the hand's range; None in space or with more than `MAX_STATES_IN_HANDS` states."""
     fitted: FittedModel | None = None
-    """The model that was exported."""
+    """The model before the export."""
     lowest_passive_rate: float | None = None
-    """Rate in Hz from which the loop is passive; None if no rate is, or if it was not searched."""
+    """Lowest rate in Hz with a passive loop at all higher rates; None if there is none or it was not searched."""
     lowest_stable_rate: float | None = None
-    """Rate in Hz from which the loop is stable; None like `lowest_passive_rate`."""
+    """Lowest rate in Hz with a stable loop at all higher rates; None if there is none or it was not searched."""
 
     @property
     def model(self) -> RenderedModel:
@@ -150,7 +150,7 @@ class LoopVerdict:
 
     @property
     def safe(self) -> bool:
-        """True if it is stable in the hand of the settings and in the worst corner of the hand's range."""
+        """True if the loop is stable in the hand of the settings and in the worst corner of the hand's range."""
         return self.stable and (self.worst_hand is None or self.worst_hand.stable)
 
     @property
@@ -162,7 +162,7 @@ class LoopVerdict:
 def loop_sentence(
     analysis: LoopAnalysis, run: LoopRun | None = None, worst_hand: WorstHand | None = None
 ) -> str:
-    """Return the verdict with the numbers of analysis and simulation, and which of them decided if they differ."""
+    """Return the verdict with the numbers of analysis and simulation; if they differ, name the deciding method."""
     model, device, gain, limit = analysis.model, analysis.device, analysis.gain, analysis.limit
     suffices, omitted = analysis.damping <= device.damping_N_s_m, model.omitted
     within = f" from {model.reach[0]:.3g} to {model.reach[1]:.3g} mm" if model.reach else ""
@@ -217,15 +217,15 @@ def judge_loop(
 ) -> LoopVerdict:
     """Judge a model as it is exported: linear analysis, simulation, and the worst corner of the hand's range.
 
-    A linear model is simulated by its difference equation, any other one with its FMU in the loop. Models of several axes are
+    A linear model is simulated by its difference equation, other models by their FMU in the loop. Models of several axes are
     judged in the settings' hand only.
 
-    `fitted` is the model before the export; `lowest` are the lowest passive and stable rates in Hz, if they are known.
+    `fitted` is the model before the export; `lowest` are the lowest passive and the lowest stable rate in Hz (None: unknown).
 
     Raises
     ------
     InputError
-        Like `lumbar.tissue.haptics.rendered_model.render_model`.
+        In the cases of `lumbar.tissue.haptics.rendered_model.render_model`.
     """
     analysis = analyse(render_model(exported, settings.device), settings.device)
     ripple = expected_ripple(analysis)
@@ -242,7 +242,7 @@ def judge_loop(
 
 
 def expected_ripple(analysis: LoopAnalysis) -> float:
-    """Return the ripple, see `LoopRun`, that the loops of a model explain."""
+    """Return the ripple that the loops of a model explain, see `LoopRun`."""
     model, device = analysis.model, analysis.device
     if model.exported.axes:
         is_steady = analysis.stable and device.hand_stiffness_N_m > 0
@@ -267,14 +267,14 @@ def run_loop(
     Parameters
     ----------
     analysis : LoopAnalysis
-        Its worst loop decides on the servo's ticks.
+        Analysed model; the worst loop decides the servo's ticks.
     force_of : callable, optional
-        From a position to its force in the model's units, sample by sample: the FMU itself. A model with effects needs it;
-        a linear one is simulated by its difference equation without it.
+        Function from a position to its force in the model's units, sample by sample: the FMU itself. Models with effects
+        require it; without it a linear model is simulated by its difference equation.
     push : HandPush, optional
-        Default: one of `PUSH_MM` along the first axis.
+        Push of the hand; by default `PUSH_MM` deep along the first axis.
     ripple : float, optional
-        Default: see `expected_ripple`.
+        Explained ripple in N; by default that of `expected_ripple`.
     """
     model, device = analysis.model, analysis.device
     step = difference_equation(model.sampled[0]) if force_of is None else model.loop_step(force_of)
@@ -287,7 +287,7 @@ def run_loop(
 
 
 def _push_directions(analysis: LoopAnalysis) -> list:
-    """Return directions to push in: those that limit the loop, and the axes of the stiffness that a fast motion meets."""
+    """Return directions of pushes: the limiting directions of the loop, and the axes of the stiffness for fast motion."""
     if analysis.damping_direction is None:
         return [1.0]
     fast = [loop.response(np.array([np.pi]))[0].real for loop in analysis.model.loops]
@@ -302,7 +302,7 @@ def _push_directions(analysis: LoopAnalysis) -> list:
 
 
 def find_worst_hand(analysis: LoopAnalysis) -> WorstHand | None:
-    """Return the corner of the hand's range in which the loops are least stable; None in space or with too many states."""
+    """Return the corner of the hand's range with the least stable loops; None in space or with too many states."""
     device = analysis.device
     if analysis.model.exported.axes:
         return None
@@ -324,10 +324,10 @@ def judge_models(
     Returns
     -------
     list of LoopVerdict
-        For each model at the rate of identification, at ``settings.rate_Hz`` and at the servo's rate; for a model as the
-        thesis ran it only the first.
+        Verdicts on each model at the rate of identification, at ``settings.rate_Hz`` and at the servo's rate; a model that runs
+        as in the thesis has only the first.
     list of str
-        Reasons why a model is not judged, or not at a rate: its input is not a length, or it has no counterpart there.
+        Reasons for missing verdicts: the input is not a length, or the model has no counterpart at a rate.
 
     Raises
     ------

@@ -39,23 +39,23 @@ _ANGLES = 120
 _NEGLIGIBLE_SHARE = 1e-4
 """Share of the largest stiffness below which a branch is left out."""
 _DAMPING_RESERVE = 2e-3
-"""Share of the device's damping in reserve: there are cones at some frequencies only, met to a solver's tolerance."""
+"""Reserve as a share of the device's damping: cones exist at some frequencies only, and the solver has a tolerance."""
 _ROUNDING = 1e-9
 PASSIVE = "passive"
-"""Estimator of these fits."""
+"""Name of the estimator of passive fits."""
 _STRUCTURES = {"LE": (True, 0), "Maxwell": (False, 1), "KB": (True, 1), "HO": (True, None)}
-"""Presence of a spring, and number of Maxwell branches; None: as many as the data require."""
+"""By model: True if there is a spring, and the number of Maxwell branches (None: as many as the data require)."""
 _FREE_FITS = {ARX: "free, ridge ARX", OUTPUT_ERROR: "free, output error"}
 
 
 @dataclass(frozen=True)
 class Branches:
-    """A spring next to Maxwell branches."""
+    """A network of a spring and Maxwell branches in parallel."""
 
     stiffnesses: tuple[float, ...]
-    """Stiffnesses in output unit per input unit."""
+    """Stiffness of each branch, in output unit per input unit."""
     times: tuple[float, ...]
-    """Relaxation times in seconds; infinite for the spring."""
+    """Relaxation time of each branch in seconds; infinite for the spring."""
 
     def transfer_function(self, sampling_time: float) -> TransferFunction:
         """Return the ramp-invariant transfer function at a sampling time in seconds."""
@@ -93,7 +93,7 @@ class DeviceCondition:
     damping: float
     """Damping of the device, N·s/m."""
     rendering: SampledModel
-    """Average, rate and delay with which a static force of 1 per unit of position is rendered, in N/m."""
+    """A unit spring as the device renders it, with average, rate and delay, in N/m."""
 
     def columns(self, times: Sequence[float]) -> tuple[np.ndarray, np.ndarray]:
         """Return L S(τ) of every branch at every angle, complex, shape (angles, branches); and S(0)/|S(τ)|, shape (angles,)."""
@@ -114,7 +114,7 @@ def fit_branches(
 ) -> tuple[Branches, float]:
     """Fit stiffnesses for given relaxation times to the free run; return those above 0 and the sum of the squared errors.
 
-    Times are in seconds, infinite for the spring. With a condition the device that renders the model is passive, too.
+    Times are in seconds, infinite for the spring. With a condition, the device that renders the model is passive too.
 
     Raises
     ------
@@ -164,7 +164,7 @@ def fit_passive(
 ) -> Branches:
     """Fit a passive model with or without a spring, relaxation times included.
 
-    It has 0 or 1 Maxwell branch with the best relaxation time; None: as many branches as the data require.
+    The model has 0 or 1 Maxwell branch with the best relaxation time, or (None) as many branches as the data require.
     """
     first = [np.inf] if spring else []
     times = np.geomspace(data.sampling_time / 2.0, _MAX_RELAXATION_S, _RELAXATION_TIMES)
@@ -188,9 +188,10 @@ class PassiveFits:
     """Free and passive fits of one record."""
 
     free: tuple[FittedModel, ...]
-    """Models as identified, by both estimators."""
+    """Identified models, by both estimators."""
     passive: tuple[FittedModel, ...]
-    """``<model>-passive``, and ``<model>-passive-<rate>Hz`` with which the device is passive at that rate, too."""
+    """Passive models ``<model>-passive``, and ``<model>-passive-<rate>Hz``, with which the device too is passive at this
+    rate."""
     settings: RuntimeSettings
     rates: tuple[float, float]
     """Rate of identification and rate of the servo, in Hz."""
@@ -258,7 +259,7 @@ def fit_passive_models(
     settings: RuntimeSettings,
     settling_s: float | None,
 ) -> PassiveFits:
-    """Fit the exported models again, within the passive ones.
+    """Fit the exported models again as passive models.
 
     Fits for the device are left out if the records are not of a length and a force.
 
@@ -271,7 +272,7 @@ def fit_passive_models(
     train : str
         Name of the record to fit on.
     settings : RuntimeSettings
-        Its ``models``, moving average and device.
+        Settings; only ``models``, moving average and device are used.
     settling_s : float or None
         Seconds at the start of each record that do not count; None for the default.
     """

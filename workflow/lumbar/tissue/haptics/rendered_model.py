@@ -1,4 +1,4 @@
-"""An exported model as the device meets it: linear ones exactly, models with effects through their linearisations."""
+"""Exported models in the units and timing of the device: linear models exactly, models with effects by linearisations."""
 
 import tempfile
 from collections.abc import Iterator
@@ -26,28 +26,28 @@ from lumbar.tissue.haptics.ticks import PeriodicModel, servo_loops
 from lumbar.tissue.models.fitted_model import FittedModel
 
 _RESPONSE_S, _MAX_SAMPLES = 4.0, 4000
-"""Duration, and most samples, over which the force after a small step is followed."""
+"""Duration in seconds, and largest number of samples, of the simulated force after a small step."""
 STEPS_MM, DEPTH_MM = (1e-6, 1e-3, 1.0), 2.0
 """Steps by which a model with effects is linearised about rest and about a depth. A step of a nanometre gives the slope even
 if friction changes its sign within a fraction of a millimetre per second; larger steps, the encoder's among them, give the
 response to larger motion. At the steepest and the least steep depth the step is a micrometre."""
 REACH_MM = PUSH_MM
-"""Distance to both sides of rest within which a model with effects is linearised if its fitted motion is not known."""
+"""Distance in mm to both sides of rest within which a model with effects is linearised if its fitted motion is unknown."""
 _NEGLIGIBLE_SHARE = 1e-12
 """Share of an impulse response's size below which its end is omitted."""
 
 
 def export_at(model: FittedModel, settings: RuntimeSettings, rate: float) -> ExportModel:
-    """Return a model as it would be exported at a rate in Hz, its moving average over the same number of samples at every rate.
+    """Return a model ready for export at a rate in Hz. The moving average has the same number of samples at every rate.
 
-    A model as the thesis ran it keeps its rate and average.
+    A model that runs as in the thesis keeps its rate and average.
 
     Raises
     ------
     InputError
-        If it cannot be exported.
+        If the model cannot be exported.
     NumericalError
-        If it has no counterpart at this rate.
+        If the model has no counterpart at this rate.
     """
     if model.name.endswith(AS_IN_THESIS):
         return export_models([model], settings.model_copy(update={"unstable": "export"}))[0]
@@ -66,12 +66,12 @@ class RenderedModel:
     sampled: tuple[SampledModel, ...]
     """The model, or its linearisations, at the FMU's samples, in N/m; empty in space."""
     loops: tuple[SampledModel | PeriodicModel | SpatialLoop, ...]
-    """`sampled` at the ticks of the device's servo."""
+    """The model, or its linearisations, at the ticks of the device's servo."""
     reach: tuple[float, float] | None = None
-    """Positions in mm about rest between which it was linearised; None for a model that is linear, with effects or without."""
+    """Positions in mm about rest between which the model was linearised; None for a linear model."""
     omitted: str = ""
-    """Properties without part in the linearisations that may release energy: a limit on the force's rate, which makes large
-    forces late, or a force that changes with time only."""
+    """Properties that the linearisations do not contain although they may release energy: a rate limit, which delays large
+    forces, or a force that changes only with time."""
 
     @property
     def name(self) -> str:
@@ -85,18 +85,18 @@ class RenderedModel:
 
     @property
     def needs_its_fmu(self) -> bool:
-        """True if only the FMU itself simulates the model: it has effects, or guards of the force."""
+        """True if the model must be simulated by its FMU, because it has effects or guards of the force."""
         guards = self.exported.guards
         return not isinstance(self.exported.dynamics, LinearModel) or guards.active or guards.contact
 
     @property
     def large_motion_loops(self) -> list[SampledModel | PeriodicModel]:
-        """The loops that are linearised by the largest steps, with forces of the size of a push's."""
+        """The loops of the largest steps, with forces as large as in a push."""
         large = [item for item in self.loops if item.name.endswith(_step_label(STEPS_MM[-1]))]
         return large or list(self.loops)
 
     def loop_step(self, force_of: Step) -> Step:
-        """Return an FMU's step, which has the model's units, as a step of the loop: from m to N against the motion."""
+        """Convert an FMU's step from the model's units to a step of the loop: from m to N against the motion."""
         metre, newton = scale_of(self.exported)
         source, force, factor = self.exported.input, self.exported.output, self.exported.resistance * newton
         return lambda position: factor * (force_of(source.offset + position / metre) - force.offset)
@@ -156,13 +156,13 @@ def render_model(exported: ExportModel, device: DeviceSettings, *, late: bool = 
 
 @dataclass(frozen=True)
 class Linearisation:
-    """A model that is not linear, linearised."""
+    """The linearisations of a nonlinear model."""
 
     impulses: list[tuple[str, np.ndarray]]
-    """Impulse responses with their names, in the model's unit of force per mm, each of shape (samples, axes, axes); only one
-    if all are equal, like those of a linear model."""
+    """Names and impulse responses, in the model's unit of force per mm, each of shape (samples, axes, axes); only one if all
+    are equal, as for a linear model."""
     reach: tuple[float, float] | None
-    """See `RenderedModel`."""
+    """Positions in mm about rest between which the model was linearised; see `RenderedModel`."""
     changes_at_rest: bool
     """True if the force changes with time at a constant position."""
 
@@ -170,7 +170,7 @@ class Linearisation:
 def _linearise(exported: ExportModel, device: DeviceSettings) -> Linearisation:
     """Linearise a model for small and large motion about rest and about depths along every axis.
 
-    An impulse response is half the difference of the forces after a step forward and a step back, over the step.
+    An impulse response is half the difference between the forces after a forward and a backward step, divided by the step.
     """
     axes, offset = len(exported.axes) or 1, exported.output.offset
     unit = 1e3 * scale_of(exported)[0]
@@ -221,7 +221,7 @@ def _step_label(step_mm: float) -> str:
 def _spatial_loop(
     name: str, impulse: np.ndarray, exported: ExportModel, device: DeviceSettings, late: bool
 ) -> SpatialLoop:
-    """Return a linearisation in space at the servo's ticks, each element of its matrix like a model of one axis."""
+    """Return a linearisation in space at the servo's ticks; each element of its matrix is treated as a model of one axis."""
     average = np.full(exported.moving_average, 1.0 / exported.moving_average)
     size = 1e3 * exported.resistance * scale_of(exported)[1]
     numerators = []
@@ -239,12 +239,12 @@ def _spatial_loop(
 
 
 def scale_of(model: FittedModel | ExportModel) -> tuple[float, float]:
-    """Return one unit of a model's input in m and one of its output in N.
+    """Return the size of a model's input unit in m and of its output unit in N.
 
     Raises
     ------
     InputError
-        If these are not a length and a force, which a device that moves along a line needs.
+        If input and output are not a length and a force, which a device that moves along a line requires.
     """
     units = work_units(model.input.unit, model.output.unit)
     if not units.is_of_length:
@@ -262,7 +262,7 @@ def is_renderable(model: FittedModel | ExportModel) -> bool:
 
 @contextmanager
 def fmu_of(model: ExportModel, settings: RuntimeSettings) -> Iterator[UnzippedFmu]:
-    """Export a model as an FMU for FMI 3.0 for this machine, unpacked as long as the context lasts."""
+    """Export a model as an FMI 3.0 FMU for this machine, and unpack it for the duration of the context."""
     with tempfile.TemporaryDirectory(prefix="lumbar-render-") as name:
         folder = Path(name)
         cache = cache_folder(settings.compiler_cache)
@@ -277,7 +277,8 @@ def fmu_of(model: ExportModel, settings: RuntimeSettings) -> Iterator[UnzippedFm
 
 @contextmanager
 def stepping(fmu: UnzippedFmu) -> Iterator[Step]:
-    """Instantiate an FMU: a function from a position, in its unit, to the force of the same sample; in space of arrays."""
+    """Instantiate an FMU as a function from a position, in its unit, to the force of the same sample; in space from array to
+    array."""
     instance = Instance(fmu, event_mode=True)
     try:
         if fmu.axes:

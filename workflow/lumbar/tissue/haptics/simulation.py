@@ -3,9 +3,9 @@
 Between two changes of a force device and hand are propagated exactly. Unlike the analysis, the simulation includes the steps of
 the encoder and the limit of the force.
 
-A servo of any rate around an FMU with its own samples follows ``tissue_force.h``: at each tick it takes the samples that are due
-since the tick before, at positions on the straight line from that tick to this one, and displays the newest force until the next
-tick.
+A servo of any rate runs an FMU with its own sampling time as ``tissue_force.h`` does: at each tick it takes the samples that
+are due since the previous tick, with positions interpolated linearly between both ticks, and displays the newest force until
+the next tick.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from lumbar.tissue.haptics.ticks import PeriodicModel, shares, to_periodic
 
 
 class TissueForce:
-    """The loader: time and position of a tick in, force out; numbers of ``tissue_force.h``, operation by operation."""
+    """The loader ``tissue_force.h``, operation by operation: from time and position of a tick to the force."""
 
     def __init__(self, step: Step, sampling_time: float):
         self._step, self._sampling_time = step, sampling_time
@@ -47,20 +47,20 @@ class TissueForce:
 
 
 PUSH_MM, PUSH_S, DURATION_S = 5.0, 0.25, 4.0
-"""The hand's push: depth, duration of its flank (half a cosine), and duration of the simulation."""
+"""Default push of the hand: depth, duration of its half-cosine flank, and duration of the simulation."""
 PUSHES_MM = (PUSH_MM, PUSH_MM / 10.0)
-"""Depths of the pushes into a model that is not linear."""
+"""Depths of the pushes into a nonlinear model."""
 _MAX_PART_S = 1e-3
 _ROUNDING_S = 1e-11
 _PERCEPTIBLE_N = 0.01
-"""Smallest peak to peak force of an oscillation: a hand does not notice a smaller one."""
+"""Smallest perceptible peak to peak force of an oscillation."""
 _PERSISTENT_SHARE = 0.5
-"""Share of its size that an oscillation keeps from the third quarter of the time to the last one."""
+"""Smallest share of its size that a persistent oscillation has left from the third to the last quarter of the time."""
 _MAX_TICKS, _CHUNK, _NEGLIGIBLE_SHARE = 20_000, 200, 1e-6
-"""Most ticks over which an impulse is followed; it has died away if a chunk of ticks adds less than a share."""
+"""Largest number of ticks of an impulse response, ticks in a chunk, and share: the response ends if a chunk adds less."""
 
 Step = Callable[[float], float]
-"""From a sampled position in m to the force against the motion in N."""
+"""Function from a sampled position in m to the force against the motion in N."""
 
 
 @dataclass(frozen=True)
@@ -68,22 +68,22 @@ class LoopRun:
     """A simulated loop along one axis."""
 
     time: np.ndarray
-    """Shape (points,): seconds, about every millisecond."""
+    """Time in seconds, about every millisecond, shape (points,)."""
     position: np.ndarray
-    """Shape (points,): m."""
+    """Position in m, shape (points,)."""
     force: np.ndarray
-    """Shape (points,): N against the motion, held until the next point."""
+    """Force in N against the motion, held until the next point, shape (points,)."""
     samples: np.ndarray
-    """Shape (ticks,): force of every tick in N."""
+    """Force of every tick in N, shape (ticks,)."""
     ripple: float
-    """Peak to peak force in N that the encoder's steps may sustain in a stable loop; in an unstable loop, which the bounds
-    of the FMU may calm, the largest force of one step."""
+    """Peak to peak force in N that the encoder's steps can sustain in a stable loop; in an unstable loop, which guards of the
+    FMU may calm, the largest force of one step."""
     limit: float = math.inf
-    """Largest force in N."""
+    """Limit of the force in N."""
 
     @property
     def runs_away(self) -> bool:
-        """True if the force is at its limit in the end: a stylus pressed against it is not at rest."""
+        """True if the force is at its limit at the end; a stylus at this limit does not count as at rest."""
         return bool((np.abs(self.samples[-(len(self.samples) // 4) :]) >= self.limit).all())
 
     @property
@@ -93,7 +93,7 @@ class LoopRun:
 
     @property
     def outcome(self) -> str:
-        """The behaviour of the loop, with its numbers."""
+        """Behaviour of the loop in words, with its numbers."""
         if self.oscillates:
             return f"it oscillates at {self.frequency:.3g} Hz with {self.peak_to_peak:.3g} N peak to peak"
         if self.runs_away:
@@ -110,7 +110,7 @@ class LoopRun:
 
     @property
     def oscillates(self) -> bool:
-        """True if the force continues to change by more than the encoder's steps explain, although the hand rests."""
+        """True if the force still changes by more than the encoder's steps explain although the hand rests."""
         quarter = len(self.samples) // 4
         before, last = self.samples[-2 * quarter : -quarter], self.samples[-quarter:]
         if self.peak_to_peak <= _PERSISTENT_SHARE * float(np.ptp(before)):
@@ -132,7 +132,7 @@ class LoopRun:
 
 
 def difference_equation(model: SampledModel) -> Step:
-    """Return a function from a position to the model's force, with memory of the positions before."""
+    """Return a function from a position to the model's force; it stores earlier positions and forces."""
     numerator, feedback = model.numerator[::-1], model.denominator[:0:-1]
     positions = deque([0.0] * len(numerator), maxlen=len(numerator))
     forces = deque([0.0] * len(feedback), maxlen=len(feedback))
@@ -173,8 +173,8 @@ def simulate(
     Parameters
     ----------
     tick : callable
-        From the time in seconds and the position in m to the force against the motion in N, such as `TissueForce`; along
-        several axes positions and forces are vectors. Its memory changes.
+        Function from time in seconds and position in m to the force against the motion in N, such as `TissueForce`; along
+        several axes positions and forces are vectors. Its state changes.
     intervals : iterable of float
         Seconds from tick to tick, repeated without end.
     device : DeviceSettings
@@ -189,7 +189,7 @@ def simulate(
     Returns
     -------
     LoopRun
-        Along several axes that of the axis that is least at rest.
+        Simulated loop; along several axes the run of the axis that is least calm at the end.
     """
     motion = cache(lambda part: [*propagation(device, part)[0].ravel(), *propagation(device, part)[1]])
     resolution = device.encoder_um * 1e-6
@@ -205,7 +205,7 @@ def simulate(
         if resolution:
             rounding = np.round if isinstance(position, np.ndarray) else round
             reading = rounding(position / resolution) * resolution
-        samples.append(_limited(tick(time, reading), limit))
+        samples.append(_limit(tick(time, reading), limit))
         coming.append((time + delay, samples[-1]))
         end = time + interval
         while end - time > _ROUNDING_S:
@@ -228,7 +228,7 @@ def simulate(
                 # Dry friction stops the stylus by the end of the part if it can (J. J. Moreau, 1988), else the stylus slides
                 # throughout. It is late by a part when the motion changes its direction.
                 stopping = net + (vx * position + vv * velocity) / v_by_force
-                net -= _limited(stopping, device.friction_N)
+                net -= _limit(stopping, device.friction_N)
                 position, velocity = (
                     xx * position + xv * velocity + x_by_force * net,
                     vx * position + vv * velocity + v_by_force * net,
@@ -240,7 +240,7 @@ def simulate(
     return worst_run(LoopRun(times, *values, ripple, limit) for values in axes)
 
 
-def _limited(force, size: float):
+def _limit(force, size: float):
     """Return a number within its limit, or a vector of at most this length."""
     if isinstance(force, np.ndarray):
         return limit_size(force[None], size)[0]
@@ -248,7 +248,7 @@ def _limited(force, size: float):
 
 
 def worst_run(runs: Iterable[LoopRun]) -> LoopRun:
-    """Return the run that is least at rest."""
+    """Return the run that is least calm at the end."""
     return max(runs, key=lambda run: (not run.calm, run.peak_to_peak))
 
 
@@ -260,8 +260,8 @@ def one_step(model: SampledModel | PeriodicModel, device: DeviceSettings) -> flo
 def encoder_ripple(model: SampledModel | PeriodicModel, device: DeviceSettings) -> float:
     """Return the peak to peak force in N that the encoder's steps can sustain in a stable loop.
 
-    An encoder's error is at most half a step, and a bounded error gives at most its size times the 1-norm of the impulse
-    responses from it to the force of a tick, the largest of a period's.
+    An encoder's error is at most half a step. A bounded error gives at most its size times the 1-norm of the impulse responses
+    from error to force; the largest of a period's ticks counts.
     """
     loop = to_periodic(model).transitions(device)
     closed, ticks = loop.free + loop.driven, len(loop.free)

@@ -30,26 +30,26 @@ from lumbar.tissue.haptics.closed_loop import SampledModel, StableGain, all_angl
 from lumbar.tissue.models.transfer_function import filtered
 
 REACHED = 1e-3
-"""Share of a sampling time within which the instant of a sample counts as reached, as in ``tissue_force.h``."""
+"""A sample's instant counts as reached within this share of the sampling time, as in ``tissue_force.h``."""
 LONGEST_GAP_S = 0.25
-"""``longest_gap`` of ``tissue_force.h``."""
-_MAX_TICKS, _PLACES = 256, 8
-"""Ticks after which they must be at the same place among the samples again. Other rates are judged at the nearest one with this
-property, with the first tick at each of these places, because a clock that drifts reaches all of them."""
+"""Longest allowed gap between ticks in seconds: ``longest_gap`` of ``tissue_force.h``."""
+_MAX_TICKS, _PHASES = 256, 8
+"""Largest number of ticks in a period of ticks and samples, and number of tested phases. Other rates are judged at the nearest
+rate with such a period, at each phase of the first tick, because a drifting clock reaches all phases."""
 _ROUNDING = 1e-9
-_LONG, _HANKEL_ROWS, _RANK, _MAX_ERROR = 64, 2000, 1e-9, 1e-7
+_MIN_LONG_VALUES, _HANKEL_ROWS, _NEGLIGIBLE_SINGULAR_VALUE, _MAX_ERROR = 64, 2000, 1e-9, 1e-7
 """Realisation of a long impulse response by few states: fewest values, rows of the Hankel matrix, smallest singular value as a
 share of the largest, largest error as a share of the response."""
 _GAINS, _HALVINGS = np.geomspace(1e-4, 1e4, 241), 40
 _REFINED_ANGLES, _MIN_ANGLES = 101, 12
-_NEAR_POLE = np.sinh(np.linspace(-4.0, 4.0, 33))
+_ANGLES_NEAR_POLE = np.sinh(np.linspace(-4.0, 4.0, 33))
 """Angles near a pole, in multiples of its distance to the unit circle."""
 
 
 def shares(age: float, interval: float, sampling_time: float) -> list[float]:
-    """Return the samples of a tick as shares of the interval from the tick before, 0, to this one, 1.
+    """Return the instants of a tick's samples as shares of the interval from the previous tick (0) to this tick (1).
 
-    `age` is the time in seconds from the newest sample to the tick before, `interval` that from tick to tick.
+    `age` is the time in seconds from the newest sample to the previous tick, `interval` the time from tick to tick.
     """
     count = int((age + interval) / sampling_time + REACHED)
     instants = [sample * sampling_time - age for sample in range(1, count + 1)]
@@ -62,7 +62,7 @@ class Realisation:
     """State space of a model at its own samples."""
 
     a: np.ndarray
-    """Shape (states, states)."""
+    """State matrix, shape (states, states)."""
     b: np.ndarray
     """Shape (states,)."""
     c: np.ndarray
@@ -73,7 +73,7 @@ class Realisation:
 def realisation(model: SampledModel) -> Realisation:
     """Return a state space of a model without its `delay`; a long impulse response gets few states if possible."""
     numerator, denominator = model.numerator / model.denominator[0], model.denominator / model.denominator[0]
-    if len(denominator) == 1 and len(numerator) > _LONG and (few := _reduced(numerator)):
+    if len(denominator) == 1 and len(numerator) > _MIN_LONG_VALUES and (few := _reduce(numerator)):
         return few
     order = max(len(numerator), len(denominator)) - 1
     numerator, denominator = (np.pad(part, (0, order + 1 - len(part))) for part in (numerator, denominator))
@@ -83,15 +83,17 @@ def realisation(model: SampledModel) -> Realisation:
     return Realisation(states, by_input, np.eye(1, order)[0], float(numerator[0]))
 
 
-def _reduced(impulse: np.ndarray) -> Realisation | None:
+def _reduce(impulse: np.ndarray) -> Realisation | None:
     """Realise an impulse response by the singular values of its Hankel matrix; None if it cannot be reproduced with few states.
 
     S. Y. Kung, A new identification and model reduction algorithm via singular value decomposition, Proc. 12th Asilomar
     Conference on Circuits, Systems and Computers (1978) 705–714.
     """
-    hankel = np.lib.stride_tricks.sliding_window_view(np.pad(impulse[1:], (0, _LONG)), _LONG)[:_HANKEL_ROWS]
+    hankel = np.lib.stride_tricks.sliding_window_view(
+        np.pad(impulse[1:], (0, _MIN_LONG_VALUES)), _MIN_LONG_VALUES
+    )[:_HANKEL_ROWS]
     left, sizes, right = np.linalg.svd(hankel, full_matrices=False)
-    root = np.sqrt(sizes[sizes > _RANK * sizes[0]])
+    root = np.sqrt(sizes[sizes > _NEGLIGIBLE_SINGULAR_VALUE * sizes[0]])
     observed = left[:, : len(root)] * root
     states = np.linalg.lstsq(observed[:-1], observed[1:])[0]
     start, response = root * right[: len(root), 0], np.empty(len(impulse) - 1)
@@ -307,7 +309,7 @@ def servo_loops(
     intervals = (float(ratio) * model.sampling_time,) * ratio.denominator
     if abs(ratio - wanted) > _ROUNDING * wanted:
         # The last place is just before the next instant.
-        places = np.linspace(0.0, 1.0 - 2.0 * REACHED, _PLACES) * model.sampling_time / ratio.denominator
+        places = np.linspace(0.0, 1.0 - 2.0 * REACHED, _PHASES) * model.sampling_time / ratio.denominator
         return tuple(PeriodicModel(model, intervals, float(place), seconds, held) for place in places)
     if ratio.numerator == 1:
         return (model.late(seconds),)
@@ -373,7 +375,7 @@ def required_damping(model: SampledModel | PeriodicModel, points: int = 2000) ->
     angles = all_angles(max(points // len(intervals), _MIN_ANGLES))
     # Add angles near the poles, as dense as each resonance is narrow; `unique` keeps one of a conjugate pair.
     poles = ticking.model.poles ** sum(map(len, ticking.samples))
-    near = np.unique(np.abs(np.angle(poles))[:, None] + (1.0 - np.abs(poles))[:, None] * _NEAR_POLE)
+    near = np.unique(np.abs(np.angle(poles))[:, None] + (1.0 - np.abs(poles))[:, None] * _ANGLES_NEAR_POLE)
     angles = np.sort(np.concatenate([angles, near[(near > 0.0) & (near < np.pi)]]))
     worst = int(damping_at(model, angles).argmax())
     refined = max(_REFINED_ANGLES // len(intervals), _MIN_ANGLES)

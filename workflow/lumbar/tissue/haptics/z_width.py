@@ -19,15 +19,15 @@ from lumbar.tissue.models.fitted_model import FittedModel
 
 FASTEST_HZ = 20_000.0
 _SCAN_RATES, _HALVINGS, _CHECK_RATES, _ANGLES = 8, 8, 60, 400
-"""Rates of the first scan, halvings between two of them, rates of the last check; angles of the damping needed."""
+"""Numbers of rates in the first scan, halvings between two rates, rates in the last check, and angles for the damping."""
 _MAX_PLOTTED_HZ, _PLOTTED_RATES, _PLOTTED_DAMPINGS = 10_000.0, 9, 9
 
 
 def lowest_rates(model: FittedModel, settings: RuntimeSettings) -> tuple[float | None, float | None]:
     """Return the lowest rates in Hz for a passive and a stable loop of a transfer function, on a servo as fast as the model.
 
-    They are searched to about a percent between the rate of identification and `FASTEST_HZ`, for some models among multiples
-    of the former; None if the model is not safe there. With a limit on the force's rate no rate is passive.
+    Rates between the rate of identification and `FASTEST_HZ` are searched to about 1 %, for some models only multiples of the
+    former; None if the model is safe at none of them. With a limit on the force's rate no rate is passive.
     """
     device, slowest = settings.device, 1.0 / model.sampling_time
     loop_at = cache(partial(_loop_at, model, settings))
@@ -50,7 +50,7 @@ def lowest_rates(model: FittedModel, settings: RuntimeSettings) -> tuple[float |
 def _loop_at(
     model: FittedModel, settings: RuntimeSettings, rate: float
 ) -> SampledModel | PeriodicModel | None:
-    """Return the model on a servo at a rate; None if it has no counterpart there."""
+    """Return the model on a servo at a rate; None if it has no counterpart at this rate."""
     device = settings.device.model_copy(update={"rate_Hz": rate})
     try:
         return render_model(export_at(model, settings, rate), device).loops[0]
@@ -59,9 +59,9 @@ def _loop_at(
 
 
 def _lowest(rates: list[float], safe: Callable[[float], bool], between: bool) -> float | None:
-    """Return the lowest of these rates above all unsafe ones, refined by halving if there are rates in between.
+    """Return the lowest of `rates` above all unsafe rates; with `between`, refine it by halving.
 
-    Many rates above the result are checked; if one is not safe, the search is repeated among them.
+    Many rates above the result are checked; if any is unsafe, the search is repeated among the checked rates.
     """
     first = next((index for index in reversed(range(len(rates))) if not safe(rates[index])), -1)
     if first == len(rates) - 1:
@@ -80,21 +80,21 @@ def _lowest(rates: list[float], safe: Callable[[float], bool], between: bool) ->
 
 @dataclass(frozen=True)
 class ZWidth:
-    """The damping that models need by rate, and the stiffness that a device can render by its damping."""
+    """The required damping of models as a function of rate, and the renderable stiffness as a function of device damping."""
 
     rates: np.ndarray
-    """Shape (rates,): Hz."""
+    """Rates in Hz, shape (rates,)."""
     needed: dict[str, np.ndarray]
-    """Damping in N·s/m for a passive device, shape (rates,), by model; NaN if it has no counterpart at a rate."""
+    """By model: damping in N·s/m for a passive device, shape (rates,); NaN if the model has no counterpart at a rate."""
     damping: np.ndarray
-    """Shape (dampings,): damping of the device in N·s/m."""
+    """Damping of the device in N·s/m, shape (dampings,)."""
     stiffness: dict[float, tuple[np.ndarray, np.ndarray]]
-    """By rate, two arrays of shape (dampings,): largest stiffness in N/m of a spring, behind the same moving average, that is
-    passive, and that is stable in the hand."""
+    """By rate: largest passive stiffness, and largest stable stiffness in the hand, of a spring with the moving average; in
+    N/m, shape (dampings,) each."""
 
 
 def z_width(models: Sequence[FittedModel], settings: RuntimeSettings) -> ZWidth:
-    """Return the damping that transfer functions need by rate, and the stiffnesses the device can render by its damping."""
+    """Return the damping required by transfer functions at each rate, and the renderable stiffness for each damping."""
     slowest = 1.0 / models[0].sampling_time
     rates = np.geomspace(slowest, max(_MAX_PLOTTED_HZ, slowest), _PLOTTED_RATES)
     loops = {model.name: [_loop_at(model, settings, rate) for rate in rates] for model in models}

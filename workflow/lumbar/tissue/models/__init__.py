@@ -1,1 +1,1 @@
-"""What a model is made of: motion, parameters, bases, forms, their composition; discrete models of the thesis."""
+"""Parts of models (motion, parameters, bases, forms, structures) and the discrete models of the thesis."""

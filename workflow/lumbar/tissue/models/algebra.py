@@ -1,4 +1,4 @@
-"""Values of expressions by NumPy, in the order in which they are written; their derivatives and linear parts."""
+"""Values of expressions, computed by NumPy in the written order; derivatives and linear parts of expressions."""
 
 import math
 import operator
@@ -75,7 +75,7 @@ MATH: dict[str, Callable] = {
 
 
 class Evaluator:
-    """Several expressions as one list of operations; what they have in common is computed once.
+    """Several expressions as one list of operations; a common part is computed once.
 
     Parameters
     ----------
@@ -151,7 +151,7 @@ def _product(multiply: Callable, exponent: int, base):
 
 
 def derivative(expression: Expression, symbol: str) -> Expression:
-    """Return the derivative by one symbol; at a kink that of one side.
+    """Return the derivative by one symbol; at a kink a one-sided derivative.
 
     Parameters
     ----------
@@ -179,7 +179,7 @@ def derivative(expression: Expression, symbol: str) -> Expression:
 
 
 def _chain_rule(called: Operation, slopes: Sequence[Expression]) -> Expression:
-    """Return the derivative of an operation, from those of its operands."""
+    """Return the derivative of an operation from the derivatives of its operands."""
     match called.name, called.operands, slopes:
         case "+", _, (left, right):
             return left + right
@@ -223,7 +223,7 @@ def linear_parts(expression: Expression, linear: Collection[str]) -> dict[str, E
     Raises
     ------
     InputError
-        If the expression is not proportional to its linear parameters, with the part that is not.
+        If a part of the expression is not proportional to its linear parameters. The message names the part.
     """
     inside = symbols(expression) & set(linear)
     if not inside:
@@ -299,7 +299,7 @@ def check_powers(expression: Expression, positive: Collection[str]) -> None:
     Raises
     ------
     InputError
-        With the first such power.
+        If there is such a power. The message names the first one.
     """
     for part in parts(expression):
         match part:

@@ -23,46 +23,46 @@ class Base:
     form: Form
     """Equation of the whole force; the form has the thesis's name, e.g. ``"KB"``."""
     system: str = "tissue"
-    """``tissue`` or ``pendulum``, which decides the catalogue of effects."""
+    """``tissue`` or ``pendulum``: the catalogue of effects depends on it."""
     sensor_zero: bool = True
     """True if the sensor of the response has an unknown zero, so that every fit has a constant. A pendulum's moment is computed;
     a constant in it would be physical."""
     touching: Callable[[Any, np.ndarray], np.ndarray] | None = None
-    """For a free tool, which meets the tissue at position 0 and never pulls: from motion and nonlinear parameters to whether it
-    touches, (samples,). Effects add force only in contact."""
+    """Function from motion and nonlinear parameters to contact at every sample (bool, shape (samples,)), for a free tool, which
+    meets the tissue at position 0 and never pulls. Effects add force only in contact."""
     definition: Mapping | None = field(default=None, compare=False, repr=False)
     """Content of the file of a user-defined base."""
     spatial: Any = None
-    """`lumbar.tissue.models.space.SpatialBase` of a tissue in space."""
+    """Base in space, a `lumbar.tissue.models.space.SpatialBase` or `PlaneContact`; None along one axis."""
 
     @property
     def name(self) -> str:
-        """Name of its form."""
+        """Name of the base's form."""
         return self.form.name
 
     @property
     def linear(self) -> tuple[LinearParameter, ...]:
-        """Parameters that its force is proportional to."""
+        """Parameters to which the force is proportional."""
         return self.form.linear
 
     @property
     def nonlinear(self) -> tuple[NonlinearParameter, ...]:
-        """Other parameters."""
+        """Parameters on which the force depends otherwise."""
         return self.form.nonlinear
 
     @cached_property
     def memory_key(self) -> Hashable:
-        """Key of its forces in the cache of a motion."""
+        """Key of the base's forces in the cache of a motion."""
         return self.name if self.spatial is None else (self.name, self.spatial)
 
     @property
     def contact(self) -> bool:
-        """True if the tool is not fastened to the tissue."""
+        """True for a free tool, which is not fastened to the tissue."""
         return self.touching is not None
 
     @property
     def is_user_defined(self) -> bool:
-        """True if it is user-defined, from any input to any response."""
+        """True if the base is user-defined, from any input to any response."""
         return self.definition is not None
 
     @property
@@ -90,7 +90,7 @@ def elongation(motion: Motion, nonlinear: np.ndarray) -> tuple[np.ndarray]:
 
 
 def _branch_contact(motion: Motion, nonlinear: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the force of KB in contact over its spring stiffness, and whether the tool touches the tissue."""
+    """Return the force of KB in contact divided by its spring stiffness, and True while the tool touches the tissue."""
     ratio, time_constant = nonlinear
 
     def compute() -> tuple[np.ndarray, np.ndarray]:
@@ -101,7 +101,7 @@ def _branch_contact(motion: Motion, nonlinear: np.ndarray) -> tuple[np.ndarray, 
 
 
 def _dashpot_contact(motion: Motion, nonlinear: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the force of KV in contact over its spring stiffness, and whether the tool touches the tissue."""
+    """Return the force of KV in contact divided by its spring stiffness, and True while the tool touches the tissue."""
 
     def compute() -> tuple[np.ndarray, np.ndarray]:
         surface, touching = surface_of_dashpot(motion, nonlinear[0])
@@ -122,7 +122,8 @@ _TOUCHING: dict[str, Callable[[Any, np.ndarray], np.ndarray]] = {
 
 
 def _base(name: str, equation: str, parameters: Mapping, state: Mapping | None = None, **facts) -> Base:
-    """Return a base of ``bases.yaml`` with its hand-written parts; states are those of a Maxwell branch."""
+    """Return a base of ``bases.yaml`` with its hand-written parts. If it has a state, the state is the elongation of a Maxwell
+    branch."""
     linear, nonlinear = [], []
     for symbol, item in parameters.items():
         if "scale" in item:
@@ -155,4 +156,4 @@ straight down (hanging, as published), −m g ℓ < 0 if from straight up (inver
 
 
 CHOSEN_BY_DATA = "auto"
-"""Name of the setting by which the data decide the base of a tissue."""
+"""Value of the base setting with which the data decide the base of a tissue."""

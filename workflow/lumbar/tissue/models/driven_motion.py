@@ -2,9 +2,9 @@ r"""Motion of a model that is driven by a force: R(z, ż, z̈, r, t) = F(t), ṙ
 
 Collocation at Radau's three points (Radau IIA, order 5, stiffly accurate: Hairer and Wanner, Solving Ordinary Differential
 Equations II (1996), section IV.5), which also solves a balance without mass (section VI.1) and damps stiff parts. Newton's
-method solves many steps together: each iteration solves the linearised steps and joins them by a linear recursion. Steps that
-have converged from the start are kept; if others do not converge, fewer steps are taken together. The balance R follows from
-the equations of the base and of every form.
+method solves a window of many steps: each iteration solves the linearised steps and joins them by a linear recursion. The
+leading converged steps are kept; if the other steps do not converge, the window is shortened. The balance R follows from the
+equations of the base and of every form.
 """
 
 import operator
@@ -28,14 +28,14 @@ _KNOWN = {*MOTION, "s", "t"}  # signals that a simulation from force to motion h
 
 
 def can_be_simulated(form: Form) -> bool:
-    """Return whether a parallel form can be part of a balance of forces: an equation in signals that a simulation has.
+    """Return whether a parallel form can be part of a balance of forces: it is an equation in signals of the simulation.
 
-    Its states start at 0, since the position at the start is unknown.
+    The states must start at 0, since the position at the start is unknown.
 
     Parameters
     ----------
     form : Form
-        Any form; those at another place return False.
+        Any form; the result is False for a form that is not parallel.
     """
     if form.hand_written or form.place is not Place.PARALLEL or form.start:
         return False
@@ -51,21 +51,21 @@ def can_be_simulated(form: Form) -> bool:
 
 @dataclass(frozen=True)
 class ForceBalance:
-    """Forces of a model that is driven by a force."""
+    """Balance of forces of a model that is driven by a force."""
 
     pieces: tuple[Form, ...]
     """The base as a form, then the parallel forms of effects."""
 
     @cached_property
     def parameters(self) -> tuple[str, ...]:
-        """Symbols of the linear parameters, piece by piece, then those of the nonlinear ones."""
+        """Symbols of the linear parameters, piece by piece, then of the nonlinear parameters."""
         pieces = list(enumerate(self.pieces))
         linear = [_indexed(item.symbol, index) for index, form in pieces for item in form.linear]
         return (*linear, *(_indexed(item.symbol, index) for index, form in pieces for item in form.nonlinear))
 
     @cached_property
     def _substitutions(self) -> list[dict[str, Expression]]:
-        """Constants and indexed symbols by the symbols of each piece."""
+        """For each piece: constants and indexed symbols, by the symbols of the piece."""
         substitutions: list[dict[str, Expression]] = []
         for index, form in enumerate(self.pieces):
             names = [item.symbol for item in (*form.linear, *form.nonlinear)] + [
@@ -77,7 +77,7 @@ class ForceBalance:
 
     @cached_property
     def force(self) -> Expression:
-        """R, with separate symbols for each piece."""
+        """The balance R, with separate symbols for each piece."""
         terms = [
             names[item.symbol] * substitute(column, names)
             for form, names in zip(self.pieces, self._substitutions, strict=True)
@@ -87,7 +87,7 @@ class ForceBalance:
 
     @cached_property
     def rates(self) -> dict[str, Expression]:
-        """Rate of change of every state; the path travelled is one if an equation uses it."""
+        """Rate of change of every state; if an equation uses the path travelled, it is a state."""
         rates = {
             _indexed(name, index): substitute(slope, self._substitutions[index])
             for index, form in enumerate(self.pieces)
@@ -104,13 +104,13 @@ class ForceBalance:
 
     @cached_property
     def _evaluators(self) -> tuple[Evaluator, Evaluator]:
-        """R and the states' rates, without and with their derivatives."""
+        """Evaluators of R and the states' rates: without and with derivatives."""
         trees = (self.force, *self.rates.values())
         slopes = (derivative(tree, name) for tree in trees for name in (*MOTION, *self.states))
         return Evaluator(trees), Evaluator([*trees, *slopes])
 
     def values(self, known: Mapping[str, np.ndarray | float], shape: tuple[int, ...]) -> np.ndarray:
-        """Return R, then the states' rates, in the units of the force and of the states per second, shape (1 + states, *shape).
+        """Return R (unit of the force) and the states' rates (per second), shape (1 + states, *shape).
 
         Parameters
         ----------
@@ -143,14 +143,14 @@ class ForceBalance:
 def linearise(
     form: Form, linear: Sequence[float], nonlinear: Sequence[float]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the slopes of a base's force (first row) and states' rates at 0: by z, ż, z̈, and by states, (1 + states, states).
+    """Return the slopes of force (row 0) and states' rates of a base at 0: by z, ż, z̈, and by states, (1 + states, states).
 
     Parameters
     ----------
     form : Form
         Equation of the base.
     linear, nonlinear : sequence of float
-        Its parameters, in the form's order and units.
+        Parameters of the base, in the form's order and units.
     """
     balance = ForceBalance((form,))
     known = dict(zip(balance.parameters, (*linear, *nonlinear), strict=True))
@@ -161,7 +161,7 @@ def linearise(
 
 
 def _indexed(symbol: str, index: int) -> str:
-    """Return the symbol of a piece: two forms may use the same symbol."""
+    """Return the indexed symbol of a piece, because two forms may use the same symbol."""
     return f"{symbol}__{index}"
 
 
@@ -176,7 +176,7 @@ _INTEGRAL = np.array(
     ]
 )
 _RATE = np.linalg.inv(_INTEGRAL)
-"""Derivatives at the points from the differences between the values there and the one at the step's beginning; per step."""
+"""Matrix from the changes between a step's beginning and its points to the derivatives at the points, per step."""
 _SUM = _RATE.sum(axis=1)
 _RATE2, _SUM2 = _RATE @ _RATE, _RATE @ _SUM
 _STAGES = len(POINTS)
@@ -210,17 +210,17 @@ class DrivenMotion:
 
 @dataclass(frozen=True, eq=False)
 class ForceDrive:
-    """Balance and force that drives it."""
+    """A balance of forces and the force that drives it."""
 
     balance: ForceBalance
     force: np.ndarray
     """Force at the collocation points of every step, shape (steps, 3)."""
     step: float
-    """Seconds."""
+    """Duration of a step in seconds."""
     size: float
     """Typical size of the positions."""
     parts: int = 1
-    """Steps from sample to sample."""
+    """Number of steps from sample to sample."""
 
     def motion(
         self, parameters: Mapping[str, float], start: np.ndarray, guess: np.ndarray | None = None
@@ -264,7 +264,7 @@ class ForceDrive:
         return DrivenMotion(ends[0], ends[1], ends[2:], points)
 
     def _iterate(self, parameters, begun, points, window) -> tuple[np.ndarray, int]:
-        """Return the points after Newton's iterations over a window, and how many of its first steps have converged."""
+        """Return the points after Newton's iterations over a window, and the number of leading steps that converged."""
         good = 0
         for _ in range(_MAX_ITERATIONS if len(points[0]) > 1 else _MAX_DAMPED_ITERATIONS):
             local, slope, driven = self._linearise(parameters, begun, points, window)
@@ -283,7 +283,7 @@ class ForceDrive:
         return points, good
 
     def _damping(self, parameters, begun, points, change, window) -> float:
-        """Return the factor of Newton's change that lowers the residual: with sticking friction the whole change alternates."""
+        """Return a factor at which Newton's change lowers the residual; with sticking friction full changes alternate."""
 
         def size(factor: float) -> float:
             trial = points + factor * change
@@ -316,7 +316,7 @@ class ForceDrive:
         return np.concatenate([values[:1] - self.force[window], rates - values[1:]]).transpose(1, 0, 2)
 
     def _linearise(self, parameters, begun, points, window, right_sides: np.ndarray | None = None):
-        """Linearise every step: its change by the right-hand side and by its start, slope and rest of the recursion.
+        """Linearise every step. Return its changes by right-hand side and by start, and slope and constant of the recursion.
 
         `right_sides`, shape (steps, 1 + states, 3, columns), replace the residual of the equations.
         """
@@ -368,8 +368,7 @@ class ForceDrive:
     ) -> np.ndarray:
         """Return the derivatives of the position by parameters, and by position, velocity and states at the start.
 
-        Shape (steps + 1, derivatives): one column per change, then with `by_start` one each for position, velocity and every
-        state.
+        Shape (steps + 1, derivatives): one column per change; with `by_start` also for position, velocity and every state.
 
         Parameters
         ----------
@@ -378,9 +377,9 @@ class ForceDrive:
         motion : DrivenMotion
             Result of `motion` for these parameters.
         changes : list of (str, float)
-            Symbols, and the steps of central differences of the equations (not of the motion).
+            Symbol of each parameter, and the step for central differences of the equations (not of the motion).
         by_start : bool, optional
-            True if derivatives by the start follow those by the parameters.
+            True if derivatives by the start follow the derivatives by parameters.
         """
         steps, count = len(self.force), len(motion.points)
         start = np.concatenate([[motion.position[0], motion.velocity[0]], motion.states[:, 0]])
@@ -406,7 +405,7 @@ class ForceDrive:
 def recursion(slope: np.ndarray, driven: np.ndarray, first: np.ndarray | None = None) -> np.ndarray:
     """Solve yₖ₊₁ = Sₖ yₖ + dₖ for several right-hand sides; shape (steps + 1, size, columns).
 
-    Not a number from the first step that is not finite.
+    The result is NaN at and after the first step that is not finite.
 
     Parameters
     ----------

@@ -17,7 +17,7 @@ from lumbar.tissue.survey.table_3_2 import Overall, holm, pairs, reality_notes
 
 EXACT_LIMIT = 500
 """Largest number of non-zero differences for which the distribution is counted; above, it is approximated as normal."""
-ZEROS = ("pratt", "wilcox")
+ZERO_TREATMENTS = ("pratt", "wilcox")
 """Treatments of zero differences."""
 
 
@@ -30,17 +30,17 @@ class SignedRank:
     expected: float
     """Mean of the statistic for random signs."""
     p_value: float
-    """Two-sided."""
+    """Two-sided p-value."""
     nonzero: int
     """Number of differences that are not zero."""
     exact: bool
-    """The distribution was counted, not approximated."""
+    """True if the distribution was counted, not approximated."""
 
 
 def signed_rank_test(differences: np.ndarray, zeros: str = "pratt") -> SignedRank:
     """Return the two-sided Wilcoxon signed-rank test of paired differences.
 
-    Above `EXACT_LIMIT` non-zero differences by a normal approximation (variance of the tied ranks, no continuity correction).
+    A normal approximation (variance of tied ranks, no continuity correction) is used above `EXACT_LIMIT` non-zero differences.
 
     Parameters
     ----------
@@ -48,11 +48,11 @@ def signed_rank_test(differences: np.ndarray, zeros: str = "pratt") -> SignedRan
         First minus second value of each pair; p = 1 if all are zero.
     zeros : {"pratt", "wilcox"}
         ``"pratt"`` ranks zero differences with the others and then drops their ranks (J. W. Pratt, JASA 54, 1959, 655-667), so
-        that many zeros are evidence of no difference; ``"wilcox"`` drops them before ranking. To split the ranks of the
-        zeros between the signs (zsplit) gives the exact p-value of ``"pratt"``.
+        that many zeros are evidence of no difference; ``"wilcox"`` drops them before ranking. Splitting the ranks of the zeros
+        between the signs (zsplit) gives the exact p-value of ``"pratt"``.
     """
-    if zeros not in ZEROS:
-        raise ValueError(f"zeros is {zeros!r}; allowed are {', '.join(ZEROS)}")
+    if zeros not in ZERO_TREATMENTS:
+        raise ValueError(f"zeros is {zeros!r}; allowed are {', '.join(ZERO_TREATMENTS)}")
     differences = np.asarray(differences, dtype=float)
     if zeros == "wilcox":
         differences = differences[differences != 0]
@@ -95,7 +95,7 @@ def friedman(ratings: Ratings) -> tuple[Overall, float]:
     Raises
     ------
     NumericalError
-        With fewer than three models, or if every participant rated all models equally.
+        If there are fewer than three models, or every participant rated all models equally.
     """
     participants, models = ratings.scores.shape
     if models < 3:
@@ -123,8 +123,8 @@ def vargha_delaney(first: np.ndarray, second: np.ndarray) -> np.ndarray:
 def resampled_counts(ratings: Ratings, resamples: int, seed: list[int]) -> np.ndarray:
     """Return rating counts of bootstrap samples of participants, shape (resamples, models, scale_points).
 
-    Whole participants are drawn with replacement, so that the ratings of one remain together. Participants with equal answers are
-    drawn as one class (multinomially): the cost does not depend on their number.
+    Whole participants are drawn with replacement, so that each participant's ratings remain together. Participants with equal
+    answers are drawn as one class (multinomially), at a cost that does not depend on their number.
     """
     answers, frequency = np.unique(ratings.scores, axis=0, return_counts=True)
     drawn = np.random.default_rng(seed).multinomial(len(ratings), frequency / len(ratings), size=resamples)
@@ -140,23 +140,23 @@ class PairedComparison:
     first: str
     second: str
     higher: int
-    """Participants who rated the first model higher."""
+    """Number of participants who rated the first model higher."""
     equal: int
     lower: int
     test: SignedRank
-    """Wilcoxon's test of the differences, with ranks of zeros (Pratt)."""
+    """Wilcoxon's test of the differences, zeros ranked (Pratt)."""
     p_holm: float
     """p-value of `test` after Holm's correction over all pairs."""
     test_without_zeros: SignedRank
-    """Wilcoxon's test after zero differences were dropped."""
+    """Wilcoxon's test of the differences, zeros dropped."""
     p_holm_without_zeros: float
     superiority: float
     """Vargha and Delaney's Â of the first model over the second."""
     low: float
-    """Lower end of its interval at the required confidence."""
+    """Lower end of the interval of `superiority` at the required confidence."""
     high: float
     narrow_low: float
-    """Lower end of its interval of confidence 1 − 2 (1 − confidence), for the two one-sided tests of equivalence."""
+    """Lower end of the interval of `superiority` at 1 − 2 (1 − confidence), for the two one-sided tests of equivalence."""
     narrow_high: float
 
     def is_equivalent(self, margin: float) -> bool:
@@ -170,7 +170,9 @@ def compare_pairs(ratings: Ratings, confidence: float, resamples: int, seed: int
     Zero differences are ranked and dropped: trust a result only if both treatments agree.
     """
     differences = {pair: ratings.scores_of(pair[0]) - ratings.scores_of(pair[1]) for pair in pairs(ratings)}
-    ranked, dropped = ([signed_rank_test(item, zeros) for item in differences.values()] for zeros in ZEROS)
+    ranked, dropped = (
+        [signed_rank_test(item, zeros) for item in differences.values()] for zeros in ZERO_TREATMENTS
+    )
     adjusted, adjusted_dropped = (
         holm(np.array([test.p_value for test in tests])) for tests in (ranked, dropped)
     )

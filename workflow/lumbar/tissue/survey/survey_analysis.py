@@ -30,11 +30,11 @@ class PickShares:
     picks: np.ndarray
     """Number of picks, shape (models,)."""
     share: np.ndarray
-    """Shape (models,)."""
+    """Share of the picks for each model, shape (models,)."""
     wilson: np.ndarray
-    """Ends of each model's interval, shape (models, 2)."""
+    """Ends of each model's separate interval (Wilson), shape (models, 2)."""
     goodman: np.ndarray
-    """Ends of the simultaneous intervals of all models, shape (models, 2)."""
+    """Ends of the simultaneous intervals of all models (Goodman), shape (models, 2)."""
 
     def drop(self, model: str) -> np.ndarray:
         """Return the picks of all other models."""
@@ -61,7 +61,7 @@ def equal_shares_test(picks: np.ndarray) -> Overall:
     Raises
     ------
     NumericalError
-        Without picks, or with fewer than two models.
+        If there are no picks or fewer than two models.
     """
     if len(picks) < 2 or picks.sum() == 0:
         raise NumericalError(
@@ -110,9 +110,9 @@ class SurveyAnalysis:
     """Tables and results of a survey."""
 
     tables: dict[str, Table]
-    """``table_3_2`` as published, ``survey_paired`` within participants, ``survey_best_picks``."""
+    """Tables by name: ``table_3_2`` as published, ``survey_paired`` within participants, ``survey_best_picks``."""
     results: dict
-    """Plain data, schema ``lumbar.survey/1``."""
+    """Results as plain data, schema ``lumbar.survey/1``."""
 
 
 def analyse_survey(
@@ -163,7 +163,7 @@ def analyse_survey(
 
 
 def describe_participants(ratings: Ratings) -> dict:
-    """Count the participants, with count and percentage of every group and level of experience."""
+    """Return the number of participants, with count and percentage of each group and each level of experience."""
 
     def share(count: int) -> dict:
         return {"count": count, "percent": 100 * count / len(ratings)}

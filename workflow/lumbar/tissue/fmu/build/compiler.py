@@ -18,18 +18,19 @@ from lumbar.base.errors import InputError, did_you_mean
 
 @dataclass(frozen=True)
 class Target:
-    """A platform."""
+    """A platform for which the library of an FMU is compiled."""
 
     triple: str
     """Zig's name of the platform, with the oldest C library supported."""
     suffix: str
     """Ending of a shared library."""
     fmi2: str
-    """Folder below ``binaries/`` in FMI 2.0, which names only x86_64 processors; others have the names of FMI 3.0."""
+    """Folder below ``binaries/`` in an FMU of FMI 2.0. FMI 2.0 defines folder names only for x86_64; other processors use the
+    FMI 3.0 name."""
     fmi3: str
-    """Folder below ``binaries/`` in FMI 3.0."""
+    """Folder below ``binaries/`` in an FMU of FMI 3.0."""
     libraries: tuple[str, ...] = ()
-    """Linker options."""
+    """Linker options for this platform."""
 
 
 TARGETS = {
@@ -41,7 +42,7 @@ TARGETS = {
 }
 """Platforms that FMUs can be built for."""
 _ERROR_LINES = 30
-"""Number of last lines of the compiler's output in an error: they name the cause."""
+"""Number of last lines of the compiler's output in an error message: the last lines name the cause."""
 HOST = "host"
 """Name of this machine's platform in the settings."""
 FLAGS = (
@@ -81,7 +82,7 @@ def host_target() -> str:
 
 
 def resolve_targets(names: Sequence[str]) -> list[str]:
-    """Return the targets in their order in `TARGETS`, ``"host"`` replaced by this machine's.
+    """Return the targets in the order of `TARGETS`; ``"host"`` becomes the target of this machine.
 
     Raises
     ------
@@ -99,14 +100,14 @@ def resolve_targets(names: Sequence[str]) -> list[str]:
 
 
 def warm_cache(targets: Sequence[str], cache: Path) -> None:
-    """Let the compiler build its libraries for each target, unless it has done so, and report this on standard error.
+    """Let the compiler build its own libraries for each target not yet in the cache, and report this on standard error.
 
-    A few lines are compiled for every target; a file in the cache records that this was done.
+    A few lines of C are compiled for each of these targets; a file in the cache marks the target as done.
 
     Raises
     ------
     InputError
-        Like `compile_library`.
+        In the cases of `compile_library`.
     """
     compiler = version("ziglang") if find_spec("ziglang") else ""
     # Compiler and flags decide whether the libraries must be built again.
@@ -171,7 +172,7 @@ def compile_library(sources: list[Path], library: Path, target: str, cache: Path
 def compile_sources(
     sources: tuple[tuple[str, bytes], ...], listed: tuple[str, ...], name: str, target: str, cache: Path
 ) -> bytes:
-    """Return the library of C sources, compiled only once in a process that judges a model before it exports it.
+    """Return the library of C sources; each process compiles the same sources only once.
 
     `sources` are name and contents of each C file and header, `listed` the names of the C files in their order; `name`,
     `target` and `cache` are the file name of the library, one of `TARGETS`, and the folder of the compiler's cache.
@@ -179,7 +180,7 @@ def compile_sources(
     Raises
     ------
     InputError
-        If the sources cannot be written, or like `compile_library`.
+        If the sources cannot be written, and in the cases of `compile_library`.
     """
     with tempfile.TemporaryDirectory(prefix="lumbar-fmu-") as folder:
         try:

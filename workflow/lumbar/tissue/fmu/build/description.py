@@ -26,7 +26,7 @@ _ROLES = {
 
 
 def _variables(model: ExportModel, version: str) -> list[dict]:
-    """Return the variables that a user sees, for the templates; in FMI 2.0 a vector is one variable per axis."""
+    """Return the variables that a user sees, as data for the templates; in FMI 2.0 a vector becomes one variable per axis."""
     x, y, guards, size = model.input, model.output, model.guards, len(model.axes) or 1
     rest, output = model.rest.tolist() if model.axes else [model.rest], y.quantity.capitalize()
     resists = (
@@ -103,7 +103,7 @@ def model_description(model: ExportModel, version: str, source_label: str) -> st
     listed = _variables(model, version)
 
     def unknowns(initial: bool) -> list[dict]:
-        """Return the outputs with the variables that they depend on at a sample instant, or at the first one."""
+        """Return the outputs, each with the variables that it depends on at a sample instant, or at the start if `initial`."""
         has_input = model.feedthrough or (initial and model.starts_at_rest)
         # Without feed-through the input's offset, 6, acts through the states only.
         acting = [
@@ -157,5 +157,5 @@ def model_description(model: ExportModel, version: str, source_label: str) -> st
 
 
 def _escape(text: str, quotes: bool = True) -> Markup:
-    """Return text for XML in which only what XML requires is escaped."""
+    """Return text for XML; escape only the characters that XML requires."""
     return Markup(escape(text, {'"': "&quot;"} if quotes else {}))

@@ -13,7 +13,7 @@ from lumbar.tissue.models.form import Place
 
 
 def sign_text(model: ExportModel) -> str:
-    """Return which force resists a growing input."""
+    """Return a sentence on the sign of the force that resists a growing input."""
     x, y = model.input.variable, model.output.variable
     if model.resisting_sign > 0:
         return (
@@ -33,7 +33,7 @@ def sign_text(model: ExportModel) -> str:
 
 
 def range_text(model: ExportModel) -> str:
-    """Return the motion that the model was fitted to."""
+    """Return a sentence on the motion that the model was fitted to."""
     if model.valid_for is None:
         why = "its file does not say what motion it was fitted to"
         return f"Valid range: not known, {'prescribed, not fitted to data' if model.prescribed else why}."
@@ -44,7 +44,7 @@ def range_text(model: ExportModel) -> str:
 
 
 def feedthrough_text(model: ExportModel, version: str) -> str:
-    """Return when the input of a sample acts in the output, with a client of this version of FMI."""
+    """Return a sentence on the delay from input to output for a client of this FMI version."""
     if not model.feedthrough:
         return "The model has no feed-through (D = 0): the output of a sample does not depend on its input."
     is_late, waits = version == "2.0", model.dynamics.waits_for_input or model.guards.active
@@ -101,7 +101,7 @@ def guard_texts(model: ExportModel) -> list[str]:
 
 
 def gain_text(model: ExportModel) -> str:
-    """Return the effect of a change of the gain, with the energy that a switched-on model releases."""
+    """Return sentences on changes of the gain, and on the energy that a model releases if it is switched on."""
     x, y = model.input, model.output
     if model.guards.passive:
         return (

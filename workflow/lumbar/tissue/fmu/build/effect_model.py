@@ -18,13 +18,13 @@ from lumbar.tissue.models.motion import SampledMotion, SpatialMotion
 from lumbar.tissue.models.parameter import AXES
 from lumbar.tissue.models.structure import ForwardStructure, Structure
 
-_ALONG = ("position", "step", "velocity", "acceleration")
+_VECTOR_MEMBERS = ("position", "step", "velocity", "acceleration")
 """Members of ``motion`` in ``effect_forms.h`` with a component along every axis in space, called ``position_x`` …."""
-_MOTION = {"first": "bool", "time": "double", **dict.fromkeys((*_ALONG, "path"), "double")}
+_MOTION_MEMBERS = {"first": "bool", "time": "double", **dict.fromkeys((*_VECTOR_MEMBERS, "path"), "double")}
 """All members of ``motion`` and their types."""
 _RESERVED = {
-    *_MOTION,
-    *(f"{name}_{axis}" for name in _ALONG for axis in AXES),
+    *_MOTION_MEMBERS,
+    *(f"{name}_{axis}" for name in _VECTOR_MEMBERS for axis in AXES),
     *("force", "memory", "next", "now", "increments", "matrix", "ring"),
 }
 _KEYWORD = re.compile(
@@ -36,7 +36,7 @@ _KEYWORD = re.compile(
 _INEXACT = re.compile(
     r"\b((?:a?(?:sin|cos|tan)h?|atan2|cbrt|erfc?|exp2?|expm1|fma|hypot|lgamma|log(?:10|1p|2)?|pow|tgamma)f?)\s*\("
 )
-"""Calls of C library functions whose last bit differs between platforms; fma is slow where processors have none."""
+"""Calls of C library functions that differ between platforms in the last bit; fma, which is slow on processors without it."""
 _IDENTIFIER = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 _WORD = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 _COMMENT = re.compile(r"//[^\n]*|/\*.*?\*/", re.DOTALL)
@@ -81,7 +81,7 @@ def _step_problems(form: Form) -> list[tuple[str, str]]:
 
 
 def _code(step: CStep) -> str:
-    """Return statements and value without comments."""
+    """Return statements and value of a form's C code, without comments."""
     values = (step.value,) if isinstance(step.value, str) else step.value
     return _COMMENT.sub(" ", "\n".join((step.statements, *values)))
 
@@ -89,11 +89,11 @@ def _code(step: CStep) -> str:
 def _c_function(
     name: str, form: Form, numbers: dict[str, float], ring: int | None, axes: Sequence[str]
 ) -> str:
-    """Return the C function of a form; in space it adds to the forces, or transforms them along every axis.
+    """Return the C function of a form; in space it adds forces along every axis, or transforms the forces.
 
-    `ring` is the number of the ring with the earlier positions of a form with a history, in space that of the first axis.
+    `ring` is the number of the ring buffer with the earlier positions, in space the number of the first axis's ring.
     """
-    value, motion = form.c_step.value, {key: (kind, key) for key, kind in _MOTION.items()}
+    value, motion = form.c_step.value, {key: (kind, key) for key, kind in _MOTION_MEMBERS.items()}
     # Nothing in the text may end the comment.
     text = f"{form.key}: {form.latex}".replace("*/", "* /").replace("/*", "/ *").replace("??", "? ?")
     comment = f"/* {' '.join(text.split())} */"
@@ -104,7 +104,7 @@ def _c_function(
     if not axes:
         return f"{comment}\n{along_one_axis(f'double {name}', ring)}"
     if not isinstance(value, str):
-        for key in _ALONG:
+        for key in _VECTOR_MEMBERS:
             motion |= {f"{key}_{axis}": ("double", f"{key}[{row}]") for row, axis in enumerate(axes)}
         sets = "=" if form.place is Place.OUTPUT else "+="
         body = [
@@ -117,7 +117,7 @@ def _c_function(
     for row, axis in enumerate(axes):
         if form.channel not in ("", axis):
             continue
-        motion |= {key: ("double", f"{key}[{row}]") for key in _ALONG}
+        motion |= {key: ("double", f"{key}[{row}]") for key in _VECTOR_MEMBERS}
         parts.append(along_one_axis(f"double {name}_{axis}", None if ring is None else ring + row))
         memory = f"memory + {row * size}, next + {row * size}"
         calls.append(f"force[{row}] = {name}_{axis}({memory}, now, force[{row}]);")
@@ -156,15 +156,15 @@ class PlacedForm:
     numbers: dict[str, float]
     """Parameters and constants by their names in the C code."""
     memory: int
-    """Index in the state at which its memory begins."""
+    """Index in the state at which the form's memory begins."""
     memory_end: int
-    """Index in the state behind its memory."""
+    """Index in the state after the end of the form's memory."""
     motion: int
-    """Index in the state at which the motion that reaches it begins."""
+    """Index in the state at which the input motion of the form begins."""
     channels: int
-    """Number of its memories: a form that transforms position or force acts along every axis of space separately."""
+    """Number of separate memories: a form that transforms position or force has one per axis in space."""
     history: int
-    """Number of earlier positions that it needs."""
+    """Number of earlier positions that the form needs."""
 
 
 @dataclass(frozen=True)
@@ -177,7 +177,7 @@ class EffectModel:
     forms: tuple[tuple[Form, tuple[float, ...], tuple[float, ...]], ...]
     """Form, linear and nonlinear parameters of every effect in the order of their addition; all have C steps."""
     sampling_time: float
-    """Seconds."""
+    """Sampling time in seconds."""
 
     c_source = "model_effects.c"
     headers = ("effect_forms.h", "portable_math.h", "portable_math.c")
@@ -195,12 +195,12 @@ class EffectModel:
 
     @property
     def motion_size(self) -> int:
-        """Size in the state of position, velocity and path, of the tool and behind every input form."""
+        """Number of states for position, velocity and path: one set for the tool, and one for each input form."""
         return 2 * (len(self.axes) or 1) + 1
 
     @cached_property
     def terms(self) -> tuple[PlacedForm, ...]:
-        """Input forms, base and parallel forms, output forms: the order of evaluation. The base is a term too."""
+        """All terms in the order of evaluation: input forms, the base and parallel forms, output forms."""
         forms = [(self.base.form, *self.base_numbers), *self.forms]
         # The first number of the state counts the samples.
         end = 1 + self.motion_size * (1 + sum(form.place is Place.INPUT for form, _, _ in forms))
@@ -230,17 +230,17 @@ class EffectModel:
 
     @property
     def states(self) -> int:
-        """Size of the state, without earlier positions."""
+        """Number of states, without earlier positions."""
         return self.terms[-1].memory_end
 
     @property
     def histories(self) -> tuple[int, ...]:
-        """Number of earlier positions of each form that needs some, in the order of `terms`."""
+        """Number of earlier positions of each form with a history, in the order of `terms`."""
         return tuple(term.history for term in self.terms if term.history for _ in range(term.channels))
 
     @property
     def largest_pole(self) -> float:
-        """Largest pole of a relaxation; 0 without one."""
+        """Largest pole of a relaxation; 0 without relaxations."""
         return max((abs(term.numbers["pole"]) for term in self.terms if "pole" in term.numbers), default=0.0)
 
     @property
@@ -250,7 +250,8 @@ class EffectModel:
         return tuple(np.array([value for part in parts for value in part[kind]]) for kind in (0, 1))
 
     def motion(self, inputs: np.ndarray) -> SampledMotion | SpatialMotion:
-        """Return the motion of positions, shape (samples,), in space (samples, axes), as a running loop knows it."""
+        """Return the motion through positions, shape (samples,), in space (samples, axes), with derivatives from past samples
+        only."""
         inputs = np.asarray(inputs, dtype=float)
         if not self.axes:
             return SampledMotion.from_positions(inputs, self.sampling_time)
@@ -258,7 +259,7 @@ class EffectModel:
         return SpatialMotion(tuple(parts), self.axes)
 
     def response(self, inputs: np.ndarray, late: bool = False) -> np.ndarray:
-        """Return the output of the catalogue's simulation, in the shape of the inputs; see `LinearModel.response`.
+        """Return the output as the catalogue simulates it, in the shape of `inputs`; see `LinearModel.response`.
 
         Raises
         ------
@@ -290,7 +291,7 @@ class EffectModel:
 
 
 def _form_numbers(form: Form, linear, nonlinear, sampling_time: float) -> dict[str, float]:
-    """Return the numbers in the C code of a form by name."""
+    """Return the numbers that the C code of a form uses, by name."""
     names = (item.name for item in (*form.linear, *form.nonlinear))
     return form.c_step.numbers(dict(zip(names, (*linear, *nonlinear), strict=True)), sampling_time)
 
@@ -300,13 +301,13 @@ MAX_MEMORY = 256
 
 
 def effect_model(model: FittedModel, sampling_time: float) -> EffectModel:
-    """Return a continuous model, a base with effects, as an FMU runs it at this sampling time in seconds.
+    """Return a base with effects as an FMU runs it at a sampling time in seconds.
 
     Raises
     ------
     InputError
-        If the base has contact, the model goes from force to motion, or a form has no C code, unusable code or too much
-        memory: all problems together.
+        If the base has contact, the model goes from force to motion, or a form has no C code, invalid C code or too much
+        memory. The message lists all problems.
     """
     problems = Problems(f"model {model.name!r}")
     base = model.structure.base

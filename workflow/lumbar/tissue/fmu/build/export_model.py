@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 MAX_HISTORY = 512
 """Number of earlier inputs that an FMU stores, for its moving average and its delay."""
 AS_IN_THESIS = "-thesis"
-"""Ending of the name of a model that is exported as the thesis's simulator ran it."""
+"""End of the name of a model that is exported as it ran in the thesis's simulator."""
 _MAX_THESIS_FORCE_N = 15.0
 """Largest transient force of the thesis's device (section 3.2.3)."""
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_.+-]{0,199}")
@@ -36,14 +36,14 @@ class Guards:
     """Guards of the force that the device receives."""
 
     contact: bool = False
-    """The tissue cannot pull, and ends at the input's offset: below it, the model is at rest."""
+    """True if the tissue cannot pull and its surface is at the input's offset: below the offset, the model is at rest."""
     rate_limit: float = 0.0
-    """Largest change of the force in a second, in its unit; 0: no limit."""
+    """Largest change of the force per second, in the output's unit; 0: no limit."""
     device_damping: float = 0.0
-    """Least damping of the device in N·s/m (rotations: N·m·s/rad). It bounds the force such that device and FMU never
-    release more energy than they received; 0: no bound."""
+    """Smallest damping of the device in N·s/m (rotations: N·m·s/rad). With it the force is limited so that device and FMU never
+    release more energy than they received; 0: no limit."""
     energy_reserve: float = 0.0
-    """Largest energy in J that counts as received."""
+    """Largest received energy in J that may be released again."""
 
     @property
     def passive(self) -> bool:
@@ -52,7 +52,7 @@ class Guards:
 
     @property
     def active(self) -> bool:
-        """True if the force depends on the forces before it."""
+        """True if a guard makes the force depend on earlier forces."""
         return self.passive or self.rate_limit > 0
 
 
@@ -67,13 +67,13 @@ class ExportModel:
     dynamics: LinearModel | EffectModel
     """Model from deviations of the input to deviations of the output."""
     sampling_time: float
-    """Seconds."""
+    """Sampling time in seconds."""
     moving_average: int
     """Number of samples of the input's moving average, the newest included; 1: no average."""
     runtime: str = ""
-    """Text for description and documentation if the model is not run as in the settings."""
+    """Note for description and documentation if the model does not run as in the settings."""
     on_device: tuple[str, ...] = ()
-    """Verdicts on the device of the study, for the documentation; may be empty."""
+    """Sentences for the documentation with the verdicts on the study's device; may be empty."""
 
     def __post_init__(self):
         problems = Problems(f"model {self.name!r}")
@@ -126,7 +126,7 @@ class ExportModel:
 
     @property
     def name(self) -> str:
-        """Name in file names."""
+        """Name of the model in file names."""
         return self.identified.name
 
     @property
@@ -146,7 +146,7 @@ class ExportModel:
 
     @property
     def rest(self) -> float | np.ndarray:
-        """Zero of the model's deviations of the input; in space shape (axes,)."""
+        """Input at rest, from which the model's deviations count; in space shape (axes,)."""
         return np.array(self.identified.rests or (0.0,) * len(self.axes)) if self.axes else self.input.offset
 
     @property
@@ -161,7 +161,7 @@ class ExportModel:
 
     @property
     def valid_for(self) -> MotionRange | None:
-        """Motion that the model was fitted to, if it is known."""
+        """Motion that the model was fitted to; None if it is unknown."""
         return self.identified.valid_for
 
     @property
@@ -171,7 +171,7 @@ class ExportModel:
 
     @property
     def starts_at_rest(self) -> bool:
-        """True if the model rests at the first input; else it rested at the input's offset before."""
+        """True if the model starts at rest at the first input; false if it starts at rest at the input's offset."""
         return self.settings.start == "first_position"
 
     @cached_property
@@ -196,7 +196,7 @@ class ExportModel:
 
     @property
     def memory(self) -> int:
-        """Number of states, with the earlier positions of effects."""
+        """Number of states, including the earlier positions of effects."""
         return self.dynamics.states + sum(self.dynamics.histories)
 
     @property
@@ -206,7 +206,7 @@ class ExportModel:
 
     @cached_property
     def resistance(self) -> float:
-        """Sign of the output that resists when it is displayed, 1 or −1.
+        """Sign of a resisting output on the device, 1 or −1.
 
         A prescribed model is displayed like the others, whatever its sign: an inverted one is active, and draws the tool in.
         """
@@ -214,7 +214,7 @@ class ExportModel:
 
     @cached_property
     def resisting_sign(self) -> int:
-        """Sign of the output that resists a growing input: 1, or −1 of an inverted model."""
+        """Sign of the output that resists a growing input: 1, or −1 for an inverted model."""
         response = self.dynamics.response(along_axes(slow_push(self.sampling_time), len(self.axes)))
         return -1 if (response * along_axes(1.0, len(self.axes))).mean() < 0 else 1
 
@@ -232,7 +232,7 @@ def find_models(fitted: list[FittedModel], settings: RuntimeSettings) -> list[Fi
     Raises
     ------
     InputError
-        If a model does not exist or has several fits: all problems together.
+        If a model does not exist or has several fits. The message lists all problems.
     """
     problems = Problems("runtime.models")
     by_identifier: dict[str, str] = {}
@@ -295,9 +295,10 @@ def export_models(fitted: list[FittedModel], settings: RuntimeSettings) -> list[
 
 
 def _export_model(model: FittedModel, settings: RuntimeSettings) -> ExportModel:
-    """Return a model at the rate of the settings, or as the thesis ran it (section 3.2.3.2).
+    """Return a model ready for export at the rate of the settings, or as in the thesis (section 3.2.3.2).
 
-    The thesis has "a moving average about the three previous points on the position measurements": without the newest one.
+    The thesis has "a moving average about the three previous points on the position measurements": the newest point is
+    excluded.
     """
     # The rotation of the force sensor's axes is not part of the tissue.
     forms = getattr(model.structure, "forms", ())
@@ -342,7 +343,7 @@ def _export_model(model: FittedModel, settings: RuntimeSettings) -> ExportModel:
 
 
 def averaged_samples(name: str, milliseconds: float, sampling_time: float) -> int:
-    """Return the length of the moving average in whole samples; reject one of less than half a sample that is not 0."""
+    """Return the length of the moving average in whole samples; reject a length between 0 and half a sample."""
     samples = milliseconds / (1000 * sampling_time)
     if milliseconds > 0 and samples < 0.5:
         problems = Problems(f"model {name!r}")

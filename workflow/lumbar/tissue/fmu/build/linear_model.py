@@ -10,7 +10,7 @@ import scipy
 from lumbar.base.errors import NumericalError
 from lumbar.tissue.models.transfer_function import StateSpace, TransferFunction, filtered, observer_form
 
-_NEAR_ONE = 1e-9
+_INTEGRATOR_TOLERANCE = 1e-9
 """A pole this close to 1 counts as an integrator."""
 
 
@@ -43,7 +43,7 @@ class LinearModel:
 
     @property
     def states(self) -> int:
-        """Numbers that the model keeps from one of its samples to the next."""
+        """Number of values that the model stores from sample to sample."""
         return self.state_space.nstates
 
     @property
@@ -53,8 +53,8 @@ class LinearModel:
 
     @property
     def rests_anywhere(self) -> bool:
-        """True if there is a state at rest for every input: no pole at 1."""
-        return bool(np.all(np.abs(self.state_space.poles() - 1.0) > _NEAR_ONE))
+        """True if the model can rest at every constant input: it has no pole at 1."""
+        return bool(np.all(np.abs(self.state_space.poles() - 1.0) > _INTEGRATOR_TOLERANCE))
 
     @property
     def feedthrough(self) -> bool:
@@ -62,10 +62,10 @@ class LinearModel:
         return self.numerator[0] != 0.0 and self.delay == 0
 
     def response(self, inputs: np.ndarray, late: bool = False) -> np.ndarray:
-        """Return the output of the transfer function, from rest.
+        """Return the output of the transfer function, which starts at rest.
 
-        `inputs` are deviations from rest, shape (samples,). If `late`, as an FMI 2.0 client reads it: the feed-through
-        (with effects: all) one sample late except at the start.
+        `inputs` are deviations from rest, shape (samples,). If `late`, the feed-through (with effects: the whole output) is one
+        sample late except at the start, as an FMI 2.0 client reads it.
         """
         delayed = np.concatenate([np.zeros(self.delay), inputs])[: len(inputs)]
         outputs = filtered(self._spread(self.numerator), self._spread(self.denominator), delayed)
@@ -76,7 +76,7 @@ class LinearModel:
 
     @property
     def transfer_function(self) -> TransferFunction:
-        """H(z) at the FMU's samples, with delay and phases."""
+        """Transfer function H(z) at the FMU's samples, including delay and phases."""
         return TransferFunction(
             (*[0.0] * self.delay, *self._spread(self.numerator).tolist()),
             tuple(self._spread(self.denominator).tolist()),
@@ -105,7 +105,7 @@ class LinearModel:
         return lines
 
     def c_data(self) -> list[str]:
-        """Return the lines of model_data.h: hexadecimal floats are exact and do not depend on the machine."""
+        """Return the lines of model_data.h. Numbers are hexadecimal floats: exact, and equal on every machine."""
         system = self.state_space
         # State at rest at an input of 1; zeros if a pole at 1 allows no such state.
         rest = np.zeros(system.nstates)
@@ -132,8 +132,8 @@ def hex_row(values) -> str:
     return "{" + ", ".join(float(value).hex() for value in values) + "}"
 
 
-_WHOLE = 1e-6
-"""A number of samples this close to a whole one is whole."""
+_WHOLE_TOLERANCE = 1e-6
+"""A number of samples counts as whole if it is this close to a whole number."""
 
 
 def resample_model(model: LinearModel, sampling_time: float, wanted: float) -> LinearModel:
@@ -147,12 +147,13 @@ def resample_model(model: LinearModel, sampling_time: float, wanted: float) -> L
     samples in an old one, exact at the old instants for any position (P. P. Vaidyanathan, Multirate Systems and Filter
     Banks (1993), section 4.2).
 
-    `sampling_time` is that of the identified model in seconds, `wanted` the new one.
+    `sampling_time` is the sampling time of the identified model, `wanted` the new sampling time, both in seconds.
 
     Raises
     ------
     NumericalError
-        If the new rate is slower, or if no continuous model exists and it is not a multiple of the old one.
+        If the new rate is below the old rate, or if no continuous model exists and the new rate is not a multiple of the old
+        rate.
     """
     if (model.states == 0 and model.feedthrough) or wanted == sampling_time:
         return model
@@ -168,7 +169,7 @@ def resample_model(model: LinearModel, sampling_time: float, wanted: float) -> L
     unusable = (np.abs(poles.imag) < 1e-12 * np.abs(poles)) & (poles.real <= 0)
     if unusable.any() or np.abs(poles).min(initial=1.0) == 0:
         # No continuous model has such a pole: run the model on its own clock, once for every new sample in an old one.
-        if abs(ratio - round(ratio)) > _WHOLE:
+        if abs(ratio - round(ratio)) > _WHOLE_TOLERANCE:
             poles = np.array2string(model.state_space.poles(), precision=4)
             raise NumericalError(
                 f"{model.name}: a pole of {poles} is 0 or negative, which no continuous model has; set runtime.rate_Hz to "
@@ -176,7 +177,7 @@ def resample_model(model: LinearModel, sampling_time: float, wanted: float) -> L
             )
         return LinearModel(model.numerator, model.denominator, model.name, phases=round(ratio))
     delay, rest = divmod(late * ratio, 1.0)
-    if min(rest, 1.0 - rest) < _WHOLE:
+    if min(rest, 1.0 - rest) < _WHOLE_TOLERANCE:
         delay, rest = round(late * ratio), 0.0
     if prompt.states == 0:
         numerator, denominator = (1.0 - rest, rest), (1.0,)
@@ -202,9 +203,9 @@ def _continuous(model: LinearModel, sampling_time: float) -> tuple[np.ndarray, .
 
 
 def _discretize(continuous: tuple, sampling_time: float, late: float, name: str) -> tuple[tuple, tuple]:
-    """Return numerator and denominator, ramp-invariant, with the input late by the share `late` of a sample.
+    """Return numerator and denominator of the ramp-invariant model; its input is delayed by the fraction `late` of a sample.
 
-    The late input is a straight line with a corner at `late` within every sample: two holds, one after the other.
+    The delayed input is linear with a corner at `late` within every sample: two first-order holds, one after the other.
     """
     a, b, c, d = continuous
     _, at_start, at_corner = _ramp(a, b, late * sampling_time)
@@ -231,7 +232,7 @@ def _discretize(continuous: tuple, sampling_time: float, late: float, name: str)
 
 
 def _ramp(a: np.ndarray, b: np.ndarray, time: float) -> tuple[np.ndarray, ...]:
-    """Return how a state, and the begin and the end of a straight input line, act in the state after a time."""
+    """Return the matrices from the state, and from the first and last value of a linear input, to the state after a time."""
     order = len(a)
     block = np.zeros((order + 2, order + 2))
     block[:order, :order], block[:order, order : order + 1] = a * time, b * time

@@ -1,4 +1,4 @@
-"""Building FMU files, the same bytes at every build: model, sources, libraries, documentation, reference signals.
+"""Building FMU files (model, sources, libraries, documentation, reference signals); every build gives the same bytes.
 
 The drafts FMI Layered Standard References, 1.0.0-beta.1, and the experiments format of the Modelica Association define
 stimulus, reference result and experiment; an importer does not need these files to run the FMU.
@@ -34,14 +34,14 @@ from lumbar.tissue.fmu.conventions import REFERENCE, WITHOUT_EVENT_MODE, along_a
 from lumbar.tissue.models.fitted_model import models_document
 
 _FOLDER = Path(__file__).parent
-_RECORD = "resources/model.json"
-"""The identified model and how it is run: all else in an FMU follows from it."""
+_MODEL_FILE = "resources/model.json"
+"""File with the identified model and its runtime settings; all other files of an FMU follow from it."""
 _STANDARD = "org.fmi-standard.fmi-ls-ref"
-"""FMI-LS-REF, which defines the purpose of files; its folder below ``extra/`` has this name."""
+"""Name of the layered standard FMI-LS-REF and of its folder below ``extra/``; it defines the roles of the reference files."""
 _MANIFEST = f"extra/{_STANDARD}/fmi-ls-manifest.xml"
-"""Files of the reference signals, with their roles."""
+"""Manifest: the files of the reference signals, with their roles."""
 _EXPERIMENTS = f"extra/{_STANDARD}/reference.exp"
-"""Experiments with the reference signals."""
+"""File with the experiments for the reference signals."""
 _ROLES = {
     REFERENCE[0]: ("stimulus", "testcase", "Stimulus: one push into the model"),
     REFERENCE[1]: ("reference result", "result", "Reference result of the push"),
@@ -54,13 +54,13 @@ _STUDY_SETTINGS = {
     *("models", "trained_on", "estimator", "unstable"),
     *("targets", "compiler_cache", "check_samples", "device"),
 }
-"""Settings that choose, build or judge models; all others decide how one is run."""
+"""Settings that choose, build or judge models; all other settings decide how a model runs."""
 _EARLIEST_DATE = (1980, 1, 1, 0, 0, 0)
 """The earliest date of an entry in a ZIP file: FMUs have no date."""
 
 
 def _related_files(model: ExportModel, signals: dict[str, str]) -> dict[str, str]:
-    """Return manifest and experiments of the reference signals, all by their paths in the FMU."""
+    """Return manifest and experiments for the reference signals, by path in the FMU."""
 
     def source(path: str) -> str:
         """Return a path relative to the folder of the layered standard."""
@@ -112,7 +112,7 @@ def universal_library(libraries: list[bytes]) -> bytes:
 
 
 def _reference_signals(model: ExportModel, version: str) -> dict[str, str]:
-    """Return the reference signals by their paths in the FMU: one push, or its beginning in a fast loop, and the response.
+    """Return the reference signals by path in the FMU: a push (in a fast loop only its beginning) and the response.
 
     For FMI 3.0 there is a second response, for importers without event mode.
     """
@@ -142,7 +142,7 @@ def _reference_signals(model: ExportModel, version: str) -> dict[str, str]:
 def fmu_contents(
     model: ExportModel, version: str, source_label: str, libraries: dict[str, bytes]
 ) -> dict[str, bytes]:
-    """Return the files of an FMU by their path in the archive; `libraries` are those of the targets, for both versions."""
+    """Return the files of an FMU by path in the archive; `libraries` are the compiled libraries of all targets."""
     # The record, from which all else in the FMU follows: the model, the settings that shape the FMU, and the program.
     record = {
         **models_document([model.identified], source_label),
@@ -155,7 +155,7 @@ def fmu_contents(
         **{f"sources/{name}": text for name, text in source_files(model).items()},
         "modelDescription.xml": model_description(model, version, source_label),
         "documentation/index.html": documentation_html(model, version, source_label),
-        _RECORD: json.dumps(record, indent=1, ensure_ascii=False, allow_nan=False) + "\n",
+        _MODEL_FILE: json.dumps(record, indent=1, ensure_ascii=False, allow_nan=False) + "\n",
         **signals,
         **_related_files(model, signals),
     }

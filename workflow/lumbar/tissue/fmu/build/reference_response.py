@@ -1,4 +1,4 @@
-"""The reference response of an FMU, computed in Python, with the guards of its force, and its test motion."""
+"""The test motion of an FMU and its reference response, computed in Python with the guards of the force."""
 
 import math
 
@@ -29,17 +29,17 @@ def moving_average(deviations: np.ndarray, samples: int, at_rest: bool = False) 
 
 
 def reference_output(model: ExportModel, inputs: np.ndarray, version: str) -> np.ndarray:
-    """Return the output as a client of an FMI version should read it, in the shape of the inputs.
+    """Return the output that a client of an FMI version should read, in the shape of `inputs`.
 
     Parameters
     ----------
     model : ExportModel
-        Its guards limit the force.
+        Model; its guards limit the force.
     inputs : numpy.ndarray, shape (samples,), in space (samples, axes)
-        In the input's unit.
+        Positions in the input's unit.
     version : str
-        In FMI 2.0 the feed-through is one sample late, with guards the whole force. Without guards the first sample is not
-        late; with guards its force is 0.
+        Version of FMI. In FMI 2.0 the feed-through (with guards the whole force) is one sample late. The first sample is not
+        late without guards; with guards its force is 0.
 
     Raises
     ------
@@ -67,7 +67,7 @@ def reference_output(model: ExportModel, inputs: np.ndarray, version: str) -> np
 
 
 def limit_size(vectors: np.ndarray, size: float) -> np.ndarray:
-    """Return forces within a limit, shape (samples,); in space, (samples, axes), none longer, each in its direction."""
+    """Return forces limited to a size, shape (samples,); in space, (samples, axes), long vectors are shortened."""
     if vectors.ndim == 1:
         return np.clip(vectors, -size, size)
     length = np.linalg.norm(vectors, axis=1, keepdims=True)
@@ -77,7 +77,7 @@ def limit_size(vectors: np.ndarray, size: float) -> np.ndarray:
 def _guard_forces(
     model: ExportModel, positions: np.ndarray, limited: np.ndarray, event_mode: bool
 ) -> np.ndarray:
-    """Return the forces that are read behind rate limit and passivity, each operation as in ``sampled_force.c``.
+    """Return the forces after rate limit and passivity guard, with the operations of ``sampled_force.c``.
 
     The energy is observed as B. Hannaford and J.-H. Ryu do (IEEE Trans. Robotics and Automation 18 (2002) 1-10). A force
     f that is held for a sample T releases f d over the displacement d, and a damping b receives at least b d²/T meanwhile
@@ -120,7 +120,7 @@ def _dot(one: list[float], other: list[float]) -> float:
 
 
 def _nearest(wanted: list[float], centre: list[float], distance: float) -> list[float]:
-    """Return the wanted force, or the farthest allowed one in its direction."""
+    """Return the wanted force, or the force at `distance` from `centre` towards it if it is farther away."""
     if len(wanted) == 1:
         low, high = (centre[0] - distance, centre[0] + distance) if centre[0] else (-distance, distance)
         return [low if wanted[0] < low else high if wanted[0] > high else wanted[0]]
@@ -132,7 +132,7 @@ def _nearest(wanted: list[float], centre: list[float], distance: float) -> list[
 
 
 def samples_within_range(model: ExportModel, samples: int) -> int:
-    """Return `samples`, or fewer if an unstable model would outgrow double precision."""
+    """Return `samples`, or a smaller number if an unstable model would overflow."""
     pole = model.dynamics.largest_pole
     return samples if pole <= 1.0 else max(3, min(samples, int(np.log(_MAX_GROWTH) / np.log(pole))))
 
@@ -157,7 +157,7 @@ def scale_to(model: ExportModel, inputs: np.ndarray, output: float) -> float:
 
 
 def push_profile(sampling_time: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return time in seconds and a movement from 0 to 1 and back, with flanks of half a cosine, each of shape (samples,)."""
+    """Return time in seconds and a push from 0 to 1 and back, with half-cosine flanks, each of shape (samples,)."""
     ends = np.cumsum(list(_DURATIONS_S.values()))
     time = np.arange(round(ends[-1] / sampling_time) + 1) * sampling_time
     rise = np.clip((time - ends[0]) / _DURATIONS_S["push"], 0.0, 1.0)
@@ -166,5 +166,5 @@ def push_profile(sampling_time: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def push_depth(model: ExportModel, profile: np.ndarray) -> float:
-    """Return the depth of a push at which the model's force is half of its limit."""
+    """Return the depth of a push at which the model's largest force is half of its limit."""
     return scale_to(model, along_axes(profile, len(model.axes)), _PUSH_OUTPUT_SHARE * model.output_limit)

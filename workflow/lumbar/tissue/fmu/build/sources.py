@@ -20,10 +20,10 @@ _FMI_HEADERS = (
     *("fmi2Functions.h", "fmi2FunctionTypes.h", "fmi2TypesPlatform.h"),
     *("fmi3Functions.h", "fmi3FunctionTypes.h", "fmi3PlatformTypes.h"),
 )
-_BY_AXES = re.compile(
+_AXES_VARIANTS = re.compile(
     r"#if MODEL_AXES > 1\n(.*?)#else /\* one axis \*/\n(.*?)#endif /\* MODEL_AXES \*/\n", re.DOTALL
 )
-"""Parts of the C files with a variant for several axes and one for a single axis."""
+"""Pattern of the parts of C files that differ between one axis and several axes."""
 
 
 @cache
@@ -31,7 +31,7 @@ def _fixed_source(name: str, several: bool) -> str:
     import fmpy
 
     if name not in _FMI_HEADERS:
-        return _BY_AXES.sub(lambda variants: variants[1 if several else 2], c_source(name))
+        return _AXES_VARIANTS.sub(lambda variants: variants[1 if several else 2], c_source(name))
     header = Path(fmpy.__file__).parent / "c-code" / name
     return header.read_text(encoding="utf-8").replace("\r\n", "\n")
 
@@ -58,12 +58,12 @@ def content_token(model: ExportModel) -> str:
 
 
 def model_version(model: ExportModel) -> str:
-    """Return the versions of the tool and, behind a plus, of the model, which depends on each of its numbers."""
+    """Return the version of this software, a plus sign, and the version of the model: a hash of its sources."""
     return f"{__version__}+{content_token(model)[:8]}"
 
 
 def _model_size(model: ExportModel) -> str:
-    """Return model_size.h with the sizes of loops and memory. C has no arrays of length 0."""
+    """Return model_size.h with the sizes of loops and memory; sizes of arrays are at least 1, as C requires."""
     sizes = {
         "MODEL_STATES": max(1, model.dynamics.states),
         "MODEL_PHASES": model.dynamics.phases,

@@ -8,5 +8,5 @@ FOLDER = Path(__file__).parent
 
 @cache
 def c_source(name: str) -> str:
-    """Return the text of a file of this folder, with newlines alone as line ends."""
+    """Return the text of a file of this folder, with LF as line ends."""
     return (FOLDER / name).read_text(encoding="utf-8").replace("\r\n", "\n")
