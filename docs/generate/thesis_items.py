@@ -44,8 +44,8 @@ _HEAD = """\
 Every numbered equation, table and figure, every stated parameter and every claim of method, with its section: as the thesis
 prints it, how it is *here*, and what is *otherwise*, and why; without that line nothing differs. Modules are those below
 `lumbar` (`tissue.signals.multisine` is the file `workflow/lumbar/tissue/signals/multisine.py`); keys are shown with their
-defaults; files are below `results/<study>/`. A *claim* is a row of `claims.csv` and `tables/claims`, which hold its criterion and what a
-study shows; this page has the verdict of the default study on the synthetic twin.
+defaults; files are below `results/<study>/`. A *claim* is a row of `claims.csv` and `tables/claims`, which hold its
+criterion and what a study shows; this page has the verdict of the default study on the synthetic twin.
 """
 
 
