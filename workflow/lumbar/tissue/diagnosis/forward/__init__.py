@@ -1,1 +1,1 @@
-"""Records of which the force is the input and the motion the output: fitted, searched and judged in the unit of the motion."""
+"""Records with the force as input and the motion as output: fitted, searched and judged in the unit of the motion."""

@@ -1,10 +1,10 @@
-"""Data and bases of records with the force as input: fitted by simulation, searched as the inverse problem.
+"""Data and bases of records with the force as input: fitted by simulation, searched in the inverse problem.
 
 In the inverse problem the motion is the input, and errors of the force are filtered by the response of the base from force to
-motion. If R(z) is the force of a model with motion z, a true model leaves R(z + n) − F ≈ (dR/dz) n of the noise n in the
-measured motion; the response G ≈ (dR/dz)⁻¹ of the base turns it into n again, in the unit of the motion (the weighting of
-Steiglitz and McBride, IEEE Trans. Automat. Contr. 10 (1965) 461-464). So the search over all forms, which are linear in most
-parameters here, needs no simulation.
+motion. If R(z) is the force of a model with motion z and n the noise of the measured motion, the error of a true model is
+R(z + n) − F ≈ (dR/dz) n; the response G ≈ (dR/dz)⁻¹ of the base turns it into n, in the unit of the motion (the weighting of
+Steiglitz and McBride, IEEE Trans. Automat. Contr. 10 (1965) 461-464). Forms are linear in most parameters of the inverse problem,
+so the search over all forms needs no simulation.
 """
 
 from collections.abc import Callable
@@ -32,20 +32,20 @@ FORWARD_BASES = ("KV-mass", "KB-mass", "KV", "KB", "LE")
 _SIMULATED = 2
 """Number of bases that are simulated: those that fit best in the inverse problem."""
 _MAX_SEARCH_SAMPLES = 6000
-"""Samples of every record with which effects are searched."""
+"""Largest number of samples of every record with which effects are searched."""
 Response = Callable[[np.ndarray], np.ndarray]
-"""Ratio of motion and force by frequency in Hz."""
+"""Function that returns the ratio of motion and force at frequencies in Hz."""
 _MIN_STIFFNESS = 1e-6
-"""Smallest dynamic stiffness relative to the largest one: a free mass would drift away."""
+"""Smallest dynamic stiffness relative to the largest: a free mass would drift away."""
 _RIGID = 10.0
 """Stiffness of a motion that does not follow the force, relative to the ratio of force and motion."""
 _SEGMENTS = 8
 _WEIGHTED_FITS = 3
-"""Number of fits of the base, each weighted by the response of the one before."""
+"""Number of fits of the base, each weighted by the response of the previous fit."""
 EVALUATIONS = 20
 """Largest number of evaluations of the error in a fit by simulation."""
 _ZERO_SIZE = 1e-3
-"""Scale of a linear parameter that starts at 0, relative to the largest one."""
+"""Scale of a linear parameter that starts at 0, relative to the largest linear parameter."""
 _BOUND_MARGIN = 1e-3
 _FAILED_ERROR = 1e3
 """Error of a simulation that failed, relative to the measured motion."""
@@ -53,11 +53,11 @@ _FAILED_ERROR = 1e3
 
 @dataclass(frozen=True, eq=False)
 class ForwardData(FitData):
-    """One record with the force as input: attributes of `FitData`, with the force as its motion and the motion as its force."""
+    """One record with the force as input: attribute `motion` contains the force, attribute `force` the motion."""
 
     @cached_property
     def measured_motion(self) -> Motion:
-        """The smoothed motion."""
+        """Measured motion, smoothed."""
         return Motion(self.motion.time, remove_noise(self.force), self.motion.sampling_time)
 
     def scale(self, kind: str) -> float:
@@ -98,7 +98,7 @@ class FilteredForwardData(FitData):
         return super().whiten(self._filter(signal))
 
     def error(self, simulated: np.ndarray) -> np.ndarray:
-        """Return the simulated less the measured force, filtered to the motion, over the samples that count."""
+        """Return simulated minus measured force, filtered to the motion, at the samples that count."""
         return self._about_zero(self.trim(self._filter(simulated - self.force)))
 
 
@@ -113,7 +113,7 @@ class FilteredForwardJointData(JointData):
 
 
 def to_inverse_problem(experiment: Experiment, response: Response) -> Experiment:
-    """Return an experiment with the force as input, prepared with the motion as input."""
+    """Convert an experiment with the force as input to an experiment with the motion as input."""
     return experiment.change_data(
         lambda data: data.convert(
             FilteredForwardData,
@@ -172,7 +172,7 @@ def prepare_forward(records: list[Record], settings: DiagnosisSettings) -> Exper
     Raises
     ------
     InputError
-        As `prepare`; for records of one session.
+        For records of one session, and for the reasons of `prepare`.
     """
     if settings.session:
         raise InputError(
@@ -185,7 +185,7 @@ def prepare_forward(records: list[Record], settings: DiagnosisSettings) -> Exper
 
 
 def shorten(experiment: Experiment) -> Experiment:
-    """Return the beginnings of long records, enough for a search; the same experiment if none is longer."""
+    """Return the experiment with only the beginning of long records, which is enough for a search."""
 
     def short(data: FitData) -> FitData:
         return data.split(_MAX_SEARCH_SAMPLES / data.size)[0] if data.size > _MAX_SEARCH_SAMPLES else data
@@ -196,7 +196,7 @@ def shorten(experiment: Experiment) -> Experiment:
 
 @dataclass(frozen=True, eq=False)
 class ForwardFit(joint_fit.Fit):
-    """A fitted model from force to motion; attributes of `Fit`."""
+    """A fitted model from force to motion."""
 
     structure: ForwardStructure
 
@@ -270,13 +270,13 @@ def fit_by_simulation(
 
 
 def resume_fit(experiment: Experiment, model: Candidate, evaluations: int = EVALUATIONS) -> Candidate:
-    """Fit a model to an experiment from where a fit to another one has ended."""
+    """Fit a model to an experiment from its parameters fitted to another experiment."""
     fit = model.fit
     return fit_by_simulation(experiment, fit.structure, fit.linear, fit.nonlinear, fit.zero, evaluations)
 
 
 def choose_forward_base(experiment: Experiment, name: str) -> Candidate:
-    """Fit the base with a name, or the one of `FORWARD_BASES` that explains all records best, by simulation.
+    """Fit by simulation the named base, or the base of `FORWARD_BASES` that explains all records best.
 
     Raises
     ------
@@ -298,12 +298,12 @@ def choose_forward_base(experiment: Experiment, name: str) -> Candidate:
 
 
 def simulate_base(experiment: Experiment, base: Base) -> Candidate:
-    """Fit a base with the motion as input, and from there by simulation."""
+    """Fit a base with the motion as input, then by simulation from the parameters of that fit."""
     return fit_by_simulation(experiment, ForwardStructure(base), *fit_inverse_problem(experiment, base))
 
 
 def better_base(model: Candidate, inverse: Experiment) -> Base | None:
-    """Return a base that explains the records better with the same effects in the inverse problem, or None."""
+    """Return a base that explains the records better in the inverse problem, with the same effects; None without such a base."""
     present = model.fit.structure.base
     bases = [present, *(BASES[name] for name in FORWARD_BASES if name != present.name)]
     best = min(bases, key=lambda base: exchange_base(model, base, inverse).score)

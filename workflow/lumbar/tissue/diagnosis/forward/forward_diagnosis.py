@@ -42,11 +42,11 @@ from lumbar.tissue.models.form import Effect, Form
 from lumbar.tissue.models.structure import ForwardStructure
 
 _RIVALS = 5
-"""Number of sets of effects that are simulated in addition to those named."""
+"""Number of sets of effects that are simulated in addition to the named sets."""
 _MIN_EXPLAINED = 0.05
 """Share of the motion's variance that a base must explain if effects are to be searched."""
 _FINAL_EVALUATIONS = 4
-"""Largest number of evaluations of the error on whole records, from the fit to their beginning."""
+"""Largest number of evaluations of the error on whole records, starting from the fit to their beginnings."""
 
 
 def estimate_motion_noise(state: DiagnosisState) -> DiagnosisState:
@@ -58,7 +58,7 @@ def estimate_motion_noise(state: DiagnosisState) -> DiagnosisState:
 
 
 def choose_simulated_base(state: DiagnosisState) -> DiagnosisState:
-    """Choose the base on the beginning of long records; ignore the colour of the noise if the error is far above it."""
+    """Choose the base with the beginning of long records; ignore the colour of the noise if the error is far above the noise."""
     prepared, base = _prepare_base(state.prepared, state.settings)
     experiment = shorten(prepared)
     reason = f"{base.fit.structure.base.name}: error {base.test_rms:.4g} {experiment.output_unit} unseen"
@@ -87,7 +87,7 @@ def select_by_simulation(state: DiagnosisState) -> DiagnosisState:
 
 
 def reconsider_simulated_base(state: DiagnosisState) -> DiagnosisState:
-    """Choose the base again, with the selected effects; if another one is better, select effects again."""
+    """Choose the base again, with the selected effects; if another base is better, select effects again."""
     step = "reconsider the base"
     if state.inverse is None or state.settings.base != CHOSEN_BY_DATA or not state.result.selected:
         return state.next(step, "not needed: the base is given, or no effect was selected")
@@ -100,7 +100,7 @@ def reconsider_simulated_base(state: DiagnosisState) -> DiagnosisState:
 
 
 def fit_whole_records(state: DiagnosisState) -> DiagnosisState:
-    """Fit the same models and the best rival to all of long records, and judge them there."""
+    """Fit the same models and the best rival to the whole of long records, and judge these fits."""
     step, experiment = "fit whole records", state.prepared
     if state.result.experiment is experiment:
         return state.next(step, "not needed: the search has used whole records")
@@ -155,7 +155,7 @@ def compare_motion_with_linear_dynamics(state: DiagnosisState) -> DiagnosisState
 
 
 def report_motion_offset(state: DiagnosisState) -> DiagnosisState:
-    """Report where the zero of the motion's sensor is, if that matters."""
+    """Report the zero of the motion's sensor if it is relevant."""
     findings = [replace(item, kind="motion_offset") for item in report_offsets(state.result)]
     reason = f"the zero is {'not ' * bool(findings)}where the records say"
     return state.next("report zeros", reason, *findings, is_searched_further=False)
@@ -175,7 +175,7 @@ FORWARD_STEPS = (
 
 
 def _prepare_base(experiment: Experiment, settings: DiagnosisSettings) -> tuple[Experiment, Candidate]:
-    """Return records without whitening if the error dwarfs the noise, and the base of the settings or the best one."""
+    """Return records without whitening if the error is far above the noise, and the base of the settings or the best base."""
     base = choose_forward_base(shorten(experiment), settings.base)
     if experiment.error_dwarfs_noise(base.train_rms):
         experiment = experiment.drop_whitening()
@@ -196,7 +196,7 @@ def forward_catalogue(catalogue: dict[str, Effect], base: Base, data: FitData) -
 class _Confirmation(Selection):
     """Selection by simulation among the models that the inverse problem has named, and rivals.
 
-    `zero_factor` is the ratio of the zero of the motion's sensor to the zero of their fits.
+    `zero_factor` is the ratio of the zero of the motion's sensor to the zero of fits in the inverse problem.
     """
 
     evaluations: int = EVALUATIONS
@@ -216,7 +216,7 @@ class _Confirmation(Selection):
 
     @cached_property
     def selected_path(self) -> list[Candidate]:
-        """Path to larger and larger simulated sets of effects that pass, the best of each size."""
+        """Path of simulated sets of effects that pass, in order of size, the best of each size."""
         self.simulate(self.named)
         rivals = self.rivals
         best = min([self.base, *self.tried], key=lambda item: item.score)
@@ -271,7 +271,7 @@ def refine_forward(
     Returns
     -------
     Experiment, list of Candidate
-        The prepared records and the path: base, base with the first effect, ….
+        The prepared records and the path: base, base with the first effect and so on.
 
     Raises
     ------

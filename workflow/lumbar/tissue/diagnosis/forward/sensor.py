@@ -1,4 +1,4 @@
-"""Linear dynamics from force to motion before a sensor that is not linear: it gives the absolute value, or clips."""
+"""Linear dynamics from force to motion, with a nonlinear sensor that returns the absolute value or clips."""
 
 from dataclasses import replace
 
@@ -18,9 +18,9 @@ from lumbar.tissue.models.structure import Structure
 _ORDERS = (1, 2, 3, 4)
 """Orders of the dynamics that are tried."""
 _SIGN_ORDER = 3
-"""Order with which the sign of the motion is searched; a lower one gives wrong signs."""
+"""Order with which the sign of the motion is searched; a lower order gives wrong signs."""
 _MAX_NEGATIVE = 0.03
-"""Share of its range by which noise may make an absolute value negative."""
+"""Largest negative value of an absolute value, due to noise, as a share of its range."""
 _MAX_MINIMUM = 0.1
 """Largest minimum of an absolute value as a share of its range."""
 _LAGS = 8
@@ -36,8 +36,8 @@ def sensor_candidates(
 ) -> list[tuple[Candidate, Candidate]]:
     """Fit linear dynamics without and with each effect of the motion's sensor.
 
-    In the experiment the force replaces the motion and the motion the force; `forms` are by effect. Both dynamics of a pair
-    have the same order, the one with the best score.
+    In the experiment the force replaces the motion and the motion the force. `forms` has the forms by effect. Both dynamics of a
+    pair have the same order, which has the best score.
     """
     candidates = []
     for name, effect_forms in forms.items():
@@ -56,7 +56,7 @@ def sensor_candidates(
 
 
 def _fit_absolute_value(experiment: Experiment, form: Form) -> list[tuple[Candidate, Candidate]]:
-    """Fit every order: dynamics are fitted with a guess of the motion's sign, and their sign is the next guess."""
+    """Fit dynamics of every order with a guess of the motion's sign; the sign of the fitted motion is the next guess."""
     training = experiment.training
     low, span = float(training.force.min()), float(np.ptp(training.force))
     if not -_MAX_NEGATIVE * span <= low <= _MAX_MINIMUM * span:
@@ -88,7 +88,7 @@ def _sign(signal: np.ndarray) -> np.ndarray:
 
 
 def _fit_with_sign(training: FitData, sign: np.ndarray, order: int) -> LinearDynamics:
-    """Fit dynamics until their motion has the signs that they were fitted to."""
+    """Fit dynamics again until the signs of their motion do not change."""
     for _ in range(_MAX_SIGN_FITS):
         dynamics = rational_of_order(replace(training, force=sign * training.force), order)
         last, sign = sign, _sign(dynamics.simulate(training.motion))

@@ -1,1 +1,1 @@
-"""A law for what no effect of the catalogue explains: the missing force estimated, and a short formula for it."""
+"""Search of a short formula for a missing force that no effect of the catalogue explains."""

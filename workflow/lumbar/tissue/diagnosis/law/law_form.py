@@ -1,4 +1,4 @@
-"""The form that is a sum of terms: its equation, the units of its coefficients, and its states solved term by term."""
+"""Form of a sum of terms: its equation, the units of its coefficients, and its states, solved term by term."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _FACTOR = re.compile(r"(\{x\}|\{y\}|s|Hz|1|rad)(?:\^(-?\d+(?:\.\d+)?))?")
 
 @dataclass(frozen=True)
 class Dimension:
-    """Exponents of the input's unit, of the output's and of the second.
+    """Exponents of three units in a unit: unit of the input, unit of the output, second.
 
     Examples
     --------
@@ -50,7 +50,7 @@ class Dimension:
 
     @classmethod
     def parse(cls, unit: str) -> Dimension:
-        """Read a unit in terms of ``{x}`` and ``{y}``; factors after a stroke divide."""
+        """Read a unit in terms of ``{x}`` and ``{y}``; factors after a slash divide."""
         dimension = cls()
         for place, part in enumerate(unit.split("/")):
             for factor in part.split():
@@ -87,11 +87,11 @@ ONE, POSITION, FORCE, TIME = Dimension(), Dimension(x=1), Dimension(y=1), Dimens
 SPEED = POSITION / TIME
 OF_SIGNALS = dict.fromkeys(("z", "dz", "s"), POSITION) | {"v": SPEED, "a": SPEED / TIME}
 OF_SIGNALS |= {"t": TIME, "F": FORCE, "pi": ONE}
-"""Dimensions of the signals that an equation of a tissue knows."""
+"""Dimensions of the signals that may appear in the equation of a tissue."""
 
 
 def dimension(expression: Expression, known: Mapping[str, Dimension]) -> Dimension | None:
-    """Return the dimension of an expression from those of its symbols; None for a bare 0, which has any.
+    """Return the dimension of an expression from the dimensions of its symbols; None for the number 0, which has any dimension.
 
     Raises
     ------
@@ -151,7 +151,7 @@ _KINDS = {"{y}": ("F", "force"), "{y}/{x}": ("k", "stiffness"), "{y} s/{x}": ("b
 
 
 def distinct(terms: tuple[Term, ...], shared: bool = False) -> tuple[Term, ...]:
-    """Rename symbols with several meanings; if `shared`, parameters of one meaning and states of one equation may be one."""
+    """Rename symbols with several meanings; if `shared`, terms may share parameters of one meaning and states of one equation."""
     used: dict[str, str] = {}
     renamed = []
     for term in terms:
@@ -183,7 +183,7 @@ def form_of(
     terms : tuple of Term
         Summands.
     effect : str
-        Name of the effect; default those of the terms, because motions remember forces by name.
+        Name of the effect; default the names of the terms, because motions cache forces by name.
     signs : tuple of int, optional
         Signs of the linear parameters; default any.
     shared : bool
@@ -234,7 +234,10 @@ def form_of(
 
 
 def _solution(terms: tuple[Term, ...], nonlinear: list[NonlinearParameter]):
-    """Solve states term by term, again only if a term's parameters change: a fit changes one at a time."""
+    """Return a function that solves the states of every term.
+
+    A term is solved again only if its parameters changed, because a fit changes one parameter at a time.
+    """
     place = {item.symbol: index for index, item in enumerate(nonlinear)}
     solved = []
     for term in filter(lambda item: item.state, terms):

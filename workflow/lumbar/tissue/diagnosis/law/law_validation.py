@@ -1,4 +1,4 @@
-"""Tests that a formula must pass before it is proposed: it stays bounded, gives off no energy, and has a known range."""
+"""Tests of a formula before it is proposed: it must stay bounded, release no energy, and have a known range."""
 
 from dataclasses import dataclass, field, replace
 
@@ -13,35 +13,35 @@ from lumbar.tissue.models.motion import Motion
 BLOCK = 1.0
 """Length of a block, in time scales of the motion."""
 STRETCH = 1.5
-"""Amplitude and speed beyond the records at which a law must stay bounded."""
+"""Factor on amplitude and speed of the records up to which a law must stay bounded."""
 _MAX_FORCE_RATIO = 10.0
-"""Largest force there, in the largest force of the records."""
+"""Largest force of a bounded law, relative to the largest force of the records."""
 _SIZES = (0.3, 0.65, 1.0)
-"""Amplitudes of the cycles in half ranges, and their speeds in the largest, at which work is computed."""
+"""Amplitudes in half ranges, and speeds relative to the largest, of the cycles for which work is computed."""
 _CYCLES, _STEPS = 4, 200
 _ROUNDING_WORK = 1e-3
-"""Work given off, as a share of force times amplitude, that counts as rounding."""
+"""Released work, as a share of force times amplitude, that counts as rounding."""
 INNER = 0.7
-"""Share of the ranges of position and speed that the trial of extrapolation fits to."""
+"""Share of the ranges of position and speed to which the test of extrapolation is fitted."""
 _MAX_ERROR_RATIO = 1.15
-"""Largest ratio of the error outside a range to that inside, or of a fit to all of it, of a law that extrapolates."""
+"""Largest ratio of the error outside a range to the error inside, or to that of a fit to all samples, if a law extrapolates."""
 _MIN_ERROR_SAMPLES = 50
-"""Samples that an error is computed from."""
+"""Smallest number of samples from which an error is computed."""
 _MIN_THINNED_SAMPLES = 6000
-"""Samples of the training record that are left, if its excitation allows it."""
+"""Smallest number of samples of the training record after thinning, if its excitation allows it."""
 
 
 @dataclass(frozen=True, eq=False)
 class PartialData(FitData):
-    """A record with only some samples that count; simulated as a whole."""
+    """A record in which only some samples count; the whole record is simulated."""
 
     whole: FitData = None
     counts: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool))
-    """Over the samples that count of the whole."""
+    """True at samples that count, over the samples that count in the whole record."""
 
     @property
     def zeros(self) -> np.ndarray:
-        """Contribution of the sensor's zeros, as in the whole record."""
+        """Columns of the sensor's zeros of the whole record, at the samples that count."""
         return self.whole.zeros
 
     @property
@@ -59,7 +59,7 @@ class PartialData(FitData):
 
 
 def alternate(experiment: Experiment) -> tuple[Experiment, Experiment]:
-    """Return the experiment with every other block of its unseen records, for choices, and with those in between, for tests."""
+    """Return the experiment with every other block of its unseen records, for choices, and with the other blocks, for tests."""
     halves = []
     for parity in (0, 1):
         tests = []
@@ -85,7 +85,7 @@ def motions(data: FitData) -> list[Motion]:
 
 
 def stays_bounded(fit: Fit, experiment: Experiment) -> bool:
-    """Return whether the free run stays finite and of the records' size on their motions, larger and faster by `STRETCH`."""
+    """Return whether the free run stays bounded on the motions of the records enlarged and accelerated by `STRETCH`."""
     largest = float(np.abs(experiment.training.force).max())
     for motion in (one for item in (experiment.training, *experiment.tests) for one in motions(item)):
         for size, pace in ((1.0, 1.0), (STRETCH, 1.0), (1.0, STRETCH), (STRETCH, STRETCH)):
@@ -103,7 +103,7 @@ def stays_bounded(fit: Fit, experiment: Experiment) -> bool:
 
 
 def is_dissipative(fit: Fit, data: FitData) -> bool:
-    """Return whether no closed cycle gives off energy: steady sines within the ranges of position and speed of the records."""
+    """Return whether no steady sine within the ranges of position and speed of the records releases energy in a cycle."""
     position = np.concatenate([motion.position for motion in motions(data)])
     fastest = max(float(np.abs(motion.velocity).max()) for motion in motions(data))
     middle, half = (position.max() + position.min()) / 2, np.ptp(position) / 2
@@ -124,17 +124,17 @@ class Extrapolation:
     """Errors of a law outside the range that it was fitted to."""
 
     inner_rms: float
-    """Error on the training record outside its inner range, of a fit to samples in it only."""
+    """Error of a fit to samples in the inner range only, on the training record outside this range."""
     all_rms: float
-    """Error of the fit to all samples, at the same ones."""
+    """Error of the fit to all samples, on the training record outside its inner range."""
     beyond_rms: float | None
-    """Error on unseen samples beyond the training record's range of position or speed; None if they are few."""
+    """Error on unseen samples beyond the training record's range of position or speed; None if there are few such samples."""
     floor: float | None
-    """Noise floor."""
+    """RMS of the noise floor; None if unknown."""
 
     @property
     def holds(self) -> bool:
-        """True if both errors are about as large as within the fitted range."""
+        """True if both errors outside are about as large as within the fitted range."""
         if self.inner_rms > _MAX_ERROR_RATIO * self.all_rms:
             return False
         largest = _MAX_ERROR_RATIO * max(self.all_rms, self.floor or 0.0)
@@ -142,7 +142,7 @@ class Extrapolation:
 
 
 def extrapolation(fit: Fit, experiment: Experiment) -> Extrapolation | None:
-    """Fit to samples within `INNER` of the ranges of position and speed, evaluate outside; None if they are too few."""
+    """Fit to samples within `INNER` of the ranges of position and speed, evaluate outside; None if there are too few samples."""
     training = experiment.training
     inner = is_within(training, training, INNER)
     if min(inner.sum(), (~inner).sum()) < _MIN_ERROR_SAMPLES:
@@ -161,8 +161,8 @@ def extrapolation(fit: Fit, experiment: Experiment) -> Extrapolation | None:
 def thin(experiment: Experiment) -> Experiment:
     """Return the experiment with every n-th sample of its records, with `MIN_SAMPLES_PER_CYCLE` in the fastest cycle.
 
-    Nothing is filtered. Errors are not whitened: the colour of the noise is that of another rate. The same experiment is returned
-    if it has no samples to spare.
+    Nothing is filtered. Errors are not whitened, because the colour of the noise is known at the original rate only. If the
+    experiment cannot be thinned, it is returned unchanged.
     """
     parts = [part for item in (experiment.training, *experiment.tests) for part in item.records]
     edges = [band_edge(part.drop_history(part.motion.position)) for part in parts]

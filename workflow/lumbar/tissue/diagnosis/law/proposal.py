@@ -1,4 +1,4 @@
-"""Propose a law for the missing force, in plain English and as the file of a user-defined effect, or report that none passes."""
+"""Proposal of a law for the missing force, in plain English and as the file of a user-defined effect."""
 
 import json
 from collections.abc import Sequence
@@ -28,26 +28,26 @@ from lumbar.tissue.models.parameter import NonlinearParameter
 
 NAME = "proposed_law"
 CONFIRMED = 3.09
-"""Standard errors by which the loss must fall on unseen seconds that no choice has used (one-sided 0.1 %: a few laws are
-tried)."""
+"""Smallest fall of the loss in standard errors, on unseen blocks that no choice has used (one-sided 0.1 %, because a few laws
+are tried)."""
 MIN_SHARE = 0.75
-"""Share of the explainable error of the catalogue's best model that a law must remove there: the error is then halved."""
+"""Smallest share of the explainable error of the catalogue's best model that a law must remove on these blocks."""
 _MAX_BASE_ERROR_RATIO = 1.05
-"""A law on the base is preferred up to this ratio of its error to that of a law on the catalogue's best model."""
+"""Largest ratio of the error of a law on the base to that of a law on the catalogue's best model if the former is preferred."""
 MARK = "found in these data, not known physics"
 _SIGNS = {1: "positive", -1: "negative", 0: "any"}
 _START_FACTOR = 1.5
-"""Factor below and above the fitted value, within which another fit of the law begins."""
+"""Factor on the fitted value, up and down, for the starting values of another fit of the law."""
 _MAX_STARTED = 2
-"""Most nonlinear parameters with several starting values each; with more, a fit begins at the fitted values."""
+"""Largest number of nonlinear parameters with several starting values each; with more, a fit begins at the fitted values."""
 _BOUND_FACTORS = (0.2, 5.0)
 _MAX_IMITATION_RATIO = 0.5
-"""Ratio of the error of a law on the base to that of the selected effects, up to which these only imitate the law."""
+"""Largest ratio of the error of a law on the base to that of the selected effects, if the effects only imitate the law."""
 
 
 @dataclass(frozen=True, eq=False)
 class Proposal:
-    """A law for what is missing, or none."""
+    """Result of the search of a law for a missing force."""
 
     experiment: Experiment
     base: Candidate
@@ -55,28 +55,28 @@ class Proposal:
     before: Candidate
     """Best model of the catalogue."""
     law: Law | None = None
-    """The proposed law; its candidate is judged on all unseen records."""
+    """The proposed law, with its candidate judged on all unseen records; None if no law passes."""
     tried: Sequence[tuple[Law, str]] = ()
     """Every law that was tested, with the test that it failed; empty text for a law that passed."""
     share_removed: float = 0.0
-    """Share of the explainable error of `before` that the law removes, on unseen seconds that no choice has used."""
+    """Share of the explainable error of `before` that the law removes, on unseen blocks that no choice has used."""
     certainty: float = 0.0
-    """Standard errors by which the loss falls on these seconds."""
+    """Fall of the loss in standard errors, on unseen blocks that no choice has used."""
     extrapolation: law_validation.Extrapolation | None = None
 
     @property
     def is_needed(self) -> bool:
-        """True if the catalogue's best model leaves more than noise."""
+        """True if a law is needed: the catalogue's best model leaves more than noise."""
         return not is_adequate(self.before, self.experiment, COMPLETE)
 
     @property
     def start(self) -> Candidate:
-        """The model that the law is added to; without a law the catalogue's best."""
+        """The model that the law is added to; without a law the catalogue's best model."""
         return self.before if self.law is None else self.law.start
 
     @property
     def terms(self) -> tuple[Term, ...]:
-        """Terms of the law; empty without one."""
+        """Terms of the law; empty without a law."""
         return () if self.law is None else self.law.terms
 
     @property
@@ -110,7 +110,7 @@ class Proposal:
 
     @property
     def is_imitated(self) -> bool:
-        """True if the law, added to the base, leaves far less than the catalogue's best effects: they only imitate it."""
+        """True if the catalogue's best effects only imitate the law: added to the base, the law leaves a far smaller error."""
         error = np.inf if self.law is None or self.start.effects else self.law.candidate.test_rms
         return bool(self.before.effects) and error < _MAX_IMITATION_RATIO * self.before.test_rms
 
@@ -158,13 +158,13 @@ def propose(
     Parameters
     ----------
     experiment : Experiment
-        Records as prepared.
+        Prepared records.
     base : Candidate
         Base without effects, judged on the experiment.
     before : Candidate, optional
         Best model of the catalogue; default the base.
     terms : sequence of Term, optional
-        Default the whole library.
+        Terms of the search; default the whole library.
 
     Returns
     -------
@@ -175,7 +175,7 @@ def propose(
 
 
 def search_law(proposal: Proposal, terms: Sequence[Term]) -> Proposal:
-    """Search a law to add to the base or to the catalogue's best model, whichever leaves less; start from an empty proposal."""
+    """Search a law to add to the base or to the catalogue's best model, whichever leaves the smaller error."""
     experiment, base, before = proposal.experiment, proposal.base, proposal.before
     # Choices are made on every other second of the unseen records, and tested on the others.
     chosen_on, tested_on = law_validation.alternate(experiment)
@@ -210,7 +210,7 @@ def search_law(proposal: Proposal, terms: Sequence[Term]) -> Proposal:
 
 
 def _failed_test(law: Law, experiment: Experiment, share: float, certainty: float, terms: int) -> str:
-    """Return the first test that a law fails; empty if it passes all."""
+    """Return the first test that a law fails; an empty text if it passes all tests."""
     gain = likelihood_ratio(law.start, law.candidate, experiment)
     p_value = null_distribution().p_value(gain, terms)
     if p_value > LEVEL:

@@ -1,9 +1,9 @@
 """Search of a short formula: terms of the library added one by one, each time refitted jointly with the base.
 
 Every term at every starting value is screened by the part of the residual that it explains beyond the tangent space of the model
-(the first-order effect of a refit); the best are refitted, judged on the training record and on every other second of the unseen
-records, and the two best are lengthened (orthogonal forward regression with a beam: Chen, Billings and Luo, Int. J. Control 50
-(1989) 1873-1896).
+(the first-order effect of a refit). The best terms are refitted and judged on the training record and on every other block of the
+unseen records. The two best laws are lengthened (orthogonal forward regression with a beam: Chen, Billings and Luo, Int. J.
+Control 50 (1989) 1873-1896).
 """
 
 from dataclasses import dataclass, replace
@@ -24,25 +24,25 @@ from lumbar.tissue.models.form import Place
 from lumbar.tissue.models.structure import Structure, forces_of
 
 _MAX_STATES = 4
-"""States of a law."""
+"""Largest number of states of a law."""
 MAX_TERMS = 3
-"""Most terms of a law, so that its formula is short."""
+"""Largest number of terms of a law, so that its formula is short."""
 REFITTED = 6
-"""Terms refitted after screening."""
+"""Number of terms that are refitted after screening."""
 STARTS = 2
-"""Starting values refined per term."""
+"""Number of starting values that are refined per term."""
 BEAM = 2
-"""Laws of one length that are lengthened."""
+"""Number of laws of one length that are lengthened."""
 _STEPS = tuple(np.geomspace(1 / reach, reach, 31) for reach in (1.25, 1.015))
-"""Factors by which a parameter is moved, first far and then near, to pass steps of the error."""
+"""Factors by which a parameter is multiplied, first coarse and then fine, in a search across steps of the error."""
 _BOUND_DISTANCE = 0.01
-"""Relative distance within which a parameter counts as at its bound."""
+"""Relative distance from a bound within which a parameter counts as at the bound."""
 _SAME_ERROR = 1e-6
-"""Relative difference of errors that are on the same step."""
+"""Largest relative difference of errors on the same step."""
 _MIN_NOISE_SHARE = 0.1
-"""A further term must remove this share of the noise's variance."""
+"""Smallest share of the noise's variance that a further term must remove."""
 _SEARCHED_PERIODS = 3
-"""Periods that the search uses of a training record that only repeats."""
+"""Number of periods that the search uses if the training record only repeats."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,13 +53,13 @@ class Law:
     """Model that the terms are added to."""
     terms: tuple[Term, ...]
     candidate: Candidate
-    """Judged on the blocks that choices are made with."""
+    """Model with the terms, judged on the blocks that are used for choices."""
     shared: bool = False
-    """True if parameters of several terms with the same meaning are one."""
+    """True if terms share parameters with the same meaning."""
 
     @property
     def fit(self) -> Fit:
-        """The model with the terms."""
+        """Fit of the model with the terms."""
         return self.candidate.fit
 
     @property
@@ -83,7 +83,7 @@ class Search:
 
     @cached_property
     def columns(self) -> list[tuple]:
-        """Every term at every starting value, with its whitened forces on the record that is screened."""
+        """Every term at every starting value, with its whitened forces on the record for screening."""
         data, columns = self.experiment.training, []
         zeros = np.zeros(len(data.force))
         for term in self.library:
@@ -139,7 +139,7 @@ class Search:
     def refit(
         self, law: Law, terms: tuple[Term, ...], nonlinear: np.ndarray, shared: bool = False
     ) -> Law | None:
-        """Fit terms jointly with the model; None if the fit does not end, or ends at a bound, where a term becomes another."""
+        """Fit terms jointly with the model; None if the fit fails or ends at a bound, at which a term becomes another."""
         structure = law.start.fit.structure.with_form(form_of(terms, shared=shared))
         before = law.fit.nonlinear[: len(law.start.fit.nonlinear)]
         start = np.concatenate([before, nonlinear])
@@ -159,7 +159,7 @@ class Search:
     def limiting_law(
         self, law: Law, terms: tuple[Term, ...], nonlinear: np.ndarray, shared: bool
     ) -> Law | None:
-        """Replace exponential terms by their limit; None without such a term, or if the law has the limit already."""
+        """Replace exponential terms by their limit; None without exponential terms, or if the law already has the limit."""
         names = [term.becomes or term.name for term in terms]
         plain = tuple(item for name in names for item in self.library if item.name == name)
         if names == [term.name for term in terms] or len(set(names)) < len(terms) or len(plain) < len(terms):
@@ -175,7 +175,7 @@ class Search:
         return self.refit(law, plain, np.array(list(dict(zip(each, left, strict=True)).values())), shared)
 
     def exchange(self, law: Law) -> Law:
-        """Exchange each term in turn for the one that fits best without it, as long as the score improves."""
+        """Replace each term in turn by the term that fits best instead of it, as long as the score improves."""
         for term in law.terms[: len(law.terms) if len(law.terms) > 1 else 0]:
             rest = tuple(item for item in law.terms if item.name != term.name)
             if len(rest) == len(law.terms):
@@ -188,7 +188,7 @@ class Search:
         return law
 
     def simplify(self, law: Law) -> Law:
-        """Join parameters of several terms with the same meaning, if the score improves."""
+        """Share parameters with the same meaning between terms if the score improves."""
         value = dict(zip(symbols_of(law.terms), law.term_parameters, strict=True))
         joined = symbols_of(law.terms, shared=True)
         if len(joined) == len(value):
@@ -198,7 +198,7 @@ class Search:
         return law if shared is None or shared.candidate.score > law.candidate.score else shared
 
     def refine_derivative_free(self, structure: Structure, nonlinear: np.ndarray, first: int) -> np.ndarray:
-        """Improve nonlinear parameters one by one without derivatives: the error is stepwise if a force switches."""
+        """Improve nonlinear parameters one by one without derivatives, because the error has steps if a force switches."""
         data = self.experiment.training
         force = data.whiten(data.force)
 

@@ -1,4 +1,4 @@
-"""The library of physical terms that a missing force may be a sum of; ``terms.yaml`` contains their factors."""
+"""Library of physical terms; a missing force may be a sum of them. ``terms.yaml`` contains their factors."""
 
 from dataclasses import dataclass, replace
 from functools import cache
@@ -15,19 +15,19 @@ class Term:
     """Quantity that a force may be proportional to."""
 
     name: str
-    """Unique in the library."""
+    """Name of the term, unique in the library."""
     words: str
-    """Meaning, for a reader of the proposal."""
+    """Meaning of the term in a proposal."""
     parts: tuple[str, ...]
-    """Expressions, each with its own linear parameter; of a term at the output one, the sensor's reading as a function of F."""
+    """Expressions, each with a linear parameter; a term at the output has one, the sensor's reading as a function of F."""
     nonlinear: tuple[NonlinearParameter, ...] = ()
     state: tuple[tuple[str, str], ...] = ()
     constants: tuple[Constant, ...] = ()
     knows: str = ""
-    """Needs of the motion's past: ``""``, ``"memory"``, ``"path"`` or ``"time"``."""
+    """Required knowledge of the past motion: ``""``, ``"memory"``, ``"path"`` or ``"time"``."""
     place: Place = Place.PARALLEL
     becomes: str = ""
-    """Name of the term that an exponential growth becomes at the largest lengths."""
+    """Name of the term that an exponential term becomes in the limit of large lengths; empty without a limit."""
 
     def rename(self, names: dict[str, str]) -> "Term":
         """Return the term with other symbols for its states and nonlinear parameters."""
@@ -46,7 +46,7 @@ class Term:
         )
 
     def times(self, name: str, meaning: str, other: "Term") -> "Term":
-        """Return the product with another term, its parameters and states last."""
+        """Return the product with another term; parameters and states of the other term are last."""
         text = "*".join(item.parts[0] for item in (self, other) if item.parts != ("1",)) or "1"
         return Term(
             name,
@@ -63,7 +63,7 @@ class Term:
 
 @cache
 def library() -> tuple[Term, ...]:
-    """Return all terms: of the position by itself, rate times depth, memory times depth, states of carriers, and the others."""
+    """Return all terms: position only, rate times depth, memory times depth, states of carriers, and others."""
     content = shipped_yaml(Path(__file__).with_suffix(".yaml"))
     nonlinear = {key: _parameter(**item) for key, item in content["parameters"].items()}
     constants = {symbol: Constant(symbol, **item) for symbol, item in content["constants"].items()}
@@ -107,5 +107,5 @@ def _parameter(start: list[float], reach: tuple[float, float] = (0.2, 5.0), **fi
 
 
 def knows(terms: tuple[Term, ...]) -> set[str]:
-    """Return the parts of the motion's past that terms need."""
+    """Return the kinds of knowledge of the past motion that terms require."""
     return {word for term in terms for word in ("memory", "path", "time") if word in term.knows}
