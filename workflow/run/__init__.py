@@ -1,1 +1,1 @@
-"""What serves Snakemake alone: the environment of jobs, forks, log, timings, graph; the library knows nothing of it."""
+"""Helpers of the Snakemake workflow: environment, forks, log, timings, graph; the library does not import them."""

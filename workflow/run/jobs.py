@@ -21,12 +21,12 @@ def set_job_environment(workflow: Path) -> None:
 
 
 SNAKEMAKE_MB = 400
-"""Memory of the two Snakemake processes next to a job on SLURM: 160 MB each at 4 lifts, 195 MB at 6000."""
+"""Memory of the two Snakemake processes of a job on SLURM: 160 MB each for 4 lifts, 195 MB each for 6000."""
 MEMORY_HEAD_ROOM = 2
 TIME_HEAD_ROOM = 10
-"""Recordings may be longer than those measured, processors and file systems slower."""
+"""Factor on the measured time, because recordings may be longer, and processors and file systems slower."""
 START_S = 60
-"""Time until a job's own work begins, if many jobs read the environment from one file system."""
+"""Time in seconds until a job's work begins, if many jobs read the environment from one file system."""
 
 
 def job_size(peak_mb: float, seconds: float) -> dict:

@@ -1,4 +1,4 @@
-"""Compare every claim of the thesis with what this run shows."""
+"""Compare every claim of the thesis with the results of this run."""
 
 from pathlib import Path
 

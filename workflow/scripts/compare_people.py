@@ -1,4 +1,4 @@
-"""Measures of all people in one table, and what differs between groups and boxes."""
+"""Measures of all people in one table, and the differences between groups and boxes."""
 
 from job import run, stem
 
@@ -10,7 +10,7 @@ def main(
     groups: tuple[str, str],
     source_label: str,
 ):
-    """Join the persons' tables, compare, write tables and figure."""
+    """Join the subjects' tables, compare groups and boxes, write tables and figure."""
     import pandas as pd
 
     from lumbar.base.files import write_csv

@@ -1,4 +1,4 @@
-"""What a base model is missing on one record set: diagnosis, refined model, error ladder, where it fails."""
+"""Missing effects of a base model on one record set: diagnosis, refined model, error ladder, places of the error."""
 
 from job import run
 

@@ -1,4 +1,4 @@
-"""FMUs of the identified models, for FMI 2.0 and 3.0, their checks, and the forces that they give to one push."""
+"""FMUs of the identified models, for FMI 2.0 and 3.0, their checks, and their forces for one push."""
 
 from job import run, stem
 

@@ -15,7 +15,7 @@ def stem(files) -> str:
 
 
 class _Tee:
-    """Standard error that is shown to the user and kept in the rule's log."""
+    """Standard error that is also written to the rule's log."""
 
     def __init__(self, terminal, path):
         self.terminal = terminal
@@ -35,7 +35,7 @@ class _Tee:
         self._to_log(lambda: self.log.close())
 
     def _to_log(self, action) -> None:
-        """Write to the log; on a full disk, report it once, so that the job's own error stays visible."""
+        """Write to the log; report a full disk a single time, so that the job's error stays visible."""
         if self.log is None:
             return
         try:
@@ -81,7 +81,7 @@ def run(main, snakemake) -> None:
 
 
 def _typed_parameters(main, params) -> dict:
-    """Return the rule's parameters with the types that `main` declares; ``code`` only makes changed code re-run the job.
+    """Return the rule's parameters with the types that `main` declares; ``code`` only re-runs a job if its code changes.
 
     Raises
     ------

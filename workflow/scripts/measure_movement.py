@@ -1,4 +1,4 @@
-"""Measures of all lifts that see their movement: balance over the feet, posture, moment about L5/S1."""
+"""Measures of all lifts that depend on the movement: balance over the feet, posture, moment about L5/S1."""
 
 from job import run, stem
 
@@ -6,7 +6,7 @@ from lumbar.settings.lifting import StabilitySettings
 
 
 def main(input, output, settings: StabilitySettings, labels: dict[str, str], source_label: str):
-    """Measure every lift, write each course, the long table, and the figures."""
+    """Measure every lift, write the measures at every instant, the long table, and the figures."""
     from lumbar.base.files import read_json, write_csv
     from lumbar.interface.movement import measure_movement
     from lumbar.lifting.measures.lift_values import long_table, write_measures

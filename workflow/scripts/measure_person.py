@@ -1,4 +1,4 @@
-"""Measures of every lift of one person."""
+"""Measures of every lift of one subject."""
 
 from job import run
 

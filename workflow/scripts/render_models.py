@@ -1,4 +1,4 @@
-"""Models in a person's hand: the table model × device, the Z-width, loops side by side, what passivity costs."""
+"""Models in a user's hand: table of models and devices, Z-width, compared loops, increase of the error by passivity."""
 
 from job import run, stem
 

@@ -1,4 +1,4 @@
-"""The report of the study: one page with all that it made."""
+"""The report of the study: one page with all tables and figures."""
 
 from pathlib import Path
 

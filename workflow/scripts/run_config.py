@@ -1,4 +1,4 @@
-"""The merged configuration of a run, and the versions it ran with."""
+"""Merged configuration of a run, and the versions of Python and packages."""
 
 from job import run
 

@@ -6,7 +6,7 @@ from lumbar.settings.lifting import StabilitySettings
 
 
 def main(input, output, settings: StabilitySettings, source_label: str):
-    """Make every lift's page from the folder that the lift was written to."""
+    """Make the page of every lift from the folder with its results."""
     from pathlib import Path
 
     from lumbar.interface.lift_page import lift_page

@@ -6,7 +6,7 @@ from lumbar.settings.lifting import StabilitySettings
 
 
 def main(input, output, settings: StabilitySettings, labels: dict[str, str], source_label: str):
-    """Collect the areas of all lifts, compare them, write tables and figures and name what is missing."""
+    """Collect the areas of all lifts, compare them, write tables and figures, and report missing areas."""
     import sys
 
     import pandas as pd
@@ -62,7 +62,7 @@ def main(input, output, settings: StabilitySettings, labels: dict[str, str], sou
 def _draw(
     input, output, facts: list[dict], settings: StabilitySettings, labels: dict[str, str], source_label: str
 ):
-    """Choose the lift shown, read its funnels, draw."""
+    """Choose the lift of the figures, read its funnels, draw the figures."""
     import pandas as pd
 
     from lumbar.lifting.stability.model.pendulum_trajectories import trajectories_of_lift

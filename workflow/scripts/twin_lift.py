@@ -6,7 +6,7 @@ from lumbar.settings.twin import SyntheticLiftingSettings
 
 
 def main(input, output, settings: SyntheticLiftingSettings, lift: str, gravity: float, seed: int):
-    """Move the person through the lift."""
+    """Simulate the lift and write its marker file and hip moment."""
     import zlib
 
     from lumbar.twin.lifting_recordings import write_lift

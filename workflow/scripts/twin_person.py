@@ -14,7 +14,7 @@ def main(
     settings: SyntheticLiftingSettings,
     seed: int,
 ):
-    """Move the person through every lift."""
+    """Simulate and write every lift of the person."""
     from lumbar.twin.cohort import cohort_lifts, write_person
 
     files = dict(zip(cohort_lifts(cohort), output.markers, strict=True))

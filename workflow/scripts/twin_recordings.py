@@ -13,7 +13,7 @@ def main(
     two_hidden: TwoHiddenEffectsSettings,
     seed: int,
 ):
-    """Make every trial and test that the study reads; copy the answers, which come with the project."""
+    """Make every trial and test that the study reads; copy the survey answers of the project."""
     from pathlib import Path
 
     from lumbar.base.files import write_csv, write_text

@@ -1,4 +1,4 @@
-"""The C compiler's cache: what it needs of each platform, built once."""
+"""The C compiler's cache: its libraries for each platform, built a single time."""
 
 from job import run
 

@@ -27,7 +27,7 @@ class NumericalError(LumbarError):
     message : str
         Message for the user.
     label : str, optional
-        Name of the one of several computations that failed; empty if unknown.
+        Name of the computation that failed, if there were several; empty if unknown.
     """
 
     def __init__(self, message: str, label: str = ""):
@@ -132,7 +132,7 @@ class Problems:
     subject : str
         File or setting with the problems.
     most : int, optional
-        Number of problems at which they are raised: a file of another kind has a problem in every line.
+        Number of problems at which an error is raised at once: a file of another kind has a problem in every line.
     """
 
     def __init__(self, subject: str, most: int | None = None):
@@ -153,7 +153,7 @@ class Problems:
             self.raise_if_any()
 
     def extend(self, other: Problems) -> None:
-        """Add the problems of another collection, with its subject."""
+        """Add the problems of `other`, each with the subject of `other`."""
         for entry in other.entries:
             self.add(other.subject, entry)
 

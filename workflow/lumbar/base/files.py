@@ -20,7 +20,7 @@ _DEVICE = re.compile(r"(con|prn|aux|nul|com[0-9]|lpt[0-9])(\..*)?", re.IGNORECAS
 
 
 def is_device(name: str) -> bool:
-    """Return whether a name, with any ending, is that of a device on Windows and therefore of no file.
+    """Return whether a name, with any ending, is the name of a device on Windows, which no file can have.
 
     Examples
     --------
@@ -31,7 +31,7 @@ def is_device(name: str) -> bool:
 
 
 def sanitize_name(text: str, default: str, allowed: str = "_-") -> str:
-    """Return a name for a file or a record, made of a text.
+    """Return a valid name for a file or a record, made from any text.
 
     Parameters
     ----------
@@ -52,11 +52,11 @@ def sanitize_name(text: str, default: str, allowed: str = "_-") -> str:
 
 
 MAX_FILE_BYTES = 200_000_000
-"""Size of a file of any kind, packed and unpacked."""
+"""Largest size of a file of any kind, packed or unpacked."""
 MAX_JSON_BYTES = 15_000_000
-"""Size of a JSON file; its values may need thirty times as much memory."""
+"""Largest size of a JSON file; its values may need thirty times as much memory."""
 MAX_JSON_LISTS = 1_000_000
-"""Lists and objects of a JSON file; each needs up to 115 bytes."""
+"""Largest number of lists and objects in a JSON file; each needs up to 115 bytes."""
 
 
 def require_file(path: str | os.PathLike, max_bytes: int = MAX_FILE_BYTES) -> int:
@@ -65,7 +65,7 @@ def require_file(path: str | os.PathLike, max_bytes: int = MAX_FILE_BYTES) -> in
     Raises
     ------
     InputError
-        No such file; a folder, a pipe or a device; a file of more than `max_bytes`.
+        If the path is no file, a folder, a pipe or a device, or the file has more than `max_bytes`.
     """
     try:
         status = Path(path).stat()
@@ -88,7 +88,7 @@ def refuse_links(folder: str | os.PathLike) -> None:
     Raises
     ------
     InputError
-        Naming the link, in the folder or in its own path.
+        If the folder contains such a link, or its path is one; with the link.
     """
     place = Path(folder).absolute()
     for path in (place, *(path for path in place.rglob("*") if path.is_symlink())):
@@ -100,12 +100,12 @@ def refuse_links(folder: str | os.PathLike) -> None:
 def replacing(path: str | os.PathLike) -> Iterator[Path]:
     """Yield a temporary path whose file replaces `path` if the block succeeds.
 
-    If the block raises, nothing is left; `leftover_temp_files` returns what a killed process left.
+    If the block raises, no file is left; `leftover_temp_files` returns the temporary files of a killed process.
 
     Raises
     ------
     OSError
-        Naming `path`, if the system's own error names no file (a full disk) or the temporary one.
+        If the file cannot be written; the error names `path`, not the temporary file.
     """
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -147,13 +147,13 @@ def check_place(folder: str | os.PathLike) -> None:
 
 
 def leftover_temp_files(folder: str | os.PathLike) -> list[tuple[str, Path]]:
-    """Return what `replacing` left in a folder when its process was killed: names of files, and their temporary folders."""
+    """Return the unfinished files of killed processes in a folder (see `replacing`): names and temporary folders."""
     paths = [path for path in Path(folder).iterdir() if path.is_dir()] if Path(folder).is_dir() else []
     return [(match["file"], path) for path in paths if (match := _TEMPORARY.fullmatch(path.name))]
 
 
 def write_text(path: str | os.PathLike, text: str) -> None:
-    """Write UTF-8 text with Unix line ends, completely or not at all; ``?`` for surrogates, as in names of files."""
+    """Write UTF-8 text with Unix line ends, completely or not at all; ``?`` replaces surrogates, as names of files have them."""
     with replacing(path) as temporary:
         temporary.write_text(text, encoding="utf-8", errors="replace", newline="\n")
 
@@ -195,8 +195,8 @@ def read_json(path: str | os.PathLike):
     Raises
     ------
     InputError
-        As `require_file`; the file is larger than `MAX_JSON_BYTES`, not UTF-8, or not valid JSON (with the line). NaN and
-        Infinity are not valid.
+        If `require_file` raises it, or the file exceeds `MAX_JSON_BYTES`, is not UTF-8, or is not valid JSON (with the line).
+        NaN and Infinity are not valid.
     """
 
     def reject(constant: str):

@@ -1,4 +1,4 @@
-"""Progress of long work: lines on standard error, and calls of a watcher, which may stop the work."""
+"""Progress of long work: lines on standard error, and calls of a function that may stop the work."""
 
 import sys
 import time
@@ -14,7 +14,7 @@ _watcher: ContextVar[Callable[[str], None] | None] = ContextVar("watcher", defau
 
 @contextmanager
 def watch_progress(watcher: Callable[[str], None]) -> Iterator[None]:
-    """Call `watcher` often during the block, with a text or ""; an exception that it raises ends the work."""
+    """Call `watcher` often during the block, with a text or ""; an exception from `watcher` ends the work."""
     token = _watcher.set(watcher)
     try:
         yield

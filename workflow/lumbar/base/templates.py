@@ -1,4 +1,4 @@
-"""Pages and files from the templates (``*.jinja``) in the folders of the modules that use them."""
+"""Templates (``*.jinja``) of pages and files, each in the folder of the module that uses it."""
 
 import re
 from functools import cache
@@ -8,13 +8,13 @@ _HYPHEN = re.compile(r"(?<![\w.)])-(?=\d)")
 
 
 def typeset_minus_signs(text: str) -> str:
-    """Return a sentence with a minus sign before negative numbers, as pages and figures set them; ready HTML as it is."""
+    """Return a sentence with a minus sign before negative numbers, for pages and figures; HTML is returned unchanged."""
     return text if hasattr(text, "__html__") else _HYPHEN.sub("−", text)
 
 
 @cache
 def template(name: str):
-    """Return a `jinja2.Template`. It rejects unknown names, and escapes values except in YAML and plain text.
+    """Return a `jinja2.Template` that rejects unknown names and escapes values, except in YAML and plain text.
 
     In a template ``file_text("page_server/own_recordings.css")`` is the text of a style sheet or script.
 

@@ -13,13 +13,13 @@ from lumbar.base.errors import InputError, Problems
 from lumbar.base.files import require_file
 
 MAX_BYTES = 1_000_000
-"""Bytes of a configuration file."""
+"""Largest number of bytes of a configuration file."""
 MAX_ENTRIES = 100_000
-"""Entries of a file, with every alias written out."""
+"""Largest number of entries of a file, with every alias written out."""
 MAX_DEPTH = 40
-"""Levels of nesting."""
+"""Largest number of levels of nesting."""
 _MAX_DIGITS = 100
-"""Digits of a number; numbers with more cannot be computed with."""
+"""Largest number of digits of a number; longer numbers cannot be used in computations."""
 _PLAIN_TAGS = ("tag:yaml.org,2002:map", "tag:yaml.org,2002:seq")
 _NUMBER_TAGS = ("tag:yaml.org,2002:int", "tag:yaml.org,2002:float")
 
@@ -29,7 +29,7 @@ class YamlFile:
     """Content of one file; empty if it could not be read."""
 
     path: str
-    """Name in messages."""
+    """Name of the file in messages."""
     content: dict[str, Any] = field(default_factory=dict)
     lines: dict[tuple, int] = field(default_factory=dict)
     """Line of every key and every entry of a list, by its path: ``("tissue", "records", 0, "file")``."""
@@ -65,7 +65,7 @@ def quote_yaml(text: str) -> str:
 
 
 class _TooLargeError(Exception):
-    """The file is nested too deep, or its aliases have too many entries."""
+    """Error for a file that is nested too deep, or with too many entries in its aliases."""
 
 
 class _YamlReader:
@@ -208,14 +208,14 @@ def read_yaml(path: Path, problems: Problems, name: str | None = None, anchors: 
 
 
 def shipped_yaml(path: Path) -> dict[str, Any]:
-    """Return the content of a YAML file of the library, unchecked; libyaml, if available, takes a tenth of the time."""
+    """Return the content of a YAML file of the library, unchecked; libyaml is ten times as fast and is used if available."""
     import yaml
 
     return yaml.load(path.read_bytes(), getattr(yaml, "CSafeLoader", yaml.SafeLoader))
 
 
 def shipped_names(path: Path, section: str) -> SimpleNamespace:
-    """Return the entries of a section of such a file, see `shipped_yaml`, as attributes."""
+    """Return as attributes the entries of one section of a YAML file of the library."""
     return SimpleNamespace(**shipped_yaml(path)[section])
 
 

@@ -1,4 +1,4 @@
-"""The ``lumbar`` command: on files and folders what the workflow does on a study."""
+"""The ``lumbar`` command, which applies the steps of the workflow to files and folders."""
 
 from lumbar.cli.command import main
 

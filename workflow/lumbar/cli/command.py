@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from lumbar.settings.study_settings import StudySettings
 
 COMMANDS_FILE = Path(__file__).with_name("commands.yaml")
-"""Group, function (``module:function``), help and options of each command."""
+"""File with group, function (``module:function``), help and options of each command."""
 INTERRUPTED = 130
 """Exit status after Ctrl-C."""
 
@@ -103,7 +103,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Parameters
     ----------
     arguments : sequence of str, optional
-        Default: those of the process.
+        Arguments of the command; default the arguments of the process.
 
     Returns
     -------
@@ -167,7 +167,7 @@ TYPES = {
     "span": _span,
     "named_span": partial(_span, has_name=True),
 }
-"""Types of options by their names in ``commands.yaml``."""
+"""Functions that convert the text of an option, by their names in ``commands.yaml``."""
 
 
 def _run(function: str, options: argparse.Namespace) -> None:
@@ -176,7 +176,7 @@ def _run(function: str, options: argparse.Namespace) -> None:
 
 
 def _add_options(parser: Any, options: Sequence[str | Mapping], shared: Mapping[str, Sequence]) -> None:
-    """Add options to a parser or group: a string names shared options, ``one of`` a group of exclusive options."""
+    """Add options to a parser or group: a string names shared options, and ``one of`` begins a group of exclusive options."""
     for entry in options:
         if isinstance(entry, str):
             _add_options(parser, shared[entry], shared)

@@ -55,7 +55,7 @@ def run_explore(options) -> None:
 
 @contextmanager
 def _open_in_browser(address: str) -> Iterator[None]:
-    """Open an address with a token by a file that leads there: other accounts see a program's arguments.
+    """Open an address with a token by a file that redirects to it: other accounts see a program's arguments.
 
     The file is in the home folder, since some browsers may read nothing else.
     """
@@ -70,7 +70,7 @@ def _open_in_browser(address: str) -> Iterator[None]:
 
 
 def _index(options) -> tuple[Index, UploadDiagnosis]:
-    """Return the index of what the options name, and the diagnosis of the user's recordings."""
+    """Return the index of the study or folder in the options, and the diagnosis of the user's recordings."""
     target, results, lifts, first = options.target, None, [], INDEX
     output = options.output or EXPLORED
     make = partial(

@@ -87,7 +87,7 @@ def _describe(description: dict) -> str:
 
 
 def run_inspect(options) -> None:
-    """Inspect the files, print the reports, draw one if asked; errors of unreadable files come last."""
+    """Inspect the files, print the reports, draw one if requested; report unreadable files last."""
     from lumbar.interface.inspecting import check_picture_format
 
     if options.picture and len(options.files) > 1:
@@ -111,7 +111,7 @@ def run_inspect(options) -> None:
 
 
 def run_new_study(options) -> None:
-    """Inspect the recordings, write the files, print what to fill in."""
+    """Inspect the recordings, write the files, print the entries that the user must complete."""
     study = lumbar.new_study(options.folder, options.name)
     study.save(options.project)
     print(study)
@@ -151,7 +151,7 @@ def run_lift(options) -> None:
 
 
 def _explore_command(folder: Path, options) -> str:
-    """Return the command that shows a folder's lifts with the same settings."""
+    """Return the command that shows a folder's lifts with the settings of `options`."""
     given = [part for path in options.config for part in ("--config", str(path))]
     return shlex.join(["lumbar", "explore", str(folder), *given])
 

@@ -47,7 +47,7 @@ def run_identify(options) -> None:
 
 
 def fit_settings(options) -> StudySettings:
-    """Return the settings of ``--config``, overridden by the options on the fit."""
+    """Return the settings of ``--config``, overridden by the options of the fit."""
     settings = read_settings(options)
     values = {name: getattr(options, name) for name in ("base", "train", "forward", "session")}
     given = {name: value for name, value in values.items() if value is not None}
@@ -106,7 +106,7 @@ def run_refine(options) -> None:
 
 
 def run_diagnose(options) -> None:
-    """Diagnose, write result, evidence, page and error ladder, print the result and its steps if asked for."""
+    """Diagnose, write result, evidence, page and error ladder, print the result, and its steps if requested."""
     diagnosis = lumbar.diagnose(**fit_arguments(options))
     diagnosis.save(options.output, options.pictures)
     print(diagnosis)
@@ -120,7 +120,7 @@ def run_diagnose(options) -> None:
 
 
 def run_propose(options) -> None:
-    """Diagnose, search a law, print it, and write the effect's file and figure if there is a law."""
+    """Diagnose, search for a law, print it, and write the effect's file and figure if there is a law."""
     law = lumbar.propose(**fit_arguments(options))
     if options.output and law.has_law:
         law.save(options.output, options.output.stem)
@@ -147,7 +147,7 @@ def run_export(options) -> None:
 
 
 def run_render(options) -> None:
-    """Print what each model does; write table and figures where a folder is given."""
+    """Print the rendering result of each model; write the table and the figures if a folder is given."""
     settings = read_settings(options)
     rendering = lumbar.render(
         options.models,

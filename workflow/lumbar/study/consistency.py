@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from lumbar.settings.validation import Origins
 
 Add = Callable[[str | tuple, str, str], None]
-"""Function that adds a problem: key, value and what is allowed."""
+"""Function that adds a problem, with key, value and allowed values."""
 
 
 def _check_names(key: str, names: list[str], add: Add) -> None:
@@ -52,7 +52,7 @@ def _check_tissue(study: Study, add: Add) -> None:
 
 
 def _check_record_sets(settings: StudySettings, root: Path, add: Add) -> None:
-    """Check that a set with the base of another system has records, and that sets name existing records and effects."""
+    """Check that sets name existing records and effects, and that a set with the base of another system has its own records."""
     sets = settings.improvement.record_sets
     _check_names("improvement.record_sets", [entry.name for entry in sets], add)
     for number, entry in enumerate(sets):
@@ -169,7 +169,7 @@ def _check_twin_lifts(study: Study, sources: Mapping[str, Origins]) -> None:
 
 
 def _check_twin_movements(settings: StudySettings, add: Add) -> None:
-    """Check that lifts and trials of the twin name people and lifts that it has, and records of hip moments its trials."""
+    """Check that lifts and trials of the twin name its people and lifts, and records of hip moments name its trials."""
     twin, path = settings.twin.lifting, ("twin", "lifting")
     trials = twin.hip_moment.trials
     for name, lift in twin.lifts.items():
@@ -189,8 +189,8 @@ def _check_twin_movements(settings: StudySettings, add: Add) -> None:
 def check_consistency(study: Study, root: Path, origins: Origins, sources: Mapping[str, Origins]) -> None:
     """Check names, references between keys and that every given recording exists inside the project's folder `root`.
 
-    Snakemake checks recordings in an object store. `origins` are files and lines of the keys, `sources` those of every subject's
-    file.
+    Snakemake checks recordings in an object store. `origins` are files and lines of the keys; `sources` are the origins of
+    every subject file.
     """
     settings, add = study.settings, origins.add
     if study.has("surgeon"):

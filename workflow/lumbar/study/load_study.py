@@ -35,12 +35,12 @@ def load_study(config: dict, root: Path, files: Sequence[str | Path] = (), *, tr
     config : dict
         Merged study and subject files.
     root : Path
-        Folder of the project: subject files lie below it.
+        Folder of the project, which contains the subject files.
     files : sequence of path
         The merged files, in their order: messages name their lines, and faults that merging hides, such as a duplicate
         key, are detected in them.
     trust : bool
-        Whether effects in Python are run wherever they come from.
+        Whether effects in Python are run even if they are not in the project.
 
     Raises
     ------
@@ -89,11 +89,11 @@ def load_study(config: dict, root: Path, files: Sequence[str | Path] = (), *, tr
 
 
 DEFAULT_FILES = (Path("config/config.yaml"), Path("config/twin.yaml"))
-"""Files below every study of a project."""
+"""Files of settings that every study of a project overrides."""
 
 
 def load_study_file(root: Path, file: Path | None = None, *, trust: bool = False) -> Study:
-    """Return the study of a project's default files and a study's file; `trust` and errors as in `load_study`."""
+    """Return the study of a project's default files and a study's file. See `load_study` for `trust` and errors."""
     files = [root / path for path in DEFAULT_FILES if (root / path).is_file()]
     files += [] if file is None else [file]
     problems, content = Problems("configuration"), {}
@@ -121,7 +121,7 @@ def _check_chapters(settings: StudySettings, add: Add) -> None:
 def _load_subjects(
     config: dict, settings: StudySettings | None, root: Path, origins: Origins
 ) -> tuple[dict[str, SubjectSettings], dict[str, Origins]]:
-    """Return the study's subjects and the origins of their files, by name; also if the configuration itself is wrong."""
+    """Return the study's subjects and the origins of their files, by name, even if the configuration is wrong."""
     if settings is None:
         lifting = config.get("lifting")
         names = lifting.get("subjects") if isinstance(lifting, dict) and "subject" not in config else []
@@ -213,7 +213,7 @@ def load_settings(*files: str | os.PathLike, trust: bool = False) -> StudySettin
     *files : path
         Files of settings.
     trust : bool
-        Whether effects in Python are run wherever they come from; otherwise only if they and the files are in the project
+        Whether effects in Python are always run; otherwise only if they and the files are in the project
         that is the working directory.
 
     Raises

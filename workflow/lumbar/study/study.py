@@ -17,14 +17,14 @@ from lumbar.tables.table import SYNTHETIC_TWIN
 
 CHAPTERS: tuple[str, ...] = get_args(Chapter)
 NEEDS = {"signals": ["surgeon"], "improvement": ["tissue"], "runtime": ["tissue"], "stability": ["lifting"]}
-"""Chapters that build on another one of the same study."""
+"""Chapters by name that need other chapters of the same study."""
 LIFTED = {"lifting", "population"}
 """Chapters that begin with the recorded lifts."""
 
 OF_ONE_AXIS = {"identify_tissue"}
-"""Rules whose artefacts take tissue tests along one axis: not made of records of several."""
+"""Rules with artefacts for tissue tests along one axis; they are not made for records of several axes."""
 OF_SEVERAL_AXES = {"principal_axes"}
-"""Artefacts of tissue tests along several axes."""
+"""Artefacts that are made only for tissue tests along several axes."""
 
 
 @dataclass(frozen=True)
@@ -32,22 +32,22 @@ class Artefact:
     """One table, figure or file of the thesis: a row of ``config/artefacts.tsv``."""
 
     id: str
-    """Name of its target, e.g. ``"table_3_1"``."""
+    """Name of the target, e.g. ``"table_3_1"``."""
     rule: str
-    """Rule that makes it."""
+    """Rule that makes the artefact."""
     path: str
-    """Path below the study's results. ``{csv,tex,html}`` means each of these; ``{lift}``, ``{model}`` and ``{record_set}`` mean
-    every lift, exported model and record set of the improvement chapter."""
+    """Path below the study's results. ``{csv,tex,html}`` means all three endings; ``{lift}``, ``{model}`` and ``{record_set}``
+    mean every lift, exported model and record set of the improvement chapter."""
     chapter: str
-    """One of `CHAPTERS`."""
+    """Chapter of the artefact, one of `CHAPTERS`."""
     label: str = ""
-    """Name in the report; empty if it is not shown there."""
+    """Name in the report; empty if the report does not show the artefact."""
     source: str = ""
-    """Equations, figure, table or section of the thesis that it follows."""
+    """Equations, figure, table or section of the thesis that the artefact reproduces."""
     function: str = ""
-    """Dotted name of what computes it in Python."""
+    """Dotted name of the Python function that computes the artefact."""
     check: str = ""
-    """One of ``stability.checks`` without which it would be empty: then it is not made."""
+    """Check of ``stability.checks`` that the artefact needs; without this check it is not made."""
 
     def expanded(self, **choices: Iterable[str]) -> Self:
         """Return the artefact with each of the given choices in place of ``{name}``."""
@@ -71,7 +71,7 @@ class Artefact:
 
 
 def _expand_braces(pattern: str) -> list[str]:
-    """Return the paths of ``a{b,c}``; a single name in braces is a wildcard and stays."""
+    """Return the paths of a pattern such as ``a{b,c}``; a single name in braces is a wildcard and stays."""
     braces = re.search(r"\{([^{}]*,[^{}]*)\}", pattern)
     if braces is None:
         return [pattern]
@@ -99,9 +99,9 @@ def read_artefacts(path: Path) -> list[Artefact]:
 
 TWIN = "twin"
 TWIN_MARKERS, TWIN_HIP_MOMENT = "lifting/{lift}.c3d", "lifting/{lift}_hip_moment.csv"
-"""Files of a lift of the twin, below its recordings."""
+"""Files of a lift of the twin, below the folder of the twin's recordings."""
 HIP_MOMENTS = "hip_moment/"
-"""Folder of the twin's trials of the hip moment."""
+"""Folder with the twin's trials of the hip moment."""
 
 
 @dataclass(frozen=True)
@@ -118,7 +118,7 @@ class Study:
     """A checked configuration."""
 
     name: str
-    """Name of the results folder: that of the study, or of the subject that runs alone."""
+    """Name of the results folder: name of the study, or of the subject if only one subject runs."""
     settings: StudySettings
     """The merged configuration."""
     subjects: dict[str, SubjectSettings]
@@ -128,7 +128,7 @@ class Study:
     data_root: Path | str | None
     """Folder of the recordings, or an address in an object store; None if the twin makes them."""
     lifts: dict[str, RecordedLift] = field(default_factory=dict)
-    """By name, e.g. ``expert_23kg``."""
+    """Recorded lifts by name, e.g. ``expert_23kg``."""
 
     @property
     def synthetic(self) -> bool:
@@ -141,7 +141,7 @@ class Study:
         return SYNTHETIC_TWIN if self.synthetic else self.settings.data_source.name
 
     def recording(self, path: str) -> str:
-        """Path or address of a recording named in the configuration; relative to the working directory if made here."""
+        """Path or address of a recording named in the configuration; relative to the working directory if the twin makes it."""
         if self.synthetic:
             return f"results/{self.name}/twin/{path}"
         return f"{self.data_root}/{path}" if self.remote else str(self.data_root / path)
@@ -153,12 +153,12 @@ class Study:
 
     @property
     def labels(self) -> dict[str, str]:
-        """Label of every subject by which Table 4.1 compares people."""
+        """Label of every subject; Table 4.1 compares people by label."""
         return {name: subject.experience for name, subject in self.subjects.items()}
 
     @property
     def cohort(self) -> CohortSettings | None:
-        """Distributions from which the study's subjects are drawn; None if they are not."""
+        """Distributions from which the study's subjects are drawn; None if the subjects are given."""
         return self.settings.twin.lifting.cohort if self.synthetic else None
 
     @property
@@ -191,7 +191,7 @@ def recordings_of(study: Study) -> dict[str, list[str]]:
 
 
 def record_set(settings: StudySettings, name: str) -> RecordSetSettings:
-    """Return a record set of the improvement chapter with its base, records and effects, else those of the study.
+    """Return a record set of the improvement chapter with its base, records and effects; the study's values replace missing ones.
 
     Its ``effects`` is None if the study names no effects: the diagnosis then selects them.
     """
@@ -217,7 +217,7 @@ def settings_of_set(settings: StudySettings, name: str) -> StudySettings:
 
 
 def set_layout(settings: StudySettings, name: str) -> tuple[ColumnLayout, float | None]:
-    """Return the layout of a record set's files, else that of its base, and the rate (Hz) to which they are resampled."""
+    """Return the layout of a record set's files (default: its base's layout) and the rate (Hz) to which they are resampled."""
     entry = record_set(settings, name)
     return record_layout(settings, entry.base) if entry.layout is None else (entry.layout, entry.rate_Hz)
 

@@ -27,20 +27,20 @@ SYNTHETIC_TWIN = "synthetic twin"
 
 _LIBRARY = Path(__file__).parents[1]
 ROWS_SHOWN = 40
-"""Largest number of rows of which HTML folds none."""
-_FIRST_ROWS = 12
-"""Rows shown first in a longer table."""
+"""Largest number of rows that HTML shows without folding."""
+_N_FIRST_ROWS = 12
+"""Number of rows shown first in a longer table."""
 _MAX_LISTED_COLUMNS = 16
 LATEX_WIDTH = 52
 """Characters in ``\\footnotesize`` across a journal's column."""
 PAGE_ROWS = 45
-"""Rows of one page of LaTeX; a longer table continues in an unnumbered one."""
+"""Largest number of rows on a page of LaTeX; a longer table continues in an unnumbered table."""
 _MAX_TEXT_WIDTH = 30
-"""Characters of a text column that LaTeX does not wrap."""
+"""Largest number of characters in a text column that LaTeX does not wrap."""
 _ESCAPES = str.maketrans(shipped_yaml(Path(__file__).with_name("latex.yaml")))
 _POWER = re.compile("·10([⁰¹²³⁴⁵⁶⁷⁸⁹⁻]+)")
 _EXPONENT = re.compile(r"\b(\d+(?:\.\d+)?)e([+-]?\d+)\b")
-_LOWERED = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
+_ASCII_DIGITS = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
 _PREAMBLE = (
     r"% needs \usepackage{array,booktabs}; compile with LuaLaTeX or XeLaTeX, which know the Greek letters"
 )
@@ -84,7 +84,7 @@ class Table:
     first_rows: tuple[int, ...] = ()
     """Rows shown first; HTML shows the others on demand, LaTeX omits them. Default: all, or the first twelve of many."""
     pictures: dict[str, tuple[str, ...]] = field(default_factory=dict)
-    """A picture for every cell of a column, as SVG text; HTML shows it above the cell's text."""
+    """Pictures of the cells by column, as SVG text; HTML shows each above the cell's text."""
 
     def __post_init__(self):
         undefined = [column for column in self.frame.columns if column not in self.definitions]
@@ -130,7 +130,7 @@ class Table:
         write_text(stem.with_name(stem.name + ".html"), self.to_html())
 
     def cell(self, column: str, value) -> str:
-        """Format one cell for print: missing as an en dash, floats rounded, names as separate words.
+        """Format one cell for print: an en dash if it is missing, floats rounded, names as separate words.
 
         Parameters
         ----------
@@ -174,14 +174,14 @@ class Table:
     def _first_shown(self) -> tuple[list[str], list[int]]:
         """Return the columns and rows shown first."""
         every = list(range(len(self.frame)))
-        rows = list(self.first_rows) or (every if len(every) <= ROWS_SHOWN else every[:_FIRST_ROWS])
+        rows = list(self.first_rows) or (every if len(every) <= ROWS_SHOWN else every[:_N_FIRST_ROWS])
         names = [str(name) for name in self.frame.columns]
         if self.first or self.headers:
             return list(self.first or names), rows
         return names[: table_layout.count_fitting(self._columns(names, every))], rows
 
     def to_latex(self) -> str:
-        """Return ``booktabs`` table environments of what is shown first: a journal's column, or both."""
+        """Return ``booktabs`` environments of the columns and rows shown first, one or two journal columns wide."""
         names, rows = self._first_shown()
         remarks = [*self.notes, *(f"{self.header(name)}: {self.definitions[name]}" for name in names)]
         return _latex_table(self.title, self._columns(names, rows), remarks, self.source_label)
@@ -212,7 +212,7 @@ class Table:
 
 
 @cache
-def _schemas(package: str) -> dict[str, Any]:
+def _read_schemas(package: str) -> dict[str, Any]:
     """Read the ``tables.yaml`` of a package."""
     return shipped_yaml(_LIBRARY / package / "tables.yaml")
 
@@ -227,7 +227,7 @@ def columns_of(package: str, name: str) -> list[str]:
     name : str
         Name of the table.
     """
-    return list(_schemas(package)[name]["columns"])
+    return list(_read_schemas(package)[name]["columns"])
 
 
 def table_from_schema(
@@ -260,12 +260,12 @@ def table_from_schema(
     """
     import pandas as pd
 
-    schema, fields = _schemas(package)[name], fields or {}
+    schema, fields = _read_schemas(package)[name], fields or {}
     if not isinstance(values, pd.DataFrame):
         names = list(schema["columns"])
         floats = [column for column in names if "decimals" in schema["columns"][column]]
         values = pd.DataFrame(values, columns=names).astype(dict.fromkeys(floats, float))
-    columns = {column: _column_schema(schema["columns"], column) for column in values.columns}
+    columns = {column: _find_column_schema(schema["columns"], column) for column in values.columns}
 
     def entries(key: str) -> dict[str, Any]:
         return {column: item[key] for column, item in columns.items() if key in item}
@@ -286,7 +286,7 @@ def table_from_schema(
     return Table(schema["title"].format(**fields), values, definitions, source_label, **described | options)
 
 
-def _column_schema(columns: Mapping[str, Any], name: str) -> dict[str, Any]:
+def _find_column_schema(columns: Mapping[str, Any], name: str) -> dict[str, Any]:
     """Return the description of a column; ``*`` in a pattern and its texts is replaced by the matching part."""
     for pattern, schema in columns.items():
         before, star, after = pattern.partition("*")
@@ -314,7 +314,7 @@ def escape_latex(text: str) -> str:
         ),
         text.translate(_ESCAPES),
     )
-    return _POWER.sub(lambda match: rf"$\cdot10^{{{match[1].translate(_LOWERED)}}}$", escaped)
+    return _POWER.sub(lambda match: rf"$\cdot10^{{{match[1].translate(_ASCII_DIGITS)}}}$", escaped)
 
 
 def _latex_table(

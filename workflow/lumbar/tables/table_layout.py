@@ -10,8 +10,8 @@ from lumbar.base.yaml_file import shipped_yaml
 
 _TEXTS = shipped_yaml(Path(__file__).with_suffix(".yaml"))
 UNITS: dict[str, str] = _TEXTS["units"]
-"""Unit by the end of a column's name."""
-_SPELLED: dict[str, str] = _TEXTS["words"]
+"""Units by the last part of a column's name."""
+_SPELLED_WORDS: dict[str, str] = _TEXTS["words"]
 _VALUES = {"flexion_extension": "flexion/extension"}
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _NAME = re.compile(r"[a-z0-9]+(_[a-z0-9]+)+")
@@ -32,7 +32,7 @@ def column_in_words(name: str) -> str:
             unit = f" ({UNITS['_'.join(parts[-count:])]})"
             parts = parts[:-count]
             break
-    text = " ".join(_SPELLED.get(part, part) for part in parts)
+    text = " ".join(_SPELLED_WORDS.get(part, part) for part in parts)
     # A symbol keeps its case: p value, a0, α.
     is_symbol = (len(parts[0]) < 3 and parts[0] not in ("no", "at", "of", "up")) or not text.isascii()
     return (text if is_symbol else text[:1].upper() + text[1:]) + unit
@@ -50,7 +50,7 @@ def value_in_words(text: str) -> str:
 
 
 def unit_in_print(unit: str) -> str:
-    """Return a unit as journals print it; a broken exponent stays, because it has no raised signs.
+    """Return a unit as journals print it; a fractional exponent stays, because a raised point does not exist.
 
     Parameters
     ----------
@@ -67,14 +67,14 @@ def unit_in_print(unit: str) -> str:
 
 PAGE_WIDTH = 124
 """Characters across a page."""
-_GAP = 3
+_GAP_WIDTH = 3
 _MAX_TEXT_WIDTH = 26
-"""Characters of a line of text in a cell; longer text is wrapped."""
+"""Largest number of characters in a line of a cell; longer text is wrapped."""
 _MIN_TEXT_WIDTH = 14
-"""Characters of such a line if there are many columns."""
+"""Number of characters to which lines of cells are wrapped if there are many columns."""
 EMPTY = "–"
 SMALLEST_P = 1e-4
-"""Smaller p values are printed as ``< 0.0001``: no distribution's tail is known that far out."""
+"""Smallest printed p value; smaller ones are printed as ``< 0.0001``, as no tail of a distribution is known so exactly."""
 _NUMBER = re.compile(r"((?:< )?[+−-]?\d+)((?:\.\d+)?(?:·10[⁰¹²³⁴⁵⁶⁷⁸⁹⁻]+)?)")
 
 
@@ -107,7 +107,7 @@ class Column:
             widest = max(len(split_number(cell)[0]) for cell in self.cells) + self.fraction
         else:
             widest = min(self.longest_cell, _MAX_TEXT_WIDTH)
-        return max(word, widest) + _GAP
+        return max(word, widest) + _GAP_WIDTH
 
     @cached_property
     def narrowest(self) -> int:
@@ -115,7 +115,7 @@ class Column:
         if self.numeric:
             return self.width
         words = (len(word) for cell in (self.header, *self.cells) for word in re.split(r"[ /]", cell))
-        return min(self.width, max(_MIN_TEXT_WIDTH, *words) + _GAP)
+        return min(self.width, max(_MIN_TEXT_WIDTH, *words) + _GAP_WIDTH)
 
     @cached_property
     def longest_cell(self) -> int:
@@ -129,7 +129,7 @@ def split_number(cell: str) -> tuple[str, str]:
     Parameters
     ----------
     cell : str
-        Text of a cell; one that is not a number is returned whole, with an empty rest.
+        Text of a cell; text that is not a number is returned unchanged, with an empty rest.
     """
     match = _NUMBER.fullmatch(cell)
     return (match[1], match[2]) if match else (cell, "")
