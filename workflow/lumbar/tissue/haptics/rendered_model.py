@@ -103,7 +103,7 @@ class RenderedModel:
 
 
 def render_model(exported: ExportModel, device: DeviceSettings, *, late: bool = False) -> RenderedModel:
-    """Return a model in the units of the device, with the hold, the average and the delays of the rendering.
+    """Return a model in the units of the device, including hold, average and delays of the rendering.
 
     `late` is for a client that reads the force before it sets the position of the same sample, as in FMI 2.0: the
     feed-through is one sample late, with effects the whole force.

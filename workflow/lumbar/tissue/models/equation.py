@@ -45,12 +45,12 @@ class CStep:
 
     - the form's linear and nonlinear parameters and the numbers of `constants`;
     - the motion that reaches the form: ``time``, ``position``, ``step`` (change of position since the sample before),
-      ``velocity``, ``acceleration``, ``path``, and ``first``, true at the first sample. Derivatives are backward
-      differences, for a running loop knows no later sample;
-    - in output forms ``force``, which is to be transformed;
-    - with `history`, ``earlier(now, ring, n)``, the position that reached the form n samples ago, 0 to `history`;
-    - with `memory`, ``memory[i]`` of the sample before, 0 at the start, and ``next[i]``, to be written;
-    - the functions of ``effect_forms.h`` and ``portable_math.h``: ``sign``, ``clipped``, ``behind_gap``,
+      ``velocity``, ``acceleration``, ``path``, and ``first``, true at the first sample. Derivatives are backward differences,
+      because a running loop knows no later sample;
+    - in output forms ``force``, the force to transform; - with `history`, ``earlier(now, ring, n)``, the position that reached
+    the form n samples ago, 0 to `history`; - with `memory`, ``memory[i]`` of the previous sample, 0 at the start, and
+    ``next[i]``, which the code writes; - the functions of ``effect_forms.h`` and ``portable_math.h``: ``sign``, ``clipped``,
+    ``behind_gap``,
       ``portable_tanh`` …, and the exact ones of the C library (``fabs``, ``sqrt``, ``floor`` …). Other functions are
       rejected, because they differ between platforms in the last bit.
     """
@@ -59,17 +59,17 @@ class CStep:
     """Expression: the force that a parallel form adds, the position that an input form passes on, or the force into which an
     output form transforms ``force``. Parallel forms in space: one per axis, in signals such as ``position_x``."""
     statements: str = ""
-    """Statements before it."""
+    """C statements that run before `value`."""
     memory: int | Memory = 0
-    """Numbers that the form keeps from sample to sample; a callable gets all parameters by name."""
+    """Count of numbers that the form stores from sample to sample, or a function from parameters by name to the count."""
     constants: Constants = lambda parameters, sampling_time: {}
-    """From parameters by name and the sampling time in seconds to more numbers by name, computed at export. A number named
-    ``pole`` is a pole in discrete time and counts when stability is judged."""
+    """Function from parameters by name and the sampling time in seconds to more numbers by name, called at export. A number
+    named ``pole`` is a pole in discrete time and counts when stability is judged."""
     history: int | Memory = 0
-    """Earlier positions that it needs; a callable gets all parameters by name."""
+    """Number of earlier positions that the form needs, or a function from parameters by name to this number."""
 
     def numbers(self, parameters: Mapping[str, float], sampling_time: float) -> dict[str, float]:
-        """Return all numbers that the code may use, by name.
+        """Return all numbers that the form's C code may use, by name.
 
         Parameters
         ----------
@@ -89,7 +89,7 @@ class CStep:
         return {**parameters, **constants}
 
     def memory_size(self, numbers: Mapping[str, float]) -> int:
-        """Return how many numbers the form keeps.
+        """Return the count of numbers that the form stores from sample to sample.
 
         Parameters
         ----------
@@ -99,7 +99,7 @@ class CStep:
         return self.memory(numbers) if callable(self.memory) else self.memory
 
     def history_size(self, numbers: Mapping[str, float]) -> int:
-        """Return how many earlier positions the form needs.
+        """Return the number of earlier positions that the form needs.
 
         Parameters
         ----------
@@ -120,7 +120,7 @@ class Equation:
     text: str
     """Expression of the force, e.g. ``"Fc*tanh(v/vs)"``."""
     transforms: bool
-    """True if it is the measured force for a force ``F``, false if it is a force that is added."""
+    """True if the equation maps a force ``F`` to the measured force, false if it adds a force."""
     linear: tuple[LinearParameter, ...]
     nonlinear: tuple[NonlinearParameter, ...]
     constants: tuple[Constant, ...]
@@ -131,17 +131,17 @@ class Equation:
 
     @cached_property
     def force(self) -> Expression:
-        """The tree of the text with sums written out."""
+        """Expression of `text`, with sums written out."""
         return expand_sums(parse(self.text))
 
     @cached_property
     def rates(self) -> dict[str, Expression]:
-        """Rate of change by state, as written in the equation."""
+        """Rate of change by state, as written."""
         return {name: expand_sums(parse(text)) for name, text in self.states}
 
     @property
     def slopes(self) -> dict[str, Expression]:
-        """Rate of change by state that is solved for."""
+        """Rate of change by state, as the solver uses it."""
         return self.rates
 
     @cached_property
@@ -151,7 +151,7 @@ class Equation:
 
     @cached_property
     def columns(self) -> tuple[Expression, ...]:
-        """Factor of each linear parameter; the whole equation of an output form."""
+        """Factor of each linear parameter; for an output form the whole equation."""
         if self.transforms:
             return (self.force,)
         factors = linear_parts(self.force, [item.symbol for item in self.linear])
@@ -169,7 +169,7 @@ class Equation:
 
     @cached_property
     def channels(self) -> tuple[str, ...]:
-        """Roles of the additional channels that it needs."""
+        """Roles of the additional channels that the equation needs."""
         needed = (SIGNALS[name].channel for name in sorted(self.signals))
         return tuple(dict.fromkeys(filter(None, needed)))
 
@@ -209,7 +209,7 @@ class Equation:
         nonlinear : numpy.ndarray, shape (nonlinear parameters,)
             Nonlinear parameters, in the order of the field.
         solution : callable, optional
-            From motion and nonlinear parameters to the states, instead of the solver.
+            Function from motion and nonlinear parameters to the states, used instead of the solver.
         force : numpy.ndarray, shape (samples,), optional
             Force that an output form transforms.
         """
@@ -224,7 +224,7 @@ class Equation:
 
     @cached_property
     def latex(self) -> str:
-        """The equation, those of its states, and its constants, in LaTeX."""
+        """The equation, the equations of its states, and its constants, in LaTeX."""
         names = {name: item.latex for name, item in SIGNALS.items() if item.latex}
         names |= {item.symbol: item.latex_symbol for item in self.declared}
         parts = [latex(parse(self.text), names)]
@@ -254,12 +254,12 @@ class Equation:
         return tuple(portable(substitute(term, self._constant_values)) for term in terms)
 
     def c_step(self, solution: str = "") -> CStep | None:
-        """Return the C code of one sample; None if it needs a channel that a running loop does not have.
+        """Return the C code of one sample; None if the equation needs a channel that a running loop does not have.
 
         Parameters
         ----------
         solution : str, optional
-            C statements that write the states of the next sample, instead of the solver's.
+            C statements that write the states of the next sample, used instead of the solver's step.
         """
         return None if self.channels else self._c_step_of([self.portable_terms], self.linear, solution)
 
@@ -279,7 +279,7 @@ class Equation:
         return CStep(added if len(added) > 1 else added[0], statements, len(self.slopes), self._c_constants)
 
     def _c_constants(self, parameters: Mapping[str, float], sampling_time: float) -> dict[str, float]:
-        """Return the sampling time, and the pole of the states without motion."""
+        """Return the sampling time, and the pole of the states at rest."""
         if self.state is None:
             return {}
         values = self.parameters([parameters[item.name] for item in self.nonlinear])
@@ -320,7 +320,7 @@ class Equation:
 
 
 def _c_lines(stem: str, trees: Sequence[Expression], names: Mapping[str, str]) -> tuple[list[str], list[str]]:
-    """Return C declarations of operations that occur several times, and the values of the trees in terms of them."""
+    """Return C declarations of repeated operations, and the C expressions of `trees` that use them."""
     uses: Counter = Counter()  # how many different operations use an operation; operands come first
     order: dict[Expression, None] = {}
 

@@ -16,11 +16,11 @@ from lumbar.tissue.models.parameter import FORCE, LINEAR, NEVER_NEGATIVE, POSITI
 from lumbar.tissue.models.state_equation import MOST_STATES, STEP_SYMBOL
 
 Faults = list[tuple[str, str]]
-"""Key of the form's file, and what is wrong there and what is allowed."""
+"""Faults: key in the form's file, and a text on the fault and the allowed values."""
 _SYMBOL = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 _RESERVED = {*SIGNALS, *OPERANDS, FORCE, "pi", STEP_SYMBOL}
 _SLOPE_SIGNALS = ("z", "v", "theta", "theta_dot")
-"""Signals by which an equation needs a finite slope at rest."""
+"""Signals with respect to which an equation needs a finite slope at rest."""
 _FINITE = "write tanh(v/vs) for sign(v), sqrt(v**2 + e**2) for abs(v) in a root or a divisor, and do not divide by 0 at rest"
 
 
@@ -81,7 +81,7 @@ def _wrong_declarations(declared: list[str]) -> Iterator[str]:
 
 
 def _unknown_symbols(equation: Equation, declared: list[str], key: str, used: set[str]) -> list[str]:
-    """Report symbols of one expression that are not known, or not known at this place."""
+    """Report symbols of one expression that are unknown, or not allowed at this place."""
     known = {*declared, *SIGNALS, *((FORCE,) if equation.transforms else ())}
     signals = ", ".join(name for name, item in SIGNALS.items() if not item.channel)
     allowed = f"parameters and states {', '.join(declared) or '(none)'} and the signals {signals}"
@@ -103,8 +103,8 @@ def _unknown_symbols(equation: Equation, declared: list[str], key: str, used: se
 def check_at_rest(equation: Equation) -> Faults:
     """Return values and slopes that are not finite at z = 0, v = 0; fits and exported models evaluate them there.
 
-    Parameters are in the middle of their starting range. Fitted powers are 2, since a proposed law may have one
-    below 1. Path, time, force and additional channels are 1.
+    Parameters are in the middle of their starting range; fitted powers are 2, since a proposed law may have a power below 1.
+    Path, time, force and additional channels are 1.
 
     Parameters
     ----------

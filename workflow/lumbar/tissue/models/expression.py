@@ -91,8 +91,8 @@ OPERANDS = {
 softplus(x) is ln(1 + e^x), smoothstep(x) is 3x² − 2x³ between 0 and 1 and constant outside, clip(x, low, high) is x within
 its limits, where(condition, yes, no) selects, sum(n, 1, 7, term) adds the terms for n from 1 to 7, with ``A_n`` as ``A_1`` ….
 """
-VECTOR_NAMES = {"norm": "abs", "dot": "*"}
-"""Other names of operations, for vectors."""
+VECTOR_OPERATION_ALIASES = {"norm": "abs", "dot": "*"}
+"""Operation by each name for vectors."""
 COMPARISONS = ("<", "<=", ">", ">=")
 
 
@@ -163,7 +163,7 @@ def substitute(expression: Expression, values: Mapping[str, Expression]) -> Expr
 
 
 def expand_sums(expression: Expression) -> Expression:
-    """Return the expression with the terms of every ``sum``.
+    """Return the expression with every ``sum`` replaced by its terms.
 
     Parameters
     ----------
@@ -207,7 +207,7 @@ def to_text(expression: Expression, rank: int = 0) -> str:
     expression : Expression
         Any expression.
     rank : int, optional
-        Binding strength below which the text is in brackets: 1 of a sum, 2 of a product, 3 of a sign, 4 of a power.
+        Text that binds less strongly is in brackets: 1 for a sum, 2 for a product, 3 for a sign, 4 for a power.
     """
     match expression:
         case Number(value):
@@ -249,7 +249,7 @@ def parse(text: str) -> Expression:
     Raises
     ------
     InputError
-        For the first part of the text that is not on the whitelist or exceeds the limits.
+        If a part of the text is not on the whitelist or exceeds the limits. The message names the first such part.
 
     Examples
     --------
@@ -330,7 +330,7 @@ class _Reader:
     def _call(self, node: ast.Call, name: str, operands: list[ast.expr], depth: int) -> Operation:
         count = {**OPERANDS, "norm": 1, "dot": 2}.get(name)
         if count is None:
-            raise self._error(node, f"functions are {', '.join((*OPERANDS, *VECTOR_NAMES))}")
+            raise self._error(node, f"functions are {', '.join((*OPERANDS, *VECTOR_OPERATION_ALIASES))}")
         if len(operands) != count:
             raise self._error(node, f"{name} takes {count} operands and got {len(operands)}")
         if name == "where":
@@ -340,7 +340,7 @@ class _Reader:
                     branches = self._operation("where", operands[1:], depth)
                     return Operation("where", (condition, *branches.operands))
             raise self._error(operands[0], "where() begins with one comparison by < <= > >=")
-        read = self._operation(VECTOR_NAMES.get(name, name), operands, depth)
+        read = self._operation(VECTOR_OPERATION_ALIASES.get(name, name), operands, depth)
         match read:
             case Operation("sum", (Symbol(), Number(first), Number(last), term)) if (
                 first.is_integer()

@@ -44,7 +44,7 @@ class FittedModel(ModelData):
     """
 
     def simulate(self, record: Record) -> np.ndarray:
-        """Simulate the output from a record's input only, as a free run; shape (samples,), along several axes (axes, samples).
+        """Simulate the output as a free run from a record's input; shape (samples,), along several axes (axes, samples).
 
         Parameters
         ----------
@@ -94,7 +94,7 @@ class FittedModel(ModelData):
         Raises
         ------
         NumericalError
-            If the model has effects, which no transfer function can represent, or cannot be linearised there.
+            If the model has effects, which no transfer function can represent, or cannot be linearised at 0.
         """
         import control
 
@@ -147,7 +147,7 @@ class FittedModel(ModelData):
         Raises
         ------
         NumericalError
-            If the model has effects, or is improper as Kelvin–Voigt and the pendulum are.
+            If the model has effects or is improper, like Kelvin–Voigt and the pendulum.
         """
         import control
 
@@ -180,7 +180,7 @@ class FittedModel(ModelData):
         Raises
         ------
         InputError
-            With the place of everything that is missing, unknown or not allowed.
+            If a field is missing, unknown or invalid. The message lists every place.
         """
         problems = Problems(f"model {entry.get('name') if isinstance(entry, dict) else None!r}")
         fields = checked_entry(entry, catalogues, problems)
@@ -233,7 +233,7 @@ def read_models(
     Raises
     ------
     InputError
-        With the place of everything that is missing, unknown or not allowed in any model.
+        If a field of any model is missing, unknown or invalid. The message lists every place.
     """
     problems = Problems(name, most=20)
     if not isinstance(content, dict) or content.get("schema") != SCHEMA:

@@ -4,9 +4,9 @@ A model's force is composed in this order::
 
     motion --(input forms: delay, play)--> motion' --> base force + parallel forms' forces --(output forms)--> force
 
-A form is one equation in the operations of `lumbar.tissue.models.expression`; its simulation, LaTeX and C code follow from it. A
-parallel form is a sum of terms, each with a *linear parameter* as factor that least squares solves directly; the other
-parameters are *nonlinear*: positive, searched over decades. Output forms have nonlinear parameters only. Mechanisms that no
+A form is one equation in the operations of `lumbar.tissue.models.expression`; its simulation, LaTeX and C code follow from it.
+A parallel form is a sum of terms, each with a *linear parameter* as factor that least squares solves directly; the other
+parameters are *nonlinear*: positive, and searched over decades. Output forms have nonlinear parameters only. Mechanisms that no
 equation expresses (play, delay) are `HandWritten` forms.
 """
 
@@ -34,7 +34,7 @@ class Place(StrEnum):
     PARALLEL = "parallel"
     OUTPUT = "output"
     FRAME = "frame"
-    """Frame of several axes: it rotates and mixes the forces along them."""
+    """Place of a form that mixes the forces along several axes by a matrix."""
 
 
 @dataclass(frozen=True)
@@ -42,19 +42,19 @@ class HandWritten:
     """Hand-written simulation and C code of a form that no equation expresses; the form's place decides which are needed."""
 
     columns: Callable[[Any, np.ndarray], list[np.ndarray]] = None  # type: ignore[assignment]
-    """Parallel forms: from motion and nonlinear parameters to one force per linear parameter, each of shape (samples,)."""
+    """For parallel forms: function from motion and nonlinear parameters to a force per linear parameter, each (samples,)."""
     input_transform: Callable[[Any, np.ndarray], Any] = None  # type: ignore[assignment]
-    """Input forms: from motion and nonlinear parameters to the motion that reaches the tissue."""
+    """For input forms: function from motion and nonlinear parameters to the motion that reaches the tissue."""
     output_transform: Callable[[np.ndarray, Any, np.ndarray], np.ndarray] = None  # type: ignore[assignment]
-    """Output forms: from force, motion and nonlinear parameters to the measured force."""
+    """For output forms: function from force, motion and nonlinear parameters to the measured force."""
     c_step: CStep | Callable[[], CStep | None] | None = None
     """C code of one sample, or a function that returns it; a form without it cannot be exported to a haptic device."""
     channels: tuple[str, ...] = ()
-    """Roles of the additional channels that it needs."""
+    """Roles of the additional channels that the simulation needs."""
     matrix: Callable[[np.ndarray], np.ndarray] | None = None
-    """Forms of a frame: from nonlinear parameters to the matrix that multiplies the forces along the axes, (axes, axes)."""
+    """For forms at `FRAME`: function from nonlinear parameters to the matrix that multiplies the forces, (axes, axes)."""
     spatial: bool = False
-    """True if it is valid for motions in space unchanged."""
+    """True if the code is also valid for motions in space."""
 
 
 @dataclass(frozen=True)
@@ -62,12 +62,12 @@ class Form:
     """One mathematical form of a mechanism; its equation is read and checked when it is first needed."""
 
     name: str
-    """Unique within its effect, e.g. ``"cubic"``."""
+    """Name, unique within the effect, e.g. ``"cubic"``."""
     equation: str
     """Expression in the parameters' symbols and the signals of `lumbar.tissue.models.parameter`: the force that a parallel form
     adds, or the measured force that an output form returns for the force ``F``. LaTeX if `hand_written`."""
     place: Place
-    """Input forms are hand-written."""
+    """Place on the path from position to force; input forms are hand-written."""
     linear: tuple[LinearParameter, ...] = ()
     nonlinear: tuple[NonlinearParameter, ...] = ()
     state: tuple[tuple[str, str], ...] = ()
@@ -76,32 +76,33 @@ class Form:
     """Symbol and start value of each state that does not start at 0: an expression in position and parameters."""
     constants: tuple[Constant, ...] = ()
     starts: Callable[[Any, np.ndarray], list[np.ndarray]] | None = None
-    """From the motion and the residual force to starting nonlinear parameters, instead of the parameters' grids."""
+    """Function from motion and residual force to starting nonlinear parameters, used instead of the grids."""
     solution: Solution | None = None
-    """From motion and nonlinear parameters to the states in closed form, instead of the solver."""
+    """Function from motion and nonlinear parameters to the states in closed form, used instead of the solver."""
     c_solution: str = ""
     """C statements that write the states of the next sample, if the solver's step is less exact."""
     hand_written: HandWritten | None = None
-    """Replacement of the equation."""
+    """Hand-written code that replaces the equation."""
     general: bool = False
-    """True if it contains other forms of its effect as special cases: a search selects it only if these leave much."""
+    """True if the form contains other forms of its effect as special cases; a search selects it only if their error is
+    large."""
     one_axis: bool = False
-    """True if it has no equivalent in space."""
+    """True if the form has no equivalent in space."""
     essential: tuple[str, ...] = ()
-    """Linear parameters that must not be 0 for the mechanism to be present; default any of them."""
+    """Linear parameters that must not be 0 if the mechanism is present; by default any one suffices."""
     contradiction: Callable[[dict[str, float], Any, np.ndarray, float, float | None], str] | None = None
-    """From parameters by name, motion, measured force less the sensor's zero, RMS of the noise and the excitation's period (s, or
-    None) to a sentence: how the record contradicts the parameters; ``""`` if it does not."""
+    """Function to a sentence on how a record contradicts the parameters (``""`` if it does not), from parameters by name,
+    motion, measured force less the sensor's zero, RMS of the noise, and the excitation's period (s or None)."""
     effect: str = ""
-    """Name of its effect; set by the effect."""
+    """Name of the form's effect; set by the effect."""
     definition: Mapping | None = field(default=None, compare=False, repr=False)
-    """Content of the user's file of its effect; set by the effect."""
+    """Content of the user's file of the effect; set by the effect."""
     axes: tuple[str, ...] = ()
-    """Names of the axes along which it acts in space; empty for one axis."""
+    """Names of the axes along which the form acts in space; empty for one axis."""
     channel: str = ""
-    """Axes of the only channels that it transforms in space, e.g. ``"y"`` or ``"xz"``; empty for all."""
+    """Axes of the channels that the form transforms in space, e.g. ``"y"`` or ``"xz"``; empty for all axes."""
     written: tuple[LinearParameter, ...] = ()
-    """Linear parameters of the equation itself, if it acts along several axes."""
+    """Linear parameters of the one-axis equation, if the form acts along several axes."""
 
     def to_space(self, axes: tuple[str, ...]) -> Self:
         """Return the form for motions along several axes.
@@ -114,7 +115,7 @@ class Form:
         Raises
         ------
         InputError
-            If its equation has no meaning in space.
+            If the equation has no meaning in space.
         """
         if self.one_axis or (self.hand_written and not self.hand_written.spatial):
             raise InputError(f"{self.key} is defined along one axis only")
@@ -146,8 +147,8 @@ class Form:
         Raises
         ------
         InputError
-            If it uses undeclared symbols, is not proportional to the linear parameters, or its value or its slope by
-            position or velocity is not finite at z = 0, v = 0.
+            If the equation uses undeclared symbols, is not proportional to the linear parameters, or has a value or a slope by
+            position or velocity that is not finite at z = 0, v = 0.
         """
         problems = Problems(f"form {self.key.strip('/')}")
         for key, problem in self.problems():
@@ -155,7 +156,7 @@ class Form:
         problems.raise_if_any()
 
     def problems(self) -> list[tuple[str, str]]:
-        """Return the problems of the equation: the key of each, and what is wrong and allowed."""
+        """Return the problems of the equation: the key of each, and a text on the fault and the allowed values."""
         if self.hand_written:
             return []
         if self.place is Place.INPUT:
@@ -173,7 +174,7 @@ class Form:
 
     @cached_property
     def memory_key(self) -> str:
-        """Name of its forces in the cache of a motion: its key, and the constants that were given."""
+        """Key of the form's forces in the cache of a motion: the form's key, and the given constants."""
         return " ".join([self.key, *(f"{item.symbol}={item.value}" for item in self.constants if item.given)])
 
     @cached_property
@@ -218,17 +219,17 @@ class Form:
 
     @cached_property
     def channels(self) -> tuple[str, ...]:
-        """Roles of the additional channels that it needs; without them a search leaves it out."""
+        """Roles of the additional channels that the form needs; without them a search omits the form."""
         return self.hand_written.channels if self.hand_written else self.parsed_equation.channels
 
     @property
     def is_static(self) -> bool:
-        """True if it depends on position and force only: no rate, path, time, state or additional channel."""
+        """True if the form depends only on position and force: no rate, path, time, state or additional channel."""
         return not (self.hand_written or self.state) and self.parsed_equation.signals <= set(POSITIONS)
 
     @cached_property
     def c_step(self) -> CStep | None:
-        """C code of one sample; None if it cannot be exported to a haptic device."""
+        """C code of one sample; None if the form cannot be exported to a haptic device."""
         if not self.hand_written:
             return self.parsed_equation.c_step(self.c_solution)
         written = self.hand_written.c_step
@@ -237,7 +238,7 @@ class Form:
     def columns(self, motion: OneMotion, nonlinear: np.ndarray) -> list[np.ndarray]:
         """Return the forces of a parallel form, one per linear parameter at size 1.
 
-        In the force's unit per unit of the parameter, shape (samples,); in space (axes × samples,), one axis after the other.
+        They are in the force's unit per unit of the parameter, shape (samples,); in space (axes × samples,), axis by axis.
 
         Parameters
         ----------
@@ -281,7 +282,7 @@ class Form:
 
 
 def _join_channels(form: Form, single: Sequence[Form]) -> Form:
-    """Return the form with separate parameters in several channels; the forms `single` transform one channel each."""
+    """Return the form with separate parameters for several channels; each of the forms `single` transforms one channel."""
     channels = "".join(one.channel for one in single)
 
     def transform(force: np.ndarray, motion: OneMotion, values: np.ndarray) -> np.ndarray:
@@ -324,32 +325,33 @@ class Effect:
     """A physical mechanism."""
 
     name: str
-    """For example ``"coulomb_friction"``."""
+    """Name, e.g. ``"coulomb_friction"``."""
     mechanism: str
-    """One sentence for the reader of a report."""
+    """Description of the mechanism in one sentence, for reports."""
     forms: tuple[Form, ...]
-    """Variants, the simplest first."""
+    """Forms of the mechanism, the simplest first."""
     source: str
-    """Reference."""
+    """Reference to the literature, or the user's file."""
     experiment: str = ""
-    """Excitation that shows it best, for ties."""
+    """Excitation that shows the effect best; reports name it if effects are tied."""
     sensors: str = ""
     """Part of the measuring chain that looks the same in the records, in one sentence."""
     accumulates: bool = False
-    """True if it grows with time or path from each record's start, so that short records hardly show it."""
+    """True if the effect grows with time or path from the start of a record, so that short records hardly show it."""
     unrepeated: bool = False
-    """True if it has its own clock, independent of the excitation."""
+    """True if the effect has its own clock, independent of the excitation."""
     linear: bool = False
-    """True if a linear time-invariant model remains one with it."""
+    """True if a linear time-invariant model stays linear and time-invariant with the effect."""
     rate_independent: bool = False
-    """True if its force depends on the path travelled, not on the speed."""
+    """True if the force depends on the path travelled, not on the speed."""
     rival: bool = False
-    """True if it is only compared with similar effects that were selected, and never searched for."""
+    """True if the effect is never searched for, only compared with similar selected effects."""
     definition: Mapping | None = field(default=None, compare=False, repr=False)
-    """Content of the user's file that defines it, stored in files of models; None for effects of the catalogue."""
+    """Content of the user's file with the effect, stored in files of models; None for effects of the catalogue."""
 
     def to_space(self, axes: tuple[str, ...]) -> tuple[Self | None, dict[str, str]]:
-        """Return the effect for motions along several axes, None without such a form, and why other forms have none, by key.
+        """Return the effect for motions along several axes (None without usable forms), and for each unusable form, by key,
+        why.
 
         Parameters
         ----------
@@ -381,7 +383,7 @@ class Effect:
 
     @property
     def changes(self) -> bool:
-        """True if it makes one period of an excitation differ from another."""
+        """True if the effect makes the periods of an excitation differ."""
         return self.accumulates or self.unrepeated
 
     def __post_init__(self):

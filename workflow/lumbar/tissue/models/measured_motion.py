@@ -1,8 +1,8 @@
 """Measured motion, filtered before it is differentiated.
 
-In forward records it is the channel from which a simulation estimates its start. Angles of a pendulum come from noisy markers or
-are rounded in a file. The second derivative multiplies noise by the square of its frequency: at 100 Hz a millirad of noise gives
-48 rad/s². The angle is therefore replaced by a quintic least-squares spline with knots chosen by cross-validation.
+A simulation of a forward record estimates its start from this channel. Angles of a pendulum come from noisy markers or are
+rounded in a file. The second derivative multiplies noise by the square of its frequency: at 100 Hz a millirad of noise gives 48
+rad/s². The angle is therefore replaced by a quintic least-squares spline with knots chosen by cross-validation.
 """
 
 from dataclasses import replace
@@ -39,7 +39,7 @@ def add_measured_motion(record: Record) -> Record:
 
 
 def remove_noise(signal: np.ndarray) -> np.ndarray:
-    """Return a signal without the frequencies that show only noise, by a zero-phase Butterworth filter.
+    """Filter out the frequencies at which a signal shows only noise, by a zero-phase Butterworth filter.
 
     The noise level is the power in the highest quarter of the frequencies, where a motion has little power.
 
@@ -63,7 +63,7 @@ _MAX_ERROR_RATIO = 2.0  # to the least error; above it the knots are too far apa
 
 
 def for_base(record: Record, base: Base) -> Record:
-    """Return the record as a base needs it: a pendulum's with a smooth angle, others unchanged.
+    """Return the record for a base: with a smooth angle for a pendulum, unchanged for other bases.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ def for_base(record: Record, base: Base) -> Record:
     Raises
     ------
     InputError
-        If a pendulum's angle exceeds a full turn: no joint reaches that, but degrees mistaken for radians do.
+        If a pendulum's angle exceeds a full turn: no joint turns so far, so the angles are probably in degrees.
     """
     if base.system != "pendulum":
         return record
@@ -91,8 +91,8 @@ def for_base(record: Record, base: Base) -> Record:
 def smooth_angle(record: Record) -> Record:
     """Return the record with its input smoothed by a spline, or unchanged if no spline improves it.
 
-    The knots' distance is the one with the least generalised cross-validation error (Craven and Wahba, Numer. Math. 31
-    (1979) 377-403).
+    The distance of the knots minimises the generalised cross-validation error (Craven and Wahba, Numer. Math. 31 (1979)
+    377-403).
 
     Parameters
     ----------
@@ -119,7 +119,7 @@ _MIN_JUMP = 0.1  # median jump of a held input, relative to its range
 
 
 def is_held(motion: Motion | JoinedMotions) -> bool:
-    """Return whether an input is held between jumps, as a command of a few levels; such an input has no derivatives.
+    """Return whether an input is constant between jumps, like a command with few levels; it then has no derivatives.
 
     Parameters
     ----------

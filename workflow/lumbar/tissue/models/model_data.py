@@ -13,7 +13,7 @@ from lumbar.tissue.models.structure import Structure
 from lumbar.tissue.models.transfer_function import TransferFunction
 
 ARX, OUTPUT_ERROR, GIVEN = "arx", "output_error", "given"
-"""Estimators; a given model is prescribed, not estimated."""
+"""Names of the estimators; a given model is prescribed, not estimated."""
 
 
 def identifier(name: str) -> str:
@@ -34,7 +34,7 @@ def unit_of(template: str, input_unit: str, output_unit: str) -> str:
     Parameters
     ----------
     template, input_unit, output_unit : str
-        Unit in terms of the input's unit ``{x}`` and the output's ``{y}``; units of the model's input and output.
+        Unit with ``{x}`` for the input's unit and ``{y}`` for the output's; unit of the input; unit of the output.
     """
     return template.replace("{x}", input_unit).replace("{y}", output_unit)
 
@@ -44,9 +44,9 @@ class FittedParameter:
     """A parameter with its value and interval."""
 
     name: str
-    """For example ``"spring_stiffness"``."""
+    """Name, e.g. ``"spring_stiffness"``."""
     symbol: str
-    """LaTeX, for example ``"k_e"``."""
+    """Symbol in LaTeX, e.g. ``"k_e"``."""
     unit: str
     value: float
     low: float | None = None
@@ -54,9 +54,9 @@ class FittedParameter:
     high: float | None = None
     """Upper end of the interval, in `unit`; None if the value was not estimated."""
     effect: str = ""
-    """Effect to which it belongs; empty for the base."""
+    """Effect to which the parameter belongs; empty for the base."""
     derived: bool = False
-    """True if it follows from the other parameters, for example k1 of Kelvin–Boltzmann, and no simulation needs it."""
+    """True if the parameter follows from others, e.g. k1 of Kelvin–Boltzmann, and no simulation needs it."""
 
     @property
     def key(self) -> str:
@@ -69,9 +69,9 @@ class Port:
     """Input or output of a model."""
 
     quantity: str
-    """For example ``"position"``."""
+    """Quantity, e.g. ``"position"``."""
     unit: str
-    """For example ``"mm"``."""
+    """Unit, e.g. ``"mm"``."""
     offset: float = 0.0
     """Value at rest, in `unit`."""
 
@@ -88,7 +88,7 @@ class Port:
 
 @dataclass(frozen=True)
 class MotionRange:
-    """Motion of the record that a model was fitted to, for which it is known to be valid."""
+    """Motion in the training record, for which a model is known to be valid."""
 
     lowest: float
     """Position, in the input's unit."""
@@ -99,10 +99,10 @@ class MotionRange:
     lowest_Hz: float
     """Lower edge of the band of 99 % of the position's power."""
     highest_Hz: float
-    """Upper edge of this band."""
+    """Upper edge of the band of 99 % of the position's power."""
 
     def describe(self, unit: str) -> str:
-        """Return for example ``"-2 to 2 mm, to 12.6 mm/s, 0.1 to 5 Hz"``.
+        """Return the range as text, e.g. ``"-2 to 2 mm, to 12.6 mm/s, 0.1 to 5 Hz"``.
 
         Parameters
         ----------
@@ -117,22 +117,22 @@ class MotionRange:
 
 @dataclass(frozen=True)
 class Scores:
-    """Errors of a model and how well it is determined; None if a number does not exist."""
+    """Errors and uncertainty of a model; None for a number that does not exist."""
 
     vaf_percent: float | None = None
-    """Free run on the training record (Eq. 3.12)."""
+    """VAF of the free run on the training record (Eq. 3.12)."""
     fit_percent: float | None = None
-    """Free run on the training record (Eq. 3.11)."""
+    """FIT of the free run on the training record (Eq. 3.11)."""
     mean_residual: float | None = None
-    """Free run on the training record (Eq. 3.10)."""
+    """Mean absolute residual of the free run on the training record (Eq. 3.10)."""
     nmse_train: float | None = None
-    """NMSE of the prediction one step ahead (Eq. 3.13)."""
+    """NMSE of the one-step-ahead prediction on the training record (Eq. 3.13)."""
     tests: tuple[str, ...] = ()
     """Names of the unseen records."""
     vaf_tests_percent: tuple[float | None, ...] = ()
     """VAF of the free run on each of `tests`."""
     nmse_tests: tuple[float | None, ...] = ()
-    """NMSE of the prediction one step ahead on each of `tests`."""
+    """NMSE of the one-step-ahead prediction on each of `tests`."""
     train_rms: float | None = None
     """RMS error of the free run in training, in the output's unit."""
     test_rms: float | None = None
@@ -142,63 +142,63 @@ class Scores:
     rank: int | None = None
     """Number of coefficients that the training record determines."""
     condition_number: float | None = None
-    """Eq. 3.14."""
+    """Condition number of the standardised regressor matrix (Eq. 3.14)."""
     mru_percent: float | None = None
-    """Largest relative uncertainty (Eqs 3.15, 3.16), by covariance."""
+    """Largest relative uncertainty, from the covariance (Eqs 3.15, 3.16)."""
     mru_bootstrap_percent: float | None = None
-    """Largest relative uncertainty, by bootstrap."""
+    """Largest relative uncertainty, from the bootstrap."""
 
 
 @dataclass(frozen=True, repr=False)
 class ModelData:
-    """Content of a fitted model as it is written to a file, and its text; `FittedModel` adds simulation and conversion."""
+    """Content of a fitted model in a file, and its text; `FittedModel` adds simulation and conversion."""
 
     name: str
-    """For example ``"KB"`` or ``"KB+coulomb_friction"``."""
+    """Name, e.g. ``"KB"`` or ``"KB+coulomb_friction"``."""
     structure: TransferFunction | Structure
-    """Discrete: H(z) at `sampling_time`. Continuous: a base with effects, simulated at any rate."""
+    """Structure: H(z) at `sampling_time` of a discrete model, or a base with effects, simulated at any rate."""
     sampling_time: float
-    """Sampling time of the record it was fitted to, in seconds."""
+    """Sampling time of the training record in seconds."""
     input: Port
     output: Port
     base: str = ""
-    """Name in `lumbar.tissue.models.tissue_models.MODELS` or `lumbar.tissue.models.bases.BASES`; empty for any other
-    transfer function."""
+    """Name of the base in `lumbar.tissue.models.tissue_models.MODELS` or `lumbar.tissue.models.bases.BASES`; empty for any
+    other transfer function."""
     estimator: str = GIVEN
-    """`ARX`, `OUTPUT_ERROR` or `GIVEN`."""
+    """Estimator: `ARX`, `OUTPUT_ERROR` or `GIVEN`."""
     trained_on: str | None = None
-    """Record; None for a given model."""
+    """Name of the training record; None for a given model."""
     alpha: float | None = None
-    """Ridge coefficient (Eq. 3.7), if one is used."""
+    """Ridge coefficient (Eq. 3.7); None without ridge."""
     parameters: tuple[FittedParameter, ...] = ()
-    """Parameters of base and effects, then the derived ones."""
+    """Parameters of base and effects, then derived parameters."""
     no_parameters_because: str = ""
-    """Reason for missing parameters, or missing derived ones."""
+    """Reason if parameters or derived parameters are missing."""
     scores: Scores = field(default_factory=Scores)
     remark: str = ""
     """Text for tables and summaries; empty for most models."""
     valid_for: MotionRange | None = None
-    """Motion of the record it was fitted to; None for a given model, or if the file has none."""
+    """Motion in the training record; None for a given model, or if the file has none."""
     zeros: tuple[float, ...] = ()
-    """Reading of the force sensor along each of several axes if the model gives 0."""
+    """Reading of the force sensor along each of several axes at a model force of 0."""
     rests: tuple[float, ...] = ()
-    """Position along each of several axes from which the model counts; empty if 0."""
+    """Zero of the model's position along each of several axes; empty if 0."""
 
     @property
     def discrete(self) -> bool:
-        """True if it is a transfer function at one sampling time."""
+        """True if the model is a transfer function at one sampling time."""
         return isinstance(self.structure, TransferFunction)
 
     @property
     def order(self) -> int:
-        """Poles of the transfer function, or relaxations of the base."""
+        """Number of poles of the transfer function, or of relaxations of the base."""
         if isinstance(self.structure, TransferFunction):
             return len(self.structure.denominator) - 1
         return len(self.structure.base.nonlinear)
 
     @property
     def stable(self) -> bool:
-        """True if a free run exists; continuous models relax, hence are stable."""
+        """True if a free run exists. Continuous models relax and are always stable."""
         return not isinstance(self.structure, TransferFunction) or self.structure.stable
 
     def __getitem__(self, key: str) -> FittedParameter:
@@ -210,7 +210,7 @@ class ModelData:
         raise InputError(f"{self.name} has no parameter {key!r}; there are {known}")
 
     def values_of(self, part: Base | Form) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        """Return the linear parameters of the base or of an effect's form, and the nonlinear ones as a fit searches them.
+        """Return the linear and the encoded nonlinear parameters (as a fit searches them) of the base or of an effect's form.
 
         Parameters
         ----------
@@ -293,7 +293,7 @@ _SCORES = {
 
 
 def _ratio(ratio: TransferFunction, form: str, power: str, number: Callable[[str], str] = str) -> str:
-    """Format a transfer function with a `form` of the fraction, and of each power of z."""
+    """Format a transfer function with templates for the fraction (`form`) and for each power of z."""
     sides = []
     for coefficients in (ratio.numerator, ratio.denominator):
         text = ""

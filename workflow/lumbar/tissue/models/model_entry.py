@@ -21,11 +21,11 @@ from lumbar.tissue.models.tissue_models import MODELS
 from lumbar.tissue.models.transfer_function import TransferFunction
 
 OWN_BASES = "bases"
-"""Key of the user-defined bases of a file of models in the catalogues by system."""
+"""Key of a file's user-defined bases in `Catalogues`."""
 Catalogues = Mapping[str, Mapping[str, Any]]
 """Effects by name for every system, and the user-defined bases by `OWN_BASES`."""
 Coefficients = Annotated[tuple[float, ...], Field(min_length=1, max_length=33)]
-"""Coefficients of a numerator or denominator: at most twice as many as in an FMU."""
+"""Coefficients of a numerator or denominator: at most twice the limit of an FMU."""
 
 
 class _Effect(Section):
@@ -59,7 +59,7 @@ class _Structure(Section):
 
 @dataclass(frozen=True)
 class _Entry(ModelData):
-    """A model in a file: its fields are the schema of the file."""
+    """A model in a file; the fields define the file's schema."""
 
     structure: _Structure  # type: ignore[assignment]  # the structure's names and numbers
     sampling_time: Positive
@@ -67,7 +67,7 @@ class _Entry(ModelData):
 
 
 def entry_of(model: ModelData) -> dict:
-    """Return a model as plain data: its fields, with the structure as coefficients or as names of effects and forms.
+    """Return the fields of a model as plain data; its structure becomes coefficients, or names of effects and forms.
 
     Parameters
     ----------
@@ -111,7 +111,7 @@ def checked_entry(entry: object, catalogues: Catalogues, problems: Problems) -> 
     catalogues : mapping
         Effects by name for every system.
     problems : Problems
-        Receives everything that is missing, unknown or not allowed.
+        List to which every missing, unknown or invalid field is added.
     """
     plain = check_types(entry, _Entry, Origins(problems))
     if plain is None:
@@ -219,7 +219,7 @@ def _form(item: _Effect, catalogue: Mapping[str, Effect], problems: Problems) ->
 def _check_parameters(
     parameters: Sequence[FittedParameter], structure, base: str, problems: Problems
 ) -> None:
-    """Check that a continuous model has exactly its parameters, a discrete one only those of its base; elements are optional."""
+    """Check that a continuous model has exactly its parameters and a discrete model only its base's; elements are optional."""
     parts = (structure.base, *structure.forms) if isinstance(structure, Structure) else ()
     needed = {key: positive for part in parts for key, positive in _keys(part)}
     optional = {item.name for item in MODELS[base].elements} if base in MODELS else set()
@@ -243,7 +243,7 @@ def _check_parameters(
 
 
 def _keys(part) -> Iterator[tuple[str, bool]]:
-    """Yield the key of every parameter of a base or form, and whether it must be positive."""
+    """Yield the key of every parameter of a base or form, and True if the parameter must be positive."""
     owner = f"{part.effect}." if isinstance(part, Form) else ""
     yield from ((owner + item.name, False) for item in part.linear)
     yield from ((owner + item.name, not item.signed) for item in part.nonlinear)

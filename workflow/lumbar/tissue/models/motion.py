@@ -1,7 +1,7 @@
 """Motion: position over time with its derivatives, path and reversals.
 
-`Motion` is that of one record, `SampledMotion` that of a running loop, `JoinedMotions` those of several records, `SpatialMotion`
-one along several axes. `lumbar.tissue.models.parameter.SIGNALS` defines the symbols of the signals in equations.
+`Motion` belongs to one record, `SampledMotion` to a running loop, `JoinedMotions` to several records, and `SpatialMotion` to
+several axes. `lumbar.tissue.models.parameter.SIGNALS` defines the symbols of the signals in equations.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from lumbar.records.record import Record
 
 _MAX_LATEST = 8  # results of different parameters in a cache
 SUBSTEPS = 4
-"""Steps between two samples in which a motion that is not smooth is followed."""
+"""Number of steps per sample in which a motion that is not smooth is computed."""
 
 
 class ResultCache:
-    """Results computed from the data of one object, for example forces on a motion; the object owns it as a field."""
+    """Cache, owned by an object, of results that were computed from its data, e.g. forces on a motion."""
 
     def __init__(self) -> None:
         self._latest: dict[tuple[Hashable, bytes], Any] = {}
@@ -48,7 +48,7 @@ class ResultCache:
         return result
 
     def compute_once(self, name: Hashable, compute: Callable[[], Any]) -> Any:
-        """Return the result of `compute`, cached as long as its object lives: no parameter changes it.
+        """Return the result of `compute`, cached for the lifetime of the object; it depends on no parameters.
 
         Parameters
         ----------
@@ -69,7 +69,7 @@ class Motion:
     time: np.ndarray
     """Seconds since the record's start, shape (samples,)."""
     position: np.ndarray
-    """Shape (samples,)."""
+    """Position in the channel's unit, shape (samples,)."""
     sampling_time: float
     """Seconds."""
     smooth: bool = True
@@ -77,9 +77,10 @@ class Motion:
     channels: dict[str, np.ndarray] = field(default_factory=dict)
     """Additional measured signals by role, for effects that need them."""
     between: np.ndarray | None = None
-    """Position in steps between the samples, shape (1 + (samples - 1) * `SUBSTEPS`,), if it is not smooth but known there."""
+    """Position in steps between samples, shape (1 + (samples - 1) * `SUBSTEPS`,), if known for a position that is not
+    smooth."""
     interpolation: Callable[..., np.ndarray] | None = None
-    """From times and the order of the derivative to the position between samples; None: the spline through them."""
+    """Function from times and the order of the derivative to the position between samples; None: a spline."""
     cache: ResultCache = field(init=False, repr=False, default_factory=ResultCache)
     """Forces of models on this motion."""
 
@@ -118,7 +119,7 @@ class Motion:
 
     @cached_property
     def velocities(self) -> np.ndarray:
-        """First derivative at the sample before, halfway and at every sample, shape (3, samples); 0 at the first sample."""
+        """First derivative at the previous sample, halfway and at every sample, shape (3, samples); 0 for the first sample."""
         velocities = np.zeros((3, len(self)))
         halfway = self._spline(self.time[:-1] + 0.5 * self.sampling_time, 1)
         velocities[:, 1:] = self.velocity[:-1], halfway, self.velocity[1:]
