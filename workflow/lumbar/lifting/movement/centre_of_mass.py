@@ -1,4 +1,4 @@
-"""Trunk segments, their published parameters, and centres of mass of segments, with and without the box, and of the body."""
+"""Trunk segments, their published parameters, and centres of mass of the segments (with and without the box) and of the body."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -16,18 +16,18 @@ from lumbar.records.markers import MarkerRecording
 COMS = ("thorax", "abdomen", "pelvis")
 """The three centres of mass of the trunk, from top to bottom (thesis, Figure 4.2)."""
 HEAD_SHARE = 0.35
-"""The ear canal, centre of head and neck, lies beyond C7/T1 by this share of the line from the hips to C7/T1."""
+"""Distance of the ear canal (centre of head and neck) beyond C7/T1, as a share of the line from the hips to C7/T1."""
 
 
 class LimbSegment(NamedTuple):
-    """A segment of one side, or of the middle, in Winter's Table 4.1."""
+    """A segment of a limb, or head and neck, in Winter's Table 4.1."""
 
     mass: float
-    """Share of the body's mass."""
+    """Mass of the segment, share of the body's mass."""
     centre: float
-    """Distance from the upper end, share of the segment's length."""
+    """Distance of the centre of mass from the upper end, share of the segment's length."""
     gyration: float = nan
-    """Radius of gyration about the centre, across the segment, share of its length; NaN if not needed."""
+    """Radius of gyration about the centre, across the segment, share of the segment's length; NaN if not needed."""
 
 
 TRUNK_SHARE = 0.497
@@ -43,7 +43,7 @@ ARM = (
 )
 LEG = ((MID_HIP, "KNEE", THIGH), ("KNEE", "ANKLE", _SHANK_AND_FOOT))
 STRAIGHT_ARM, STRAIGHT_LEG = ("SHOULDER", "WRIST", WHOLE_ARM), (MID_HIP, "ANKLE", _WHOLE_LEG)
-"""Segments of each side (Winter, 2009, Table 4.1); straight ones if no marker shows the joint between."""
+"""Straight limbs (Winter, 2009, Table 4.1), used if no marker shows the elbow or knee."""
 
 
 @dataclass(frozen=True)
@@ -51,17 +51,17 @@ class Segment:
     """One trunk segment between two ends."""
 
     name: str
-    """One of `COMS`."""
+    """Name of the segment, one of `COMS`."""
     proximal: str
-    """Upper end, by the names of `lumbar.lifting.movement.joint_centres.SKIN_MARKERS`."""
+    """Upper end, a key of `lumbar.lifting.movement.joint_centres.SKIN_MARKERS`."""
     distal: str
-    """Lower end, by these names."""
+    """Lower end, a key of `lumbar.lifting.movement.joint_centres.SKIN_MARKERS`."""
     mass_share: float
     """Mass as a share of body mass."""
     com_share: float
     """Distance of the centre of mass from the proximal end, as a share of the distance between the ends."""
     forward_share: float = 0.0
-    """Distance of the centre of mass ahead of the line between the ends, as a share of the same distance."""
+    """Distance of the centre of mass ahead of the line between the ends, as a share of the distance between the ends."""
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ class SegmentTable:
 
     name: str
     segments: tuple[Segment, ...]
-    """In the order of `COMS`."""
+    """Segments in the order of `COMS`."""
     source: str
     """Publication, with the adaptations."""
 
@@ -92,7 +92,7 @@ def _table(
     centre: Sequence[float],
     forward: Sequence[float] = (0.0, 0.0, 0.0),
 ) -> SegmentTable:
-    """Return a table with masses as shares of the body's, and centres as shares along and ahead of the segments' lines."""
+    """Return a table with masses as shares of body mass, and centres as shares along and ahead of the lines between the ends."""
     rows = zip(COMS, pairwise(ends), mass, centre, forward, strict=True)
     return SegmentTable(name, tuple(Segment(com, *pair, *shares) for com, pair, *shares in rows), source)
 
@@ -123,7 +123,7 @@ def _dumas(
     centre: Sequence[tuple[float, float]],
     pelvis_line: tuple[float, float],
 ) -> SegmentTable:
-    """Return the table of one sex; centres forward and up of the upper end, the pelvis's line L5/S1-hips in its own axes."""
+    """Return Dumas's table of one sex from centres forward and up of the upper end, for the pelvis in the axes of the pelvis."""
     source = (
         f"Dumas and Wojtusch, Handbook of Human Motion (2018), Table 1 ({sex}), after McConville et al. and Young et al.: thorax "
         "C7/T1-T12/L1, abdomen T12/L1-L5/S1, pelvis L5/S1-hips. Adapted: the pelvis's centre, published in the axes of ASIS and "
@@ -151,19 +151,19 @@ DUMAS = {
 
 
 def segment_table(name: str, sex: str) -> SegmentTable:
-    """Return a segment table by its name in the configuration, for a sex as declared in the subject's file.
+    """Return a segment table by its name in the configuration, for the sex declared in the subject's file.
 
     Parameters
     ----------
     name : {"winter", "de_leva", "dumas"}
         Name of the table.
     sex : str
-        ``male`` or ``female``; Winter's parameters do not differ between the sexes, and accept any.
+        ``male`` or ``female``; for ``winter`` any value, because its parameters do not differ between the sexes.
 
     Raises
     ------
     InputError
-        If the table needs a sex and it is not known.
+        If the table needs a sex and the sex is not known.
     """
     if name == "winter":
         return WINTER
@@ -183,7 +183,7 @@ class CentreOfMass:
     position: np.ndarray
     """Shape (n, 3): position without the box, metres."""
     position_with_box: np.ndarray
-    """Shape (n, 3): position with the segment's share of the box while it is held; without the box otherwise."""
+    """Shape (n, 3): position with the segment's share of the box while the box is held, metres; otherwise as `position`."""
     mass_kg: float
     mass_with_box_kg: float
     """Mass with its share of the box."""
@@ -192,8 +192,8 @@ class CentreOfMass:
 def segment_centres(points: TrunkPoints, table: SegmentTable) -> dict[str, np.ndarray]:
     """Return the centre of mass of each trunk segment, shape (n, 3) in metres; NaN if a marker is not seen.
 
-    It is on the line from the segment's proximal to its distal end, at the table's share of the distance, or ahead
-    of that line by another share. Segments of `absent_segments` are left out.
+    The centre is at the table's share of the distance from the proximal to the distal end, and ahead of the line between the
+    ends by the table's forward share. Segments in `absent_segments` are left out.
 
     Parameters
     ----------
@@ -215,7 +215,7 @@ def segment_centres(points: TrunkPoints, table: SegmentTable) -> dict[str, np.nd
 
 
 def absent_segments(points: TrunkPoints, table: SegmentTable) -> dict[str, str]:
-    """Return the segments with ends that a recording lacks, each with the missing markers and a remedy."""
+    """Return the segments with missing ends, each with the markers that the recording lacks and a remedy."""
     absent = {}
     for segment in table.segments:
         ends = [end for end in (segment.proximal, segment.distal) if end not in points]
@@ -235,24 +235,24 @@ def centres_of_mass(
     share: str,
     events: dict[str, Event],
 ) -> dict[str, CentreOfMass]:
-    """Return the centres of mass of the trunk over the whole recording, as far as it has their landmarks, in the order of `COMS`.
+    """Return the centres of mass of the trunk over the whole recording in the order of `COMS`, without segments that lack an end.
 
     The box is a point mass at the centre of its markers, or of the hands if it has none, carried from lift-off to release.
-    Positions with the box are NaN while it is held and neither box nor hands are seen.
+    Positions with the box are NaN while the box is held and neither box nor hands are seen.
 
     Parameters
     ----------
     recording : MarkerRecording
-        Filtered.
+        Filtered recording.
     points : TrunkPoints
         Ends of the segments.
     table : SegmentTable
-        Their parameters.
+        Parameters of the segments.
     masses_kg : tuple of float
         Mass of the body and of the box.
     share : {"by_mass", "whole"}
-        Each centre of mass carries a part in proportion to the segments' masses, so that trunk and box together keep their mass;
-        or each pendulum carries the whole box.
+        ``by_mass`` shares the box among the centres in proportion to the segments' masses, so that the masses add up to trunk and
+        box; ``whole`` adds the whole box to each centre.
     events : dict of str to Event
         Events of the lift.
     """
@@ -276,9 +276,9 @@ def centres_of_mass(
 
 
 def head_centre(recording: MarkerRecording, points: TrunkPoints) -> np.ndarray:
-    """Return the centre of head and neck, shape (n, 3) in metres: of the head's markers, else on the line of the trunk.
+    """Return the centre of head and neck, shape (n, 3) in metres: mean of the head's markers, else a point on the trunk's line.
 
-    Markers that are hidden while C7/T1 is seen do not count.
+    Head markers that are hidden while C7/T1 is seen are not used.
     """
     if "HEAD_CENTRE" in recording:
         visible = np.isfinite(points["C7T1"])
@@ -290,7 +290,7 @@ def head_centre(recording: MarkerRecording, points: TrunkPoints) -> np.ndarray:
 def limb_parts(
     points: Mapping[str, np.ndarray], side: str, whole: str
 ) -> Iterator[tuple[LimbSegment, np.ndarray, np.ndarray]]:
-    """Yield the segments of an arm or a leg with their ends; one piece without its joint.
+    """Yield the segments of an arm or a leg with their ends; the straight limb if elbow or knee is missing.
 
     Parameters
     ----------
@@ -309,7 +309,7 @@ def limb_parts(
 def whole_body_centre(recording: MarkerRecording, points: TrunkPoints, table: SegmentTable) -> np.ndarray:
     """Return the centre of mass of the whole body without the box, shape (n, 3) in metres.
 
-    The trunk is that of the segment table; head and limbs have Winter's shares between the joints of `limb_joints`.
+    Trunk segments have the parameters of `table`; head and limbs have Winter's shares between the joints of `limb_joints`.
 
     Parameters
     ----------
@@ -323,7 +323,7 @@ def whole_body_centre(recording: MarkerRecording, points: TrunkPoints, table: Se
     Raises
     ------
     InputError
-        For markers or segments that the recording does not have.
+        If the recording lacks markers or segments.
     """
     names = {f"{side}_{name}" for side in "LR" for name in ("SHOULDER", "WRIST", "ANKLE")}
     lacking = sorted(name for name in names if name not in recording)

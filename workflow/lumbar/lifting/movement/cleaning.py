@@ -1,10 +1,10 @@
-"""Cleaning of marker recordings: short gaps filled, isolated frames left out, low-pass filter; and derivatives.
+"""Cleaning of marker recordings (filling of short gaps, removal of isolated frames, low-pass filter) and derivatives.
 
 A gap is an interval in which a marker is not seen. Short gaps between seen frames are bridged by a cubic spline through the
 frames next to them. Nothing is extrapolated: a gap at the start or end of a recording stays.
 
 The filter is a Butterworth low-pass, forward and backward. Two passes of a filter of order n keep the phase but attenuate twice,
-so each pass has a higher cut-off than the two together: Winter, *Biomechanics and Motor Control of Human Movement*, 4th ed.,
+so each pass needs a higher cut-off than the pair: Winter, *Biomechanics and Motor Control of Human Movement*, 4th ed.,
 section 3.4.4.2.
 """
 
@@ -27,12 +27,12 @@ FILLED, TOO_LONG, AT_START, AT_END, ALONE, ISLAND = (
     "seen too briefly to be filtered: left out",
 )
 MIN_NEIGHBOURS = 2
-"""Seen frames needed on each side of a gap: position and direction there."""
+"""Seen frames needed on each side of a gap, for position and direction at its edges."""
 PASSES = 2
 EXTENSION_PERIODS = 3
 """Periods of the cut-off after which the continuation of an interval affects a second-order filter by only about 1e-7."""
 OVERSHOOT_MARGIN = 1.5
-"""Factor on the extension for the larger overshoot of other orders."""
+"""Factor by which the extension is longer at orders other than 2, which overshoot more."""
 
 
 @dataclass(frozen=True)
@@ -46,11 +46,11 @@ class Gap:
     start_s: float
     """Time of the first missing frame, on the recording's clock."""
     length_s: float
-    """Missing frames divided by the rate."""
+    """Length of the gap: missing frames divided by the rate."""
     outcome: str
-    """``"filled"``, or the reason why it was not; for frames that were seen, the reason why they were left out."""
+    """``"filled"``, or the reason why the gap was not filled, or why seen frames were left out."""
     method: str = ""
-    """Method of filling; empty if it was not filled."""
+    """Method of filling; empty if the gap was not filled."""
 
     @property
     def filled(self) -> bool:
@@ -63,17 +63,17 @@ class CleanRecording:
     """A recording ready for derivatives."""
 
     smooth: MarkerRecording
-    """Filtered; NaN while a gap stays open."""
+    """Filtered recording; NaN while a gap stays open."""
     complete: MarkerRecording
-    """Gaps filled, not filtered."""
+    """Recording with short gaps filled, not filtered."""
     gaps: list[Gap]
-    """Gaps of every marker, then the frames that were seen too briefly."""
+    """Gaps of every marker, then the intervals left out because they are too short."""
 
 
 def clean(recording: MarkerRecording, settings: LiftingSettings) -> CleanRecording:
     """Fill short gaps, leave out intervals that are too short to be filtered, and filter.
 
-    Gaps that stay are not errors here; a recording that is too short for the filter altogether is one.
+    Gaps that stay open are not errors; a whole recording that is too short for the filter is an error.
 
     Parameters
     ----------
@@ -134,19 +134,19 @@ def fill_gaps(recording: MarkerRecording, maximum_s: float = 0.2) -> tuple[Marke
 
 
 def remove_islands(recording: MarkerRecording, shortest: int) -> tuple[MarkerRecording, list[Gap]]:
-    """Leave out intervals between gaps that cannot be filtered, and return them too.
+    """Leave out intervals between gaps that are too short for the filter; return the recording and these intervals.
 
     Parameters
     ----------
     recording : MarkerRecording
         Recording with NaN in the gaps.
     shortest : int
-        Largest number of frames that is left out.
+        Largest length in frames of an interval that is left out.
 
     Raises
     ------
     InputError
-        If the recording itself has no more frames.
+        If the whole recording has no more frames than that.
     """
     if len(recording) <= shortest:
         raise InputError(
@@ -195,12 +195,12 @@ def dual_pass_sections(cutoff_Hz: float, rate: float, order: int = 2) -> np.ndar
 
 
 def frames_of_cutoff(cutoff_Hz: float, rate: float) -> int:
-    """Return the frames of one period of the cut-off: an interval must be longer to be filtered."""
+    """Return the number of frames in one period of the cut-off: an interval must be longer to be filtered."""
     return int(np.ceil(rate / cutoff_Hz))
 
 
 def extension_frames(cutoff_Hz: float, rate: float, order: int = 2) -> int:
-    """Return the frames by which an interval is extended, so that no order leaves a larger transient than order 2.
+    """Return the number of frames by which an interval is extended, so that no order leaves a larger transient than order 2.
 
     The slowest poles of a Butterworth filter decay with ``sin(pi/(2*order))`` times its cut-off, which
     `dual_pass_sections` raises: at order 8 about four times more slowly than at order 2.
@@ -224,13 +224,13 @@ def low_pass(values: np.ndarray, rate: float, cutoff_Hz: float = 6.0, order: int
     """Filter forward and backward, each contiguous interval of finite values separately; a missing value is NaN.
 
     At both ends an interval is continued by its point reflection (odd extension) over three periods of the cut-off (more at
-    orders other than 2: `extension_frames`), or by its whole length, which keeps position and velocity there. Within one period
-    of an end or of a gap the result depends on this assumption.
+    orders other than 2: `extension_frames`), at most over its whole length, which keeps position and velocity there. Within one
+    period of an end or of a gap the result depends on this assumption.
 
     Parameters
     ----------
     values : numpy.ndarray, shape (n_frames,) or (n_frames, k)
-        Values in any unit, NaN if missing; a row with a NaN is missing altogether.
+        Values in any unit, NaN if missing; a row with a NaN counts as missing.
     rate : float
         Frames per second.
     cutoff_Hz : float, default 6.0
@@ -271,7 +271,7 @@ def filter_markers(recording: MarkerRecording, cutoff_Hz: float = 6.0, order: in
     Raises
     ------
     InputError
-        Names every marker with an interval that is too short.
+        If an interval of a marker is too short; the message names every such marker.
     """
     # A cut-off that does not fit the rate is one problem, not one per marker.
     dual_pass_sections(cutoff_Hz, recording.rate, order)
@@ -305,7 +305,7 @@ def derivative(values: np.ndarray, rate: float, order: Literal[1, 2] = 1) -> np.
     Raises
     ------
     InputError
-        If an interval does not have the 3 frames that the formulas need, 4 for the second derivative.
+        If an interval has fewer than 3 frames, or fewer than 4 for the second derivative.
     """
     if order not in (1, 2):
         raise ValueError(f"derivative of order {order}; 1 and 2 are offered")

@@ -1,9 +1,9 @@
 """Detection of the events of a lift: lift-off of the box, first toe-off, start of the deposit, release.
 
-The box is lifted when it rises finally: before, it may slide on its support. The lift ends with the first toe-off. The deposit
-starts at the last instant before the box goes down finally. The thesis (section 4.2.3.1) takes a minimum of the wrists' speed,
-which a setting selects; if a box is swung over a shelf, that minimum is on the way up. Without markers on the box the hands
-replace it. An event that a recording does not hold is a result, with its reason.
+Lift-off is the start of the final rise of the box, which may slide on its support before. The lift ends with the first toe-off.
+The deposit starts at the last instant before the final descent of the box. The thesis (section 4.2.3.1) takes a minimum of the
+wrists' speed, which a setting selects; if a box is swung over a shelf, that minimum is during the rise. Without markers on the
+box the hands replace it. An event that a recording does not show is reported as absent, with the reason.
 """
 
 from __future__ import annotations
@@ -24,15 +24,15 @@ from lumbar.settings.lifting import DeclaredEvents, EventSettings
 
 TOES = ("L_TOE", "R_TOE")
 ONSET_SHARE = 0.1
-"""Share of a final rise or descent after which it has certainly begun."""
+"""Share of a final rise or descent after which the movement has certainly begun."""
 MIN_DESCENT_RATIO, MIN_DESCENT_SHARE = 1.5, 0.5
-"""A descent of less than `descent_m`, but at least this share of it, is a deposit if it is this many times every other."""
+"""Least ratio to every other descent, and least share of `descent_m`, at which a smaller descent is a deposit."""
 MIN_SLIDE_S = 0.1
 """Shortest sliding before the rise that is reported."""
 
 
 class NoEventError(Exception):
-    """An event that the recording does not hold; the text is the reason."""
+    """An event that the recording does not show; the text is the reason."""
 
 
 def find_events(
@@ -40,7 +40,7 @@ def find_events(
     settings: EventSettings,
     declared: DeclaredEvents | Literal["file"] | None = None,
 ) -> dict[str, Event]:
-    """Find the events of a lift; those declared by hand, or marked in the file if it is selected, replace detected ones.
+    """Find the events of a lift; declared events, or marks in the file if selected, replace detected events.
 
     An event that the recording does not have is marked as absent, with its reason.
 
@@ -56,8 +56,8 @@ def find_events(
     Raises
     ------
     InputError
-        If declared events are out of order with the others or outside the recording; if the file's events are selected and
-        it has none, or several of a kind.
+        If declared events are outside the recording or not in the order of `EVENTS`; if the file's events are selected and the
+        file has no such event or several.
     """
     from_file = settings.taken_from == IN_FILE or declared == IN_FILE
     if from_file:
@@ -99,7 +99,7 @@ def find_events(
 
 
 class _EventSearch:
-    """Searches the events one after the other: each between those already known."""
+    """Searches the events one after the other, each between the events already known."""
 
     def __init__(self, recording: MarkerRecording, settings: EventSettings):
         points, self.what = lift_events.locate_load(recording)
@@ -140,14 +140,14 @@ class _EventSearch:
         return replace(event, how="; ".join([*hands, *limits, event.how]))
 
     def add(self, name: str, event: Event) -> None:
-        """Keep a known event: lift-off and release limit the search for the others."""
+        """Store a known event: lift-off and release limit the search for the other events."""
         self.found[name] = event
         if name in ("lift_off", "release") and event.time_s is not None:
             self.has_lift = True
             setattr(self, "begin" if name == "lift_off" else "end", event.time_s)
 
     def _lift_off(self) -> Event:
-        """Return the last instant before the object rises finally; for a box that is only taken down, the first movement."""
+        """Return the last instant before the object's final rise; for a box that is only taken down, its first movement."""
         settings, time, height = self.settings, self.part.time, self.points[:, 2]
         moved = self._first_movement() if self.what == "box" else self._first_hand_rise()
         risen = np.flatnonzero(height[moved:] >= height[moved] + settings.rise_m)
@@ -225,7 +225,7 @@ class _EventSearch:
         return Event(float(time[separation]), DETECTED, how)
 
     def _hands_release(self) -> Event:
-        """Return the end of the last descent of the hands before they part, or of the last great one if they do not part."""
+        """Return the end of the hands' last descent before they part, or of their last great descent if they do not part."""
         if self.found["lift_off"].method == ABSENT:
             self._first_hand_rise()
         time, hands, settings = self.part.time, self.points, self.settings
@@ -264,7 +264,7 @@ class _EventSearch:
         return Event(float(time[stop]), DETECTED, how)
 
     def _grip_ends(self, distance: np.ndarray, closing: bool) -> int | None:
-        """Return the first index with a larger distance than in the grip, or with `closing` also a smaller one; None if never."""
+        """Return the first index with a distance larger than in the grip (with `closing`, also smaller); None if never."""
         after = self.part.time >= self.begin
         grip = distance[after & (self.part.time <= self.begin + self.settings.grip_s)]
         if not np.isfinite(grip).any():
@@ -274,7 +274,7 @@ class _EventSearch:
         return _first_run(is_open, max(1, round(self.settings.box_sustained_s * self.part.rate)))
 
     def _deposit_start(self) -> Event:
-        """Return the last instant before the object goes down finally, or the wrists' last minimum of speed before that."""
+        """Return the last instant before the object's final descent, or the wrists' last minimum of speed before it."""
         what, settings, toe_off = self.what, self.settings, self.found["toe_off"].time_s
         start, release = self.begin if toe_off is None else toe_off, self.end
         searched = np.flatnonzero((self.part.time > start) & (self.part.time <= release))
@@ -305,9 +305,9 @@ class _EventSearch:
         return Event(starts["descent_s"], DETECTED, how, **bounds, **starts)
 
     def _descent_onset(self, time: np.ndarray, height: np.ndarray, climb: np.ndarray) -> int:
-        """Return the index from which the object goes down finally.
+        """Return the index at which the object's final descent begins.
 
-        A deposit is a descent of `descent_m`, or of less if the object hardly goes down otherwise.
+        A deposit is a descent of `descent_m`, or a smaller descent if all others are much smaller.
         """
         least = MIN_DESCENT_SHARE * self.settings.descent_m
         ends = height[lift_events.turning_points(height, least / 2)]
@@ -331,11 +331,11 @@ class _EventSearch:
     def _last_stop(
         self, height: np.ndarray, climb: np.ndarray, fall: float, least: float = 0.0
     ) -> int | None:
-        """Return the index of the last rest in the last rise or stay from which there are `fall` metres to go down.
+        """Return the index of the last rest in the last rise or stay that is at least `fall` metres above the end of the descent.
 
-        Slowing down, or a small rise on the way, does not count: a stay lasts, a rise is a lift by itself. Two speeds separate
-        them, so that noise neither cuts a stay nor makes one. A descent may be too slow to be distinguished from a stay by them:
-        rests with less than `least` metres below them do not count.
+        Slowing down, or a small rise during the descent, does not count: a stay lasts, and a rise is as large as a lift. Two
+        thresholds of speed separate them, so that noise neither splits a stay nor creates one. A descent may be too slow for
+        these thresholds: rests with less than `least` metres below them do not count.
         """
         rests = (climb >= -self.settings.box_rest_m_s) & (height - height[-1] >= least)
         stops = []
@@ -399,7 +399,7 @@ def _last_true(flags: np.ndarray, default: int) -> int:
 
 
 def _sustained(values: np.ndarray, samples: int) -> float:
-    """Return the largest value that is exceeded for this number of samples; 0 if none is."""
+    """Return the largest value that is reached for `samples` samples in a row; 0 if there is none."""
     if len(values) < samples:
         return 0.0
     least = np.lib.stride_tricks.sliding_window_view(values, samples).min(axis=1)

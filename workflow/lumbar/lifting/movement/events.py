@@ -1,4 +1,4 @@
-"""Events of a lift: time and origin of each, the phases between them, the carried object, and marks in the recording's file."""
+"""Events of a lift: their times and origins, the phases between them, the carried object, and marks in the recording's file."""
 
 import re
 from collections.abc import Iterable, Mapping
@@ -14,16 +14,15 @@ from lumbar.records.markers import MarkerRecording
 from lumbar.settings.lifting import EventLabels, EventSettings
 
 EVENTS = ("lift_off", "toe_off", "deposit_start", "release")
-"""In the order in which they happen. Any of them may be absent: a lifter deposits without a step, or not at all."""
+"""Events in the order in which they happen. Any of them may be absent: a lifter deposits without a step, or not at all."""
 NEAREST_S = 5e-4
-"""Differences below this are zero."""
+"""Smallest difference in s that is reported; smaller differences are zero."""
 DETECTED, DECLARED, IN_FILE, ABSENT = "detected", "declared", "file", "absent"
 WRISTS = ("L_WRIST", "R_WRIST")
 GREAT = 0.5
-"""Least share of the greatest swing for another one to be great too. Reaching, swinging arms and small corrections also move
-hands up and down."""
+"""Least ratio of a great swing to the greatest swing. Reaching, swinging arms and small corrections also move the hands."""
 LOWEST = 0.1
-"""Share of a rise within which the object is still at its lowest."""
+"""Largest share of a rise up to which the object counts as still at its lowest."""
 
 
 @dataclass(frozen=True)
@@ -33,23 +32,23 @@ class Event:
     time_s: float | None
     """Time on the recording's clock; None for an event that does not happen or is not known."""
     method: str
-    """{"detected", "declared", "file", "absent"}."""
+    """Origin of the event: {"detected", "declared", "file", "absent"}."""
     how: str
-    """The rule and its numbers, or the reason for an absent event, for the reader."""
+    """Rule of detection with its numbers, or the reason for an absent event, as text."""
     detected_s: float | None = None
     """Detected time of an event that is declared by hand or taken from the file; None if none is detected."""
     earliest_s: float | None = None
-    """Last instant without movement in its direction: no threshold gives an earlier event; None if the rule has no such bound."""
+    """Earliest time that any threshold gives: the end of rest before the movement; None if the rule has no such bound."""
     latest_s: float | None = None
-    """Instant at which a tenth of the movement is done: no threshold gives a later event; None if the rule has no such bound."""
+    """Latest time that any threshold gives: a tenth of the movement is done; None if the rule has no such bound."""
     descent_s: float | None = None
-    """Start of the deposit by the rule ``descent``; None if it has no result, and for other events."""
+    """Start of the deposit by the rule ``descent``; None if the rule has no result, and for other events."""
     thesis_s: float | None = None
-    """Start of the deposit by the thesis's rule ``wrist_minimum``; None if it has no result, and for other events."""
+    """Start of the deposit by the thesis's rule ``wrist_minimum``; None if the rule has no result, and for other events."""
     file_s: float | None = None
-    """Time in the recording's own file; None if the file has no such event, or several."""
+    """Time in the recording's file; None if the file has no such event, or several."""
     file: str = ""
-    """The file's label, or those of several."""
+    """Label of the event in the file, or the labels if there are several."""
 
     def to_dict(self) -> dict:
         """Return plain data for JSON."""
@@ -59,7 +58,7 @@ class Event:
 def phases(time: np.ndarray, events: dict[str, Event]) -> np.ndarray:
     """Return the phase of every sample, shape (n,): before, lift, carry, deposit or after.
 
-    Without a toe-off the lift lasts until the start of the deposit without a carry.
+    Without a toe-off there is no carry: the lift lasts until the start of the deposit.
 
     Parameters
     ----------
@@ -78,7 +77,9 @@ def phases(time: np.ndarray, events: dict[str, Event]) -> np.ndarray:
 
 
 def frames_with_box(time: np.ndarray, events: dict[str, Event]) -> np.ndarray:
-    """Return whether the box is held, shape (n,): from lift-off to release, as far as there are such events.
+    """Return whether the box is held, shape (n,): from lift-off to release.
+
+    One absent event sets no limit; if both are absent, the box is never held.
 
     Parameters
     ----------
@@ -94,7 +95,7 @@ def frames_with_box(time: np.ndarray, events: dict[str, Event]) -> np.ndarray:
 
 
 def most_visible(recording: MarkerRecording, names: Iterable[str]) -> list[str]:
-    """Return those markers that are seen whenever the longest seen one is; none without markers."""
+    """Return the markers that are seen whenever the longest seen marker is; empty without markers."""
     visible = {name: np.isfinite(recording[name]).all(axis=1) for name in names if name in recording}
     if not visible:
         return []
@@ -105,7 +106,7 @@ def most_visible(recording: MarkerRecording, names: Iterable[str]) -> list[str]:
 def mean_of_most_visible(recording: MarkerRecording, names: Iterable[str]) -> np.ndarray | None:
     """Return the mean of the `most_visible` markers, shape (n, 3) in metres; None without markers, NaN while they are not seen.
 
-    A marker that is missing for a while is left out altogether: it would shift the mean when it comes and goes.
+    A marker that is missing in some frames is not used in any: it would shift the mean when it comes and goes.
     """
     best = most_visible(recording, names)
     return np.mean([recording[name] for name in best], axis=0) if best else None
@@ -133,7 +134,7 @@ def speed(points: np.ndarray, rate: float) -> np.ndarray:
 
 
 def turning_points(height: np.ndarray, size: float) -> list[int]:
-    """Return the indices of alternate highest and lowest points; fewer than two if it never moves so far.
+    """Return the indices of alternate highest and lowest points at least `size` apart; empty without such a movement.
 
     Parameters
     ----------
@@ -188,10 +189,10 @@ def greatest_rise(height: np.ndarray) -> float:
 
 
 def several_lifts(recording: MarkerRecording, events: dict[str, Event], settings: EventSettings) -> str:
-    """Return a question with time windows if the object rises so often that it may be several lifts; else nothing.
+    """Return a question with time windows if the object rises often enough for several lifts; else nothing.
 
-    There is a window for each great rise of at least `hands_rise_m`; they meet in the middle of the time for which the object
-    stays lowest between two rises.
+    Each great rise of at least `hands_rise_m` has a window; windows meet in the middle of the time for which the object is at its
+    lowest between two rises.
 
     Parameters
     ----------
@@ -227,7 +228,7 @@ def several_lifts(recording: MarkerRecording, events: dict[str, Event], settings
 
 
 def check_order(recording: MarkerRecording, times: dict[str, float]) -> None:
-    """Raise `InputError` for times that are outside the recording or not in the order of `EVENTS`.
+    """Raise `InputError` if times are outside the recording or not in the order of `EVENTS`.
 
     Parameters
     ----------
@@ -239,7 +240,7 @@ def check_order(recording: MarkerRecording, times: dict[str, float]) -> None:
     Raises
     ------
     InputError
-        Lists every wrong time.
+        If a time is wrong; the message lists every such time.
     """
     problems = Problems(f"{recording.source}: events")
     start, stop = float(recording.time[0]), float(recording.time[-1])
@@ -258,7 +259,7 @@ class SeveralEventsError(Exception):
 
 
 def marks_of(recording: MarkerRecording, labels: EventLabels, name: str) -> list[RecordedEvent]:
-    """Return the events of the file, within the recording, with a label that means this event of a lift."""
+    """Return the events of the file within the recorded time that have a label of one event of a lift."""
     wanted = {re.sub(r"[\W_]+", "", label.lower()) for label in getattr(labels, name)}
     return [mark for mark in _marks_within(recording) if re.sub(r"[\W_]+", "", mark.label.lower()) in wanted]
 
@@ -266,7 +267,7 @@ def marks_of(recording: MarkerRecording, labels: EventLabels, name: str) -> list
 def file_event(
     recording: MarkerRecording, labels: EventLabels, name: str, start: float, stop: float
 ) -> RecordedEvent | None:
-    """Return the event of the file that means one of a lift; None if the file has no such event.
+    """Return the mark in the file for an event of a lift; None if the file has no such mark.
 
     Parameters
     ----------
@@ -275,15 +276,15 @@ def file_event(
     labels : EventLabels
         Labels that mean each event.
     name : str
-        One of `EVENTS`. Among steps (``"toe_off"``) the first between `start` and `stop` is returned; any other event may be
-        there only a single time.
+        One of `EVENTS`. For ``"toe_off"`` the first step between `start` and `stop` is returned; any other event may be marked
+        only a single time.
     start, stop : float
         Start of the lift in s; end of the lift in s.
 
     Raises
     ------
     SeveralEventsError
-        The event is there several times.
+        If the event is marked several times.
     """
     marks = marks_of(recording, labels, name)
     if name == "toe_off":
@@ -297,7 +298,7 @@ def file_event(
 
 
 def require_file_events(recording: MarkerRecording, labels: EventLabels) -> None:
-    """Raise `InputError` if a file has no event of a lift although its events are selected."""
+    """Raise `InputError` if the file's events are selected and the file has no event of a lift."""
     if any(marks_of(recording, labels, name) for name in EVENTS):
         return
     within = _marks_within(recording)
@@ -314,7 +315,7 @@ def require_file_events(recording: MarkerRecording, labels: EventLabels) -> None
 def compare_with_file(
     recording: MarkerRecording, events: Mapping[str, Event], labels: EventLabels
 ) -> list[str]:
-    """Return sentences on how far the file's events are from those detected, and on labels that mean no event of a lift."""
+    """Return sentences on the differences between the file's and the detected events, and on labels without a meaning."""
     lines = []
     for name, event in events.items():
         in_file = f"events of the file: {name} {event.file_s or 0.0:.3f} s ({event.file})"

@@ -1,8 +1,8 @@
-"""Ends of the trunk's segments: joint centres of pelvis and spine by published regressions, or markers on the skin.
+"""Ends of the trunk's segments: joint centres of pelvis and spine by published regressions, or points by markers on the skin.
 
 Axes of the pelvis: right along the line from the left to the right anterior superior iliac spine (ASIS), up normal to the
-plane of both ASIS and the middle of the posterior ones (PSIS), forward across both. Its origin is the middle of the ASIS.
-Regressions that differ between the sexes take the mean of both rows for an unknown sex.
+plane of both ASIS and the middle of the posterior spines (PSIS), forward normal to right and up. The origin is the middle of
+the ASIS. For an unknown sex, regressions take the mean of the coefficients of both sexes.
 
 Sources
 -------
@@ -26,15 +26,15 @@ from lumbar.records.markers import MarkerRecording
 
 _HIPS = {"male": (-0.095, -0.370, 0.361), "female": (-0.139, -0.336, 0.372)}
 _LUMBOSACRAL = {"male": (-0.335, -0.032), "female": (-0.340, 0.049)}
-"""Forward and up of the middle of the ASIS, shares of the pelvis's width; hips also to the right."""
+"""L5/S1 forward and up of the middle of the ASIS, shares of the pelvis's width; `_HIPS` has the right as a third share."""
 _THORACOLUMBAR = {"male": (94.0, 0.52), "female": (92.0, 0.50)}
-"""Angle from the line T12-T8 towards the front, degrees, and share of the thorax's width C7-suprasternale."""
+"""Direction of T12/L1: angle from the line T12-T8 to the front, degrees; distance: share of the thorax's C7-suprasternale."""
 _CERVICAL = {"male": (8.0, 0.55), "female": (14.0, 0.53)}
-"""Angle from the line C7-suprasternale upwards, degrees, and share of its length."""
+"""Direction of C7/T1: angle from the line C7-suprasternale upwards, degrees; distance: share of the line's length."""
 INNER = "inner"
 SIDES = ("L", "R")
 MID_HIP = "MID_HIP"
-"""Middle between the hips: of their joint centres, or of the greater trochanters."""
+"""Name of the middle between the hips: their joint centres, or the greater trochanters."""
 SKIN_MARKERS = {
     "C7T1": ("C7",),
     "T12L1": ("T12",),
@@ -43,7 +43,7 @@ SKIN_MARKERS = {
     "L5S1": ("L5",),
     MID_HIP: ("L_HIP", "R_HIP"),
 }
-"""Markers whose mean is the point on the skin, which the thesis takes."""
+"""Markers of the skin points that the thesis takes: each point is the mean of its markers."""
 SKIN_TO_JOINT_DISTANCE_MM = {
     "C7T1": 75.0,
     "T12L1": 70.0,
@@ -52,12 +52,12 @@ SKIN_TO_JOINT_DISTANCE_MM = {
     "L5S1": 85.0,
     MID_HIP: 20.0,
 }
-"""Approximate distance of the point on the skin from the joint's centre: by the regressions on an adult."""
+"""Approximate distance of a skin point from the joint's centre, by the regressions on an adult."""
 _HIP_YEARS = {"harrington": 2007, "hara": 2016, "reed": 1999}
 _HIP_OFF_MM = {"harrington": 15.0, "hara": 15.0, "reed": 25.0}
 _SPINE_OFF_MM, _WITHOUT_T8_OFF_MM = 20.0, 25.0
 L5_SHARE = 0.2
-"""L4/L5 lies one of the five lumbar vertebrae above L5/S1, on the line to T12/L1."""
+"""Share of the line from L5/S1 to T12/L1 at which L4/L5 is: one of five lumbar vertebrae."""
 _PELVIS_MARKERS = ("L_ASIS", "R_ASIS", "L_PSIS", "R_PSIS", "SACRUM")
 _ANKLES = ("L_ANKLE", "R_ANKLE")
 _PAIRS = (("L_ASIS", "R_ASIS"), ("L_HIP", "R_HIP"), ("L_SHOULDER", "R_SHOULDER"))
@@ -68,15 +68,15 @@ class TrunkPoint:
     """One end of a segment."""
 
     position: np.ndarray
-    """Shape (n, 3): metres."""
+    """Shape (n, 3): trajectory of the point, metres."""
     rule: str
-    """Definition, with its source."""
+    """Definition of the point, with its source."""
     inner: bool
-    """True for a joint's centre, false for a point on the skin."""
+    """True for a joint's centre, False for a point on the skin."""
     off_mm: float
-    """Possible distance from the joint's centre: for hips the published error, otherwise an assumption."""
+    """Possible distance from the joint's centre in mm: for hips the published error, otherwise an assumption."""
     markers: tuple[str, ...]
-    """Markers from which it was computed."""
+    """Markers from which the point was computed."""
 
 
 @dataclass(frozen=True)
@@ -84,13 +84,13 @@ class TrunkPoints:
     """Ends of the trunk's segments."""
 
     points: dict[str, TrunkPoint]
-    """By the names of `SKIN_MARKERS`."""
+    """Points by their names in `SKIN_MARKERS`."""
     missing: dict[str, str]
-    """Points that the recording does not have, with the markers that would give them."""
+    """Points that cannot be computed, with the markers that the recording lacks."""
     right: np.ndarray
     """Shape (n, 3): unit vector to the subject's right."""
     hips: dict[str, np.ndarray]
-    """``L_HIP``, ``R_HIP``, whose middle is `MID_HIP`, shape (n, 3) in metres; empty without it."""
+    """``L_HIP`` and ``R_HIP``, each of shape (n, 3) in metres; empty if `MID_HIP` is missing."""
 
     def __getitem__(self, name: str) -> np.ndarray:
         return self.points[name].position
@@ -99,17 +99,17 @@ class TrunkPoints:
         return name in self.points
 
     def markers(self, names: Iterable[str]) -> list[str]:
-        """Return the markers that the named points are computed from."""
+        """Return the markers from which the named points are computed."""
         used = (self.points[name].markers for name in names if name in self)
         return list(dict.fromkeys(marker for markers in used for marker in markers))
 
     def list_skin_rules(self, names: Iterable[str]) -> list[str]:
-        """Return the rules of those of the named points that are not joint centres."""
+        """Return the rules of the named points that are not joint centres."""
         return [self.points[name].rule for name in names if name in self and not self.points[name].inner]
 
 
 class _MissingMarkersError(Exception):
-    """Markers, or ends above, that a rule needs and the recording does not have; the text names them."""
+    """A rule needs markers, or points above, that the recording lacks; the text names them."""
 
     def __init__(self, text: str, markers: Iterable[str] = ()):
         super().__init__(text)
@@ -119,19 +119,19 @@ class _MissingMarkersError(Exception):
 def trunk_points(recording: MarkerRecording, ends: str, hips: str, sex: str) -> TrunkPoints:
     """Find the ends of the trunk's segments.
 
-    If a joint's centre cannot be estimated, the marker on the skin replaces it, and its rule reports this and the possible error.
-    Joint centres of the file are used unchanged.
+    If a joint's centre cannot be estimated, the point on the skin replaces it, and its rule states this and the possible error.
+    Joint centres in the file are used unchanged.
 
     Parameters
     ----------
     recording : MarkerRecording
-        Filtered.
+        Filtered recording.
     ends : {"inner", "skin"}
-        Joint centres, or the thesis's markers.
+        Joint centres, or the thesis's points on the skin.
     hips : {"harrington", "hara", "reed"}
         Rule for the hips.
     sex : str
-        As in the subject's file.
+        Sex in the subject's file.
     """
     inner = _InnerPoints(recording, hips, sex)
     points: dict[str, TrunkPoint] = {}
@@ -181,10 +181,10 @@ def trunk_points(recording: MarkerRecording, ends: str, hips: str, sex: str) -> 
 
 
 def limb_joints(recording: MarkerRecording) -> dict[str, np.ndarray]:
-    """Return elbows, wrists, knees and ankles of both sides, shape (n, 3) in metres, as far as the recording has them.
+    """Return the elbows, wrists, knees and ankles that the recording has, each of shape (n, 3) in metres.
 
-    A joint is the middle of its lateral and medial marker, if the second is seen whenever the first is and no alias has already
-    computed the joint from several markers; otherwise it is its marker.
+    A joint is the middle of its lateral and medial marker if the medial marker is seen whenever the lateral is and no alias has
+    computed the joint from several markers already; otherwise the joint is its marker.
     """
     names = (f"{side}_{joint}" for side in SIDES for joint in ("ELBOW", "WRIST", "KNEE", "ANKLE"))
     joints = {name: recording[name] for name in names if name in recording}
@@ -203,20 +203,20 @@ def _require(recording: MarkerRecording, markers: Iterable[str]) -> None:
 
 @dataclass(frozen=True)
 class Pelvis:
-    """Size and axes, which are unit vectors, of the pelvis; arrays of shape (n, 3)."""
+    """Size and axes of the pelvis; the axes are unit vectors of shape (n, 3)."""
 
     origin: np.ndarray
-    """Middle of the ASIS, metres."""
+    """Shape (n, 3): middle of the ASIS, metres."""
     forward: np.ndarray
     up: np.ndarray
     right: np.ndarray
     width: float
     """Distance between the ASIS, median over time, metres."""
     depth: float
-    """Distance of their middle from that of the PSIS, median over time, metres."""
+    """Distance between the middle of the ASIS and the middle of the PSIS, median over time, metres."""
     markers: tuple[str, ...]
     filled: str
-    """Text on frames that were filled; empty without any."""
+    """Text on frames that were filled; empty if there are none."""
 
     def point(self, forward: float, up: float, right: float = 0.0) -> np.ndarray:
         """Return the trajectory, shape (n, 3) in m, of a point of the pelvis.
@@ -232,13 +232,13 @@ class Pelvis:
 
 
 class _InnerPoints:
-    """Joint centres of one recording; a rule raises `_MissingMarkersError` if its markers are missing."""
+    """Joint centres of one recording; their rules raise `_MissingMarkersError` if markers are missing."""
 
     def __init__(self, recording: MarkerRecording, hips: str, sex: str):
         self.recording, self.hips, self.sex = recording, hips, sex
 
     def locate(self, name: str, above: Mapping[str, TrunkPoint]) -> TrunkPoint:
-        """Return a point by its name in `SKIN_MARKERS`; those above it on the spine are given."""
+        """Return a point by its name in `SKIN_MARKERS`, given the points above it on the spine."""
         rules = {
             "C7T1": self._cervical,
             "T12L1": self._thoracolumbar,
@@ -262,7 +262,7 @@ class _InnerPoints:
 
     @cached_property
     def pelvis(self) -> Pelvis:
-        """The pelvis; the sacrum's marker may replace both PSIS."""
+        """Size and axes of the pelvis; the sacrum's marker may replace both PSIS."""
         recording = self.recording
         psis = ("L_PSIS", "R_PSIS")
         if not all(name in recording for name in psis) and "SACRUM" in recording:
@@ -289,7 +289,7 @@ class _InnerPoints:
 
     @cached_property
     def hip(self) -> tuple[float, ...]:
-        """The right hip's centre forward, up and right along the axes of the pelvis, metres."""
+        """Coordinates of the right hip's centre along the axes of the pelvis, metres: forward, up, right."""
         pelvis = self.pelvis
         if self.hips == "harrington":
             # Those of the published equations that need no length of the leg.
@@ -361,13 +361,13 @@ class _InnerPoints:
 
 
 def unit(vectors: np.ndarray) -> np.ndarray:
-    """Return the vectors divided by their lengths, shape (n, 3); NaN for a vector without length."""
+    """Return the vectors divided by their lengths, shape (n, 3); NaN for a zero vector."""
     length = np.linalg.norm(vectors, axis=-1, keepdims=True)
     return vectors / np.where(length > 0, length, np.nan)
 
 
 def typical_distance(start: np.ndarray, end: np.ndarray) -> float:
-    """Return the median over time of the distance of two trajectories in m: a size of the body.
+    """Return the median over time of the distance between two trajectories in m, as a size of the body.
 
     Parameters
     ----------
@@ -380,6 +380,6 @@ def typical_distance(start: np.ndarray, end: np.ndarray) -> float:
 
 
 def _rotate(start: np.ndarray, towards: np.ndarray, angle_deg: float) -> np.ndarray:
-    """Return unit vectors, shape (n, 3), rotated by an angle towards others at right angles."""
+    """Return unit vectors, shape (n, 3), rotated by an angle towards unit vectors at right angles to them."""
     angle = np.deg2rad(angle_deg)
     return np.cos(angle) * start + np.sin(angle) * towards

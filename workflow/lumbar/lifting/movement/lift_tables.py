@@ -1,4 +1,4 @@
-"""Results of an analysed lift as tables and facts: its body, centres of mass, pendulums, gaps and motion.
+"""Results of an analysed lift as tables and facts: body, centres of mass, pendulums, gaps and motion.
 
 Points of the body (joints, feet, hands, load and centres of mass) move over the whole recording, in the axes of the planes.
 """
@@ -32,7 +32,7 @@ LIMBS = tuple(
 TRUNK = ("C7T1", "T12L1", "L4L5", "L5S1", MID_HIP)
 WHOLE_BODY, HEAD, LOAD = "WHOLE_BODY", "HEAD", "LOAD"
 DECIMALS = 7
-"""Decimals of metres in the file: second differences of the rounding are below 0.01 m/s² at 200 frames per second."""
+"""Decimals of lengths in m in the file: rounding changes accelerations by less than 0.01 m/s² at 200 frames per second."""
 CENTRES_COLUMNS = (
     *("com", "time_s", "phase", "x_m", "y_m", "z_m", "x_with_box_m", "y_with_box_m", "z_with_box_m"),
     *("pivot_x_m", "pivot_y_m", "pivot_z_m"),
@@ -49,7 +49,7 @@ STATES_COLUMNS = ("com", "plane", *_STATES.values())
 
 
 def body_frame(lift: AnalysedLift) -> tuple[pd.DataFrame, dict[str, str]]:
-    """Return the trajectories of the body's points over the whole recording, and the missing ones, each with its reason.
+    """Return the trajectories of the body's points over the whole recording, and the missing points with their reasons.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ def body_frame(lift: AnalysedLift) -> tuple[pd.DataFrame, dict[str, str]]:
         joints and markers of `LIMBS`, hips, joint centres of `TRUNK`, the centres of mass of its segments (``THORAX_COM`` …), of
         ``HEAD`` and ``WHOLE_BODY`` without the load, and the ``LOAD`` in the hands.
     missing : dict of str to str
-        Points that the recording does not have.
+        Reason by missing point.
     """
     import pandas as pd
 
@@ -140,7 +140,7 @@ def states_frame(pendulums: dict[tuple[str, str], PendulumStates]) -> pd.DataFra
 
 
 def _stack(columns: Sequence[str], parts: Sequence[tuple]) -> pd.DataFrame:
-    """Return one table below the other; an empty one with these columns without parts."""
+    """Return the parts as one table; an empty table with these columns if there are no parts."""
     import pandas as pd
 
     frames = [pd.DataFrame(dict(zip(columns, part, strict=True))) for part in parts]
@@ -157,7 +157,7 @@ def gaps_frame(lift: AnalysedLift) -> pd.DataFrame:
 
 
 def motion_frame(lift: AnalysedLift) -> pd.DataFrame:
-    """Return the heights and speeds that the events are detected from, as far as the recording has them."""
+    """Return the heights and speeds from which events are detected, as far as the recording has them."""
     import pandas as pd
 
     recording = lift.recording
@@ -248,7 +248,7 @@ def summary(
 def assumptions(
     lift: AnalysedLift, subject: SubjectSettings, trial: TrialSettings, settings: LiftingSettings
 ) -> list[str]:
-    """Return sentences on inputs of the result that were not measured."""
+    """Return sentences on inputs that were assumed, not measured."""
     values = {**vars(subject), **vars(trial)}
     lines = []
     for key in subject.assumed:

@@ -1,8 +1,8 @@
-"""From a centre of mass to the states of a planar pendulum (thesis, section 4.2.3.1 and Eq. 4.1), and the choices for it.
+"""States of a planar pendulum from a centre of mass (thesis, section 4.2.3.1 and Eq. 4.1), and the choices behind them.
 
 The angle is zero if the centre of mass is straight above the pivot and grows to the right (lateral
 bending, xz plane) or forward (flexion/extension, yz plane): θ = atan2(r, z) with r the horizontal coordinate
-relative to the pivot. Its rate is θ̇ = (ṙ z − r ż)/L² with L² = r² + z², never the derivative of an
+relative to the pivot. The angular velocity is θ̇ = (ṙ z − r ż)/L² with L² = r² + z², never the derivative of an
 interpolated angle.
 """
 
@@ -23,11 +23,11 @@ class PendulumChoice:
     """Choices that lead from the markers to the pendulums of a deposit."""
 
     pivot: str
-    """Point about which the pendulum turns: one of `PIVOTS`."""
+    """Point about which the pendulum rotates: one of `PIVOTS`."""
     segment_ends: str
-    """``inner`` if the trunk's segments end inside the body, ``skin`` if at the markers."""
+    """Ends of the trunk's segments: ``inner`` for joint centres, ``skin`` for markers."""
     deposit_start: str
-    """``descent`` of the box, or ``wrist_minimum``."""
+    """Rule for the start of the deposit: ``descent`` of the box, or ``wrist_minimum``."""
 
     @classmethod
     def from_settings(cls, settings: LiftingSettings) -> Self:
@@ -38,14 +38,14 @@ class PendulumChoice:
 CHOICES = tuple(field.name for field in fields(PendulumChoice))
 """Names of the attributes of `PendulumChoice`."""
 THESIS_CHOICE = PendulumChoice("mid_ankle", "skin", "wrist_minimum")
-"""Choice of the thesis. Only Figure 4.1 shows its pivot, a pendulum over the feet; its segments are between markers, and its
-deposit starts at the least speed of the wrists (section 4.2.3.1)."""
+"""Choice of the thesis: pivot at the feet (shown only in Figure 4.1), segments between markers, and a deposit that starts at the
+least speed of the wrists (section 4.2.3.1)."""
 PLANES = {"lateral_bending": 0, "flexion_extension": 1}
 """Horizontal axis of each plane: x (to the right) or y (forward)."""
 PIVOTS = {"mid_ankle": ("L_ANKLE", "R_ANKLE"), "hip": (MID_HIP,), "L5": ("L5S1",)}
-"""Markers, or ends of the trunk's segments, whose mean is the pivot; it moves with them."""
+"""Pivots by name: each moves with the mean of these markers or ends of the trunk's segments."""
 MIN_LENGTH_M = 0.01
-"""A centre of mass nearer to its pivot has no useful angle."""
+"""Least distance of a centre of mass from its pivot for a useful angle."""
 
 
 class MissingSamplesError(InputError):
@@ -54,9 +54,9 @@ class MissingSamplesError(InputError):
     Parameters
     ----------
     text : str
-        The message.
+        Message of the error.
     frames : numpy.ndarray of int
-        Frames without it.
+        Frames without the centre of mass.
     """
 
     def __init__(self, text: str, frames: np.ndarray):
@@ -69,17 +69,17 @@ class PendulumStates:
     """States of one pendulum during the deposit; every array has shape (points,)."""
 
     time: np.ndarray
-    """Seconds on the recording's clock."""
+    """Time on the recording's clock, seconds."""
     angle: np.ndarray
-    """Radians from straight up, unwrapped."""
+    """Angle from straight up, radians, unwrapped."""
     angular_velocity: np.ndarray
-    """rad/s."""
+    """Angular velocity, rad/s."""
     angular_acceleration: np.ndarray
-    """rad/s²."""
+    """Angular acceleration, rad/s²."""
     length: np.ndarray
-    """Distance from the pivot in the plane, metres."""
+    """Distance of the centre of mass from the pivot in the plane, metres."""
     length_rate: np.ndarray
-    """m/s."""
+    """Rate of change of `length`, m/s."""
 
 
 def pivot_trajectory(recording: MarkerRecording, points: TrunkPoints, pivot: str) -> np.ndarray:
@@ -97,7 +97,7 @@ def pivot_trajectory(recording: MarkerRecording, points: TrunkPoints, pivot: str
     Raises
     ------
     InputError
-        For a marker that the recording lacks.
+        If the recording lacks a marker.
     """
 
     def is_known(name: str) -> bool:
@@ -129,7 +129,7 @@ def heading(recording: MarkerRecording, time: float) -> float:
     Raises
     ------
     InputError
-        If a hip is not seen then.
+        If a hip is not seen at this time.
     """
     at = int(np.abs(recording.time - time).argmin())
     part = "ASIS" if "L_ASIS" in recording and "L_HIP" not in recording else "HIP"
@@ -152,24 +152,24 @@ def pendulum_states(
     Parameters
     ----------
     time : numpy.ndarray, shape (n,)
-        Seconds.
+        Time in s.
     relative : numpy.ndarray, shape (n, 3)
-        Centre of mass relative to the pivot, metres.
+        Position of the centre of mass relative to the pivot in m.
     start, stop : float
-        Limits of the deposit, seconds.
+        Start of the deposit in s; end of the deposit in s.
     points : int
-        Instants of the grid.
+        Number of instants of the grid.
     what : str
-        File and centre of mass, for messages.
+        File and name of the centre of mass, for messages.
 
     Raises
     ------
     MissingSamplesError
-        Samples missing within the deposit.
+        If samples are missing within the deposit.
     InputError
-        Fewer than 4 of them.
+        If the deposit has fewer than 4 samples.
     NumericalError
-        The centre of mass passes the pivot too closely for an angle.
+        If the centre of mass comes closer to the pivot than `MIN_LENGTH_M`.
     """
     from scipy.interpolate import CubicSpline
 

@@ -1,4 +1,4 @@
-"""Labels of usual marker sets, and the body that they show: its axes, left and right, front and back, size against stature.
+"""Labels of common marker sets, and checks of the body that they show: axes, left and right, front and back, size and stature.
 
 `points` are positions in metres by label, shape (n_frames, 3), NaN if not seen; `named` is landmark by label.
 """
@@ -19,7 +19,7 @@ from lumbar.settings.layout import Axis, MarkerLayout
 _AT = shipped_names(Path(__file__).with_name("thresholds.yaml"), "body")
 
 TRUNK_SHARE = 0.265
-"""Length of the trunk, from the middle of the pelvis's markers to that of the shoulders', as a share of stature."""
+"""Length of the trunk from the mean of the pelvis's markers to the mean of the shoulders' markers, as a share of stature."""
 _TOP = ("SHOULDER", "MANUBRIUM", "C7", "T1")
 _PELVIS = ("ASIS", "PSIS", "SACRUM")
 _FRONT = ("MANUBRIUM", "XIPHOID", "ASIS")
@@ -27,19 +27,19 @@ _BY_LABELS = " by its usual labels, which no alias names"
 _AXES: tuple[tuple[Axis, Axis], ...] = (("-x", "+x"), ("-y", "+y"), ("-z", "+z"))
 _LABELS = shipped_yaml(Path(__file__).with_name("landmarks.yaml"))
 THIGH = ("LHIP", "RHIP")
-"""Labels that some laboratories give to markers on the thigh: not treated as hips without an alias."""
+"""Labels that some laboratories use for markers on the thigh; without an alias they are not treated as hips."""
 _VERTEBRA = re.compile(r"^([TL])V?(\d{1,2})$")
 
 
 def landmarks(labels: Iterable[str], meant: dict[str, str] | None = None) -> dict[str, str]:
-    """Return landmark to label, for the labels with a known meaning.
+    """Return label by landmark, for the labels with a known meaning.
 
     Parameters
     ----------
     labels : iterable of str
-        Without subject prefixes.
+        Labels without subject prefixes.
     meant : dict of str to str, optional
-        Landmark to label, by a laboratory's aliases: they precede the usual meaning.
+        Label by landmark from a laboratory's aliases, which precede the usual meaning.
 
     Examples
     --------
@@ -76,14 +76,14 @@ def landmarks(labels: Iterable[str], meant: dict[str, str] | None = None) -> dic
 
 
 def side_pairs(labels: Iterable[str], named: dict[str, str] | None = None) -> list[tuple[str, str]]:
-    """Return the labels that differ only in their side, left one first.
+    """Return the pairs of labels that differ only in their side, the left label first.
 
     Parameters
     ----------
     labels : iterable of str
         Labels of the file.
     named : dict of str to str, optional
-        Landmark by label, for labels that mean the other side.
+        Landmark by label, for labels with the meaning of the other side.
 
     Examples
     --------
@@ -134,7 +134,7 @@ def _part(landmark: str) -> str:
 
 
 def _centre(points, named, parts: Collection[str]) -> np.ndarray | None:
-    """Return the mean of the visible markers of some landmarks, shape (n_frames, 3), NaN if none is visible."""
+    """Return the mean of the visible markers of some landmarks, shape (n_frames, 3); NaN if no marker is visible."""
     chosen = [points[label] for label, landmark in named.items() if _part(landmark) in parts]
     if not chosen:
         return None
@@ -149,7 +149,7 @@ def _centre(points, named, parts: Collection[str]) -> np.ndarray | None:
 def _trunk(points: dict[str, np.ndarray], named: dict[str, str]) -> tuple[np.ndarray, float] | None:
     """Return unit vectors, shape (n_frames, 3), from the pelvis up to the shoulders, and their median distance in metres.
 
-    The hips replace a pelvis without markers; None if the labels name no marker of one end.
+    The hips replace a pelvis without markers. None if the labels have no marker of one end.
     """
     pelvis, top = _centre(points, named, _PELVIS), _centre(points, named, _TOP)
     if pelvis is None:
@@ -163,9 +163,9 @@ def _trunk(points: dict[str, np.ndarray], named: dict[str, str]) -> tuple[np.nda
 
 
 def asymmetry(points: dict[str, np.ndarray], named: dict[str, str], label: str) -> float:
-    """Return how far the distances of a marker on the trunk from those near it differ from their mirror images, metres.
+    """Return the asymmetry of a trunk marker in metres: differences of its distances to near markers from their mirror images.
 
-    Root mean square of the medians; NaN off the trunk, or if no other pair of markers is comparable.
+    The value is the root mean square of the medians; NaN off the trunk, or if no other pair of markers is comparable.
 
     Parameters
     ----------
@@ -195,18 +195,18 @@ def asymmetry(points: dict[str, np.ndarray], named: dict[str, str], label: str) 
 
 @dataclass(frozen=True)
 class SideExchange:
-    """Two labels, left and right or front and back, that are inverted with respect to the rest of the body."""
+    """Two labels, left and right or front and back, that are exchanged with respect to the rest of the body."""
 
     labels: tuple[str, str]
     evidence: str
-    """Share of frames, for the reader."""
+    """Share of frames that contradict the labels, as text."""
 
 
 def side_exchanges(points: dict[str, np.ndarray], named: dict[str, str]) -> tuple[list[SideExchange], str]:
-    """Return the pairs left/right and front/back that are inverted; or the evidence that the whole body is mirrored, else empty.
+    """Return the exchanged pairs left/right and front/back, and the evidence if the whole body is mirrored, else empty.
 
-    Every pair of a left and a right marker, of a front and a back one and of toe and heel indicates the right side. A pair that
-    most frames of the others contradict is exchanged: first the one after whose exchange fewest are contradicted.
+    Every pair of markers (left and right, front and back, toe and heel) indicates the right side. A pair is exchanged if the
+    others contradict it in most frames; the first exchange is the one that leaves the fewest contradicted pairs.
 
     Parameters
     ----------
@@ -265,7 +265,7 @@ def exchange_labels(
 
 
 def _contradicted(sides: dict, depths: dict) -> dict[tuple[str, str], float]:
-    """Return the pairs that most of the others contradict, with the share of frames; none of fewer than three."""
+    """Return the pairs that most other pairs contradict, with the share of frames; empty for fewer than three pairs."""
     directions = {**sides, **depths}
     if len(directions) < 3:
         return {}
@@ -282,7 +282,7 @@ def _contradicted(sides: dict, depths: dict) -> dict[tuple[str, str], float]:
 
 
 def rightward(points: dict[str, np.ndarray], named: dict[str, str]) -> tuple[dict, dict]:
-    """Return unit vectors to the right by every pair left/right, and by every pair front/back, shape (n_frames, 3) each.
+    """Return unit vectors to the right by every pair left/right and by every pair front/back, each of shape (n_frames, 3).
 
     Parameters
     ----------
@@ -300,7 +300,7 @@ def rightward(points: dict[str, np.ndarray], named: dict[str, str]) -> tuple[dic
         return trunk[0] if trunk is not None and on_trunk else vertical
 
     def keep_clear(vectors: dict) -> dict:
-        """Return those as unit vectors that are long enough to show a direction."""
+        """Return unit vectors of the vectors that are long enough to show a direction."""
         lengths = {pair: np.linalg.norm(vector, axis=1, keepdims=True) for pair, vector in vectors.items()}
         with np.errstate(invalid="ignore", divide="ignore"):
             return {
@@ -335,7 +335,7 @@ def rightward(points: dict[str, np.ndarray], named: dict[str, str]) -> tuple[dic
 
 
 def estimate_stature(points: dict[str, np.ndarray], named: dict[str, str]) -> tuple[float, int]:
-    """Return the stature in metres by the median over the known lengths of the body, NaN without one, and their number.
+    """Return the stature in metres, the median of estimates from known lengths of the body (NaN without any), and their number.
 
     Parameters
     ----------
@@ -361,10 +361,10 @@ def estimate_stature(points: dict[str, np.ndarray], named: dict[str, str]) -> tu
 
 
 def find_body_axes(points: dict[str, np.ndarray], named: dict[str, str]) -> tuple[Axis, Axis] | None:
-    """Return the signed axes up and forward, e.g. ``("+y", "+x")``, in the axes the points are given in.
+    """Return the signed axes up and forward, e.g. ``("+y", "+x")``, in the axes of the points.
 
     Up is from the pelvis to the shoulders, forward is normal to up and to the right. None if the labels name no trunk or no
-    sides, or if the subject lies so that one axis is both.
+    sides, or if both directions are along the same axis.
 
     Parameters
     ----------
@@ -387,9 +387,9 @@ def find_body_axes(points: dict[str, np.ndarray], named: dict[str, str]) -> tupl
 
 
 def read_upright(path: str | os.PathLike, layout: MarkerLayout) -> MarkerRecording:
-    """Read a marker file as `lumbar.records.markers.read_markers` does, and compare its axes with the body by all usual labels.
+    """Read a marker file with `lumbar.records.markers.read_markers`, and check its axes by the body, with all usual labels.
 
-    Axes that no marker shows are among the notes of the recording.
+    The notes of the recording list axes that no marker shows.
 
     Parameters
     ----------
@@ -401,8 +401,7 @@ def read_upright(path: str | os.PathLike, layout: MarkerLayout) -> MarkerRecordi
     Raises
     ------
     InputError
-        As `read_markers`; and if the body stands or faces along another axis than `markers.up` or `markers.forward`, or left
-        and right are exchanged.
+        As in `read_markers`; if `markers.up` or `markers.forward` contradicts the body; if left and right are exchanged.
     """
     # The screen keeps the markers by the file's labels, and omits none.
     measured: dict[str, dict[str, np.ndarray]] = {}
@@ -419,21 +418,21 @@ def read_upright(path: str | os.PathLike, layout: MarkerLayout) -> MarkerRecordi
 def check_unaliased_axes(
     points: dict[str, np.ndarray], recording: MarkerRecording, layout: MarkerLayout
 ) -> list[str]:
-    """Return the declared axes, up and forward, that no marker shows by its usual label without an alias.
+    """Return the declared axes, up and forward, that no marker with a usual label shows, if aliases are ignored.
 
     Parameters
     ----------
     points : dict of str to numpy.ndarray, shape (n_frames, 3)
         Markers by the file's labels in m, rotated by the declared axes.
     recording : MarkerRecording
-        The same markers under standard names.
+        Recording with the same markers under standard names.
     layout : MarkerLayout
         Declared axes.
 
     Raises
     ------
     InputError
-        If the body stands or faces otherwise than declared.
+        If the body contradicts the declared axes.
     """
     if not layout.check_axes or not uncheckable_axes(recording.positions):
         return []

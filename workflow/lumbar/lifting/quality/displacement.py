@@ -1,10 +1,10 @@
-"""Frames in which a marker is displaced: on one side of a leap, or off its rigid part.
+"""Frames in which a marker is displaced: on the wrong side of a leap, or away from its place on a rigid part.
 
 A leap does not show which frames are wrong: a marker that drifted away for a second and leaps back is correct in the rest of the
-recording, on both sides. Each distance d to another marker that the leap changes by s is therefore written as x = (d - d before
-the leap) / s: about 0 if the marker is as just before the leap, about 1 if it is as just after it.
+recording, on both sides. Each distance d to another marker that the leap changes by s is therefore scaled to x = (d - d before
+the leap) / s: x is about 0 in the position just before the leap, and about 1 in the position just after it.
 
-Rigid parts (a box, a plate, a pelvis, a thorax) are found from the recording itself, by distances that stay while they move.
+Rigid parts (a box, a plate, a pelvis, a thorax) are detected in the recording by distances that stay constant in motion.
 """
 
 from collections.abc import Callable
@@ -22,7 +22,7 @@ from lumbar.records.sampling import runs
 
 _AT = shipped_names(Path(__file__).with_name("thresholds.yaml"), "displacement")
 MAJORITY = "decided only by most frames"
-"""Evidence for a leap if no symmetry shows the correct side, and the shorter part is not short."""
+"""Evidence if only the number of frames decides: no symmetry shows the correct side, and the shorter part is not short."""
 
 
 @dataclass(frozen=True)
@@ -31,18 +31,18 @@ class Displacement:
 
     frames: slice
     leap: Leap
-    """Leap to the wrong place or back."""
+    """Leap to the wrong place, or back from it."""
     evidence: str
-    """Sizes and distances, for the reader."""
+    """Sizes and distances, as text."""
 
 
 def displacements(
     points: dict[str, np.ndarray], label: str, leaps: dict[str, list[Leap]], legend: Legend
 ) -> tuple[list[Displacement], list[Leap]]:
-    """Return the frames in which a marker is displaced, and the leaps with an unknown correct side.
+    """Return the frames in which a marker is displaced, and the leaps without a known correct side.
 
-    If the distances do not decide, the steps of successive leaps still add up: frames between a leap away and one back are
-    displaced. A gap of more than half a second ends what can be compared.
+    If the distances do not decide, the steps of successive leaps do: frames between a leap away and a leap back are displaced.
+    Nothing is compared across a gap of more than half a second.
 
     Parameters
     ----------
@@ -118,9 +118,9 @@ def _displacement(
     better: int | None,
     rate: float,
 ) -> Displacement | None:
-    """Return the displaced frames of `span` by the distances to other labels that a leap changes most; None if undecided.
+    """Return the displaced frames of `span` by the distances that a leap changes most; None if they do not decide.
 
-    Correct is the side that the body shows as `better` (0 before the leap, 1 after it); without one the side of most frames.
+    `better` is the correct side by the symmetry of the body (0 before the leap, 1 after it); if it is None, most frames decide.
     """
     near = max(_AT.back_frames, round(_AT.beside_s * rate))
     mates = _changed_distances(distance, others, leap)
@@ -170,7 +170,7 @@ def _displacement(
 def _changed_distances(
     distance: Callable[[str], np.ndarray], others: list[str], leap: Leap
 ) -> list[tuple[float, str, float, float]]:
-    """Return noise (share of the change), label, distance before the leap and its change, of clearly changed distances."""
+    """Return for each clearly changed distance: noise (share of the change), label, distance before the leap, and change."""
     mates = []
     for other in others:
         # Median distance of three frames on each side.
@@ -188,7 +188,7 @@ def _changed_distances(
 
 
 def _spread(distance: np.ndarray, leap: Leap) -> float:
-    """Return the standard deviation, by the quartiles, of a distance about its median on each side of a leap."""
+    """Return the standard deviation (estimated by quartiles) of a distance about its medians on both sides of a leap."""
     every = max(1, len(distance) // _AT.enough_frames)
     each = distance[leap.last :: -every], distance[leap.first :: every]
     sides = [side[np.isfinite(side)] for side in each]
@@ -197,7 +197,7 @@ def _spread(distance: np.ndarray, leap: Leap) -> float:
 
 
 def _extend_until_steady(likeness: np.ndarray, count: int, near: int) -> int:
-    """Return the number of frames, at least `count`, until x is as in the following 0.3 s."""
+    """Return the number of frames, at least `count`, after which x stays steady for 0.3 s."""
     following = likeness[count : count + max(2 * _AT.back_frames, near)]
     following = following[np.isfinite(following)]
     if len(following) < 2 * _AT.back_frames:
@@ -207,7 +207,7 @@ def _extend_until_steady(likeness: np.ndarray, count: int, near: int) -> int:
 
 
 def _frames_until(off: np.ndarray, limit: float) -> int:
-    """Return the number of frames, at least one, before the first five known ones in a row that deviate less than a limit."""
+    """Return the number of frames, at least one, before the first five known frames in a row with `off` below a limit."""
     known = np.flatnonzero(np.isfinite(off))
     needed = min(_AT.back_frames, len(known))
     within = (run.start for run in runs(off[known] < limit) if run.stop - run.start >= needed)
@@ -216,7 +216,7 @@ def _frames_until(off: np.ndarray, limit: float) -> int:
 
 
 def _pair_leaps(section: slice, leaps: list[Leap], visible: np.ndarray) -> list[Displacement]:
-    """Return the intervals between a leap away and one back, by the sums of their steps; those with most frames are correct."""
+    """Return the intervals between a leap away and a leap back, by sums of steps; the position with most frames is correct."""
     starts = [section.start, *(leap.first for leap in leaps)]
     stops = [*(leap.last + 1 for leap in leaps), section.stop]
     frames = [slice(*pair) for pair in zip(starts, stops, strict=True)]
@@ -232,9 +232,9 @@ def _pair_leaps(section: slice, leaps: list[Leap], visible: np.ndarray) -> list[
 
 
 def _rigid_parts(points: dict[str, np.ndarray], rate: float) -> dict[str, list[tuple[str, float]]]:
-    """Return by marker those at a distance that is constant while either moves, with its spread in metres; at most `mates`.
+    """Return by marker at most `mates` markers at a distance that is constant while either moves, with its spread in metres.
 
-    Resting markers show nothing: two feet on the ground are not one body.
+    Resting markers are not compared: two feet on the ground are not one rigid body.
     """
     labels = list(points)
     every = max(1, round(_AT.moving_s * rate / 8))
@@ -263,7 +263,7 @@ def _rigid_parts(points: dict[str, np.ndarray], rate: float) -> dict[str, list[t
 def percentiles(values: np.ndarray, shares: tuple[float, ...]) -> np.ndarray:
     """Return percentiles of the finite values of each row, shape (n_shares, n_rows); NaN with fewer than ten of them.
 
-    Sorts a single time: NumPy's percentiles without NaN process the rows one by one.
+    The rows are sorted together, because NumPy's percentiles without NaN process them one by one.
 
     Parameters
     ----------
@@ -280,14 +280,14 @@ def percentiles(values: np.ndarray, shares: tuple[float, ...]) -> np.ndarray:
 
 
 def steadiest_mate(sample: dict[str, np.ndarray], label: str) -> str | None:
-    """Return the marker at the most constant distance from one; None if fewer than three are at a nearly constant distance.
+    """Return the marker with the most constant distance from a marker; None if fewer than three distances are nearly constant.
 
     Parameters
     ----------
     sample : dict of str to numpy.ndarray, shape (n_frames, 3)
         Markers by label in m, at some frames.
     label : str
-        Label of the one marker.
+        Label of the marker.
     """
     labels = list(sample)
     distance = np.linalg.norm(np.stack([sample[other] for other in labels]) - sample[label], axis=2)
@@ -316,10 +316,10 @@ def median_distance(points: dict[str, np.ndarray], one: str, other: str, frames:
 
 
 def find_rigid_violations(points: dict[str, np.ndarray], legend: Legend) -> list[MarkerFinding]:
-    """Find the intervals in which a marker is off the rigid part that it belongs to.
+    """Find the intervals in which a marker is away from its place on a rigid part.
 
-    A marker is part of a rigid one if it has three mates at distances that stay within 8 mm in nine of ten frames in which either
-    moves. It is off if most of these differ from their medians by more than 30 mm and by six times their typical spread.
+    A marker belongs to a rigid part if its distances to three markers stay within 8 mm in nine of ten frames in which either
+    moves. It is displaced if most of these distances differ from their medians by more than 30 mm and six typical spreads.
 
     Parameters
     ----------

@@ -5,8 +5,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 ERROR, LEFT_OUT, PROPOSED, NOTED = "error", "left out", "proposed", "noted"
-"""Consequence of a finding: the trial stops; the interval becomes a gap; an exchange of labels is proposed, and the interval is
-a gap until the labels are exchanged; it is only reported."""
+"""Outcomes of a finding: the trial stops; the interval becomes a gap; an exchange of labels is proposed, and the interval is a
+gap until the labels are exchanged; the finding is only reported."""
 _RELABEL = "label it again in the capture software"
 _RELABEL_OR_REPLACE = f"{_RELABEL}, or name another marker in markers.aliases"
 REMEDIES = {
@@ -20,17 +20,17 @@ REMEDIES = {
         ("held", "missing frames", "restless", "mirrored", "static", "unit", "stature", "jitter"), ""
     ),
 }
-"""By kind of finding: how the frames that it leaves out can be used again; empty if it leaves out none."""
+"""Remedies by kind of finding, to use frames again that it leaves out; empty if it leaves out none."""
 
 
 @dataclass(frozen=True)
 class MarkerFinding:
-    """One finding."""
+    """One finding of the quality checks."""
 
     kind: str
-    """E.g. ``"frozen"``; docs/lifting/quality.md explains each."""
+    """Kind of the finding, e.g. ``"frozen"``; docs/lifting/quality.md explains each."""
     outcome: str
-    """``"error"``, ``"left out"``, ``"proposed"`` or ``"noted"``."""
+    """Outcome: ``"error"``, ``"left out"``, ``"proposed"`` or ``"noted"``."""
     markers: tuple[str, ...]
     """Labels of the file; empty if the whole recording is meant."""
     first_frame: int
@@ -40,17 +40,17 @@ class MarkerFinding:
     start_s: float
     """Time of the first frame on the recording's clock."""
     length_s: float
-    """Frames divided by the rate."""
+    """Length of the interval: number of frames divided by the rate."""
     evidence: str
-    """Measured numbers, for the reader."""
+    """Measured numbers, as text."""
     cause: str = ""
-    """The likely cause, or what to do."""
+    """Likely cause, or remedy."""
     concerns: tuple[str, ...] = ()
-    """Standard names that the markers fill, directly or by a rule."""
+    """Standard names that are computed from the markers, directly or by a rule."""
 
     @property
     def remedy(self) -> str:
-        """Return how its frames can be used again."""
+        """Return the remedy to use its frames again."""
         return REMEDIES[self.kind]
 
     @property
@@ -70,7 +70,7 @@ class Legend:
     """Times of the frames of a recording and meanings of its labels; makes findings."""
 
     time: np.ndarray
-    """Shape (n_frames,): seconds."""
+    """Shape (n_frames,): time, seconds."""
     rate: float
     """Frames per second."""
     named: dict[str, str] = field(default_factory=dict)
@@ -94,7 +94,7 @@ class Legend:
         outcome : {"error", "left out", "proposed", "noted"}
             Consequence of the finding.
         evidence, cause : str
-            Measured numbers, for the reader; the likely cause, or what to do.
+            Measured numbers as text; likely cause or remedy.
         markers : tuple of str, default ()
             Labels of the file; empty if the whole recording is meant.
         frames : slice, optional

@@ -1,4 +1,4 @@
-"""Checks before anything is computed from a marker recording: whether its points can be a moving body."""
+"""Checks of a marker recording before it is used: its points must be able to be a moving body."""
 
 from pathlib import Path
 
@@ -13,7 +13,7 @@ _AT = shipped_names(Path(__file__).with_name("thresholds.yaml"), "gate")
 
 _STATURES_M = (0.6, 2.6)
 _EXTENTS_M = (0.15, 6.0)
-"""Plausible extent of all markers in one frame if no label is known."""
+"""Plausible extent of all markers in one frame, used if no label is known."""
 _FACTORS = (1000.0, 100.0, 10.0, 25.4, 2.54)
 
 
@@ -24,24 +24,24 @@ def examine(
     height_m: float | None = None,
     meant: dict[str, str] | None = None,
 ) -> list[MarkerFinding]:
-    """Find what in a recording cannot be a moving body, by marker and time.
+    """Find the markers and frames of a recording that cannot be a moving body.
 
-    Single trajectories are checked first (outside any laboratory, frozen), then leaps and exchanged labels, then the whole:
-    sides, rigid parts, stature. The findings of one check are hidden from the next. Findings are sorted by their outcome, then
-    by time; a valid recording has none.
+    Single trajectories are checked first (outside any laboratory, frozen), then leaps and exchanged labels, then the whole body
+    (sides, rigid parts, stature). Frames with a finding are masked in later checks. Findings are sorted by outcome, then by
+    time; a valid recording has none.
 
     Parameters
     ----------
     points : dict of str to numpy.ndarray, shape (n_frames, 3)
         Measured markers by the file's labels; metres, z up; NaN if not seen.
     time : numpy.ndarray, shape (n_frames,)
-        Seconds.
+        Time in s.
     rate : float
         Frames per second.
     height_m : float, optional
-        Stature of the subject; without it any from 0.6 to 2.6 m is accepted.
+        Stature of the subject; without it, any stature from 0.6 to 2.6 m is accepted.
     meant : dict of str to str, optional
-        Landmark to label, for labels with another meaning than usual.
+        Label by landmark, for labels with an unusual meaning.
     """
     if not points:
         return []
@@ -71,7 +71,7 @@ def examine(
 def unchecked_properties(
     points: dict[str, np.ndarray], height_m: float | None = None, meant: dict[str, str] | None = None
 ) -> dict[str, str]:
-    """Return the properties that `examine` cannot compare with a body, with the reason.
+    """Return the properties that `examine` cannot check, with the reason.
 
     Parameters
     ----------
@@ -102,7 +102,7 @@ def unchecked_properties(
 
 
 def mask_findings(points: dict[str, np.ndarray], findings: list[MarkerFinding]) -> dict[str, np.ndarray]:
-    """Return the points with NaN in the frames in which a finding leaves a marker out or proposes another label.
+    """Return the points with NaN in frames in which a finding leaves out a marker or proposes another label.
 
     Parameters
     ----------
@@ -122,7 +122,7 @@ def mask_findings(points: dict[str, np.ndarray], findings: list[MarkerFinding]) 
 
 
 def usable_markers(points: dict[str, np.ndarray], findings: list[MarkerFinding]) -> dict[str, np.ndarray]:
-    """Return the markers that are not left out of all frames, without the frames left out; labels are not exchanged.
+    """Return the markers with NaN in frames left out, without markers left out of all frames; labels are not exchanged.
 
     Parameters
     ----------
@@ -242,7 +242,7 @@ def _exchange_findings(
     changing: frozenset[str],
     legend: Legend,
 ) -> list[MarkerFinding]:
-    """Return a finding per interval, with the distances to a third marker, which changes no place, with both labellings."""
+    """Return a finding per interval, with the distances to a third, unchanged marker under both labellings."""
     pair = (exchange.first, exchange.second)
     others = {one: points for one, points in _sampled(straight).items() if one not in changing - {pair[0]}}
     mate = displacement.steadiest_mate(others, exchange.first)
@@ -267,7 +267,7 @@ def _exchange_findings(
 def _displaced(
     points, leaps: dict[str, list[motion.Leap]], spikes: dict[str, list[slice]], legend: Legend
 ) -> list[MarkerFinding]:
-    """Return intervals after leaps that no exchange explains, and spikes; a single finding for a marker with many of them."""
+    """Return findings for spikes and for intervals after unexplained leaps; a single finding for a marker with many of them."""
     findings = []
     most = max(_AT.restless_leaps, _AT.restless_share * len(legend.time))
     for label, positions in points.items():
@@ -304,7 +304,7 @@ def _format_leap(leap: motion.Leap, legend: Legend) -> str:
 
 
 def _jitter(points: dict[str, np.ndarray], legend: Legend) -> list[MarkerFinding]:
-    """Return a finding per marker with noise, or a single one if most have it."""
+    """Return a finding per noisy marker, or a single finding if most markers are noisy."""
     noise_mm = {}
     for label, positions in points.items():
         size = motion.step_sizes(positions)
