@@ -157,11 +157,11 @@ _MAX_EVALUATIONS = 40
 """Largest number of evaluations of the error per search."""
 _STEP = 1e-5
 """Step of a difference, in logarithms."""
-_OFF_BOUND = 1e-3
+_MIN_BOUND_DISTANCE = 1e-3
 """Smallest distance of a start from a bound, as a share of the logarithmic range: a closer search stays at the bound."""
 _AT_BOUND = 1e-3
 """Relative distance from a bound within which a parameter counts as at the bound."""
-_MAX_COMBINATIONS, _MANY_REFINED = 256, 6
+_MAX_COMBINATIONS, _REFINED_STARTS = 256, 6
 """Largest number of combinations of starting values of a base; number of starts that are refined if a base has more."""
 
 
@@ -173,7 +173,7 @@ def fit(structure: Structure, data: FitData, start: np.ndarray) -> Fit:
         if structure.is_linear and not len(start):
             return fit_at(structure, data, start)
         low, high = shape_bounds(structure, data, start)
-        margin = (high / low) ** _OFF_BOUND
+        margin = (high / low) ** _MIN_BOUND_DISTANCE
         method = _search_nonlinear if structure.is_linear else _search_all
         return method(structure, data, np.clip(start, low * margin, high / margin), low, high)
 
@@ -315,7 +315,7 @@ def fit_base(structure: Structure, data: FitData, acting: Sequence[float] = ()) 
 
         low, high = (np.log([grid[end] for grid in grids]) for end in (0, -1))
         points = Sobol(len(grids), rng=0).random(_MAX_COMBINATIONS)
-        starts, refined = list(np.exp(low + (high - low) * points)), _MANY_REFINED
+        starts, refined = list(np.exp(low + (high - low) * points)), _REFINED_STARTS
     fits = []
     for start in starts:
         notify_progress()

@@ -36,7 +36,7 @@ _MIN_RESPONSE_VARIANCE = 2.0
 """Variance of a response in noise variances, below which it is mostly noise."""
 _MAX_ERROR_OVER_FLOOR = 3.0
 """Ratio of an error to the noise floor above which the error is due to the model."""
-_BEGINNING, _TOGETHER = 100, 0.05
+_BEGINNINGS, _MAX_BEGINNING_DISTANCE = 100, 0.05
 """Ratio of a record's samples to those of its beginning; largest distance of beginnings at one place, in total ranges."""
 _MIN_COPY_LENGTH, _COPY_PLACES = 64, 9
 """Number of equal samples in a row that show a copy of another record; number of places that are compared."""
@@ -293,8 +293,8 @@ def resting_position(positions: Sequence[np.ndarray]) -> np.ndarray:
     reach = float(np.linalg.norm(np.ptp(every, axis=1)))
     if np.linalg.norm(every, axis=0).min() <= reach:
         return np.zeros(len(every))
-    begins = np.concatenate([item[:, : 1 + item.shape[1] // _BEGINNING] for item in positions], axis=1)
-    is_common = np.linalg.norm(np.ptp(begins, axis=1)) <= _TOGETHER * reach
+    begins = np.concatenate([item[:, : 1 + item.shape[1] // _BEGINNINGS] for item in positions], axis=1)
+    is_common = np.linalg.norm(np.ptp(begins, axis=1)) <= _MAX_BEGINNING_DISTANCE * reach
     rest = (begins if is_common else positions[0]).mean(axis=1)
     return np.round(rest, max(0, int(np.ceil(5 - np.log10(reach)))))  # to 1e-5 of the range
 

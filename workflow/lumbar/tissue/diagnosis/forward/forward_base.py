@@ -29,7 +29,7 @@ from lumbar.tissue.models.structure import ForwardStructure, Structure
 
 FORWARD_BASES = ("KV-mass", "KB-mass", "KV", "KB", "LE")
 """Bases that are tried if the force is the input."""
-_SIMULATED = 2
+_SIMULATED_BASES = 2
 """Number of bases that are simulated: those that fit best in the inverse problem."""
 _MAX_SEARCH_SAMPLES = 6000
 """Largest number of samples of every record with which effects are searched."""
@@ -37,7 +37,7 @@ Response = Callable[[np.ndarray], np.ndarray]
 """Function that returns the ratio of motion and force at frequencies in Hz."""
 _MIN_STIFFNESS = 1e-6
 """Smallest dynamic stiffness relative to the largest: a free mass would drift away."""
-_RIGID = 10.0
+_RIGIDITY = 10.0
 """Stiffness of a motion that does not follow the force, relative to the ratio of force and motion."""
 _SEGMENTS = 8
 _WEIGHTED_FITS = 3
@@ -161,7 +161,9 @@ def fit_inverse_problem(experiment: Experiment, base: Base) -> tuple[np.ndarray,
         linear = fit.linear
         if not linear.any():  # the motion does not follow the force
             spring = [item.name == "spring_stiffness" for item in base.linear]
-            linear = np.where(spring, _RIGID * np.std(training.motion.position) / np.std(training.force), 0.0)
+            linear = np.where(
+                spring, _RIGIDITY * np.std(training.motion.position) / np.std(training.force), 0.0
+            )
         response = response_of(base, linear, fit.nonlinear)
     return linear, fit.nonlinear
 
@@ -293,7 +295,7 @@ def choose_forward_base(experiment: Experiment, name: str) -> Candidate:
     first = BASES[FORWARD_BASES[0]]
     inverse = to_inverse_problem(experiment, response_of(first, *fit_inverse_problem(experiment, first)))
     ranked = sorted(FORWARD_BASES, key=lambda name: fit_base(BASES[name], inverse).score)
-    fits = [simulate_base(experiment, BASES[name]) for name in ranked[:_SIMULATED]]
+    fits = [simulate_base(experiment, BASES[name]) for name in ranked[:_SIMULATED_BASES]]
     return min(fits, key=lambda item: item.score if np.isfinite(item.score) else np.inf)
 
 

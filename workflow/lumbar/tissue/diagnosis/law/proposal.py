@@ -38,7 +38,7 @@ MARK = "found in these data, not known physics"
 _SIGNS = {1: "positive", -1: "negative", 0: "any"}
 _START_FACTOR = 1.5
 """Factor on the fitted value, up and down, for the starting values of another fit of the law."""
-_MAX_STARTED = 2
+_MAX_STARTED_PARAMETERS = 2
 """Largest number of nonlinear parameters with several starting values each; with more, a fit begins at the fitted values."""
 _BOUND_FACTORS = (0.2, 5.0)
 _MAX_IMITATION_RATIO = 0.5
@@ -240,7 +240,7 @@ def effect_text(proposal: Proposal, name: str = NAME, source_label: str = "") ->
     for item, value in zip((*form.linear, *form.nonlinear), values, strict=True):
         if isinstance(item, NonlinearParameter):
             # Another fit starts around the fitted value.
-            points = 3 if len(form.nonlinear) <= _MAX_STARTED else 1
+            points = 3 if len(form.nonlinear) <= _MAX_STARTED_PARAMETERS else 1
             factor = _START_FACTOR if points > 1 else 1.0
             scaled = value / experiment.training.scale(item.scale)
             fields = (

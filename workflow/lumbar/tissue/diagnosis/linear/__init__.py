@@ -1,1 +1,1 @@
-"""What linear dynamics of higher order explain, how much of an error is nonlinear, and which way round records are."""
+"""Linear dynamics of higher order, the nonlinear share of an error, and detection of exchanged input and output."""

@@ -1,9 +1,8 @@
-"""Detection of exchanged input and output and of an inverted sign, by what no tissue can do.
+"""Detection of exchanged input and output and of an inverted sign, by two properties of every tissue.
 
-Moving a tissue only takes energy over a record, and its force has at least the detail of its motion. So ∮ output d(input) > 0,
-and the input is the smoother channel. If the channels are exchanged, the integral is negative and the output is the smoother
-one; if a sign is inverted, only the integral is negative. A spring takes no energy: there the slope of force over position
-decides.
+A tissue only absorbs energy over a record, and its force has at least the detail of its motion. So ∮ output d(input) > 0, and the
+input is the smoother channel. If the channels are exchanged, the integral is negative and the output is the smoother channel; if
+a sign is inverted, only the integral is negative. A spring absorbs no energy: the slope of force over position then decides.
 """
 
 from itertools import chain, combinations
@@ -19,26 +18,26 @@ from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.signals.spectrum import spectral_edge
 
 _MIN_SIGMAS = 4.0
-"""Standard errors by which an energy must differ from 0."""
+"""Smallest difference of an energy from 0, in standard errors."""
 _MIN_ENERGY = 0.1
-"""Energy, as the correlation of force and speed, that cannot result from a sensor's lag or backlash."""
-_ROUGHER, _SMOOTHER, _MUCH_SMOOTHER = 1.1, 0.95, 0.6
-"""Ratio of the detail of the input to that of the output: above the first the input is rougher, below the second smoother, below
-the third smoother than any spring makes it."""
+"""Smallest energy, as the correlation of force and speed, that cannot result from a sensor's lag or backlash."""
+_MIN_ROUGH, _MAX_SMOOTH, _MAX_ELASTIC = 1.1, 0.95, 0.6
+"""Limits of the ratio of the input's detail to the output's: the input is rougher above the first, smoother below the second, and
+smoother than with any spring below the third."""
 _SIGN_MARGIN = 0.2
-"""Share of the force by which spring, damper and mass must explain its opposite better. The force of a mass falls as the position
-grows, with the correlation −|ẋ|²/(|x||ẍ|)."""
+"""Additional share of the force that spring, damper and mass must explain if its sign is inverted. The force of a mass is smaller
+at larger positions, with the correlation −|ẋ|²/(|x||ẍ|)."""
 _MAX_LAG_CORRELATION = 0.3
 """Correlation of force and position above which negative energy may result from a lag."""
 _MEANS_PER_WINDOW = 32
-"""Number of means in each smoothing window to which a long window is thinned."""
+"""Number of means to which the samples of a long smoothing window are reduced."""
 _BLOCKS = 12
 _MIN_RESTING_SHARE = 0.5
-"""Share of the steps of a zero-order hold that are 0."""
+"""Smallest share of steps of 0 in a zero-order hold."""
 _MIN_COMMAND_JUMP = 0.5
-"""Share of its range by which a designed command jumps from one sample to the next; no position does."""
+"""Smallest jump of a designed command from one sample to the next, as a share of its range; no position jumps so far."""
 _MAX_RESPONSE_JUMP = 0.6
-"""Largest step of the response to such a command, as a share of its range."""
+"""Largest step of the response to a command that jumps, as a share of the response's range."""
 _FORWARD = "improvement: {forward: true}"
 """Line of a study's YAML for records with the force as input."""
 _BAND_POWER = 0.95
@@ -48,8 +47,8 @@ _SAMPLES_PER_CYCLE = 8
 def direction_or_sign(experiment: Experiment, layout: ColumnLayout | None = None) -> Finding | None:
     """Report exchanged input and output or an inverted sign of records of a tissue, if it is significant.
 
-    The finding has the kind ``direction`` or ``sign``; its sentence ends with the lines to put into the study's YAML, in
-    the `layout` that the records were read with, by default that of the project. A pendulum's gravity may have either sign.
+    The finding has the kind ``direction`` or ``sign``; its sentence ends with the lines to put into the study's YAML, in the
+    column `layout` of the records, by default that of the project. A pendulum's gravity may have either sign.
     """
     measures = [
         _measure(record.drop_history(record.motion.position), record.drop_history(record.force))
@@ -70,7 +69,7 @@ def direction_or_sign(experiment: Experiment, layout: ColumnLayout | None = None
         )
     elif (
         swapped > _MIN_ENERGY
-        and roughness > _ROUGHER
+        and roughness > _MIN_ROUGH
         and _standard_errors(measures, "swapped_blocks") > _MIN_SIGMAS
     ):
         reason = (
@@ -96,7 +95,7 @@ def direction_or_sign(experiment: Experiment, layout: ColumnLayout | None = None
 
 
 def inverted_sign_reason(record: Record) -> str:
-    """Return why the force of a record of position and force has an inverted sign, or an empty text."""
+    """Return the reason to assume an inverted sign of the force in a record of position and force, or an empty text."""
     channels = record.channels["input"], record.channels["output"]
     measures = _measure(*(channel.values for channel in channels))
     return _inverted_sign([measures], *(channel.quantity for channel in channels))[0]
@@ -109,8 +108,8 @@ def _inverted_sign(measures: list[dict[str, Any]], position: str, force: str) ->
         for name in ("energy", "roughness", "correlation", "passive_share", "inverted_share")
     )
     is_given = _standard_errors(measures, "blocks") < -_MIN_SIGMAS and energy < -_MIN_ENERGY
-    is_detailed = roughness < _MUCH_SMOOTHER or (roughness < _SMOOTHER and correlation < _MAX_LAG_CORRELATION)
-    if is_given and (is_detailed or (roughness < _ROUGHER and correlation < -_MAX_LAG_CORRELATION)):
+    is_detailed = roughness < _MAX_ELASTIC or (roughness < _MAX_SMOOTH and correlation < _MAX_LAG_CORRELATION)
+    if is_given and (is_detailed or (roughness < _MIN_ROUGH and correlation < -_MAX_LAG_CORRELATION)):
         reason = "over the records the material gives off energy instead of absorbing it"
         return f"{reason} (correlation of {force} and speed {energy:+.2f})", energy
     if correlation < 0 and inverted > passive + _SIGN_MARGIN:
@@ -131,7 +130,7 @@ def _standard_errors(measures: list[dict[str, Any]], name: str) -> float:
 
 
 def _measure(position: np.ndarray, force: np.ndarray) -> dict[str, Any]:
-    """Return dimensionless relations of input and output of one record."""
+    """Return dimensionless measures of the relation of input and output of one record."""
     signals = (position, force)
     jump, response_jump = (float(np.abs(np.diff(signal)).max() / np.ptp(signal)) for signal in signals)
     edges = [spectral_edge(signal - signal.mean(), _BAND_POWER) for signal in signals]
@@ -165,7 +164,7 @@ def _smooth(signal: np.ndarray, window: int) -> np.ndarray:
 
 
 def _detail(signal: np.ndarray, rate: np.ndarray) -> float:
-    """Return the size of the rate of a signal relative to that of the signal."""
+    """Return the size of the rate of a signal relative to the size of the signal."""
     return max(float(np.std(rate)), 1e-300) / max(float(np.std(signal)), 1e-300)
 
 
@@ -199,7 +198,7 @@ def _block_energies(power: np.ndarray) -> np.ndarray:
 
 
 def columns_yaml(**columns: ColumnSettings) -> str:
-    """Return the lines of a study's YAML that define the columns of these roles."""
+    """Return the lines of a study's YAML that define columns by role."""
     lines = ["tissue:", "  layout:", "    columns:"]
     for role, column in columns.items():
         entries = [f"column: {_scalar(column.column)}"]

@@ -1,4 +1,4 @@
-"""The best linear time-invariant model from position to force, and the share of an error that no such model explains.
+"""The best linear time-invariant model from position to force, and the share of an error that no linear model explains.
 
 Two kinds are tried, each with a constant (a sensor's zero), a spring, a dashpot and a mass:
 
@@ -27,31 +27,31 @@ from lumbar.tissue.models.measured_motion import is_held
 from lumbar.tissue.models.motion import JoinedMotions, Motion
 
 ORDERS = (1, 2, 3, 4, 6)
-"""Numbers of poles that are tried, one after the other while the criterion falls."""
+"""Numbers of poles that are tried, in this order while the criterion falls."""
 _RATES_PER_DECADE = 5
-"""Time constants of the Prony series in a decade."""
+"""Number of time constants of the Prony series per decade."""
 _DELAYED_ORDER = 1
-"""Poles of the model that is also tried with a delay; higher orders approximate small delays by themselves."""
+"""Number of poles of the model that is also tried with a delay; higher orders approximate small delays without a delay."""
 _START_DELAYS = (1.0, 4.0, 16.0)
 """Starting delays in samples."""
 _MAX_DELAY = 64.0
 """Largest delay in samples: a few cycles of the fastest motion, at the rate of the search."""
 _EVALUATIONS = 15
 _MAX_ERROR_RATIO = 0.997
-"""Share of the squared error that a higher order may leave if a still higher one is to be tried."""
+"""Largest ratio of the squared error to that of lower orders if a still higher order is to be tried."""
 _MAX_SPRING_FORCE = 10.0
 """Largest force of the spring relative to the measured force, both as standard deviations."""
 _MAX_SEARCH_SAMPLES = 12_000
-"""Samples with which poles are searched; the other parameters are fitted to all samples."""
+"""Largest number of samples with which poles are searched; the other parameters are fitted to all samples."""
 _LINE_WIDTH = 2.0
 """(ΣS)²/ΣS² of one sine through Hann's window."""
 _ROUNDING = 1e-12
 """Share of the force's power below which an error is rounding."""
 _NEIGHBOURHOOD = 9
-"""Neighbouring excited lines over which the response is approximated by a parabola."""
+"""Number of neighbouring excited lines over which the response is approximated by a parabola."""
 _COEFFICIENTS = 3
 _MIN_NOISE_RATIO = 2.0
-"""Power of a residual relative to that of its noise, below which it is not divided."""
+"""Smallest ratio of the power of a residual to that of its noise for a division into linear and nonlinear parts."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,12 +59,12 @@ class LinearDynamics(FreeRun):
     """A fitted linear model."""
 
     kind: str
-    """``prony``, ``rational`` or ``delayed``."""
+    """Kind of model: ``prony``, ``rational`` or ``delayed``."""
     poles: Poles
     held: bool
     """True if the input is a zero-order hold: the model is discrete, without derivatives of the input."""
     linear: np.ndarray
-    """Constant, stiffness, viscosity and mass (those in use), then gains of sections and branches, shape (parameters,)."""
+    """Constant, stiffness, viscosity and mass (if used), then gains of sections and branches, shape (parameters,)."""
     squared_error: float
     """Sum of squared (whitened) errors over the samples of the training record that count."""
     train_rms: float = np.nan
@@ -74,7 +74,7 @@ class LinearDynamics(FreeRun):
 
     @property
     def nonlinear(self) -> np.ndarray:
-        """Searched parameters: those of `Poles.logarithms`."""
+        """Searched parameters: the exponentials of `Poles.logarithms`."""
         return np.exp(self.poles.logarithms)
 
     @property
@@ -88,9 +88,9 @@ class LinearDynamics(FreeRun):
 
 
 def linear_dynamics(experiment: Experiment) -> LinearDynamics:
-    """Fit linear models of rising order to the training record and return the one that its criterion favours.
+    """Fit linear models of increasing order to the training record and return the model with the lowest information criterion.
 
-    The test records have no influence. Long records are fitted at a lower rate; errors are those at the full one.
+    The test records have no influence. Long records are fitted at a lower rate; errors are computed at the full rate.
     """
     data = decimate(experiment.training)
     best = _lowest_criterion(list(_candidates(data)), data)
@@ -104,7 +104,7 @@ def linear_dynamics(experiment: Experiment) -> LinearDynamics:
 
 
 def rational_of_order(data: FitData, order: int) -> LinearDynamics:
-    """Fit an output-error model with this number of free poles and free residues to a record."""
+    """Fit an output-error model with `order` free poles and free residues to a record."""
     without = _solve("rational", data, Poles.from_places(np.zeros(0)), is_held(data.motion))
     return _fit_rational(data, order, without)
 
@@ -112,8 +112,8 @@ def rational_of_order(data: FitData, order: int) -> LinearDynamics:
 def _lowest_criterion(candidates: list[LinearDynamics], data: FitData) -> LinearDynamics:
     """Return the candidate with the lowest information criterion (Schwarz, Ann. Statist. 6 (1978) 461-464).
 
-    The error of a linear model of a nonlinear force is coloured, often a few lines: it has fewer independent values than
-    samples, and determines fewer parameters.
+    The error of a linear model of a nonlinear force is coloured and often consists of a few spectral lines. It then has fewer
+    independent values than samples, and determines fewer parameters.
     """
     # The spring must be of the size of the forces measured. A pole slower than the record and a spring can cancel on a record
     # that begins at 0, however large both are; they do not on one that begins elsewhere.
@@ -162,7 +162,7 @@ def _candidates(data: FitData) -> Iterator[LinearDynamics]:
 
 
 def _fit_all_samples(data: FitData, fit: Callable[[FitData], LinearDynamics]) -> LinearDynamics:
-    """Search poles on the beginning of a long record, and solve for the linear parameters on all of it."""
+    """Search poles with the beginning of a long record, and solve for the linear parameters with the whole record."""
     if data.size <= _MAX_SEARCH_SAMPLES:
         return fit(data)
     start = fit(data.split((data.length - data.size + _MAX_SEARCH_SAMPLES) / data.length)[0])
@@ -170,7 +170,7 @@ def _fit_all_samples(data: FitData, fit: Callable[[FitData], LinearDynamics]) ->
 
 
 def _rate_range(data: FitData) -> tuple[float, float]:
-    """Return the rates (1/s) that a record can show: of its length and of its sampling."""
+    """Return the lowest and highest rate (1/s) that a record can show, from its length and its sampling time."""
     return 1 / data.scale("duration"), 1 / data.motion.sampling_time
 
 
@@ -187,7 +187,7 @@ def _fit_prony(data: FitData, held: bool) -> LinearDynamics:
 
 
 def _fit_rational(data: FitData, order: int, lower: LinearDynamics) -> LinearDynamics:
-    """Refine poles from the last iterations of their relocation, or from those of a lower order and some more."""
+    """Refine poles, starting from the last iterations of relocation, or from poles of a lower order and additional poles."""
     low, high = _rate_range(data)
     more = np.geomspace(low, high, order - lower.order + 2)[1:-1]
     starts = relocate_poles(data, order, low, high, lower.held)[-2:]
@@ -197,7 +197,7 @@ def _fit_rational(data: FitData, order: int, lower: LinearDynamics) -> LinearDyn
 
 
 def _fit_from(data: FitData, held: bool, starts: list[Poles], kind: str = "rational") -> LinearDynamics:
-    """Search poles and delay from the best of some starts, with the linear parameters solved for at each."""
+    """Search poles and delay from the best of some starts; linear parameters are solved for at every point."""
     start = min((_solve(kind, data, poles, held) for poles in starts), key=lambda item: item.squared_error)
     force, first = data.whiten(data.force), start.nonlinear
     # Bounds of the delay, of the coefficients of sections and of the rates.
@@ -237,7 +237,7 @@ def _fit_from(data: FitData, held: bool, starts: list[Poles], kind: str = "ratio
 
 
 def _least_squares(design: np.ndarray, force: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the solution, and a basis that makes the columns orthonormal; directions lost in rounding are left out."""
+    """Return the least-squares solution, and a basis that makes the columns orthonormal, without directions that are rounding."""
     normal = design.T @ design
     size = np.sqrt(np.diag(normal))
     size[size == 0] = 1.0
@@ -267,8 +267,8 @@ def nonlinear_share(experiment: Experiment, fit: Fit | LinearDynamics) -> float 
     Schoukens, System Identification: A Frequency Domain Approach, 2012, chapters 4 and 7: best linear approximation, local
     polynomial method). A nonlinear force also shifts the linear approximation, so the share, from 0 to 1, is a lower bound.
 
-    Return None if no training record repeats, if it excites too few lines to compare neighbours, or if the model leaves
-    hardly more than noise.
+    Return None if no training record repeats, if the record excites too few lines to compare neighbours, or if the error of the
+    model hardly exceeds the noise.
     """
     floor = experiment.floor
     if floor is None:

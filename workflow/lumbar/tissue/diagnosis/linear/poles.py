@@ -15,9 +15,9 @@ from lumbar.tissue.models.state_equation import MOST_STATES
 from lumbar.tissue.models.transfer_function import filtered
 
 _STEP = 1e-5
-"""Relative step of derivatives by poles and delay."""
+"""Relative step of finite differences with respect to poles and delay."""
 _MIN_DISTANCE = 1e-3
-"""Relative distance of two poles of a pair that is assumed at least: below it the difference of their responses is rounding."""
+"""Smallest relative distance of two poles of a pair: at smaller distances the difference of their responses is rounding."""
 _ITERATIONS = 6
 _START_DAMPING = 0.3
 """Damping ratio of the starting pairs of poles."""
@@ -28,7 +28,7 @@ class Poles:
     """Poles of a strictly stable model, in the left half-plane by construction."""
 
     rates: np.ndarray
-    """Rates (1/s) of real poles at −rate, shape (branches,): relaxing (Maxwell) branches of time constant 1/rate."""
+    """Rates (1/s) of relaxing (Maxwell) branches, shape (branches,): real poles at −rate, time constants 1/rate."""
     sections: np.ndarray
     """Pairs of poles, shape (sections, 2): roots of s² + a₁ s + a₀ with a₁ (1/s) and a₀ (1/s²) positive."""
     delay: float = 0.0
@@ -43,7 +43,7 @@ class Poles:
 
     @classmethod
     def from_places(cls, places: np.ndarray) -> Self:
-        """Return poles at these places (1/s), unstable ones reflected."""
+        """Return poles at these places (1/s), with unstable poles reflected into the left half-plane."""
         places = np.asarray(places, dtype=complex)
         size = np.abs(places)
         pairs = places[places.imag > 1e-6 * size]
@@ -56,11 +56,11 @@ class Poles:
 
     @property
     def logarithms(self) -> np.ndarray:
-        """Logarithms of the searched parameters: the delay if there is one, sections, rates."""
+        """Logarithms of the searched parameters: delay if it is not 0, sections, rates."""
         return np.log([*[self.delay] * bool(self.delay), *self.sections.ravel(), *self.rates])
 
     def moved_to(self, vector: np.ndarray) -> Self:
-        """Return poles of the same kind with these `logarithms`."""
+        """Return poles of the same kind with other `logarithms`."""
         values, first = np.exp(vector), int(self.delay > 0)
         paired = first + self.sections.size
         sections = values[first:paired].reshape(-1, 2)
@@ -70,9 +70,9 @@ class Poles:
 def forces(motion: Motion | JoinedMotions, poles: Poles, held: bool) -> np.ndarray:
     """Return the forces of the linear parameters at size 1, all from rest at the first position, shape (samples, parameters).
 
-    The columns belong to a constant, the position and its derivatives, two to each section, one to each branch. If the input is
-    a zero-order hold (`held`), its present and last value replace the derivatives. With a delay the acceleration is left out,
-    because a small delay has nearly the same effect.
+    The columns belong to a constant, the position and its derivatives, the sections (two columns each) and the branches (one
+    column each). If the input is a zero-order hold (`held`), its present and last value replace the derivatives. With a delay
+    there is no column of the acceleration, because a small delay has nearly the same effect.
     """
     if isinstance(motion, JoinedMotions):
         return np.concatenate([forces(part, poles, held) for part in motion.parts])
@@ -145,11 +145,12 @@ def _branch(motion: Motion, rate: complex, held: bool) -> np.ndarray:
 def relocate_poles(data: FitData, order: int, low: float, high: float, held: bool) -> list[Poles]:
     """Find poles of a linear model from its input and output without a start, by relocation (vector fitting).
 
-    Steiglitz and McBride's iteration in partial fractions, which stays well conditioned if all poles are slow compared with the
-    sampling (Gustavsen and Semlyen, IEEE Trans. Power Delivery 14 (1999) 1052-1061; in the time domain Grivet-Talocia, IEEE
-    Trans. Circuits Syst. I 50 (2003) 1444-1456). It starts from pairs spread evenly between `low` and `high` in 1/s.
+    The method is Steiglitz and McBride's iteration in partial fractions, which remains well conditioned if all poles are slow
+    compared with the sampling (Gustavsen and Semlyen, IEEE Trans. Power Delivery 14 (1999) 1052-1061; in the time domain
+    Grivet-Talocia, IEEE Trans. Circuits Syst. I 50 (2003) 1444-1456). It starts from pairs spread evenly between `low` and
+    `high` in 1/s.
 
-    Return `order` poles after each iteration, the last one last; `held` is true if the input is a zero-order hold.
+    Return `order` poles after each iteration, in the order of iterations; `held` is true if the input is a zero-order hold.
     """
     sizes = np.geomspace(low, high, order // 2 + order % 2 + 2)[1:-1]
     pairs = sizes[order % 2 :] * np.exp(1j * (np.pi - np.arccos(_START_DAMPING)))
@@ -207,9 +208,9 @@ _DIRECT = (
 
 
 def linear_base(poles: Poles, held: bool) -> Base | None:
-    """Return a base with the equation of a linear model, whose fit starts at these poles.
+    """Return a base with the equation of a linear model; a fit of the base starts at these poles.
 
-    Return None if the input is a zero-order hold (`held`), with a delay, and for more poles than an equation has states.
+    Return None if the input is a zero-order hold (`held`), with a delay, or with more poles than an equation may have states.
     """
     if held or poles.delay or poles.order > MOST_STATES:
         return None

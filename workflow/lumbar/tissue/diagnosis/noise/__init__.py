@@ -1,1 +1,1 @@
-"""What of a record is noise: its floor, its colour, and what does not repeat."""
+"""Noise of a record: its floor, its colour, and the parts that do not repeat and are not noise."""

@@ -1,7 +1,7 @@
 """The noise floor of a periodic record: the part of the output that no model of its input can explain.
 
-The first period is the transient; the spread of the others about their mean is noise. Drift, softening or a disturbance at
-another frequency, which would raise it many times, are subtracted first (`lumbar.tissue.diagnosis.noise.nonrepeating`).
+The first period is the transient; the spread of the other periods about their mean is noise. Drift, softening and disturbances
+at other frequencies, which would increase the floor many times, are subtracted first (module `nonrepeating`).
 """
 
 from collections.abc import Sequence
@@ -27,32 +27,32 @@ from lumbar.tissue.diagnosis.noise.nonrepeating import (
 from lumbar.tissue.diagnosis.noise.periods import MAX_DIFFERENCE, MIN_PERIODS, find_period, fold_periods
 
 _MIN_BURST_SIGMAS = 6.0
-"""Standard errors of the relation of sizes above which noise of any colour and distribution cannot cause it."""
-_LASTING = 0.25
-"""Share of the way to 1 by which neighbouring large deviations must correlate more than small ones: a sensor's noise that grows
-with the force, and jitter of the clock, do not last."""
+"""Smallest `relation_of_sizes`, in standard errors, that noise of any colour and distribution cannot cause."""
+_MIN_CORRELATION_EXCESS = 0.25
+"""Smallest excess of the correlation of neighbouring large deviations over that of small deviations, as a share of its distance
+from 1: noise of a sensor that grows with the force, and jitter of the clock, do not last."""
 _INTERVALS, _WHITE_LEVEL = 10, 0.001
-"""Intervals of the second halves of two periods; probability that white noise spreads their means as much."""
+"""Number of intervals of the second halves of two periods; level of a test of their means against white noise."""
 _MISSING_END = 0.02
-"""Share of a period that may be missing at the end of a record."""
+"""Largest share of a period that may be missing at the end of a record."""
 _MIN_BURST_PERIODS = 4
-"""Periods whose differences, two by two, are independent of each other at the same phase."""
+"""Smallest number of periods for two differences of two periods that are independent of each other."""
 _QUIET_SHARE = 0.25
-"""Share of the phases in which the noise is measured: those with the smallest spread in other periods."""
+"""Share of the phases in which the noise is measured: phases with the smallest spread in other periods."""
 _AVERAGED_PHASES = 5
-"""Phases over which a spread is averaged."""
+"""Number of phases over which a spread is averaged."""
 _LOUD_RATIO = 2.5
 """Ratio of the variance to that of the noise above which a phase is not quiet."""
 WHITENING_ORDER = 12
 """Highest order of the autoregressive model of the noise."""
 _ORDER_GAIN = 0.998
-"""Share of the highest order's prediction gain that a lower order must reach."""
+"""Smallest share of the highest order's prediction gain that a lower order must reach."""
 _EXACT_INPUT = 1e-4
-"""Deviation of an input, relative to its standard deviation, below which it repeats exactly."""
+"""Deviation of an input between periods, relative to its standard deviation, below which the input repeats exactly."""
 _DIGITS = 1e-9
-"""Share of the response below which a record's digits are rounding."""
+"""Resolution of a record's digits, as a share of the response, below which it is rounding."""
 _MAX_UNNAMED_SHARE = 0.5
-"""Share of the variance of bursts above which a few unnamed changes explain them."""
+"""Largest ratio of the variance of unnamed changes to that of bursts; at larger ratios the changes explain the bursts."""
 _NORMAL_975, _NORMAL_99, _NORMAL_999 = 1.959964, 2.326348, 3.090232
 """Quantiles of the normal distribution."""
 
@@ -62,36 +62,36 @@ class NoiseFloor:
     """Noise of an output: the part that does not repeat with a periodic input and has no structure."""
 
     rms: float
-    """Noise per sample, in the output's unit."""
+    """RMS of the noise per sample, in the output's unit."""
     low: float
-    """Lower end of its 95 % interval (χ²)."""
+    """Lower end of the 95 % interval of `rms` (χ²)."""
     high: float
     structured: tuple[tuple[str, float], ...]
     """Description and RMS of every part that does not repeat and is not noise, the largest first. The
     descriptions begin with ``drift``, ``amplitude change``, ``off-grid line``, ``other change`` or ``bursts``."""
     structured_rms: float
-    """RMS of all these parts together; 0 if none is significant."""
+    """RMS of all parts of `structured` together; 0 if no part is significant."""
     spectrum: tuple[np.ndarray, np.ndarray]
     """Frequency (Hz) and one-sided power spectral density (unit²/Hz) of the noise at the multiples of 1/period."""
     degrees_of_freedom: float
     """Degrees of freedom of `rms`, with the noise's colour taken into account."""
     period: float
-    """Seconds."""
+    """Period in seconds."""
     sampling_time: float
-    """Seconds."""
+    """Sampling time in seconds."""
     periods: int
-    """Periods used, without the transient."""
+    """Number of periods used, without the transient."""
     halves: bool = False
-    """The record has only two periods, of which the second halves count."""
+    """True if the record has only two periods: only their second halves count."""
     exact: bool = False
-    """The periods are equal to the last digit: `rms` is then the resolution of the digits."""
+    """True if the periods are equal to the last digit: `rms` is then the resolution of the digits."""
 
     @cached_property
     def whitening(self) -> np.ndarray:
         """FIR filter that makes the noise white and keeps its variance; ``[1]`` if it is white already.
 
-        Autoregressive, by the Yule–Walker equations, of the lowest order that predicts the noise nearly as well as
-        order `WHITENING_ORDER`, if it predicts the noise better than it would predict white noise by chance.
+        The filter is autoregressive, by the Yule–Walker equations, and of the lowest order that predicts the noise nearly as
+        well as order `WHITENING_ORDER`, if this order predicts the noise better than it would predict white noise by chance.
         """
         samples = round(self.period / self.sampling_time)
         density = self.spectrum[1].copy()
@@ -110,13 +110,13 @@ class NoiseFloor:
 
     @property
     def certain_structure_rms(self) -> float:
-        """`structured_rms`; 0 if all of it is a drift that may be wandering noise (99 %)."""
+        """`structured_rms`; 0 if its only part is a drift that noise of low frequency may cause (99 %)."""
         wandering = self.rms * np.sqrt(_NORMAL_99 * np.sqrt(2 / self.degrees_of_freedom))
         is_drift = all(text.startswith(DRIFT) and rms <= wandering for text, rms in self.structured)
         return 0.0 if is_drift else self.structured_rms
 
     def largest_ratio(self, samples: int) -> float:
-        """Return the largest ratio (99.9 %) of the RMS of this number of samples of the same noise to `rms`."""
+        """Return the largest ratio (99.9 %) of the RMS of `samples` other samples of this noise to `rms`."""
         share = self.degrees_of_freedom / (self.periods * round(self.period / self.sampling_time))
         return float(np.sqrt(1 + _NORMAL_999 * np.sqrt(2 / (share * samples) + 2 / self.degrees_of_freedom)))
 
@@ -150,9 +150,9 @@ class Bursts:
     """Drops, slips and tears: lasting deviations at the same places of every period, which are not noise."""
 
     variance: float
-    """Variance of the noise without them, per sample."""
+    """Variance of the noise without the bursts, per sample."""
     quiet: np.ndarray
-    """Phases without them, shape (samples,)."""
+    """True at phases without bursts, shape (samples,)."""
     rms: float
     """RMS of the bursts over the whole period, without the noise."""
 
@@ -160,7 +160,7 @@ class Bursts:
 def noise_floor(record: Record, period: float | None = None, fewest: int = MIN_PERIODS) -> NoiseFloor | None:
     """Return the noise floor of a periodic record; None if an input does not repeat, or two periods differ by more than noise.
 
-    The period, in seconds, is by default that of the record, else one of which the record has at least `fewest`.
+    `period` is in seconds; default the declared period, else a period that fits at least `fewest` times into the record.
 
     Raises
     ------
@@ -234,7 +234,7 @@ def _rms_interval(variance: float, degrees: float) -> dict[str, float]:
 
 
 def _subtract_input_deviations(deviations: np.ndarray, inputs: np.ndarray) -> np.ndarray:
-    """Subtract the part of the output that a few filters fitted to the deviations of its input explain."""
+    """Subtract the part of the output's deviations that a few filters of the input's deviations explain."""
     cause = inputs - inputs.mean(axis=0)
     if np.std(cause) <= _EXACT_INPUT * np.std(inputs):
         return deviations
@@ -268,7 +268,7 @@ def _describe_structure(
     mean_period: np.ndarray,
     record: Record,
 ) -> tuple[tuple[str, float], ...]:
-    """Return description and RMS of every part, the largest first; periods count from the record's last, as from 2."""
+    """Return description and RMS of every part, the largest first; the first used period is called period 2."""
     unit = record.channels["output"].unit
     described = []
     for part in parts:
@@ -304,9 +304,9 @@ def autocovariance(values: np.ndarray, lags: int) -> np.ndarray:
 
 
 def prediction_error_filter(covariance: np.ndarray) -> tuple[np.ndarray, float]:
-    """Return the Yule–Walker prediction error filter 1, −a₁, …, −aₙ, and the variance over that of the error.
+    """Return the Yule–Walker prediction error filter 1, −a₁, …, −aₙ, and the ratio of the variances of signal and error.
 
-    `covariance` is that of a signal at lags 0 to n samples, shape (n + 1,).
+    `covariance` is the autocovariance of the signal at lags 0 to n samples, shape (n + 1,).
     """
     order = len(covariance) - 1
     if order < 1 or covariance[0] <= 0:
@@ -320,7 +320,7 @@ def prediction_error_filter(covariance: np.ndarray) -> tuple[np.ndarray, float]:
 def _separate_bursts(
     noise: np.ndarray, parts: list[StructuredPart], degrees: float
 ) -> tuple[np.ndarray, list[StructuredPart], float, Bursts | None]:
-    """Look for bursts in the noise and the unnamed changes; if these explain most of the bursts, return no bursts."""
+    """Search bursts in noise and unnamed changes; return no bursts if the unnamed changes explain most of them."""
     unnamed = [part for part in parts if part.kind == OTHER]
     changing = sum((part.values for part in unnamed), np.zeros_like(noise))
     rows = len(noise) - 1
@@ -334,9 +334,9 @@ def _separate_bursts(
 def find_bursts(noise: np.ndarray, degrees: float) -> Bursts | None:
     """Find deviations that the motion causes, and separate them from noise; None if noise explains them.
 
-    Noise has the same size at all phases of a period. If a tissue breaks a little differently every time, at the same phases,
-    the sizes of deviations of two periods are correlated. Their ranks are compared, because spikes and heavy tails occur
-    anywhere. `noise` are the deviations of periods from their mean, shape (periods, samples), with `degrees` of freedom.
+    Noise has the same size at all phases of a period. If a tissue breaks slightly differently in every period, but at the same
+    phases, the sizes of deviations of two periods are correlated. Their ranks are compared, because spikes and heavy tails occur
+    anywhere. `noise` has the deviations of periods from their mean, shape (periods, samples), with `degrees` of freedom.
     """
     if len(noise) < _MIN_BURST_PERIODS or not np.any(noise) or relation_of_sizes(noise) <= _MIN_BURST_SIGMAS:
         return None
@@ -354,7 +354,7 @@ def find_bursts(noise: np.ndarray, degrees: float) -> Bursts | None:
     # Large deviations must last longer than the noise is correlated.
     noise_correlation = _neighbour_correlation(noise, quietest[1:] & quietest[:-1])
     loud_correlation = _neighbour_correlation(noise, ~quiet[1:] & ~quiet[:-1])
-    if loud_correlation <= noise_correlation + _LASTING * (1 - noise_correlation):
+    if loud_correlation <= noise_correlation + _MIN_CORRELATION_EXCESS * (1 - noise_correlation):
         return None
     excess = float(np.mean(noise**2)) / per_row - variance
     return Bursts(variance, quiet, float(np.sqrt(excess))) if excess > 0 else None
@@ -363,8 +363,8 @@ def find_bursts(noise: np.ndarray, degrees: float) -> Bursts | None:
 def relation_of_sizes(noise: np.ndarray) -> float:
     """Return the rank correlation of deviations' sizes at the same phase of different periods, in standard errors.
 
-    Spearman's correlation over all pairs of differences between two periods, shape of `noise` (periods, samples). The standard
-    error allows for sizes that resemble their neighbours (M. S. Bartlett, J. R. Stat. Soc. Suppl. 8 (1946) 27-41).
+    It is Spearman's correlation over all pairs of differences between two periods; `noise` has the shape (periods, samples). The
+    standard error allows for correlation of neighbours (M. S. Bartlett, J. R. Stat. Soc. Suppl. 8 (1946) 27-41).
     """
     count, samples = len(noise) // 2, noise.shape[1]
     ranks = np.empty((count, samples))

@@ -1,9 +1,9 @@
 """Parts of a periodic response that do not repeat and are not noise: drift, a changing amplitude, off-grid lines.
 
-The deviations of m periods of p samples from their mean are a matrix of rank m − 1; rows of noise would be uncorrelated. A
-structured disturbance takes a few of its dimensions: a smooth course over the record (drift), the shapes of response and input
-(a changing amplitude), two for every sinusoid between the multiples of 1/period, else the directions of the largest singular
-values. Each is tested against the level of the noise around it in frequency, so that coloured noise does not count as structure.
+The deviations of m periods of p samples from their mean are a matrix of rank m − 1; rows of noise are uncorrelated. A structured
+disturbance occupies a few dimensions of the matrix: a smooth course over the record (drift), the shapes of response and input (a
+changing amplitude), two dimensions for every sinusoid between the multiples of 1/period, or directions of the largest singular
+values. Each is tested against the noise level at neighbouring frequencies, so that coloured noise does not count as structure.
 """
 
 from dataclasses import dataclass
@@ -11,23 +11,23 @@ from dataclasses import dataclass
 import numpy as np
 
 _MIN_BAND_LINES, _MAX_BAND_LINES = 5, 24
-"""Lines of a band over which a median is taken; a single sinusoid in it does not move the median."""
+"""Smallest and largest number of lines of a band over which a median is taken; one sinusoid in a band does not change it."""
 _MIN_SIGMAS = 4.5
-"""Standard deviations of a part above the noise; a smaller part raises the floor by less than a percent."""
+"""Smallest excess of a part over the noise, in standard deviations; a smaller part raises the floor by less than 1 %."""
 _MIN_REMAINING_SIGMAS = 3.0
-"""Standard deviations by which a part must exceed the noise after others were fitted with it."""
+"""Smallest excess of a part over the noise, in standard deviations, after other parts were fitted with it."""
 _MAX_PARTS = 12
 _SWEEPS = 3
 _NEWTON_STEPS = 3
 _UNNAMED_ADVANTAGE = 1.2
-"""Factor by which an unnamed part must explain more than a named one."""
+"""Factor by which an unnamed part must explain more than a named part."""
 _MIN_CYCLES = 2
-"""Cycles of a sinusoid in the record, below which it looks like a drift."""
+"""Number of cycles of a sinusoid in the record below which it resembles a drift."""
 _MIN_LINE_CYCLES = 1.2
-"""Cycles per period below which wandering noise looks like a sinusoid."""
+"""Number of cycles per period below which noise of low frequency resembles a sinusoid."""
 _MAX_HARMONICS = 60
 _SETTLING_TIMES = (0.5, 1.0, 2.0, 4.0, 8.0)
-"""Periods in which a drift settles; with a straight line they approximate every monotonic course."""
+"""Time constants of drifts in periods; with a straight line, these drifts approximate every monotonic course."""
 _CLIP_SIGMAS = 3.5
 """Standard deviations to which samples are clipped before directions over the periods are searched."""
 _NORMAL_MEDIAN = 0.6745
@@ -44,18 +44,18 @@ class StructuredPart:
     kind: str
     """`DRIFT`, `AMPLITUDE`, `LINE` or `OTHER`."""
     values: np.ndarray
-    """Shape (periods, samples)."""
+    """Contribution to the deviations, shape (periods, samples)."""
     degrees: float
-    """Degrees of freedom."""
+    """Degrees of freedom of the part."""
     frequency: float | None = None
     """Cycles per sample of an off-grid line."""
     harmonics: int = 1
-    """Number of multiples of `frequency`, with itself."""
+    """Number of harmonics of `frequency`, including the fundamental."""
     amplitude: float = 0.0
     """Amplitude of a line: root of the summed squares of its harmonics' amplitudes."""
 
     def rms(self, noise_variance: float) -> float:
-        """Return the RMS without the contribution of the noise."""
+        """Return the RMS of the part without the contribution of the noise."""
         energy = float(np.sum(self.values**2)) - noise_variance * self.degrees
         return float(np.sqrt(max(energy, 0.0) / self.values.size))
 
@@ -65,20 +65,20 @@ def remove_structure(
 ) -> "StructureSearch":
     """Split deviations into noise and structured parts.
 
-    Greedily: the part that explains most of the excess over the noise is added and all parts are fitted again, until
-    nothing significant is left.
+    Greedy search: the part that explains most of the excess over the noise is added and all parts are fitted again, until
+    no significant part is left.
 
     Parameters
     ----------
     deviations : numpy.ndarray, shape (periods, samples)
-        Of the periods from their mean: the columns sum to zero.
+        Deviations of the periods from their mean: the columns sum to zero.
     mean_period, mean_excitation : numpy.ndarray, shape (samples,)
         Mean period of the response and of the input.
 
     Returns
     -------
     StructureSearch
-        With the parts, the noise as ``rest`` and its degrees of freedom: its variance per sample is Σ rest²/degrees.
+        Parts, noise (``rest``) and degrees of freedom of the noise; the noise variance per sample is Σ rest²/degrees.
     """
     search = StructureSearch(deviations, mean_period, mean_excitation)
     for _ in range(_MAX_PARTS):
@@ -90,7 +90,7 @@ def remove_structure(
 
 
 class StructureSearch:
-    """Structured parts of deviations, and the rest."""
+    """Structured parts of deviations, and the rest without these parts."""
 
     def __init__(self, deviations: np.ndarray, mean_period: np.ndarray, mean_excitation: np.ndarray):
         self.deviations = deviations
@@ -163,7 +163,7 @@ class StructureSearch:
         return best
 
     def add(self, part: StructuredPart) -> None:
-        """Add a part, fit all, and remove those that are no longer significant."""
+        """Add a part, fit all parts, and remove parts that are no longer significant."""
         if part.harmonics > 1:
             multiples = part.frequency * np.arange(1, part.harmonics + 1)
             self.parts = [
@@ -195,8 +195,8 @@ class StructureSearch:
     def _level(self) -> np.ndarray:
         """Return the noise level at 0, 1, 2, … cycles per record, from medians between the multiples of 1/period.
 
-        There a drift, a changing amplitude and even a strong sinusoid occupy few bins and do not move the medians. In spectra of
-        single periods a sinusoid would raise the level of its neighbours and hide itself.
+        Between these multiples a drift, a changing amplitude and even a strong sinusoid occupy few bins and do not change the
+        medians. In spectra of single periods a sinusoid would raise the level of its neighbours and hide itself.
         """
         periods = len(self.rest)
         # A drift over few periods leaves little more between the multiples than a straight line in each period.
@@ -207,7 +207,7 @@ class StructureSearch:
         return np.exp(np.interp(bins, between, np.log(level)))
 
     def _whiten(self, rows: np.ndarray, level: np.ndarray) -> np.ndarray:
-        """Return tapered rows (along the last axis) through a filter that makes their noise white, of variance 1."""
+        """Return the rows (along the last axis) tapered and filtered so that their noise is white, with variance 1."""
         transform = np.fft.rfft(rows * self.taper, axis=-1) / np.sqrt(level)
         return np.fft.irfft(transform, rows.shape[-1], axis=-1)
 
@@ -235,7 +235,7 @@ class StructureSearch:
         return candidates
 
     def _fit(self) -> None:
-        """Fit the named parts to the deviations in turns, then the others."""
+        """Fit the named parts to the deviations in turn, then the unnamed parts."""
         courses = [part for part in self.parts if part.kind in (DRIFT, LINE)]
         amplitudes = [part for part in self.parts if part.kind == AMPLITUDE]
         amplitude_sum = np.zeros_like(self.deviations)
@@ -283,19 +283,19 @@ class StructureSearch:
 
 
 def taper(samples: int) -> np.ndarray:
-    """Return half a sine of RMS 1; untapered, the jump from a row's end to its start would cover weak high frequencies."""
+    """Return half a sine of RMS 1; without taper, the jump from a row's end to its start would hide weak high frequencies."""
     return np.sqrt(2) * np.sin(np.pi * (np.arange(samples) + 0.5) / samples)
 
 
 def line_power(rows: np.ndarray, degrees: float) -> np.ndarray:
-    """Return the mean power of rows (periods, samples), with `degrees` of freedom in rows, at 0, 1, … cycles, per sample."""
+    """Return the mean power per sample, at 0, 1, … cycles, of rows (periods, samples) with the freedom of `degrees` rows."""
     return np.sum(np.abs(np.fft.rfft(rows, axis=1)) ** 2, axis=0) / (rows.shape[1] * degrees)
 
 
 def smooth_power(power: np.ndarray, degrees: float, bins_per_line: int = 1) -> np.ndarray:
     """Return the positive level of a noise spectrum, shape (bins,): medians over bands that widen with frequency.
 
-    `power` at 0, 1, 2, … bins is the mean of `degrees` rows, with `bins_per_line` bins per line.
+    `power` is the mean power of `degrees` rows in bins 0, 1, 2, …, with `bins_per_line` bins per line.
     """
     fewest, most = _MIN_BAND_LINES * bins_per_line, _MAX_BAND_LINES * bins_per_line
     centres, levels, start, last = [], [], 1, len(power) - 1
@@ -338,7 +338,7 @@ def _subtract_mean(signals: np.ndarray) -> np.ndarray:
 
 
 def _least_squares(signals: list[np.ndarray], rows: np.ndarray) -> np.ndarray:
-    """Return the coefficients of signals, each shaped like `rows`, that fit these best."""
+    """Return the coefficients of signals, each with the shape of `rows`, that fit `rows` best."""
     columns = np.stack([signal.ravel() for signal in signals])
     scale = np.maximum(np.sqrt(np.sum(columns**2, axis=1)), 1e-300)
     columns /= scale[:, None]
@@ -351,11 +351,11 @@ def _orthonormal(columns: np.ndarray) -> np.ndarray:
 
 
 def _has_direction(whitened: np.ndarray, free_rows: int) -> bool:
-    """Return whether a direction over the periods exceeds the noise.
+    """Return whether the largest eigenvalue of the covariance between periods is larger than noise explains.
 
-    The covariance of d uncorrelated rows of n whitened samples has eigenvalues 1 + g/√n, with g those of a symmetric Gaussian
-    matrix. With an estimated spectrum the largest exceeds the mean of the others by less than (2√d + 8 d^(−1/3))/√n + d/n in
-    99.9 % of simulated cases, d = 2 … 50. Samples that are tapered, or not quite white, count for fewer.
+    The covariance of d uncorrelated rows of n whitened samples has eigenvalues 1 + g/√n; g is an eigenvalue of a symmetric
+    Gaussian matrix. With an estimated spectrum the largest exceeds the mean of the others by less than
+    (2√d + 8 d^(−1/3))/√n + d/n in 99.9 % of simulated cases, d = 2 … 50. Tapering, or a spectrum that is not flat, reduces n.
     """
     if free_rows < 2:
         return False
@@ -368,7 +368,7 @@ def _has_direction(whitened: np.ndarray, free_rows: int) -> bool:
 
 
 def _refine_line(rows: np.ndarray, frequency: float) -> float:
-    """Return the frequency near a peak at which a sinusoid explains most.
+    """Return the frequency near a peak at which a sinusoid explains most of the rows.
 
     Deviations contain only the share 1 − |mean phase over the periods|² of a sinusoid, because its mean period is subtracted.
     """

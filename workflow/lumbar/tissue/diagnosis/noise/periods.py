@@ -1,4 +1,4 @@
-"""The period of an excitation, from a comparison of the input with itself shifted, and records cut into periods."""
+"""Period of an excitation, from a comparison of the input with the shifted input, and division of records into periods."""
 
 from dataclasses import dataclass
 
@@ -8,28 +8,28 @@ from lumbar.base.errors import InputError
 from lumbar.records.record import Record
 
 REPEATS_WITHIN = 0.02
-"""An input repeats if one period differs from another by less than this share of its RMS about the mean."""
+"""Largest difference between periods of an input that repeats, as a share of its RMS about the mean."""
 MAX_DIFFERENCE = 5 * REPEATS_WITHIN
-"""Largest difference of periods cut at a given period: they are cut up to half a sample off."""
+"""Largest difference between periods of given length, because they begin up to half a sample early or late."""
 MIN_FULL_PERIODS = 3
-"""Periods of which the first is the transient: two more are needed to show what does not repeat."""
+"""Smallest number of periods without restriction: the first is the transient, two more show parts that do not repeat."""
 MIN_PERIODS = 2
-"""Smallest number of periods; only their second halves count then, because the first begins with its transient."""
+"""Smallest number of periods; of two periods only the second halves count, because the first begins with a transient."""
 
 _MISSING_END = 0.02
-"""Share of a period by which a record may end early (a sample is often lost at an end)."""
-_ANOTHER_MINIMUM = 3.0
-"""Lags with a mismatch within this factor of the best, in power, repeat equally well: the shortest is the period."""
+"""Largest share of a period by which a record may end early (a sample is often lost at an end)."""
+_MAX_MINIMUM_RATIO = 3.0
+"""Ratio of mismatches, in power, up to which two lags repeat equally well: the shortest of such lags is the period."""
 
 
 @dataclass(frozen=True)
 class Folding:
-    """Positions of the whole periods of a record."""
+    """Samples of the whole periods of a record."""
 
     period: float
-    """Seconds."""
+    """Period in seconds."""
     samples: int
-    """Samples per period."""
+    """Number of samples per period."""
     rows: np.ndarray
     """Indices of the samples of every used period, shape (periods, samples), counted from the record's end to leave out the
     transient."""
@@ -39,7 +39,7 @@ class Folding:
         return values[self.rows]
 
     def difference(self, values: np.ndarray) -> float:
-        """Return the difference of periods from their mean, relative to the RMS; 0 for a channel at rest."""
+        """Return the difference of periods from their mean, relative to the RMS of the values; 0 for a channel at rest."""
         folded = self.fold(values)
         square, variance = np.mean((folded - folded.mean(axis=0)) ** 2), float(np.var(folded))
         return float(np.sqrt(square / variance)) if variance > 0 else 0.0
@@ -48,8 +48,8 @@ class Folding:
 def mismatch(values: np.ndarray, lags: int) -> np.ndarray:
     """Return the mismatch of a signal with itself shifted by 0, 1, …, `lags` samples, shape (lags + 1,).
 
-    Σ(u[n+l] − u[n])² over the overlap, per sample and relative to twice the variance: 0 if the signal repeats, about 1 if the
-    two are unrelated. For noise of variance σ² on a periodic signal it is σ²/variance at the period.
+    The mismatch is Σ(u[n+l] − u[n])² over the overlap, per sample and relative to twice the variance: 0 if the signal repeats,
+    about 1 without any relation. For noise of variance σ² on a periodic signal it is σ²/variance at the period.
     """
     size = len(values)
     centred = values - values.mean()
@@ -68,8 +68,8 @@ def mismatch(values: np.ndarray, lags: int) -> np.ndarray:
 def find_period(record: Record, fewest: int = MIN_FULL_PERIODS) -> float | None:
     """Return the period of the input in seconds, of all axes that move; None if it does not repeat `fewest` times.
 
-    The shortest lag at which the input agrees with itself as well as at any other, within `REPEATS_WITHIN`. Noise in a measured
-    position is allowed for: it limits the agreement equally at every multiple of the period.
+    The period is the shortest lag at which the input agrees with itself as well as at any other lag, within `REPEATS_WITHIN`.
+    Noise of a measured position is allowed, because it limits the agreement equally at every multiple of the period.
     """
     inputs = [record[f"input_{axis}"] for axis in record.moving] or [record.widest["input"]]
     lags = int(len(record) * (1 + _MISSING_END) / fewest)
@@ -87,17 +87,17 @@ def find_period(record: Record, fewest: int = MIN_FULL_PERIODS) -> float | None:
     if not candidates.size:
         return None
     rounding = 1e-12  # of values written with six digits, and of the transform
-    enough = _ANOTHER_MINIMUM * difference[candidates].min() + rounding
+    enough = _MAX_MINIMUM_RATIO * difference[candidates].min() + rounding
     return float(candidates[difference[candidates] <= enough][0] * record.sampling_time)
 
 
 def declared_period(record: Record, fewest: int) -> float | None:
-    """Return the declared period of a record that has at least `fewest` of it, else None."""
+    """Return the declared period of a record if it fits at least `fewest` times into the record, else None."""
     return record.period if record.period and record.duration >= fewest * record.period else None
 
 
 def fold_periods(record: Record, period: float) -> Folding:
-    """Cut a record into its whole periods (of `period` seconds) without the first, or its last `MIN_PERIODS` if it has no more.
+    """Divide a record into whole periods of `period` seconds without the first, or into `MIN_PERIODS` periods if it has no more.
 
     Raises
     ------

@@ -216,7 +216,7 @@ _MAJOR_SHARE_OF_REST, _MAJOR_SHARE = 0.5, 0.05
 """Shares of what linear dynamics leave and of the explainable error, above which another cause comes before them."""
 _MIN_SHARE = 0.01
 """Share of the explainable error below which a cause is not reported."""
-_OUTSIDE_REST = ("constant offset", "linear dynamics")
+_FITTED_FIRST = ("constant offset", "linear dynamics")
 """Causes that are fitted first; all others share what these leave."""
 _MIN_EIGENVALUE = 1e-10
 """Eigenvalue of the columns' products, as a share of the largest, below which a direction is rounding."""
@@ -281,13 +281,13 @@ def rank_causes(residuals: Sequence[Residual]) -> list[Cause]:
         "time": by_time,
     }
     causes = [
-        Cause(name, share, share if name in _OUTSIDE_REST else share / max(rest, share))
+        Cause(name, share, share if name in _FITTED_FIRST else share / max(rest, share))
         for name, share in shares.items()
         if share > 0
     ]
     # A constant comes last if anything else is worth naming, linear dynamics after a cause that takes most of what they leave.
     is_known = any(item.share > _MAJOR_SHARE for item in causes if item.name != "constant offset")
-    others = [item for item in causes if item.name not in _OUTSIDE_REST and item.share > _MAJOR_SHARE]
+    others = [item for item in causes if item.name not in _FITTED_FIRST and item.share > _MAJOR_SHARE]
     is_beaten = any(item.share_of_rest > _MAJOR_SHARE_OF_REST for item in others)
     last = {"constant offset": is_known, "linear dynamics": is_beaten}
     return sorted(causes, key=lambda item: (last.get(item.name, False), -item.share))
@@ -342,7 +342,7 @@ def causes_sentence(causes: Sequence[Cause], where: str, error: str) -> str:
         return f"{where}: no cause that was tried accounts for the error."
     first, *others = notable
     of_rest = f", {percent(first.share_of_rest)} of what linear dynamics leave"
-    of_rest = "" if first.name in (*_OUTSIDE_REST, "time") else of_rest
+    of_rest = "" if first.name in (*_FITTED_FIRST, "time") else of_rest
     sentence = (
         f"{where}: {first.name} first ({percent(first.share)} of the {error}{of_rest}): {_CAUSES[first.name]}"
     )

@@ -49,12 +49,12 @@ _MIN_RATE_RATIO = 2.0
 _MAX_ERROR_RATIO = 1.5
 """Largest ratio of the unseen to the training error, each relative to its force if that is larger, of a record that is
 predicted; and of the error of a rival to that of the model if they are tied."""
-_FUNDAMENTAL = 0.9
+_FUNDAMENTAL_POWER = 0.9
 """Share of the power that bounds the rates of a motion: without the harmonics of a triangle, which has one rate."""
 _RELAXATIONS = ("relaxation_spectrum", "second_relaxation")
-_SPRINGS = ("hardening_stiffness", "strain_softening", "quadratic_stiffness")
+_LARGE_STRAIN_SPRINGS = ("hardening_stiffness", "strain_softening", "quadratic_stiffness")
 """Alternatives to a rate-independent mechanism: relaxation, without or with a spring of large strain."""
-_MIN_SIZE_SHARE = 0.5
+_MIN_SHARE_REMOVED_BY_RESIZING = 0.5
 """Smallest share of the error on a record that another size of the mechanism removes if the rate of that record contradicts
 it; otherwise something else is missing there."""
 
@@ -176,7 +176,7 @@ def check_rate_independence(state: DiagnosisState) -> DiagnosisState:
     # Lowest and highest frequency (Hz) of the motion in all records.
     records = [part for item in (experiment.training, *experiment.tests) for part in item.records]
     motions = [(part.drop_history(part.motion.position), part.motion.sampling_time) for part in records]
-    lows, highs = zip(*(occupied_band(*motion, _FUNDAMENTAL) for motion in motions), strict=True)
+    lows, highs = zip(*(occupied_band(*motion, _FUNDAMENTAL_POWER) for motion in motions), strict=True)
     low, high = min(lows), max(highs)
     rates_differ, failed = high >= _MIN_RATE_RATIO * low, _unpredicted_records(result, named)
     rates = f"rates from {low:.3g} to {high:.3g} Hz"
@@ -295,7 +295,7 @@ def _unpredicted_records(result: DiagnosisResult, named: list[str]) -> list[str]
         error = item.trim(item.force - simulated)
         error, part = error - error.mean(), part - part.mean()
         removed = (error @ part) ** 2 / max((error @ error) * (part @ part), 1e-300)
-        if removed > _MIN_SIZE_SHARE:
+        if removed > _MIN_SHARE_REMOVED_BY_RESIZING:
             failed.append(item.name)
     return failed
 
@@ -305,7 +305,7 @@ def _fit_rivals(result: DiagnosisResult, named: list[str], effects: dict[str, Ef
     experiment, start = result.experiment, result.model
     for name in named:
         start = drop_effect(start, name, experiment)
-    kinds = (_RELAXATIONS, _SPRINGS)
+    kinds = (_RELAXATIONS, _LARGE_STRAIN_SPRINGS)
     relaxations, springs = ({name: effects[name] for name in kind if name in effects} for kind in kinds)
     rivals = extend(start, relaxations, experiment)[:1]
     rivals += [item for model in rivals for item in extend(model, springs, experiment)[:1]]

@@ -44,7 +44,7 @@ _MAX_REFITS = 3
 """Largest number of times that the fit of a selected model is continued if it has not converged."""
 _EARLY_SHARE = 0.6
 """Share of the training record from which the rest is predicted."""
-_AKAIKE = 2.0
+_AKAIKE_COST = 2.0
 _RANKED_SETS = 10
 
 
@@ -235,7 +235,7 @@ class Selection:
         """
         if model is self.base:
             return []
-        discount = float(np.log(self.experiment.size)) - _AKAIKE
+        discount = float(np.log(self.experiment.size)) - _AKAIKE_COST
         return [
             item
             for item in best_by_effect([*self.tried, model])

@@ -31,7 +31,7 @@ MIN_POINTS = 12
 """Fewest points of a table: a third of them is the test if only one table exists."""
 _TEST_STRIDE = 3
 """One in this number of points, in the order of their positions, is used as test."""
-_SPRINGS = ("LE", "LE-contact")
+_STATIC_BASES = ("LE", "LE-contact")
 
 
 def prepare_points(state: DiagnosisState) -> DiagnosisState:
@@ -78,9 +78,10 @@ def choose_spring(state: DiagnosisState) -> DiagnosisState:
         if not name.form.is_static:
             raise InputError(f"{name.name}: its equation holds more than position, and points have no clock")
         base = fit_base(name, experiment)
-    elif name not in (CHOSEN_BY_DATA, *_SPRINGS):
+    elif name not in (CHOSEN_BY_DATA, *_STATIC_BASES):
         raise InputError(
-            f"base {name}: points of a static test have no clock, and a spring alone can be fitted to them: {', '.join(_SPRINGS)}"
+            f"base {name}: points of a static test have no clock, and a spring alone can be fitted to them: "
+            f"{', '.join(_STATIC_BASES)}"
         )
     else:
         base = fit_base(BASES["LE"], experiment)

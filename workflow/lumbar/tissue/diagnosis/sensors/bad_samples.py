@@ -61,7 +61,7 @@ _DIGITS = 2e-6
 """Resolution of values written with six or seven digits, relative to the largest."""
 _MIN_RESOLUTION = 1e-3
 """Smallest detectable resolution, relative to the median step from sample to sample."""
-_NEARLY_EQUAL = 0.05
+_MAX_NEAR_DIFFERENCE = 0.05
 """Largest difference of nearly equal values, relative to that step."""
 _JUMP_RATIOS = (0.4, 6.0)
 """Jump after a run over the travel at its neighbours' speed; less is a start after a rest."""
@@ -170,7 +170,7 @@ def _stuck_runs(values: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
         return None
     if np.sum(sure_lengths > 1) < max(_MIN_RUNS, _MIN_LONG_SHARE * len(sure)):
         # Runs of two may be chance: equal neighbours are as dense as nearly equal ones.
-        near = max(_NEARLY_EQUAL * float(np.median(np.abs(steps[steps != 0]))), 2.5 * resolution)
+        near = max(_MAX_NEAR_DIFFERENCE * float(np.median(np.abs(steps[steps != 0]))), 2.5 * resolution)
         expected = float(np.sum((steps != 0) & (np.abs(steps) < near)) * resolution / (2 * near))
         if len(sure) < _CHANCE_OFFSET + _CHANCE_FACTOR * expected:
             return None

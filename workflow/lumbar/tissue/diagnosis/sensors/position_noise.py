@@ -131,13 +131,13 @@ _MIN_SHARED_SIGMAS = 5.0
 _SEGMENTS = 12
 _MIN_SEGMENT = 64
 """Samples of the shortest segment for a spectrum."""
-_SMOOTHED = 9
+_AVERAGED_FREQUENCIES = 9
 """Neighbouring frequencies over which spectra are averaged."""
 _BAND_POWER = 0.99
 """Share of the force's power in the band from which the mass is estimated."""
 _MIN_MASS_GAIN = 2.0
 """Factor by which the squared error must grow without the mass."""
-_MIN_FOLLOWED = 0.5
+_MIN_FOLLOWED_SHARE = 0.5
 """Share of the acceleration that the force follows within the band."""
 _END_PERIODS = 8.0
 """Length at both ends, in periods of the edge, that is not filtered; the filter sets in over the same length."""
@@ -328,9 +328,9 @@ def find_rough_acceleration(record: Record) -> Repair | None:
     acceleration, force = Motion.from_record(record).acceleration, record["output"]
     frequency, power = scipy.signal.welch(acceleration, rate, nperseg=length)
     cross_power = scipy.signal.csd(acceleration, force, rate, nperseg=length)[1].real
-    average = np.ones(_SMOOTHED) / _SMOOTHED
+    average = np.ones(_AVERAGED_FREQUENCIES) / _AVERAGED_FREQUENCIES
     followed = np.convolve(cross_power, average, "same") / np.convolve(power, average, "same") / mass
-    inside = np.flatnonzero(followed >= _MIN_FOLLOWED)
+    inside = np.flatnonzero(followed >= _MIN_FOLLOWED_SHARE)
     if not inside.size or inside[-1] + 1 >= len(frequency):
         return None
     edge = float(frequency[inside[-1] + 1])

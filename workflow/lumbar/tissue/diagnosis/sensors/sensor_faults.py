@@ -25,11 +25,11 @@ _MIN_SKEW_PERIODS = MIN_FULL_PERIODS + 2
 """Smallest number of periods for a line through their delays."""
 _MIN_SKEW_SIGMAS = 6.0
 """Standard errors of a reported skew."""
-_CLEARLY_BETTER = 20.0
+_MIN_CLEAR_DIFFERENCE = 20.0
 """Squared error, in noise variances, by which one explanation is clearly better than another."""
 _MAX_UNEXPLAINED = 0.1
 """Largest share of the growing deviations that may remain, beyond noise, without the skew."""
-_MIN_STRAIGHT = 0.9
+_MIN_LINE_SHARE_OF_VARIANCE = 0.9
 """Share of the delays' variance that a line explains."""
 _MAX_SLIP_SAMPLES = 1.0
 """Samples by which a period may slip against its folding over a record; more would blur the mean of the periods."""
@@ -112,7 +112,7 @@ def _estimate_skew(record: Record) -> tuple[float, float] | None:
     amounts = np.array([column @ whiten(row) for row in deviations]) / (column @ column)
     slope = float(middle @ amounts / (middle @ middle))
     left = amounts - slope * middle
-    is_straight = np.sum(left**2) <= (1 - _MIN_STRAIGHT) * np.sum(amounts**2)
+    is_straight = np.sum(left**2) <= (1 - _MIN_LINE_SHARE_OF_VARIANCE) * np.sum(amounts**2)
     if abs(slip) > _MAX_SLIP_SHARE * abs(slope) or not is_straight:
         return None
     return -slope, float(np.sqrt(np.sum(left**2) / (len(left) - 2) / (middle @ middle)))
@@ -132,8 +132,8 @@ def _is_skew(growth: np.ndarray, rate: np.ndarray, others: list[np.ndarray]) -> 
     noise = len(growth) / 2  # 1/2 in the real and in the imaginary part of every line
     return bool(
         explained > _MIN_SKEW_SIGMAS**2
-        and single - by_rate > _CLEARLY_BETTER
-        and by_rate - paired < _CLEARLY_BETTER
+        and single - by_rate > _MIN_CLEAR_DIFFERENCE
+        and by_rate - paired < _MIN_CLEAR_DIFFERENCE
         and by_rate - noise < _MAX_UNEXPLAINED * explained
     )
 

@@ -21,9 +21,9 @@ from lumbar.tissue.models.bases import CHOSEN_BY_DATA
 from lumbar.tissue.models.form import Effect
 from lumbar.tissue.models.space import force_sensor_effects
 
-_PROMISING = 8
+_MAX_REFITTED_EFFECTS = 8
 """Number of effects that are refitted after axes were chosen again: those with the best screening."""
-_ROUNDS = 3
+_MAX_ROUNDS = 3
 """Largest number of times that base and axes are chosen again with the selected effects."""
 
 
@@ -56,12 +56,12 @@ def select_in_space(state: DiagnosisState) -> DiagnosisState:
     base, singles = choose_base(experiment, _kinds(settings)), None
     # A single effect first: with wrong axes the search of a second one is futile.
     single_effect = settings.limit(settings.catalogue, most_effects=1)
-    for chosen in (single_effect, *[settings] * _ROUNDS):
+    for chosen in (single_effect, *[settings] * _MAX_ROUNDS):
         selection = SpatialSelection(experiment, refit_axes(base, experiment, free=False), chosen, singles)
         better = _better_base(selection.selected_path[-1], experiment, settings)
         if better is not None:
             base = better
-            singles = extend(base, settings.catalogue, experiment, most=_PROMISING)
+            singles = extend(base, settings.catalogue, experiment, most=_MAX_REFITTED_EFFECTS)
             continue
         singles = selection.singles
         if chosen is settings:
@@ -109,7 +109,7 @@ def refine(
         raise InputError("; ".join(f"{key}: {why}" for key, why in without.items()))
     usable = {name: known[name] for name in effects}
     base = choose_base(experiment, _kinds(settings))
-    for _ in range(_ROUNDS):
+    for _ in range(_MAX_ROUNDS):
         path = add_in_turn(experiment, refit_axes(base, experiment, free=False), usable)
         better = _better_base(path[-1], experiment, settings)
         if better is None:

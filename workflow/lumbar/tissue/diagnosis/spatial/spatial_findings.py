@@ -31,7 +31,7 @@ _MIN_SPREAD, _MIN_SPREAD_IF_UNCERTAIN = 0.05, 0.25
 SENSOR = ("turned_frame", "crosstalk")
 """Effects of the force sensor."""
 _SENSOR_TEXTS = {"turned_frame": "rotated axes", "crosstalk": "crosstalk between its channels"}
-_SELECTED = (Status.NAMED, Status.TIED)
+_SELECTED_STATUSES = (Status.NAMED, Status.TIED)
 """Statuses with selected effects."""
 _MAX_ERROR_RATIO, _MIN_GAIN = 0.5, 0.03
 """Largest error of another assignment of the channels, relative to that as recorded, with which it is reported; and the
@@ -43,7 +43,7 @@ _SYMMETRY_TOLERANCE = 0.1
 def headline_in_space(result: DiagnosisResult) -> str:
     """Return the result in one sentence; effects of the force sensor are reported separately from those of the tissue."""
     sensor = [_SENSOR_TEXTS[name] for name in result.selected if name in SENSOR]
-    if not sensor or result.status not in _SELECTED:
+    if not sensor or result.status not in _SELECTED_STATUSES:
         return headline(result)
     tissue = [name for name in result.selected if name not in SENSOR]
     base, fall = result.base.fit.structure.base.name, error_falls(result)
@@ -58,7 +58,7 @@ def report_mounting(state: DiagnosisState) -> DiagnosisState:
     """Report how the force sensor is mounted, and directions that the training record hardly excites."""
     result, experiment, fit = state.result, state.result.experiment, state.result.model.fit
     known = estimates(fit, experiment.training, experiment.input_unit, experiment.output_unit)
-    selected, sensor = result.selected if result.status in _SELECTED else (), []
+    selected, sensor = result.selected if result.status in _SELECTED_STATUSES else (), []
     if "turned_frame" in selected:
         rotation = [item for item in known if item.effect == "turned_frame"]
         sensor.append(_report_rotation(rotation, experiment.records[0].axes))
