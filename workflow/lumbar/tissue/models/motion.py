@@ -189,7 +189,7 @@ class Motion:
         return np.append(np.repeat(np.arange(len(samples) - 1), np.diff(samples)), len(samples) - 2)
 
     def delayed(self, delay: float) -> Motion:
-        """Return the motion some time ago, at rest at its first position before the record began.
+        """Return the motion delayed by some time; before the record it rests at its first position.
 
         Parameters
         ----------
@@ -239,12 +239,12 @@ class Motion:
         return type(self)(self.time, position, self.sampling_time, False, self.channels, between)
 
     def through(self, operator: Callable[[Motion], np.ndarray]) -> Motion:
-        """Return the motion with the position that an operator with corners computes from it.
+        """Return the motion with a position that is not smooth, computed by an operator.
 
         Parameters
         ----------
         operator : callable
-            From a motion to the position, shape (samples,), in the unit of the motion.
+            Function from a motion to the position, shape (samples,), in the unit of the motion.
         """
         if not self.smooth:
             return self.replace_position(operator(self))
@@ -257,7 +257,7 @@ class Motion:
         Parameters
         ----------
         kind : str
-            Quantity, see `lumbar.tissue.models.parameter.NonlinearParameter`; ``force`` is unknown here.
+            Quantity, see `lumbar.tissue.models.parameter.NonlinearParameter`; ``force`` is not available.
         """
         return {
             "position": lambda: float(np.ptp(self.position) / 2),
@@ -275,7 +275,7 @@ class Motion:
 class SampledMotion(Motion):
     """Motion with backward differences as derivatives, both 0 at the first sample.
 
-    The velocity of a smooth motion is late by half a sample, its acceleration by a whole one.
+    The velocity of a smooth motion is late by half a sample, its acceleration by one sample.
     """
 
     smooth: bool = False
@@ -304,7 +304,7 @@ class SampledMotion(Motion):
         return np.diff(self.velocity, prepend=0.0) / self.sampling_time
 
     def delayed(self, delay: float) -> SampledMotion:
-        """Return the motion some time ago, in straight lines between samples, at rest before the first one.
+        """Return the motion delayed by some time, linear between samples and at rest before the first sample.
 
         Parameters
         ----------
@@ -360,7 +360,7 @@ class JoinedMotions:
         return max(part.scale(kind) for part in self.parts)
 
     def split(self, signal: np.ndarray) -> list[np.ndarray]:
-        """Cut a signal over all samples into those of the records.
+        """Split a signal over all samples into one signal per record.
 
         Parameters
         ----------
@@ -372,10 +372,10 @@ class JoinedMotions:
 
 @dataclass(frozen=True, eq=False)
 class SpatialMotion(JoinedMotions):
-    """Motions along several axes at the same instants; its signals are one axis after the other."""
+    """Motions along several axes at the same instants; signals are concatenated axis by axis."""
 
     names: tuple[str, ...] = ()
-    """Names of the axes, of `AXES`."""
+    """Names of the axes, from `AXES`."""
     cache: ResultCache = field(init=False, repr=False, default_factory=ResultCache)
     """Forces of models on this motion."""
 
@@ -407,12 +407,12 @@ class SpatialMotion(JoinedMotions):
         return self.parts[self.names.index(axis)]
 
     def each(self, change: Callable[[Motion], Motion]) -> Self:
-        """Return the motion with every axis changed.
+        """Return the motion with a function applied to every axis.
 
         Parameters
         ----------
         change : callable
-            From the motion along one axis to another one with equal samples.
+            Function from the motion along one axis to another motion with the same number of samples.
         """
         return type(self)(tuple(map(change, self.parts)), self.names)
 
@@ -428,11 +428,11 @@ class SpatialMotion(JoinedMotions):
 
     @property
     def channels(self) -> dict[str, np.ndarray]:
-        """Positions along the axes, as the channels of signals along an axis; each of shape (samples,)."""
+        """Positions along the axes, as channels for signals along one axis; each of shape (samples,)."""
         return {f"axis {name}": part.position for name, part in zip(self.names, self.parts, strict=True)}
 
     def delayed(self, delay: float) -> Self:
-        """Return the motion some time ago, at rest at its first position before the record began.
+        """Return the motion delayed by some time; before the record it rests at its first position.
 
         Parameters
         ----------
@@ -442,7 +442,7 @@ class SpatialMotion(JoinedMotions):
         return self.each(lambda part: part.delayed(delay))
 
     def scale(self, kind: str) -> float:
-        """Return the size of a quantity: speed and path in space, a position along the axis of the largest range.
+        """Return the size of a quantity: of speed and path in space, of a position along the axis with the largest range.
 
         Parameters
         ----------
@@ -457,7 +457,7 @@ class SpatialMotion(JoinedMotions):
 
 
 def along_axes(motion: Motion | JoinedMotions) -> list[Motion | JoinedMotions]:
-    """Return the motions along the axes of a motion in space or of joined ones; a motion along one axis is its only one.
+    """Return one motion per axis, of a motion in space or of joined ones; a motion along one axis is returned in a list.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Operators with memory, exact between samples for the stated motion.
+"""Operators with memory, exact for the motion that each operator assumes between samples.
 
 Rate-independent operators (play, presliding) have closed forms along a monotone interval of motion, so they are
 evaluated from reversal to reversal and not from sample to sample.
@@ -24,16 +24,16 @@ from lumbar.tissue.models.transfer_function import filtered
 def relaxation(motion: Motion, time_constant: float) -> np.ndarray:
     """Return the elongation of the spring of a Maxwell branch with τ = b/k: q̇ = ẋ − q/τ, q(0) = 0.
 
-    Exact for a velocity that is a parabola between samples (from the spline's values at the samples and halfway); a position
-    that is not smooth is taken as linear between samples, or in steps between them (ramp-invariant). Otherwise a branch as fast
-    as two samples would show the interpolation's error as a force. It has the unit of the position, shape (samples,).
+    The result is exact if the velocity is a parabola between samples. A position that is not smooth is treated as piecewise
+    linear between samples, or between substeps if they are known (ramp-invariant). Otherwise the interpolation error would
+    appear as a force if τ is as short as the sampling time. Shape (samples,), in the unit of the position.
 
     Parameters
     ----------
     motion : Motion
         Motion along one axis.
     time_constant : float or complex
-        τ in seconds; complex for one of a conjugate pair of poles at −1/τ.
+        τ in seconds; complex for a pole of a conjugate pair at −1/τ.
     """
     rate = motion.sampling_time / time_constant
     constant = -np.expm1(-rate) / rate
@@ -54,9 +54,9 @@ def relaxation(motion: Motion, time_constant: float) -> np.ndarray:
 
 
 def play(motion: Motion, gap: float) -> np.ndarray:
-    """Return the position behind a gap (backlash), shape (samples,), which rests until the gap is closed.
+    """Return the position behind a gap (backlash), shape (samples,); it rests until the gap is closed.
 
-    Play operator of Krasnosel'skii and Pokrovskii, Systems with Hysteresis (1989), at rest in the middle first.
+    Play operator of Krasnosel'skii and Pokrovskii, Systems with Hysteresis (1989); it starts in the middle of the gap.
 
     Parameters
     ----------
@@ -134,7 +134,7 @@ def bouc_wen(motion: Motion, distance: float) -> np.ndarray:
 
 _NEARLY_ONE = 1 - 1e-12
 _SCALAR = SimpleNamespace(maximum=max, minimum=min, log1p=math.log1p, expm1=math.expm1, exp=math.exp)
-"""Functions for one number, ten times as fast as those of NumPy."""
+"""Functions for single numbers, ten times as fast as NumPy's."""
 _MAX_EXPONENT = 50.0  # of a loop without a limit: no trial of a search overflows
 
 
@@ -170,8 +170,8 @@ def bouc_wen_general(motion: Motion, distance: float, unloading_share: float) ->
 def _follow_loop(motion: Motion, distance: float, load_one: Callable, load: Callable) -> np.ndarray:
     """Return the friction at every sample, computed from reversal to reversal.
 
-    `load_one` (for numbers) and `load` (for arrays) give the friction in the direction of motion from that at the last reversal
-    and from the travel since, in presliding distances.
+    `load_one` (for numbers) and `load` (for arrays) give the friction in the direction of motion, from the friction at the last
+    reversal and the travel since then in presliding distances.
     """
     turns, interval = motion.turns, motion.interval
     steps = np.diff(turns)
@@ -198,17 +198,17 @@ def elastoplastic(motion: Motion, distance: float) -> np.ndarray:
 
 
 def surface_of_branch(motion: Motion, share: float, time_constant: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return the position w of a Maxwell branch's dashpot parallel to a spring, and whether the free tool touches, (samples,).
+    """Return the position w of the dashpot of a Maxwell branch parallel to a spring, and contact of the free tool; (samples,).
 
-    Force over the sum of both stiffnesses: x − (1 − share) w, with ẇ = (x − w)/τ; in contact x is the tool's
-    position (linear between samples), else the force is 0: x = (1 − share) w.
+    The force over the sum of both stiffnesses is x − (1 − share) w, with ẇ = (x − w)/τ. In contact x is the tool's position
+    (linear between samples); without contact the force is 0, so that x = (1 − share) w.
 
     Parameters
     ----------
     motion : Motion
         Motion along one axis, relative to the surface at rest.
     share, time_constant : float
-        Stiffness of the spring over that of spring and branch, 0 to 1; τ of the branch in seconds.
+        Stiffness of the spring over the sum of spring and branch, 0 to 1; τ of the branch in seconds.
     """
     rate = motion.sampling_time / time_constant
     decay, recovery = float(np.exp(-rate)), float(np.exp(-share * rate))
@@ -256,9 +256,9 @@ def surface_of_branch(motion: Motion, share: float, time_constant: float) -> tup
 
 
 def surface_of_dashpot(motion: Motion, retardation_time: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return the surface of a spring parallel to a dashpot under a free tool, and whether the tool touches it, shape (samples,).
+    """Return the surface of a spring parallel to a dashpot under a free tool, and contact of the tool; shape (samples,).
 
-    Force over stiffness: x + T v. The free surface recovers with the retardation time T.
+    The force over the stiffness is x + T v. The free surface recovers with the retardation time T.
 
     Parameters
     ----------
@@ -288,7 +288,7 @@ def surface_of_dashpot(motion: Motion, retardation_time: float) -> tuple[np.ndar
 
 
 def _next_true(condition: np.ndarray) -> list[int]:
-    """Return for every sample the index of the next one, itself included, that meets a condition; else their number."""
+    """Return for every sample the index of the first true sample at or after it; if there is none, the number of samples."""
     size = len(condition)
     return np.minimum.accumulate(np.where(condition, np.arange(size), size)[::-1])[::-1].tolist()
 

@@ -18,16 +18,16 @@ _TIME_SHARE = 0.2  # of sampling interval and duration, for the bounds of a time
 
 @dataclass(frozen=True)
 class Parameter:
-    """A quantity of an equation that is fitted."""
+    """A fitted quantity of an equation."""
 
     name: str
-    """For example ``"coulomb_force"``."""
+    """Name, e.g. ``"coulomb_force"``."""
     unit: str
     """Unit in terms of the output's unit ``{y}`` and the input's ``{x}``, e.g. ``"{y}/{x}^3"``."""
     symbol: str = field(default="", kw_only=True)
     """Symbol in equations, e.g. ``"Fc"``."""
     latex: str = field(default="", kw_only=True)
-    """LaTeX; by default that of the symbol, e.g. ``F_c``."""
+    """Symbol in LaTeX; by default derived from `symbol`, e.g. ``F_c``."""
 
     @property
     def latex_symbol(self) -> str:
@@ -37,49 +37,51 @@ class Parameter:
 
 @dataclass(frozen=True)
 class LinearParameter(Parameter):
-    """A parameter the force is proportional to."""
+    """A parameter to which the force is proportional."""
 
     sign: int = 1
-    """1: not negative, -1: not positive, 0: any."""
+    """Allowed sign: 1 not negative, -1 not positive, 0 any."""
 
 
 @dataclass(frozen=True)
 class NonlinearParameter(Parameter):
-    """A positive parameter the force depends on otherwise."""
+    """A positive parameter on which the force depends, but not proportionally."""
 
     scale: Scale
-    """Quantity that sets its size: ``position`` (half range), ``speed``, ``path``, ``duration``, ``force`` (maximum of the
-    record), ``time`` (geometric mean of sampling interval and duration), ``rate`` (1/time), ``sampling`` (interval), ``one``."""
+    """Quantity of the record that is the unit of `low` and `high`: ``position`` (half range), ``speed``, ``path``,
+    ``duration``, ``force`` (maximum of the record), ``time`` (geometric mean of sampling interval and duration), ``rate``
+    (1/time), ``sampling`` (interval), ``one``."""
     low: float
-    """Lower end of the range of starting values, in that scale."""
+    """Lower end of the range of starting values, in units of `scale`."""
     high: float
-    """Upper end of this range."""
+    """Upper end of the range of starting values, in units of `scale`."""
     points: int
     """Number of starting values, spaced evenly in the logarithm."""
     reach: tuple[float, float] = (0.1, 10.0)
     """Bounds of the fit, as factors of the ends of the range."""
     lines: float | None = None
-    """For frequencies: the largest distance of the fit from its start, in lines (1/duration)."""
+    """Largest distance of a fitted frequency from its start, in lines (1/duration); None for no limit."""
     follows_record: bool = field(default=False, kw_only=True)
-    """For time constants: starting values from two sampling intervals or less, bounds of the fit down to a fifth of the interval
-    and up to a fifth of the record's duration."""
+    """True for a time constant with starting values from two sampling intervals (or less), and with bounds from a fifth of the
+    interval to a fifth of the record's duration."""
     signed: bool = field(default=False, kw_only=True)
-    """True if it may have either sign, as angles and couplings of channels: a fit then searches its exponential."""
+    """True if the parameter may have either sign, like angles and couplings of channels; a fit then searches the
+    exponential."""
     decisive: bool = field(default=False, kw_only=True)
-    """True if a value at the end of its range means that the mechanism is absent or different."""
+    """True if a value at an end of the range means that the mechanism is absent or different."""
 
     def decode(self, number: float) -> float:
-        """Return its value, from the number that a fit searches.
+        """Return the parameter's value from the number that a fit searches.
 
         Parameters
         ----------
         number : float
-            Number above 0: the exponential of a value of either sign, else the value.
+            Number above 0: the exponential of the value if `signed`, else the value.
         """
         return float(np.log(number)) if self.signed else number
 
     def encode(self, value: float) -> float:
-        """Return the number that a fit searches, from its value.
+        """Return the number that a fit searches from the parameter's value.
 
         Parameters
         ----------
@@ -133,10 +135,10 @@ class Constant:
     unit: str
     latex: str = ""
     scale: str = ""
-    """Quantity of the record that is its unit in a fit, see `NonlinearParameter`; empty for a fixed value. In another unit, the
-    force of a power law at 1 would be far from every motion and not determined."""
+    """Quantity of the record that is the constant's unit in a fit, see `NonlinearParameter`; empty for a fixed value. In
+    another unit the force of a power law at 1 could be far from every motion and undetermined."""
     given: bool = False
-    """True if the value replaces that of the catalogue: it is then written with a model."""
+    """True if the value replaces the catalogue's value; files of models then contain it."""
 
     @property
     def latex_symbol(self) -> str:
@@ -145,7 +147,7 @@ class Constant:
 
     @property
     def latex_unit(self) -> str:
-        """The unit as LaTeX, with ``unit`` for those of input and output."""
+        """The unit as LaTeX, with ``unit`` for the units of input and output."""
         unit = "unit" if self.unit in ("{x}", "{y}") else self.unit
         return unit.format(x="unit", y="unit").replace(" ", r"\,")
 
@@ -155,15 +157,15 @@ class MotionSignal:
     """A quantity of a motion with a symbol in equations."""
 
     meaning: str
-    """Text for reports and messages."""
+    """Meaning of the signal, for reports and messages."""
     of: Callable[[Any], np.ndarray]
-    """From a motion to the signal, shape (samples,)."""
+    """Function from a motion to the signal, shape (samples,)."""
     c_name: str = ""
-    """Name in the C code of a form; empty if a running loop does not know it."""
+    """Name in the C code of a form; empty if a running loop does not know the signal."""
     latex: str = ""
-    """LaTeX; empty if it is the symbol."""
+    """Symbol in LaTeX; empty if it equals the symbol in equations."""
     channel: str = ""
-    """Role of the additional channel that it needs; empty if none."""
+    """Role of the additional channel that the signal needs; empty if none."""
 
 
 def _channel(role: str, latex: str, meaning: str) -> MotionSignal:
@@ -171,7 +173,7 @@ def _channel(role: str, latex: str, meaning: str) -> MotionSignal:
 
 
 FORCE = "F"
-"""The force that an output form transforms."""
+"""Symbol of the force that an output form transforms."""
 SIGNALS = {
     "z": MotionSignal("position", lambda motion: motion.position, "position"),
     "v": MotionSignal("velocity", lambda motion: motion.velocity, "velocity"),
@@ -199,11 +201,11 @@ SIGNALS = {
     "pivot_acceleration_x": _channel("pivot_acceleration_x", r"\ddot x_p", "the pivot's to the front"),
     "pivot_acceleration_z": _channel("pivot_acceleration_z", r"\ddot z_p", "the pivot's upwards"),
 }
-"""Signals by symbol; the angle of the pendulum is its position."""
+"""Signals by symbol; the position of a pendulum is its angle."""
 AXES = ("x", "y", "z")
 """Names of axes in space."""
 VECTORS = ("z", "v", "a", "dz")
-"""Signals that have a component along every axis of a motion in space, called ``z_x`` …."""
+"""Signals with a component along every axis in space, e.g. ``z_x``."""
 
 
 def _along(axis: str, signal: MotionSignal) -> MotionSignal:
@@ -222,6 +224,6 @@ POSITIONS = ("z", "theta", *(f"z_{axis}" for axis in AXES))
 """Symbols of the position."""
 NEVER_NEGATIVE = {"s", "t"}
 STEADY = {"v", "dz", "theta_dot", *(f"{name}_{axis}" for name in ("v", "dz") for axis in AXES)}
-"""Signals that stay the same between two samples where the position is linear in between."""
+"""Signals that are constant between two samples of a position that is linear between samples."""
 LINEAR = {*POSITIONS, "s", "t"}
-"""Signals that are then linear in time."""
+"""Signals that are linear in time between two samples of such a position."""

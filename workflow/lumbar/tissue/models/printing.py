@@ -57,14 +57,14 @@ def number_latex(text: str) -> str:
 
 
 def latex(expression: Expression, names: Mapping[str, str]) -> str:
-    """Return the LaTeX of an expression, in commands that matplotlib knows too.
+    """Return the LaTeX of an expression, limited to commands that matplotlib supports.
 
     Parameters
     ----------
     expression : Expression
         Any expression.
     names : mapping of str to str
-        LaTeX of symbols; that of other symbols is derived.
+        LaTeX by symbol; for other symbols it is derived.
     """
     return _Latex(names).text(expression)
 
@@ -81,12 +81,12 @@ class _Latex:
         self.names = names
 
     def text(self, expression: Expression, rank: int = 0) -> str:
-        """Return the LaTeX, in brackets if it binds less than `rank`."""
+        """Return the LaTeX, in brackets if the expression binds less strongly than `rank`."""
         text, bound = self._text(expression)
         return f"({text})" if bound < rank else text
 
     def _text(self, expression: Expression) -> tuple[str, int]:
-        """Return the LaTeX and how strongly it binds."""
+        """Return the LaTeX and its binding strength."""
         match expression:
             case Number(value):
                 text = number_latex(f"{value:.12g}")
@@ -116,7 +116,7 @@ class _Latex:
         return self._function(expression)
 
     def _function(self, function: Operation) -> tuple[str, int]:
-        """Return the LaTeX of a function or comparison and how strongly it binds."""
+        """Return the LaTeX of a function or comparison, and its binding strength."""
         match function:
             case Operation("where", (Operation() as condition, yes, no)):
                 # Iverson's brackets: 1 if the condition is true, 0 if not.
@@ -138,12 +138,12 @@ class _Latex:
         return _FUNCTIONS[function.name].format(*map(self._operand, function.operands)), rank
 
     def _base(self, base: Expression) -> str:
-        """Return the base of a power; functions get brackets, since a power after a name is read as that of the name."""
+        """Return the LaTeX of a power's base; functions get brackets, since an exponent would seem to belong to the name."""
         is_simple = isinstance(base, Number | Symbol) or getattr(base, "name", "") == "abs"
         return self.text(base, _ATOM) if is_simple else f"({self.text(base)})"
 
     def _product(self, product: Operation) -> str:
-        """Return the factors side by side, numbers first, after a common sign; quotients are fractions."""
+        """Return the LaTeX of a product: a common sign, numbers, then other factors; quotients are fractions."""
         text = ""
         order = {Number: 0, Symbol: 2, Operation: 2}
         factors = sorted(_factors(product), key=lambda item: 1 if item == Symbol("pi") else order[type(item)])
@@ -159,7 +159,7 @@ class _Latex:
         return text
 
     def _operand(self, operand: Expression) -> str:
-        """Return the operand of a function; a quotient by a symbol stays on the line."""
+        """Return the LaTeX of a function's operand; a quotient by a symbol is written with a slash."""
         match operand:
             case Operation("/", (above, Number() | Symbol() as below)):
                 return f"{self.text(above, _SIGNED)}/{self.text(below, _ATOM)}"
@@ -190,7 +190,7 @@ TWO_PI = Operation("*", (Number(2.0), Symbol("pi")))
 
 
 def _strip_two_pi(angle: Expression) -> Expression | None:
-    """Return an angle in turns if 2π is a factor of it, else None."""
+    """Return an angle divided by 2π if it has this factor, else None."""
     if angle == TWO_PI:
         return ONE
     match angle:
@@ -210,13 +210,13 @@ PORTABLE = {name: f"portable_{name}" for name in ("expm1", "tanh", "sinh", "arct
     "max": "larger",
     "clip": "clipped",
 }
-"""Operations that are one function in C."""
+"""C function of each operation that is a single function in C."""
 
 
 def portable(expression: Expression) -> Expression:
     """Return the expression in operations for C that give identical bits on every platform.
 
-    Elementary functions become those of ``portable_math.h`` and of ``effect_forms.h``, whole powers products.
+    Elementary functions become functions of ``portable_math.h`` and ``effect_forms.h``; whole powers become products.
 
     Parameters
     ----------
@@ -253,7 +253,7 @@ def c_text(expression: Expression, names: Mapping[str, str], rank: int = 0) -> s
     names : mapping of str to str
         C names of all symbols except ``pi``.
     rank : int, optional
-        Binding strength below which the text is in brackets: 1 of a sum, 2 of a product, 3 of a sign.
+        Text that binds less strongly is in brackets: 1 for a sum, 2 for a product, 3 for a sign.
     """
     match expression:
         case Number(value):
@@ -284,7 +284,7 @@ _ELEMENTS = {
     "msubsup", "msup", "mtable", "mtd", "mtext", "mtr", "munder", "munderover",
 }  # fmt: skip
 _ATTRIBUTES = {"display", "displaystyle", "mathvariant", "scriptlevel", "stretchy", "width"}
-"""Elements and attributes of MathML that a page accepts from an equation: none of them is a link."""
+"""Attributes of MathML that a page accepts from an equation; like the elements above, none of them is a link."""
 
 
 def equation_mathml(latex: str) -> str:
@@ -298,7 +298,7 @@ def equation_mathml(latex: str) -> str:
     Raises
     ------
     InputError
-        If it is not LaTeX, has an unknown command, or has text or links that would become part of the page.
+        If the text is not LaTeX, has an unknown command, or has text or links that would become part of the page.
     """
     from xml.etree import ElementTree
 

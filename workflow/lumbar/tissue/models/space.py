@@ -1,15 +1,14 @@
-"""Bases of tissue in space: with a matrix for each stiffness and viscosity, or met at a plane surface.
+"""Bases of tissue in space: with a matrix for each stiffness and viscosity, or with contact at a plane surface.
 
 A force of the one-axis base of `SpatialBase`, for example ``k_e*z``, becomes K z with K = Σ kᵢ Pᵢ, kᵢ ≥ 0 and projections Pᵢ.
 K is symmetric and positive semidefinite, so that the base is passive for all parameters. The number of kᵢ depends on the symmetry
 of the tissue (Lai, Rubin and Krempl, Introduction to Continuum Mechanics, 2010, chapter 5; here for the tool's forces):
 
-- isotropic: one for all directions;
-- transversely isotropic: one along an axis, one across it;
-- orthotropic: one along each of three perpendicular axes, which all matrices share;
-- full: one along each of three perpendicular axes, which differ between matrices.
+- isotropic: one for all directions; - transversely isotropic: one along an axis, one perpendicular to it; - orthotropic: one
+along each of three perpendicular axes, which all matrices share; - full: one along each of three perpendicular axes, which
+differ between matrices.
 
-Axes are fitted as small rotations of a given frame.
+A fit determines the axes as small rotations of a given frame.
 
 `PlaneContact` is a base for a free tool: F = f(s) (n + μ tanh(|v_t|/v_s) v_t/|v_t|), with the force f of a one-axis base with
 contact, the normal n into the tissue, the depth s = n·z − d and the velocity v_t along the plane.
@@ -43,7 +42,7 @@ class Symmetry(StrEnum):
 
 
 MAX_ROTATION_RAD = 1.2
-"""Largest rotation of axes from the given frame."""
+"""Largest rotation of axes from the given frame, in radians."""
 _MAX_COUPLING = 0.5  # largest fraction of one channel's force that another one may read
 _MAX_SHIFT = 0.5  # largest shift of a plane, relative to the motion's range
 
@@ -86,13 +85,13 @@ class SpatialBase:
     symmetry: Symmetry
     axes: tuple[str, ...]
     frames: tuple[tuple[float, ...], ...]
-    """Rotation matrices, row by row, whose columns are principal axes: one, or one for every matrix of a full base."""
+    """Rotation matrices, row by row, with principal axes as columns: one, or for a full base one per matrix."""
     free: bool = True
-    """True if a fit rotates the axes; else they are those of the frames."""
+    """True if a fit rotates the axes; false if the axes of the frames are fixed."""
 
     @property
     def turns(self) -> int:
-        """Number of angles that rotate one frame; two if only one axis matters."""
+        """Number of angles that rotate one frame; two if a single axis matters."""
         if self.symmetry is Symmetry.ISOTROPIC:
             return 0
         return 2 if self.symmetry is Symmetry.TRANSVERSE else len(self.axes) * (len(self.axes) - 1) // 2
@@ -104,7 +103,7 @@ class SpatialBase:
 
     @property
     def equal_axes(self) -> dict[str, list[int]]:
-        """Principal axes with equal values, by the suffix of the values' names."""
+        """Groups of principal axes with equal parameters, by the suffix of the parameters' names."""
         first, *others = every = list(range(len(self.axes)))
         if self.symmetry is Symmetry.ISOTROPIC:
             return {"": every}
@@ -114,7 +113,7 @@ class SpatialBase:
 
     @property
     def linear(self) -> tuple[LinearParameter, ...]:
-        """Every linear parameter of the base along its principal axes."""
+        """Linear parameters of the base, one for each group of equal principal axes."""
         return tuple(
             replace(item, name=item.name + which, symbol=item.symbol + which)
             for item in self.base.linear
@@ -128,7 +127,7 @@ class SpatialBase:
 
     @property
     def turning(self) -> tuple[NonlinearParameter, ...]:
-        """The angles of every frame."""
+        """The angles that rotate every frame."""
         several = len(self.frames) > 1
         return tuple(
             signed(
@@ -142,7 +141,7 @@ class SpatialBase:
         )
 
     def frames_at(self, nonlinear: np.ndarray) -> list[np.ndarray]:
-        """Return a matrix of shape (axes, axes) for every frame, with the principal axes at nonlinear parameters as columns.
+        """Return a matrix for every frame, shape (axes, axes), with the principal axes at nonlinear parameters as columns.
 
         Parameters
         ----------
@@ -184,7 +183,7 @@ class SpatialBase:
         Parameters
         ----------
         linear : numpy.ndarray, shape (linear parameters,)
-            Parameters of the field `linear`.
+            Linear parameters, in the order of the field `linear`.
         nonlinear : numpy.ndarray, shape (nonlinear parameters,)
             Parameters of the field `nonlinear`, as a fit searches them.
         """
@@ -195,7 +194,7 @@ class SpatialBase:
 
     @cached_property
     def _c_step(self) -> CStep:
-        """The base in C: its equation with the elements of its matrices, computed at export."""
+        """C code of the base: its equation with the elements of its matrices, computed at export."""
         equation = self.form.parsed_equation
         assert isinstance(equation, SpatialEquation)
         step = equation.c_step_by_matrices()
@@ -222,7 +221,7 @@ class SpatialBase:
         return _write_by_hand(self.base, self, written, name=name, equation=equation, **parameters)
 
     def freeze(self, nonlinear: np.ndarray) -> "SpatialBase":
-        """Return the base with frames that these parameters rotate and no fit changes.
+        """Return the base with fixed frames, rotated by these parameters.
 
         Parameters
         ----------
@@ -246,7 +245,7 @@ class SpatialBase:
 
 
 def symmetric_base(base: Base, axes: tuple[str, ...]) -> Base:
-    """Return the base with any symmetric matrix, linear in its elements, with which a search of axes starts.
+    """Return the base with general symmetric matrices, linear in their elements, for the start of a search of axes.
 
     Parameters
     ----------
@@ -304,21 +303,21 @@ def matrices_of(linear: np.ndarray, count: int, size: int) -> list[np.ndarray]:
 
 @dataclass(frozen=True)
 class PlaneContact:
-    """A base with contact at a plane that a fit may move."""
+    """A base with contact at a plane; a fit may move the plane."""
 
     base: Base
     """Base along one axis, with contact."""
     axes: tuple[str, ...]
     frames: tuple[tuple[float, ...], ...]
-    """One rotation matrix, row by row, whose first column is the normal."""
+    """One rotation matrix, row by row; the first column is the normal."""
     depth: float
     """Position of the surface along the normal."""
     reach: float
-    """Unit of a change of the depth, a length."""
+    """Unit of a change of `depth` in a fit, in the position's unit."""
 
     @property
     def linear(self) -> tuple[LinearParameter, ...]:
-        """Linear parameters of the base, then their friction."""
+        """Linear parameters of the base, then the friction of each."""
         friction = (
             replace(item, name=f"friction_of_{item.name}", symbol=f"mu_{item.symbol}")
             for item in self.base.linear
@@ -327,7 +326,7 @@ class PlaneContact:
 
     @property
     def nonlinear(self) -> tuple[NonlinearParameter, ...]:
-        """Nonlinear parameters of the base, smoothing speed of the friction, rotations of the normal, shift of the plane."""
+        """Nonlinear parameters: of the base, smoothing speed of the friction, rotations of the normal, shift of the plane."""
         speed = NonlinearParameter(
             "smoothing_speed", "{x}/s", "speed", low=0.01, high=0.1, points=2, reach=(0.05, 3.0), symbol="v_s"
         )
@@ -339,10 +338,10 @@ class PlaneContact:
 
     symmetry: ClassVar[str] = "plane"
     turning: ClassVar[tuple[NonlinearParameter, ...]] = ()
-    """Optional parameters of a model: none."""
+    """Angles of frames: none."""
 
     def plane(self, nonlinear: np.ndarray) -> tuple[np.ndarray, float]:
-        """Return the unit normal into the tissue, shape (axes,), and the surface's position along it at parameters of the base.
+        """Return the unit normal into the tissue, shape (axes,), and the surface's position along the normal.
 
         Parameters
         ----------
@@ -386,7 +385,7 @@ class PlaneContact:
         ]
 
     def touching(self, motion: SpatialMotion, nonlinear: np.ndarray) -> np.ndarray:
-        """Return whether the tool touches the tissue, shape (axes × samples,): equal for all axes.
+        """Return contact of the tool at every sample (bool), shape (axes × samples,), equal for all axes.
 
         Parameters
         ----------
@@ -435,7 +434,7 @@ def frame_of(normal: np.ndarray) -> np.ndarray:
 
 
 def force_sensor_effects(axes: tuple[str, ...]) -> dict[str, Effect]:
-    """Return the effects of the force sensor of several axes on the forces, by name; none of them is the tissue's.
+    """Return the effects of a force sensor of several axes, by name; these are not effects of tissue.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
-"""An equation in space: its signals are vectors, and it is valid in any direction.
+"""An equation in space: signals are vectors, and the equation is valid in any direction.
 
-One equation defines a mechanism along one axis and along several. In space the signals ``z v a dz`` and the force ``F`` are
-vectors, parameters are numbers, and
+One equation defines a mechanism along one axis and in space. In space the signals ``z v a dz`` and the force ``F`` are vectors,
+parameters are numbers, and
 
 - a product of two vectors is their scalar product, so that ``z**2`` is |z|², ``z**3`` is |z|² z and ``v*abs(v)`` is |v| v;
 - ``abs`` is the length, ``sign`` the direction (0 for a vector of length 0);
@@ -69,7 +69,7 @@ def length(vector: Vector) -> Expression:
 
 
 def vectorise(expression: Expression, vectors: Mapping[str, Vector]) -> Expression | Vector:
-    """Read an expression in space, a number or the components of a vector: k*z**3 is k*(z·z)*z.
+    """Convert an expression to space, to a scalar or the components of a vector: k*z**3 becomes k*(z·z)*z.
 
     Parameters
     ----------
@@ -81,7 +81,7 @@ def vectorise(expression: Expression, vectors: Mapping[str, Vector]) -> Expressi
     Raises
     ------
     InputError
-        If a part of it has no meaning in space, with this part.
+        If a part of the expression has no meaning in space. The message names the part.
     """
     match expression:
         case Symbol(name):
@@ -101,7 +101,7 @@ def vectorise(expression: Expression, vectors: Mapping[str, Vector]) -> Expressi
 def _apply_to_vectors(
     name: str, read: Sequence[Expression | Vector], operands: Sequence[Expression]
 ) -> Expression | Vector | None:
-    """Return the result of an operation on vectors; None if it has no meaning for them."""
+    """Return the result of an operation on vectors; None if the operation has no meaning for vectors."""
     match name, *read:
         case "+" | "-", tuple(first), tuple(second):
             return tuple(map(operator.add if name == "+" else operator.sub, first, second))
@@ -125,7 +125,7 @@ def _apply_to_vectors(
 
 
 def _apply_to_vector(name: str, vector: Vector) -> Expression | Vector | None:
-    """Return the result of a function of one vector; None if it has no meaning for it."""
+    """Return the result of a function of one vector; None if the function has no meaning for vectors."""
     size = length(vector)
     match name:
         case "neg":
@@ -150,7 +150,7 @@ def element(name: str, axes: Sequence[str], row: int, column: int) -> str:
     axes : sequence of str
         Names of the axes.
     row, column : int
-        Place of the element, from 0.
+        Row and column of the element, from 0.
     """
     first, second = sorted((row, column))
     return f"{name}_{axes[first]}{axes[second]}"
@@ -163,7 +163,7 @@ class SpatialEquation(Equation):
     axes: tuple[str, ...] = ()
     """Names of the axes."""
     channel: str = ""
-    """Axis of the only channel that is transformed; empty for all."""
+    """Axis of the only channel that the equation transforms; empty for all."""
 
     def _components(self, name: str) -> Vector:
         return tuple(Symbol(f"{name}_{axis}") for axis in self.axes)
@@ -202,7 +202,7 @@ class SpatialEquation(Equation):
 
     @cached_property
     def begin(self) -> dict[str, Expression]:
-        """Start value by state; none in space.
+        """Start value by state; in space always empty.
 
         Raises
         ------
@@ -215,7 +215,7 @@ class SpatialEquation(Equation):
 
     @cached_property
     def _linear_forces(self) -> tuple[tuple[LinearParameter, Vector], ...]:
-        """Linear parameters in space, each with the force of size 1 along every axis."""
+        """Linear parameters in space, each with its force at size 1 along every axis."""
         forces: list[tuple[LinearParameter, Vector]] = []
         components = set().union(*(map(symbols, chain(*self.vectors.values()))))
         for item, column in zip(self.linear, self.columns, strict=True):
@@ -265,7 +265,7 @@ class SpatialEquation(Equation):
         nonlinear : numpy.ndarray, shape (nonlinear parameters,)
             Nonlinear parameters, in the order of the field.
         solution : callable, optional
-            From the motion along one axis and nonlinear parameters to the states, used if the axes are independent.
+            Function from the motion along one axis and nonlinear parameters to the states, used if the axes are independent.
         force : numpy.ndarray, shape (axes × samples,), optional
             Force that an output form transforms.
         """
@@ -292,7 +292,7 @@ class SpatialEquation(Equation):
     def _states(
         self, state: StateEquation, motion: SpatialMotion, nonlinear: np.ndarray, solution: Solution | None
     ) -> dict[str, np.ndarray]:
-        """Return the states at every sample: in closed form if those of each axis are independent of the others."""
+        """Return the states at every sample, in closed form if the states of the axes are independent of each other."""
         if solution is None or not self._are_axes_independent:
             if not all(part.smooth for part in motion.parts):  # in straight lines from sample to sample
                 return state.trajectory(motion, self.parameters(nonlinear))
@@ -321,7 +321,7 @@ class SpatialEquation(Equation):
         )
 
     def c_step(self, solution: str = "") -> CStep | None:
-        """Return the C code of one sample, with a value per axis; an output form has one value for every channel.
+        """Return the C code of one sample, with a value per axis; an output form has one value, used for every channel.
 
         Parameters
         ----------
@@ -366,7 +366,7 @@ class SpatialEquation(Equation):
         Raises
         ------
         InputError
-            With the part of the equation that has no meaning in space.
+            If a part of the equation has no meaning in space. The message names the part.
         """
         if not self.transforms:
             _ = self.begin, self.slopes

@@ -5,9 +5,9 @@ The step from sample to sample is the exponential Rosenbrock–Euler step (Hochb
 
     r⁺ = r + h φ₁(hJ) f(r),    φ₁(x) = (eˣ − 1)/x,    J = ∂f/∂r,
 
-exact for equations that are linear in the states and of second order for others. Equations in position, path or time get a clock
-as an additional state, which makes them autonomous. NumPy solves all samples together by Newton's method (each iteration is a
-banded linear system), or one state with a clock sample by sample; C computes one step per sample.
+exact for equations that are linear in the states and of second order for others. Equations in position, path or time get a
+clock as an additional state, which makes them autonomous. NumPy solves all samples together by Newton's method (each iteration
+solves a banded linear system), but a single state with a clock sample by sample. C computes one step per sample.
 """
 
 import math
@@ -34,7 +34,7 @@ from lumbar.tissue.models.motion import OneMotion, SpatialMotion
 from lumbar.tissue.models.parameter import AXES, LINEAR, POSITIONS, SIGNALS, STEADY
 
 MOST_STATES = 6
-"""States of one form; with a clock, ``LARGEST_SYSTEM`` of ``effect_forms.h``."""
+"""Largest number of states of one form; with a clock, ``LARGEST_SYSTEM`` of ``effect_forms.h``."""
 STEP_SYMBOL = "sampling_time"
 """Symbol of the time from sample to sample in the equations of a step."""
 _MAX_ITERATIONS = 40
@@ -56,7 +56,7 @@ _RATES: dict[str, Expression] = {
     "s": Operation("abs", (Symbol("dz"),)),
     "t": _STEP,
 }
-"""Change from sample to sample of signals that are linear in between."""
+"""Change from sample to sample, by signal, for signals that are linear between samples."""
 
 
 def phi1(x):
@@ -65,7 +65,7 @@ def phi1(x):
     Parameters
     ----------
     x : array_like
-        Numbers of any shape, that of the result.
+        Numbers of any shape; the result has the same shape.
     """
     is_zero = np.equal(x, 0.0)
     return np.where(is_zero, 1.0, np.expm1(x) / np.where(is_zero, 1.0, x))
@@ -81,7 +81,7 @@ class StateEquation:
     slopes: Mapping[str, Expression]
     """Rate of change per second by state."""
     starts: Mapping[str, Expression] = field(default_factory=dict)
-    """Start values by state, in parameters and the position at the start; 0 for other states."""
+    """Start values by state, as expressions in parameters and the position at the start; 0 for other states."""
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -90,7 +90,7 @@ class StateEquation:
 
     @cached_property
     def apart(self) -> "list[StateEquation]":
-        """The equations in groups that are independent of each other's states."""
+        """The equations, split into groups with states that are independent of each other."""
         groups: list[set[str]] = []
         for name, slope in self.slopes.items():
             known = {name} | (symbols(slope) & set(self.names))
@@ -113,7 +113,7 @@ class StateEquation:
 
     @cached_property
     def is_scalar(self) -> bool:
-        """True if a step is one expression."""
+        """True if a step can be written as one expression."""
         return len(self.slopes) == 1 and not self.has_clock
 
     @cached_property
@@ -151,7 +151,7 @@ class StateEquation:
 
     @cached_property
     def scalar_step(self) -> Expression:
-        """The state after a step, if it is one expression."""
+        """The state after a step, for equations with `is_scalar`."""
         (name, slope), ((jacobian,),) = *self.slopes.items(), self._jacobian
         stretch = Operation("phi1", (_STEP * jacobian,))
         gain = _STEP if jacobian == ZERO else _STEP * stretch
@@ -228,7 +228,8 @@ class StateEquation:
         return Evaluator([*self.increments, *(cell for row in self.matrix for cell in row)], STEP_FUNCTIONS)
 
     def _step(self, values: Mapping, steps: int) -> tuple[np.ndarray, np.ndarray]:
-        """Return the states after each step, (states, steps), and their slopes by those before it, (states, states, steps)."""
+        """Return the states after each step, (states, steps), and their derivatives by the states before it, (states, states,
+        steps)."""
         cells = self._step_evaluator(values)
         if self.is_scalar:
             after, exponent = cells
@@ -269,7 +270,7 @@ class StateEquation:
         return None
 
     def _solve_in_numbers(self, known: Mapping, steps: int, begin: np.ndarray) -> np.ndarray:
-        """Solve for one state sample by sample in numbers, forty times as fast as with arrays of one.
+        """Solve for one state sample by sample with plain numbers, forty times as fast as with arrays of length 1.
 
         With a clock the step is φ₁(x) h f + φ₂(x) g, x = hJ, with the derivative g of h f by the clock.
         """
@@ -315,18 +316,18 @@ class StateEquation:
 
 
 def _positions(motion: OneMotion) -> tuple[str, ...]:
-    """Return the signals that are a position of the motion."""
+    """Return the symbols of the motion's positions."""
     if isinstance(motion, SpatialMotion):
         return tuple(f"z_{name}" for name in motion.names)
     return tuple(name for name in POSITIONS if name[1:] not in _ALONG)
 
 
 def _phi1_of_steps(matrix: np.ndarray, states: int) -> np.ndarray:
-    """Return φ₁ of matrices, shape (steps, size, size), of `states` states and perhaps a clock.
+    """Return φ₁ of matrices, shape (steps, size, size), for a number of states (`states`) and perhaps a clock.
 
-    Linear equations have constant derivatives A by the states. There φ₁([[A, c], [0, 0]]) =
-    [[φ₁(A), φ₂(A) c], [0, 1]], and φ₂ is part of φ₁([[A, I], [0, 0]]) (Al-Mohy and Higham, SIAM J. Sci. Comput. 33 (2011)
-    488-511, theorem 2.1), so that one matrix is enough.
+    Linear equations have constant derivatives A by the states. For them φ₁([[A, c], [0, 0]]) = [[φ₁(A), φ₂(A) c], [0, 1]], and
+    φ₂ is part of φ₁([[A, I], [0, 0]]) (Al-Mohy and Higham, SIAM J. Sci. Comput. 33 (2011) 488-511, theorem 2.1), so that one
+    matrix is enough.
     """
     by_states, by_clock = matrix[:, :states, :states], matrix[:, :states, states:]
     if not (by_states == by_states[:1]).all():
@@ -342,7 +343,7 @@ def _phi1_of_steps(matrix: np.ndarray, states: int) -> np.ndarray:
 
 
 def _matrix_phi1(matrix: np.ndarray) -> np.ndarray:
-    """Return φ₁ of matrices, shape (steps, size, size), by the series of a fraction and doubling."""
+    """Return φ₁ of matrices, shape (steps, size, size), by the series for a fraction of the matrix and repeated doubling."""
     identity = np.eye(matrix.shape[-1])
     norm = np.abs(matrix).sum(axis=2).max(initial=0.0)
     halvings = max(0, int(np.ceil(np.log2(norm))) + 1) if np.isfinite(norm) and norm > 0 else 0

@@ -37,7 +37,7 @@ class Structure:
 
     @cached_property
     def signs(self) -> tuple[int, ...]:
-        """Sign constraint of every amplitude."""
+        """Sign constraint of every linear parameter."""
         return tuple(item.sign for item in self.linear)
 
     @property
@@ -56,12 +56,12 @@ class Structure:
         Parameters
         ----------
         form : Form
-            Form of an effect that the structure lacks; it is the last one.
+            Form of an effect that the structure lacks; it is added last.
         """
         return type(self)(self.base, (*self.forms, form))
 
     def nonlinear_of(self, nonlinear: np.ndarray) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-        """Split all nonlinear parameters into the base's and those of each form by its key.
+        """Split the nonlinear parameters into the parameters of the base and, by key, of each form.
 
         Parameters
         ----------
@@ -76,7 +76,8 @@ class Structure:
         return nonlinear[: len(self.base.nonlinear)], parts
 
     def design(self, motion: AnyMotion, nonlinear: np.ndarray) -> np.ndarray:
-        """Return the forces of amplitudes of size 1 before output forms, (samples, amplitudes); in space axis after axis.
+        """Return the forces of linear parameters of size 1 before output forms, (samples, linear parameters); in space axis by
+        axis.
 
         Parameters
         ----------
@@ -148,7 +149,7 @@ def _compute_cached(name: Hashable, function: Callable, motion: Any, nonlinear: 
 
 
 def forces_of(form: Form, motion: AnyMotion, nonlinear: np.ndarray) -> np.ndarray:
-    """Return the forces that a parallel form adds, one per amplitude at size 1, shape (samples, linear parameters).
+    """Return the forces that a parallel form adds, one per linear parameter at size 1, shape (samples, linear parameters).
 
     Parameters
     ----------
@@ -165,8 +166,8 @@ def forces_of(form: Form, motion: AnyMotion, nonlinear: np.ndarray) -> np.ndarra
 
 
 _MAX_START_SAMPLES, _MIN_START_SAMPLES = 50, 5
-"""Limits of the number of first samples from which the state at the start is estimated, at most a twentieth of the record; errors
-do not count these samples."""
+"""Largest and smallest number of samples for the estimate of the state at the start, otherwise a twentieth of the record;
+errors do not count these samples."""
 _MAX_STEP_RAD = 0.4  # at the upper edge of the band that contains _BAND_POWER of the motion's power
 _BAND_POWER = 0.95
 _MAX_STEPS = 4  # from sample to sample
@@ -183,10 +184,10 @@ def _swap_units(item: _Any) -> _Any:
 
 @dataclass(frozen=True)
 class ForwardStructure(Structure):
-    """Base and forms driven by a force, which is the position of the given `Motion`; the result is a position.
+    """Base and forms driven by a force. The force is the ``position`` of the given `Motion`; the result is a position.
 
     Effects at the output transform the position, effects at the input the force. In units, ``{x}`` is the unit of the input
-    (a force here) and ``{y}`` that of the output.
+    (here a force), and ``{y}`` the unit of the output.
     """
 
     @cached_property
@@ -196,7 +197,7 @@ class ForwardStructure(Structure):
 
     @cached_property
     def nonlinear(self) -> tuple[NonlinearParameter, ...]:
-        """All nonlinear parameters; those of forms at the output have the unit of a position already."""
+        """All nonlinear parameters; the units of forms at the output are already for a position."""
         forms = (self.base.form, *self.forms)
         items = ((form, item) for form in forms for item in form.nonlinear)
         return tuple(item if form.place is Place.OUTPUT else _swap_units(item) for form, item in items)
@@ -227,7 +228,7 @@ class ForwardStructure(Structure):
     def simulate(
         self, motion: AnyMotion, linear: np.ndarray, nonlinear: np.ndarray, zero: float = 0.0
     ) -> np.ndarray:
-        """Simulate the position without its sensor's zero as a free run, shape (samples,); not finite without a solution.
+        """Simulate the position, less its sensor's zero, as a free run, shape (samples,); not finite if there is no solution.
 
         Parameters
         ----------
@@ -339,7 +340,7 @@ class ForwardStructure(Structure):
 
 
 def _interpolate(signal: np.ndarray, parts: int, held: bool = False) -> np.ndarray:
-    """Return a signal at the collocation points of every step, by a cubic spline through its samples if it is not held."""
+    """Return a signal at the collocation points of every step: by a cubic spline, or constant between samples if `held`."""
     if held:
         return np.repeat(signal[:-1], parts)[:, None] * np.ones(len(POINTS))
     samples = (np.arange(parts * (len(signal) - 1))[:, None] + POINTS) / parts

@@ -76,10 +76,10 @@ def describe_network(network: Network) -> str:
 
 @dataclass(frozen=True)
 class Element(Parameter):
-    """A derived parameter, e.g. ``"k1"``: the thesis's name of a combination of a base's parameters."""
+    """A derived parameter of the thesis, e.g. ``"k1"``: a combination of a base's parameters."""
 
     definition: str
-    """Meaning."""
+    """Meaning of the element."""
 
 
 @dataclass(frozen=True)
@@ -95,17 +95,18 @@ class TissueModel:
     transfer: str
     """Discrete transfer function in plain text."""
     base: Base | None = None
-    """Continuous model with the same parameters; None for a model without parameters."""
+    """Continuous base with the same parameters; None for a model without parameters."""
     elements: tuple[Element, ...] = ()
     """Derived parameters of the base."""
     relations: tuple[str, ...] = ()
-    """Coefficients of the equation from the mechanical elements."""
+    """Equations for the coefficients in terms of the mechanical elements."""
     network: Network | None = None
     """Mechanical analogue; None for a black box."""
     structure: ArxStructure | None = None
-    """Free coefficients of the discrete transfer function; None if it is searched (HO), fixed (IL) or improper (KV)."""
+    """Free coefficients of the discrete transfer function; None if the structure is searched (HO), fixed (IL) or improper
+    (KV)."""
     derive: Callable[..., dict[str, float]] | None = field(default=None, repr=False)
-    """From the base's parameters by name to the values of `elements`."""
+    """Function from the base's parameters by name to the values of `elements`."""
     references: str = ""
     """Sources: names and years, with the thesis's reference numbers in brackets."""
     no_parameters_because: str = ""
@@ -122,7 +123,7 @@ class TissueModel:
         Raises
         ------
         NumericalError
-            If a parameter is not positive: no spring or dashpot has it.
+            If a parameter is not positive, so that no spring or dashpot can have it.
         """
         for name, value in values.items():
             if not value > 0:
@@ -132,9 +133,9 @@ class TissueModel:
     def physical_parameters(
         self, transfer_function: TransferFunction, sampling_time: float
     ) -> dict[str, float]:
-        """Return the parameters of base and elements of an identified model by name (exact ramp-invariant conversion).
+        """Return the parameters of base and elements of an identified model by name, by exact ramp-invariant conversion.
 
-        In the units of input and output and in seconds.
+        Units are those of input and output, and seconds.
 
         Parameters
         ----------
@@ -146,7 +147,7 @@ class TissueModel:
         Raises
         ------
         NumericalError
-            With the reason, if the transfer function has no mechanical counterpart.
+            If the transfer function has no mechanical counterpart. The message gives the reason.
         """
         if self.structure is None or self.base is None:
             raise NumericalError(f"{self.name}: {self.no_parameters_because}")
@@ -163,7 +164,7 @@ class TissueModel:
 def _kelvin_boltzmann_elements(
     spring_stiffness: float, branch_stiffness: float, relaxation_time: float
 ) -> dict[str, float]:
-    """Return the elements of the series form, an arrangement of springs with the force of the base."""
+    """Return the elements of the series form, a network with the same force as the base."""
     k2 = spring_stiffness + branch_stiffness  # stiffness against fast motion: the dashpot is locked
     k1 = spring_stiffness * k2 / branch_stiffness
     return {
@@ -235,12 +236,12 @@ FIXED_STRUCTURE = (LE, MW, MAXWELL, KB)
 
 
 def inverted_linear(force_max: float, travel: float) -> TransferFunction:
-    """Return the IL model: 0 at contact, `force_max` after `travel`, against the other models' direction.
+    """Return the IL model: force 0 at contact, `force_max` after `travel`, with the sign opposite to the other models.
 
     Parameters
     ----------
     force_max, travel : float
-        Force after `travel` in the unit of the output, and travel from contact in the unit of the input; both above 0.
+        Force after `travel` in the output's unit; travel from contact in the input's unit; both above 0.
 
     Raises
     ------
@@ -255,7 +256,7 @@ def inverted_linear(force_max: float, travel: float) -> TransferFunction:
 
 
 def higher_order_structures(order_max: int) -> list[ArxStructure]:
-    """Return the structures of Eq. 3.9 for the search of HO, biproper and strictly proper ones.
+    """Return the structures of Eq. 3.9 for the search of HO, biproper and strictly proper.
 
     Parameters
     ----------

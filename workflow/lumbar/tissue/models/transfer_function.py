@@ -38,7 +38,7 @@ class TransferFunction:
 
     @property
     def biproper(self) -> bool:
-        """True with direct feed-through of the present input, false if strictly proper."""
+        """True if the present input feeds through directly to the output, false if strictly proper."""
         return self.numerator[0] != 0
 
     @property
@@ -57,7 +57,7 @@ class TransferFunction:
         Raises
         ------
         NumericalError
-            If the transfer function is unstable: its free run has no meaning.
+            If the transfer function is unstable, so that its free run has no meaning.
         """
         if not self.stable:
             largest = np.abs(self.poles).max() if np.isfinite(self.denominator).all() else np.inf
@@ -131,8 +131,8 @@ class StateSpace(NamedTuple):
 def observer_form(discrete: TransferFunction) -> StateSpace:
     """Return the observer canonical form (Eqs 3.17 and 3.18 of the thesis), i.e. direct form II transposed.
 
-    Its states, partial sums of the output, have the size of the output; those of the controllable form of `control.ss` grow
-    large if poles are close to z = 1. It has ``discrete.largest_lag`` states, without trailing zeros.
+    Its states, partial sums of the output, have the size of the output; the states of the controllable form of `control.ss`
+    grow large if poles are close to z = 1. There are ``discrete.largest_lag`` states, without trailing zeros.
 
     Parameters
     ----------
@@ -183,10 +183,11 @@ class ArxStructure:
         return max(self.order, *self.input_lags)
 
     def combination(self, lag: int) -> np.ndarray:
-        """Return the matrix from free coefficients to those of the full regressor vector y[k−1] … y[k−lag], u[k] … u[k−lag].
+        """Return the matrix from free coefficients to the coefficients of the full regressor y[k−1] … y[k−lag], u[k] …
+        u[k−lag].
 
-        The full regressor matrix times it is that of this structure. Shape (2 * lag + 1, parameter_count), elements -1, 0 and
-        1.
+        The full regressor matrix times this matrix is the regressor matrix of this structure. Shape (2 * lag + 1,
+        parameter_count), elements -1, 0 and 1.
 
         Parameters
         ----------
@@ -210,7 +211,7 @@ class ArxStructure:
         Parameters
         ----------
         coefficients : numpy.ndarray, shape (parameter_count,)
-            Free coefficients: those of the output, then those of the input.
+            Free coefficients: of the output, then of the input.
         """
         lag = self.largest_lag
         full = self.combination(lag) @ coefficients
@@ -294,7 +295,7 @@ class FirstOrder:
 
 
 def undiscretise(discrete: TransferFunction, sampling_time: float) -> FirstOrder:
-    """Return the continuous coefficients with `discrete` as ramp-invariant form.
+    """Return the continuous coefficients of which `discrete` is the ramp-invariant form.
 
     H(s) = ν/γ + (k − ν/γ)/(1 + γ s) becomes ν/γ + (k − ν/γ)(w z + w′)/(z − a) with a = exp(−T/γ) and weights w, w′ of the
     present and past position of a ramp. This form (first-order hold; Franklin, Powell and Workman, Digital Control of Dynamic
