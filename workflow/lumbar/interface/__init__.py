@@ -1,1 +1,1 @@
-"""The verbs of `lumbar` on objects: what commands, scripts and notebooks call."""
+"""Functions of `lumbar` on objects, which commands, scripts and notebooks call."""

@@ -41,7 +41,7 @@ def compare(
     settings: StudySettings | None = None,
     source_label: str = "",
 ) -> Comparisons:
-    """Simulate a model on every record: its errors with intervals, and the part that could be explained.
+    """Simulate a model on every record; return its errors with intervals, and the explainable part of each error.
 
     Parameters
     ----------
@@ -50,10 +50,10 @@ def compare(
     model : FittedModel
         Result of `identify`, `refine` or `diagnose`, or read from a file.
     train : str or sequence of str, optional
-        Record that the noise floor is taken from; default the one the model was fitted to, or the longest.
+        Record that determines the noise floor; default the record of the model's fit, or the longest.
     settings : StudySettings, optional
         ``improvement.session``: whether the records are parts of one session, in their order; ``tissue.settling_s``: seconds
-        at the start of a record that are ignored; ``seed``: that of the intervals.
+        at the start of a record that are ignored; ``seed``: random seed of the intervals.
     source_label : str
         Name of the source of the data; default the folder or file they were read from.
 
@@ -93,7 +93,7 @@ def locate(
     model : FittedModel
         Result of `identify`, `refine` or `diagnose`, or read from a file.
     train : str or sequence of str, optional
-        Record with the noise floor, see `compare`.
+        Record that determines the noise floor, see `compare`.
     settings : StudySettings, optional
         Used are ``improvement.session``, ``tissue.settling_s`` and ``seed``, see `compare`.
     source_label : str
@@ -154,14 +154,14 @@ class ModelReports(Result):
 
     model: FittedModel
     reports: Reports
-    """One per record."""
+    """Report on each record."""
     source_label: str
     findings: tuple[Finding, ...] = ()
-    """Used parts of records that were too long or too fast."""
+    """Remarks on records that were too long or too fast, with the parts that were used."""
 
     @cached_property
     def simulated(self) -> list[residuals.ResidualReport]:
-        """Reports along every axis; with several axes the record's name ends with the axis."""
+        """Reports along every axis; if there are several axes, the record's name ends with the axis."""
         return residuals.axis_reports(self.reports)
 
     def __len__(self) -> int:
@@ -178,7 +178,7 @@ class ModelReports(Result):
         return reports[name]
 
     def _report(self, name: str) -> Any:
-        """Return the report of a record; the name of a single record may be left out."""
+        """Return the report of a record; `name` may be empty if there is only one record."""
         return self[self.reports[0].record.name if not name and len(self.reports) == 1 else name]
 
     def save(self, folder: str | os.PathLike) -> None:
@@ -195,7 +195,7 @@ class ModelReports(Result):
 
     @abstractmethod
     def _page(self, folder: Path) -> tuple[str, str]:
-        """Return name and content of the page; its pictures are in the folder."""
+        """Return name and content of the page, which shows the pictures in `folder`."""
 
     def __repr__(self) -> str:
         axes = self.reports[0].record.axes
@@ -208,7 +208,7 @@ class Comparisons(ModelReports):
 
     @property
     def table(self) -> Table:
-        """Errors, noise and explainable error of every record."""
+        """Table with error, noise and explainable error of every record."""
         return comparison_table([item.comparison for item in self.simulated], self.source_label)
 
     def figure(self, name: str = "") -> Figure:
@@ -253,7 +253,7 @@ class Locations(ModelReports):
 
     @property
     def table(self) -> Table:
-        """Share and p-value of every view of the error."""
+        """Table with share and p-value of every view of the error."""
         return residuals.location_table(self.reports, self.source_label)
 
     def figure(self, name: str = "") -> Figure:
@@ -271,7 +271,7 @@ class Locations(ModelReports):
 
     @property
     def _pictures(self) -> dict[str, str]:
-        """Files of the pictures by name of the record, or of one of its axes."""
+        """Files of the pictures by name of the record, with the axis if it has several."""
         files = {report.record.name: f"location_{report.record.name}" for report in self.reports}
         for report in self.reports:
             for axis in report.axes if report.record.axes else ():

@@ -1,4 +1,4 @@
-"""``lumbar.load_models``, ``export_fmu`` and ``render``: models of files on a haptic device."""
+"""``lumbar.load_models``, ``export_fmu`` and ``render``: models on a haptic device."""
 
 from __future__ import annotations
 
@@ -33,12 +33,12 @@ def load_models(path: str | os.PathLike, effect_files: Iterable[str | os.PathLik
     path : path
         A file that `Identification.save` or `Refinement.save` wrote.
     effect_files : iterable of path, optional
-        Files with user-defined effects that the file does not contain: those in Python.
+        Files with user-defined effects in Python, which `path` does not contain.
 
     Raises
     ------
     InputError
-        With the place of everything that is missing, unknown or of a wrong type.
+        If entries of the file are missing, unknown or of a wrong type, with the place of each.
 
     Examples
     --------
@@ -78,19 +78,19 @@ def export_fmu(
     folder : path
         Folder of the written files.
     names : iterable of str, optional
-        For a file: models to export. Default: those of the settings, or the last one of an error ladder.
+        For a file: models to export. Default: the models of the settings, or the last model of an error ladder.
     trained_on : str, optional
-        For a file: record that the models were identified on. Default: the only one, or that of the settings.
+        For a file: record that the models were identified on. Default: the only record, or the record of the settings.
     rate_Hz : float, optional
-        Rate of the haptic loop in hertz; default the settings': 1 kHz, or with None there that of the model.
+        Rate of the haptic loop in hertz; default the rate of the settings (1 kHz), or of the model if it is None.
     targets : iterable of str, optional
         Platforms to build for: ``host``, ``x86_64-windows`` …; default the settings'.
     effect_files : iterable of path, optional
         For a file: files with user-defined effects.
     settings : RuntimeSettings, optional
-        Moving average, limits, guards of the force, what to do with an unstable model, the compiler's cache.
+        Moving average, limits and guards of the force, treatment of unstable models, the compiler's cache.
     source_label : str
-        Name of the source of the data, written into the FMU. Default: that of the file.
+        Name of the source of the data, written into the FMU. Default: the file's.
 
     Returns
     -------
@@ -129,7 +129,7 @@ def export_fmu(
 def _select_models(
     model, settings: RuntimeSettings, names, trained_on: str | None, effect_files
 ) -> tuple[list[FittedModel], str]:
-    """Return the given models, or those of a file, and the name of their source. Parameters: see `export_fmu`."""
+    """Return the given models, or the models of a file, and the name of their source. Parameters: see `export_fmu`."""
     if not isinstance(model, str | os.PathLike):
         return [model] if isinstance(model, FittedModel) else list(model), UNKNOWN_SOURCE
     fitted, read_from = _read(Path(model), effect_files)
@@ -208,7 +208,7 @@ def render(
 
 
 def judge_rendering(models: Sequence[FittedModel], settings: RuntimeSettings, source_label: str) -> Rendering:
-    """Judge models on the device of the settings; keep the reasons why models cannot be judged.
+    """Judge models on the device of the settings; the result lists models that cannot be judged, with reasons.
 
     Parameters
     ----------
@@ -231,7 +231,7 @@ class Rendering(Result):
     """``analysis`` (damping needed, largest stable gain), ``run`` (the simulated loop), the worst hand and the lowest safe
     rates of each model at each rate."""
     refused: tuple[str, ...]
-    """Reasons why models have no counterpart at a rate."""
+    """Messages on models that cannot be converted to a rate."""
     settings: RuntimeSettings
     """Settings with the device."""
     source_label: str
@@ -247,17 +247,17 @@ class Rendering(Result):
 
     @property
     def table(self) -> Table:
-        """Model × device, with the definition of every number."""
+        """Table of all models on all devices, with the definition of every number."""
         return device_table(self.judgements, self.refused, self.settings, self.source_label)
 
     @property
     def linear(self) -> list[FittedModel]:
-        """The transfer functions among the models, each once, without those of the thesis, which have only one rate."""
+        """Transfer functions among the models, without duplicates and models as in the thesis, which have only one rate."""
         given = [item.fitted for item in self if item.fitted is not None and item.fitted.discrete]
         return list({model.name: model for model in given if not model.name.endswith(AS_IN_THESIS)}.values())
 
     def z_width_figure(self) -> Figure:
-        """Draw the damping needed against the rate, and the stiffness that the device can render against its damping.
+        """Draw the required damping over the rate, and the largest stiffness that the device can render over its damping.
 
         Raises
         ------
@@ -271,7 +271,7 @@ class Rendering(Result):
         return z_width_figure(z_width(self.linear, self.settings), self.settings.device)
 
     def loop_figure(self) -> Figure:
-        """Draw an oscillating loop next to a calm one of the same model, the best fitting with both; else the first two loops."""
+        """Draw an oscillating and a calm loop of one model, the best-fitting with both; otherwise the first two loops."""
         from lumbar.publishing.figures.runtime_figures import loop_figure
 
         def fit(pair: Sequence[LoopVerdict]) -> float:
@@ -294,7 +294,7 @@ class Rendering(Result):
         return f"<Rendering: {len(self)} loops>"
 
     def __str__(self) -> str:
-        """Device and hand, then one paragraph per loop."""
+        """Text on device and hand, then one paragraph per loop."""
         lines = [device_text(self.settings.device)]
         for item in self:
             rates = {"stable": item.lowest_stable_rate, "passive": item.lowest_passive_rate}

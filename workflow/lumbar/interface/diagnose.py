@@ -47,7 +47,7 @@ def diagnose(
     Raises
     ------
     InputError
-        For an unknown base and for records that cannot be used.
+        If the base is unknown or the records cannot be used.
 
     Examples
     --------
@@ -83,7 +83,7 @@ def propose(
     settings: StudySettings | None = None,
     source_label: str = "",
 ) -> ProposedLaw:
-    """Diagnose, and look for a short formula for what the catalogue leaves.
+    """Diagnose, and search for a short formula for the error that the catalogue does not explain.
 
     Parameters
     ----------
@@ -101,7 +101,7 @@ def propose(
     Raises
     ------
     InputError
-        See `Diagnosis.propose`.
+        If `Diagnosis.propose` raises it.
 
     Examples
     --------

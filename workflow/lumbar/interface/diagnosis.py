@@ -44,9 +44,9 @@ class Diagnosis:
     settings: DiagnosisSettings
     """Settings of the diagnosis."""
     result: DiagnosisResult
-    """Selected effects, selection path, ranking, ties."""
+    """Result of the search: selected effects, selection path, ranking, ties."""
     study: StudySettings
-    """All settings, including those of the machine, the thesis's models and the intervals."""
+    """All settings of the study, with machine, models of the thesis and intervals."""
     source_label: str
 
     @property
@@ -61,37 +61,37 @@ class Diagnosis:
 
     @property
     def candidates(self) -> dict[str, Effect]:
-        """The catalogue that was searched."""
+        """Catalogue of effects that was searched."""
         return self.settings.candidates
 
     @cached_property
     def models(self) -> list[FittedModel]:
-        """Base, base and first effect, …."""
+        """Base model, then the base with the first effect, the first two effects, and so on."""
         return [fitted_model(item, self.result.experiment) for item in self.result.path]
 
     @property
     def model(self) -> FittedModel:
-        """The base with all selected effects."""
+        """Base model with all selected effects."""
         return self.models[-1]
 
     @cached_property
     def evidence(self) -> Evidence:
-        """Ties, the experiment that settles them, detectable effects, remaining errors."""
+        """Evidence: ties, an experiment that separates tied effects, detectable effects, remaining errors."""
         return gather_evidence(self.result, self.settings, self.study.seed, self.study.signals.machine)
 
     @cached_property
     def reports(self) -> Sequence[locate.ResidualReport | SpatialReport]:
-        """Comparison of the base model with every record, and where it fails."""
+        """Comparison of the base model with every record, and locations of its error."""
         return locate.compare_and_locate(self.result.experiment, self.result.base.fit, self.study.seed)
 
     @property
     def headline(self) -> str:
-        """The result in one sentence."""
+        """Result of the diagnosis in one sentence."""
         return headline(self.result)
 
     @property
     def sentences(self) -> list[str]:
-        """The result, then what a reader asks next."""
+        """Sentences of the report: the result, then the details."""
         lines = [self.headline, *details(self.result, self.candidates)]
         if self.evidence.separation is not None:
             lines.append(separation_sentence(self.evidence.separation, self.result))
@@ -102,7 +102,7 @@ class Diagnosis:
         return explain(self.result)
 
     def add(self, *effects: str) -> Refinement:
-        """Refit the base with the selected effects and others.
+        """Refit the base with the selected effects and additional effects.
 
         Parameters
         ----------
@@ -114,7 +114,7 @@ class Diagnosis:
     def refine(self, effects: Iterable[str]) -> Refinement:
         """Return the base with exactly these effects, as the page of the diagnosis shows it.
 
-        Models that the search fitted are taken from it, for any order of the effects; others are fitted now.
+        Models that the search fitted are reused, for any order of the effects; other models are fitted now.
 
         Parameters
         ----------
@@ -138,12 +138,12 @@ class Diagnosis:
         return fit_effects(self.records, effects, self.settings, self.study.seed, self.source_label)
 
     def propose(self) -> ProposedLaw:
-        """Look for a short formula for what the catalogue leaves.
+        """Search for a short formula for the error that the catalogue does not explain.
 
         Raises
         ------
         InputError
-            For a pendulum: the library of terms is that of tissue. For records with the force as input, or of several axes.
+            For a pendulum, because the terms are those of tissue; for records with the force as input, or of several axes.
         """
         if self.settings.system != "tissue":
             raise InputError(
@@ -162,7 +162,7 @@ class Diagnosis:
         return ProposedLaw(proposal, self.candidates, self.source_label)
 
     def to_html(self, pictures: Mapping[str, Path] | None = None) -> str:
-        """Return the diagnosis as a page without script, for notebooks and mail.
+        """Return the diagnosis as an HTML page without script, for notebooks and mail.
 
         Parameters
         ----------
@@ -180,7 +180,7 @@ class Diagnosis:
 
     @cached_property
     def thesis_models(self) -> tuple[list[FittedModel], str]:
-        """The thesis's models, ridge ARX and output error, of the longest training record, and a remark on missing ones.
+        """Models of the thesis (ridge ARX, output error) for the longest training record, and a remark on missing models.
 
         A pendulum and records with the force as input have none.
         """
@@ -250,8 +250,8 @@ class Diagnosis:
         folder : path
             Folder of the files; it is created if needed.
         pictures : bool
-            Draw comparison, location, ladder and signatures too, write the tables ``compare`` and ``location``, and show the
-            thesis's models on the page; takes a few seconds more.
+            Also draw comparison, location, ladder and signatures, write the tables ``compare`` and ``location``, and show the
+            thesis's models on the page; this takes a few seconds more.
         effects : iterable of str, optional
             Effects of the model in ``refined.json``; default the selected ones.
         """
@@ -323,11 +323,11 @@ def require_motion_input(forward: bool) -> None:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ProposedLaw:
-    """A law for what is missing, or that no short formula was found."""
+    """Law for the missing force, or the result that no short formula was found."""
 
     proposal: Proposal
     candidates: dict[str, Effect]
-    """The catalogue that did not suffice; the law cannot take its names."""
+    """Catalogue of effects that did not suffice; the law must have another name."""
     source_label: str
     """Name of the source of the records, for the file and the picture."""
 
@@ -338,12 +338,12 @@ class ProposedLaw:
 
     @property
     def equation(self) -> str:
-        """The law as an expression; empty if none is proposed."""
+        """The law as an expression; empty if no law is proposed."""
         return self.proposal.form.equation if self.has_law else ""
 
     @property
     def sentences(self) -> list[str]:
-        """The proposal, in plain English."""
+        """Sentences on the proposal."""
         return self.proposal.sentences
 
     def to_yaml(self, name: str = "proposed_law") -> str:
@@ -357,7 +357,7 @@ class ProposedLaw:
         Raises
         ------
         InputError
-            If no law is proposed, or the name cannot be an effect's.
+            If no law is proposed, or the name is not valid for an effect.
         """
         if not self.has_law:
             raise InputError(f"no effect to write: {self.sentences[0]}")
@@ -382,12 +382,12 @@ class ProposedLaw:
         Raises
         ------
         InputError
-            See `to_yaml`.
+            If `to_yaml` raises it.
         """
         write_text(path, self.to_yaml(name))
 
     def draw(self, stem: str | os.PathLike) -> None:
-        """Write the picture of what is missing, ``stem.svg`` and ``stem.pdf``.
+        """Write the picture of the missing force, ``stem.svg`` and ``stem.pdf``.
 
         Parameters
         ----------

@@ -30,35 +30,35 @@ class SpatialDiagnosis(Diagnosis):
 
     @cached_property
     def candidates(self) -> dict[str, Effect]:
-        """The catalogue that was searched, in vector form."""
+        """Catalogue of effects that was searched, in vector form."""
         return effects_in_space(self.settings.candidates, self.records[0].axes)
 
     @property
     def headline(self) -> str:
-        """The result in one sentence."""
+        """Result of the diagnosis in one sentence."""
         return headline_in_space(self.result)
 
     @property
     def sentences(self) -> list[str]:
-        """The result, the tissue's symmetry and axes, then what a reader asks next."""
+        """Sentences of the report: the result, the tissue's symmetry and axes, then the details."""
         fit, experiment = self.result.model.fit, self.result.experiment
         axes = [] if self.result.orientation else principal_axes.axes_sentences(fit, experiment)
         return [self.headline, *axes, *details(self.result, self.candidates)]
 
     @property
     def axes_table(self) -> Table:
-        """Principal stiffnesses and viscosities with their axes and intervals."""
+        """Table of principal stiffnesses and viscosities with their axes and intervals."""
         rows = principal_axes.principal_axes(self.result.model.fit, self.result.experiment)
         return principal_axes.principal_axes_table(rows, self.records[0].axes, self.source_label)
 
     @cached_property
     def reports(self) -> list[SpatialReport]:
-        """Comparison of the base model with every record, and where it fails."""
+        """Comparison of the base model with every record, and locations of its error."""
         return spatial_reports(self.models[0], self.result.experiment, self.study.seed)
 
     @cached_property
     def evidence(self) -> Evidence:
-        """Remaining errors along every axis, and candidates that add similar forces."""
+        """Evidence: remaining errors along every axis, and candidates that add similar forces."""
         experiment, null = self.result.experiment, null_distribution()
         usable = usable_in_space(self.settings.searched, experiment)
         remaining = axis_reports(spatial_reports(self.model, experiment, self.study.seed))

@@ -44,11 +44,11 @@ def identify(
     records : sequence of Record
         One per excitation, at one rate.
     train : str or sequence of str, optional
-        Record to identify on, or several, one after another; all others are for testing. Default: that of the settings, or
-        the longest.
+        Record to identify on, or several, one after another; all others are for testing. Default: the training record of the
+        settings, or the longest.
     settings : StudySettings, optional
-        ``tissue`` and ``seed``; the ``effects`` of ``improvement`` are added to its ``base``, and the result has that model
-        too.
+        Settings; ``tissue`` and ``seed`` are used. If ``improvement`` has ``effects``, the result also has the model of its
+        ``base`` with these effects.
     source_label : str
         Name of the source of the data; default the folder or file they were read from.
 
@@ -95,14 +95,14 @@ class Identification(Result):
     """Identified models by name."""
 
     models: list[FittedModel]
-    """By training record, in the order of Table 3.1."""
+    """Identified models by training record, in the order of Table 3.1."""
     search: pd.DataFrame
     """Every tested structure and ridge coefficient, one row each."""
     settings: TissueSettings
     source_label: str
 
     def __getitem__(self, name: str) -> FittedModel:
-        """Return a model by name: the ridge ARX fit on the first training record if there are several."""
+        """Return the model of this name; among several, the ridge ARX fit on the first training record."""
         return self.get(name)
 
     def get(self, name: str, estimator: str = ARX, trained_on: str | None = None) -> FittedModel:
@@ -113,7 +113,7 @@ class Identification(Result):
         name : str
             Name of the model, e.g. ``"KB"``.
         estimator : str
-            Estimator; if it is missing, another one of the model is returned.
+            Estimator; if the model was not fitted with it, a fit by another estimator is returned.
         trained_on : str, optional
             Training record; default the first.
 
@@ -139,7 +139,7 @@ class Identification(Result):
 
     @property
     def table(self) -> Table:
-        """Table 3.1."""
+        """Table 3.1 with the error metrics."""
         return self.table_3_1
 
     @property
@@ -149,11 +149,11 @@ class Identification(Result):
 
     @property
     def physical_parameters(self) -> Table:
-        """Physical parameters with intervals."""
+        """Table of physical parameters with intervals."""
         return physical_parameters_table(self.models, self.settings.bootstrap.confidence, self.source_label)
 
     def free_run_figure(self, record: Record) -> Figure:
-        """Return Figure 3.5: a record with the free runs of the thesis's models and of those with effects.
+        """Return Figure 3.5: a record with the free runs of the models of the thesis and of models with effects.
 
         Parameters
         ----------
@@ -174,16 +174,16 @@ class Identification(Result):
     def passive(
         self, records: Sequence[Record], train: str | None = None, *, settings: RuntimeSettings | None = None
     ) -> PassiveFits:
-        """Fit the models again so that they give off no energy, as they are and on a device; compare the errors.
+        """Fit the models again as passive models, with and without a device; compare the errors.
 
         Parameters
         ----------
         records : sequence of Record
             Records that the models were identified on.
         train : str, optional
-            Record to fit on; default the first of the models'.
+            Record to fit on; default the models' first training record.
         settings : RuntimeSettings, optional
-            Its ``models``, moving average and device.
+            Settings; ``models``, moving average and device are used.
 
         Returns
         -------

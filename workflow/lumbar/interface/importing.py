@@ -1,4 +1,4 @@
-"""``lumbar.import_recordings``: recordings of any machine as records of a study, with every guess and its reason."""
+"""``lumbar.import_recordings``: recordings of any machine as records of a study; every guess is reported with its reason."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _PREVIEW_ROWS = 4
 
 @dataclass(frozen=True, eq=False)
 class ForeignFile:
-    """A recording's file after reading, before its columns have a meaning."""
+    """A file of recordings after reading, before roles are assigned to its columns."""
 
     name: str
     """Name of the record."""
@@ -105,9 +105,9 @@ def import_recordings(
     files : path, or iterable of path or ForeignFile
         One file per recording: text in any dialect, MATLAB, HDF5 or Excel, also gzipped; or a folder of such files.
     time, position, force : str or int, optional
-        Column, by name or number counted from 1; several axes are separated by commas. ``time="none"`` if it does not exist.
+        Column, by name or number counted from 1; several axes are separated by commas. ``time="none"``: no column of time.
     time_unit, position_unit, force_unit : str, optional
-        Unit of the file's numbers, ``"lbf"``, or the size of one of them: ``"35.15 N"``.
+        Unit of the file's numbers, ``"lbf"``, or the value of the number 1: ``"35.15 N"``.
     rate : float, optional
         Sampling rate in hertz, if no column is time.
     flip_force : bool
@@ -126,17 +126,17 @@ def import_recordings(
     accept_clipped : bool
         Accept records with a force or position that stays at its extreme.
     name : str, optional
-        Name of the record, if one file is given; default that of the file. A file may have several recordings side by side.
+        Name of the record, if one file is given, e.g. for each of several recordings in a file; default the file's name.
 
     Returns
     -------
     ImportedRecordings
-        Prints the guesses and their reasons; has ``records`` and ``save(folder)``.
+        Result with ``records`` and ``save(folder)``; it prints the guesses and their reasons.
 
     Raises
     ------
     InputError
-        With all problems of all files: ambiguous columns with their candidates; time stamps that are repeated or go back,
+        If files have problems, with all of them: ambiguous columns with their candidates; repeated or decreasing time stamps,
         missing samples, records that cannot be analysed.
 
     Examples
@@ -163,7 +163,7 @@ def import_recordings(
         clipped=accept_clipped,
     )
     given = [files] if isinstance(files, str | os.PathLike) else files
-    sources = [source for item in given for source in _sources(item)]
+    sources = [source for item in given for source in _list_sources(item)]
     problems = Problems("import")
     for option, is_given in (("--cut parts", bool(choices.cut)), ("--name names", bool(name))):
         if is_given and len(sources) > 1:
@@ -197,7 +197,7 @@ _ENDINGS = (*COLUMN_ENDINGS, ".tsv", ".dat", ".asc", ".lvm", ".mat", ".h5", ".hd
 """Endings of the files that are read from a folder, also with .gz."""
 
 
-def _sources(given: str | os.PathLike | ForeignFile) -> list[Path | ForeignFile]:
+def _list_sources(given: str | os.PathLike | ForeignFile) -> list[Path | ForeignFile]:
     if isinstance(given, ForeignFile):
         return [given]
     path = Path(given)
@@ -212,7 +212,7 @@ def _sources(given: str | os.PathLike | ForeignFile) -> list[Path | ForeignFile]
 
 
 def _note_inverted_sign(recording: ImportedRecording, is_flipped: bool) -> ImportedRecording:
-    """Add a note to a recording if its force is significantly against the motion."""
+    """Add a note to a recording if its force significantly opposes the motion."""
     reason = "" if recording.record.axes else inverted_sign_reason(recording.record)
     if not reason:
         return recording
@@ -224,7 +224,7 @@ def _note_inverted_sign(recording: ImportedRecording, is_flipped: bool) -> Impor
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ImportedRecordings(Sequence[ImportedRecording]):
-    """Recordings with the guesses about each."""
+    """Imported recordings, each with its guesses."""
 
     recordings: tuple[ImportedRecording, ...]
 
@@ -243,7 +243,7 @@ class ImportedRecordings(Sequence[ImportedRecording]):
 
     @property
     def table(self) -> pd.DataFrame:
-        """One row per recording: numbers that reveal a wrong guess."""
+        """Table with one row per recording: numbers that show a wrong guess."""
         import pandas as pd
 
         return pd.DataFrame([recording.numbers for recording in self.recordings])
@@ -261,7 +261,7 @@ class ImportedRecordings(Sequence[ImportedRecording]):
         Parameters
         ----------
         folder : path
-            A new folder, or that of an earlier import, to which files are added.
+            A new folder, or the folder of an earlier import, to which files are added.
         source_label, licence : str, optional
             Name and licence of the data, for tables and figures.
         forward : bool

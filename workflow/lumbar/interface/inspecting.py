@@ -1,4 +1,4 @@
-"""``lumbar.inspect``: content of a marker file, its faults, and the result of the pipeline."""
+"""``lumbar.inspect``: report on a marker file: content, faults, and the result of the pipeline."""
 
 import os
 import shutil
@@ -32,9 +32,9 @@ from lumbar.settings.lifting import REFINING, LiftingSettings, SubjectSettings, 
 _PLACEHOLDER_SUBJECT = SubjectSettings(
     name="unknown", sex="unknown", mass_kg=70.0, height_m=1.7, experience="unknown", trials=()
 )
-"""Subject for the pipeline: events and gaps of a recording do not depend on the subject."""
+"""Any subject for the pipeline, because events and gaps of a recording do not depend on the subject."""
 _MAX_FRAMES = 1000
-"""Frames that show the axes of the body."""
+"""Largest number of frames from which the axes of the body are found."""
 
 
 def inspect(
@@ -50,14 +50,14 @@ def inspect(
     path : path
         C3D, TRC, CSV or BVH file with markers, also packed (``.gz``).
     settings : LiftingSettings, optional
-        Rules for reading markers and filling gaps, and the axes; without settings the axes are those of the body in the file.
+        Rules for reading markers and filling gaps, and the axes; without settings the axes are found from the body in the file.
     height_m : float, optional
-        Stature of the subject, with which lengths of the body are compared.
+        Stature of the subject, for the check of body lengths.
 
     Raises
     ------
     InputError
-        A file that cannot be read, or that is a record of force and position.
+        If the file cannot be read, or is a record of force and position.
 
     Examples
     --------
@@ -187,17 +187,17 @@ class InspectionReport:
     """Report on a marker file."""
 
     sheet: QualitySheet
-    """Content of the file, its faults, and the use of its markers."""
+    """Quality report: content of the file, faults, and use of markers."""
     axes: str
     """Axes that point up and forward."""
     pipeline: tuple[bool, str]
-    """True if the pipeline analyses it as a lift, with the detected events; else False and the reason."""
+    """Whether the pipeline can analyse the file as a lift, and the detected events or the reason why not."""
     points: dict[str, np.ndarray]
     """Shape (n_frames, 3): measured markers by the file's labels; metres, x to the right, y forward, z up."""
     time: np.ndarray
-    """Shape (n_frames,)."""
+    """Time of the frames in seconds, shape (n_frames,)."""
     meant: dict[str, str]
-    """Standard name to the label that fills it without others."""
+    """Label by standard name, for names that a single label gives."""
     prefixes: tuple[str, ...]
     """Prefixes of subjects, removed from the labels."""
 

@@ -53,14 +53,14 @@ def lift(
     settings : LiftingSettings, optional
         Markers, events, pivot and segments.
     static : path, optional
-        Marker file of a static trial; default the subject's, searched below the folder of the trial's file.
+        Marker file of a static trial; default the subject's static trial, relative to the folder of the trial's file.
     source_label : str
         Name of the source of the data; default the folder or file they were read from.
 
     Raises
     ------
     InputError, NumericalError
-        With the file and its problem.
+        If the lift cannot be analysed, with the file and the problem.
 
     Examples
     --------
@@ -83,7 +83,7 @@ def lift(
     file = Path(markers)
     lift_name, trial = _find_trial(subject, file, box_mass_kg, trial)
     name, settings = name or lift_name, (settings or LiftingSettings()).settings_for_trial(trial)
-    static = static or (_static_file(subject, trial, file) if given is None else None)
+    static = static or (_find_static_file(subject, trial, file) if given is None else None)
     standing = None
     if static is not None:
         # A static trial is read by its own labels; it need not have all markers of a lift.
@@ -107,13 +107,13 @@ class Lift(Result):
     """One analysed lift."""
 
     analysed: lifting.AnalysedLift
-    """Events, centres of mass, pendulum states."""
+    """Result of the pipeline: events, centres of mass, pendulum states."""
     subject: SubjectSettings
     trial: TrialSettings
     settings: LiftingSettings
     source_label: str
     quality: QualitySheet
-    """Report on the recording, with the intervals that were left out because they cannot be a body."""
+    """Report on the recording, with the intervals that were left out as impossible for a body."""
 
     @property
     def name(self) -> str:
@@ -131,7 +131,7 @@ class Lift(Result):
 
     @cached_property
     def thesis_states(self) -> pd.DataFrame:
-        """Pendulum states by the thesis's pivot, segment ends and start of the deposit; no rows if the study's are these."""
+        """Pendulum states by the thesis's pivot, segment ends and start of the deposit; empty if the study uses the same."""
         return lift_tables.states_frame(self._thesis_pendulums.states if self._thesis_pendulums else {})
 
     @cached_property
@@ -156,18 +156,18 @@ class Lift(Result):
 
     @property
     def checks(self) -> list[str]:
-        """Lines on segment ends on the skin."""
+        """Text lines on segment ends that are on the skin."""
         points, ends = self.analysed.points, self.analysed.table.ends
         return points.list_skin_rules(ends) if self.settings.segment_ends == "inner" else []
 
     @property
     def missing_pendulums(self) -> list[str]:
-        """Indented lines on centres of mass without a pendulum, with the remedy for missing markers."""
-        reasons = [*self._missing(), lifting.recognised_unaliased(self.analysed.recording)]
+        """Indented text lines on centres of mass without a pendulum, with the remedy for missing markers."""
+        reasons = [*self._describe_missing_pendulums(), lifting.recognised_unaliased(self.analysed.recording)]
         return [f"  {line}" for reason in reasons for line in reason.splitlines()]
 
-    def _missing(self) -> list[str]:
-        """Return one line for all centres of mass that have no pendulum for the same reason."""
+    def _describe_missing_pendulums(self) -> list[str]:
+        """Return one text line per reason with all centres of mass that have no pendulum for this reason."""
         coms: dict[str, list[str]] = {}
         for com, reason in self.analysed.missing.items():
             coms.setdefault(reason, []).append(com)
@@ -175,7 +175,7 @@ class Lift(Result):
 
     @property
     def _file_events(self) -> list[str]:
-        """Lines on the events in the file itself, compared with those detected."""
+        """Text lines that compare the events stored in the file with the detected events."""
         labels = self.settings.events.labels
         return event_rules.compare_with_file(self.analysed.recording, self.analysed.events, labels)
 
@@ -186,7 +186,7 @@ class Lift(Result):
 
     @property
     def table(self) -> list[dict]:
-        """The events, in the order in which they happen."""
+        """Rows of the events, in the order in which they happen."""
         return list(self.events.values())
 
     def files(self) -> Iterator[tuple[str, Any]]:
@@ -211,7 +211,7 @@ class Lift(Result):
         yield "pendulum.json", {**self.facts, **label}
 
     def __str__(self) -> str:
-        return "\n".join([self.recording_summary, *self._missing()])
+        return "\n".join([self.recording_summary, *self._describe_missing_pendulums()])
 
     @property
     def recording_summary(self) -> str:
@@ -302,8 +302,8 @@ def _listed_trial(
     raise InputError("\n".join([f"{problem}; its trials are", *lines]))
 
 
-def _static_file(subject: SubjectSettings, trial: TrialSettings, markers: Path) -> Path | None:
-    """Return the subject's static trial, which is named relative to the same folder as the trial's file."""
+def _find_static_file(subject: SubjectSettings, trial: TrialSettings, markers: Path) -> Path | None:
+    """Return the subject's static trial; its path is relative to the folder to which the trial's path is relative."""
     if subject.static is None:
         return None
     path, parts = markers.resolve(), Path(trial.markers).parts

@@ -52,7 +52,7 @@ def basins(
     Raises
     ------
     InputError
-        If a file is not what `lift` writes.
+        If `lift` did not write the file.
 
     Examples
     --------
@@ -94,18 +94,18 @@ class Basins(Result):
 
     @cached_property
     def _basins(self) -> LiftBasins:
-        """Areas, funnels and failures."""
+        """Computed areas, funnels and failures."""
         thesis_trajectories, _ = self.states.trajectories(THESIS)
         return basins_of_lift(self._trajectories[0], self.settings, self.seed, thesis_trajectories)
 
     @property
     def areas(self) -> pd.DataFrame:
-        """One row per centre of mass, plane, method and sign of gravity, with the checks."""
+        """Areas with checks, one row per centre of mass, plane, method and sign of gravity."""
         return self._basins.summary
 
     @property
     def funnels(self) -> pd.DataFrame:
-        """Every funnel, knot by knot, by method: ``wording`` is study (the headline's pendulums) or thesis."""
+        """Funnels by method, one row per knot; ``wording`` is study (the headline's pendulums) or thesis."""
         return self._basins.funnels
 
     def failures(self) -> pd.DataFrame:
@@ -131,6 +131,6 @@ class Basins(Result):
 
     @property
     def table(self) -> pd.DataFrame:
-        """The areas by pendulum, method and sign, without their checks."""
+        """Areas by pendulum, method and sign, without checks."""
         areas = ["mean_area", "initial_area", "minimum_area"]
         return self.areas[["com", "plane", "method", "sign", *areas, "proved_share"]]

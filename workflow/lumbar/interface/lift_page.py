@@ -27,7 +27,7 @@ def lift_page(
 ) -> LiftPage:
     """Make the page of one lift: body, balance, pendulum states, and pushes against the funnel.
 
-    The page contains all its data; it integrates a push itself, with the equations of `basins`.
+    The page contains all its data; its script integrates a push with the equations of `basins`.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ def lift_page(
     Raises
     ------
     InputError
-        If the folder lacks a file, or a file is not what `lift` writes.
+        If the folder lacks a file, or `lift` did not write a file.
 
     Examples
     --------
@@ -66,7 +66,7 @@ def lift_page(
 
 
 def saved_lifts(folder: str | os.PathLike) -> list[Path]:
-    """Return folders of lifts: this one, those in it, or those of a study with its results in it.
+    """Return the folders of lifts: `folder` itself, folders in it, and folders in its ``lifting`` (a study's results).
 
     Parameters
     ----------

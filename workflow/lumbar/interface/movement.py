@@ -50,7 +50,7 @@ def measure_movement(
     Raises
     ------
     InputError
-        If a file is not what `lift` writes.
+        If `lift` did not write the file.
 
     Examples
     --------
@@ -82,25 +82,25 @@ class Measures(Result):
     """Measures of one lift."""
 
     body: pd.DataFrame
-    """Trajectories they are made of."""
+    """Trajectories from which the measures are computed."""
     facts: Mapping
     settings: StabilitySettings
     source_label: str
 
     @cached_property
     def course(self) -> Course:
-        """All measures at every instant, and what is missing."""
+        """Measures at every instant, and missing points."""
         gravity = self.settings.pendulum.gravity_m_s2
         return course_of_lift(Lifter(self.body, self.facts, self.settings.measures, gravity))
 
     @property
     def instants(self) -> pd.DataFrame:
-        """All measures at every instant of the recording."""
+        """Table of all measures at every instant of the recording."""
         return self.course.frame
 
     @cached_property
     def values(self) -> pd.DataFrame:
-        """One row per measure and plane: value, unit, safer direction, source, or the reason for an absent value."""
+        """One row per measure and plane: value (or the reason why it is missing), unit, safer direction, source."""
         return values_of_lift(self.course, self.facts)
 
     @property
@@ -151,7 +151,7 @@ def measure_person(
     static: str | os.PathLike | None = None,
     source_label: str = "",
 ) -> pd.DataFrame:
-    """Measure every lift of a subject: balance, posture, load of the back, and areas of the basins with either sign.
+    """Measure every lift of a subject: balance, posture, load of the back, and areas of the basins with both signs of gravity.
 
     The long table has the columns `COLUMNS`; an absent value is NaN and has a reason.
 

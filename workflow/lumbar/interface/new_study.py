@@ -31,12 +31,12 @@ _BOX = re.compile(r"box|bo[iî]te|crate|kiste|caisse|load", re.IGNORECASE)
 _TABLE = shipped_yaml(Path(__file__).with_name("marker_set.yaml"))
 
 
-_ALIAS: TypeAdapter[Alias] = TypeAdapter(Alias)
+_ALIAS_ADAPTER: TypeAdapter[Alias] = TypeAdapter(Alias)
 _RULES: dict[str, list[tuple[Alias, str]]] = {
-    name: [(_ALIAS.validate_python(rule["is"]), rule.get("because", "")) for rule in rules]
+    name: [(_ALIAS_ADAPTER.validate_python(rule["is"]), rule.get("because", "")) for rule in rules]
     for name, rules in _TABLE["rules"].items()
 }
-"""Rules that fill a landmark, with the reason if a rule is a guess."""
+"""Rules by landmark from which its position follows, with the reason if a rule is a guess."""
 _REASONS = {(name, term): reason for name, rules in _RULES.items() for term, reason in rules if reason}
 _NOTES = {(name, label): note for name, labels in _TABLE["notes"].items() for label, note in labels.items()}
 _PURPOSES: dict[str, str] = _TABLE["needed"]
@@ -44,12 +44,12 @@ _PURPOSES: dict[str, str] = _TABLE["needed"]
 
 @dataclass(frozen=True)
 class MarkerSet:
-    """Markers recognised in one file."""
+    """Set of markers that was recognised in one file."""
 
     aliases: dict[str, Alias]
-    """Standard name to the label or rule that fills it."""
+    """Label or rule by standard name."""
     axes: tuple[str, str] | None
-    """Axes by `lumbar.records.marker_axes.find_axes`."""
+    """Axes up and forward, see `lumbar.records.marker_axes.find_axes`."""
     joints: bool = False
     """True if the file has joint centres instead of markers on the skin."""
 
@@ -105,8 +105,8 @@ def _is_available(term: Alias, known: set[str]) -> bool:
     return all(_is_available(part, known) for part in parts)
 
 
-def _rank(name: str, term: Alias) -> tuple[int, int]:
-    """Return the order of a landmark's terms: a rule or label of the table, another label, a guess."""
+def _sorting_key(name: str, term: Alias) -> tuple[int, int]:
+    """Return the sorting key of a landmark's terms: first rules and labels of the table, then other labels, then guesses."""
     rules, defaults = [rule for rule, _ in _RULES.get(name, ())], _alternatives(name)
     if term in rules:
         return 3 if (name, term) in _REASONS else 0, rules.index(term)
@@ -171,7 +171,7 @@ class NewStudy:
         Raises
         ------
         InputError
-            If one of them exists: it is not overwritten.
+            If one of the files exists; it is not overwritten.
         """
         paths = [Path(project) / name for name in self.files]
         there = [str(path) for path in paths if path.exists()]
@@ -205,7 +205,7 @@ def new_study(folder: str | os.PathLike, name: str | None = None) -> NewStudy:
     Parameters
     ----------
     folder : path
-        Marker files of one subject, or a folder below it per subject.
+        Folder with marker files of one subject, or with one folder per subject.
     name : str, optional
         Name of the study; default the folder's.
 
@@ -265,7 +265,7 @@ def new_study(folder: str | os.PathLike, name: str | None = None) -> NewStudy:
 def _read(path: Path, folder: Path, study: str) -> FolderRecording | None:
     """Read one file with its own labels and axes; None for a table without markers.
 
-    If the file does not state the unit of length, any unit serves to recognise labels and axes.
+    If the file does not state the unit of length, any unit is assumed: labels and axes do not depend on it.
     """
     relative = path.relative_to(folder)
     has_folder = len(relative.parts) > 1
@@ -291,12 +291,12 @@ def _render(file: str, **values) -> str:
 
 
 def _alias_lines(sets: Sequence[MarkerSet]) -> list[str]:
-    """Return the aliases of several files: every term that one of them needs, the best first."""
+    """Return the aliases of several files: for each name all terms that a file needs, the best first."""
     joined: dict[str, dict[Alias, None]] = {}
     for item in sets:
         for name, term in item.aliases.items():
             joined.setdefault(name, {})[term] = None
-    aliases = {name: tuple(sorted(terms, key=partial(_rank, name))) for name, terms in joined.items()}
+    aliases = {name: tuple(sorted(terms, key=partial(_sorting_key, name))) for name, terms in joined.items()}
     joints, lines = all(item.joints for item in sets), []
     for name, terms in aliases.items():
         text = format_yaml(terms if len(terms) > 1 else terms[0])

@@ -36,17 +36,17 @@ def compare_groups(
     Parameters
     ----------
     table : pandas.DataFrame, path or sequence of paths
-        Long: one row per lift, measure and plane, columns ``person, group, box_mass_kg, measure, plane, value``, and if
-        they are known ``unit`` and ``safer`` (``higher`` or ``lower``). Several CSV files are joined.
+        Long: one row per lift, measure and plane, columns ``person, group, box_mass_kg, measure, plane, value``, and
+        optionally ``unit`` and ``safer`` (``higher`` or ``lower``). Several CSV files are joined.
     groups : tuple of str, optional
-        The first is compared with the second; default expert and novice or, if the table has two other labels, these.
+        Two groups that are compared; default expert and novice or, if the table has two other labels, these two.
     source_label : str
         Name of the source of the data.
 
     Raises
     ------
     InputError
-        For a file or table of another kind, and for groups without subjects.
+        If the file or table is of another kind, or a group has no subjects.
 
     Examples
     --------
@@ -94,7 +94,7 @@ _COLUMNS = ("person", "group", "box_mass_kg", "measure", "plane", "value")
 
 @dataclass(frozen=True, eq=False, repr=False)
 class GroupDifferences(Result):
-    """Differences between groups and boxes."""
+    """Result of the comparison of groups and boxes."""
 
     comparisons: tuple[GroupComparison, ...]
     groups: tuple[str, str]
@@ -102,11 +102,11 @@ class GroupDifferences(Result):
 
     @cached_property
     def table(self) -> Table:
-        """Differences with intervals and p values."""
+        """Table of differences with intervals and p values."""
         return comparison_table(self.comparisons, self.source_label)
 
     def figure(self) -> Figure:
-        """Return all measures at one glance: who is safer, and how certain that is."""
+        """Return the picture of all measures: the safer group of each, with its interval."""
         from lumbar.publishing.figures.people_figures import group_comparison_figure
 
         return group_comparison_figure(self.comparisons, self.groups)
@@ -142,7 +142,7 @@ def analyse_survey(
     seed: int = SEED,
     source_label: str = "",
 ) -> Survey:
-    """Analyse ratings by the thesis's method (Table 3.2), and within participants.
+    """Analyse ratings between models by the method of the thesis (Table 3.2), and within participants.
 
     Parameters
     ----------
@@ -191,13 +191,13 @@ class Survey(Result):
 
     ratings: Ratings
     analysis: SurveyAnalysis
-    """Tables, and all results as plain data."""
+    """Result of the analysis: tables, and all results as plain data."""
     settings: SurveySettings
     source_label: str
 
     @property
     def table(self) -> Table:
-        """Table 3.2."""
+        """Table 3.2 with the statistics of the ratings."""
         return self.analysis.tables["table_3_2"]
 
     def figures(self) -> dict[str, Figure]:

@@ -76,7 +76,7 @@ def read(
     periods : mapping of str to float, optional
         Known periods of the excitations in seconds, by the record's name.
     trims : mapping of str to tuple of float, optional
-        Start and stop of the part that is read, in seconds of the file's clock, by the record's name.
+        Start and stop of the part to read, by the record's name; in seconds of the file's clock.
 
     Returns
     -------
@@ -86,7 +86,7 @@ def read(
     Raises
     ------
     InputError
-        With file, line or column, the found and the allowed value; all problems of a file in one error.
+        If files have problems: all problems of a file in one error, with line or column, value and allowed values.
 
     Examples
     --------
@@ -189,7 +189,7 @@ def column_files(folder: Path) -> list[Path]:
 
 
 def is_column_file(path: Path, endings: tuple[str, ...] = COLUMN_ENDINGS) -> bool:
-    """Return whether the name is that of a column file, and not of a text about the data such as ``LICENSE.txt``.
+    """Return whether a file is a column file by its name, and not a text about the data such as ``LICENSE.txt``.
 
     Parameters
     ----------
@@ -203,7 +203,7 @@ def is_column_file(path: Path, endings: tuple[str, ...] = COLUMN_ENDINGS) -> boo
 
 
 def is_marker_file(path: Path) -> bool:
-    """Return whether the name is that of a marker file; a table of markers is not recognised by its name.
+    """Return whether a file is a marker file by its ending; CSV tables of markers cannot be recognised by name.
 
     Parameters
     ----------

@@ -47,7 +47,7 @@ def refine(
     Raises
     ------
     InputError
-        For an unknown effect, or one that the records have no channels for or do not excite.
+        If an effect is unknown, needs channels that the records lack, or is not excited.
     NumericalError
         If a fit does not converge, or an effect makes the model worse.
 
@@ -83,7 +83,7 @@ def fit_effects(
     settings : DiagnosisSettings
         Settings of the fit, with the base and the training records.
     seed : int
-        Seed of the intervals.
+        Random seed of the intervals.
     source_label : str
         Name of the source of the data.
     """
@@ -114,11 +114,11 @@ class Refinement(Result):
     settings: DiagnosisSettings
     experiment: Experiment
     path: list[Candidate]
-    """Base, base and first effect, …."""
+    """Fits of the base, then of the base with the first effect, the first two effects, and so on."""
     seed: int
     source_label: str
     findings: tuple[Finding, ...] = ()
-    """Used parts of records that were too long or too fast, and a fit of the base that did not converge."""
+    """Remarks on records that were too long or too fast, and on a base fit that did not converge."""
 
     @property
     def effects(self) -> tuple[str, ...]:
@@ -127,12 +127,12 @@ class Refinement(Result):
 
     @cached_property
     def models(self) -> list[FittedModel]:
-        """Base, base and first effect, …."""
+        """Base model, then the base with the first effect, the first two effects, and so on."""
         return [refinement.fitted_model(item, self.experiment) for item in self.path]
 
     @property
     def model(self) -> FittedModel:
-        """The base with all effects."""
+        """Base model with all effects."""
         return self.models[-1]
 
     def add(self, *effects: str) -> Refinement:
@@ -141,7 +141,7 @@ class Refinement(Result):
         Parameters
         ----------
         *effects : str
-            Names of the effects; those that the model has already are not added twice.
+            Names of the effects; effects that the model already has are not added twice.
         """
         return self._refit(list(dict.fromkeys([*self.effects, *effects])))
 
@@ -176,7 +176,7 @@ class Refinement(Result):
 
     @property
     def table(self) -> list[dict]:
-        """The error ladder: one dict per model."""
+        """Error ladder: one dict per model."""
         unit = self.experiment.output_unit
         return [
             {

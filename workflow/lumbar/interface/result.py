@@ -1,4 +1,4 @@
-"""Results of API functions, and the arguments that all of the functions take."""
+"""Base class of results of API functions, and helpers for arguments that all API functions have."""
 
 from __future__ import annotations
 
@@ -54,12 +54,12 @@ def records_label(given: str, records: Iterable[Record]) -> str:
     given : str
         Label that the user gave; empty without one.
     records : iterable of Record
-        Records, as an API function got them.
+        Argument ``records`` of an API function.
 
     Raises
     ------
     InputError
-        If something else than records is given.
+        If an item is not a record.
     """
     from lumbar.records.record import Record
 
@@ -82,7 +82,7 @@ def settings_or_default(given: StudySettings | None) -> StudySettings:
     Raises
     ------
     InputError
-        If they are the settings of a part of a study.
+        If only one section of the settings is given.
     """
     from lumbar.settings.study_settings import StudySettings
 
@@ -107,7 +107,7 @@ def read_table(path: str | os.PathLike, what: str) -> pd.DataFrame:
     Raises
     ------
     InputError
-        As `require_file`; if it is not the table of `what`.
+        If `require_file` raises it, or the file is not a table of this content.
     """
     import pandas as pd
 
@@ -124,7 +124,7 @@ def read_table(path: str | os.PathLike, what: str) -> pd.DataFrame:
 
 
 class Result(ABC):
-    """Result of an API function: it prints in sentences, a notebook shows its table, `save` writes its files."""
+    """Result of an API function: printing it shows sentences, a notebook shows its table, `save` writes its files."""
 
     source_label: str
     """Name of the source of the data."""
@@ -140,7 +140,7 @@ class Result(ABC):
         Raises
         ------
         InputError
-            If it has none or several.
+            If the result has no picture or several.
         """
         raise InputError(f"{self!r} has no single picture; save(folder) writes all that it has")
 

@@ -1,4 +1,4 @@
-"""``lumbar.bandwidth`` and ``lumbar.design_signals``: surgeons' motion, and signals that excite as it does."""
+"""``lumbar.bandwidth`` and ``lumbar.design_signals``: surgeons' motion, and excitation signals with the same bandwidth."""
 
 from __future__ import annotations
 
@@ -35,13 +35,13 @@ def bandwidth(
     Parameters
     ----------
     trials : sequence of Record
-        With the channel ``position``.
+        Records with the channel ``position``.
     surgeons : sequence of str, optional
         Surgeon of each trial; default the part of the trial's name before ``_trial``.
     settings : SurgeonSettings, optional
         Welch's method, and the rules for a bandwidth.
     seed : int
-        Seed of the intervals.
+        Random seed of the intervals.
     source_label : str
         Name of the source of the data; default the folder or file they were read from.
 
@@ -74,7 +74,7 @@ class Bandwidth(Result):
     spectra: surgeon_motion.MotionSpectra
     """Spectra of every trial."""
     values: dict
-    """By quantity (position, velocity) and rule: ``value_Hz``, ``low_Hz``, ``high_Hz``."""
+    """Bandwidth by quantity (position, velocity) and rule: ``value_Hz``, ``low_Hz``, ``high_Hz``."""
     settings: SurgeonSettings
     source_label: str
 
@@ -88,7 +88,7 @@ class Bandwidth(Result):
         ]
 
     def figure(self) -> Figure:
-        """Return the spectra with the bandwidths read off them."""
+        """Return the picture of the spectra, with the bandwidths."""
         from lumbar.publishing.figures.signal_figures import psd_figure
 
         return psd_figure(self.spectra, self.values, self.settings.reference_Hz)
@@ -131,13 +131,13 @@ def design_signals(
     Parameters
     ----------
     band : float, Bandwidth or path
-        Upper end of the band to excite in hertz; or the surgeons' bandwidth, or its file, from which it follows.
+        Upper end of the excited band in hertz; or the surgeons' bandwidth or its file, which contain it.
     settings : SignalsSettings, optional
         Rate, length and limits of the machine.
     seed : int
-        Seed of the noise.
+        Random seed of the noise.
     source_label : str
-        Name of the source of the band; default that of the bandwidth.
+        Name of the source of the band; default the source of the bandwidth.
 
     Raises
     ------
@@ -178,11 +178,11 @@ class Signals(Result):
     settings: SignalsSettings
     source_label: str
     bandwidths: dict | None = None
-    """Bandwidths of the surgeons, from which the band follows."""
+    """Bandwidths of the surgeons from which the band was chosen."""
 
     @property
     def table(self) -> Table:
-        """Properties of the signals and their demands on the machine."""
+        """Table with properties of the signals and their demands on the machine."""
         return design.signal_properties(self.excitation, self.settings, self.source_label, self.bandwidths)
 
     def figure(self) -> Figure:

@@ -1,1 +1,1 @@
-"""The page of a diagnosis served on this machine: it fits, writes and keeps what one asks of it."""
+"""Server of the pages of diagnoses and lifts on this machine: it fits models and writes files on request."""

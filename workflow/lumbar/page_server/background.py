@@ -15,13 +15,13 @@ from lumbar.base.progress import watch_progress
 DRAWING = threading.Lock()
 """Lock for drawing: Matplotlib draws one figure at a time."""
 WRITING = threading.Lock()
-"""Lock for writing files: the server does not end in between."""
+"""Lock for writing files: the server does not end while files are written."""
 THREAD_NAME = "work of the page server"
 """Name of the background threads."""
 
 
 class CancelledError(LumbarError):
-    """Work that was cancelled because other work was requested."""
+    """Error that ends work because other work was requested."""
 
 
 def page_message(error: Exception) -> str:
@@ -66,11 +66,11 @@ class Job:
 
     @property
     def seconds(self) -> float:
-        """Duration so far."""
+        """Time in seconds since the start of the job."""
         return time.monotonic() - self._began
 
     def cancel(self) -> None:
-        """Cancel it at its next step."""
+        """Cancel the job at its next step."""
         self._cancelled = True
 
     def _run(self) -> None:

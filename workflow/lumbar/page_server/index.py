@@ -28,7 +28,7 @@ _NO_SCRIPT = (
     "form-action 'none'"
 )
 _SANDBOX = "sandbox allow-scripts allow-downloads; default-src 'unsafe-inline' 'unsafe-eval' data: blob:; frame-ancestors 'self'"
-"""A finished study may come from elsewhere: its pages run no script, or scripts that cannot call the server."""
+"""Security policy of pages with scripts: a study may be untrusted, so its scripts cannot call the server."""
 _PIECE_BYTES = 1_000_000
 
 
@@ -37,17 +37,17 @@ class Index:
     """All pages of the server."""
 
     place: str
-    """Study or folder."""
+    """Name of the study or folder."""
     sets: ServedSets
     lifts: Sequence[ServedLift] = ()
     results: Path | None = None
     """``results/<study>``, served unchanged; None without a study."""
     first: str = INDEX
-    """Address that is opened first."""
+    """Address of the page that is opened first."""
 
     @property
     def report(self) -> str:
-        """Address of the study's report; empty without one."""
+        """Address of the study's report; empty if there is no report."""
         return f"{RESULTS}{_REPORT}" if self.results and (self.results / _REPORT).is_file() else ""
 
     @property
@@ -57,7 +57,7 @@ class Index:
         return {"place": self.place, "menu": [(INDEX, "All pages"), *report, (OWN, "Your own recordings")]}
 
     def entries(self, with_state: bool = False) -> dict[str, Any]:
-        """Return the entries of the index, on request with the state of every set, which reads the verdicts."""
+        """Return the entries of the index, with the state of every set if requested, for which the verdicts are read."""
         return {
             **self.bar,
             "sets": [
@@ -74,7 +74,7 @@ class Index:
         return template("page_server/lost.html.jinja").render(title=title, words=message, **self.entries())
 
     def add_bar(self, text: str, framed: bool = False) -> str:
-        """Return a page with the server's bar instead of its header; a framed page has neither."""
+        """Return a page with the server's bar instead of its header; in a frame, a page has neither bar nor header."""
         bar = "" if framed else template("tables/header.html.jinja").render(**self.bar)
         before, _, rest = text.partition('<header class="top">')
         _, end, after = rest.partition("</header>")
@@ -126,7 +126,7 @@ class IndexedHandler(RequestHandler):
 
 
 class _LiftHandler(IndexedHandler):
-    """Answers with the page of a lift, or the reason why it has none."""
+    """Answers with the page of a lift, or the reason why the lift has no page."""
 
     async def get(self) -> None:
         try:
@@ -137,7 +137,7 @@ class _LiftHandler(IndexedHandler):
 
 
 class _ResultHandler(IndexedHandler):
-    """Answers with a file of the study's results, or redirects to the server's page instead of it."""
+    """Answers with a file of the study's results, or redirects to the server's page that replaces the file."""
 
     async def get(self, path: str) -> None:
         parts = Path(path).parts
@@ -181,7 +181,7 @@ class NotReady(Matcher):
         self.sets = sets
 
     def match(self, request: HTTPServerRequest) -> dict | None:
-        """Return the arguments for the handler; None if the page is ready or no page of a set."""
+        """Return the arguments for the handler; None if the page is ready or is not the page of a set."""
         explored = self.sets.find(request.path, request.arguments)
         if explored is None:
             return {} if request.path.rstrip("/") == RESULT else None

@@ -37,15 +37,15 @@ if TYPE_CHECKING:
 _TEXTS = ("time", "position", "force", "time_unit", "position_unit", "force_unit", "table", "encoding")
 _SWITCHES = ("flip_force", "accept_clipped")
 _MAX_TEXT = 200
-"""Most characters of a text, and of a file's name."""
+"""Largest number of characters in a text or a file's name."""
 MAX_FILE_BYTES = 50_000_000
 MAX_FILES = 12
-"""Most files of a session."""
+"""Largest number of files in a session."""
 MAX_SESSIONS = 16
 MAX_BYTES = 300_000_000
-"""Most bytes of the files of all sessions."""
+"""Largest number of bytes in the files of all sessions."""
 _TAB = "X-Lumbar-Tab"
-"""Header with the session of a page; no form of another page can send it."""
+"""HTTP header with the session of a page; forms of other pages cannot send it."""
 
 
 def checked_choices(choices: Any) -> dict[str, Any]:
@@ -95,10 +95,10 @@ def checked_name(name: Any) -> str:
 
 @dataclass(frozen=True)
 class UploadDiagnosis:
-    """Diagnosis of the user's recordings."""
+    """Settings for diagnoses of the user's recordings."""
 
     diagnose: Callable[..., Diagnosis]
-    """Function of records, ``train`` and ``source_label``."""
+    """Function that diagnoses records; its arguments are records, ``train`` and ``source_label``."""
     output: Path
     """Folder for files that the page writes."""
 
@@ -112,7 +112,7 @@ class UploadSession:
     files: dict[str, bytes] = field(default_factory=dict)
     """Contents by file name."""
     choices: dict[str, Any] = field(default_factory=dict)
-    """Last choices, as arguments of `lumbar.import_recordings`."""
+    """Last choices of the user, as arguments of `lumbar.import_recordings`."""
     _explored: ExploredSet | None = None
     _read: dict[tuple[str, Choices], ForeignFile] = field(default_factory=dict)
     _one_at_a_time: threading.Lock = field(default_factory=threading.Lock)
@@ -205,7 +205,7 @@ class UploadSession:
     def start(self, request: Mapping[str, Any], uploads: UploadDiagnosis, served: ServedSets) -> str:
         """Start the diagnosis, cancel a running one of this session, and return the address of its page.
 
-        The request has ``choices``, ``train`` (names of records; none takes the longest) and ``name`` of the set.
+        The request has ``choices``, ``train`` (names of records; the longest if empty) and ``name`` of the set.
         """
         with self._one_at_a_time:
             self.choices = checked_choices(request.get("choices") or {})
@@ -240,7 +240,7 @@ class UploadSessions(dict[str, UploadSession]):
     """Sessions by a random name."""
 
     def new(self) -> str:
-        """Return the name of a new session; of many the oldest is discarded, one without files first."""
+        """Return the name of a new session; if there are too many, discard the oldest, preferably one without files."""
         if len(self) >= MAX_SESSIONS:
             del self[next((name for name, session in self.items() if not session.files), next(iter(self)))]
         name = secrets.token_urlsafe(16)
@@ -249,7 +249,7 @@ class UploadSessions(dict[str, UploadSession]):
 
 
 def upload_rules(index: Index, uploads: UploadDiagnosis) -> list[Rule]:
-    """Return the rules of the page, which the index shows too, and of its requests."""
+    """Return the routing rules of the page, which the index also shows, and of its requests."""
     arguments = {"sessions": UploadSessions(), "uploads": uploads, "index": index}
     return [
         Rule(PathMatches(f"(?:{INDEX}?|{OWN})"), _PageHandler, arguments),
@@ -264,7 +264,7 @@ class _UploadHandler(RequestHandler):
 
 class _PageHandler(_UploadHandler):
     async def get(self) -> None:
-        """Show the page of a session, or redirect to a new session; at the index's address with the index above it."""
+        """Show the page of a session, with the index above it at the index's address; or redirect to a new session."""
         tab, at_door = self.get_query_argument("tab", ""), self.request.path != OWN
         if tab not in self.sessions:
             self.redirect(url_concat(INDEX if at_door else OWN, {"tab": self.sessions.new()}))

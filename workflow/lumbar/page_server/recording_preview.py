@@ -1,4 +1,4 @@
-"""Preview of recordings before they are diagnosed: columns, and messages next to the field that they concern."""
+"""Preview of recordings before they are diagnosed: columns, and messages next to the fields to which they belong."""
 
 import re
 from collections.abc import Mapping
@@ -33,7 +33,7 @@ _ALIASES = (
 )
 _NO_TABLE = re.compile(r"no (table|sheet|variable) '")
 _HEADING = re.compile(r"(: \d+ problems?|: some columns or units are unclear)$")
-"""End of a heading before a list of problems."""
+"""End of the heading of a list of problems."""
 _METAVARS = re.compile(r"(--[a-z-]+) (?:NAME or NUMBER|COLUMN|NAME|NUMBER|HZ|VARIABLE)\b")
 _ROWS, _POINTS, _MAX_COLUMNS = 2, 300, 60
 OF_SEVERAL_AXES = (
@@ -135,7 +135,7 @@ def preview(imported: ImportedRecordings) -> dict[str, Any]:
 
 
 def _group_by_field(by_role: Mapping[str, Any]) -> dict[str, list]:
-    """Return a list per field: the values of its roles, one per axis."""
+    """Return the values of the roles of each field, as a list with one value per axis."""
     by_field: dict[str, list] = {}
     for role, value in by_role.items():
         by_field.setdefault(role.partition("_")[0], []).append(value)

@@ -35,18 +35,18 @@ class StoredVerdict:
 
     folder: Path
     settings: Mapping[str, Any] | None = None
-    """The study's present settings as plain data; None accepts the stored verdict."""
+    """Current settings of the study as plain data; if None, the stored verdict is always accepted."""
     sources: Sequence[Path] = ()
-    """Recordings and files of settings."""
+    """Recordings and files of settings on which the diagnosis depends."""
 
     @property
     def page(self) -> Path:
-        """File of its page."""
+        """File of the stored page."""
         return self.folder / "diagnosis.html"
 
     @property
     def is_current(self) -> bool:
-        """True if the page exists with the same settings and without a newer recording."""
+        """True if the page exists, its settings are the current ones, and no source is newer."""
         if not self.page.is_file() or self.settings is None:
             return self.page.is_file()
         date = self.page.stat().st_mtime
@@ -62,18 +62,18 @@ class ExploredSet:
 
     name: str
     make: Callable[[], Diagnosis] | None
-    """Function that returns the diagnosis; None if there is only the stored one."""
+    """Function that returns the diagnosis; None if there is only a stored diagnosis."""
     output: Path
     """Folder that the page may write to."""
     upload: str = ""
-    """Address of the page of the upload; empty for records of a study or folder."""
+    """Address of the page on which the records were uploaded; empty for records of a study or folder."""
     title: str = ""
-    """Title on terminal and pages; default from the name."""
+    """Title on terminal and pages; default the name, with blanks."""
     stored: StoredVerdict | None = None
-    """The diagnosis of a finished study."""
+    """Stored diagnosis of a finished study."""
     job: Job | None = None
     html: str = ""
-    """Page of a diagnosis without an interactive page, as soon as it is made."""
+    """HTML page of a diagnosis that has no interactive page; empty until it is made."""
     _refits: dict[str, Refinement] = field(default_factory=dict)
     _fitted: dict[str, PageModel] = field(default_factory=dict)
     _one_at_a_time: threading.Lock = field(default_factory=threading.Lock)
@@ -94,7 +94,7 @@ class ExploredSet:
 
     @cached_property
     def variables(self) -> dict[str, Any]:
-        """Variables of the page's template, common to all tabs."""
+        """Variables of the page's template that are common to all tabs."""
         return {**self.page.variables(served=True), "own": self.upload}
 
     @property
@@ -103,7 +103,7 @@ class ExploredSet:
         return "variables" in self.__dict__
 
     def begin(self) -> Job:
-        """Start the preparation of the page in the background, unless it was started."""
+        """Start the preparation of the page in the background, if it is not started yet."""
         with self._one_at_a_time:
             if self.job is None:
                 self.job = Job(self.prepare)
@@ -122,7 +122,7 @@ class ExploredSet:
                 _ = self.page.records, self.page.models, self.variables
 
     def refitted(self, effects: Sequence[str]) -> Refinement:
-        """Return the base refitted with these effects; a repeated request gets the first result. See `lumbar.refine`."""
+        """Return the base refitted with these effects; a repeated request gets the stored result. See `lumbar.refine`."""
         with self._one_at_a_time:
             key = model_key(effects)
             if key not in self._refits:
@@ -143,7 +143,7 @@ OWN = "/_own"
 """Address of the page for the user's recordings; no record set's name begins with an underscore."""
 RESULT = f"{OWN}/result"
 _MAX_UPLOADS = 8
-"""Most sets of the user's recordings in memory; the oldest is discarded."""
+"""Largest number of sets of the user's recordings in memory; beyond it the oldest is discarded."""
 
 
 class ServedSets:
@@ -177,10 +177,10 @@ class ServedLift:
     """A saved lift and its page."""
 
     folder: Path
-    """Folder of `lumbar lift` or of a study, with the name of the lift."""
+    """Folder that `lumbar lift` or a study wrote; its name is the name of the lift."""
     settings: StabilitySettings
     source_label: str = ""
-    """Origin of the data; empty for that of the lift."""
+    """Name of the source of the data; empty for the source of the lift."""
     _html: str = ""
     _one_at_a_time: threading.Lock = field(default_factory=threading.Lock)
 
@@ -204,7 +204,7 @@ class ServedLift:
 
 
 MAX_EFFECTS = 8
-"""Most effects of a requested model."""
+"""Largest number of effects of a requested model."""
 _ACTIONS = ("fit", "locate", "separate", "save")
 
 
@@ -223,7 +223,7 @@ class TabRequests:
         dict
             Answer for the page; ``error`` if the request failed.
         list of PageModel
-            New models for the pictures.
+            New models, which the pictures must show.
         """
         number = None
         try:
@@ -288,7 +288,7 @@ def read_request(text: str | bytes) -> dict[str, Any]:
 
 
 def save_refinement(refit: Refinement, folder) -> list[str]:
-    """Write the model, its tables and figures, and its FMUs; return the files' names."""
+    """Write the model, its tables, figures and FMUs; return the names of the files."""
     from lumbar.interface.device import export_fmu
 
     refuse_links(folder)

@@ -38,7 +38,7 @@ _HEADERS = {
     "Referrer-Policy": "no-referrer",
     "Cross-Origin-Resource-Policy": "same-origin",
 }
-"""The page contains its scripts; nothing is loaded from elsewhere or sent there, and no other page frames it."""
+"""HTTP headers: a page contains its scripts, exchanges no data with other servers, and no other page can frame it."""
 _FORWARD_PAGE = (
     f"<!doctype html><title>lumbar</title><script>const page = new URL(location.href); page.searchParams.delete('{TOKEN}'); "
     "location.replace(page)</script><noscript>The pages of lumbar need JavaScript.</noscript>"
@@ -56,12 +56,12 @@ message.textContent = "The server was ended: what is here can still be looked at
   + "the page again.";
 message.className = "bad";
 """
-"""Script of a page that has lost its server."""
+"""Script that a page runs if it has lost its server."""
 
 
 @dataclass(frozen=True)
 class Visitors:
-    """Admitted visitors: with the token in the address the first time, in a cookie afterwards."""
+    """Check of visitors: the token is in the address at the first visit, and in a cookie afterwards."""
 
     port: int
     """Port of the server. A browser sends cookies to every port of a host, so the cookie's name contains it."""
@@ -77,7 +77,7 @@ class Visitors:
         return f"http://{HOST}:{self.port}{url_concat(path, {TOKEN: self.token})}"
 
     def has_token(self, given: bytes) -> bool:
-        """Compare with the token in constant time."""
+        """Return whether the given bytes are the token; the comparison takes constant time."""
         return secrets.compare_digest(given, self.token.encode())
 
 
@@ -90,7 +90,7 @@ class Outside(Matcher):
     def match(self, request: HTTPServerRequest) -> dict[str, Any] | None:
         """Return the arguments for `DoorHandler`; None if the request is admitted.
 
-        It needs the cookie, and must be sent to one of this machine's names by the user or a page of this server.
+        An admitted request has the cookie, and the user or a page of this server sent it to a name of this machine.
         """
         cookie, origin = request.cookies.get(self.visitors.cookie), request.headers.get("Origin")
         is_from_here = request.host_name in _HOST_NAMES and origin in (None, f"http://{request.host}")
@@ -134,7 +134,7 @@ class SecurityHeaders(OutputTransform):
 
 
 def log_rejected(handler: RequestHandler) -> None:
-    """Log failed requests by their path only: the rest of the address may contain the token."""
+    """Log failed requests with only their path: the rest of the address may contain the token."""
     if handler.get_status() >= 400:
         access_log.warning("%d %s %.200s", handler.get_status(), handler.request.method, handler.request.path)
 
@@ -142,7 +142,7 @@ def log_rejected(handler: RequestHandler) -> None:
 def new_server(index: Index, port: int, uploads: UploadDiagnosis) -> tuple[Server, Visitors]:
     """Return a server of an index and its pages on the loopback interface, and its visitors.
 
-    Port 0 takes a free one; `uploads` diagnoses the user's recordings.
+    Port 0 means any free port; `uploads` diagnoses the user's recordings.
 
     Raises
     ------
@@ -177,7 +177,7 @@ def new_server(index: Index, port: int, uploads: UploadDiagnosis) -> tuple[Serve
 
 
 def _route(server: Server, visitors: Visitors, index: Index, uploads: UploadDiagnosis) -> None:
-    """Add access control and the server's pages before Bokeh's, and remove handlers without use."""
+    """Add access control and the server's pages before Bokeh's, and remove unused handlers."""
     from bokeh.server.views.autoload_js_handler import AutoloadJsHandler
     from bokeh.server.views.metadata_handler import MetadataHandler
     from bokeh.server.views.root_handler import RootHandler
