@@ -37,7 +37,7 @@ Response = Callable[[np.ndarray], np.ndarray]
 """Function that returns the ratio of motion and force at frequencies in Hz."""
 _MIN_STIFFNESS = 1e-6
 """Smallest dynamic stiffness relative to the largest: a free mass would drift away."""
-_RIGIDITY = 10.0
+_RIGID = 10.0
 """Stiffness of a motion that does not follow the force, relative to the ratio of force and motion."""
 _SEGMENTS = 8
 _WEIGHTED_FITS = 3
@@ -161,9 +161,7 @@ def fit_inverse_problem(experiment: Experiment, base: Base) -> tuple[np.ndarray,
         linear = fit.linear
         if not linear.any():  # the motion does not follow the force
             spring = [item.name == "spring_stiffness" for item in base.linear]
-            linear = np.where(
-                spring, _RIGIDITY * np.std(training.motion.position) / np.std(training.force), 0.0
-            )
+            linear = np.where(spring, _RIGID * np.std(training.motion.position) / np.std(training.force), 0.0)
         response = response_of(base, linear, fit.nonlinear)
     return linear, fit.nonlinear
 

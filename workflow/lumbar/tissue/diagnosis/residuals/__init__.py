@@ -1,1 +1,1 @@
-"""How large a simulation's error is, and where a model fails."""
+"""Size of a simulation's error, and location of the error."""

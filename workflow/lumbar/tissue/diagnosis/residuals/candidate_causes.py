@@ -1,14 +1,14 @@
-"""Candidate causes of a simulation's residual: its correlations with the input, and the causes ranked against each other.
+"""Candidate causes of a simulation's residual: correlations with the input, and a ranking of the causes.
 
 A residual that is related to the input contains dynamics or nonlinearity that a better model would explain (Ljung,
-System Identification, 2nd ed., section 16.6). Even functions of the input, z² and |v|, reveal a force that is not mirrored when
-the motion is; the input itself does not (Billings and Voon, Int. J. Control 44, 1986). Limits follow from the spectra of noise
-and function, so they are valid for coloured noise too.
+System Identification, 2nd ed., section 16.6). Even functions of the input, z² and |v|, reveal a force that is not mirrored if the
+motion is mirrored; the input itself does not (Billings and Voon, Int. J. Control 44, 1986). Limits are computed from the spectra
+of noise and function, so they are valid for coloured noise too.
 
-Any force that follows the motion resembles linear dynamics on one record, its best linear approximation, but others on other
-excitation (Pintelon and Schoukens, System Identification: A Frequency Domain Approach, 2012, chapter 3); and refitting a base
-leaves a linear part whatever is missing. So linear dynamics are fitted once to the error of all records, and every other cause
-together with them: its share of the rest distinguishes it from them.
+On one record any force that depends on the motion resembles linear dynamics, its best linear approximation, which differs between
+excitations (Pintelon and Schoukens, System Identification: A Frequency Domain Approach, 2012, chapter 3). A refitted base also
+leaves a linear part, for any missing effect. So the same linear dynamics are fitted to the error of all records, and every other
+cause is fitted together with them: its share of the rest distinguishes it from linear dynamics.
 """
 
 from __future__ import annotations
@@ -40,10 +40,10 @@ from lumbar.tissue.models.transfer_function import filtered
 _NORMAL_975 = 1.959964
 _LAGS = 25
 _RELAXATIONS = 8
-"""Time constants, spread evenly in logarithm, that span linear dynamics."""
+"""Number of time constants, spread evenly in logarithm, that span linear dynamics."""
 _MOST_OF_ERROR = 0.8
 _WEAK_RATIO = 0.3
-"""Correlations below this share of the largest are called weak, even if they are significant."""
+"""Share of the largest correlation below which a correlation is called weak, even if it is significant."""
 LINEAR_FUNCTIONS = ("z", "v")
 EVEN_FUNCTIONS = ("z²", "|v|")
 ODD_FUNCTIONS = ("z³", "sign v", "v|v|")
@@ -70,12 +70,12 @@ _CAUSES = {
 def causes_view(residual: Residual) -> View:
     """Return the correlation of the residual with functions of the input, and the share that linear dynamics would explain.
 
-    Of even and odd functions only the part counts that is neither linear in the input nor shared with functions of the other
+    Even and odd functions count only with the part that is neither linear in the input nor shared with functions of the other
     kind: z² is related to z³ unless the motion is mirrored about zero. Linear dynamics are position, velocity and relaxations of
     the position with eight time constants.
 
-    Numbers: ``p even``, ``p odd``, ``linear_share`` (beyond chance, 0 unless significant) and ``linear_p``. The p-value is that
-    of the correlations.
+    The numbers of the view are ``p even``, ``p odd``, ``linear_share`` (beyond chance, 0 unless significant) and ``linear_p``.
+    Its p-value is the p-value of the correlations.
     """
     linear = _orthonormal(linear_columns(residual, relaxation_times([residual])))
     covariance = residual.covariance(linear.T)
@@ -127,7 +127,7 @@ def causes_view(residual: Residual) -> View:
 
 
 def _smallest_p(correlations: Mapping[str, CrossCorrelation], names: Collection[str]) -> float:
-    """Return the probability that the smallest p-value of some correlations is due to chance (Bonferroni)."""
+    """Return the probability that the smallest p-value of the named correlations is due to chance (Bonferroni)."""
     return min(1.0, len(names) * min(correlations[name].p_value for name in names))
 
 
@@ -150,7 +150,7 @@ def linear_columns(residual: Residual, times: np.ndarray) -> np.ndarray:
 
 
 def _orthonormal(columns: np.ndarray) -> np.ndarray:
-    """Return an orthonormal basis of columns, scaled to one size first."""
+    """Return an orthonormal basis of columns, which are first scaled to equal size."""
     scaled = columns / np.maximum(np.sqrt(np.mean(columns**2, axis=0)), 1e-300)
     left, values, _ = np.linalg.svd(scaled, full_matrices=False)
     return left[:, values > 1e-5 * values[0]]
@@ -161,17 +161,17 @@ class CrossCorrelation:
     """Correlation of a residual with the past of a signal."""
 
     lags: np.ndarray
-    """Shape (lags,): samples."""
+    """Lags in samples, shape (lags,)."""
     values: np.ndarray
-    """Shape (lags,): coefficients from −1 to 1."""
+    """Correlation coefficients from −1 to 1, shape (lags,)."""
     limit: float
-    """95 % limit of each coefficient under noise alone."""
+    """95 % limit of each coefficient under noise only."""
     p_value: float
-    """Probability that noise alone gives coefficients as large, of all lags together."""
+    """Probability that noise only gives such large coefficients, for all lags together."""
 
 
 def cross_correlation(residual: Residual, signal: np.ndarray) -> CrossCorrelation:
-    """Correlate the residual with the past of a signal, wrapped round: by the null hypothesis that is as unrelated."""
+    """Correlate the residual with the past of a signal, which is periodic: under the null hypothesis any shift is unrelated."""
     size = len(signal)
     longest = int(min(np.sqrt(size), size // 10))
     lags = np.unique(np.linspace(0, longest, min(_LAGS, longest + 1)).astype(int))
@@ -211,38 +211,38 @@ def _correlation_sentence(correlations: Mapping[str, CrossCorrelation], p_value:
 
 
 _PATH_SHARES = np.linspace(0, 1, 9)
-"""Ends of the bins of the path since a reversal, as shares of the samples: most paths are short."""
+"""Ends of the bins of the path since a reversal, as shares of the samples, because most paths are short."""
 _MAJOR_SHARE_OF_REST, _MAJOR_SHARE = 0.5, 0.05
-"""Shares of what linear dynamics leave and of the explainable error, above which another cause comes before them."""
+"""Share of the error left by linear dynamics, and share of the explainable error, above which a cause comes before them."""
 _MIN_SHARE = 0.01
 """Share of the explainable error below which a cause is not reported."""
 _FITTED_FIRST = ("constant offset", "linear dynamics")
-"""Causes that are fitted first; all others share what these leave."""
+"""Causes that are fitted first; all other causes share the error that these leave."""
 _MIN_EIGENVALUE = 1e-10
-"""Eigenvalue of the columns' products, as a share of the largest, below which a direction is rounding."""
+"""Eigenvalue of the Gram matrix of the columns, as a share of the largest, below which a direction is rounding."""
 
 
 @dataclass(frozen=True)
 class Cause:
-    """Share of the error of all records that one cause accounts for."""
+    """A cause with its share of the error of all records."""
 
     name: str
-    """Key of `_CAUSES`."""
+    """Name of the cause, a key of `_CAUSES`."""
     share: float
-    """Share of the explainable error: of velocity beyond position, of other causes beyond linear dynamics."""
+    """Share of the explainable error: for velocity in addition to position, for other causes in addition to linear dynamics."""
     share_of_rest: float
-    """Share of what linear dynamics leave; for causes that are fitted first, the share itself."""
+    """Share of the error left by linear dynamics; equal to `share` for causes that are fitted first."""
 
 
 def rank_causes(residuals: Sequence[Residual]) -> list[Cause]:
-    """Return the causes by how well they are distinguished from the others, the best first.
+    """Return the causes in the order of their shares, the largest first.
 
-    They are sorted by share; linear dynamics come after a cause that accounts for most of what they leave.
+    A constant offset comes after other large causes, linear dynamics after a cause of most of the error that they leave.
 
     Parameters
     ----------
     residuals : sequence of Residual
-        One model's, of all records.
+        Residuals of one model on all records.
 
     Returns
     -------
@@ -294,7 +294,7 @@ def rank_causes(residuals: Sequence[Residual]) -> list[Cause]:
 
 
 def _groups(residuals: Sequence[Residual]) -> dict[str, np.ndarray]:
-    """Return groups of samples in each of which a cause has its own level, common to all records except for windows of time."""
+    """Return groups of samples by cause; a cause has one level per group. Records share all groups except windows of time."""
     position = np.concatenate([item.position for item in residuals])
     velocity = np.concatenate([item.velocity for item in residuals])
     along, across = map_edges(position, velocity)
@@ -321,7 +321,7 @@ def _groups(residuals: Sequence[Residual]) -> dict[str, np.ndarray]:
 
 
 def _mean_square_left(values: np.ndarray, linear: np.ndarray, groups: np.ndarray | None = None) -> float:
-    """Return the mean square left by a least-squares fit of columns and of a level in each group, for its degrees of freedom."""
+    """Return the mean square per degree of freedom left by a least-squares fit of columns and of a level in each group."""
     products, sums = linear.T @ linear, linear.T @ values
     if groups is not None:
         number = np.unique(groups, return_inverse=True)[1]
@@ -336,7 +336,7 @@ def _mean_square_left(values: np.ndarray, linear: np.ndarray, groups: np.ndarray
 
 
 def causes_sentence(causes: Sequence[Cause], where: str, error: str) -> str:
-    """Name the cause that is distinguished best, with its share of the `error`, and the shares of the next ones."""
+    """Name the first cause, with its share of the `error`, and the next causes with their shares."""
     notable = [item for item in causes if item.share >= _MIN_SHARE]
     if not notable:
         return f"{where}: no cause that was tried accounts for the error."

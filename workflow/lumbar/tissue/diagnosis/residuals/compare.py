@@ -1,4 +1,4 @@
-"""How well a free-run simulation agrees with a record, and how much of its error a better model could explain."""
+"""Agreement of a free-run simulation with a record, and the error that a better model could explain."""
 
 from dataclasses import dataclass
 
@@ -14,9 +14,9 @@ RESAMPLES = 300
 CONFIDENCE = 0.95
 _MIN_BLOCKS = 8
 _BLOCK_LENGTH = 3
-"""Length of a block, in samples over which energies are correlated."""
+"""Length of a block, in correlation lengths of the energies."""
 _MAX_ROUNDING_SHARE = 1e-12
-"""Share of a mean square up to which a variance is rounding."""
+"""Largest share of a mean square that is rounding of a variance."""
 
 
 @dataclass(frozen=True)
@@ -30,28 +30,28 @@ class EstimateWithInterval:
 
 @dataclass(frozen=True)
 class Comparison:
-    """One record against one simulation."""
+    """Comparison of one record with one simulation."""
 
     record: str
     unit: str
     """Unit of the output."""
     samples: int
-    """Samples that count, after `start`."""
+    """Number of samples that count, after `start`."""
     start: float
     """Seconds at the record's beginning that are left out."""
     rms: EstimateWithInterval
-    """√(mean squared residual) of the free run."""
+    """Root mean square of the residual of the free run."""
     vaf: EstimateWithInterval
-    """In percent; see `lumbar.tissue.identification.metrics`."""
+    """Variance accounted for, in percent; see `lumbar.tissue.identification.metrics`."""
     fit: EstimateWithInterval
-    """In percent; see `lumbar.tissue.identification.metrics`."""
+    """Fit in percent; see `lumbar.tissue.identification.metrics`."""
     mean_residual: EstimateWithInterval
     """Mean absolute residual."""
     output_variance: float
     floor: NoiseFloor | None
-    """Noise of this record or, if it does not repeat, of one recorded with the same set-up."""
+    """Noise floor of this record or, if it does not repeat, of a record with the same set-up; None if unknown."""
     floor_from: str
-    """Name of the record that the floor comes from; empty without one."""
+    """Name of the record that the floor comes from; empty without a floor."""
 
     @property
     def explainable_rms(self) -> float | None:
@@ -105,10 +105,10 @@ def compare_record(
 ) -> Comparison:
     """Compare a free-run simulation with a record.
 
-    The intervals are those of other excitations of the same kind. They come from resampling blocks of time
-    (Künsch, Annals of Statistics 17, 1989), each longer than the energy of error and output is correlated. If the record
-    repeats, blocks are parts of the period and all periods of a part are drawn together: an error that repeats with the period
-    is not new evidence.
+    The intervals are valid for other excitations of the same kind. They come from resampling blocks of time (Künsch, Annals of
+    Statistics 17, 1989), each longer than the correlation length of the energies of error and output. If the record repeats,
+    blocks are parts of the period, and all periods of a part are drawn together, because an error that repeats with the period is
+    not new evidence.
 
     Parameters
     ----------
@@ -117,11 +117,11 @@ def compare_record(
     simulated : numpy.ndarray, shape (samples,)
         Free run over the whole record.
     floor : NoiseFloor, optional
-        See `lumbar.tissue.diagnosis.noise.noise_floor.noise_floor`.
+        Result of `lumbar.tissue.diagnosis.noise.noise_floor.noise_floor`; default unknown.
     floor_from : str
-        Name of the record that `floor` comes from; default this one.
+        Name of the record that `floor` comes from; default this record.
     start : float
-        Seconds left out at the beginning, where the initial state is not known.
+        Seconds left out at the beginning, because the initial state is unknown.
     seed : int
         Seed of the resampling.
 

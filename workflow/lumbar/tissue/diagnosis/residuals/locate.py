@@ -1,4 +1,4 @@
-"""Location of a model's error: five views on every record, with the comparison of its free run."""
+"""Location of a model's error: views of the error on every record, with the comparison of the free run."""
 
 from __future__ import annotations
 
@@ -86,11 +86,11 @@ class Location:
     views: dict[str, View]
     """Views by name, in the order of the report."""
     causes: tuple[Cause, ...]
-    """Causes of the error of all records together, by how well they are distinguished."""
+    """Causes of the error of all records together, in the order of `rank_causes`."""
 
     @classmethod
     def from_residual(cls, record: str, residual: Residual, causes: Sequence[Cause]) -> Location:
-        """Return all views of a record's residual; the causes are those of all records."""
+        """Return all views of a record's residual; `causes` are the causes for all records."""
         spectrum_view = band_view if residual.folding is None else line_view
         kinds = (time_view, spectrum_view, motion_view, reversal_view, causes_view)
         views = [view(residual) for view in kinds]
@@ -98,7 +98,7 @@ class Location:
 
     @property
     def shares(self) -> dict[str, float]:
-        """Share of the explainable error by cause, in the order of `causes`, then the largest first; without the spectrum."""
+        """Shares of the explainable error: of `causes` in their order, then of other causes, the largest first."""
         motion, linear = self.views["position and velocity"], self.views["candidate causes"]
         shares = {
             "time": self.views["time"].share,
@@ -112,14 +112,14 @@ class Location:
 
     @property
     def p_values(self) -> dict[str, float]:
-        """Probability under noise only, by view, and by cause within two of the views."""
+        """Probability under noise only, by view, and by cause for two of the views."""
         motion, linear = self.views["position and velocity"], self.views["candidate causes"]
         by_view = {view.name: view.p_value for view in self.views.values()}
         return by_view | {"depth": motion.numbers["depth_p"], "linear dynamics": linear.numbers["linear_p"]}
 
     @property
     def is_noise(self) -> bool:
-        """True if no test shows more than noise would, with allowance for their number."""
+        """True if no test shows more than noise, with correction for the number of tests."""
         return min(self.p_values.values()) * len(self.p_values) >= SIGNIFICANT
 
     @property
@@ -164,7 +164,7 @@ class Location:
 
 
 def compare_and_locate(experiment: Experiment, fit: Fit, seed: int) -> list[ResidualReport]:
-    """Simulate a fit on every record of an experiment, compare it and locate its error; `seed` is that of the intervals."""
+    """Simulate a fit on every record, compare it and locate its error; `seed` is the random seed of the intervals."""
     records = [for_base(record, fit.structure.base) for record in experiment.records]
     simulate = simulation(records, fit, experiment.surface, experiment.session)
     return residual_reports([(record, simulate(record), experiment) for record in records], seed)
@@ -175,8 +175,8 @@ def simulation(
 ) -> Callable[[Record], np.ndarray]:
     """Return the free run of a fit, shape (samples,), as a function of the record.
 
-    The records have the channels that the fit's base requires. Positions count from `surface`, in the input's unit. In a session
-    each record begins in the state in which the one before it ended.
+    The records have the channels that the fit's base requires. Positions are counted from `surface`, in the input's unit. In a
+    session each record begins in the state at the end of the record before.
     """
 
     def simulate(record: Record) -> np.ndarray:
@@ -188,10 +188,10 @@ def simulation(
 def residual_reports(
     simulated: Sequence[tuple[Record, np.ndarray, Experiment]], seed: int
 ) -> list[ResidualReport]:
-    """Compare free runs of any model with their records, and locate its error.
+    """Compare free runs of any model with records, and locate the error of the model.
 
-    Each record comes with its free run, shape (samples,), and the experiment that gives noise and settling time; `seed` is that
-    of the intervals.
+    Each record comes with its free run, shape (samples,), and the experiment that defines noise and settling time. `seed` is the
+    random seed of the intervals.
     """
     residuals = [residual_of(*one) for one in simulated]
     causes, reports = rank_causes(residuals), []
@@ -209,20 +209,20 @@ class ResidualReport:
 
     record: Record
     values: np.ndarray
-    """Shape (samples,): free run."""
+    """Free run of the model, shape (samples,)."""
     comparison: Comparison
     location: Location
     remarks: ClassVar[tuple[str, ...]] = ()
-    """Remarks on axes that rest: none, as a record of one axis moves along it."""
+    """Remarks on axes without motion: none, because a record of one axis moves along this axis."""
 
     @property
     def axes(self) -> list[ResidualReport]:
-        """Reports along every axis: this one."""
+        """Reports by axis; a record of one axis has only this report."""
         return [self]
 
     @property
     def views(self) -> dict[str, View]:
-        """Views of the error by name."""
+        """Views of the error, by name."""
         return self.location.views
 
     @property
@@ -232,7 +232,7 @@ class ResidualReport:
 
 
 def all_reports_sentence(reports: Sequence[Any]) -> str:
-    """Name the cause of the error of all records together; of several axes, axis by axis."""
+    """Name the cause of the error of all records together, separately for every axis."""
     locations = [item.location for item in axis_reports(reports)]
     if all(item.is_noise or item.is_all_but_noise for item in locations):
         if any(item.residual.floor is None for item in locations):
@@ -245,12 +245,12 @@ def all_reports_sentence(reports: Sequence[Any]) -> str:
 
 
 def axis_reports(reports: Sequence[Any]) -> list[ResidualReport]:
-    """Return the reports along every axis of records."""
+    """Return the reports of records for every axis."""
     return [item for report in reports for item in report.axes]
 
 
 def expand_axes(reports: Sequence[Any]) -> list[Any]:
-    """Return the reports of records, and for records of several axes those of every axis too."""
+    """Return the reports of records and, for records of several axes, the reports of every axis."""
     return list(dict.fromkeys([*reports, *axis_reports(reports)]))
 
 

@@ -16,21 +16,21 @@ DEPTHS = 20
 _POSITIONS, _SPEEDS = 12, 5
 _MIN_SAMPLES = 5
 _SIGNIFICANT_SIGMAS = 3.0
-"""Standard deviations at which the mean of a single cell of the map exceeds the noise."""
+"""Smallest mean of a single cell of the map that exceeds the noise, in standard deviations."""
 _MOST_OF_ERROR = 0.8
 _MIN_TURN_SHARE = 0.03
-"""A reversal counts if the motion since the last one exceeds this share of the position's range."""
+"""Smallest motion between two reversals that count, as a share of the position's range."""
 _MIN_MIRRORED_SHARE = 0.6
-"""Smallest share of the map's energy in bins with a mirrored bin that is visited too, for an even/odd split."""
+"""Smallest share of the map's energy in bins with a visited mirrored bin, for a split into even and odd parts."""
 _DEPTH_COLUMNS = ("position", "mean", "deviation", "advancing", "retracting")
 
 
 def motion_view(residual: Residual) -> View:
-    """Return the mean residual over position and velocity, and over position by itself, advancing and retracting.
+    """Return the mean residual over position and velocity, and over position only, advancing and retracting.
 
-    Columns ``position``, ``mean``, ``deviation`` (under noise), and ``advancing``, ``retracting`` means. Numbers ``even_share``,
-    ``odd_share`` (of the map over position and velocity), ``depth_share`` and ``depth_p`` (of position by itself). Share and
-    p-value are those of the map.
+    The table has the columns ``position``, ``mean``, ``deviation`` (under noise), and means ``advancing``, ``retracting``. The
+    numbers are ``even_share``, ``odd_share`` (of the map over position and velocity), ``depth_share`` and ``depth_p`` (of
+    position only). Share and p-value of the view belong to the map.
     """
     name = "position and velocity"
     if np.ptp(residual.position) == 0:
@@ -89,7 +89,7 @@ def motion_view(residual: Residual) -> View:
 
 
 def _drop_small_groups(groups: np.ndarray) -> np.ndarray:
-    """Return the groups, with −1 for those of too few samples."""
+    """Return the groups, with −1 for groups of too few samples."""
     return np.where(np.bincount(groups)[groups] >= _MIN_SAMPLES, groups, -1)
 
 
@@ -127,9 +127,9 @@ def binned(values: np.ndarray, edges: np.ndarray) -> np.ndarray:
 
 
 def spread_edges(values: np.ndarray, count: int) -> np.ndarray:
-    """Return edges halfway between those of equally wide and of equally filled bins.
+    """Return edges halfway between the edges of equally wide bins and of equally filled bins.
 
-    They are fine at frequent values, and not coarse at the ends, where errors are largest. Equal values have one bin.
+    Bins are narrow at frequent values, and not wide at the ends, at which errors are largest. Equal values have one bin.
     """
     filled = np.quantile(values, np.linspace(0, 1, count + 1))
     edges = np.unique((filled + np.linspace(filled[0], filled[-1], count + 1)) / 2)
@@ -137,7 +137,7 @@ def spread_edges(values: np.ndarray, count: int) -> np.ndarray:
 
 
 def _symmetric_edges(values: np.ndarray, half: int) -> np.ndarray:
-    """Return edges of bins that mirror each other about zero if the values do."""
+    """Return edges of bins that are symmetric about zero if the values are."""
     if min(np.mean(values > 0), np.mean(values < 0)) < 0.25:
         return spread_edges(values, 2 * half)
     edges = spread_edges(np.append(np.abs(values), 0.0), half)[1:]
@@ -145,7 +145,7 @@ def _symmetric_edges(values: np.ndarray, half: int) -> np.ndarray:
 
 
 def _even_odd(residual, average, rows, columns, *edges) -> tuple[float | None, float | None]:
-    """Return the shares of the map that keep and that change their sign when position and velocity change theirs."""
+    """Return the shares of the map that are even and odd in position and velocity together."""
     if not all(np.allclose(edge, -edge[::-1]) for edge in edges):
         return None, None
     mean = average.mean.reshape(rows, columns)
@@ -162,7 +162,7 @@ def _even_odd(residual, average, rows, columns, *edges) -> tuple[float | None, f
 
 
 def reversals(position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the samples at which the motion turns by more than a share of its range, and the direction (±1) after each."""
+    """Return the samples of reversals of the motion by more than a share of its range, and the direction (±1) after each."""
     least = float(_MIN_TURN_SHARE * np.ptp(position))
     values = np.asarray(position, dtype=float).tolist()  # plain numbers: the loop takes half the time
     turns, directions = [], []
@@ -182,7 +182,7 @@ def reversals(position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def reversal_reach(turns: np.ndarray, size: int) -> int:
-    """Return the number of samples before and after a reversal that count as around it; 0 with fewer than two reversals."""
+    """Return the number of samples on either side of a reversal that belong to it; 0 with fewer than two reversals."""
     gaps = np.diff(turns)
     return int(np.clip(0.5 * np.median(gaps), 2, size // 8)) if gaps.size else 0
 
@@ -190,7 +190,7 @@ def reversal_reach(turns: np.ndarray, size: int) -> int:
 def reversal_view(residual: Residual) -> View:
     """Return the mean residual around reversals, signed by the direction after them.
 
-    Columns ``time`` (s after the reversal), ``mean`` and ``deviation`` under noise, of direction times residual.
+    The table has ``time`` (s after the reversal), ``mean`` and ``deviation`` under noise, both of direction times residual.
     """
     size = len(residual.values)
     turns, directions = reversals(residual.position)

@@ -1,7 +1,7 @@
 """The residual of a free-run simulation, and the significance of its averages.
 
-Every view tests whether a weighted sum of the residual (a bin's mean, a correlation) is larger than noise would make it. Noise of
-spectrum S gives Σ wₙeₙ the variance ∫ S |W|² df, whatever its colour; only that decides the significance.
+Every view tests whether a weighted sum Σ wₙeₙ of the residual e (a bin's mean, a correlation) is larger than noise explains. For
+noise of spectrum S the variance of the sum is ∫ S |W|² df, whatever the colour of the noise; this variance decides significance.
 """
 
 from collections.abc import Callable
@@ -15,7 +15,7 @@ from lumbar.tissue.diagnosis.noise.noise_floor import NoiseFloor, autocovariance
 from lumbar.tissue.diagnosis.noise.periods import Folding
 
 SIGNIFICANT = 0.01
-"""Level at which a view is significant."""
+"""Level of significance of a view."""
 _SHIFTS = 41
 _ORDER = 20
 """Order of the autoregressive model that replaces unknown noise."""
@@ -26,15 +26,15 @@ class Average:
     """Means of the residual over groups of samples."""
 
     mean: np.ndarray
-    """Shape (groups,)."""
+    """Mean of each group, shape (groups,)."""
     deviation: np.ndarray
-    """Shape (groups,): standard deviation of the mean under noise only."""
+    """Standard deviation of each mean under noise only, shape (groups,)."""
     count: np.ndarray
-    """Shape (groups,)."""
+    """Number of samples of each group, shape (groups,)."""
     share: float
-    """Share of the explainable variance that these means account for, beyond chance; see `share_beyond_chance`."""
+    """Share of the explainable variance that the means account for; see `share_beyond_chance`."""
     p_value: float
-    """Probability of such means under noise only."""
+    """Probability of such large means under noise only."""
 
     @property
     def significant_share(self) -> float:
@@ -44,16 +44,16 @@ class Average:
 
 @dataclass(frozen=True, eq=False)
 class Residual:
-    """Measured less simulated output, from the first sample that counts."""
+    """Measured minus simulated output, from the first sample that counts."""
 
     values: np.ndarray
-    """Shape (samples,), in the output's unit."""
+    """Residual in the output's unit, shape (samples,)."""
     time: np.ndarray
-    """Shape (samples,), in seconds."""
+    """Time in seconds, shape (samples,)."""
     position: np.ndarray
-    """Shape (samples,), in the input's unit."""
+    """Position in the input's unit, shape (samples,)."""
     velocity: np.ndarray
-    """Shape (samples,), in the input's unit per second."""
+    """Velocity in the input's unit per second, shape (samples,)."""
     sampling_time: float
     unit: str
     position_unit: str
@@ -70,7 +70,7 @@ class Residual:
 
     @cached_property
     def explainable(self) -> float:
-        """Mean squared residual less the noise's variance; all of it if the noise is unknown."""
+        """Mean squared residual minus the variance of the noise; the mean squared residual if the noise is unknown."""
         noise = self.floor.rms**2 if self.floor is not None else 0.0
         return max(self.variance - noise, 0.0)
 
@@ -80,7 +80,7 @@ class Residual:
         return "explainable error" if self.floor is not None else "error"
 
     def share(self, variance: float) -> float:
-        """Return a variance as a share of the explainable one, between 0 and 1."""
+        """Return a variance as a share of the explainable variance, between 0 and 1."""
         if self.explainable <= 0:
             return 0.0
         return float(np.clip(variance / self.explainable, 0.0, 1.0))
@@ -96,8 +96,8 @@ class Residual:
     def _noise_model(self) -> tuple[np.ndarray, float]:
         """Whitening filter and variance of the noise.
 
-        Without a noise floor they are those of the residual itself: tests are then cautious, because the error that a model
-        could explain counts as noise too.
+        Without a noise floor they are computed from the residual: tests are then cautious, because the error that a model
+        could explain also counts as noise.
         """
         if self.floor is not None:
             return self.whitening, self.floor.rms**2
@@ -106,7 +106,7 @@ class Residual:
         return prediction * np.sqrt(gain), self.variance
 
     def noise_power(self, frequency: np.ndarray) -> np.ndarray:
-        """Return the noise spectrum as variance per sample (white noise: its variance everywhere) at frequencies in Hz."""
+        """Return the noise spectrum at frequencies in Hz as variance per sample, which is constant for white noise."""
         whitening, variance = self._noise_model
         gain = np.polyval(whitening[::-1], np.exp(-2j * np.pi * frequency * self.sampling_time))
         return variance / np.abs(gain) ** 2
@@ -127,7 +127,7 @@ class Residual:
         return (transform * np.sqrt(power)).view(float)  # real and imaginary parts side by side
 
     def averages(self, groups: np.ndarray, count: int) -> Average:
-        """Average over groups of samples; `groups` has each sample's group, counted from 0, and −1 for none."""
+        """Average over groups of samples; `groups` has the group of each sample, counted from 0, or −1 for no group."""
         inside = groups >= 0
         number = np.bincount(groups[inside], minlength=count)
         filled = np.flatnonzero(number)
@@ -153,7 +153,7 @@ class Residual:
 
     @property
     def span(self) -> int:
-        """Samples of a period, or of the record if it does not repeat."""
+        """Number of samples of a period, or of the record if it does not repeat."""
         return len(self.values) if self.folding is None else self.folding.samples
 
     def share_beyond_chance(self, explained: Callable[[np.ndarray], float], noise: float) -> float:
@@ -166,12 +166,11 @@ def share_beyond_chance(
 ) -> float:
     """Return the share of the explainable variance that a relation accounts for beyond chance.
 
-    An error that is smooth in time resembles any smooth signal to some extent, and its mean resembles all. Chance is the share
-    that the relation explains of the same error shifted in time, round the end: (S − S₀)/(1 − S₀), with S₀ the mean over shifts,
-    as in Cohen's κ.
+    An error that is smooth in time has some correlation with any smooth signal. The share by chance, S₀, is the mean share that
+    the relation explains if the error is shifted in time (periodically). The result is (S − S₀)/(1 − S₀), as in Cohen's κ.
 
-    `values` has the samples along its last axis, `span` of which are a period or the record. `explained` gives the mean
-    square that the relation explains of a signal of their shape; `noise` is that of noise.
+    `values` has the samples along its last axis; a period or the record has `span` samples. `explained` returns the mean square
+    that the relation explains of a signal of the shape of `values`; `noise` is the mean square that it explains of noise.
     """
     if explainable <= 0:
         return 0.0
@@ -185,9 +184,9 @@ def share_beyond_chance(
 def chi_square_p(
     sums: np.ndarray, covariance: np.ndarray, smallest: float = 1e-6, noise_freedom: float = np.inf
 ) -> float:
-    """Return the probability that noise of this covariance gives sums as large; directions without variance do not count.
+    """Return the probability that noise of this covariance gives such large sums; directions without variance do not count.
 
-    `noise_freedom`: degrees of freedom that the noise's size is known with (F test).
+    `noise_freedom` is the number of degrees of freedom of the noise level (F test).
     """
     if not sums.size:
         return 1.0
@@ -220,21 +219,21 @@ def steady_velocity(position: np.ndarray, sampling_time: float) -> np.ndarray:
 
 @dataclass(frozen=True)
 class View:
-    """The error along one quantity."""
+    """View of the error along one quantity."""
 
     name: str
-    """E.g. ``"reversals"``."""
+    """Name of the view, e.g. ``"reversals"``."""
     share: float | None
-    """Share of the explainable error's variance that this view accounts for, without noise; None if it has none. Views overlap:
-    shares of several do not add up."""
+    """Share of the explainable error's variance that this view accounts for, without noise; None for a view without share. Views
+    overlap, so their shares do not add up."""
     p_value: float
-    """Probability of such a view under noise only."""
+    """Probability of such a large share under noise only."""
     sentence: str
-    """The view in plain English, with numbers."""
+    """Description of the view with numbers."""
     table: dict[str, np.ndarray] = field(default_factory=dict)
     """Columns of equal length, for views that are drawn."""
     numbers: dict = field(default_factory=dict)
-    """Single figures behind the sentence."""
+    """Numbers in the sentence, by name."""
 
 
 def percent(share: float) -> str:

@@ -10,20 +10,20 @@ from lumbar.tissue.diagnosis.residuals.residual import SIGNIFICANT, Residual, Vi
 
 _WINDOWS = 10
 _MIN_CYCLE_SHARE = 0.5
-"""Share of a window below which the rest of the record is part of the window before."""
+"""Share of a window below which the rest of the record belongs to the window before."""
 EXCITED, EVEN, ODD = "excited lines", "even lines", "odd lines left out"
 ABOVE, BELOW, BETWEEN = "above the excited band", "below the excited band", "excited band"
 _MIN_LINE_SHARE = 1e-2
 """Smallest amplitude of an excited line, as a share of the strongest one."""
 _MIN_BAND_LINES = 4
 _BAND_POWER = 0.998
-"""Share of the input's power in the band of a record without lines."""
+"""Share of the input's power in the excited band of a record without lines."""
 
 
 def time_view(residual: Residual) -> View:
     """Return RMS and mean of the residual by period or window.
 
-    Columns ``start``, ``stop`` (s), ``rms``, ``mean`` and ``deviation`` of the mean under noise.
+    The table has the columns ``start``, ``stop`` (s), ``rms``, ``mean`` and ``deviation`` of the mean under noise.
     """
     edges = time_edges(residual)
     groups = np.searchsorted(edges, np.arange(len(residual.values)), side="right") - 1
@@ -116,9 +116,9 @@ def excited_lines(mean_period: np.ndarray) -> np.ndarray:
 def line_classes(excited: np.ndarray, count: int) -> np.ndarray:
     """Return the class of the lines 0, 1, …, count − 1.
 
-    If all excited lines are odd, only an even nonlinearity (or an offset) affects an even line, and only an odd one an odd line
-    that was left out (Pintelon and Schoukens, System Identification: A Frequency Domain Approach, 2012, section 4.3). On other
-    grids the lines above and below the band show nonlinearity but not its kind.
+    If all excited lines are odd, even lines show only an even nonlinearity (or an offset), and odd lines without excitation only
+    an odd nonlinearity (Pintelon and Schoukens, System Identification: A Frequency Domain Approach, 2012, section 4.3). On other
+    grids, lines above and below the band show nonlinearity but not its kind.
     """
     lines = np.arange(count)
     if np.all(excited % 2 == 1):
