@@ -1,9 +1,9 @@
-"""All basins of one lift: the headline's and those of the thesis's wording, by each method, with their checks.
+"""All basins of one lift by each method, with checks: for the headline's pendulums and for the pendulums of the thesis's wording.
 
 Methods: `exact` is the largest funnel of the given V, with the true sine (`exact_funnel`), proved between its knots with a small
-margin (`interval_proof`); `thesis` is Eqs 4.5–4.7 to the letter, with ρ̇ frozen, and certifies nothing
-(`eqs_4_5_to_4_7_alternation`). Both read the same keys of the section ``stability``, take the same loops (either sign of gravity,
-any Q, R, Qf, b, mass), and raise `NumericalError` with subject, COM and plane without a result.
+margin (`interval_proof`); `thesis` is Eqs 4.5–4.7 exactly as published, with ρ̇ frozen, and certifies nothing
+(`eqs_4_5_to_4_7_alternation`). Both read the same keys of the section ``stability``, accept the same loops (either sign of
+gravity, any Q, R, Qf, b, mass), and raise `NumericalError` with subject, COM and plane if there is no result.
 """
 
 import math
@@ -36,19 +36,19 @@ from lumbar.tables.table import Table, columns_of, table_from_schema
 
 @dataclass(frozen=True)
 class MethodResult:
-    """Result of a method."""
+    """Basins of several pendulums by one method."""
 
     funnels: Funnels
     checks: dict[str, np.ndarray] = field(default_factory=dict)
-    """Shape (pendulums,): by column of ``boa.csv``."""
+    """Results of checks, shape (pendulums,), by column of ``boa.csv``."""
     control: Funnels | None = None
-    """Funnels that are too large on purpose, for the negative control of the Monte Carlo check."""
+    """Intentionally too large funnels, for the negative control of the Monte Carlo check."""
     resolution: dict[str, float] = field(default_factory=dict)
-    """Relative uncertainty of an area by column; an area without entry has all its digits."""
+    """Relative uncertainty of areas by column; areas without an entry are accurate to all digits."""
 
 
 def exact(loops: ClosedLoops, settings: StabilitySettings) -> MethodResult:
-    """Compute the largest funnels and prove those with a margin between the knots.
+    """Compute the largest funnels, and prove the funnels with a margin between the knots.
 
     Parameters
     ----------
@@ -68,7 +68,7 @@ def exact(loops: ClosedLoops, settings: StabilitySettings) -> MethodResult:
 
 
 def thesis(loops: ClosedLoops, settings: StabilitySettings) -> MethodResult:
-    """Run the thesis's procedure, with checks of its areas.
+    """Compute basins by the thesis's procedure, with checks of their areas.
 
     Parameters
     ----------
@@ -91,7 +91,7 @@ METHODS: dict[str, Callable[..., MethodResult]] = {"exact": exact, "thesis": the
 
 
 def thesis_methods(settings: StabilitySettings) -> list[str]:
-    """Return the methods that a configuration applies to the pendulums of the thesis's wording: always the exact one.
+    """Return the methods for the pendulums of the thesis's wording under a configuration; ``exact`` is always among them.
 
     Parameters
     ----------
@@ -110,16 +110,16 @@ CHECK_COLUMNS = {
     "cvxpy": ("sos_cvxpy_difference",),
     "proof": ("proved_share", "proved_area_ratio"),
 }
-"""Columns that each of ``stability.checks`` fills."""
+"""Columns of ``boa.csv`` by check of ``stability.checks``."""
 
 FUNNEL_COLUMNS = (
     *("wording", "method", "com", "plane", "time_s", "rho"),
     *("s11", "s12", "s22", "theta0_rad", "thetadot0_rad_s", "u0_N_m", "area_rad2_s"),
 )
-"""Columns of ``funnel.csv``; ``wording`` is ``study`` for the headline's pendulums, ``thesis`` for those of `THESIS`."""
+"""Columns of ``funnel.csv``; ``wording`` is ``study`` for the headline's pendulums, ``thesis`` for pendulums by `THESIS`."""
 
 RANGES, REACHES = ("angle_range_rad", "velocity_range_rad_s"), ("angle_reach_rad", "velocity_reach_rad_s")
-"""Columns of the range of a movement and of a basin's largest distance from it, angle before velocity."""
+"""Columns of a movement's range, and of a basin's largest distance from the movement; angle, then velocity."""
 DTYPES = dict.fromkeys(("simulated_starts", "exits", "control_exits", "jumped_knots"), "Int64")
 """Types that pandas does not infer from a ``boa.csv``: counts with empty cells."""
 
@@ -129,11 +129,11 @@ class LiftBasins:
     """Basins of one lift."""
 
     summary: pd.DataFrame
-    """One row per COM, plane, method and convention; columns of ``boa.csv``."""
+    """Rows of ``boa.csv``, one per COM, plane, method and convention."""
     funnels: pd.DataFrame
-    """Every funnel, knot by knot; columns `FUNNEL_COLUMNS`."""
+    """Rows of ``funnel.csv``, one per funnel and knot; columns `FUNNEL_COLUMNS`."""
     failures: list[Failure]
-    """Basins that could not be computed: they have no row."""
+    """Basins that could not be computed; they have no rows in the other tables."""
 
 
 def basins_of_lift(
@@ -153,7 +153,8 @@ def basins_of_lift(
     seed : int
         Seed of the simulated starts.
     as_in_thesis : sequence of Trajectory, default ()
-        In the convention `THESIS`: computed exactly and, if ``thesis_method`` is among the checks, by its own method.
+        Trajectories in the convention `THESIS`: computed exactly and, if ``thesis_method`` is among the checks, by the
+        thesis's method too.
     """
     rows: list[dict] = []
     frames: list[pd.DataFrame] = []
@@ -183,7 +184,7 @@ def _rows_and_funnels(
     seed: int,
     trajectories: list[Trajectory],
 ) -> tuple[list[dict], pd.DataFrame]:
-    """Return the rows of ``boa.csv``, with their checks, and the funnels of some trajectories by one method."""
+    """Return rows of ``boa.csv`` with checks, and rows of ``funnel.csv``, for some trajectories by one method."""
     from scipy.interpolate import CubicSpline
 
     loops = close_loops(trajectories, gravity, settings)
@@ -236,7 +237,7 @@ def _rows_and_funnels(
 
 
 def decimals(value: float, resolution: float) -> int:
-    """Return the digits after the point up to the first digit of the uncertainty.
+    """Return the number of decimals up to the first digit of the uncertainty.
 
     Parameters
     ----------
@@ -258,7 +259,7 @@ def boa_columns() -> list[str]:
 
 
 def areas_table(boa: pd.DataFrame, settings: StabilitySettings, source_label: str) -> Table:
-    """Return the areas of all basins and their checks as a published table, without the columns of checks not chosen.
+    """Return the areas of all basins and their checks as a published table, without columns of unselected checks.
 
     Parameters
     ----------

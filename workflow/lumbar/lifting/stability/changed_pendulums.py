@@ -1,12 +1,12 @@
-"""Average cross-sections of changed pendulums: the controls of Table 4.1, and the parts that its differences come from.
+"""Average cross-sections of changed pendulums: controls of Table 4.1, and contributions of parts to its differences.
 
 Controls: weights, damping, body mass and the sharing of the box are changed one at a time; the sine is replaced by its Taylor
 polynomials; in the null control the pendulums are at rest.
 
-Parts: two pendulums differ in duration, length, mass, posture at the start, and the course of the movement. Any of these may be
-taken from the one and the rest from the other, which makes 32 pendulums and as many areas. The contribution of a part is its
-effect on the area, averaged over all orders in which the parts can be exchanged (Shapley, in Contributions to the Theory of Games
-II (1953) 307–317): the five add up to the difference.
+Parts: two pendulums differ in duration, length, mass, posture at the start, and the course of the movement. Each part is taken
+from one of the two, which gives 32 pendulums and 32 areas. The contribution of a part is its effect on the area, averaged over
+all orders in which the parts can be exchanged (Shapley, in Contributions to the Theory of Games II (1953) 307–317); the five
+contributions add up to the difference.
 """
 
 from collections.abc import Mapping
@@ -44,13 +44,13 @@ from lumbar.settings.lifting import StabilitySettings
 from lumbar.tables.table import Table, table_from_schema
 
 BODY_MASS_SHARE = 0.1
-"""Share by which the body mass of all subjects is raised and lowered."""
+"""Share by which the body mass of all subjects is increased and decreased."""
 
 _KEYS = ("subject", "experience", "box_mass_kg", "com", "plane")
 VARIANTS = ("base", *(f"{name}{change}" for name in ("Q", "R", "b") for change in ("/", "*")))
-"""``base``, and ``Q``, ``R``, ``b`` divided and multiplied by the factor of the configuration."""
+"""Changes: ``base``, and ``Q``, ``R``, ``b`` divided and multiplied by the factor of the configuration."""
 TAYLOR = {f"taylor_{degree}": degree for degree in (3, 5, 7)}
-"""Degree of the sine's polynomial by change."""
+"""Degree of the sine's Taylor polynomial by change."""
 CHANGES = {
     "lighter": "lighter bodies",
     "heavier": "heavier bodies",
@@ -64,9 +64,9 @@ NULL_CONTROL = "null"
 
 
 def _change_masses(facts: Mapping, factor: float = 1.0, exchange_share: bool = False) -> dict:
-    """Return a lift's facts as if the subject weighed `factor` times as much, or as if the box were shared the other way.
+    """Return a lift's facts with the subject's mass times `factor`, or with the other rule for sharing the box.
 
-    The whole box counts to every centre of mass, or a part in proportion to its mass.
+    Each centre of mass carries the whole box, or a part in proportion to its mass.
     """
     masses, whole = {}, sum(mass["without_box"] for mass in facts["mass_kg"].values())
     for com, mass in facts["mass_kg"].items():
@@ -86,9 +86,9 @@ OTHER_MASSES = {
 
 
 def areas_under_changes(study: ComparedLifts) -> tuple[dict[str, pd.DataFrame], list[Failure]]:
-    """Return average cross-sections under every change that the headline is tested with, and those that could not be computed.
+    """Return average cross-sections by change of the headline's pendulums, and the failures.
 
-    By change; columns ``subject, experience, box_mass_kg, com, plane, mean_area`` (rad²/s).
+    Each table has the columns ``subject, experience, box_mass_kg, com, plane, mean_area`` (rad²/s).
 
     Parameters
     ----------
@@ -131,14 +131,14 @@ def varied_areas(cases: Mapping[str, list[Trajectory]], settings: StabilitySetti
     Parameters
     ----------
     cases : mapping of str to list of Trajectory
-        Trajectories by change, one of `VARIANTS`; under any other name the trajectories are unchanged.
+        Trajectories by change, one of `VARIANTS`; any other name changes nothing.
     settings : StabilitySettings
         Settings of the study.
 
     Raises
     ------
     NumericalError
-        One of them has no basin.
+        If a trajectory has no basin.
     """
     counts = [len(items) for items in cases.values()]
     factors = {"/": 1 / settings.sensitivity_factor, "*": settings.sensitivity_factor}
@@ -154,7 +154,7 @@ def varied_areas(cases: Mapping[str, list[Trajectory]], settings: StabilitySetti
 
 
 def taylor_areas(trajectories: list[Trajectory], settings: StabilitySettings, degree: int) -> np.ndarray:
-    """Return average cross-sections (exact) in rad²/s with the sine's Taylor polynomial of a degree, shape (trajectories,).
+    """Return average cross-sections (exact method) in rad²/s for a Taylor polynomial of the sine, shape (trajectories,).
 
     Parameters
     ----------
@@ -168,7 +168,7 @@ def taylor_areas(trajectories: list[Trajectory], settings: StabilitySettings, de
     Raises
     ------
     NumericalError
-        The polynomial has no finite basin.
+        If a basin is not finite with the polynomial.
     """
     fewer = settings.model_copy(update={"knots": settings.fewer_knots})
     loops = close_loops(trajectories, settings.pendulum.sign, fewer)
@@ -190,11 +190,11 @@ def taylor_areas(trajectories: list[Trajectory], settings: StabilitySettings, de
 
 PARTS = ("duration", "length", "mass", "start", "course")
 EXCHANGED = [frozenset(taken) for count in range(len(PARTS) + 1) for taken in combinations(PARTS, count)]
-"""Every choice of parts that are taken from the second pendulum."""
+"""All sets of parts that can be taken from the second pendulum."""
 MAX_PAIRS = 30
 """Largest number of pairs of lifts that are decomposed."""
 MIN_PERSONS = 3
-"""Subjects of either side that an interval needs."""
+"""Least number of subjects on either side for an interval."""
 
 
 def exchanged(before: Trajectory, after: Trajectory, taken: frozenset[str]) -> Trajectory:
@@ -203,9 +203,9 @@ def exchanged(before: Trajectory, after: Trajectory, taken: frozenset[str]) -> T
     Parameters
     ----------
     before, after : Trajectory
-        Pendulum that is changed; pendulum that the parts come from.
+        Pendulum that is changed; pendulum from which the parts are taken.
     taken : frozenset of str
-        Those of `PARTS` that come from `after`.
+        Parts, of `PARTS`, taken from `after`.
     """
     of = {part: after if part in taken else before for part in PARTS}
     course, faster = of["course"], of["course"].duration / of["duration"].duration
@@ -221,12 +221,12 @@ def exchanged(before: Trajectory, after: Trajectory, taken: frozenset[str]) -> T
 
 
 def contributions(areas: np.ndarray) -> np.ndarray:
-    """Return the contribution of each of `PARTS` to a difference of areas, shape (..., 5), in percent of the area before.
+    """Return the contributions of `PARTS` to a difference of areas, shape (..., 5), in percent of the area before the change.
 
     Parameters
     ----------
     areas : numpy.ndarray, shape (..., 32)
-        Average cross-sections in rad²/s, by `EXCHANGED`.
+        Average cross-sections in rad²/s, in the order of `EXCHANGED`.
     """
     index = {taken: position for position, taken in enumerate(EXCHANGED)}
     parts = []
@@ -276,10 +276,10 @@ def decomposition_table(study: ComparedLifts) -> tuple[Table, list[Failure]]:
 
 
 def _pair_lifts(before: list[Trajectory], after: list[Trajectory]) -> list[tuple]:
-    """Pair the lifts of one subject, or subject by subject; evenly chosen among many.
+    """Pair the lifts of one subject, or of two subjects; if there are too many pairs, choose them evenly.
 
-    A pair has the lifts before and after, its weight and the subject, that of the side with fewer subjects. Equal shares of both
-    sides overlap in a pair, so that all lifts of a side have the same weight.
+    A pair has the lifts before and after, its weight, and the subject of the side with fewer subjects. Equal shares of both sides
+    overlap in a pair, so that all lifts of a side have equal weight.
     """
     people = [{item.subject for item in side} for side in (before, after)]
     if shared := people[0] & people[1]:
@@ -301,9 +301,9 @@ def _pair_lifts(before: list[Trajectory], after: list[Trajectory]) -> list[tuple
 
 
 def _row(weights: np.ndarray, subject: np.ndarray, areas: np.ndarray) -> dict[str, float]:
-    """Return contributions, and their intervals from leaving out one subject's pairs after the other.
+    """Return contributions, and their intervals by leaving out the pairs of each subject in turn.
 
-    Weights and subjects have shape (pairs,); `areas`, shape (pairs, 32), are by `EXCHANGED`.
+    Weights and subjects have shape (pairs,); `areas` has shape (pairs, 32), columns in the order of `EXCHANGED`.
     """
     from scipy.stats import t
 

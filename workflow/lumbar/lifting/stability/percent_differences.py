@@ -1,4 +1,4 @@
-"""The percent differences of Table 4.1: the comparisons of a study, average cross-section by average cross-section."""
+"""Percent differences of Table 4.1: comparisons of average cross-sections in a study."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ from lumbar.lifting.stability.model.pendulum_trajectories import (
 from lumbar.settings.lifting import GROUPS, StabilitySettings
 
 LIGHTER_BOX = "decrease_in_mass_"
-"""Start of the names of the comparisons of one lifter's lightest box with the heaviest."""
+"""Prefix of the names of comparisons of a lifter's lightest with the heaviest box."""
 COMPUTED = "computed"
 
 
@@ -26,9 +26,9 @@ class ComparedLifts:
     """Lifts of a study and their basins, for the tables."""
 
     lifts: Sequence[LiftStates]
-    """Their facts include ``experience``."""
+    """Pendulum states of the lifts; their facts include ``experience``."""
     boa: pd.DataFrame
-    """``boa.csv`` of all lifts, with a column ``experience``."""
+    """Rows of ``boa.csv`` of all lifts, with a column ``experience``."""
     settings: StabilitySettings
     published: pd.DataFrame
     """The thesis's Table 4.1."""
@@ -36,19 +36,19 @@ class ComparedLifts:
 
     @property
     def comparisons(self) -> list["BasinComparison"]:
-        """Comparisons of the study; a lift counts also if all its basins are missing."""
+        """Comparisons of the study, also with lifts of which all basins are missing."""
         lifts = [(lift.facts["experience"], lift.facts["box_mass_kg"]) for lift in self.lifts]
         return comparisons_of(lifts, self.settings.compare.groups)
 
     @property
     def published_percents(self) -> pd.DataFrame:
-        """The thesis's percentages by comparison, as this study names it, and centre of mass."""
+        """The thesis's percentages by centre of mass and comparison, under the study's names of comparisons."""
         named = self.published["comparison"].map(comparison_names(self.settings.compare.groups))
         return self.published.assign(comparison=named).set_index(["comparison", "com"])
 
     @property
     def headline(self) -> Convention:
-        """The study's own convention: its lifts are made by the same settings."""
+        """Convention of the study; all its lifts have the same settings."""
         return headline(self.settings, self.lifts[0].facts)
 
     def trajectories(
@@ -98,11 +98,11 @@ class ComparedLifts:
 
 @dataclass(frozen=True)
 class BasinComparison:
-    """One comparison of Table 4.1: of two groups, or of a group's heaviest with its lightest box."""
+    """One comparison of Table 4.1: of two groups, or of the heaviest and the lightest box of a group."""
 
     name: str
     before: tuple[str, float] | None = None
-    """Experience and box mass in kg of the side that is compared with; None if the study has no such lifts."""
+    """Experience and box mass in kg of the reference side; None if the study has no such lifts."""
     after: tuple[str, float] | None = None
     """Experience and box mass in kg of the other side."""
     status: str = COMPUTED
@@ -112,7 +112,7 @@ class BasinComparison:
 def comparisons_of(
     lifts: Sequence[tuple[str, float]], groups: tuple[str, str] = GROUPS
 ) -> list[BasinComparison]:
-    """Return the comparisons that some lifts allow.
+    """Return the comparisons of groups and boxes; if the lifts do not allow one, its status has the reason.
 
     Parameters
     ----------
@@ -147,10 +147,10 @@ def comparisons_of(
 def percent_differences(
     areas: pd.DataFrame, column: str, comparisons: Sequence[BasinComparison]
 ) -> list[dict]:
-    """Compare average cross-sections as Table 4.1 does.
+    """Compare average cross-sections as in Table 4.1.
 
-    A row has ``comparison, com, status`` and, per plane, the percentage, NaN if the study cannot make the comparison or a basin
-    is missing; the status names it.
+    A row has ``comparison, com, status`` and the percentage per plane. If the study cannot make the comparison or lacks a basin,
+    the percentage is NaN and the status has the reason.
 
     Parameters
     ----------
@@ -183,7 +183,7 @@ def percent_differences(
 
 
 def comparison_names(groups: tuple[str, str]) -> dict[str, str]:
-    """Return the names of the comparisons of two groups by those in the thesis's Table 4.1.
+    """Return the study's names of comparisons by the names in the thesis's Table 4.1.
 
     Parameters
     ----------
@@ -202,7 +202,7 @@ def comparison_names(groups: tuple[str, str]) -> dict[str, str]:
 
 
 def headline_label(settings: StabilitySettings) -> str:
-    """Return the headline's sign, time and mass as text.
+    """Return the sign, time and mass of the headline's convention as text.
 
     Parameters
     ----------

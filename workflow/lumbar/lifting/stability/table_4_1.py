@@ -1,13 +1,12 @@
-"""Table 4.1: percent differences of average cross-sections, published, in the thesis's wording, and as people stand.
+"""Table 4.1: percent differences of average cross-sections as published, under the thesis's convention, and under the headline's.
 
-The published percentages are next to those of this study under the thesis's own convention (`THESIS`) and under the headline's. A
-basin that could not be computed is named in place of its number.
+The thesis's convention is `THESIS`. A basin that could not be computed is named in place of its percentage.
 
-The table of controls reports, per difference, the share that comes from the movement, the null control, the range when weights,
-damping, body mass and the sharing of the box are changed one at a time, and whether the difference survives this.
+The table of controls reports for each difference the share that comes from the movement, the null control, the range under
+changes of weights, damping, body mass and sharing of the box one at a time, and whether it survives these controls.
 
-The table of alternations has the percentages by the thesis's method after one, two and four alternations, which shows the effect
-of its solver. From the second alternation ρ changes only at knots that have a multiplier again (`eqs_4_5_to_4_7_alternation`).
+The table of alternations has the percentages by the thesis's method after one, two and four alternations, to show the effect of
+its solver. From the second alternation ρ changes only at knots that have a multiplier again (`eqs_4_5_to_4_7_alternation`).
 """
 
 from dataclasses import dataclass
@@ -36,10 +35,9 @@ from lumbar.lifting.stability.percent_differences import (
 from lumbar.tables.table import Table, columns_of, table_from_schema
 
 THESIS_DECIMALS = 1
-"""Digits after the point of a percentage by the thesis's method: with areas of the digits that they have
-(`eqs_4_5_to_4_7_alternation.RESOLUTION`) it may be wrong by some tenths."""
+"""Decimals of a percentage by the thesis's method; the `eqs_4_5_to_4_7_alternation.RESOLUTION` of areas changes it by tenths."""
 MOVEMENT_SHARE = 0.5
-"""Share of a difference that must come from the movement, and not from duration, mass and length, for it to survive."""
+"""Least share of a difference from the movement (not from duration, mass and length) for the difference to survive."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +47,7 @@ class Tables41:
     table: Table
     controls: Table
     missing: pd.DataFrame
-    """All basins that are missing, rows of ``failures.csv``."""
+    """All missing basins, as rows of ``failures.csv``."""
 
 
 def tables_4_1(study: ComparedLifts, parts: pd.DataFrame, failures: pd.DataFrame | None = None) -> Tables41:
@@ -60,9 +58,9 @@ def tables_4_1(study: ComparedLifts, parts: pd.DataFrame, failures: pd.DataFrame
     study : ComparedLifts
         Lifts of the study and their basins.
     parts : pandas.DataFrame
-        Rows of `decomposition_table`.
+        Result of `decomposition_table`.
     failures : pandas.DataFrame, optional
-        Basins of the lifts that could not be computed, rows of ``failures.csv``; those of the controls are added.
+        Missing basins of the lifts, rows of ``failures.csv``; missing basins of the controls are added.
     """
     varied, failed = areas_under_changes(study)
     missing = join_rows([*([] if failures is None else [failures]), failures_frame(failed)])
@@ -81,7 +79,7 @@ def tables_4_1(study: ComparedLifts, parts: pd.DataFrame, failures: pd.DataFrame
 
 
 def _first_table(study: ComparedLifts, differences: dict[str, list[dict]], missing: pd.DataFrame) -> Table:
-    """Return the percentages as published, in the thesis's wording and as people stand."""
+    """Return the percentages as published, under the thesis's convention and under the headline's."""
     settings = study.settings
     published, rows = study.published_percents, []
     for index, row in enumerate(differences["headline"]):
@@ -127,7 +125,7 @@ def _controls_table(
     """Return the controls of the headline: a row per comparison, centre of mass and plane.
 
     `differences` has the results of `percent_differences` with the same rows: ``headline``, its sections ``initial`` and
-    ``minimum``, its null control and every change. `areas` are those of the headline, `parts` those of `decomposition_table`.
+    ``minimum``, its null control and every change. `areas` are the headline's, `parts` is the result of `decomposition_table`.
     """
     settings = study.settings
     comparisons = {comparison.name: comparison for comparison in study.comparisons}
@@ -186,7 +184,7 @@ def verdict(
     percent : float or None
         Percentage of the headline; None without a value in the study.
     movement : float or None
-        Share that comes from the posture at the start and the course, if known.
+        Share from the movement (posture at the start and course); None if unknown.
     changed : dict of str to float or None
         Percentage under each change, by its name.
     persons : Difference
@@ -215,7 +213,7 @@ def verdict(
 
 
 def _compare_subjects(areas: pd.DataFrame, comparison: BasinComparison) -> Difference:
-    """Compare the areas behind one percentage over subjects; without an interval the remark has the reason."""
+    """Compare the areas of one percentage over subjects; the remark has the reason if there is no interval."""
     if comparison.before is None or comparison.after is None:
         return Difference(np.nan, np.nan, (0, 0), remark="nothing to compare")
     sides = []
@@ -232,7 +230,7 @@ def published_note(published: pd.DataFrame) -> str:
     Parameters
     ----------
     published : pandas.DataFrame
-        The thesis's Table 4.1, a column ``<plane>_percent`` per plane.
+        The thesis's Table 4.1 with a column ``<plane>_percent`` per plane.
     """
     lateral, forward = (published[f"{plane}_percent"].to_numpy(float) for plane in PLANES)
     opposite = int((lateral * forward < 0).sum())
@@ -245,7 +243,7 @@ def published_note(published: pd.DataFrame) -> str:
 
 
 def alternations_table(study: ComparedLifts) -> Table:
-    """Return the table after one, two and four alternations of a study with the check ``thesis_method``.
+    """Return Table 4.1 by the thesis's method after one, two and four alternations; needs the check ``thesis_method``.
 
     Parameters
     ----------
@@ -292,7 +290,7 @@ def alternations_table(study: ComparedLifts) -> Table:
 
 
 def _jumps_note(areas: pd.DataFrame) -> str:
-    """Return a note on the basins with a ρ that a further alternation than the first changed, and the effect on their areas."""
+    """Return a note on the basins in which a later alternation than the first changed ρ, and the effect on their areas."""
     moved = areas[areas["jumped_knots"] > 0]
     if moved.empty:
         return f"In none of {len(areas)} basins a further alternation than the first has a multiplier at any knot"
@@ -313,7 +311,7 @@ def _jumps_note(areas: pd.DataFrame) -> str:
 
 
 def _sizes_note(frame: pd.DataFrame, done: int) -> str:
-    """Return a comparison of the published sizes with those of one alternation and of all, plane by plane."""
+    """Return a note on the sizes per plane: as published, after one alternation, and after all alternations."""
     sizes = []
     for plane, rows in frame.groupby("plane", sort=False):
         largest = {

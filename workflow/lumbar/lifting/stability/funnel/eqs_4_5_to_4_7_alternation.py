@@ -1,4 +1,4 @@
-"""The thesis's own method (Eqs 4.5–4.7), for comparison: bilinear alternation with ρ̇ frozen.
+"""The thesis's method (Eqs 4.5–4.7), for comparison: bilinear alternation with ρ̇ frozen.
 
 At every knot separately, −V̇ + ρ̇ + L·(V − ρ) is to be a sum of squares, with the sine's cubic Taylor polynomial. An alternation
 
@@ -7,20 +7,20 @@ At every knot separately, −V̇ + ρ̇ + L·(V − ρ) is to be a sum of square
 
 Because ρ̇ belongs to the ρ before the maximisation, the result certifies nothing: `violation_share` is the share of knots at
 which the final ρ breaks its own condition. The Riccati equation is integrated by Euler's method, as in the thesis. ρ(T) is free
-too, as Eq. 4.6 has it: the goal set is a result here and not a requirement.
+too, as in Eq. 4.6: the goal set is a result here and not a requirement.
 
 **Solver.** It returns L only. Step 1 has a multiplier if ρ̇ is not below the largest V̇: on the circle V = ρ every non-negative
 trigonometric polynomial is a sum of squares (Fejér, Riesz). In step 2 the largest ρ is the least of a quotient of polynomials
 (`level_factors`): a non-negative polynomial of degree 4 in two variables is a sum of squares (Hilbert 1888).
 
 **Digits.** Eq. 4.5 does not determine L: L − c·(1 − |z|²), c ≥ 0, is a multiplier too, for c·(1 − |z|²)² is a square. The L of
-an interior-point solver therefore depends on where it stops, and step 2 turns it into an area. Hence the fixed, moderate
-`ACCURACY` and the areas' `RESOLUTION`.
+an interior-point solver therefore depends on its last iteration, and so does the area from step 2. Therefore `ACCURACY` is
+fixed and moderate, and the areas have a `RESOLUTION`.
 
-**From the second alternation.** The first maximises ρ beyond any proof; in the second nearly all knots have no multiplier and
+**Second and later alternations.** The first maximises ρ beyond any proof; in the second nearly all knots have no multiplier and
 keep their ρ. With the thesis's 1000 knots, ρ̇ of a few neighbouring knots, most near t = 0, is large enough, and only there ρ is
-maximised again: it jumps (`Alternation.jumps`), and with it the average area of that one basin by some percent. Number of knots
-and solver decide which knots these are, not the lifter.
+maximised again: it jumps (`Alternation.jumps`), and the average area of that basin changes by some percent. These knots depend
+on the number of knots and the solver, not on the lifter.
 """
 
 from dataclasses import dataclass, replace
@@ -41,22 +41,22 @@ from lumbar.lifting.stability.model.eqs_4_1_to_4_4_closed_loop import (
 )
 
 DEGREE = 3
-"""Taylor degree of the sine, the smallest that is not linear. The thesis names none."""
+"""Taylor degree of the sine: the smallest nonlinear degree. The thesis does not state its degree."""
 
 ACCURACY = 1e-6
-"""Tolerance at which the solver stops: rounding moves the areas of the default study by at most 3e-6, at 1e-8 by 2e-3."""
+"""Tolerance of the solver: rounding changes the areas of the default study by at most 3e-6 (by 2e-3 at a tolerance of 1e-8)."""
 
 RESOLUTION = {"mean_area": 0.01, "initial_area": 0.02, "minimum_area": 0.01, "final_area": 0.01}
 """Largest relative change of the areas of the default study for tolerances of 1e-4 to 1e-8: further digits are not published."""
 
 MOST_DECREASES = 10
-"""Geometric decreases after which a knot is infeasible and keeps its ρ."""
+"""Number of geometric decreases after which a knot is infeasible and keeps its ρ."""
 
 
 def level_factors(growth: np.ndarray, rate: np.ndarray, multiplier: np.ndarray) -> np.ndarray:
-    """Return the largest s = ρ/ρ_before of step 2: −v + ρ̇/ρ_before + L·(|z|² − s) is a sum of squares.
+    """Return the largest s = ρ/ρ_before of step 2 for which −v + ρ̇/ρ_before + L·(|z|² − s) is a sum of squares.
 
-    Shape (programmes,); NaN if no s is possible, or no s is the largest.
+    The shape is (programmes,); NaN if no s is possible or s is unbounded.
 
     Parameters
     ----------
@@ -79,17 +79,17 @@ def level_factors(growth: np.ndarray, rate: np.ndarray, multiplier: np.ndarray) 
 _ON_CIRCLE = sum_of_squares.harmonics_of_monomials(DEGREE + 1).T @ sum_of_squares.harmonics(
     DEGREE + 1, np.linspace(0.0, 2 * np.pi, 16, endpoint=False)
 )
-"""From coefficients to values at points of the circle."""
+"""Matrix from coefficients to values at points of the circle."""
 
 RADII = np.geomspace(0.1, 20.0, 32)
 ANGLES = np.linspace(0.0, 2 * np.pi, 24, endpoint=False)
-"""Points of the plane, in semi-axes of the ellipse, among which Newton's starts are chosen: the best of each of `SECTORS`."""
+"""Directions in rad of the grid from which Newton's starts are chosen, the best point of each sector; `RADII` in semi-axes."""
 SECTORS = 8
 NEWTON_STEPS = 6
 
 
 def _least_quotient(over: np.ndarray, under: np.ndarray) -> np.ndarray:
-    """Return the least p/q in the part of the plane with q > 0, p and q of degree 4, shape (programmes,); ∞ without one."""
+    """Return the least p/q over points with q > 0, for p and q of degree 4, shape (programmes,); ∞ if there is no such point."""
     # The best point of the grid in every sector.
     grid = np.stack([np.outer(np.cos(ANGLES), RADII), np.outer(np.sin(ANGLES), RADII)]).reshape(2, -1)
     powers = _powers(grid)
@@ -130,7 +130,7 @@ def _powers(z: np.ndarray) -> np.ndarray:
 
 @cache
 def _derivatives() -> list[np.ndarray]:
-    """Return the matrices from coefficients, as rows, to those of p, ∂₁p, ∂₂p, ∂₁₁p, ∂₁₂p, ∂₂₂p."""
+    """Return the matrices from coefficients of p, as rows, to the coefficients of p, ∂₁p, ∂₂p, ∂₁₁p, ∂₁₂p, ∂₂₂p."""
     index = {exponents: position for position, exponents in enumerate(monomials(DEGREE + 1))}
     first, second = np.zeros((2, len(index), len(index)))
     for (i, j), row in index.items():
@@ -142,7 +142,7 @@ def _derivatives() -> list[np.ndarray]:
 
 
 EVIDENCE = (1, 4)
-"""Alternations after which the mean area is also kept: if the method had converged, it would hardly change."""
+"""Alternations after which the mean area is also stored: it would hardly change if the method converged."""
 
 
 @dataclass(frozen=True)
@@ -150,26 +150,26 @@ class Alternation:
     """Result of the thesis's method."""
 
     after: tuple[Funnels, ...]
-    """Funnels after each alternation, including the first and more than required (`EVIDENCE`)."""
+    """Funnels after each alternation from the first on, also after the required number (see `EVIDENCE`)."""
     funnels: Funnels
     """Funnels after the required number of alternations."""
     violation_share: np.ndarray
     """Shape (pendulums,): share of the knots before the last at which the final ρ̇ (forward difference) is below the
-    largest V̇ on V = ρ with the true sine: there states leave."""
+    largest V̇ on V = ρ with the true sine: states leave the funnel there."""
     unsolved_share: np.ndarray
-    """Shape (pendulums,): share of the knots and alternations without multiplier or without maximum (infeasible,
-    unbounded): they kept ρ."""
+    """Shape (pendulums,): share of the knots and alternations that kept ρ, without a multiplier (infeasible) or a
+    maximum (unbounded)."""
     euler_error: np.ndarray
     """Shape (pendulums,): relative error of the ellipse V = 1 at t = 0 that Euler's method makes in its area."""
 
     @property
     def jumps(self) -> np.ndarray:
-        """ρ divided by that after the first alternation, shape (knots, pendulums): 1 if no further one was solved."""
+        """ρ divided by ρ after the first alternation, shape (knots, pendulums): 1 if no later alternation was solved."""
         return self.funnels.level / self.after[0].level
 
     @property
     def jump_range(self) -> np.ndarray:
-        """First and last of the knots that jump as t/T, shape (2, pendulums); NaN if none does."""
+        """First and last t/T of the knots that jump, shape (2, pendulums); NaN if none jumps."""
         jumps, phase = self.jumps != 1, np.linspace(0.0, 1.0, len(self.jumps))
         ends = [jumps.argmax(axis=0), len(phase) - 1 - jumps[::-1].argmax(axis=0)]
         return np.where(jumps.any(axis=0), phase[np.array(ends)], np.nan)
@@ -188,9 +188,9 @@ def alternate(
     Parameters
     ----------
     loops : ClosedLoops
-        Their accurate cost-to-go is replaced by Euler's.
+        Pendulums under their regulator; Euler's method replaces their accurate cost-to-go.
     knots : int
-        Knots at which ρ is searched; the nearest number that divides those of `loops` evenly is taken.
+        Number of knots at which ρ is searched; rounded to the nearest number that divides the knots of `loops` evenly.
     initial_level, ratio : float
         First guess of ρ at every knot, dimensionless; ratio of the geometric progression, between 0 and 1.
     alternations : int
@@ -201,7 +201,7 @@ def alternate(
     Raises
     ------
     NumericalError
-        A programme that has a multiplier ended without one.
+        If the solver ends without a multiplier although one exists.
     """
     certificate = certificate or Certificate(DEGREE, ACCURACY)
     # Evenly spaced knots, first and last included, as near to the wanted number as the spacing allows.
@@ -247,7 +247,7 @@ def alternate(
 
 
 def _difference(level: np.ndarray, step: np.ndarray) -> np.ndarray:
-    """Return ρ̇ at every knot: forward differences, at the last knot the one before."""
+    """Return ρ̇ at every knot by forward differences; the last knot takes the difference before it."""
     rate = np.diff(level, axis=0) / step
     return np.concatenate([rate, rate[-1:]])
 
@@ -255,7 +255,7 @@ def _difference(level: np.ndarray, step: np.ndarray) -> np.ndarray:
 def _decrease(
     form: NormalForm, level: np.ndarray, frozen: np.ndarray, ratio: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return ρ, decreased until there is a multiplier and unchanged without one, and the knots that have one."""
+    """Return ρ and the knots with a multiplier; ρ is decreased until there is a multiplier, and unchanged if there is none."""
     result, trial, feasible = level.copy(), level.copy(), np.zeros(level.shape, dtype=bool)
     for _ in range(MOST_DECREASES):
         growth, allowed = growth_polynomial(form, trial, DEGREE), frozen / trial

@@ -1,7 +1,7 @@
-"""Eqs 4.5–4.7 as one writes them on paper, through cvxpy, and the check of the alternation's programme against them.
+"""Eqs 4.5–4.7 formulated directly in cvxpy, and the check of the alternation's programme against them.
 
-Everything is formulated in the error x̄ = (e, ω) itself, starting with the equation of motion, and shares nothing with the
-normal coordinates and the hand-assembled programme of the thesis's alternation (`sum_of_squares`).
+The formulation is in the error x̄ = (e, ω), from the equation of motion, and uses neither the normal coordinates nor the
+hand-assembled programme of the thesis's alternation (`sum_of_squares`).
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ if TYPE_CHECKING:
     from lumbar.settings.lifting import StabilitySettings
 
 TOLERANCES = (1e-8, 1e-7, 1e-6)
-"""Tolerances of gaps and residuals, tried until the solver's status is "optimal" (not "optimal_inaccurate"), on a polynomial in
-units of the ellipse. The first is Clarabel's own, the last is far below `AGREEMENT`."""
+"""Tolerances of gaps and residuals, tried until the solver's status is "optimal" (not "optimal_inaccurate"), for a polynomial in
+units of the ellipse. The first is Clarabel's default, the last is far below `AGREEMENT`."""
 AGREEMENT = 1e-4
-"""Largest difference of two certified rates in 1/s that both solvers' tolerances explain."""
+"""Largest difference in 1/s between two certified rates that the tolerances of both solvers explain."""
 
 
 class Polynomial(dict):
-    """Coefficients, numbers or expressions of cvxpy, of a polynomial in two variables by their exponents."""
+    """Polynomial in two variables: coefficients (numbers or expressions of cvxpy) by exponents."""
 
     def __add__(self, other: Polynomial) -> Polynomial:
         total = Polynomial(self)
@@ -64,7 +64,7 @@ def constant(value) -> Polynomial:
     Parameters
     ----------
     value : float or cvxpy.Expression
-        Its coefficient.
+        Value of the polynomial.
     """
     return Polynomial({(0, 0): value})
 
@@ -75,7 +75,7 @@ def unknown(exponents: list[tuple[int, int]], kind: type) -> Polynomial:
     Parameters
     ----------
     exponents : list of (int, int)
-        Exponents of its monomials.
+        Exponents of the polynomial's monomials.
     kind : type
         ``cvxpy.Variable`` or ``cvxpy.Parameter``.
     """
@@ -103,7 +103,7 @@ def is_sum_of_squares(polynomial: Polynomial) -> list[Constraint]:
 
 
 def s_procedure(positive: Polynomial, zero: Polynomial, multiplier: Polynomial) -> list[Constraint]:
-    """Return the constraints by which p ≥ 0 wherever g = 0: p − L·g is a sum of squares (Eq. 4.5, one equality).
+    """Return the constraints that p − L·g is a sum of squares, so that p ≥ 0 if g = 0 (Eq. 4.5, one equality).
 
     Parameters
     ----------
@@ -114,7 +114,7 @@ def s_procedure(positive: Polynomial, zero: Polynomial, multiplier: Polynomial) 
 
 
 def lyapunov_function(cost: np.ndarray, state: tuple[Polynomial, Polynomial]) -> Polynomial:
-    """Return V = x̄ᵀSx̄ (Eq. 4.7); with Ṡ for S its partial derivative ∂V/∂t.
+    """Return V = x̄ᵀSx̄ (Eq. 4.7), or its partial derivative ∂V/∂t if Ṡ is given for S.
 
     Parameters
     ----------
@@ -130,7 +130,7 @@ def lyapunov_function(cost: np.ndarray, state: tuple[Polynomial, Polynomial]) ->
 def lyapunov_rate(
     loops: ClosedLoops, point: int, pendulum: int, state: tuple[Polynomial, Polynomial], degree: int
 ) -> Polynomial:
-    """Return V̇ = ∂V/∂t + ∂V/∂x̄·f (Eq. 2.17) with the sine's Taylor polynomial of a degree about θ0.
+    """Return V̇ = ∂V/∂t + ∂V/∂x̄·f (Eq. 2.17) with a Taylor polynomial of the sine about θ0.
 
     Parameters
     ----------
@@ -168,7 +168,7 @@ def lyapunov_rate(
 
 
 class RateProgramme:
-    """Eq. 4.6 at one moment, divided by ρ: the smallest ρ̇/ρ with −V̇ + ρ̇ + L·(V − ρ) a sum of squares.
+    """Eq. 4.6 at one instant, divided by ρ: minimise ρ̇/ρ so that −V̇ + ρ̇ + L·(V − ρ) is a sum of squares.
 
     Parameters
     ----------
@@ -189,7 +189,7 @@ class RateProgramme:
         self._problem = cp.Problem(cp.Minimize(self._rate), constraints)
 
     def solve(self, loops: ClosedLoops, point: int, pendulum: int, level: float) -> float:
-        """Return the smallest ρ̇/ρ in 1/s of one pendulum at one moment.
+        """Return the smallest ρ̇/ρ in 1/s of one pendulum at one instant.
 
         Parameters
         ----------
@@ -203,7 +203,7 @@ class RateProgramme:
         Raises
         ------
         NumericalError
-            The solver gave up, or its status is not "optimal".
+            If the solver fails or its status is not "optimal".
         """
         import cvxpy as cp
 
@@ -229,7 +229,7 @@ class RateProgramme:
 
 
 def rate_differences(loops: ClosedLoops, level: np.ndarray, knots: list[int]) -> np.ndarray:
-    """Return the largest difference in 1/s, shape (pendulums,), of rates that the alternation and Eq. 4.6 in cvxpy certify.
+    """Return the largest difference in 1/s, shape (pendulums,), between the rates by the alternation and by Eq. 4.6 in cvxpy.
 
     Parameters
     ----------
@@ -251,7 +251,7 @@ def rate_differences(loops: ClosedLoops, level: np.ndarray, knots: list[int]) ->
 
 
 def _matrix(entries: np.ndarray) -> np.ndarray:
-    """Return the symmetric matrix of its entries 11, 12, 22."""
+    """Return the symmetric matrix with the entries 11, 12, 22."""
     return np.array([[entries[0], entries[1]], [entries[1], entries[2]]])
 
 
@@ -261,9 +261,9 @@ CHECK = "thesis, Eq. 4.6 in cvxpy"
 def cross_check(
     boa: pd.DataFrame, trajectories: list[Trajectory], settings: StabilitySettings
 ) -> tuple[pd.DataFrame, list[Failure]]:
-    """Fill ``sos_cvxpy_difference`` of the rows with the method thesis; the programmes are compared on the exact funnels.
+    """Fill the column ``sos_cvxpy_difference`` for the method ``thesis``, by comparison of the programmes on the exact funnels.
 
-    The column is in 1/s. The failures are basins at which the two formulations do not agree, or one of them has no optimum.
+    The column is in 1/s. The failures are basins for which the two formulations disagree or one formulation has no optimum.
 
     Parameters
     ----------

@@ -1,13 +1,13 @@
 """Basins of attraction as funnels {x̄ᵀS(t)x̄ ≤ ρ(t)} around a trajectory, and the exact method.
 
-With two states no semidefinite programme is needed. The largest invariant funnel of the given V that ends in the goal set solves,
-backward from ρ(T), the scalar equation
+With two states no semidefinite programme is needed. The largest invariant funnel of the given V that ends in the goal set is the
+solution, backward from ρ(T), of the scalar equation
 
     d ln ρ/dt = max over V = ρ of V̇/ρ
 
 with the true sine. The thesis's method (`eqs_4_5_to_4_7_alternation`) returns the same `Funnels`.
 
-The ellipse V = ρ is the unit circle in normal coordinates z, chosen so that the first one is the angle:
+The ellipse V = ρ is the unit circle in normal coordinates z, in which z1 is proportional to the angle:
 
     e = √ρ·a·z1,   ω = √ρ·(p·z1 + q·z2),   a = √(s22/det S),  p = −a·s12/s22,  q = 1/√s22
 
@@ -24,7 +24,7 @@ A better V: the controller is fixed, but V need not be its cost. For every share
     −Ṡ = A_cᵀS + SA_c + λ·(Q + KᵀRK),   S(T) = Qf
 
 gives a V = x̄ᵀSx̄. λ = 1 is the Riccati solution, the thesis's V. λ = 0 makes every ellipse the exact preimage of the goal set
-under the linear loop: without gravity's nonlinearity no funnel is larger (Liouville). With it the best share is between them.
+under the linear loop: without gravity's nonlinearity no funnel is larger (Liouville). With it the best share is between 0 and 1.
 """
 
 from __future__ import annotations
@@ -45,13 +45,13 @@ from lumbar.lifting.stability.model.eqs_4_1_to_4_4_closed_loop import (
 )
 
 SAMPLES, SECTORS = 48, 4
-"""Points on the boundary, and its parts with one of Newton's starts each, for semi-axes up to `SMALL_SEMI_AXIS_RAD`."""
+"""Samples on the boundary, and its sectors with one Newton start each, for semi-axes up to `SMALL_SEMI_AXIS_RAD`."""
 SMALL_SEMI_AXIS_RAD = 2.0
-"""Largest |e| on the ellipse for which these are sufficient: a wider one has more peaks."""
+"""Largest |e| on the ellipse for which `SAMPLES` and `SECTORS` suffice: a wider ellipse has more peaks."""
 MAX_DOUBLINGS = 4
-"""Number of times that samples and sectors are doubled for wider ellipses."""
+"""Largest number of times that samples and sectors are doubled for wider ellipses."""
 MAX_SEMI_AXIS_RAD = SMALL_SEMI_AXIS_RAD * 2**MAX_DOUBLINGS
-"""Largest |e| up to which the maximum is reliable: five turns, beyond any useful basin."""
+"""Largest |e| for which the maximum is reliable: five turns, more than any useful basin."""
 NEWTON_STEPS = 2
 
 
@@ -66,14 +66,14 @@ def _circle(samples: int) -> tuple[np.ndarray, ...]:
 def boundary_growth(form: NormalForm, level: np.ndarray) -> np.ndarray:
     """Return the largest V̇/ρ on the boundary V = ρ in 1/s, shape (...).
 
-    The boundary moves inward everywhere if this is negative; {V ≤ ρ(t)} is invariant as long as ρ̇/ρ is not below it.
+    If it is negative, states on the boundary move inward everywhere; {V ≤ ρ(t)} is invariant as long as ρ̇/ρ is not below it.
 
     Parameters
     ----------
     form : NormalForm
         V̇/ρ in normal coordinates.
     level : numpy.ndarray, shape (...)
-        ρ > 0, dimensionless; axes before those of `form` are levels of the same pendulums.
+        ρ > 0, dimensionless; additional leading axes are further levels of the same pendulums.
     """
     # Sample the boundary, more densely for wider ellipses.
     root = np.sqrt(level)
@@ -100,7 +100,7 @@ def _newton(
 ) -> np.ndarray:
     """Climb from each start to its peak and return the heights, shape (..., starts).
 
-    The quadratic part of V̇/ρ is −((α + γ)/2 + Re(((α − γ)/2 − iβ)·z²)) of z = exp iφ.
+    With z = exp iφ the quadratic part of V̇/ρ is −((α + γ)/2 + Re(((α − γ)/2 − iβ)·z²)).
     """
     angle, semi_axis, kappa = form.angle[..., None], semi_axis[..., None], kappa[..., None]
     half = (0.5 * (form.alpha - form.gamma) - 1j * form.beta)[..., None]
@@ -126,16 +126,16 @@ def _newton(
 
 
 KINK = 1e-7
-"""Change of ln ρ per knot by which predicted and corrected step differ only at a kink."""
+"""Least difference of predicted and corrected change of ln ρ per knot that indicates a kink."""
 
 
 @dataclass(frozen=True)
 class Funnels:
-    """Basins of attraction of several pendulums at the same knots (each scaled to its own duration)."""
+    """Basins of attraction of several pendulums at the same knots, scaled to the duration of each pendulum."""
 
     method: str
     duration: np.ndarray
-    """Shape (pendulums,): s."""
+    """Shape (pendulums,): duration of the trajectories, s."""
     cost: np.ndarray
     """Shape (knots, pendulums, 3): S(t)."""
     level: np.ndarray
@@ -155,20 +155,20 @@ class Funnels:
 
     @property
     def reach(self) -> np.ndarray:
-        """Largest |θ − θ0| and |θ̇ − θ̇0| in any cross-section, √(ρ(S⁻¹)ᵢᵢ) in rad and rad/s, shape (pendulums, 2)."""
+        """Largest |θ − θ0| and |θ̇ − θ̇0| over all cross-sections, √(ρ(S⁻¹)ᵢᵢ) in rad and rad/s, shape (pendulums, 2)."""
         squares = self.level[..., None] * self.cost[..., [2, 0]] / determinant(self.cost)[..., None]
         return np.sqrt(squares.max(axis=0))
 
 
 @dataclass(frozen=True)
 class FunnelVariants:
-    """The largest funnels, and those that check them."""
+    """The largest funnels, and two variants that check them."""
 
     exact: Funnels
     with_margin: Funnels
-    """A little smaller, so that a proof with finite precision can succeed (`interval_proof`)."""
+    """Slightly smaller funnels, so that a proof with finite precision can succeed (`interval_proof`)."""
     negative_control: Funnels
-    """Too large: starts on its boundary leave (`monte_carlo_check`)."""
+    """Too large funnels: starts on their boundaries leave (`monte_carlo_check`)."""
 
 
 def exact_funnels(loops: ClosedLoops, terminal_level: float = 1.0) -> Funnels:
@@ -184,7 +184,7 @@ def exact_funnels(loops: ClosedLoops, terminal_level: float = 1.0) -> Funnels:
     Raises
     ------
     NumericalError
-        A basin extends more than `MAX_SEMI_AXIS_RAD` from its trajectory: its settings are not useful.
+        If a basin extends more than `MAX_SEMI_AXIS_RAD` from its trajectory: the settings are not useful.
     """
     return funnel_variants(loops, terminal_level).exact
 
@@ -192,7 +192,7 @@ def exact_funnels(loops: ClosedLoops, terminal_level: float = 1.0) -> Funnels:
 def funnel_variants(
     loops: ClosedLoops, terminal_level: float = 1.0, margin: float = 0.0, negative_control: float = 0.0
 ) -> FunnelVariants:
-    """Compute the exact funnels, slightly smaller and wrong ones in one pass.
+    """Compute the exact funnels, funnels with a margin and the negative control in one pass.
 
     Parameters
     ----------
@@ -201,16 +201,16 @@ def funnel_variants(
     terminal_level : float, default 1.0
         ρ(T), dimensionless.
     margin : float, default 0.0
-        In 1/s: in those with a margin d ln ρ/dt is greater by it than the largest V̇/ρ; their area is about
-        exp(−margin·T/2) of the exact one.
+        Excess of d ln ρ/dt over the largest V̇/ρ in 1/s, for the funnels with a margin; their area is about exp(−margin·T/2)
+        of the exact area.
     negative_control : float, default 0.0
-        In the negative control ρ falls faster by this share of |d ln ρ/dt|. (Scaling ρ itself would be no control: a
-        linear loop's funnel stays invariant.)
+        Share of |d ln ρ/dt| by which ρ falls faster in the negative control. (A scaled ρ would be no control: the funnel
+        of a linear loop stays invariant.)
 
     Raises
     ------
     NumericalError
-        The goal set extends π rad or more from the trajectory, or a basin more than `MAX_SEMI_AXIS_RAD`.
+        If the goal set extends π rad or more from the trajectory, or a basin more than `MAX_SEMI_AXIS_RAD`.
     """
     pendulums = loops.pendulums
     # A goal set with the pendulum in every position: no funnel about a trajectory contains it.
@@ -248,12 +248,12 @@ def funnel_variants(
 
 
 def integrate_backward(loops: ClosedLoops, goal: np.ndarray, slope: Callable) -> np.ndarray:
-    """Integrate ln ρ backward from its value at T, from knot to knot; shape (knots, ..., pendulums).
+    """Integrate ln ρ backward from its value at T, from knot to knot, and return it, shape (knots, ..., pendulums).
 
     Adams's method of order 4, predicted and corrected with one search of the boundary per knot, started by Runge–Kutta steps: the
-    equation for ln ρ is not stiff. The largest of several peaks has a kink at which another takes over: if predicted and
-    corrected slope differ by more than `KINK`, the trapezoidal rule counts too and the largest is taken. It is never below the
-    mean of a convex slope, so that ρ does not come out too large.
+    equation for ln ρ is not stiff. The slope has a kink if another peak becomes the largest: if predicted and corrected slope
+    differ by more than `KINK`, the largest of the predicted, corrected and trapezoidal slope is used. The trapezoidal slope is
+    never below the mean of a convex slope, so that ρ is not too large.
 
     Parameters
     ----------
@@ -293,8 +293,8 @@ def reachable_area(loops: ClosedLoops, terminal_level: float = 1.0) -> np.ndarra
     """Return the exact area of all states at t = 0 that reach the goal set, in rad²/s, shape (pendulums,).
 
     By Liouville's theorem an area in phase space shrinks at the rate (b + K2)/I, whatever the
-    nonlinearity: the area is that of the goal set times exp ∫(b + K2)/I dt. No funnel can be larger; how
-    much smaller it is shows the cost of the choice of V.
+    nonlinearity: the result is the area of the goal set times exp ∫(b + K2)/I dt. No funnel can be larger;
+    the difference shows the cost of the choice of V.
 
     Parameters
     ----------
@@ -315,7 +315,7 @@ LYAPUNOV_TOLERANCE = 1e-9
 
 
 def replace_lyapunov_function(loops: ClosedLoops, share: float | np.ndarray) -> ClosedLoops:
-    """Return the same loops with the V of one λ, or each with its own.
+    """Return the loops with the V of one λ, or of one λ per pendulum.
 
     Parameters
     ----------
@@ -327,7 +327,7 @@ def replace_lyapunov_function(loops: ClosedLoops, share: float | np.ndarray) -> 
     Raises
     ------
     NumericalError
-        The integration failed or S lost its definiteness.
+        If the integration fails or S is not positive definite.
     """
     from scipy.integrate import solve_ivp
     from scipy.interpolate import CubicSpline
@@ -372,7 +372,7 @@ def replace_lyapunov_function(loops: ClosedLoops, share: float | np.ndarray) -> 
 
 
 def best_of_family(loops: ClosedLoops, terminal_level: float, shares: Sequence[float]) -> Funnels:
-    """Return the exact funnels of the largest average cross-section of each pendulum in the family.
+    """Return for each pendulum the exact funnel with the largest average cross-section in the family of V.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
-"""Proof that a funnel is invariant at every moment, not only at its knots: interval branch-and-bound, true sine.
+"""Proof that a funnel is invariant at all times, not only at its knots: interval branch-and-bound with the true sine.
 
-The proof is about interpolants, cubic splines through the knots (not-a-knot): of the reference θ0, of the feedback gains K1,
-K2 and of the three numbers that describe the ellipse, including ρ,
+The proof uses interpolants, cubic splines through the knots (not-a-knot), of the reference θ0, the feedback gains K1 and K2, and
+the three numbers that describe the ellipse, including ρ,
 
     e = A·cos φ,   ω = P·cos φ + Q·sin φ.
 
@@ -12,9 +12,9 @@ With x̄ = N(t)·z the boundary is |z| = 1, and states stay inside if g = ½·d|
 
 with k1 = K1/I, k2 = (b + K2)/I, G = σmgℓ/I.
 
-Time is cut into pieces and the circle into arcs; on each box g is bounded by the mean-value form in interval arithmetic: g in
-the middle of the box plus its derivatives over the box times half its extent. Arcs without a proof are halved, then pieces of
-time with such an arc; the share of time without a proof at the end is reported.
+Time is divided into pieces and the circle into arcs; on each box g is bounded by the mean-value form in interval arithmetic: g in
+the middle of the box plus the derivatives of g over the box times half the extent of the box. Arcs without a proof are halved,
+then pieces of time with such an arc; the share of time that remains without a proof is reported.
 
 Intervals are rounded outward, so that every result contains the exact one: a floating-point operation is correct to half a
 unit in the last place, and a step of one unit outward encloses it; sine and cosine of numpy are correct to 4 units, for which
@@ -105,7 +105,7 @@ class Interval:
         return Interval(np.maximum(low, -1.0), np.minimum(high, 1.0))
 
     def _contains(self, angle: float) -> np.ndarray:
-        """Return if the interval, a little enlarged, contains the angle plus a multiple of 2π."""
+        """Return whether the slightly enlarged interval contains the angle plus a multiple of 2π."""
         slack = 1e-9 * (1.0 + np.abs(self.high))
         turns = np.ceil((self.low - slack - angle) / (2 * np.pi))
         return angle + 2 * np.pi * turns <= self.high + slack
@@ -137,9 +137,9 @@ class Interpolants:
 
 
 class IntervalBounds:
-    """Pieces of time times arcs of the boundary.
+    """Bounds of g on boxes: pieces of time times arcs of the boundary.
 
-    Holds the coefficients of g on the pieces: in the middle, over the piece, and their rates over the piece.
+    The coefficients of g are stored for each piece: in its middle, over the piece, and their rates over the piece.
 
     Parameters
     ----------
@@ -194,7 +194,7 @@ class IntervalBounds:
 
 
 def _derivatives(local: dict, centre: Interval, offset: Interval) -> dict[str, tuple[Interval, ...]]:
-    """Return value and derivatives of every curve over centre + offset, by Taylor's formula (exact)."""
+    """Return the value and derivatives of every curve over centre + offset, by Taylor's formula (exact)."""
     result = {}
     for name, (c3, c2, c1, c0) in local.items():
         value = ((centre * c3 + c2) * centre + c1) * centre + c0
@@ -248,7 +248,7 @@ def _quadratic(at: dict[str, Interval], c: Interval, s: Interval) -> Interval:
 def _slopes_of_g(
     over: dict, rates: dict, middle: tuple[Interval, Interval], arc: tuple[Interval, Interval]
 ) -> tuple[Interval, Interval]:
-    """Return the derivatives of g by time in the middle of arcs and by φ over them, given by cosine and sine."""
+    """Return the derivatives of g by time in the middle of arcs and by φ over the arcs, from cosine and sine of φ."""
     c, s = middle
     displaced = over["angle"] + over["A"] * c
     gravity, cosine = displaced.sin() - over["angle"].sin(), displaced.cos()
@@ -262,7 +262,7 @@ def _slopes_of_g(
 
 
 ARCS = 24
-"""Arcs of the circle to begin with."""
+"""Initial number of arcs of the circle."""
 ARC_HALVINGS = 9
 TIME_HALVINGS = 3
 BOXES_AT_ONCE = 200_000
@@ -281,7 +281,7 @@ def interpolants(loops: ClosedLoops, funnels: Funnels) -> Interpolants:
     Raises
     ------
     NumericalError
-        The funnel has fewer than four knots, or they are not evenly among those of `loops`.
+        If the funnel has fewer than four knots, or its knots do not divide the knots of `loops` evenly.
     """
     from scipy.interpolate import CubicSpline
 
@@ -317,8 +317,8 @@ def proved_share(loops: ClosedLoops, funnels: Funnels) -> np.ndarray:
     loops : ClosedLoops
         Pendulums under their regulator.
     funnels : Funnels
-        Funnels with a margin (`funnel_variants`): the exact one touches g = 0 at all times and no finite precision can prove
-        that.
+        Funnels with a margin (`funnel_variants`); exact funnels touch g = 0 at all times, so that finite precision proves
+        nothing.
     """
     curves = interpolants(loops, funnels)
     intervals, count = next(iter(curves.pieces.values())).shape[1:]

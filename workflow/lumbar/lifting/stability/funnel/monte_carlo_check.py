@@ -1,4 +1,4 @@
-"""Monte Carlo check: starts inside a basin follow the true dynamics; those that leave it are counted."""
+"""Monte Carlo check: starts inside a basin are simulated with the true dynamics, and the starts that leave it are counted."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -10,13 +10,13 @@ from lumbar.lifting.stability.funnel.exact_funnel import Funnels
 from lumbar.lifting.stability.model.eqs_4_1_to_4_4_closed_loop import ClosedLoops, normal_axes
 
 LEVEL_TOLERANCE = 1e-6
-"""Relative excess of V over ρ that is still the boundary: starts are on it."""
+"""Largest relative excess of V over ρ at which a state counts as inside: half of the starts are on the boundary."""
 MAX_STEP = 0.25
-"""Largest rate of the closed loop times the step of the simulation, by Runge–Kutta of order 4."""
+"""Largest product of the closed loop's rate and the step of the simulation (Runge–Kutta of order 4)."""
 COMFORTABLE_STEP = 0.1
-"""Largest rate times step for a step over several knots: its error is below the tolerance by a factor of ten."""
+"""Largest product of rate and step for a step over several knots: the error is a tenth of the tolerance."""
 MAX_STRIDE = 9
-"""Knots that one step of the simulation may span."""
+"""Largest number of knots that one step of the simulation may span."""
 
 
 @dataclass(frozen=True)
@@ -24,13 +24,13 @@ class MonteCarloCheck:
     """Result of the simulated starts."""
 
     exits: np.ndarray
-    """Shape (pendulums,): starts whose V exceeded ρ at any point checked."""
+    """Shape (pendulums,): number of starts with V > ρ at any checked point."""
     starts: int
-    """Starts per pendulum."""
+    """Number of starts per pendulum."""
 
     @property
     def share_high(self) -> np.ndarray:
-        """Upper end of the exact (Clopper–Pearson) 95 % interval of the share that leaves, shape (pendulums,)."""
+        """Upper end of the exact (Clopper–Pearson) 95 % interval of the share of starts that leave, shape (pendulums,)."""
         from scipy.special import betaincinv
 
         inside = self.starts - self.exits
@@ -38,14 +38,14 @@ class MonteCarloCheck:
 
 
 def monte_carlo_check(loops: ClosedLoops, funnels: Funnels, starts: int, seed: list[int]) -> MonteCarloCheck:
-    """Simulate starts in each pendulum's first cross-section, half of them on its boundary, half inside.
+    """Simulate starts in each pendulum's first cross-section, half of them on the boundary and half inside.
 
     Parameters
     ----------
     loops : ClosedLoops
         Pendulums under their regulator.
     funnels : Funnels
-        Funnels of the same pendulums; their knots are evenly among those of `loops`.
+        Funnels of the same pendulums; their knots divide the knots of `loops` evenly.
     starts : int
         Number of starts per pendulum.
     seed : list of int
@@ -54,7 +54,7 @@ def monte_carlo_check(loops: ClosedLoops, funnels: Funnels, starts: int, seed: l
     Raises
     ------
     NumericalError
-        The funnels' knots are not evenly among those of `loops`, or these are too far apart (see `simulate`).
+        If the funnels' knots do not divide the knots of `loops` evenly, or the knots of `loops` are too far apart (`simulate`).
     """
     # Starts in the first cross-section.
     generator = np.random.default_rng(seed)
@@ -87,14 +87,14 @@ def simulate(loops: ClosedLoops, start: np.ndarray):
     Parameters
     ----------
     loops : ClosedLoops
-        The pendulums and their feedback.
+        Pendulums under their regulator.
     start : numpy.ndarray, shape (2, pendulums, starts)
         Error of angle (rad) and angular velocity (rad/s) at t = 0.
 
     Yields
     ------
     knot : int
-        Every one, or every few if the closed loop is slow enough.
+        Index of every knot, or of every few knots if the closed loop is slow enough.
     state : numpy.ndarray, shape (2, pendulums, starts)
         Error at this knot, units as in `start`.
 
@@ -114,7 +114,7 @@ def simulate(loops: ClosedLoops, start: np.ndarray):
 
 
 def preimage(loops: ClosedLoops, edge: np.ndarray) -> np.ndarray:
-    """Return errors at t = 0, shape of `edge`, that reach those at T with the true sine, such as the edge of a goal set.
+    """Return the errors at t = 0, shape of `edge`, that reach `edge` (e.g. of a goal set) at T with the true sine.
 
     Parameters
     ----------
@@ -137,7 +137,7 @@ def preimage(loops: ClosedLoops, edge: np.ndarray) -> np.ndarray:
 
 
 def _dynamics(loops: ClosedLoops):
-    """Return the rate of the state, of (point, state), and stiffness and damping of the linear loop."""
+    """Return the rate of the state as a function of (point, state), and stiffness and damping of the linear loop."""
     pendulums = loops.pendulums
     angle_gain, velocity_gain = np.moveaxis(loops.gains, -1, 0)
     a21, a22, _ = pendulums.linearisation(pendulums.angle)
@@ -161,7 +161,7 @@ def _dynamics(loops: ClosedLoops):
 
 
 def _runge_kutta(rate: Callable, point: int, stride: int, h: np.ndarray, state: np.ndarray) -> np.ndarray:
-    """Take one step of order 4 from a point of the grid over 2·stride points; h is its length in s."""
+    """Take one Runge–Kutta step of order 4 from a point of the grid over 2·stride points; h is the length of the step in s."""
     slope1 = rate(point, state)
     slope2 = rate(point + stride, state + 0.5 * h * slope1)
     slope3 = rate(point + stride, state + 0.5 * h * slope2)
@@ -170,7 +170,7 @@ def _runge_kutta(rate: Callable, point: int, stride: int, h: np.ndarray, state: 
 
 
 def _stride(loops: ClosedLoops, stiffness: np.ndarray, damping: np.ndarray) -> int:
-    """Return the knots per step: the most that the fastest mode and an even division of the knots allow."""
+    """Return the largest number of knots per step that the fastest mode and an even division of the knots allow."""
     rate = np.maximum(np.abs(damping), np.sqrt(np.abs(stiffness))).max(axis=0)
     advance = rate * loops.step
     for stride in range(MAX_STRIDE, 0, -1):

@@ -1,6 +1,6 @@
 """V̇/ρ as polynomials in normal coordinates z (`exact_funnel`), and the sum-of-squares programme of one knot for Clarabel.
 
-A polynomial is the vector of its coefficients over `monomials`, by increasing total degree; the sine is its Taylor polynomial.
+A polynomial is a vector of coefficients over `monomials`, by increasing total degree; a Taylor polynomial replaces the sine.
 The programme (Eqs 4.5 and 4.6, ρ̇ a variable), with v(z) the polynomial of V̇/ρ and d the sine's Taylor degree,
 
     minimise r  subject to  r − v(z) − L(z)·(1 − |z|²) = b(z)ᵀG·b(z),   G ⪰ 0,   L free of degree d − 1
@@ -29,7 +29,7 @@ def monomials(degree: int) -> list[tuple[int, int]]:
 
 
 def growth_polynomial(form: NormalForm, level: np.ndarray, degree: int) -> np.ndarray:
-    """Return the coefficients in 1/s of V̇/ρ in z with the Taylor polynomial of sin(θ0 + e), (..., monomials of degree + 1).
+    """Return the coefficients of V̇/ρ in z in 1/s, shape (..., monomials of degree + 1), by a Taylor polynomial of sin(θ0 + e).
 
     Parameters
     ----------
@@ -56,7 +56,7 @@ def growth_polynomial(form: NormalForm, level: np.ndarray, degree: int) -> np.nd
 
 @cache
 def harmonics_of_monomials(degree: int) -> np.ndarray:
-    """Return the exact matrix, shape (2·degree + 1, monomials), from coefficients of monomials to harmonics 1, cos φ, sin φ, ….
+    """Return the exact matrix from coefficients of monomials to harmonics 1, cos φ, sin φ, …, shape (2·degree + 1, monomials).
 
     Parameters
     ----------
@@ -89,18 +89,18 @@ def harmonics(order: int, angle: np.ndarray) -> np.ndarray:
 
 
 NEGLIGIBLE = 1e-8
-"""Last step in rad towards a maximum: the remaining error of the height is about its square."""
+"""Largest last Newton step in rad to a maximum: the remaining error of the maximum is about the square of the step."""
 
 
 def circle_maximum(coefficients: np.ndarray, degree: int) -> np.ndarray:
-    """Return the largest value on the unit circle, shape (...): samples, then Newton's method from the best of each part.
+    """Return the largest value on the unit circle, shape (...), by Newton's method from the best sample of each sector.
 
     Parameters
     ----------
     coefficients : numpy.ndarray, shape (..., monomials)
         Coefficients of polynomials over `monomials`.
     degree : int
-        Their total degree.
+        Total degree of the polynomials.
     """
     # The best sample of every part of the circle.
     amplitudes = coefficients @ harmonics_of_monomials(degree).T
@@ -132,7 +132,9 @@ def _powers(angle: np.ndarray, degree: int) -> np.ndarray:
 
 
 def gram_map(degree: int) -> np.ndarray:
-    """Return Γ, (monomials of degree + 1, triangle): from the scaled upper triangle of G, by columns, to coefficients of bᵀGb.
+    """Return Γ, the matrix from the scaled upper triangle of G, by columns, to coefficients of bᵀGb.
+
+    The shape is (monomials of degree + 1, triangle).
 
     Parameters
     ----------
@@ -150,7 +152,9 @@ def gram_map(degree: int) -> np.ndarray:
 
 
 def circle_map(degree: int) -> np.ndarray:
-    """Return the matrix from coefficients of L to those of L·(1 − |z|²), (monomials of degree + 1, monomials of degree − 1).
+    """Return the matrix from coefficients of L to coefficients of L·(1 − |z|²).
+
+    The shape is (monomials of degree + 1, monomials of degree − 1).
 
     Parameters
     ----------
@@ -167,7 +171,7 @@ def circle_map(degree: int) -> np.ndarray:
 
 
 class SumOfSquares:
-    """Minimise cᵀy so that polynomials, affine in y, are sums of squares: set up once, solved for many targets.
+    """Programme that minimises cᵀy so that polynomials affine in y are sums of squares; one set-up serves many targets.
 
     In normal form: minimise cᵀy subject to F·y + Σ Γ·g = target, where each g holds the upper triangle, column by
     column, of a positive semidefinite Gram matrix G (off-diagonal entries times √2) and Γ·g the coefficients of bᵀGb
@@ -212,7 +216,7 @@ class SumOfSquares:
         self.status = ""
 
     def solve(self, target: np.ndarray) -> np.ndarray | None:
-        """Return y, shape (free,), or None unless the solver's status is "solved" ("almost solved" is not).
+        """Return y, shape (free,), if the solver's status is "solved"; None for any other status, also for "almost solved".
 
         Parameters
         ----------
@@ -227,7 +231,7 @@ class SumOfSquares:
 
 
 class Certificate:
-    """Eq. 4.6 with ρ given and ρ̇ a variable, at one Taylor degree and many knots.
+    """Eq. 4.6 with ρ given and ρ̇ a variable, for one Taylor degree and many knots.
 
     Parameters
     ----------
@@ -256,7 +260,7 @@ class Certificate:
         Raises
         ------
         NumericalError
-            The solver did not reach an optimum.
+            If the solver does not reach an optimum.
         """
         scale = float(np.abs(coefficients).max())
         solution = self._programme.solve(-coefficients / scale)

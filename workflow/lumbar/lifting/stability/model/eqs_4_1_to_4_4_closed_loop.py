@@ -9,9 +9,9 @@ u = u0(t) − K(t)·x̄ the error x̄ = (e, ω) about the reference obeys
 
 with everything in h that the linearisation (Eq. 4.3) omits.
 
-The differential Riccati equation gives the cost-to-go S, S the feedback K = R⁻¹BᵀS of the finite-horizon linear-quadratic
-regulator; `ClosedLoops` has both, and the change of V = x̄ᵀSx̄ along the loop in the coordinates in which the ellipse V = ρ is
-a circle. A symmetric 2×2 matrix is stored as its three entries (s11, s12, s22) along the last axis.
+The differential Riccati equation gives the cost-to-go S, and S gives the feedback K = R⁻¹BᵀS of the finite-horizon
+linear-quadratic regulator; `ClosedLoops` has both, and V̇ of V = x̄ᵀSx̄ along the loop in coordinates in which the ellipse V = ρ
+is a circle. A symmetric 2×2 matrix is stored as its three entries (s11, s12, s22) along the last axis.
 """
 
 from __future__ import annotations
@@ -29,14 +29,14 @@ from lumbar.settings.lifting import RegulatorSettings, StabilitySettings
 
 
 class LinearPendulum(NamedTuple):
-    """A = [[0, 1], [a21, a22]] and B = [0, b2] (Eq. 4.3)."""
+    """Linearised pendulum with A = [[0, 1], [a21, a22]] and B = [0, b2] (Eq. 4.3)."""
 
     a21: np.ndarray
-    """Shape (..., pendulums): 1/s²."""
+    """Shape (..., pendulums): entry of A, 1/s²."""
     a22: np.ndarray
-    """Shape (pendulums,): 1/s."""
+    """Shape (pendulums,): entry of A, 1/s."""
     b2: np.ndarray
-    """Shape (pendulums,): 1/(kg·m²)."""
+    """Shape (pendulums,): entry of B, 1/(kg·m²)."""
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class Pendulums:
     """Pendulums that are computed together."""
 
     labels: tuple[str, ...]
-    """One per pendulum, for messages."""
+    """Names of the pendulums, for messages."""
     inertia: np.ndarray
     """Shape (pendulums,): m·ℓ² in kg·m²."""
     damping: np.ndarray
@@ -54,7 +54,7 @@ class Pendulums:
     duration: np.ndarray
     """Shape (pendulums,): length T of each trajectory in seconds."""
     angle: np.ndarray
-    """Shape (points, pendulums): θ0 in rad on an even grid from t = 0 to T: the knots and the points halfway between."""
+    """Shape (points, pendulums): θ0 in rad on an even grid from t = 0 to T, at the knots and halfway between them."""
 
     def linearisation(self, angle: np.ndarray) -> LinearPendulum:
         """Return the linearised pendulum (Eq. 4.3) at some angles.
@@ -75,7 +75,7 @@ def gather(
     gravity: float,
     knots: int,
 ) -> Pendulums:
-    """Put trajectories on one grid, scaled to their length.
+    """Interpolate trajectories on one grid, scaled to the duration of each.
 
     Parameters
     ----------
@@ -88,7 +88,7 @@ def gather(
     gravity : float
         Gravitational acceleration in m/s².
     knots : int
-        Points in time at which the basin is computed (the thesis: 1000).
+        Number of points in time at which the basin is computed (the thesis: 1000).
     """
     from scipy.interpolate import CubicSpline
 
@@ -142,19 +142,19 @@ def remainder(angle: np.ndarray, error: np.ndarray) -> np.ndarray:
 
 RELATIVE_TOLERANCE = 1e-10
 STIFF = 3000.0
-"""Fastest rate times duration from which the implicit method is quicker than the explicit one."""
+"""Least product of fastest rate and duration at which the implicit method is faster than the explicit method."""
 
 
 @dataclass(frozen=True)
 class Weights:
-    """Weights of the regulator's cost ∫(x̄ᵀQx̄ + R·ū²)dt + x̄(T)ᵀ·Qf·x̄(T), made dimensionless."""
+    """Weights of the regulator's dimensionless cost ∫(x̄ᵀQx̄ + R·ū²)dt + x̄(T)ᵀ·Qf·x̄(T)."""
 
     state: np.ndarray
-    """Shape (..., 3): Q, positive semidefinite; per second and per rad², rad²/s and rad²/s²."""
+    """Shape (..., 3): Q, positive semidefinite, in 1/s per rad², rad²/s and rad²/s²."""
     control: np.ndarray
     """Shape (...): R > 0 in 1/(N²·m²·s)."""
     terminal: np.ndarray
-    """Shape (..., 3): qf, positive definite; with ρ(T) it is the goal set x̄ᵀ·Qf·x̄ ≤ ρ(T)."""
+    """Shape (..., 3): Qf, positive definite; the goal set is x̄ᵀ·Qf·x̄ ≤ ρ(T)."""
 
     @classmethod
     def from_settings(cls, settings: RegulatorSettings) -> Weights:
@@ -240,7 +240,7 @@ def cost_to_go(pendulums: Pendulums, weights: Weights) -> np.ndarray:
     Raises
     ------
     NumericalError
-        The integration failed or S lost its definiteness; names the pendulum.
+        If the integration fails or S is not positive definite; the message names the pendulum.
     """
     from scipy.integrate import solve_ivp
     from scipy.interpolate import CubicSpline
@@ -292,7 +292,7 @@ def cost_to_go_euler(pendulums: Pendulums, weights: Weights) -> np.ndarray:
     Raises
     ------
     NumericalError
-        S lost its definiteness (a step too long for the pendulum's inertia).
+        If S is not positive definite (the step is too long for the pendulum's inertia).
     """
     angle = pendulums.angle[::2]
     cost = np.empty((*angle.shape, 3))
@@ -320,31 +320,31 @@ def _require_definite(pendulums: Pendulums, cost: np.ndarray) -> None:
 
 @dataclass(frozen=True)
 class NormalForm:
-    """V̇/ρ in normal coordinates, apart from the level ρ; every entry has shape (..., pendulums)."""
+    """Coefficients of V̇/ρ in normal coordinates, without the level ρ; every entry has shape (..., pendulums)."""
 
     angle: np.ndarray
     """θ0 in rad."""
     amplitude: np.ndarray
     """Largest e on the ellipse V = 1 in rad."""
     alpha: np.ndarray
-    """α, the factor of −z1², in 1/s."""
+    """Factor α of −z1² in 1/s."""
     beta: np.ndarray
-    """β, the factor of −2·z1·z2, in 1/s."""
+    """Factor β of −2·z1·z2 in 1/s."""
     gamma: np.ndarray
-    """γ, the factor of −z2², in 1/s."""
+    """Factor γ of −z2² in 1/s."""
     coupling: np.ndarray
-    """2·(σmgℓ/I)·√s22 in 1/s: κ is this divided by √ρ."""
+    """Numerator of κ, 2·(σmgℓ/I)·√s22 in 1/s: κ is `coupling` divided by √ρ."""
 
 
 class NormalAxes(NamedTuple):
-    """Numbers of the ellipse x̄ᵀSx̄ = 1: e = a·z1, ω = p·z1 + q·z2 with z on the unit circle."""
+    """Coefficients of the ellipse x̄ᵀSx̄ = 1: e = a·z1, ω = p·z1 + q·z2 with z on the unit circle."""
 
     a: np.ndarray
-    """Shape (...): rad."""
+    """Shape (...): factor of z1 in e, rad."""
     p: np.ndarray
-    """Shape (...): rad/s."""
+    """Shape (...): factor of z1 in ω, rad/s."""
     q: np.ndarray
-    """Shape (...): rad/s."""
+    """Shape (...): factor of z2 in ω, rad/s."""
 
 
 def normal_axes(cost: np.ndarray) -> NormalAxes:
@@ -380,7 +380,7 @@ class ClosedLoops:
 
     @property
     def step(self) -> np.ndarray:
-        """Seconds between knots, shape (pendulums,)."""
+        """Time between knots in s, shape (pendulums,)."""
         return self.pendulums.duration / (self.knots - 1)
 
     def form(self, point) -> NormalForm:
@@ -439,7 +439,7 @@ def regulate(pendulums: Pendulums, weights: Weights) -> ClosedLoops:
 
 
 def close_with_cost(pendulums: Pendulums, weights: Weights, cost: np.ndarray) -> ClosedLoops:
-    """Close the loop with the gain of a given solution of the Riccati equation.
+    """Close the loop with the feedback from a given solution of the Riccati equation.
 
     Parameters
     ----------
@@ -459,7 +459,7 @@ def close_with_cost(pendulums: Pendulums, weights: Weights, cost: np.ndarray) ->
 def close_loops(
     trajectories: Sequence[Trajectory], sign: str | Sequence[str], settings: StabilitySettings
 ) -> ClosedLoops:
-    """Put the trajectories under the regulator of the configuration.
+    """Close the loops of trajectories with the regulator of the configuration.
 
     Parameters
     ----------

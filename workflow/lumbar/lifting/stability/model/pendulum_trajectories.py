@@ -1,7 +1,7 @@
-"""From the pendulum states of one lift to its reference trajectories, under the choices that Eq. 4.1 and its text leave open.
+"""Reference trajectories from the pendulum states of one lift, under the choices that Eq. 4.1 and its text leave open.
 
-A `Convention` is one such set of choices, `THESIS` the thesis's. Trajectories are checked before they are used. A basin that
-cannot be computed is a `Failure`, a row of ``stability/failures.csv``: it drops out with its reason, and the others stay.
+A `Convention` is one set of these choices; `THESIS` has the choices of the thesis. Trajectories are checked before use. A basin
+that cannot be computed is reported as a `Failure`, a row of ``stability/failures.csv``; the other basins are computed.
 """
 
 from __future__ import annotations
@@ -37,19 +37,19 @@ MAX_VELOCITY_DEVIATION = 0.1
 
 @dataclass(frozen=True, eq=False)
 class Trajectory:
-    """States of the pendulum of one COM, seen in one plane, while a box is deposited; equal only to itself."""
+    """States of the pendulum of one COM in one plane during a deposit; compared by identity."""
 
     subject: str
     experience: str
     box_mass_kg: float
     com: str
-    """One of `COMS`."""
+    """Name of the centre of mass, one of `COMS`."""
     plane: str
-    """One of `PLANES`."""
+    """Name of the plane, one of `PLANES`."""
     pivot: str
-    """Point about which the pendulum turns."""
+    """Point about which the pendulum rotates."""
     time: np.ndarray
-    """Shape (samples,): seconds, increasing."""
+    """Shape (samples,): increasing time, seconds."""
     angle: np.ndarray
     """Shape (samples,): θ0 in rad."""
     angular_velocity: np.ndarray
@@ -61,7 +61,7 @@ class Trajectory:
     mass_counted: str = "with_box"
     """``with_box`` if `mass_kg` includes the box, or ``without_box``."""
     clock: str = "real"
-    """``real``, or ``unit`` if the recorded movement is played in one second."""
+    """Time scale: ``real``, or ``unit`` if the movement is scaled to one second."""
     segment_ends: str = "inner"
     """``inner`` if the trunk's segments end inside the body, ``skin`` if at the markers."""
     deposit_start: str = "descent"
@@ -74,7 +74,7 @@ class Trajectory:
 
     @property
     def duration(self) -> float:
-        """Seconds from the first to the last sample."""
+        """Time from the first to the last sample in s."""
         return float(self.time[-1] - self.time[0])
 
     @property
@@ -97,15 +97,15 @@ def pendulum_label(trajectory: Trajectory, sign: str) -> str:
 
 
 def scale_to_unit_time(trajectory: Trajectory) -> Trajectory:
-    """Return the same path played in one second, as the thesis has it ("to non-dimensionalize time", section 4.2.3.1).
+    """Return the path scaled to a duration of one second, as in the thesis ("to non-dimensionalize time", section 4.2.3.1).
 
-    Mass, length, damping, gravity and the regulator's weights stay: this is another movement, not a change of units, which would
-    only multiply every area by the duration.
+    Mass, length, damping, gravity and the regulator's weights are unchanged. The result is therefore another movement; a change
+    of units would only multiply every area by the duration.
 
     Parameters
     ----------
     trajectory : Trajectory
-        Path as long as it was recorded.
+        Trajectory in real time.
     """
     duration = trajectory.duration
     return replace(
@@ -145,7 +145,7 @@ def find_problems(trajectory: Trajectory) -> Problems:
 
 
 def _add_motion_problems(trajectory: Trajectory, problems: Problems) -> None:
-    """Add problems of time, angle and velocity, which must belong to one motion."""
+    """Add problems of time, angle and velocity to a list: the three must be consistent."""
     from scipy.integrate import cumulative_trapezoid
 
     time, angle = trajectory.time, trajectory.angle
@@ -172,12 +172,12 @@ def _add_motion_problems(trajectory: Trajectory, problems: Problems) -> None:
 
 
 INVALID_TRAJECTORY = "trajectory"
-"""Missing basin if the trajectory itself is invalid: all its basins."""
+"""Name of the missing basin in a `Failure` if the trajectory is invalid: all its basins are missing."""
 
 
 @dataclass(frozen=True)
 class Failure:
-    """One basin that could not be computed; attributes as the columns of ``failures.csv``."""
+    """One basin that could not be computed; the attributes are the columns of ``failures.csv``."""
 
     subject: str
     experience: str
@@ -189,7 +189,7 @@ class Failure:
 
     @classmethod
     def from_trajectory(cls, item: Trajectory, basin: str, reason: str) -> Failure:
-        """Return the failure of a basin of one trajectory.
+        """Return the failure for a basin of one trajectory.
 
         Parameters
         ----------
@@ -205,16 +205,16 @@ class Failure:
 
 @dataclass(frozen=True)
 class Convention:
-    """Choices that make a pendulum of a recorded deposit."""
+    """Choices that define the pendulum of a recorded deposit."""
 
     sign: str
     """Sign of gravity: a key of `SIGNS`."""
     time: str
-    """``real`` if the movement lasts as long as it was recorded, ``unit`` if one second."""
+    """Time scale: ``real`` for the recorded duration, ``unit`` for one second."""
     mass: str
-    """``with_box`` if the box counts to the pendulum's mass, or ``without_box``."""
+    """Mass of the pendulum: ``with_box`` or ``without_box``."""
     pivot: str
-    """Point about which the pendulum turns: one of `lumbar.lifting.movement.pendulum_states.PIVOTS`."""
+    """Point about which the pendulum rotates: one of `lumbar.lifting.movement.pendulum_states.PIVOTS`."""
     segment_ends: str
     """``inner`` if the trunk's segments end inside the body, ``skin`` if at the markers."""
     deposit_start: str
@@ -233,14 +233,14 @@ THESIS = Convention("hanging", "unit", "without_box", **vars(THESIS_CHOICE))
 
 @dataclass(frozen=True)
 class LiftStates:
-    """Pendulum states of one lift by the study's choice and by the thesis's."""
+    """Pendulum states of one lift by the choices of the study and of the thesis."""
 
     states: pd.DataFrame
-    """``pendulum.csv``: by the study's choice."""
+    """Rows of ``pendulum.csv``, states by the study's choice."""
     facts: Mapping
-    """``pendulum.json``; ``thesis_pendulum`` has ``length_m`` and ``missing`` of the thesis's choice, if that is another."""
+    """Content of ``pendulum.json``; if the thesis's choice differs, ``thesis_pendulum`` has its ``length_m`` and ``missing``."""
     in_thesis: pd.DataFrame | None = None
-    """``thesis_pendulum.csv``, columns of `states`; None without such a file."""
+    """Rows of ``thesis_pendulum.csv``, columns of `states`; None if there is no such file."""
 
     def trajectories(self, convention: Convention) -> tuple[list[Trajectory], list[Failure]]:
         """Return the valid trajectories of one convention, and the failures of the others.
@@ -248,7 +248,7 @@ class LiftStates:
         Parameters
         ----------
         convention : Convention
-            Choices; every trajectory fails unless pivot, segment ends and start of the deposit are the study's or the thesis's.
+            Choices; all trajectories fail if pivot, segment ends and start of the deposit are not those of study or thesis.
         """
         choice = {name: getattr(convention, name) for name in CHOICES}
         thesis, options = self.facts.get("thesis_pendulum"), (convention.mass, convention.time)
@@ -265,7 +265,7 @@ class LiftStates:
 def trajectories_of_lift(
     states: pd.DataFrame, facts: Mapping, mass: str, time: str = "real"
 ) -> tuple[list[Trajectory], list[Failure]]:
-    """Return the valid ones of a lift's six trajectories, by `COMS`, then `PLANES`, and the failures of the others.
+    """Return the valid trajectories of a lift's six, ordered by `COMS`, then `PLANES`, and the failures of the others.
 
     Parameters
     ----------
@@ -276,9 +276,9 @@ def trajectories_of_lift(
         ``without_box``) and ``length_m`` (per COM and plane); ``experience`` if known, and ``missing``, the reasons of COMs
         without a pendulum.
     mass : {"with_box", "without_box"}
-        With or without the box in the pendulum's mass.
+        Mass of the pendulum, with or without the box.
     time : {"real", "unit"}, default "real"
-        As long as it was recorded, or one second.
+        Recorded duration, or one second.
     """
     trajectories, failures, missing = [], [], facts.get("missing", {})
     parts = dict(iter(states.groupby(["com", "plane"])))
@@ -316,25 +316,25 @@ def trajectories_of_lift(
 
 
 def pendulum_choice(facts: Mapping) -> dict[str, str]:
-    """Return the choices in the facts of pendulum states, attributes of `PendulumChoice`.
+    """Return the attributes of `PendulumChoice` from the facts of pendulum states.
 
     Parameters
     ----------
     facts : mapping
-        ``pendulum.json``.
+        Content of ``pendulum.json``.
     """
     return {name: facts[name] for name in CHOICES}
 
 
 def headline(settings: StabilitySettings, facts: Mapping) -> Convention:
-    """Return the convention of the headline: the study's own choices, including those in a lift's facts.
+    """Return the convention of the headline: the study's choices, from its settings and a lift's facts.
 
     Parameters
     ----------
     settings : StabilitySettings
         Settings of the study.
     facts : mapping
-        ``pendulum.json`` of any lift of the study.
+        Content of ``pendulum.json`` of any lift of the study.
     """
     pendulum = settings.pendulum
     return Convention(pendulum.sign, pendulum.time, pendulum.mass, **pendulum_choice(facts))
@@ -349,10 +349,10 @@ def compute_together(
     basin: str,
     failures: list[Failure],
 ) -> list[tuple[list[Trajectory], Result]]:
-    """Compute all trajectories together: the integration takes the same number of steps for one basin as for a hundred.
+    """Compute all trajectories together, because the integration takes equally many steps for one basin and for a hundred.
 
-    If the label of an error is that of a trajectory, it is computed separately and the others together again; otherwise each is
-    computed separately. Returned are the trajectories that were computed together, with their result.
+    If an error has the label of a trajectory, this trajectory is computed separately and the others together again; otherwise
+    each is computed separately. The result lists the trajectories that were computed together, with their result.
 
     Parameters
     ----------
@@ -363,7 +363,7 @@ def compute_together(
     basin : str
         Name for `Failure.basin`.
     failures : list of Failure
-        Gets the trajectories that fail separately.
+        List to which trajectories that fail separately are added.
 
     Examples
     --------
@@ -392,7 +392,7 @@ def compute_together(
 
 
 def failures_frame(failures: list[Failure]) -> pd.DataFrame:
-    """Return failures as the rows of ``failures.csv``.
+    """Return failures as rows of ``failures.csv``.
 
     Parameters
     ----------
@@ -407,7 +407,7 @@ def failures_frame(failures: list[Failure]) -> pd.DataFrame:
 
 
 def join_rows(frames: list[pd.DataFrame]) -> pd.DataFrame:
-    """Join the same table of several lifts; tables without rows do not affect the types.
+    """Join one table of several lifts; tables without rows do not affect the types.
 
     Parameters
     ----------
@@ -421,12 +421,12 @@ def join_rows(frames: list[pd.DataFrame]) -> pd.DataFrame:
 
 
 def announcement(path: str | os.PathLike) -> str:
-    """Return a message that names every basin in a ``failures.csv``; empty without any.
+    """Return a message that names every basin in a ``failures.csv``; empty without failures.
 
     Parameters
     ----------
     path : str or os.PathLike
-        The ``failures.csv``.
+        Path of the ``failures.csv``.
     """
     with Path(path).open(encoding="utf-8", newline="") as stream:
         rows = list(csv.DictReader(stream))
@@ -441,7 +441,7 @@ def announcement(path: str | os.PathLike) -> str:
 
 
 def failures_table(failures: pd.DataFrame, source_label: str) -> Table:
-    """Return the basins that could not be computed as a published table; a row reports if none is missing.
+    """Return the missing basins as a published table; if none is missing, a row states this.
 
     Parameters
     ----------

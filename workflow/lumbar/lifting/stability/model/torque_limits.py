@@ -1,4 +1,4 @@
-"""The torque that foot or hips allow a pendulum, and whether its regulator asks for more: for the page of a lift."""
+"""Torque limits of a pendulum by foot or hips, and whether its regulator exceeds them, for the page of a lift."""
 
 from dataclasses import dataclass
 
@@ -12,8 +12,8 @@ from lumbar.settings.lifting import StabilitySettings
 def torque_range(item: Trajectory, settings: StabilitySettings) -> tuple[float, float]:
     """Return the smallest and the largest torque u in N·m that foot or hips allow a pendulum.
 
-    About the ankles the centre of pressure under the pendulum's weight stays below the feet; about the hips (or L5) strength
-    is the limit, all of it for each pendulum. Positive torques turn forward or to the right.
+    About the ankles the centre of pressure of the pendulum's weight must stay under the feet; about the hips (or L5) the limit
+    is the strength, in full for each pendulum. Positive torques act forward or to the right.
 
     Parameters
     ----------
@@ -33,12 +33,12 @@ def torque_range(item: Trajectory, settings: StabilitySettings) -> tuple[float, 
 
 @dataclass(frozen=True)
 class Reference:
-    """Feedforward and motion on the grid of the pendulums; arrays of shape (points, pendulums)."""
+    """Feedforward torque and motion on the grid of the pendulums; arrays of shape (points, pendulums)."""
 
     torque: np.ndarray
-    """u0 in N·m."""
+    """Feedforward torque u0 in N·m."""
     velocity: np.ndarray
-    """θ̇0 in rad/s."""
+    """Angular velocity θ̇0 in rad/s."""
 
 
 def reference_of(pendulums: Pendulums) -> Reference:
@@ -68,7 +68,7 @@ def exceeds(
 ) -> np.ndarray:
     """Return whether u0 − K·x̄ leaves a range of torques anywhere in a funnel, shape (pendulums,).
 
-    On V = ρ |K·x̄| ≤ √(ρ·K·S⁻¹·Kᵀ).
+    On V = ρ, |K·x̄| is at most √(ρ·K·S⁻¹·Kᵀ).
 
     Parameters
     ----------
