@@ -12,7 +12,7 @@ from pathlib import Path
 
 
 def set_job_environment(workflow: Path) -> None:
-    """Make the library in a folder importable without installation, and results the same bytes for any number of cores."""
+    """Make the library in a folder importable without installation, and results independent of the number of cores."""
     from lumbar.base.environment import use_one_thread
 
     os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, [str(workflow), os.environ.get("PYTHONPATH")]))

@@ -7,7 +7,7 @@ from lumbar.settings.tissue import TissueSettings
 
 
 def main(input, output, settings: RuntimeSettings, tissue: TissueSettings, source_label: str):
-    """Judge the exported models on the study's device, fit passive ones, write tables, figures and the passive models."""
+    """Judge the exported models on the study's device, fit passive models, write tables, figures and these models."""
     from lumbar.base.files import write_json
     from lumbar.interface.device import judge_rendering, load_models
     from lumbar.interface.reading import read_listed

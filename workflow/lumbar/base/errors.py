@@ -111,7 +111,7 @@ def printable(text: str) -> str:
 
 
 MAX_PROBLEMS = 20
-"""Number of problems of one file that a message lists."""
+"""Largest number of problems of one file in a message."""
 
 
 class Problems:
@@ -132,7 +132,7 @@ class Problems:
     subject : str
         File or setting with the problems.
     most : int, optional
-        Number of problems at which an error is raised at once: a file of another kind has a problem in every line.
+        Number of problems at which an error is raised immediately: a file of another kind has a problem in every line.
     """
 
     def __init__(self, subject: str, most: int | None = None):

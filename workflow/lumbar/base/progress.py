@@ -8,7 +8,7 @@ from contextvars import ContextVar
 from typing import TypeVar
 
 Item = TypeVar("Item")
-_EVERY_S = 2.0
+_MIN_INTERVAL_S = 2.0
 _watcher: ContextVar[Callable[[str], None] | None] = ContextVar("watcher", default=None)
 
 
@@ -36,7 +36,7 @@ def track(items: Collection[Item], label: str) -> Iterator[Item]:
     for done, item in enumerate(items):
         notify_progress(f"{label}: {done} of {total}")
         now = time.monotonic()
-        if now - last >= _EVERY_S:
+        if now - last >= _MIN_INTERVAL_S:
             left = f", about {(now - began) / done * (total - done):.0f} s left" if done else ""
             print(f"{label}: {done} of {total}{left}", file=sys.stderr, flush=True)
             last = now

@@ -35,7 +35,7 @@ class YamlFile:
     """Line of every key and every entry of a list, by its path: ``("tissue", "records", 0, "file")``."""
 
     def line(self, path: tuple) -> int | None:
-        """Return the line of a key, or of the nearest one above it in the file."""
+        """Return the line of a key, or of its nearest parent that has a line."""
         return next(
             (self.lines[path[:end]] for end in range(len(path), 0, -1) if path[:end] in self.lines), None
         )

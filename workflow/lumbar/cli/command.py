@@ -30,7 +30,7 @@ INTERRUPTED = 130
 
 
 class _Parser(argparse.ArgumentParser):
-    """Parser that suggests the command or option for a misspelt one."""
+    """Parser that suggests the correct command or option for a misspelt name."""
 
     def parse_known_args(self, args=None, namespace=None):
         given = sys.argv[1:] if args is None else args

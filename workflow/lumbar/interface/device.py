@@ -163,8 +163,8 @@ def render(
 
     Each model is judged as it is exported and at the rate of the servo. The analysis is exact for linear models (passivity of
     a sampled force after Colgate and Schenkel, 1997; poles of the loop with device, hand and hold); models with effects are
-    analysed through their linearisations. All are simulated, with the encoder's steps and the limit of the force; those with
-    effects as their FMUs.
+    analysed through their linearisations. All models are simulated with the encoder's steps and the limit of the force;
+    models with effects are simulated as FMUs.
 
     Parameters
     ----------

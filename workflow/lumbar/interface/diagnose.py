@@ -29,11 +29,11 @@ def diagnose(
         One per excitation, with channels ``input`` and ``output``. The period of an excitation is ``Record.period``, or is
         detected from the input.
     base : str, optional
-        Base model: LE, Maxwell, KV, KB, pendulum or a user-defined one, BASE.yaml; default the settings'.
+        Base model: LE, Maxwell, KV, KB, pendulum or a user-defined base, BASE.yaml; default the base of the settings.
     train : str or sequence of str, optional
         Record to fit on, or several that are fitted together; default the settings', or the longest.
     settings : StudySettings, optional
-        As `lumbar.load_settings` returns them. Used are ``improvement`` (user-defined effects, how many to add, whether the
+        Result of `lumbar.load_settings`. Used are ``improvement`` (user-defined effects, how many to add, whether the
         records were cut from one session or have the force as input), ``signals.machine`` (limits of the machine for a
         separating excitation), ``tissue`` (the thesis's models), ``stability.pendulum.gravity_m_s2`` and ``seed``.
     source_label : str

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from lumbar.publishing.explorer.explorer_page import ExplorerPage
     from lumbar.tissue.diagnosis.law.proposal import Proposal
     from lumbar.tissue.diagnosis.spatial.spatial_reports import SpatialReport
-_STATIC = "points of a static test, without a clock"
+_STATIC_TEST = "points of a static test, without a clock"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -107,7 +107,7 @@ class Diagnosis:
         Parameters
         ----------
         *effects : str
-            Names of the effects; those that are selected already are not added twice.
+            Names of the effects; effects that are already selected are not added twice.
         """
         return self._refit(list(dict.fromkeys([*self.selected, *effects])))
 
@@ -156,7 +156,7 @@ class Diagnosis:
         result = self.result
         if result.experiment.points:
             raise InputError(
-                f"{_STATIC}: laws are proposed for motions; lumbar diagnose fits the catalogue's static laws"
+                f"{_STATIC_TEST}: laws are proposed for motions; lumbar diagnose fits the catalogue's static laws"
             )
         proposal = result.proposal or propose(result.experiment, result.base, result.model)
         return ProposedLaw(proposal, self.candidates, self.source_label)
@@ -206,7 +206,7 @@ class Diagnosis:
     @property
     def no_page_reason(self) -> str:
         """Reason for a missing interactive page; empty if the page exists."""
-        return f"{_STATIC}: an interactive page needs motion" if self.result.experiment.points else ""
+        return f"{_STATIC_TEST}: an interactive page needs motion" if self.result.experiment.points else ""
 
     def page(self, pictures: Mapping[str, Path] | None = None, thesis: bool = True) -> ExplorerPage:
         """Return the interactive page: every fitted model with every record.

@@ -42,7 +42,7 @@ def identify(
     Parameters
     ----------
     records : sequence of Record
-        One per excitation, at one rate.
+        Records, one per excitation, all at one rate.
     train : str or sequence of str, optional
         Record to identify on, or several, one after another; all others are for testing. Default: the training record of the
         settings, or the longest.
@@ -97,7 +97,7 @@ class Identification(Result):
     models: list[FittedModel]
     """Identified models by training record, in the order of Table 3.1."""
     search: pd.DataFrame
-    """Every tested structure and ridge coefficient, one row each."""
+    """Table of the search: one row per tested structure and ridge coefficient."""
     settings: TissueSettings
     source_label: str
 

@@ -117,7 +117,7 @@ def import_recordings(
     cut : iterable of (str, tuple of float), optional
         Names of the records that one file is cut into, each with start and stop as in `trim`.
     cut_by : str or int, optional
-        Column, by name or number; each interval with one number or word in it is a record.
+        Column, by name or number; each interval in which its value is constant becomes a record.
     table : str or int, optional
         Part of the file: number of a table in a text file, sheet of a workbook, variable or group of a MATLAB or HDF5
         file.

@@ -44,12 +44,12 @@ def lift(
     subject : SubjectSettings or path
         Settings of the subject, or a file as in ``config/subjects``.
     box_mass_kg : float, optional
-        Mass of the box; default that of the trial.
+        Mass of the box; default the mass in the trial.
     trial : TrialSettings or str, optional
         The trial, or the name of its lift, e.g. ``ann_15kg_2``; default the subject's trial with this marker file. A subject
         without trials needs none.
     name : str, optional
-        Name of the lift; default that of the trial, as in a study.
+        Name of the lift; default the name of the trial, as in a study.
     settings : LiftingSettings, optional
         Markers, events, pivot and segments.
     static : path, optional
@@ -223,7 +223,7 @@ class Lift(Result):
             if event.time_s is None:
                 lines.append(f"{name}: none ({event.how})")
                 continue
-            source = _SOURCES.get(event.method, "toes" if name == "toe_off" else carried)
+            source = _SOURCE_TEXTS.get(event.method, "toes" if name == "toe_off" else carried)
             known = event.earliest_s is not None and event.latest_s is not None
             between = f"; {event.earliest_s:.2f} to {event.latest_s:.2f}" if known else ""
             lines.append(f"{name}: {event.time_s:.3f} s ({source}{between})")
@@ -240,7 +240,7 @@ class Lift(Result):
         return f"<Lift {self.name}>"
 
 
-_SOURCES = {event_rules.DECLARED: "set by hand", event_rules.IN_FILE: "marked in the file"}
+_SOURCE_TEXTS = {event_rules.DECLARED: "set by hand", event_rules.IN_FILE: "marked in the file"}
 """Sources of events that are not detected from the box, the hands or the toes."""
 
 
@@ -255,7 +255,7 @@ def _find_trial(
     Raises
     ------
     InputError
-        With the subject's trials, if none or several of them match.
+        If no trial or several trials match, with the subject's trials.
     """
     if box_mass_kg is not None and not 0 <= box_mass_kg <= 100:
         raise InputError(f"box_mass_kg is {box_mass_kg:g} kg; allowed: 0 to 100")

@@ -47,7 +47,7 @@ def basins(
     seed : int
         Seed of the simulated starts.
     source_label : str
-        Name of the source of the data; default that of the lift.
+        Name of the source of the data; default the source of the lift.
 
     Raises
     ------

@@ -36,7 +36,7 @@ def lift_page(
     settings : StabilitySettings, optional
         Pendulum, regulator, goal and limits of the torque; no checks are run.
     source_label : str
-        Name of the source of the data; default that of the lift.
+        Name of the source of the data; default the source of the lift.
 
     Returns
     -------

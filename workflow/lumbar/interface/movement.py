@@ -45,7 +45,7 @@ def measure_movement(
     settings : StabilitySettings, optional
         ``measures``, and gravity of ``pendulum``.
     source_label : str
-        Name of the source of the data; default that of the lift.
+        Name of the source of the data; default the source of the lift.
 
     Raises
     ------

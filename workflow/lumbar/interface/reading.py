@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 Kind = Literal["tissue", "pendulum", "surgeon", "markers", "survey"]
 COLUMN_ENDINGS = (".csv", ".txt", ".mat")
 MARKER_ENDINGS = (".c3d", ".trc", ".bvh")
-_TEXTS = re.compile(
+_TEXT_FILE_NAME = re.compile(
     r"(readme|read[_-]me|licen[cs]e|copying|copyright|notice|citation|changelog|lizenz|liesmich|lisez[_-]?moi|licencia|leeme)"
     r"([^a-z].*)?\.txt"
 )
@@ -68,7 +68,7 @@ def read(
         What was recorded: ``tissue`` (position, force), ``pendulum`` (angle, moment), ``surgeon`` (position),
         ``markers`` (also of CSV) or ``survey``. Default: ``markers`` for C3D, TRC and BVH files, else ``tissue``.
     layout : layout of `lumbar.settings.layout`, optional
-        Columns with their units, or labels and axes of markers; default that of the kind.
+        Columns with their units, or labels and axes of markers; default the layout of the kind.
     rate : float, optional
         Resample column files to this rate in hertz, with an anti-aliasing filter.
     names : iterable of str, optional
@@ -199,7 +199,7 @@ def is_column_file(path: Path, endings: tuple[str, ...] = COLUMN_ENDINGS) -> boo
         Endings of column files in lower case.
     """
     name = path.name.lower().removesuffix(".gz")
-    return path.is_file() and name.endswith(endings) and not _TEXTS.fullmatch(name)
+    return path.is_file() and name.endswith(endings) and not _TEXT_FILE_NAME.fullmatch(name)
 
 
 def is_marker_file(path: Path) -> bool:

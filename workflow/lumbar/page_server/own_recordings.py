@@ -34,8 +34,8 @@ from lumbar.settings.section import NAME
 if TYPE_CHECKING:
     from lumbar.interface.diagnosis import Diagnosis
 
-_TEXTS = ("time", "position", "force", "time_unit", "position_unit", "force_unit", "table", "encoding")
-_SWITCHES = ("flip_force", "accept_clipped")
+_TEXT_CHOICES = ("time", "position", "force", "time_unit", "position_unit", "force_unit", "table", "encoding")
+_SWITCH_CHOICES = ("flip_force", "accept_clipped")
 _MAX_TEXT = 200
 """Largest number of characters in a text or a file's name."""
 MAX_FILE_BYTES = 50_000_000
@@ -44,7 +44,7 @@ MAX_FILES = 12
 MAX_SESSIONS = 16
 MAX_BYTES = 300_000_000
 """Largest number of bytes in the files of all sessions."""
-_TAB = "X-Lumbar-Tab"
+_TAB_HEADER = "X-Lumbar-Tab"
 """HTTP header with the session of a page; forms of other pages cannot send it."""
 
 
@@ -52,8 +52,8 @@ def checked_choices(choices: Any) -> dict[str, Any]:
     """Return a page's choices as arguments of `lumbar.import_recordings`; errors name the option of the command line."""
     if not isinstance(choices, Mapping):
         raise InputError("choices that are not a mapping")
-    checked: dict[str, Any] = {name: True for name in _SWITCHES if choices.get(name) is True}
-    for name in _TEXTS:
+    checked: dict[str, Any] = {name: True for name in _SWITCH_CHOICES if choices.get(name) is True}
+    for name in _TEXT_CHOICES:
         value = choices.get(name)
         if value is None or value == "":
             continue
@@ -131,18 +131,18 @@ class UploadSession:
                 )
             if len(self.files.keys() - {name}) >= MAX_FILES:
                 raise InputError(f"{name}: the limit is {MAX_FILES} files; remove one")
-            self._forget(name)
+            self._discard_file(name)
             self.files[name] = content
         return self.preview(self.choices)
 
     def remove(self, name: str) -> dict[str, Any]:
         """Remove a file; return the result of `preview`."""
         with self._one_at_a_time:
-            self._forget(name)
+            self._discard_file(name)
             self.files.pop(name, None)
         return self.preview(self.choices)
 
-    def _forget(self, name: str) -> None:
+    def _discard_file(self, name: str) -> None:
         self._read = {key: file for key, file in self._read.items() if key[0] != name}
 
     def preview(self, choices: Mapping[str, Any]) -> dict[str, Any]:
@@ -165,7 +165,7 @@ class UploadSession:
                 shown: dict[str, Any] = {"file": name, "columns": [], "wrong": []}
                 count = 0
                 try:
-                    file = self._foreign(name)
+                    file = self._read_foreign_file(name)
                     shown["columns"] = table_columns(file.table)
                     imported = import_recordings([file], **self.choices)
                     shown, count = shown | preview(imported), len(imported)
@@ -188,7 +188,7 @@ class UploadSession:
                 "choices": self.choices | {"trim": trim},  # JSON has no infinity
             }
 
-    def _foreign(self, name: str) -> ForeignFile:
+    def _read_foreign_file(self, name: str) -> ForeignFile:
         choice = Choices(table=self.choices.get("table"), encoding=self.choices.get("encoding"))
         if (name, choice) not in self._read:
             self._read[name, choice] = ForeignFile.from_content(name, self.files[name], choice)
@@ -198,12 +198,12 @@ class UploadSession:
         """Return all files as recordings that agree in quantities and units."""
         if not self.files:
             raise InputError("no recordings yet: drop files on the page, or choose them")
-        imported = import_recordings([self._foreign(name) for name in self.files], **self.choices)
+        imported = import_recordings([self._read_foreign_file(name) for name in self.files], **self.choices)
         _ = imported.records
         return imported
 
     def start(self, request: Mapping[str, Any], uploads: UploadDiagnosis, served: ServedSets) -> str:
-        """Start the diagnosis, cancel a running one of this session, and return the address of its page.
+        """Start the diagnosis, cancel a running diagnosis of this session, and return the address of its page.
 
         The request has ``choices``, ``train`` (names of records; the longest if empty) and ``name`` of the set.
         """
@@ -284,7 +284,7 @@ class _PageHandler(_UploadHandler):
 class _ActionHandler(_UploadHandler):
     async def post(self, action: str) -> None:
         try:
-            session = self.sessions.get(self.request.headers.get(_TAB, ""))
+            session = self.sessions.get(self.request.headers.get(_TAB_HEADER, ""))
             if session is None:
                 self.set_status(410)
                 raise InputError(

@@ -147,7 +147,7 @@ _MAX_UPLOADS = 8
 
 
 class ServedSets:
-    """Sets by the address of their page: `named` ones of a study or folder, and those of the user's recordings."""
+    """Record sets by the address of their page: `named` sets of a study or folder, and sets of the user's recordings."""
 
     def __init__(self, sets: Sequence[ExploredSet]):
         self.named = {f"/{explored.name}": explored for explored in sets}
@@ -245,12 +245,12 @@ class TabRequests:
                     raise InputError(f"unknown effect {wrong[0]!r:.80}")
                 if len(set(effects)) < len(effects):
                     raise InputError(needed)
-                content, models = self._do(action, effects)
+                content, models = self._perform_action(action, effects)
         except Exception as error:
             return {"number": number, "error": page_message(error)}, []
         return {"number": number, **content}, models
 
-    def _do(self, action: str, effects: list[str]) -> tuple[dict, list[PageModel]]:
+    def _perform_action(self, action: str, effects: list[str]) -> tuple[dict, list[PageModel]]:
         explored = self.explored
         if action == "fit":
             # Every step of the path, and the causes of the error at its end.

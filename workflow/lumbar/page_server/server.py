@@ -49,7 +49,7 @@ _NO_TOKEN = (
 )
 _MAX_MESSAGE_BYTES = 10_000
 """Largest message of a page: a request is one line, events of pictures are a few numbers."""
-_LOST = """
+_LOST_SERVER_SCRIPT = """
 document.body.removeAttribute("aria-busy");
 const message = document.getElementById("message");
 message.textContent = "The server was ended: what is here can still be looked at. Start 'lumbar explore' again, then load "
@@ -209,7 +209,7 @@ def _fill(document: Document, path: str, index: Index) -> None:
     document.template = template(PAGE)
     document.template_variables.update(explored.variables | index.bar)
     document.config.notify_connection_status = False  # Bokeh's message promises that the connection returns
-    document.js_on_event("connection_lost", CustomJS(code=_LOST))
+    document.js_on_event("connection_lost", CustomJS(code=_LOST_SERVER_SCRIPT))
     requests = TabRequests(explored)
 
     def answer(_attribute, _old, new) -> None:

@@ -35,7 +35,7 @@ _MAX_FRAMES, _MAX_LABELS = 65534, 255
 
 
 def c3d_markers(content: dict[str, Any], source: str) -> MarkerFile:
-    """Return the markers of `c3d_content`. Times are those of the uncut recording: a trimmed recording does not start at 0.
+    """Return the markers of `c3d_content`. Times count from the start of the recording, even if the file is trimmed.
 
     Parameters
     ----------
@@ -128,7 +128,7 @@ def _parameter_list(parameters: dict[str, list], name: str) -> list:
 
 
 def _read_events(parameters: dict[str, list]) -> list[RecordedEvent]:
-    """Return the events of the EVENT group, whose times are stored as minutes and seconds."""
+    """Return the events of the EVENT group; the file stores their times as minutes and seconds."""
     times = _parameter_list(parameters, "EVENT:TIMES")
     labels, contexts = (_parameter_list(parameters, f"EVENT:{name}") for name in ("LABELS", "CONTEXTS"))
     used = int((parameters.get("EVENT:USED") or [len(labels)])[0]) % 65536

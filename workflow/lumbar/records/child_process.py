@@ -29,7 +29,7 @@ TIMEOUT_S = 10 * SECONDS
 MAX_ANSWER_BYTES, MAX_ARRAYS = 3 * MAX_FILE_BYTES, 20_000
 _ARRAY_KEY = "\0"
 """Key that marks a reference to an array; no name in a file has it."""
-_START = (
+_START_COMMAND = (
     "import json, sys; sys.path, request = json.loads(sys.argv[1]); from {} import answer; answer(*request)"
 )
 
@@ -57,7 +57,7 @@ def read_in_child(read: Callable[..., Any], source: str | os.PathLike, content: 
     paths = [str(Path(__file__).parents[2]), *filter(None, sys.path)]  # not the working directory
     call = [read.__module__, read.__name__, str(source), content is not None]
     request = json.dumps([paths, [call, [MEMORY, SECONDS, MAX_ANSWER_BYTES]]])
-    command = [sys.executable, "-I", "-S", "-c", _START.format(__name__), request]
+    command = [sys.executable, "-I", "-S", "-c", _START_COMMAND.format(__name__), request]
     threads = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
     with TemporaryFile() as output:
         streams: dict[str, Any] = {"stdout": output, "stderr": subprocess.DEVNULL}

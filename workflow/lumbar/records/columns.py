@@ -35,8 +35,8 @@ _MIN_ANNOUNCED_BYTES = 5_000_000
 """Size from which the reading of a file is announced."""
 _MIN_PLAIN_BYTES = 50_000
 """Size from which a file is first read as a plain table of numbers."""
-_WITH_STUDY = "  the study in this folder describes the columns of its records: --config {}"
-_WITHOUT_STUDY = "  files of other columns, units, separators, decimal marks or encodings: lumbar import {} --output FOLDER"
+_HINT_WITH_STUDY = "  the study in this folder describes the columns of its records: --config {}"
+_HINT_WITHOUT_STUDY = "  files of other columns, units, separators, decimal marks or encodings: lumbar import {} --output FOLDER"
 
 
 def read_record(
@@ -56,7 +56,7 @@ def read_record(
     layout : ColumnLayout
         Columns with their units.
     name : str, optional
-        Name of the record; default that of the file.
+        Name of the record; default the file's name.
     period : float, optional
         Period of the excitation in seconds.
     rate : float, optional
@@ -122,7 +122,7 @@ def _read_file(path: Path, layout: ColumnLayout) -> tuple[dict[str, np.ndarray],
         return read_readable(path, _read_text, layout)
     except InputError as error:
         study = path.parent / "study.yaml"
-        hint, file = (_WITH_STUDY, study) if study.is_file() else (_WITHOUT_STUDY, path)
+        hint, file = (_HINT_WITH_STUDY, study) if study.is_file() else (_HINT_WITHOUT_STUDY, path)
         raise InputError(f"{error}\n{hint.format(shlex.quote(str(file)))}") from error
 
 

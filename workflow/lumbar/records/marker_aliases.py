@@ -48,7 +48,7 @@ def select_subject(file: MarkerFile, prefix: str) -> MarkerFile:
     file : MarkerFile
         The file.
     prefix : str
-        ``"strip"`` removes every prefix, ``"keep"`` none; a subject's name only that one, so that equal labels of two
+        ``"strip"`` removes every prefix, ``"keep"`` none; a subject's name only its prefix, so that equal labels of two
         subjects stay distinct.
 
     Raises

@@ -5,21 +5,21 @@ import numpy as np
 from lumbar.base.errors import InputError
 from lumbar.settings.layout import MarkerLayout
 
-_UPPER = ("C7", "T12", "MANUBRIUM", "XIPHOID", "L_SHOULDER", "R_SHOULDER", "SACRUM", "L5", "L_HIP", "R_HIP")
+_TRUNK = ("C7", "T12", "MANUBRIUM", "XIPHOID", "L_SHOULDER", "R_SHOULDER", "SACRUM", "L5", "L_HIP", "R_HIP")
 _FEET = ("L_ANKLE", "R_ANKLE", "L_HEEL", "R_HEEL", "L_TOE", "R_TOE")
 _TRUNK_TOP = ("C7", "MANUBRIUM", "XIPHOID", "L_SHOULDER", "R_SHOULDER")
 _PELVIS = ("SACRUM", "L5", "L_HIP", "R_HIP", "L_ASIS", "R_ASIS", "L_PSIS", "R_PSIS")
-_SIDES = tuple((f"L_{part}", f"R_{part}") for part in ("SHOULDER", "HIP", "ANKLE", "HEEL", "TOE"))
+_SIDE_PAIRS = tuple((f"L_{part}", f"R_{part}") for part in ("SHOULDER", "HIP", "ANKLE", "HEEL", "TOE"))
 _FEET_PAIRS = (("L_HEEL", "L_TOE"), ("R_HEEL", "R_TOE"))
 _PELVIS_PAIRS = (("SACRUM", "L_ASIS"), ("SACRUM", "R_ASIS"), ("L_PSIS", "L_ASIS"), ("R_PSIS", "R_ASIS"))
-_FACING = (
+_FACING_PAIRS = (
     (_FEET_PAIRS, "the toes are ahead of the heels"),
     ((("L_ANKLE", "L_TOE"), ("R_ANKLE", "R_TOE")), "the toes are ahead of the ankles"),
     (_PELVIS_PAIRS, "the front of the pelvis is ahead of its back"),
     ((("C7", "MANUBRIUM"), ("C7", "XIPHOID")), "the chest is ahead of the back"),
 )
 """Pairs of a rear and a front marker with a description, the most reliable first."""
-_FRONT = (*_PELVIS_PAIRS, ("C7", "MANUBRIUM"), *_FEET_PAIRS)
+_FRONT_PAIRS = (*_PELVIS_PAIRS, ("C7", "MANUBRIUM"), *_FEET_PAIRS)
 """Pairs of a rear and a front marker of trunk and feet."""
 _MIN_LEVEL_SHARE = 0.7
 """Smallest horizontal share of a vector that shows the direction in which a body faces."""
@@ -88,11 +88,11 @@ def check_axes(positions: dict[str, np.ndarray], layout: MarkerLayout, source: s
             f"{source}: markers.forward: {layout.forward}, but {description} along {axis}{remark}; set forward: "
             f'"{axis}" (or check_axes: false if the person turns around)'
         )
-    across = _segments(positions, _SIDES)
+    across = _segments(positions, _SIDE_PAIRS)
     if across and _contradicts(np.mean(across, axis=0) * [1, 1, 0], 0):
         # Either the labels are swapped or forward is wrong; the front of the body may decide.
         faces = _file_axis(np.cross([0.0, 0.0, 1.0], np.mean(across, axis=0)), rotation)
-        ahead = _segments(positions, _FRONT)
+        ahead = _segments(positions, _FRONT_PAIRS)
         front = _file_axis(np.sum(ahead, axis=0) * [1, 1, 0], rotation) if ahead else None
         remedy = f'set forward: "{faces}"'
         if front == layout.forward:
@@ -113,7 +113,7 @@ def uncheckable_axes(positions: dict[str, np.ndarray]) -> list[str]:
     positions : dict of str to ndarray, shape (n_frames, 3)
         Markers by standard name.
     """
-    has_forward = bool(_segments(positions, _SIDES)) or _facing_vector(positions)[0] is not None
+    has_forward = bool(_segments(positions, _SIDE_PAIRS)) or _facing_vector(positions)[0] is not None
     checkable = {"up": _upward_vector(positions) is not None, "forward": has_forward}
     return [axis for axis, is_checkable in checkable.items() if not is_checkable]
 
@@ -133,8 +133,8 @@ def find_axes(positions: dict[str, np.ndarray]) -> tuple[str, str] | None:
         return None
     up = _file_axis(upward, np.eye(3))
     vertical = _axis_vector(up)
-    across = _segments(positions, (*_SIDES, ("L_ASIS", "R_ASIS"), ("L_PSIS", "R_PSIS")))
-    facing = [np.cross(vertical, vector) for vector in across] + _segments(positions, _FRONT)
+    across = _segments(positions, (*_SIDE_PAIRS, ("L_ASIS", "R_ASIS"), ("L_PSIS", "R_PSIS")))
+    facing = [np.cross(vertical, vector) for vector in across] + _segments(positions, _FRONT_PAIRS)
     if not facing:
         return None
     return up, _file_axis(np.sum(facing, axis=0) * (vertical == 0), np.eye(3))
@@ -142,7 +142,7 @@ def find_axes(positions: dict[str, np.ndarray]) -> tuple[str, str] | None:
 
 def _upward_vector(positions: dict[str, np.ndarray]) -> np.ndarray | None:
     """Return the vector, shape (3,) in metres, from feet to trunk or from pelvis to shoulders; None without such markers."""
-    upward = _segment(positions, _FEET, _UPPER)
+    upward = _segment(positions, _FEET, _TRUNK)
     return _segment(positions, _PELVIS, _TRUNK_TOP) if upward is None else upward
 
 
@@ -151,7 +151,7 @@ def _facing_vector(positions: dict[str, np.ndarray]) -> tuple[np.ndarray | None,
 
     Feet are used first, then the pelvis, then the chest, unless they point too far down, as the front of a bent trunk.
     """
-    for pairs, description in _FACING:
+    for pairs, description in _FACING_PAIRS:
         vectors = _segments(positions, pairs)
         total = np.sum(vectors, axis=0) if vectors else np.zeros(3)
         level = total * [1, 1, 0]

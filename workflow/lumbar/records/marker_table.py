@@ -66,7 +66,7 @@ def read_marker_table(path: str | os.PathLike, rate: float | None = None) -> Mar
     Raises
     ------
     InputError
-        A header without a marker with its three axes, a row of another length, a cell without a number, a clock that is
+        If the header has no marker with its three axes, a row has another length, a cell has no number, or the clock is
         missing or not even.
     """
     path = Path(path)

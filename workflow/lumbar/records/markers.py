@@ -116,7 +116,7 @@ def read_markers(
     layout : MarkerLayout, optional
         Unit, axes and aliases. Without aliases every marker keeps its label.
     name : str, optional
-        Name of the recording; default that of the file.
+        Name of the recording; default the file's name.
     minimum_frames : int
         1 accepts a static pose of one frame; a trajectory needs at least 2.
     screen : callable, optional
@@ -128,7 +128,7 @@ def read_markers(
     Raises
     ------
     InputError
-        A broken, truncated or contradictory file; a unit, prefix, marker or axis that does not fit.
+        If the file is broken, truncated or contradictory, or a unit, prefix, marker or axis does not fit.
     """
     from lumbar.records.marker_aliases import KEEP, resolve_aliases, select_subject
     from lumbar.records.marker_axes import check_axes, rotation_to_standard

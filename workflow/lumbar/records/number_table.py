@@ -137,7 +137,7 @@ def stream_lines(path: Path) -> Iterator[str]:
     Raises
     ------
     InputError
-        The text is not UTF-8, or a line has more than `MAX_LINE_CHARACTERS`.
+        If the text is not UTF-8, or a line has more than `MAX_LINE_CHARACTERS`.
     """
     with path.open(encoding="utf-8-sig") as stream:
         try:
@@ -173,7 +173,7 @@ def decode_lines(
     Raises
     ------
     InputError
-        With the first line that cannot be decoded.
+        If a line cannot be decoded, with the first such line.
     """
     if encoding:
         try:
@@ -245,7 +245,7 @@ def split_rows(lines: Iterable[str], dialect: Dialect, source: str, first: int =
     Raises
     ------
     InputError
-        A cell that spans lines has more than 131072 characters.
+        If a cell that spans lines has more than 131072 characters.
     """
     number, begins = first - 1, 0
 
@@ -290,14 +290,14 @@ def read_numbers(
     dialect : Dialect
         Form of the cells.
     width : int, optional
-        Cells of every row; default that of the first row.
+        Number of cells in every row; default the number in the first row.
     may_be_empty : collection of str
         Names of columns in which an empty cell is NaN.
 
     Raises
     ------
     InputError
-        With the lines that have more or fewer cells, or a cell without a number.
+        If rows have more or fewer cells, or a cell has no number; with the lines.
     """
     problems = Problems(source, most=MAX_PROBLEMS)
     positions = list(columns.values())

@@ -90,7 +90,7 @@ def read_ratings(path: str | os.PathLike, layout: RatingsLayout) -> Ratings:
     Raises
     ------
     InputError
-        With line and column of every problem: a missing column, an empty cell, a rating outside the scale,
+        If there are problems, with line and column of each: a missing column, an empty cell, a rating outside the scale,
         an unknown model or level, a participant in two lines, a line of another length, fewer than two participants.
     """
     path = Path(path)

@@ -133,7 +133,7 @@ class Record:
         return np.stack([self[role] for role in self.roles(side)])
 
     def axis(self, name: str) -> Record:
-        """Return the record of one of several axes, with the channels without an axis.
+        """Return the record of one axis, with the channels that belong to no axis.
 
         Parameters
         ----------
@@ -248,15 +248,15 @@ def check_record(
     record : Record
         The record.
     may_rest : collection of str
-        Roles of channels that may be constant; not all of several axes need to move in any case.
+        Roles of channels that may be constant; with several axes it is enough if one moves.
     lines : sequence of int, optional
         Line of each sample in the file.
 
     Raises
     ------
     InputError
-        Too few samples, a value that is not finite or too large, time that does not increase or is not even, a constant
-        channel.
+        If there are too few samples, a value is not finite or too large, time does not increase or is not even, or a channel
+        is constant.
     """
     problems = Problems(record.source or record.name)
     if len(record) < MIN_SAMPLES:
@@ -318,7 +318,7 @@ def swap_input_and_output(record: Record) -> Record:
     Parameters
     ----------
     record : Record
-        Record with both, of one or several axes.
+        Record with input and output, of one or several axes.
     """
     one, other = map(record.roles, SIDES)
     swapped = zip((*one, *other), (*other, *one), strict=True)
@@ -337,7 +337,7 @@ def require_clock(records: Iterable[Record]) -> None:
     Raises
     ------
     InputError
-        With the names of the records that are points of a static test.
+        If there are any, with the names of these records.
     """
     if points := [record.name for record in records if record.points]:
         raise InputError(
@@ -358,7 +358,7 @@ def require_one_axis(records: Iterable[Record], what: str) -> None:
     Raises
     ------
     InputError
-        With the names of the records that have several axes.
+        If there are any, with the names of these records.
     """
     if several := [record.name for record in records if record.axes]:
         raise InputError(
@@ -378,7 +378,7 @@ def require_same_units(records: list[Record]) -> None:
     Raises
     ------
     InputError
-        With each record that differs from the first one, and both units.
+        If records differ from the first one, with these records and both units.
     """
     problems = Problems("records")
     quantities = [

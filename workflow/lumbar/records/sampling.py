@@ -37,7 +37,7 @@ _RETURN_TIME_FACTOR = 4.0
 
 
 def samples_between(time: np.ndarray, trim: tuple[float, float], source: str) -> np.ndarray:
-    """Return the numbers of the samples with ``start <= time < stop``, without those at a time that is NaN.
+    """Return the indices of the samples with ``start <= time < stop``; samples with the time NaN are left out.
 
     Parameters
     ----------
@@ -239,7 +239,7 @@ def check_clipping(record: Record, lines: Sequence[int] | None = None) -> None:
     Raises
     ------
     InputError
-        With level, number of samples and intervals of every clipped channel.
+        If a channel is clipped, with level, number of samples and intervals of every clipped channel.
     """
     problems = Problems(record.source or record.name)
     for role, channel in record.channels.items():
@@ -271,7 +271,7 @@ def rotate_forces(record: Record, rotation_vector_deg: Sequence[float] | None) -
         Forces in the sensor's axes.
     rotation_vector_deg : sequence of three float, or None
         Rotation R from the sensor's axes to the position's, ``f_position = R f_sensor``: along the axis of rotation, its length
-        the angle in degrees, right-handed. R's columns are the sensor's axes in those of the position. None: no rotation.
+        the angle in degrees, right-handed. R's columns are the sensor's axes in position axes. None: no rotation.
 
     Raises
     ------

@@ -41,7 +41,7 @@ def read_trc(path: str | os.PathLike) -> MarkerFile:
     Raises
     ------
     InputError
-        Not a TRC file, a header that contradicts the data, a truncated row or one without a cell, a clock that is not even.
+        If the file is not TRC, the header contradicts the data, a row is truncated or lacks a cell, or the clock is not even.
     """
     path = Path(path)
     lines, _ = decode_lines(path.read_bytes(), str(path), lenient=True)
@@ -199,8 +199,8 @@ def read_bvh(path: str | os.PathLike) -> MarkerFile:
     Raises
     ------
     InputError
-        A skeleton that is not a tree of joints, an unknown channel, rows with another length than the channels, or another
-        number of frames than stated.
+        If the skeleton is not a tree of joints, a channel is unknown, a row does not fit the channels, or the number of
+        frames is not the stated one.
     """
     path = Path(path)
     lines, _ = decode_lines(path.read_bytes(), str(path), lenient=True)

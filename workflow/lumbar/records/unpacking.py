@@ -15,7 +15,7 @@ from typing import Any
 from lumbar.base.errors import InputError
 from lumbar.base.files import MAX_FILE_BYTES
 
-_PIECE = 1_000_000
+_PIECE_BYTES = 1_000_000
 _GZIP_ENDING = ".gz"
 
 
@@ -57,11 +57,11 @@ def unpack(packed: bytes, path: Path, output: Any) -> None:
     Raises
     ------
     InputError
-        The file is broken or cut short, or unpacks to more than `MAX_FILE_BYTES`.
+        If the file is broken or cut short, or unpacks to more than `MAX_FILE_BYTES`.
     """
     try:
         with gzip.open(io.BytesIO(packed)) as file:
-            while piece := file.read(_PIECE):
+            while piece := file.read(_PIECE_BYTES):
                 check_size(output.tell() + len(piece), len(packed), str(path))
                 output.write(piece)
     except EOFError as error:
@@ -85,7 +85,7 @@ def check_size(size: float, packed_size: int, source: str) -> None:
     Raises
     ------
     InputError
-        With both sizes in megabytes.
+        If it does, with both sizes in megabytes.
     """
     if size > MAX_FILE_BYTES:
         raise InputError(
@@ -106,7 +106,7 @@ def report_broken(message: str) -> Iterator[None]:
     Raises
     ------
     InputError
-        The block raised an `Exception`.
+        If the block raised an `Exception`.
     """
     try:
         yield
@@ -149,7 +149,7 @@ def read_readable(path: Path, read: Callable[..., Any], *options: Any) -> Any:
             raise type(error)(str(error).replace(str(unpacked), str(path))) from error
 
 
-_HEADER_BYTES, _COMPRESSED = 128, 15
+_HEADER_BYTES, _COMPRESSED_TYPE = 128, 15
 """Bytes before the first variable, and type number of a packed variable (MATLAB's description of MAT-files, level 5)."""
 
 
@@ -183,7 +183,7 @@ def load_matlab(content: bytes, source: str, **options) -> dict[str, Any]:
         while order and place + 8 <= len(content):
             kind, size = struct.unpack(f"{order}2I", content[place : place + 8])
             place += 8
-            if kind == _COMPRESSED:
+            if kind == _COMPRESSED_TYPE:
                 left -= len(zlib.decompressobj().decompress(content[place : place + size], left + 1))
                 check_size(MAX_FILE_BYTES - left, len(content), source)
             place += size

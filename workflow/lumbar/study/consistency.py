@@ -96,7 +96,7 @@ def _check_lifting(study: Study, add: Add) -> None:
 def _check_groups(study: Study, add: Add) -> None:
     """Check that the compared groups are labels of subjects.
 
-    One subject, or one label, allows no comparison: this is an error if the chapter population needs one.
+    One subject, or one label, allows no comparison: this is an error in a study with the chapter population.
     """
     if study.settings.subject:
         return

@@ -44,7 +44,7 @@ _ASCII_DIGITS = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
 _PREAMBLE = (
     r"% needs \usepackage{array,booktabs}; compile with LuaLaTeX or XeLaTeX, which know the Greek letters"
 )
-_NUMBERED = re.compile(r"^Table \d+\.\d+[.:,]? *(as |the )?")
+_TABLE_NUMBER = re.compile(r"^Table \d+\.\d+[.:,]? *(as |the )?")
 
 
 def svg_address(text: str) -> str:
@@ -256,7 +256,7 @@ def table_from_schema(
     fields : mapping, optional
         Values of the ``{…}`` in the description's texts.
     **options
-        Further fields of `Table`; notes and decimals are added to those of the description.
+        Further fields of `Table`; notes and decimals are added to the description's.
     """
     import pandas as pd
 
@@ -326,7 +326,7 @@ def _latex_table(
     rows = len(columns[0].cells) if columns else 0
     parts = [range(start, min(start + PAGE_ROWS, rows)) for start in range(0, rows, PAGE_ROWS)] or [range(0)]
     lines = [_PREAMBLE]
-    unnumbered = _NUMBERED.sub("", title) or title
+    unnumbered = _TABLE_NUMBER.sub("", title) or title
     alignments = "".join(
         "r"
         if column.numeric

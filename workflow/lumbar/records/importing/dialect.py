@@ -146,7 +146,7 @@ def find_dialect(lines: list[str]) -> TableDialect | None:
 def _score_dialect(
     split: list[list[str]], delimiter: str | None, decimal: str
 ) -> tuple[TableDialect | None, int]:
-    """Return the dialect of split lines, and its number of numeric cells minus that of text cells."""
+    """Return the dialect in which the lines are split, and its number of numeric cells minus the number of text cells."""
     rows = [cells for cells in split if sum(_is_number(cell, decimal) for cell in cells) >= 2]
     if len(rows) < MIN_ROWS:
         return None, 0

@@ -163,7 +163,7 @@ def find_unit(spelling: str) -> Unit | None:
     return _EXACT.get(word) or _LOWER.get(word.casefold())
 
 
-_CALIBRATED = re.compile(r"^([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([^\d\s/].*)$")
+_CALIBRATED_UNIT = re.compile(r"^([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([^\d\s/].*)$")
 
 
 def parse_unit(text: str, place: str) -> Unit:
@@ -172,7 +172,7 @@ def parse_unit(text: str, place: str) -> Unit:
     Parameters
     ----------
     text : str
-        A unit, ``mm``; or the size of one unit of the file's numbers, ``35.15 N`` (also ``35.15 N/V``).
+        A unit, ``mm``; or the value of the number 1 in the file, ``35.15 N`` (also ``35.15 N/V``).
     place : str
         The option, for the message.
 
@@ -186,7 +186,7 @@ def parse_unit(text: str, place: str) -> Unit:
     >>> parse_unit("35.15 N/V", "--force-unit").factor, parse_unit("2 m/s", "--position-unit").quantity
     (35.15, 'velocity')
     """
-    calibrated = _CALIBRATED.match(text.strip())
+    calibrated = _CALIBRATED_UNIT.match(text.strip())
     unit = find_unit(calibrated.group(2) if calibrated else text)
     if unit is None and calibrated:
         of_one, _, reading = calibrated.group(2).rpartition("/")
@@ -202,7 +202,7 @@ def parse_unit(text: str, place: str) -> Unit:
     return Unit(text.strip(), unit.quantity, factor * unit.factor, unit.target)
 
 
-_IN_HEADER = (
+_HEADER_UNIT_PATTERNS = (
     re.compile(r"^(?P<name>.*?)\s*[\[(<{]\s*(?P<unit>[^\[\](){}<>]*?)\s*[\])>}]\s*$"),
     re.compile(r"^(?P<name>.*?)\s+in\s+(?P<unit>[^\s\d]+)$"),
     re.compile(
@@ -228,7 +228,7 @@ def split_name_and_unit(cell: str) -> tuple[str, str]:
     [('Kraft', 'kN'), ('disp', 'in'), ('Weg', 'mm'), ('force', 'N')]
     """
     cell = cell.strip()
-    for pattern in _IN_HEADER:
+    for pattern in _HEADER_UNIT_PATTERNS:
         match = pattern.match(cell)
         if match and match["name"] and find_unit(match["unit"]):
             return match["name"].strip(), match["unit"]

@@ -37,7 +37,7 @@ Requests = dict[str, tuple[str | None, str | None]]
 
 
 def split_columns(option: str | None) -> list[str]:
-    """Return the columns in an option that names one per axis, separated by commas; empty for a single column.
+    """Return the columns in an option that names one column per axis, separated by commas; empty for a single column.
 
     Parameters
     ----------

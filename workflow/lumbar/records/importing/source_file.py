@@ -289,14 +289,14 @@ _RATE = re.compile(
     r"(?:[ée]chantillonnage|muestreo|campionamento)|\bfs\b",
     re.IGNORECASE,
 )
-_IN_HERTZ = re.compile(r"rate|fre[qc]|fr[ée]q|\bfs\b", re.IGNORECASE)
+_RATE_LABEL = re.compile(r"rate|fre[qc]|fr[ée]q|\bfs\b", re.IGNORECASE)
 """Label of a rate, not of a number of samples; a rate without a unit is in hertz."""
 _INTERVAL = re.compile(
     r"sampl\w*[\s_-]*(?:interval|period|time)|abtastintervall|abtastzeit|delta_?x|\bdt\b", re.IGNORECASE
 )
 _VALUE = re.compile(r"([+-]?\d+(?:[.,]\d+)?(?:[eE][+-]?\d+)?)\s*\"?[\t;,]?\"?\s*([a-zA-Zµ]+(?:/s(?:ec)?)?)?")
-_HERTZ = {"hz": 1.0, "khz": 1e3, "s/s": 1.0, "sps": 1.0, "samples/s": 1.0, "samples/sec": 1.0}
-_PERIODS = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6}
+_HERTZ_PER_UNIT = {"hz": 1.0, "khz": 1e3, "s/s": 1.0, "sps": 1.0, "samples/s": 1.0, "samples/sec": 1.0}
+_SECONDS_PER_UNIT = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6}
 
 
 def _stated_rates(above: list[str]) -> list[StatedRate]:
@@ -312,8 +312,8 @@ def _stated_rates(above: list[str]) -> list[StatedRate]:
         size, unit = float(value[1].replace(",", ".")), (value[2] or "").casefold()
         if size <= 0:
             continue
-        if interval and unit not in _HERTZ:
-            rates.append(StatedRate(1.0 / (size * _PERIODS.get(unit, 1.0)), f"line {number}"))
-        elif unit in _HERTZ or (not unit and _IN_HERTZ.search(label[0])):
-            rates.append(StatedRate(size * _HERTZ.get(unit, 1.0), f"line {number}"))
+        if interval and unit not in _HERTZ_PER_UNIT:
+            rates.append(StatedRate(1.0 / (size * _SECONDS_PER_UNIT.get(unit, 1.0)), f"line {number}"))
+        elif unit in _HERTZ_PER_UNIT or (not unit and _RATE_LABEL.search(label[0])):
+            rates.append(StatedRate(size * _HERTZ_PER_UNIT.get(unit, 1.0), f"line {number}"))
     return rates

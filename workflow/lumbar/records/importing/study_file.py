@@ -31,7 +31,7 @@ def write_folder(
     Parameters
     ----------
     recordings : sequence of ImportedRecording
-        The new records; they replace earlier ones with their names.
+        The new records; they replace earlier records with their names.
     folder : Path
         The folder.
     existing : sequence of Path

@@ -22,11 +22,11 @@ from lumbar.records.unpacking import check_size, load_matlab, report_broken
 _MAX_COLUMNS = 64
 """Largest number of columns of a matrix; each column is a vector."""
 _MAX_EXAMPLES = 3
-_ELSEWHERE = "{source}: {path} is stored in another file; store all numbers in one, with h5repack or h5copy"
+_EXTERNAL = "{source}: {path} is stored in another file; store all numbers in one, with h5repack or h5copy"
 _RATES = ("fs", "f_s", "fsample", "rate", "samplerate", "sampling_rate", "sample_rate", "samplingrate")
 _INTERVALS = ("dt", "ts", "sampling_time", "sample_time", "delta_t")
-_LABELS = ("label", "Label", "name", "Name")
-_VALUES = ("values", "Values", "data", "Data")
+_LABEL_FIELDS = ("label", "Label", "name", "Name")
+_VALUE_FIELDS = ("values", "Values", "data", "Data")
 """Fields with the values of a signal that Simulink or a measuring system wrote; its label becomes its name."""
 
 
@@ -157,9 +157,9 @@ def _matlab_variables(source: str, content: bytes) -> dict[str, Any]:
             opaque.append(path)
         elif hasattr(value, "_fieldnames"):
             fields = {name: getattr(value, name) for name in value._fieldnames}
-            label = next((fields[name] for name in _LABELS if isinstance(fields.get(name), str)), "")
+            label = next((fields[name] for name in _LABEL_FIELDS if isinstance(fields.get(name), str)), "")
             for name, item in fields.items():
-                collect(f"{path}.{label if label and name in _VALUES else name}", item)
+                collect(f"{path}.{label if label and name in _VALUE_FIELDS else name}", item)
         elif isinstance(value, np.ndarray) and value.dtype == object:
             for number, item in enumerate(value.ravel(), start=1):
                 collect(f"{path}({number})", item)
@@ -201,7 +201,7 @@ def _hdf5_variables(source: str, content: bytes) -> dict[str, Any]:
     with report_broken(f"{source}: a broken HDF5 file"), h5py.File(io.BytesIO(content), "r") as file:
         linked = file.visititems_links(lambda path, link: path if hasattr(link, "filename") else None)
         if linked:
-            raise InputError(_ELSEWHERE.format(source=source, path=linked))
+            raise InputError(_EXTERNAL.format(source=source, path=linked))
         file.visititems(collect)
         arrays.update(_hdf5_attributes(file))
     numbers = {path: values for path, values in arrays.items() if values.dtype.kind in "fiu"}
@@ -216,7 +216,7 @@ def _hdf5_size(path: str, item, source: str) -> int:
         return 0
     creation = item.id.get_create_plist()
     if creation.get_external_count() or creation.get_layout() == h5py.h5d.VIRTUAL:
-        raise InputError(_ELSEWHERE.format(source=source, path=path))
+        raise InputError(_EXTERNAL.format(source=source, path=path))
     return max(8, item.dtype.itemsize) * max(item.size or 0, math.prod(item.chunks or ()))
 
 

@@ -25,10 +25,10 @@ from lumbar.settings.layout import AXES
 QUANTITIES = {"position": "length", "force": "force"}
 _LETTERS = {"position": ("", "p"), "force": ("f",)}
 """Rest of a short name, such as px or x, after its axis is removed; by role."""
-_KNOWN = "|".join(
+_NAMES = "|".join(
     re.escape(word) for role in QUANTITIES for word in (*ROLE_WORDS[role].split(), *_LETTERS[role])
 )
-_WITH_AXIS = re.compile(rf"(?P<before>{_KNOWN})(?P<axis>[{''.join(AXES)}])(?P<after>{_KNOWN})")
+_AXIS_NAME = re.compile(rf"(?P<before>{_NAMES})(?P<axis>[{''.join(AXES)}])(?P<after>{_NAMES})")
 _ROTATIONS = frozenset(ROLE_WORDS["turning"].split())
 _MATRIX = re.compile(r"^(?P<name>.*)\(:,(?P<number>\d+)\)$")
 
@@ -80,7 +80,7 @@ def split_axis(name: str) -> tuple[str, str]:
         number = int(matrix["number"])
         return matrix["name"].casefold(), AXES[number - 1] if 1 <= number <= len(AXES) else ""
     words = re.findall(r"[^\W_]+", re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name).casefold())
-    matches = [(at, match) for at, word in enumerate(words) if (match := _WITH_AXIS.fullmatch(word))]
+    matches = [(at, match) for at, word in enumerate(words) if (match := _AXIS_NAME.fullmatch(word))]
     if len(matches) != 1:
         return "", ""
     at, match = matches[0]
