@@ -1,1 +1,1 @@
-"""Synthetic recordings in the formats a laboratory would bring."""
+"""Synthetic recordings in the formats of a laboratory."""

@@ -1,7 +1,7 @@
-"""Synthetic lifters drawn from declared distributions: a cohort, or a subject of a study without a declared movement.
+"""Synthetic lifters, drawn from declared distributions for a cohort or for a subject without a declared movement.
 
-A study knows mass and stature only with an error of measurement. Every person and every lift has separate random numbers, so that
-an added person or trial changes no other.
+A study knows mass and stature only with a measurement error. Every person and every lift has separate random numbers, so that
+an additional person or trial changes no others.
 """
 
 import math
@@ -25,15 +25,15 @@ from lumbar.settings.twin import (
 from lumbar.twin.lifting_recordings import select_lifts, write_lift
 
 MAX_DRAWN_SD = 2.5
-"""Standard deviations beyond which no number is drawn."""
+"""Largest deviation of a drawn number from its mean, in standard deviations."""
 _AFTER_RELEASE_S = 2.0
-"""Duration of a recording after the release."""
-_POSTURES = tuple(
+"""Duration of a recording after the release, in seconds."""
+_DRAWN_FIELDS = tuple(
     name
     for name in SyntheticLift.model_fields
     if name in GroupMovement.model_fields.keys() - {"foot_adjustment"}
 )
-"""Numbers of a lift that are drawn, in a fixed order."""
+"""Fields of a lift that are drawn at random, in a fixed order."""
 _STREAMS = {"person": 11, "lift": 12, "noise": 13}
 
 
@@ -49,7 +49,7 @@ class CohortPerson:
     declared: SyntheticPerson
     """Measured mass and stature."""
     habits: dict[str, float]
-    """The person's mean of every number that is drawn."""
+    """Mean of the person by drawn field of a lift."""
 
 
 def _generator(seed: int, stream: str, name: str) -> np.random.Generator:
@@ -64,7 +64,7 @@ def _normal(rng: np.random.Generator) -> float:
 
 
 def draw_person(cohort: CohortSettings, name: str, group: str, seed: int) -> CohortPerson:
-    """Draw the person of this name, e.g. ``expert_0001``; `seed` is the twin's."""
+    """Draw the person with this name, e.g. ``expert_0001``; `seed` is the seed of the twin."""
     rng, number = _generator(seed, "person", name), int(name.rsplit("_", 1)[1])
     share = cohort.female_share
     sex = "female" if math.floor(number * share) > math.floor((number - 1) * share) else "male"
@@ -81,12 +81,12 @@ def draw_person(cohort: CohortSettings, name: str, group: str, seed: int) -> Coh
 
 
 def _habits(group: GroupMovement, rng: np.random.Generator) -> dict[str, float]:
-    drawn = {item: getattr(group, item) for item in (*_POSTURES, "tempo")}
+    drawn = {item: getattr(group, item) for item in (*_DRAWN_FIELDS, "tempo")}
     return {item: max(mean + between * _normal(rng), 0.0) for item, (mean, between, _) in drawn.items()}
 
 
 def lift_name(person: str, box_mass_kg: float, trial: int) -> str:
-    """Return the name that a study gives to a lift."""
+    """Return the name of a lift in a study."""
     return f"{person}_{box_mass_kg:g}kg" + (f"_{trial}" if trial > 1 else "")
 
 
@@ -122,18 +122,18 @@ def cohort_lifts(cohort: CohortSettings) -> Iterator[tuple[float, int]]:
 
 
 def marker_file(person: str, box_mass_kg: float, trial: int) -> str:
-    """Return the path of a lift's marker file, below the recordings."""
+    """Return the path of a lift's marker file below the folder of recordings."""
     return f"lifting/{person}/{lift_name(person, box_mass_kg, trial)}.c3d"
 
 
 def single_person_cohort(cohort: CohortSettings, group: str) -> CohortSettings:
-    """Return the settings on which the lifts of one person depend: without other groups and numbers of persons."""
+    """Return the settings on which one person's lifts depend: without other groups and without numbers of persons."""
     single = cohort.groups[group].model_copy(update={"persons": 1})
     return cohort.model_copy(update={"groups": {group: single}})
 
 
 def cohort_subjects(cohort: CohortSettings, seed: int) -> dict[str, SubjectSettings]:
-    """Return all persons as subjects of a study: with measured mass and stature."""
+    """Return all persons as subjects of a study, with measured mass and stature."""
     subjects, groups = {}, cohort.groups.items()
     for group, number in ((name, number) for name, content in groups for number in range(content.persons)):
         name = f"{group}_{number + 1:04d}"
@@ -168,7 +168,7 @@ def write_person(
 def _single_lift(
     settings: SyntheticLiftingSettings, name: str, lift: SyntheticLift, truth: SyntheticPerson
 ) -> SyntheticLiftingSettings:
-    """Return the settings of a recording with the duration of its only, drawn lift."""
+    """Return settings with a single drawn lift, and with a recording as long as this lift."""
     duration = math.ceil(lift.events_s.release + _AFTER_RELEASE_S)
     changes = {"people": {lift.person: truth}, "lifts": {name: lift}, "duration_s": duration}
     return settings.model_copy(update=changes)
@@ -177,9 +177,9 @@ def _single_lift(
 def single_lift_settings(
     settings: SyntheticLiftingSettings, subject: SubjectSettings, lift: str, box_mass_kg: float, seed: int
 ) -> SyntheticLiftingSettings:
-    """Return the settings on which one lift of a study depends: its person and its movement, declared or drawn.
+    """Return the settings on which one lift of a study depends: the person, and the declared or drawn movement.
 
-    Mass and stature of the subject are true if ``people`` declares no others; a movement is drawn from the subject's group.
+    If ``people`` declares no true mass and stature, the subject's are used; a movement is drawn from the subject's group.
     """
     selected = select_lifts(settings, [lift] if lift in settings.lifts else [])
     moment = settings.hip_moment.model_copy(update={"trials": {}})

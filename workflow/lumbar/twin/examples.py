@@ -1,4 +1,4 @@
-"""Recordings for examples: tissue tests with dry friction, which base models lack, and a lift."""
+"""Recordings for examples: tissue tests with dry friction, an effect that base models lack, and a lift."""
 
 import os
 from pathlib import Path
@@ -16,9 +16,9 @@ _STEP_S, _PERIOD_S = 0.02, 4.0
 
 
 def example_records() -> RecordSet:
-    """Return ``multisine``, six periods of 4 s, and ``other``, 16 s without period: mm and N at 50 Hz.
+    """Return two records in mm and N at 50 Hz: ``multisine``, six periods of 4 s, and ``other``, 16 s without a period.
 
-    A Kelvin–Boltzmann tissue (k1 1.8 N/mm, k2 0.9 N/mm, 0.15 s), dry friction of 0.4 N and noise of 0.01 N.
+    The tissue is a Kelvin–Boltzmann model (k1 1.8 N/mm, k2 0.9 N/mm, 0.15 s) with dry friction of 0.4 N and noise of 0.01 N.
 
     Examples
     --------

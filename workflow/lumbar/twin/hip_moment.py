@@ -14,9 +14,9 @@ from lumbar.settings.twin import SyntheticLift, SyntheticLiftingSettings, TrueEv
 from lumbar.twin.lifter import Movement
 
 GRAVITY = 9.81
-"""Default, m/s²."""
+"""Default gravity in m/s²."""
 STEP = 1e-3
-"""Seconds between the positions of which accelerations are differences (error of the fourth order)."""
+"""Step of the central differences for velocities and accelerations, in seconds."""
 
 Signal = Callable[[np.ndarray], np.ndarray]
 
@@ -27,13 +27,13 @@ def constant(value: float) -> Signal:
 
 
 def rate(signal: Signal, time: np.ndarray) -> np.ndarray:
-    """Return the first derivative, by a central difference of the fourth order."""
+    """Return the first derivative by a central difference of the fourth order."""
     ahead = signal(time + STEP) - signal(time - STEP)
     return (8 * ahead - signal(time + 2 * STEP) + signal(time - 2 * STEP)) / (12 * STEP)
 
 
 def acceleration(signal: Signal, time: np.ndarray) -> np.ndarray:
-    """Return the second derivative, by a central difference of the fourth order."""
+    """Return the second derivative by a central difference of the fourth order."""
     near = signal(time + STEP) + signal(time - STEP)
     far = signal(time + 2 * STEP) + signal(time - 2 * STEP)
     return (16 * near - far - 30 * signal(time)) / (12 * STEP**2)
@@ -51,7 +51,7 @@ class Mass:
     distance: Signal
     """Distance from the pivot in metres, over time."""
     carried: Signal = ALWAYS
-    """Share of its weight and inertia that the pendulum carries, over time."""
+    """Share of the mass's weight and inertia that the pendulum carries, over time."""
 
 
 @dataclass(frozen=True)
@@ -64,16 +64,16 @@ class Swing:
     central_inertia: float = 0.0
     """Inertia of the body about its centre of mass, kg·m²."""
     hanging: bool = True
-    """The angle counts from straight down; else from straight up."""
+    """True if the angle counts from straight down, false if from straight up."""
     pivot_x: Signal = AT_REST
     """Horizontal position of the pivot in metres; positive in the direction of a growing angle."""
     pivot_z: Signal = AT_REST
     """Height of the pivot in metres."""
     gravity: float = GRAVITY
-    """m/s²."""
+    """Gravity in m/s²."""
 
     def moment(self, time: np.ndarray) -> np.ndarray:
-        """Return the moment that causes the swing, N·m, positive with the angle; shape (samples,)."""
+        """Return the moment in N·m that causes the swing, positive in the direction of the angle; shape (samples,)."""
         up = -1.0 if self.hanging else 1.0
         total = self.central_inertia * acceleration(self.angle, time)
         for mass in self.masses:
@@ -95,11 +95,11 @@ HAT_MASS, HAT_COM, HAT_GYRATION = 0.678, 0.626, 0.496
 """Head, arms and trunk (Winter 2009, Table 4.1): share of body mass; distance of the centre of mass from the greater
 trochanter, and radius of gyration about the centre of mass, as shares of the distance from there to the glenohumeral joint."""
 TROCHANTER_TO_SHOULDER = 0.288
-"""Share of stature (Drillis and Contini, 1966)."""
+"""Distance from greater trochanter to shoulder as a share of stature (Drillis and Contini, 1966)."""
 _DECIMALS = {"time_s": 6, "angle_rad": 9, "moment_Nm": 3, "box_held": 9}
-"""Recorded digits after the point."""
+"""Number of recorded decimals by column."""
 _LOADING_S = 0.1
-"""Time in which the hands take over the whole box."""
+"""Time in seconds in which the hands take over the whole box."""
 
 
 def hip_moment(

@@ -23,11 +23,11 @@ PELVIS_SHARE, LUMBAR_SHARE = 0.45, 0.80
 # Joint centres are off the chain of segments (lordosis), markers on the skin around them: metres or shares of stature, as (right,
 # forward, up) on a standing person. This anatomy differs from that of the regressions which the analysis uses.
 LUMBAR_BEHIND, THORACOLUMBAR_BEHIND = 0.030, 0.010
-"""Distance of L4/L5 and T12/L1 behind the chain, metres."""
+"""Distance of L4/L5 and T12/L1 behind the chain of segments, in metres."""
 C7_ON_SKIN = np.array([0.0, -0.065, 0.020])
 T12_ON_SKIN, L5_ON_SKIN = np.array([0.0, -0.075, 0.0]), np.array([0.0, -0.075, 0.0])
 ASIS, PSIS = np.array([0.0685, 0.0315, 0.0420]), np.array([0.0260, -0.0525, 0.0585])
-"""From the middle of the hips, shares of stature; the left side is mirrored."""
+"""Positions of the right-hand markers from the middle of the hips, as shares of stature; the left side is mirrored."""
 SEGMENTS = {
     "thorax": ("C7T1", "T12L1", 0.82),
     "abdomen": ("T12L1", "L4L5", 0.44),
@@ -36,23 +36,23 @@ SEGMENTS = {
 """True centres of mass, as shares of the distance between joint centres (Winter, 2009, Table 4.1)."""
 CARRY_FLEXION = np.deg2rad(4.0)
 HIPS_AHEAD, HIPS_BACK = 0.05, 0.10
-"""Hips ahead of the ankles when standing, and their movement back per unit sine of the flexion, metres."""
+"""Distance of the hips ahead of the ankles when standing, and their backward movement per unit sine of flexion, in metres."""
 CARRY_REACH, CARRY_HEIGHT = 0.34, 0.565
-"""Carried box: metres ahead of the hips, and height as a share of stature."""
+"""Position of a carried box: distance ahead of the hips in metres, and height as a share of stature."""
 
 
 @dataclass(frozen=True)
 class Movement:
-    """True movement, without noise."""
+    """True movement of a lift, without noise."""
 
     time: np.ndarray
-    """Seconds, shape (n,)."""
+    """Time in seconds, shape (n,)."""
     markers: dict[str, np.ndarray]
-    """Positions in metres, shape (n, 3), by standard names, ``BOX_1`` to ``BOX_8`` included."""
+    """Positions of markers in metres, shape (n, 3), by standard name, including ``BOX_1`` to ``BOX_8``."""
     hip_angle: np.ndarray
     """Inclination of the line from mid-hip to the neck, radians forward from straight up, shape (n,)."""
     joint_centres: dict[str, np.ndarray]
-    """Positions of C7T1, T12L1, L4L5 and MID_HIP in metres, shape (n, 3)."""
+    """Positions of the joint centres C7T1, T12L1, L4L5 and MID_HIP in metres, shape (n, 3)."""
 
     @property
     def centres_of_mass(self) -> dict[str, np.ndarray]:
@@ -65,13 +65,13 @@ class Movement:
 
 
 def minimum_jerk(time: np.ndarray, start: float, stop: float) -> np.ndarray:
-    """Go from 0 to 1 with least jerk (Flash and Hogan, 1985), at rest at both ends."""
+    """Return a transition from 0 to 1 with minimum jerk (Flash and Hogan, 1985), at rest at both ends."""
     share = np.clip((time - start) / (stop - start), 0.0, 1.0)
     return share**3 * (10 - 15 * share + 6 * share**2)
 
 
 def breakaway(time: np.ndarray, start: float, stop: float) -> np.ndarray:
-    """Go from 0 to 1 with a step of acceleration at both ends, like a box or a foot that leaves its support."""
+    """Return a transition from 0 to 1 with a step of acceleration at both ends, like a box or foot that leaves its support."""
     share = np.clip((time - start) / (stop - start), 0.0, 1.0)
     return share**2 * (3 - 2 * share)
 
@@ -129,7 +129,7 @@ def simulate(
 
 
 def _feet(time: np.ndarray, height: float, lift: SyntheticLift, walk: float) -> dict[str, np.ndarray]:
-    """Return ankle, heel and toe of both feet: the right leads with half the distance, the left swings through."""
+    """Return ankle, heel and toe of both feet: the right foot leads by half the distance, the left foot swings through."""
     toe_off, deposit = lift.events_s.toe_off, lift.events_s.deposit_start
     step = (deposit - toe_off) / 3.2
     swing = 0.75 * step
@@ -196,7 +196,7 @@ def _trunk(mid_hip, flexion, bending, height) -> tuple[dict[str, np.ndarray], di
 
 
 def _box(time, events, height, workplace) -> np.ndarray:
-    """Return the centre of the box: on the pallet, in the hands, carried, on the table."""
+    """Return the centre of the box over time: on the pallet, in the hands, carried, on the table."""
     half = workplace.box_height_m / 2
     pallet = np.array([0.0, workplace.pallet_distance_m, workplace.pallet_height_m + half])
     held = np.array([0.0, CARRY_REACH, CARRY_HEIGHT * height])
@@ -209,7 +209,7 @@ def _box(time, events, height, workplace) -> np.ndarray:
 
 
 def _wrists(time, events, trunk, box, height, width) -> dict[str, np.ndarray]:
-    """Return the wrists: hanging, at the handles from just before lift-off until the release, hanging again."""
+    """Return the wrists over time: hanging, at the handles from just before lift-off until the release, hanging again."""
     reaching = minimum_jerk(time, 1.0, events.lift_off - 0.15)
     leaving = minimum_jerk(time, events.release, events.release + 0.9)
     holding = (reaching - leaving)[:, None]

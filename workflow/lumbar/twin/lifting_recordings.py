@@ -13,7 +13,7 @@ from lumbar.twin.lifter import Movement, simulate
 
 
 def select_lifts(settings: SyntheticLiftingSettings, lifts: Iterable[str]) -> SyntheticLiftingSettings:
-    """Return the settings with only these lifts and their people: an added person changes no other recording."""
+    """Return the settings reduced to these lifts and their people, so that an added person changes no other recording."""
     moved = {name: settings.lifts[name] for name in lifts}
     people = {lift.person: settings.people[lift.person] for lift in moved.values()}
     return settings.model_copy(update={"people": people, "lifts": moved, "groups": {}, "cohort": None})
@@ -25,7 +25,7 @@ def true_movement(settings: SyntheticLiftingSettings, lift: str) -> Movement:
     Raises
     ------
     InputError
-        If its events are not in order.
+        If the events of the lift are not in order.
     """
     content = settings.lifts[lift]
     events = content.events_s
@@ -47,7 +47,7 @@ def write_lift(
     moment_path,
     gravity_m_s2: float = GRAVITY,
 ) -> None:
-    """Write one lift as a C3D file and, if it has a path, the moment at the hip as a CSV file; `seed` is for noise and gaps."""
+    """Write one lift as a C3D file, and its hip moment as a CSV file if a path is given; `seed` is for noise and gaps."""
     movement = true_movement(settings, lift)
     rng = np.random.default_rng(seed)
     measured = {
@@ -73,14 +73,14 @@ def write_lift(
 def _repeat_lift(
     settings: SyntheticLiftingSettings, trial: MomentTrial, rng: np.random.Generator
 ) -> tuple[np.ndarray, tuple[Signal, Signal]]:
-    """Return times, angle and share of the box of a trial: one lift repeated, faster or slower, with and without a box."""
+    """Return time, angle and share of the box of a trial: one lift, repeated at several speeds, with and without a box."""
     cycle = settings.duration_s
     single_angle = trunk_angle(true_movement(settings, trial.lift))
     single_held = box_held(settings.lifts[trial.lift].events_s)
     scale = 1 + trial.variation * rng.standard_normal(trial.repetitions)
 
     def phase(time):
-        """Return the number of the repetition, and the time within the lift."""
+        """Return the number of the repetition and the time within the lift."""
         lifting = np.clip(time * trial.pace, 0, cycle * trial.repetitions - 1e-9)
         return (lifting // cycle).astype(int), lifting % cycle
 

@@ -1,8 +1,8 @@
 """Synthetic tool motion of surgeons gaining access: approach, puncture, probing strokes of decreasing depth.
 
 The motion is a chain of point-to-point movements of minimum jerk (Flash and Hogan, J. Neurosci. 5 (1985) 1688-1703) with rests;
-physiological tremor and the noise of the device are added. The duration of a stroke in config/twin.yaml is chosen for a bandwidth
-of the velocity near the thesis's 2.5 Hz: the twin shows that number, it does not confirm it.
+physiological tremor and the noise of the device are added. The duration of a stroke in config/twin.yaml is chosen for a
+velocity bandwidth near the thesis's 2.5 Hz: the twin reproduces this number but does not confirm it.
 """
 
 import zlib
@@ -17,7 +17,7 @@ from lumbar.settings.twin import SyntheticSurgeon, SyntheticSurgeonSettings
 def surgeon_trial(name: str, surgeon: str, settings: SyntheticSurgeonSettings, seed: int) -> pd.DataFrame:
     """Return one recording of the tool tip, ``time_s, x_mm, y_mm, z_mm``; z points into the body, 0 is the skin.
 
-    Its random numbers depend only on its name and the twin's seed.
+    The random numbers depend only on the name of the recording and the twin's seed.
     """
     known = settings.surgeons
     if surgeon not in known:
@@ -56,7 +56,7 @@ def minimum_jerk_chain(
     start, duration : numpy.ndarray, shape (movements,)
         Start (rising) and duration of each movement, s.
     target : numpy.ndarray, shape (movements + 1,)
-        First position and the end of every movement.
+        First position, then the end position of every movement.
     """
     if len(start) == 0:
         return np.full(len(time), target[0])
@@ -72,7 +72,7 @@ def tremor_noise(
 ) -> np.ndarray:
     """Return Gaussian noise of expected RMS 1, shape (samples,), with a bell-shaped spectrum about `centre` Hz.
 
-    `rate` of the samples and `bandwidth`, the bell's standard deviation, in Hz.
+    `rate` is the sampling rate, `bandwidth` the standard deviation of the bell, both in Hz.
     """
     frequency = np.fft.rfftfreq(samples, 1 / rate)
     density = np.exp(-0.5 * ((frequency - centre) / bandwidth) ** 2)
@@ -86,7 +86,7 @@ def tremor_noise(
 def _draw_movements(
     person: SyntheticSurgeon, settings: SyntheticSurgeonSettings, rng: np.random.Generator
 ) -> list[tuple[float, np.ndarray]]:
-    """Draw the movements of a trial: first position, and start, duration and target of each, in depth and in twist."""
+    """Draw the movements of a trial in depth and in twist: first position, and start, duration and target of each movement."""
     depth: list[tuple[float, float, float]] = []
     twist: list[tuple[float, float, float]] = []
 

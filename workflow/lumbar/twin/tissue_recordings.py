@@ -19,7 +19,7 @@ from lumbar.settings.twin import SyntheticTissueSettings
 def tissue_force(
     time: np.ndarray, position: np.ndarray, k1: float, k2: float, relaxation_s: float, cubic: float
 ) -> np.ndarray:
-    """Return the noise-free force in N on a tool that moves in ramps between samples; the tissue is at rest first.
+    """Return the noise-free force in N on a tool that moves in ramps between samples; the tissue starts at rest.
 
     Parameters
     ----------
@@ -51,10 +51,10 @@ def tissue_force(
 def tissue_test(
     time: np.ndarray, position: np.ndarray, tissue: SyntheticTissueSettings, seed: int, number: int
 ) -> np.ndarray:
-    """Return the recorded force in N, shape (samples,): that of the tissue and noise of the load cell.
+    """Return the recorded force in N, shape (samples,): the force of the tissue plus noise of the load cell.
 
-    Noise has the standard deviation ``noise_N``, or the share ``noise_variance_share`` of the variance. It depends on the seed
-    of the twin and the number of the recording. `time` and `position` are the machine's command, seconds and millimetres.
+    The noise has the standard deviation ``noise_N``, or the share ``noise_variance_share`` of the variance; it depends on the
+    twin's seed and the number of the recording. `time` (s) and `position` (mm) are the machine's command.
     """
     rng = np.random.default_rng(
         [seed, 2, number]

@@ -21,17 +21,17 @@ from lumbar.settings.twin import TwoHiddenEffectsSettings
 
 HEADER = "time_s,position_mm,force_N"
 PAIR = 1
-"""Number of this kind of experiment in the benchmark, a part of the seed."""
+"""Number of this pair of effects in the benchmark, a part of the seed."""
 FORMS = 4
-"""Forms of friction, and of hardening, among which the benchmark draws."""
+"""Number of forms of friction, and of hardening, from which the benchmark draws."""
 SETTLING_S = 0.5
-"""Start of every record that a residual leaves out."""
+"""Duration in seconds of the start of every record that a residual omits."""
 _FIT_STRIDE = 4
-"""Grid points per point of a fit, at 500 Hz: its trapezoidal error is below 0.05 % up to 5 Hz."""
+"""Grid points per point of a fit, which has 500 Hz: the trapezoidal error is below 0.05 % up to 5 Hz."""
 _TOLERANCE = 0.01
 """Relative accuracy of the wanted residual."""
-_STEPS = 6
-"""Severities that are tried in rising order."""
+_SEVERITY_STEPS = 6
+"""Number of severities tried in rising order, after 0."""
 
 
 @dataclass(frozen=True)
@@ -94,11 +94,11 @@ def residual_rms(motion: ToolMotion, force: np.ndarray) -> float:
 def severity_leaving(
     wanted_N: float, motion: ToolMotion, force_at: Callable[[float], np.ndarray], least_N: float
 ) -> float:
-    """Return the least severity at which the best Kelvin–Boltzmann tissue leaves a residual; else that of the largest residual.
+    """Return the least severity at which the best Kelvin–Boltzmann tissue leaves a residual, or that of the largest residual.
 
-    The residual need not rise throughout: the weakest sufficient effect is the plausible one. `wanted_N` is the residual's RMS
-    on the record of `motion`, `least_N` the smallest that counts. `force_at` returns the noise-free force on the simulation's
-    grid at severities from 0 to 1.
+    The residual may not rise monotonically; the weakest sufficient effect is the most plausible. `wanted_N` is the residual's
+    RMS on the record of `motion`, `least_N` the smallest acceptable RMS. `force_at` returns the noise-free force on the
+    simulation's grid at severities from 0 to 1.
     """
 
     @cache
@@ -108,7 +108,7 @@ def severity_leaving(
     def near(severity: float) -> float:
         return 0.0 if abs(excess(severity)) < _TOLERANCE else excess(severity)
 
-    tried = [step / _STEPS for step in range(_STEPS + 1)]
+    tried = [step / _SEVERITY_STEPS for step in range(_SEVERITY_STEPS + 1)]
     for low, high in pairwise(tried):
         if excess(high) > 0:
             return 0.0 if excess(low) > 0 else float(brentq(near, low, high, xtol=1e-4))
@@ -120,17 +120,17 @@ class TissueTestRanges:
     """Ranges of tissues and excitations."""
 
     elastic_N_per_mm: tuple[float, float] = (0.25, 0.9)
-    """Stiffness at rest."""
+    """Stiffness at rest, N/mm."""
     relaxing_over_elastic: tuple[float, float] = (0.7, 2.5)
-    """Ratio of the relaxing branch's stiffness to it."""
+    """Ratio of the relaxing branch's stiffness to the stiffness at rest."""
     relaxing_N_per_mm: tuple[float, float] = (0.2, 1.9)
-    """Limits of the relaxing branch's stiffness."""
+    """Limits of the relaxing branch's stiffness, N/mm."""
     relaxation_s: tuple[float, float] = (0.05, 0.35)
-    """Time constant of the branch."""
+    """Time constant of the branch, s."""
     amplitude_mm: tuple[float, float] = (3.0, 8.0)
-    """Largest displacement."""
+    """Largest displacement, mm."""
     periods: int = 10
-    """Periods of 10 s in the multisine."""
+    """Number of periods of 10 s in the multisine."""
 
 
 def draw_test(rng: np.random.Generator, ranges: TissueTestRanges) -> tuple[Tissue, dict[str, ToolMotion]]:
@@ -154,7 +154,7 @@ def log_uniform(rng: np.random.Generator, low: float, high: float) -> float:
 
 
 def added_strength(force_N: float, unit_N: float, severity: float) -> float:
-    """Return the strength of an effect that adds a force: 10⁻⁴ to 3 times that of the tissue, evenly in the logarithm.
+    """Return the strength of an effect that adds 10⁻⁴ to 3 times the tissue's force, evenly in the logarithm.
 
     `force_N` is the RMS of the tissue's force, `unit_N` the added force at strength 1, `severity` 0 to 1.
     """
@@ -218,11 +218,11 @@ def write_records(folder: str | os.PathLike, records: dict[str, np.ndarray]) -> 
 RATE_HZ = 100
 """Samples per second of the recorded files."""
 OVERSAMPLING = 20
-"""Grid points of the simulation per recorded sample."""
+"""Number of grid points of the simulation per recorded sample."""
 PERIOD_S = 10.0
 """Period of the multisine, and duration of the chirp and the noise."""
 LINES = 50
-"""Lines of the multisine: 0.1, 0.2 … 5 Hz."""
+"""Number of lines of the multisine: 0.1, 0.2 … 5 Hz."""
 BAND_HZ = (0.1, 5.0)
 """Band of all signals."""
 
@@ -236,11 +236,11 @@ class ToolMotion:
     step: float
     """Seconds between grid points."""
     position: np.ndarray
-    """Shape (points,), mm."""
+    """Position in mm, shape (points,)."""
     velocity: np.ndarray
-    """Shape (points,), mm/s."""
+    """Velocity in mm/s, shape (points,)."""
     acceleration: np.ndarray
-    """Shape (points,), mm/s²."""
+    """Acceleration in mm/s², shape (points,)."""
     stride: int = OVERSAMPLING
     """Grid points per recorded sample."""
 
@@ -274,9 +274,9 @@ def line_spectrum_motion(
     record : str
         Name of the record.
     amplitudes, phases : numpy.ndarray, shape (lines,)
-        Of the lines ``spacing_Hz``, ``2 spacing_Hz`` …; radians.
+        Amplitudes (any unit) and phases (radians) of the lines ``spacing_Hz``, ``2 spacing_Hz`` ….
     spacing_Hz, duration_s : float
-        A period 1/spacing_Hz has an integer number of samples; whole periods, or the beginning of one.
+        Spacing of the lines, with a whole number of samples in 1/spacing_Hz; duration, of whole periods or a part of one.
     peak_mm : float
         Largest recorded displacement.
     """

@@ -2,12 +2,12 @@
 
 From a file to its uses, for example for ``tissue/coulomb_friction.yaml``:
 
-1. `catalogue.TISSUE` lists the names; `notation` has the keys of a file and makes an `Effect` with its `Form` s of it
+1. `catalogue.TISSUE` lists the names; `notation` defines the keys of a file and builds an `Effect` with its `Form` s from it
    (`lumbar.tissue.models.form`). Equations, parameters, units and starting ranges are in the file only.
 2. `lumbar.tissue.models.parameter`: `NonlinearParameter.grid` and `NonlinearParameter.bounds` are starting values and bounds of
-   the fit, from ``start``, ``scale`` and ``reach``; a `LinearParameter` has a sign only.
+   the fit, from ``start``, ``scale`` and ``reach``; a `LinearParameter` only has a sign.
 3. `lumbar.tissue.models.expression.parse` reads the equation, `lumbar.tissue.models.equation_check` checks it.
 4. `lumbar.tissue.models.equation.Equation` is the equation: `forces` simulates it, `latex` prints it, `c_step` is its C code;
    `lumbar.tissue.models.state_equation` solves its states, `lumbar.tissue.models.spatial_equation` reads it in space.
-5. `lumbar.tissue.models.structure.Structure` adds forms to a base. What no equation expresses is in `hooks`.
+5. `lumbar.tissue.models.structure.Structure` adds forms to a base; `hooks` has the code of forms without an equation.
 """

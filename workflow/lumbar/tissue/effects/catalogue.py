@@ -1,4 +1,4 @@
-"""All effects by name and system; user-defined effects and bases in files of their own or in a file of models."""
+"""All effects by name and system, and user-defined effects and bases from separate files or a file of models."""
 
 import math
 from collections.abc import Callable, Collection, Iterator, Mapping
@@ -20,13 +20,13 @@ CHANNELS = {
     "pivot_acceleration_x": "pivot_acceleration_x_m_s2",
     "pivot_acceleration_z": "pivot_acceleration_z_m_s2",
 }
-"""Column of each additional channel that effects on a pendulum need. box_held: share of the box that the hands carry,
-0 to 1; length: from the pivot to the centre of mass; pivot acceleration: x horizontal, positive in the direction in which
-a growing angle moves the mass, z upward."""
+"""Column name of each additional channel for effects on a pendulum, by role. box_held: share of the box that the hands carry, 0
+to 1; length: from the pivot to the centre of mass; pivot acceleration: x horizontal, positive in the direction of the mass's
+motion with a growing angle, z upward."""
 
 
 class Catalogue(Mapping[str, Effect]):
-    """Effects by name, from a folder of this package; each is read when it is first used."""
+    """Effects by name, from a folder of this package; the file of an effect is read at its first use."""
 
     def __init__(self, folder: str, names: str):
         self._folder = Path(__file__).parent / folder
@@ -62,20 +62,20 @@ PENDULUM = Catalogue(
 )
 """The catalogue of the pendulum of Eq. 4.1.
 
-The input is the angle from the vertical, the output the moment that the person exerts at the pivot. Effects on mass, length and
-pivot have forms that use additional measured channels (`CHANNELS`) and forms that need the angle only."""
+The input is the angle from the vertical, the output the moment that the subject exerts at the pivot. Effects on mass, length
+and pivot have forms that use additional measured channels (`CHANNELS`) and forms that need the angle only."""
 
 MOTION_SENSOR = Catalogue("motion_sensor", "absolute_value saturation")
 """Effects of the motion's sensor, if the force is the input: ``F`` of their equations is the true motion."""
 
 CATALOGUES: dict[str, Mapping[str, Effect]] = {"tissue": TISSUE, "pendulum": PENDULUM}
-"""Catalogue of every system that a base is a model of."""
+"""Catalogue of effects by system (the field `system` of a base)."""
 
 
 def usable_effects(
     catalogue: Mapping[str, Effect], available: Collection[str], scale: Callable[[str], float]
 ) -> tuple[dict[str, Effect], list[tuple[Form, tuple[str, ...]]]]:
-    """Return the effects that records with these channels allow, and the forms that they do not allow.
+    """Return the effects that can be tried on records with these channels, and the forms that cannot.
 
     Parameters
     ----------
@@ -84,7 +84,7 @@ def usable_effects(
     available : collection of str
         Roles of the channels of every record.
     scale : callable
-        Sizes of their quantities by kind, which set the constants of forms.
+        Function from a kind of quantity to its size in the records, which sets the constants of forms.
 
     Returns
     -------
@@ -104,7 +104,7 @@ def usable_effects(
 def filter_forms(
     catalogue: Mapping[str, Effect], is_usable: Callable[[Form], bool], scale: Callable[[str], float]
 ) -> dict[str, Effect]:
-    """Return effects with those of their forms that are usable; `scale` gives the size of the constants by quantity."""
+    """Return effects with their usable forms only; `scale` returns the size of a quantity for constants."""
     effects = {}
     for name, effect in catalogue.items():
         forms = []
@@ -119,7 +119,7 @@ def filter_forms(
 def catalogue_with(
     files: Collection[str | Path], base: str = "KB", gravity_m_s2: float | None = None
 ) -> dict[str, Effect]:
-    """Return the catalogue of a base, with user-defined effects last.
+    """Return the catalogue of a base, followed by user-defined effects.
 
     Parameters
     ----------
@@ -133,8 +133,8 @@ def catalogue_with(
     Raises
     ------
     InputError
-        As `load_effects`, and if gravity on a pendulum is not above 0: without weight no record distinguishes a mass from its
-        distance.
+        In the cases of `load_effects`, and if gravity on a pendulum is not above 0: without weight no record distinguishes a
+        mass from its distance.
     """
     catalogue = dict(CATALOGUES[system_of(base)])
     if system_of(base) == "pendulum" and gravity_m_s2 is not None:
@@ -149,7 +149,7 @@ def catalogue_with(
 
 
 def catalogues_with(files: Collection[str | Path], content: object = None) -> dict[str, dict[str, Effect]]:
-    """Return the catalogue of every system with the effects of a user's files and those in the content of a file of models."""
+    """Return the catalogue of every system, with effects of a user's files and of the content of a file of models."""
     catalogues = {base.system: catalogue_with(files, base.name) for base in BASES.values()}
     effects = {key: {**read_model_effects(content, known), **known} for key, known in catalogues.items()}
     return {**effects, OWN_BASES: read_model_bases(content)}
@@ -170,7 +170,7 @@ def read_base(file: str | Path) -> Base:
     Raises
     ------
     InputError
-        If the file cannot be read or has an equation that cannot be used: all problems at once.
+        If the file cannot be read or has an invalid equation. The message lists all problems.
     """
     path = Path(file)
     problems = Problems(f"base {path.name}")
@@ -185,16 +185,15 @@ def load_effects(path: Path, taken: Collection[str] = ()) -> dict[str, Effect]:
     Parameters
     ----------
     path : pathlib.Path
-        One effect in YAML, or Python, which is run: every module-level `Effect` counts. `lumbar.study.load_study` rejects
-        Python in untrusted studies.
+        One effect in YAML, or Python code, which is executed; every module-level `Effect` counts. `lumbar.study.load_study`
+        rejects Python in untrusted studies.
     taken : collection of str
-        Names that an effect in YAML may not have; an effect in Python may replace another.
+        Names that are not allowed for an effect in YAML; an effect in Python may replace another one.
 
     Raises
     ------
     InputError
-        If the file cannot be read or imported, defines no effect, or has an equation that cannot be used: all problems at
-        once.
+        If the file cannot be read or imported, defines no effect, or has an invalid equation. The message lists all problems.
     """
     if not is_data(str(path)):
         return _import_effects(path)
@@ -206,24 +205,24 @@ def load_effects(path: Path, taken: Collection[str] = ()) -> dict[str, Effect]:
 
 
 def read_model_bases(content: object) -> dict[str, Base]:
-    """Return the user-defined bases in a file of models, as read from JSON; each is checked like its file."""
+    """Return the user-defined bases in a file of models, as read from JSON, after the checks of base files."""
     return _read_definitions(content, "bases", _read_base)
 
 
 def read_model_effects(content: object, known: Mapping[str, Effect]) -> dict[str, Effect]:
-    """Return the user-defined effects in a file of models; each is checked like its file.
+    """Return the user-defined effects in a file of models, after the checks of effect files.
 
     Parameters
     ----------
     content : object
         Content of the file, as read from JSON.
     known : mapping
-        Effects by name; one of a user's file may be among them if it is the same.
+        Known effects by name; an effect of the file may be among them if both are identical.
 
     Raises
     ------
     InputError
-        For an effect that is invalid, has the name of another, or differs from that of the user's file: all problems at once.
+        If an effect is invalid, has the name of another, or differs from the user's file. The message lists all problems.
     """
 
     def read(file: YamlFile, problems: Problems) -> Effect:
@@ -282,7 +281,7 @@ def _import_effects(path: Path) -> dict[str, Effect]:
 
 
 def _read_effect(file: YamlFile, problems: Problems, taken: Collection[str] = ()) -> Effect:
-    """Return a user-defined effect; its equations are evaluated on a standard motion."""
+    """Return a user-defined effect, after an evaluation of its equations on a standard motion."""
     if "forms" in file.content:
         entry = read_entry(file, EffectOfForms, problems, taken)
         forms = {f"forms.{index}.": item.form(item.name) for index, item in enumerate(entry.forms)}
@@ -296,7 +295,7 @@ def _read_effect(file: YamlFile, problems: Problems, taken: Collection[str] = ()
 
 
 def _check_equation(form: Form, place: str, file: YamlFile, problems: Problems) -> None:
-    """Report wrong symbols of an equation, or else wrong values on a standard motion."""
+    """Report invalid symbols of an equation; if there are none, invalid values on a standard motion."""
     from lumbar.tissue.effects.signature import numerical_problems
 
     wrong = form.problems()

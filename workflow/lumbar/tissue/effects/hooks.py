@@ -1,7 +1,6 @@
-"""Code that the YAML files of the catalogue name, because no equation expresses it; files of users cannot.
+"""Code for mechanisms that no equation expresses; only YAML files of the catalogue can name it, not files of users.
 
-Closed forms of states, hand-written simulation and C code, starting values of a search, and contradictions of a record to an
-effect.
+Closed forms of states, hand-written simulation and C code, starting values of a search, contradictions of record and effect.
 """
 
 from collections.abc import Mapping
@@ -75,8 +74,8 @@ def _periodogram(signal: np.ndarray, sampling_time: float) -> tuple[np.ndarray, 
 def interval_starts(motion: Motion, residual: np.ndarray, carriers: list[np.ndarray]) -> list[np.ndarray]:
     """Return start and stop (s) of the interval in which two carriers explain most of the residual, jointly with the base.
 
-    The base of Eq. 4.1 is refitted for every interval: sums over an interval are differences of cumulative sums. The list holds
-    this one pair; residual and both carriers have shape (samples,).
+    The base of Eq. 4.1 is refitted for every interval: sums over an interval are differences of cumulative sums. The list
+    contains only this pair; residual and both carriers have shape (samples,).
     """
     base = np.stack([motion.acceleration, motion.velocity, np.sin(motion.position)])
     carrier = np.stack(carriers)
@@ -119,36 +118,36 @@ def modulation_starts(motion: Motion, residual: np.ndarray, carriers: list[np.nd
 
 _MAX_SHARE_BEYOND = 0.01  # of the samples that are beyond a limit
 _MIN_CYCLES, _CERTAIN_CYCLES = 2.0, 5.0
-"""Cycles of a disturbance in a record: with fewer it is a drift; below the second number its line must exceed the spectrum."""
+"""Smallest number of cycles of a disturbance (below it, it is a drift), and number below which its line must be visible."""
 _MIN_LINE_POWER = 30.0
-"""Power of such a line, relative to the level of a wandering zero at its frequency."""
-_LEFT_OUT_LINES = 2.5
-"""Lines (1/duration) around it that its spectrum leaves out: Hann's window spreads it over fewer."""
+"""Smallest power of a visible line, relative to the level of a wandering zero at its frequency."""
+_EXCLUDED_LINES = 2.5
+"""Lines (1/duration) excluded from the level on both sides of a line; Hann's window spreads a line over fewer."""
 _MIN_LINES_APART = 0.5  # lines (1/duration) from a disturbance to the excitation's nearest line
 
 
 def _describe_excess(values, force: np.ndarray, noise: float, phrase: str) -> str:
-    """Return a sentence on the share of the samples beyond a fitted limit, or an empty text if there are few."""
+    """Return a sentence on the share of the samples beyond a fitted limit, or an empty text if the share is small."""
     share = float(np.mean(force > 1.02 * values["limit"] + 3 * noise))
     return f"{100 * share:.1f} % of the samples {phrase} its limit" if share > _MAX_SHARE_BEYOND else ""
 
 
 def _is_line_visible(motion: Motion, force: np.ndarray, at: float) -> bool:
-    """Return whether a force has a line at a frequency that neither a linear tissue nor a wandering zero explains."""
+    """Return whether a force has a spectral line at a frequency that neither a linear tissue nor a wandering zero explains."""
     columns = [np.ones(len(motion)), motion.position, motion.velocity]
     columns += [relaxation(motion, share * motion.scale("time")) for share in (0.1, 1.0, 10.0)]
     known = np.column_stack(columns)
     residual = force - known @ np.linalg.lstsq(known, force, rcond=1e-10)[0]
     frequency, power = _periodogram(residual, motion.sampling_time)
     lines = (frequency - at) * motion.time[-1]
-    around = (np.abs(lines) > _LEFT_OUT_LINES) & (frequency > 0) & (frequency < 4 * at)
+    around = (np.abs(lines) > _EXCLUDED_LINES) & (frequency > 0) & (frequency < 4 * at)
     # A random walk's power falls with the square of the frequency.
     level = np.median(power[around] * (frequency[around] / at) ** 2)
     return bool(power[np.argmin(np.abs(lines))] > _MIN_LINE_POWER * level)
 
 
 def _refute_disturbance(values, motion, force, noise, period) -> str:
-    """Reject a disturbance with few cycles (a drift or wandering zero) and one that repeats with the excitation (model error)."""
+    """Return the reason to reject a disturbance: few cycles (a drift) or repetition with the excitation; empty if accepted."""
     frequency, duration = values["frequency"], float(motion.time[-1])
     cycles = frequency * duration
     if cycles < _MIN_CYCLES or (cycles < _CERTAIN_CYCLES and not _is_line_visible(motion, force, frequency)):
@@ -234,4 +233,4 @@ HOOKS: Mapping[str, Mapping[str, Any]] = {
         "no_disturbance": _refute_disturbance,
     },
 }
-"""Code by the key of a form in YAML and by name."""
+"""Code by key of a form in YAML, then by name."""

@@ -1,7 +1,6 @@
-"""Keys of the YAML files of effects and bases, for those of the catalogue and of users.
+"""Keys of the YAML files of effects and bases, of the catalogue and of users.
 
-``docs/tissue/own_effect.md`` describes a file. Files of the catalogue may also name code in `lumbar.tissue.effects.hooks`; those
-of users cannot.
+``docs/tissue/own_effect.md`` describes a file. Only files of the catalogue may name code in `lumbar.tissue.effects.hooks`.
 """
 
 import re
@@ -125,7 +124,7 @@ class ParameterEntry(Section):
 
 
 class ConstantEntry(Section):
-    """A number that an equation calls by a symbol."""
+    """A fixed number with a symbol in an equation."""
 
     value: float
     """Finite number."""
@@ -134,14 +133,14 @@ class ConstantEntry(Section):
     latex: Text = ""
     """Symbol in LaTeX; default from its symbol in the equation."""
     scale: Scale | Literal[""] = ""
-    """Quantity of the record that a fit counts it in."""
+    """Quantity of the record that is the unit of the constant in a fit."""
 
 
 class EquationEntry(Section):
     """An equation with its symbols."""
 
     equation: Expression
-    """Force in terms of parameters and signals; place: output has the force F besides."""
+    """Force in terms of parameters and signals; with place: output also of the force F."""
     state: dict[str, StateOrRate] = Field({})
     """States by symbol, each with its rate or with rate and start."""
     parameters: dict[str, ParameterEntry] = Field({})
@@ -206,7 +205,7 @@ class HookedForm(NamedForm):
     contradiction: str | None = None
 
     def form(self, name: str = "equation", **more: Any) -> Form:
-        """Return the form with the code that it names."""
+        """Return the form with the code that its keys name."""
         names = {key: getattr(self, key) for key in HOOKS}
         code = {key: HOOKS[key][hook] for key, hook in names.items() if hook is not None}
         if "solution" in code:
@@ -294,7 +293,7 @@ def _check_distinct(names: list[str], kind: str) -> None:
 
 
 def _check_linear(names: Iterable[str], parameters: Iterable[Mapping[str, ParameterEntry]]) -> None:
-    """Raise if one of the names is not a linear parameter of any form."""
+    """Raise if any of the names is not a linear parameter of any form."""
     linear = {item.name for form in parameters for item in form.values() if item.scale is None}
     if unknown := sorted(set(names) - linear):
         raise ValueError(f"{', '.join(unknown)}; linear parameters are {', '.join(sorted(linear))}")
@@ -315,12 +314,12 @@ def read_entry(file: YamlFile, kind: type[Kind], problems: Problems, taken: Coll
     problems : Problems
         Problems found so far.
     taken : collection of str
-        Names that it may not have.
+        Names that are not allowed for the entry.
 
     Raises
     ------
     InputError
-        With key and line of every problem.
+        If there are problems. The message lists key and line of each.
     """
     origins = Origins(problems, [file])
     entry = check_types(file.content, kind, origins)

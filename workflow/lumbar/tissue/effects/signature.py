@@ -14,9 +14,9 @@ STANDARDS = {
     "tissue": ("KB", np.array([1.0, 1.0]), np.array([0.1])),
     "pendulum": ("pendulum", np.array([0.05, 0.1, 1.0]), np.zeros(0)),
 }
-"""Base, linear and nonlinear parameters of the pictures by system, in arbitrary units."""
+"""Base with linear and nonlinear parameters for the pictures, by system; in arbitrary units."""
 SHARE = 0.3
-"""RMS of the force that a pictured effect adds, relative to that of the base."""
+"""RMS of the force that a pictured effect adds, relative to the RMS of the base's force."""
 RATES = (0.5, 2.0)
 """Frequencies of the standard motion, Hz."""
 AXES = {"tissue": ("Position", "force"), "pendulum": ("Angle", "moment")}
@@ -34,7 +34,7 @@ class Signature:
     rate: float
     """Frequency of the motion, Hz."""
     motion: Motion
-    """A sine of amplitude 1 whose size grows over the first cycle."""
+    """Motion: a sine of amplitude 1 that grows from rest over its first cycle."""
     base: np.ndarray
     """Force of the base, shape (samples,)."""
     force: np.ndarray
@@ -47,7 +47,7 @@ class Signature:
 
     @property
     def last_cycle(self) -> slice:
-        """Samples of the motion's last cycle, its end included."""
+        """Slice of the samples in the motion's last cycle, including its end."""
         return slice(-1 - round(1 / (self.rate * self.motion.sampling_time)), None)
 
 
@@ -59,15 +59,15 @@ def standard_motion(frequency: float) -> Motion:
 
 
 def pictured_form(effect: Effect) -> Form | None:
-    """Return the first form of an effect that needs no further channels, or None."""
+    """Return the first form of an effect that needs no additional channels, or None."""
     return next((form for form in effect.forms if not form.channels), None)
 
 
 def signatures(effect: Effect, form: Form | None = None, system: str = "tissue") -> list[Signature]:
-    """Simulate an effect, by default in its first form that needs no further channel, at the standard rates.
+    """Simulate an effect at the standard rates, by default in its first form without additional channels.
 
-    Nonlinear parameters are in the middle of their starting range, linear ones have the size with which the effect adds `SHARE`
-    of the base's RMS at the lower rate; for forms without linear parameters the nearest starting value is used.
+    Nonlinear parameters are in the middle of their starting range. Linear parameters are so large that the effect adds `SHARE`
+    of the base's RMS at the lower rate; forms without linear parameters use the nearest starting value.
     """
     form, (name, linear, shapes) = form or pictured_form(effect), STANDARDS[system]
     bare = Structure(BASES[name])
@@ -103,7 +103,7 @@ def _rms(values: np.ndarray) -> float:
 
 
 def numerical_problems(form: Form) -> list[tuple[str, str]]:
-    """Return values that are not finite on a standard motion, and parameters without influence there."""
+    """Return values of a form that are not finite on a standard motion, and parameters without influence on it."""
     if form.channels:
         return []
     motion = standard_motion(_FREQUENCY_HZ)

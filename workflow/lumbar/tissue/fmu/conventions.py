@@ -22,8 +22,7 @@ _BASE_UNITS = json.loads(Path(__file__).with_suffix(".json").read_text(encoding=
 
 
 def slow_push(sampling_time: float) -> np.ndarray:
-    """Return positions of a push from 0 to 1. The sign of its mean response is the sign of resistance despite relaxation and
-    friction."""
+    """Return positions of a slow push from 0 to 1; its mean response has the resisting sign despite relaxation and friction."""
     return np.linspace(0.0, 1.0, max(10, round(PUSH_S / sampling_time)))
 
 

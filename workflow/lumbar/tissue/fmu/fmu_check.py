@@ -155,8 +155,7 @@ def _rounding_bound(model: ExportModel, inputs: np.ndarray, largest: float) -> f
 
 
 def check_table(checks: list[Check], source_label: str, seed: int) -> Table:
-    """Return the table of checked FMUs; `source_label` names the source of the models' data, `seed` is the seed of the test
-    input."""
+    """Return the table of checked FMUs; `source_label` names the models' data, `seed` is the seed of the test input."""
     rows = [
         {
             "file": check.file,

@@ -87,8 +87,7 @@ def judge_on_device(
 ) -> list[ExportModel]:
     """Judge the models on the device, write the verdicts to their ``on_device``, and warn of unsafe models.
 
-    ``settings.device.unsafe`` decides whether an unstable loop is a warning on standard error or an error; `fitted` are the
-    models before the export.
+    ``settings.device.unsafe`` decides if an unstable loop is a warning or an error; `fitted` are the models before the export.
 
     Raises
     ------

@@ -190,8 +190,7 @@ class PassiveFits:
     free: tuple[FittedModel, ...]
     """Identified models, by both estimators."""
     passive: tuple[FittedModel, ...]
-    """Passive models ``<model>-passive``, and ``<model>-passive-<rate>Hz``, with which the device too is passive at this
-    rate."""
+    """Models ``<model>-passive``, and ``<model>-passive-<rate>Hz``, with which the device too is passive at this rate."""
     settings: RuntimeSettings
     rates: tuple[float, float]
     """Rate of identification and rate of the servo, in Hz."""

@@ -277,8 +277,7 @@ def fmu_of(model: ExportModel, settings: RuntimeSettings) -> Iterator[UnzippedFm
 
 @contextmanager
 def stepping(fmu: UnzippedFmu) -> Iterator[Step]:
-    """Instantiate an FMU as a function from a position, in its unit, to the force of the same sample; in space from array to
-    array."""
+    """Instantiate an FMU as a function from a position to the force of the same sample, in its units; in space of arrays."""
     instance = Instance(fmu, event_mode=True)
     try:
         if fmu.axes:

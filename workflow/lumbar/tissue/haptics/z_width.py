@@ -89,8 +89,8 @@ class ZWidth:
     damping: np.ndarray
     """Damping of the device in N·s/m, shape (dampings,)."""
     stiffness: dict[float, tuple[np.ndarray, np.ndarray]]
-    """By rate: largest passive stiffness, and largest stable stiffness in the hand, of a spring with the moving average; in
-    N/m, shape (dampings,) each."""
+    """By rate: largest passive and largest stable stiffness of a spring with the moving average, N/m, shape (dampings,)
+    each."""
 
 
 def z_width(models: Sequence[FittedModel], settings: RuntimeSettings) -> ZWidth:

@@ -1,11 +1,11 @@
-"""The exhaustive search of the thesis: every structure and ridge coefficient (Eqs 3.6–3.9), judged by its free run.
+"""The exhaustive search of the thesis over structures and ridge coefficients (Eqs 3.6–3.9), judged by the free run.
 
 One factorisation serves every order and every α. The full regressor matrix, with all lags up to the largest order of the search,
 is reduced to the triangular factor R of a QR decomposition. The regressors of a smaller structure are combinations of its
 columns, so that the singular values of a structure are those of a small matrix made from R, and each α costs one product with it.
 
-Scaling. Input and output are demeaned before; every column of A, and b, is then divided by its root mean square, so that
-condition number and α do not depend on units. α enters as in Eq. 3.7, ‖Ax − b‖² + α²‖x‖², with these columns (norm √N).
+Scaling. Input and output are demeaned. Every column of A, and b, is then divided by its root mean square, so that condition
+number and α do not depend on units. α enters as in Eq. 3.7, ‖Ax − b‖² + α²‖x‖², with these columns (norm √N).
 """
 
 from collections.abc import Iterable, Sequence
@@ -33,18 +33,18 @@ class IdentificationData:
     output_offset: float
     """Mean that was subtracted from the output."""
     sampling_time: float
-    """Seconds."""
+    """Sampling time in seconds."""
     skip: int
-    """Samples at the start that no free-run error counts."""
+    """Number of samples at the start that free-run errors omit."""
 
     @classmethod
     def from_record(cls, record: Record, settling_s: float | None = None) -> Self:
-        """Demean a record with the channels ``input`` and ``output``; errors do not count its first seconds (`settling_time`).
+        """Demean a record with the channels ``input`` and ``output``; errors omit its first seconds (`settling_time`).
 
         Raises
         ------
         InputError
-            If nothing is left, or nothing moves, after the settling time.
+            If no samples, or no changes of the signals, remain after the settling time.
         """
         settling, name = settling_time(record, settling_s), record.source or record.name
         skip = round(settling / record.sampling_time)
@@ -111,13 +111,13 @@ class RidgePath:
     """Singular value decomposition of a standardised regression: ridge solutions for any α."""
 
     column_scale: np.ndarray
-    """Root mean square of every column, by which it was divided, shape (parameters,)."""
+    """Root mean square by which each column was divided, shape (parameters,)."""
     target_scale: float
     """Root mean square of the target."""
     singular_values: np.ndarray
     """Singular values of the standardised A in descending order, shape (parameters,)."""
     rows: int
-    """Equations, N − largest lag."""
+    """Number of equations, N − largest lag."""
     _right: np.ndarray
     _projected_target: np.ndarray
     _target_norm_squared: float
@@ -126,8 +126,8 @@ class RidgePath:
     def factorise(cls, regressors: np.ndarray, target: np.ndarray, rows: int) -> "RidgePath":
         """Standardise and decompose a regression.
 
-        `regressors` is A, shape (any, parameters), or a matrix with the same AᵀA; `target` is b, or a vector with the same
-        Aᵀb and norm; `rows` are those of A itself.
+        `regressors` is A, shape (any, parameters), or a matrix with the same AᵀA; `target` is b, or a vector with the same Aᵀb
+        and norm; `rows` is the number of rows of the actual A.
         """
         column_scale = np.linalg.norm(regressors, axis=0) / np.sqrt(rows)
         column_scale = np.where(column_scale > 0, column_scale, 1.0)
@@ -151,7 +151,7 @@ class RidgePath:
         return None if self.rank < values.size else float(values.max() / values.min())
 
     def standardised_solution(self, alpha: float) -> np.ndarray:
-        """Return the solution of Eq. 3.8 in standardised coefficients; that of least norm if A is rank deficient."""
+        """Return the solution of Eq. 3.8 in standardised coefficients; if A is rank deficient, the solution of least norm."""
         values = self.singular_values[: self.rank]
         filtered = values / (values**2 + alpha**2) * self._projected_target[: self.rank]
         return self._right[: self.rank].T @ filtered
@@ -180,7 +180,7 @@ class RidgePath:
 
 
 NEGLIGIBLE_POINTS = 0.1
-"""Points of %VAF within which a lower order is as good: neither a user's hand nor a second record distinguishes them."""
+"""Difference in %VAF up to which a lower order is as good; neither a hand nor a second record distinguishes the two."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -207,7 +207,7 @@ class ArxCandidate:
 
     @cached_property
     def test_vaf_percent(self) -> float | None:
-        """Mean %VAF of the free runs on the other records; None without them."""
+        """Mean %VAF of the free runs on the other records; None if there are no other records."""
         if not self.stable or not self.tests:
             return None
         runs = [free_run(self.transfer_function, test) for test in self.tests]
@@ -215,16 +215,16 @@ class ArxCandidate:
 
     @property
     def stable(self) -> bool:
-        """True if it has a free run."""
+        """True if the candidate's model is stable, so that it has a free run."""
         return self.transfer_function.stable
 
     @property
     def condition(self) -> float:
-        """Condition number of its regressors; ∞ if they are rank deficient."""
+        """Condition number of the candidate's regressors; ∞ if they are rank deficient."""
         return self.path.condition_number or np.inf
 
     def score(self, selection: str) -> float:
-        """Return the %VAF by which it is selected; −∞ if it has none."""
+        """Return the %VAF for the selection of the candidate; −∞ if there is none."""
         if selection == "training":
             return -np.inf if self.training is None else self.training["vaf_percent"]
         return -np.inf if self.test_vaf_percent is None else self.test_vaf_percent
@@ -238,7 +238,7 @@ def search(
     training: IdentificationData,
     tests: list[IdentificationData],
 ) -> list[ArxCandidate]:
-    """Fit every structure with every α by ridge ARX; a candidate is simulated when its free run is first needed."""
+    """Fit every structure with every α by ridge ARX; each candidate is simulated at the first use of its free run."""
     paths = [(structure, regression.path(structure)) for structure in structures]
     return [
         ArxCandidate(model, structure, alpha, path, training, tests)
@@ -248,7 +248,7 @@ def search(
 
 
 def eligible(candidates: list[ArxCandidate], condition_max: float | None) -> list[ArxCandidate]:
-    """Return the stable candidates with reasonable conditioning; or else those of the best conditioned structure."""
+    """Return the stable candidates with reasonable conditioning; if there are none, those of the best conditioned structure."""
     stable = [item for item in candidates if item.stable]
     within = [item for item in stable if condition_max is None or item.condition <= condition_max]
     best = min((item.condition for item in stable), default=None)
@@ -258,7 +258,7 @@ def eligible(candidates: list[ArxCandidate], condition_max: float | None) -> lis
 def select(
     candidates: list[ArxCandidate], selection: str, condition_max: float | None
 ) -> tuple[ArxCandidate, str]:
-    """Return the candidate of the highest %VAF with reasonable conditioning, and a remark on it or an empty text.
+    """Return the well-conditioned candidate with the highest %VAF, and a remark on it or an empty text.
 
     Parameters
     ----------
@@ -300,8 +300,8 @@ def grid_rows(
 ) -> list[dict]:
     """Return the rows of one model in ``tissue/search.csv``; None for a number that does not exist.
 
-    Only the `eligible` candidates have free runs; on the other records, unless these decide the selection, only those of the
-    best α of each structure.
+    Only `eligible` candidates have free runs; on other records, unless these decide the selection, only the best α per
+    structure.
     """
     choice = eligible(candidates, condition_max)
     best = {item.structure: item for item in sorted(choice, key=lambda item: item.score(selection))}

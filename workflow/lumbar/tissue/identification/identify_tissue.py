@@ -1,8 +1,8 @@
 """Identification of every model on one record by ridge ARX, as in the thesis, and by output error.
 
-ARX minimises the one-step-ahead error and is biased towards fast poles if the output is noisy, because the noise is among its
-regressors. The output-error fit minimises the error of the free run from the input only; it is consistent for any noise that
-is independent of the input (Ljung, System Identification, 2nd ed., section 8.4).
+ARX minimises the one-step-ahead error and is biased towards fast poles if the output is noisy, because its regressors contain
+the noise. The output-error fit minimises the error of the free run from the input only; it is consistent for any noise that is
+independent of the input (Ljung, System Identification, 2nd ed., section 8.4).
 """
 
 from contextlib import suppress
@@ -57,7 +57,7 @@ class OutputErrorFit:
     sensitivities: np.ndarray
     """Derivatives of the simulated output by the coefficients, shape (samples − skip, parameters)."""
     converged: bool
-    """False if the optimiser stopped on a nearly flat slope: the data hardly determine the coefficients."""
+    """False if the optimiser stopped in a nearly flat region, so that the data hardly determine the coefficients."""
 
 
 def fit_output_error(
@@ -69,8 +69,8 @@ def fit_output_error(
 ) -> OutputErrorFit:
     """Minimise the squared simulation error by Levenberg–Marquardt with exact sensitivities.
 
-    `inputs` and `outputs` are demeaned, shape (samples,). Of the `starts`, e.g. the ARX solution, those with the smallest
-    errors are used, and the lowest minimum of the `structure` is returned. The first `skip` samples do not count.
+    `inputs` and `outputs` are demeaned, shape (samples,). The fit begins at the best few of the `starts`, e.g. the ARX
+    solution, and returns the lowest minimum of the `structure`. Errors omit the first `skip` samples.
 
     Raises
     ------
@@ -113,15 +113,15 @@ def simulation_sensitivities(
     filtered_input = inverse.simulate(inputs)
     filtered_output = inverse.simulate(model.simulate(inputs))
     lag = structure.largest_lag
-    columns = [_delayed(filtered_output, i) for i in range(1, lag + 1)]
-    columns += [_delayed(filtered_input, j) for j in range(lag + 1)]
+    columns = [_delay(filtered_output, i) for i in range(1, lag + 1)]
+    columns += [_delay(filtered_input, j) for j in range(lag + 1)]
     return np.column_stack(columns) @ structure.combination(lag)
 
 
 def relaxation_starts(
     structure: ArxStructure, inputs: np.ndarray, outputs: np.ndarray, poles: tuple[float, ...] = _START_POLES
 ) -> list[TransferFunction]:
-    """Return the best numerator for each of some poles in (−1, 1), which span all relaxation times; only for order 1.
+    """Return models of order 1 with poles spread over (−1, 1), for all relaxation times, each with its best numerator.
 
     The simulation error of a single-pole model can have several minima over its pole (Eq. 3.3 has), but for a given pole the
     numerator follows from linear least squares.
@@ -132,19 +132,19 @@ def relaxation_starts(
     starts = []
     for pole in poles:
         filtered = TransferFunction((1.0,), (1.0, -pole)).simulate(inputs)
-        delayed = np.column_stack([_delayed(filtered, j) for j in range(lag + 1)])
+        delayed = np.column_stack([_delay(filtered, j) for j in range(lag + 1)])
         numerator, *_ = np.linalg.lstsq(delayed @ structure.combination(lag)[lag:, 1:], outputs)
         starts.append(structure.transfer_function(np.array([pole, *numerator])))
     return starts
 
 
-def _delayed(signal: np.ndarray, samples: int) -> np.ndarray:
-    """Delay a signal by samples; before the record it has its first value."""
+def _delay(signal: np.ndarray, samples: int) -> np.ndarray:
+    """Delay a signal by a number of samples; before the record it has its first value."""
     return np.concatenate([np.full(samples, signal[0]), signal[: len(signal) - samples]])
 
 
 def stabilise(model: TransferFunction) -> TransferFunction:
-    """Reflect poles outside the unit circle into it; for starting values."""
+    """Reflect poles outside the unit circle into it, for starting values."""
     if model.stable:
         return model
     poles = model.poles
@@ -165,7 +165,7 @@ def identify(
     training : Record
         Record to fit.
     tests : list of Record
-        Records with another excitation; in the order of `Scores.tests`.
+        Unseen records with another excitation, in the order of `Scores.tests`.
     settings : TissueSettings
         Search, ridge coefficients and bootstrap.
     seed : int
@@ -174,14 +174,14 @@ def identify(
     Returns
     -------
     models : list of FittedModel
-        In the order of Table 3.1.
+        Identified models in the order of Table 3.1.
     grid : list of dict
         One row per point of the search (``tissue/search.csv``).
 
     Raises
     ------
     InputError
-        For records with different units or sampling times, or a training record that is too short.
+        If records have different units or sampling times, or the training record is too short.
     """
     require_same_units([training, *tests])
     for test in tests:
@@ -232,7 +232,7 @@ def identify(
 
 
 def distinct(models: list[FittedModel]) -> list[FittedModel]:
-    """Return the models of several identifications; given models come last, each a single time, without a record's scores."""
+    """Return the models of several identifications. Given models come last, without duplicates and without scores."""
     fitted = [model for model in models if model.estimator != GIVEN]
     given = {}
     for model in models:
@@ -243,7 +243,7 @@ def distinct(models: list[FittedModel]) -> list[FittedModel]:
 
 
 def ports_of(record: Record, *offsets: float) -> tuple[Port, Port]:
-    """Return the input and the output of a record with their values at rest."""
+    """Return the input and the output of a record with their values at rest (`offsets`)."""
     channels = zip((record.channels["input"], record.channels["output"]), offsets, strict=True)
     return tuple(Port(channel.quantity, channel.unit, offset) for channel, offset in channels)
 
@@ -265,7 +265,7 @@ def scores_of(
 
 @dataclass(frozen=True)
 class _Regression:
-    """Linear regression with coefficients as its solution, at a minimum of the output error or with a ridge."""
+    """Linear regression that has the coefficients as solution, at a minimum of the output error or with a ridge."""
 
     path: RidgePath
     regressors: np.ndarray
@@ -294,7 +294,7 @@ class _Estimators:
     def output_error(
         self, model: TissueModel, chosen: ArxCandidate, nested: TransferFunction | None
     ) -> FittedModel:
-        """Fit the same structure to the free run, from ARX and from the simpler model it contains."""
+        """Fit the same structure to the free run, starting from ARX and from the simpler model that it contains."""
         structure, inputs, outputs = chosen.structure, self.data.inputs, self.data.outputs
         starts = [chosen.transfer_function, *relaxation_starts(structure, inputs, outputs)]
         if nested is not None and set(KB.structure.input_lags) <= set(structure.input_lags):

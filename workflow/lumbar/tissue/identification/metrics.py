@@ -2,8 +2,8 @@
 
 Eq. 3.15 assumes white residuals and exact regressors. Resampling whole blocks of time keeps the correlation of the residuals
 and of the regressors inside each block, so the spread needs neither assumption (Künsch, Annals of Statistics 17, 1989). A bias
-that every block has, such as that of ARX with noisy outputs, remains: the interval shows how far another record of the same
-kind would move the estimate, not the distance from the truth.
+in every block, such as the bias of ARX with noisy outputs, remains: the interval shows the change of the estimate with another
+record of the same kind, not the distance from the truth.
 """
 
 import numpy as np
@@ -13,10 +13,10 @@ from lumbar.records.record import Record
 
 
 def settling_time(record: Record, setting_s: float | None = None) -> float:
-    """Return the seconds at the start of a record that are left out of every error of a free run.
+    """Return the duration in seconds of the start of a record that free-run errors omit.
 
-    The setting ``tissue.settling_s``, if given; else 50 samples, or 1/200 of a record longer than 10,000 samples, but at most
-    1/20 of it. Because these are numbers of samples, results do not depend on the unit of the clock.
+    It is the setting ``tissue.settling_s``, if given; else 50 samples, or 1/200 of a record longer than 10,000 samples, but at
+    most 1/20 of the record. Because these are numbers of samples, results do not depend on the unit of the clock.
     """
     if setting_s is not None:
         return setting_s
@@ -73,7 +73,7 @@ def _variance(measured: np.ndarray) -> float:
 
 
 def largest_relative_uncertainty(coefficients: np.ndarray, deviations: np.ndarray | None) -> float | None:
-    """Return MRU, the largest RU of Eq. 3.16, 100 σ_i/|x_i|, over the coefficients that are not zero; None without any σ."""
+    """Return MRU, the largest RU of Eq. 3.16, 100 σ_i/|x_i|, of the non-zero coefficients; None without σ."""
     nonzero = coefficients != 0
     if deviations is None or not nonzero.any():
         return None
@@ -81,9 +81,9 @@ def largest_relative_uncertainty(coefficients: np.ndarray, deviations: np.ndarra
 
 
 _MAX_BLOCKS = 400
-"""Very long records get longer blocks, so that the work does not grow with them."""
+"""Largest number of blocks: very long records get longer blocks to limit the computing time."""
 _MIN_BLOCKS = 8
-"""Fewer blocks give no useful spread."""
+"""Smallest number of blocks with a useful spread."""
 
 
 def block_bootstrap(
@@ -99,11 +99,11 @@ def block_bootstrap(
     Parameters
     ----------
     regressors : numpy.ndarray, shape (rows, parameters)
-        A; columns of similar size (they are not scaled here).
+        A, with columns of similar size (they are not scaled here).
     target : numpy.ndarray, shape (rows,)
         b.
     block_rows : int
-        Rows per block, longer than the residuals' correlation.
+        Rows per block: more than the correlation length of the residuals.
     resamples : int
         Number of resamples.
     rng : numpy.random.Generator

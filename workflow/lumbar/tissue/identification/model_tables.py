@@ -85,8 +85,8 @@ _ESTIMATORS = (ARX, OUTPUT_ERROR, GIVEN)
 def table_3_1(models: list[FittedModel], settings: TissueSettings, source_label: str) -> Table:
     """Return Table 3.1: error metrics of all models; the thesis's rows are MW, KB, HO with estimator ``arx``.
 
-    Models are sorted by training record, estimator and the order of the thesis; models with effects come last. All have the
-    same number of unseen records.
+    Models are sorted by training record, estimator and the order of the thesis; models with effects come last. All models must
+    have the same number of unseen records.
     """
     unit = models[0].output.unit
     trained_on = list(dict.fromkeys(model.trained_on for model in models))

@@ -122,8 +122,7 @@ _TOUCHING: dict[str, Callable[[Any, np.ndarray], np.ndarray]] = {
 
 
 def _base(name: str, equation: str, parameters: Mapping, state: Mapping | None = None, **facts) -> Base:
-    """Return a base of ``bases.yaml`` with its hand-written parts. If it has a state, the state is the elongation of a Maxwell
-    branch."""
+    """Return a base of ``bases.yaml`` with its hand-written parts. A state, if any, is the elongation of a Maxwell branch."""
     linear, nonlinear = [], []
     for symbol, item in parameters.items():
         if "scale" in item:

@@ -47,10 +47,10 @@ class CStep:
     - the motion that reaches the form: ``time``, ``position``, ``step`` (change of position since the sample before),
       ``velocity``, ``acceleration``, ``path``, and ``first``, true at the first sample. Derivatives are backward differences,
       because a running loop knows no later sample;
-    - in output forms ``force``, the force to transform; - with `history`, ``earlier(now, ring, n)``, the position that reached
-    the form n samples ago, 0 to `history`; - with `memory`, ``memory[i]`` of the previous sample, 0 at the start, and
-    ``next[i]``, which the code writes; - the functions of ``effect_forms.h`` and ``portable_math.h``: ``sign``, ``clipped``,
-    ``behind_gap``,
+    - in output forms ``force``, the force to transform;
+    - with `history`, ``earlier(now, ring, n)``, the position that reached the form n samples ago, 0 to `history`;
+    - with `memory`, ``memory[i]`` of the previous sample, 0 at the start, and ``next[i]``, which the code writes;
+    - the functions of ``effect_forms.h`` and ``portable_math.h``: ``sign``, ``clipped``, ``behind_gap``,
       ``portable_tanh`` …, and the exact ones of the C library (``fabs``, ``sqrt``, ``floor`` …). Other functions are
       rejected, because they differ between platforms in the last bit.
     """

@@ -84,8 +84,7 @@ class Form:
     hand_written: HandWritten | None = None
     """Hand-written code that replaces the equation."""
     general: bool = False
-    """True if the form contains other forms of its effect as special cases; a search selects it only if their error is
-    large."""
+    """True if other forms of the effect are special cases of this form; a search selects it only if their error is large."""
     one_axis: bool = False
     """True if the form has no equivalent in space."""
     essential: tuple[str, ...] = ()
@@ -350,8 +349,7 @@ class Effect:
     """Content of the user's file with the effect, stored in files of models; None for effects of the catalogue."""
 
     def to_space(self, axes: tuple[str, ...]) -> tuple[Self | None, dict[str, str]]:
-        """Return the effect for motions along several axes (None without usable forms), and for each unusable form, by key,
-        why.
+        """Return the effect in space (None without usable forms), and the reasons why forms are unusable, by key.
 
         Parameters
         ----------

@@ -77,8 +77,7 @@ class Motion:
     channels: dict[str, np.ndarray] = field(default_factory=dict)
     """Additional measured signals by role, for effects that need them."""
     between: np.ndarray | None = None
-    """Position in steps between samples, shape (1 + (samples - 1) * `SUBSTEPS`,), if known for a position that is not
-    smooth."""
+    """Position in steps between samples, shape (1 + (samples - 1) * `SUBSTEPS`,), if not smooth but known there."""
     interpolation: Callable[..., np.ndarray] | None = None
     """Function from times and the order of the derivative to the position between samples; None: a spline."""
     cache: ResultCache = field(init=False, repr=False, default_factory=ResultCache)

@@ -65,8 +65,7 @@ class NonlinearParameter(Parameter):
     """True for a time constant with starting values from two sampling intervals (or less), and with bounds from a fifth of the
     interval to a fifth of the record's duration."""
     signed: bool = field(default=False, kw_only=True)
-    """True if the parameter may have either sign, like angles and couplings of channels; a fit then searches the
-    exponential."""
+    """True if the parameter may have either sign, like angles and couplings; a fit then searches the exponential."""
     decisive: bool = field(default=False, kw_only=True)
     """True if a value at an end of the range means that the mechanism is absent or different."""
 

@@ -4,9 +4,10 @@ A force of the one-axis base of `SpatialBase`, for example ``k_e*z``, becomes K 
 K is symmetric and positive semidefinite, so that the base is passive for all parameters. The number of kᵢ depends on the symmetry
 of the tissue (Lai, Rubin and Krempl, Introduction to Continuum Mechanics, 2010, chapter 5; here for the tool's forces):
 
-- isotropic: one for all directions; - transversely isotropic: one along an axis, one perpendicular to it; - orthotropic: one
-along each of three perpendicular axes, which all matrices share; - full: one along each of three perpendicular axes, which
-differ between matrices.
+- isotropic: one for all directions;
+- transversely isotropic: one along an axis, one perpendicular to it;
+- orthotropic: one along each of three perpendicular axes, which all matrices share;
+- full: one along each of three perpendicular axes, which differ between matrices.
 
 A fit determines the axes as small rotations of a given frame.
 

@@ -228,8 +228,7 @@ class StateEquation:
         return Evaluator([*self.increments, *(cell for row in self.matrix for cell in row)], STEP_FUNCTIONS)
 
     def _step(self, values: Mapping, steps: int) -> tuple[np.ndarray, np.ndarray]:
-        """Return the states after each step, (states, steps), and their derivatives by the states before it, (states, states,
-        steps)."""
+        """Return the states after each step, (states, steps), and derivatives by states before it, (states, states, steps)."""
         cells = self._step_evaluator(values)
         if self.is_scalar:
             after, exponent = cells

@@ -76,8 +76,7 @@ class Structure:
         return nonlinear[: len(self.base.nonlinear)], parts
 
     def design(self, motion: AnyMotion, nonlinear: np.ndarray) -> np.ndarray:
-        """Return the forces of linear parameters of size 1 before output forms, (samples, linear parameters); in space axis by
-        axis.
+        """Return the forces at linear parameters of 1, without output forms, (samples, parameters); in space axis by axis.
 
         Parameters
         ----------
@@ -166,8 +165,7 @@ def forces_of(form: Form, motion: AnyMotion, nonlinear: np.ndarray) -> np.ndarra
 
 
 _MAX_START_SAMPLES, _MIN_START_SAMPLES = 50, 5
-"""Largest and smallest number of samples for the estimate of the state at the start, otherwise a twentieth of the record;
-errors do not count these samples."""
+"""Largest and smallest number of samples for the estimate of the start state, else 1/20 of the record; errors omit them."""
 _MAX_STEP_RAD = 0.4  # at the upper edge of the band that contains _BAND_POWER of the motion's power
 _BAND_POWER = 0.95
 _MAX_STEPS = 4  # from sample to sample

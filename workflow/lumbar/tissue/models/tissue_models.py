@@ -103,8 +103,7 @@ class TissueModel:
     network: Network | None = None
     """Mechanical analogue; None for a black box."""
     structure: ArxStructure | None = None
-    """Free coefficients of the discrete transfer function; None if the structure is searched (HO), fixed (IL) or improper
-    (KV)."""
+    """Free coefficients of the discrete transfer function; None if searched (HO), fixed (IL) or improper (KV)."""
     derive: Callable[..., dict[str, float]] | None = field(default=None, repr=False)
     """Function from the base's parameters by name to the values of `elements`."""
     references: str = ""

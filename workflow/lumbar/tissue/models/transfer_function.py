@@ -183,8 +183,7 @@ class ArxStructure:
         return max(self.order, *self.input_lags)
 
     def combination(self, lag: int) -> np.ndarray:
-        """Return the matrix from free coefficients to the coefficients of the full regressor y[k−1] … y[k−lag], u[k] …
-        u[k−lag].
+        """Return the matrix from free to full coefficients, those of y[k−1] … y[k−lag], u[k] … u[k−lag].
 
         The full regressor matrix times this matrix is the regressor matrix of this structure. Shape (2 * lag + 1,
         parameter_count), elements -1, 0 and 1.
@@ -311,8 +310,7 @@ def undiscretise(discrete: TransferFunction, sampling_time: float) -> FirstOrder
     Raises
     ------
     NumericalError
-        If there is not one pole with two numerator coefficients, or the pole is not in (0, 1): a relaxation decays without
-        alternating.
+        If there is not one pole with two numerator coefficients, or the pole is not in (0, 1), as a relaxation requires.
     """
     if discrete.largest_lag == 0:
         return FirstOrder(k=discrete.static_gain)

@@ -1,1 +1,1 @@
-"""Surgeon motion (Welch) and excitation signals."""
+"""Spectra of surgeons' motion (Welch), and design of excitation signals."""

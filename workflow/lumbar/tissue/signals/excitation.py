@@ -20,11 +20,10 @@ if TYPE_CHECKING:
 
 
 def linear_chirp(duration: float, lowest: float, highest: float, rate: float) -> np.ndarray:
-    """Return sin((a t + b) t) that sweeps from one frequency to another; thesis Eq. 3.2 with amplitude 1.
+    """Return a chirp sin((a t + b) t) that sweeps from one frequency to another; thesis Eq. 3.2 with amplitude 1.
 
-    The instantaneous frequency is the derivative of the phase a t² + b t, (2 a t + b)/2π. To begin at f0 and to end at
-    f1 after T seconds it needs b = 2π f0 and a = π (f1 − f0)/T; with a = 2π (f1 − f0)/T the sweep would end at 2 f1 −
-    f0, about twice the band.
+    The instantaneous frequency is the derivative of the phase a t² + b t, (2 a t + b)/2π. For a sweep from f0 to f1 in T
+    seconds b = 2π f0 and a = π (f1 − f0)/T; with a = 2π (f1 − f0)/T the sweep would end at 2 f1 − f0, about twice the band.
 
     Parameters
     ----------
@@ -42,7 +41,7 @@ def linear_chirp(duration: float, lowest: float, highest: float, rate: float) ->
     Raises
     ------
     InputError
-        Frequencies out of order, or not below half the rate.
+        If the frequencies are out of order, or not below half the rate.
     """
     if not 0 <= lowest < highest < rate / 2:
         raise InputError(
@@ -56,11 +55,11 @@ def linear_chirp(duration: float, lowest: float, highest: float, rate: float) ->
 
 
 def band_limited_noise(duration: float, highest: float, rate: float, order: int, seed: int) -> np.ndarray:
-    """Return Gaussian noise through a zero-phase low-pass filter, mean 0 and RMS 1.
+    """Return Gaussian noise, filtered by a zero-phase low-pass filter, with mean 0 and RMS 1.
 
-    White noise passes forward and backward through a Butterworth filter. Both passes together halve the density (−3 dB)
-    at the upper end of the band, below the corner of each. The middle of a longer filtered signal is used, because its
-    ends differ.
+    White noise passes forward and backward through a Butterworth filter. Both passes together halve the density (−3 dB) at the
+    upper end of the band, which is below the filter's corner. The middle of a longer filtered signal is used to avoid
+    transients.
 
     Parameters
     ----------
@@ -108,16 +107,16 @@ class Signal:
     name: str
     """``"multisine"``, ``"noise"`` or ``"chirp"``."""
     position: np.ndarray
-    """mm from the machine's zero, shape (samples,)."""
+    """Position in mm from the machine's zero, shape (samples,)."""
     rate: float
     """Samples per second, Hz."""
     window: tuple[float, float]
-    """Start and end in seconds of the part for RMS, crest factor and spectrum: the second period of the multisine, all of the
-    others."""
+    """Start and end (s) of the part for RMS, crest factor and spectrum: the second period of a multisine, else the whole
+    signal."""
 
     @property
     def time(self) -> np.ndarray:
-        """Seconds, shape (samples,)."""
+        """Time in seconds, shape (samples,)."""
         return np.arange(len(self.position)) / self.rate
 
     @property
@@ -153,7 +152,7 @@ class Excitation:
     band: float
     """Upper end of the excited band, Hz."""
     signals: tuple[Signal, ...]
-    """Multisine, noise, chirp."""
+    """Signals in the order multisine, noise, chirp."""
     multisine: Multisine
 
 
@@ -233,9 +232,9 @@ def design_excitation(band: float, settings: SignalsSettings, seed: int) -> Exci
 
 
 def _ramp(settings: SignalsSettings, name: str, values: np.ndarray, at_end: bool) -> np.ndarray:
-    """Raise the signal from zero by half a cosine, and lower it at the end, so that the machine does not jump.
+    """Fade the signal in, and at the end out, by half a cosine, so that the machine does not jump.
 
-    The multisine is raised within its first period, which is its transient, and not lowered: its last period remains a period.
+    The multisine is faded in within its first period (the transient), and not faded out, to keep its last period intact.
     """
     samples = round(settings.ramp_s * settings.rate_Hz)
     if samples == 0:

@@ -10,13 +10,13 @@ from lumbar.settings.tissue import MultisineSettings
 _SEARCH_OVERSAMPLING = 16
 """Samples per cycle of the highest line in the search for phases: a peak is exact to 2 %."""
 _PEAK_OVERSAMPLING = 128
-"""Samples per cycle of the highest line of a reported peak, which is exact to 0.03 %."""
+"""Samples per cycle of the highest line for a reported peak, which is exact to 0.03 %."""
 _CLIP_LEVELS = np.linspace(0.80, 0.995, 60)
 _ITERATIONS_PER_LEVEL = 60
 
 
 def crest_factor(values: np.ndarray) -> float:
-    """Return the crest factor: the largest absolute value over the root mean square.
+    """Return the crest factor: the largest absolute value divided by the root mean square.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ def one_period(lines: np.ndarray, amplitudes: np.ndarray, phases: np.ndarray, sa
     Raises
     ------
     ValueError
-        If a line does not fit the samples.
+        If a line is not between 1 and half the number of samples.
     """
     if lines.min() < 1 or lines.max() >= samples / 2:
         raise ValueError(f"lines {lines.min()} to {lines.max()} do not fit {samples} samples per period")
@@ -58,7 +58,7 @@ def fine_samples(lines: np.ndarray, oversampling: int = _PEAK_OVERSAMPLING) -> i
     lines : numpy.ndarray of int, shape (lines,)
         Multiples of the fundamental.
     oversampling : int
-        Least number of samples per period of the highest line.
+        Smallest number of samples per period of the highest line.
     """
     return int(2 ** np.ceil(np.log2(oversampling * int(lines.max()))))
 
@@ -66,8 +66,8 @@ def fine_samples(lines: np.ndarray, oversampling: int = _PEAK_OVERSAMPLING) -> i
 def clipped_phases(lines: np.ndarray, amplitudes: np.ndarray, phases: np.ndarray) -> np.ndarray:
     """Return phases of low crest factor by iterated clipping, in radians from -π to π, shape (lines,).
 
-    The signal is clipped, at a level that rises towards the peak, and takes the phases of the clipped signal. The best
-    phases are returned, so that the crest factor never grows.
+    Each iteration clips the signal, at a level that rises towards the peak, and adopts the phases of the clipped signal. The
+    best phases are returned, so that the crest factor never grows.
 
     Parameters
     ----------
@@ -101,17 +101,17 @@ class Multisine:
     """Σ A_k cos(2πk t/T + φ_k) over the excited lines k."""
 
     period: float
-    """T in seconds."""
+    """Period T in seconds."""
     lines: np.ndarray
     """Excited multiples of 1/T, rising, shape (lines,)."""
     amplitudes: np.ndarray
-    """Shape (lines,), mm."""
+    """Amplitudes A_k in mm, shape (lines,)."""
     phases: np.ndarray
-    """Shape (lines,), radians."""
+    """Phases φ_k in radians, shape (lines,)."""
     detection_even: np.ndarray
-    """Even lines of the band that are not excited: power of a response there shows even nonlinearity."""
+    """Even lines of the band that are not excited; power of a response at these lines shows even nonlinearity."""
     detection_odd: np.ndarray
-    """Odd lines of the band that are not excited: power of a response there shows odd nonlinearity."""
+    """Odd lines of the band that are not excited; power of a response at these lines shows odd nonlinearity."""
 
     @property
     def frequencies(self) -> np.ndarray:
@@ -120,12 +120,12 @@ class Multisine:
 
     @property
     def peak(self) -> float:
-        """Largest absolute value, between samples too, mm."""
+        """Largest absolute value in mm, including values between samples."""
         return float(np.abs(self._fine()).max())
 
     @property
     def crest_factor(self) -> float:
-        """Peak over root mean square."""
+        """Crest factor: peak divided by root mean square."""
         return crest_factor(self._fine())
 
     def _fine(self) -> np.ndarray:
@@ -178,8 +178,8 @@ def schroeder_phases(amplitudes: np.ndarray) -> np.ndarray:
 def design_multisine(band: float, settings: MultisineSettings, seed: int = 0) -> Multisine:
     """Design a multisine of unit RMS (thesis Eq. 3.1) on a full or an odd grid of lines.
 
-    On the odd grid one line, drawn at random, of every `detection_group` consecutive odd lines is left out to show nonlinearity;
-    products could hide in regular gaps.
+    On the odd grid, one random line of every `detection_group` consecutive odd lines is omitted to detect nonlinearity; in
+    regular gaps the products of a nonlinearity could be missed.
 
     Parameters
     ----------

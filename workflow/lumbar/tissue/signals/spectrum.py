@@ -79,7 +79,7 @@ def welch(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return frequencies and one-sided power spectral density by Welch's method, with segments that overlap by half.
 
-    Like `scipy.signal.welch`, the import of which takes a tenth of a diagnosis.
+    The result equals `scipy.signal.welch`, but its import would take a tenth of the time of a diagnosis.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ def welch(
     window : numpy.ndarray, shape (length,)
         Weights of the samples of a segment.
     degree : int
-        Subtracted from every segment: 0 its mean, 1 its straight line.
+        Degree of the polynomial subtracted from every segment: 0 its mean, 1 its straight line.
 
     Returns
     -------
@@ -111,9 +111,9 @@ def welch(
 
 
 def spectral_edge(signal: np.ndarray, share: float) -> float:
-    """Return the frequency (cycles per sample) below which a share of a signal's power is; at least one cycle per record.
+    """Return the frequency (cycles per sample) that has a share of a signal's power below it; at least one cycle per record.
 
-    The signal is tapered, so that a drift from its start to its end is not mistaken for high frequencies. Its mean counts.
+    The signal, with its mean, is tapered, so that a drift from start to end is not mistaken for high frequencies.
 
     Parameters
     ----------
@@ -165,9 +165,9 @@ def _check_spectrum(frequency: np.ndarray, psd: np.ndarray, maximum: float) -> N
 
 
 def power_share_frequency(frequency: np.ndarray, psd: np.ndarray, share: float, maximum: float) -> float:
-    """Return the frequency in Hz below which a share of the power of the analysis band is.
+    """Return the frequency in Hz that has a share of the analysis band's power below it.
 
-    Every line represents a cell of one line spacing around it; the line at zero, a remainder of detrending, does not count.
+    Every line represents a cell of one line spacing around it. The line at zero, a remainder of detrending, is excluded.
 
     Parameters
     ----------
@@ -194,8 +194,8 @@ def power_share_frequency(frequency: np.ndarray, psd: np.ndarray, share: float, 
 def level_frequency(frequency: np.ndarray, psd: np.ndarray, level: float, maximum: float) -> float | None:
     """Return the last frequency (Hz) of the analysis band at which the density is above a level below its peak.
 
-    Interpolated between lines (logarithm of the density against frequency); ``None`` if the density is above the level
-    at the end of the analysis band.
+    It is interpolated between lines (logarithm of the density against frequency); ``None`` if the density is above the level at
+    the end of the analysis band.
 
     Parameters
     ----------
@@ -254,14 +254,14 @@ def motion_range(position: np.ndarray, sampling_time: float) -> MotionRange:
 
 @dataclass(frozen=True)
 class Kinematics:
-    """Peaks of a motion, between samples too."""
+    """Peaks of a motion, including values between samples."""
 
     displacement: float
-    """mm from the machine's zero."""
+    """Largest displacement from the machine's zero in mm."""
     velocity: float
-    """mm/s."""
+    """Largest velocity in mm/s."""
     acceleration: float
-    """mm/s²."""
+    """Largest acceleration in mm/s²."""
 
 
 _UNITS = {"displacement": "mm", "velocity": "mm/s", "acceleration": "mm/s²"}
@@ -300,7 +300,7 @@ def check_machine_limits(motions: dict[str, Kinematics], limits: Kinematics) -> 
     Raises
     ------
     InputError
-        With signal, quantity, value, limit and the factor by which to scale the signal, for every violation.
+        If a limit is exceeded. The message has signal, quantity, value, limit and the required scale factor of every violation.
     """
     problems = Problems("excitation signals")
     for name, motion in motions.items():

@@ -23,14 +23,14 @@ _PSD_UNITS = {"position": "mm²/Hz", "velocity": "(mm/s)²/Hz"}
 
 @dataclass(frozen=True)
 class MotionSpectra:
-    """Spectra of all trials on one set of frequencies."""
+    """Spectra of all trials at common frequencies."""
 
     names: tuple[str, ...]
-    """Trial of every row."""
+    """Name of the trial of every row."""
     surgeons: tuple[str, ...]
-    """Surgeon of every row."""
+    """Name of the surgeon of every row."""
     frequency: np.ndarray
-    """Shape (lines,), Hz."""
+    """Frequencies in Hz, shape (lines,)."""
     psd: dict[str, np.ndarray]
     """Spectra by quantity, shape (trials, lines): ``"position"`` in mm²/Hz, ``"velocity"`` in (mm/s)²/Hz."""
 
@@ -40,7 +40,7 @@ class MotionSpectra:
         Parameters
         ----------
         quantity : str
-            ``"position"`` or ``"velocity"``; the unit is that in `psd`.
+            ``"position"`` or ``"velocity"``; units as in `psd`.
         """
         surgeons = len(set(self.surgeons))
         weights = np.array([1 / (surgeons * self.surgeons.count(surgeon)) for surgeon in self.surgeons])
@@ -64,8 +64,7 @@ def motion_spectra(
     Raises
     ------
     InputError
-        If a name is duplicate, or a trial is shorter than a segment, is not in mm, or has a rate with other frequency lines
-        than the rest.
+        If a name is duplicate, or a trial is shorter than a segment, is not in mm, or has a rate with other frequency lines.
     """
     names = [record.name for record in records]
     for name in sorted({name for name in names if names.count(name) > 1}):
@@ -115,14 +114,14 @@ def spectra_table(spectra: MotionSpectra) -> pd.DataFrame:
 
 
 def motion_bandwidths(spectra: MotionSpectra, settings: BandwidthSettings, seed: int) -> dict:
-    """Return the bandwidths of the pooled spectra by both rules, with intervals, and those of every trial.
+    """Return the bandwidths of the pooled spectra by both rules, with intervals, and the bandwidths of every trial.
 
-    The interval comes from a two-stage bootstrap: surgeons are drawn with replacement, then trials of each drawn surgeon, because
-    trials of one surgeon are similar. With few surgeons plain percentiles of the draws are too narrow. The distances of the 16 %
-    and 84 % points from the value on a logarithmic scale (one standard deviation of normal draws) are therefore multiplied by
-    Student's t with one degree of freedom less than there are surgeons. In simulated populations of 4 and 12 surgeons the
-    interval of 95 % covered the truth in 90 % of cases, percentiles in 76 % and 90 %. With one surgeon only trials are drawn
-    and the interval is not valid for other surgeons; one trial has no interval.
+    The interval comes from a two-stage bootstrap: surgeons are drawn with replacement, then trials of each drawn surgeon,
+    because trials of one surgeon are similar. With few surgeons plain percentiles of the draws are too narrow. The distances of
+    the 16 % and 84 % points from the value on a logarithmic scale (one standard deviation of normal draws) are therefore
+    multiplied by Student's t; its degrees of freedom are the number of surgeons minus one. In simulated populations of 4 and 12
+    surgeons the interval of 95 % covered the truth in 90 % of cases, percentiles in 76 % and 90 %. With one surgeon only trials
+    are drawn and the interval is not valid for other surgeons; one trial has no interval.
 
     Parameters
     ----------
@@ -185,9 +184,9 @@ def motion_bandwidths(spectra: MotionSpectra, settings: BandwidthSettings, seed:
 
 
 def bandwidth_readings(bandwidths: dict) -> dict[str, dict[str, float | None]]:
-    """Return every bandwidth in hertz, by quantity and by the label of its rule; None if a rule has none.
+    """Return every bandwidth in hertz, by quantity and by label of the rule; None if a rule gives none.
 
-    The share of the power has two: below the upper end of the analysis band, and of the whole spectrum.
+    The rule of the power share gives two: within the analysis band, and within the whole spectrum.
 
     Parameters
     ----------

@@ -250,8 +250,7 @@ class EffectModel:
         return tuple(np.array([value for part in parts for value in part[kind]]) for kind in (0, 1))
 
     def motion(self, inputs: np.ndarray) -> SampledMotion | SpatialMotion:
-        """Return the motion through positions, shape (samples,), in space (samples, axes), with derivatives from past samples
-        only."""
+        """Return the motion through positions, (samples,) or in space (samples, axes), with derivatives from past samples."""
         inputs = np.asarray(inputs, dtype=float)
         if not self.axes:
             return SampledMotion.from_positions(inputs, self.sampling_time)

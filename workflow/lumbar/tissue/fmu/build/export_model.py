@@ -297,8 +297,7 @@ def export_models(fitted: list[FittedModel], settings: RuntimeSettings) -> list[
 def _export_model(model: FittedModel, settings: RuntimeSettings) -> ExportModel:
     """Return a model ready for export at the rate of the settings, or as in the thesis (section 3.2.3.2).
 
-    The thesis has "a moving average about the three previous points on the position measurements": the newest point is
-    excluded.
+    The thesis has "a moving average about the three previous points on the position measurements", without the newest point.
     """
     # The rotation of the force sensor's axes is not part of the tissue.
     forms = getattr(model.structure, "forms", ())

@@ -152,8 +152,7 @@ def resample_model(model: LinearModel, sampling_time: float, wanted: float) -> L
     Raises
     ------
     NumericalError
-        If the new rate is below the old rate, or if no continuous model exists and the new rate is not a multiple of the old
-        rate.
+        If the new rate is lower, or if no continuous model exists and the new rate is not a multiple of the old rate.
     """
     if (model.states == 0 and model.feedthrough) or wanted == sampling_time:
         return model
