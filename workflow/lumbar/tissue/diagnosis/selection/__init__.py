@@ -1,1 +1,1 @@
-"""Which effects are missing: forward selection, ties, the verdict and its sentences."""
+"""Selection of missing effects: forward selection, ties, the verdict and its sentences."""

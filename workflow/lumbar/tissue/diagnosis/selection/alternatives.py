@@ -31,30 +31,30 @@ from lumbar.tissue.models.structure import Structure
 _MAX_NONLINEAR_SHARE = 0.1
 """Largest significant nonlinear share of the error of the best linear model if nothing nonlinear is missing."""
 _OWN_ZERO_ERROR_RATIO = 0.9
-"""Factor on the unseen error below which one zero per record is used."""
+"""Ratio of the unseen error with one zero per record to that with one zero, below which one zero per record is used."""
 _MIN_START_SAMPLES = 3
 _ZERO_SHIFT_SHARE, _ZERO_SHIFT_SIGMAS = 0.1, 2.5
-"""Largest distance between the zero at a record's beginning and over all of it if it is one zero: a share of its shift, and
-standard errors of the beginning's median."""
+"""Largest distance between the zero at a record's beginning and that of the whole record if both are the same: a share of the
+zero's shift, plus standard errors of the median at the beginning."""
 _MIN_ZERO_SHARE = 0.01
 """Share of the response's range above which a sensor's zero is reported."""
 _LEAD_BASES = ("LE", "KB")
-"""Bases with which a lead is searched: the dashpots of the others can replace one."""
+"""Bases with which a lead is searched: dashpots of the other bases can replace a lead."""
 _MAX_LEADS = (5, 14, 23)
-"""Longest lead that is searched first, and next if it may be longer, in samples: a delay spans ten samples."""
+"""Longest leads, in samples, of the first search and of the next searches for a longer lead: a delay spans ten samples."""
 _MIN_SAMPLES_PER_LEAD = 4
-"""Ratio of the samples that must count in every record to the longest lead."""
+"""Smallest ratio of the samples that count in every record to the longest lead."""
 _MIN_DELAY_SAMPLES = 0.2
-"""Delay up to which the lead may be longer."""
+"""Remaining delay, in samples, up to which the lead may be longer."""
 _DELAY_STARTS = (4.0, 1.5)
-"""Samples that the search for the delay begins at."""
+"""Starting values of the delay in samples."""
 
 
 def compare_zeros(state: DiagnosisState) -> DiagnosisState:
-    """Search again with one zero per record, if the model or a smaller one does much better with them.
+    """Search again with one zero per record if this makes the model, or a smaller model, much better.
 
-    If zeros differ between records, an effect that accumulates (a drift) may be mistaken for the difference. If they do not
-    differ, a model that lacks a relaxation seems to have different zeros too: a zero counts only if its record begins with it.
+    If zeros differ between records, an effect that accumulates (a drift) may be selected instead. If they do not differ, a model
+    that lacks a relaxation seems to have different zeros too: a zero counts only if its record begins with this value.
     """
     step, result, experiment = "compare zeros", state.result, state.result.experiment
     if experiment.has_own_zeros:
@@ -94,8 +94,8 @@ def compare_zeros(state: DiagnosisState) -> DiagnosisState:
 def compare_with_linear_dynamics(state: DiagnosisState) -> DiagnosisState:
     """Compare the model with linear dynamics of higher order.
 
-    If these explain more and leave nothing nonlinear, only linear effects are searched. If they leave something nonlinear, no
-    effect of the catalogue explains it.
+    If linear dynamics explain more and leave no nonlinear error, only linear effects are searched. If they explain more and leave
+    a nonlinear error, no effect of the catalogue explains the records.
     """
     step, result, candidates = "compare with linear dynamics", state.result, state.settings.candidates
     experiment = result.experiment
@@ -131,7 +131,7 @@ def compare_with_linear_dynamics(state: DiagnosisState) -> DiagnosisState:
 
 
 def check_lead(state: DiagnosisState) -> DiagnosisState:
-    """Check whether a force that leads explains more than the selected linear effects: no mechanism does that."""
+    """Check whether a force that leads the motion explains more than the selected linear effects; no mechanism causes a lead."""
     step, model, experiment = "check lead", state.result.model, state.result.experiment
     linear = {name for name in state.result.selected if state.settings.candidates[name].linear}
     finding = force_leads(model, experiment, linear)
@@ -144,7 +144,7 @@ def check_lead(state: DiagnosisState) -> DiagnosisState:
 
 
 def report_zeros(state: DiagnosisState) -> DiagnosisState:
-    """Report the zeros of the sensors, if they matter."""
+    """Report the zeros of the sensors if they are relevant."""
     return state.report("report zeros", report_offsets(state.result), "the zeros are where the records say")
 
 
@@ -183,7 +183,7 @@ def report_offsets(result: DiagnosisResult) -> list[Finding]:
 
 
 def position_offset(experiment: Experiment) -> list[Finding]:
-    """Return a finding on the position from which positions are counted, if no record comes near 0."""
+    """Return a finding on the origin of the positions if no record comes near 0."""
     if not any(experiment.rest):
         return []
     unit, size = experiment.input_unit, float(np.linalg.norm(experiment.rest))
@@ -198,7 +198,7 @@ def position_offset(experiment: Experiment) -> list[Finding]:
 
 @dataclass(frozen=True)
 class _RecordZero:
-    """Zero of an unseen record for a model that was fitted to others."""
+    """Zero of an unseen record for a model that was fitted to other records."""
 
     name: str
     zero: float
@@ -206,9 +206,9 @@ class _RecordZero:
     """Zero of the first samples, before the motion affects them."""
     start_samples: int
     rms: float
-    """Error from this zero."""
+    """RMS error with this zero."""
     strict_rms: float
-    """Error from the zero of training."""
+    """RMS error with the zero of the training record."""
 
 
 def _record_zeros(result: DiagnosisResult) -> list[_RecordZero]:
@@ -224,7 +224,7 @@ def _record_zeros(result: DiagnosisResult) -> list[_RecordZero]:
 
 
 def apparent_zeros(result: DiagnosisResult) -> Finding | None:
-    """Return a finding on zeros that records do not begin with, within the noise; None if they do: the zeros moved."""
+    """Return a finding if records do not begin at their fitted zeros; None if they do within the noise: the zeros moved."""
     unit, zero, zeros = result.experiment.output_unit, result.model.fit.zero, _record_zeros(result)
     distances = np.array([item.start - item.zero for item in zeros])
     shifts = np.array([item.zero - zero for item in zeros])
@@ -245,8 +245,8 @@ def apparent_zeros(result: DiagnosisResult) -> Finding | None:
 def linear_alternative(model: Candidate, experiment: Experiment) -> tuple[Candidate, Finding] | None:
     """Return a higher-order linear model that explains all records significantly better than a selected one, and its finding.
 
-    It must be better by likelihood and number of parameters, and by the loss on unseen records; otherwise None. Lost contact is
-    never linear, and a model that explains the records with as few states is not replaced by one without names.
+    It must be better by likelihood and number of parameters, and by the loss on unseen records; otherwise return None. Lost
+    contact is never linear, and an adequate model of named effects with as few states is not replaced.
     """
     if model.fit.structure.base.contact:
         return None
@@ -274,8 +274,8 @@ def linear_alternative(model: Candidate, experiment: Experiment) -> tuple[Candid
 def force_leads(model: Candidate, experiment: Experiment, linear: set[str]) -> Finding | None:
     """Report by how much the force leads, if that explains all records significantly better than the selected model.
 
-    The force is delayed, so that a delay remains between position and force. The effects `linear` are left out of this model:
-    dashpots, masses and branches can replace a lead.
+    The force is delayed first, so that a delay remains between position and force. The effects `linear` are left out of the model
+    with a lead, because dashpots, masses and branches can replace a lead.
     """
     base = model.fit.structure.base
     replaced = linear & set(model.effects)

@@ -1,4 +1,4 @@
-"""The base that the records require: chosen before effects are known, and reconsidered with them."""
+"""Choice of the base: before effects are known, and again with the selected effects."""
 
 import numpy as np
 import scipy
@@ -25,21 +25,21 @@ TISSUE_BASES = ("KB", "KV", "Maxwell", "LE")
 CONTACT_BASES = ("KB-contact", "KV-contact", "LE-contact")
 """Bases of a tool that is not fastened to the tissue."""
 _SURFACE_TRIALS = 40
-"""Depths at which the surface is searched."""
+"""Number of depths at which the surface is searched."""
 _SEARCHED_SHARE = 0.06
 """Share of the range about the first surface in which the best one is searched."""
 _MAX_SPRING_RATIO = 0.9
-"""Largest ratio of the squared error of a spring that is met to that of a fastened one for which contact is tried."""
+"""Largest ratio of the squared errors of a spring with contact and a fastened spring for which contact is tried."""
 _SURFACE_EFFECTS = 3
-"""Effects, those with the best screening, with which the surface is searched again."""
+"""Number of effects, the best in screening, with which the surface is searched again."""
 _MIN_FREE_SHARE = 0.03
-"""Share of the samples that must be above the surface."""
+"""Smallest share of samples above the surface."""
 _MAX_FREE_SPREAD = 0.1
-"""Largest ratio of the spread of the force above the surface to that of the whole record if nothing is touched there."""
+"""Largest ratio of the spread of the force above the surface to its spread in the whole record if there is no contact above."""
 
 
 def choose_base(state: DiagnosisState) -> DiagnosisState:
-    """Choose the base that the settings name, or the one that explains all records best."""
+    """Choose the base that the settings name, or the base that explains all records best."""
     experiment, base = find_base(state.result.experiment, state.settings.base, state.settings.candidates)
     unit, name = experiment.output_unit, base.fit.structure.base.name
     reason = f"{name}: error {base.train_rms:.4g} {unit} in training, {base.test_rms:.4g} {unit} unseen"
@@ -47,7 +47,7 @@ def choose_base(state: DiagnosisState) -> DiagnosisState:
 
 
 def reconsider_base(state: DiagnosisState) -> DiagnosisState:
-    """Choose the base again, with the selected effects; if another one is better, select effects again."""
+    """Choose the base again, with the selected effects; if another base is better, select effects again."""
     step, result = "reconsider the base", state.result
     if state.settings.base != CHOSEN_BY_DATA or not result.selected:
         return state.next(step, "not needed: the base is given, or no effect was selected")
@@ -77,10 +77,10 @@ def reweigh_errors(state: DiagnosisState, search: tuple = SEARCH) -> DiagnosisSt
 def find_base(
     experiment: Experiment, name: str | Base, catalogue: dict[str, Effect]
 ) -> tuple[Experiment, Candidate]:
-    """Fit the base that is named, or the one that the data require.
+    """Fit the named base, or the base that the data require.
 
-    That base has the best likelihood of all records for its number of parameters. A base with contact must be better than a
-    fastened one with any single effect, e.g. one that loses the tissue too, or one that clips the force. `name` is a key of
+    The latter has the best likelihood of all records for its number of parameters. A base with contact must be better than a
+    fastened base with any single effect, e.g. an effect that loses contact or clips the force. `name` is a key of
     `lumbar.tissue.models.bases.BASES`, a user-defined base, or `CHOSEN_BY_DATA`. Positions of the returned experiment are counted
     from the tissue's surface if the base has contact.
     """
@@ -114,9 +114,9 @@ def find_base(
 def better_base(model: Candidate, experiment: Experiment) -> str | None:
     """Return the name of the base that explains all records significantly better with the same effects, or None.
 
-    A missing effect may have been mistaken for a Maxwell branch. A base without fewer parameters must be as worthwhile as a
-    further effect: a branch can absorb a little of any model's error, and its spring then changes the other parameters (a mass
-    m with a dashpot b is m + bτ with a branch).
+    Without its effects the base may have a Maxwell branch instead of them. Another base without fewer parameters must be as
+    worthwhile as a further effect: a branch can absorb a little of any model's error, and its spring then changes the other
+    parameters (a mass m with a dashpot b is m + bτ with a branch).
     """
     current = model.fit.structure.base
     names = CONTACT_BASES if current.contact else TISSUE_BASES
@@ -155,7 +155,7 @@ def first_surface(experiment: Experiment) -> float | None:
 
 
 def fit_at_surface(experiment: Experiment, names: tuple[str, ...]) -> tuple[Experiment, Candidate]:
-    """Find the surface of the tissue, and the best of several bases with contact from there."""
+    """Fit the surface of the tissue with each of several bases with contact, and return the best base."""
     start = first_surface(experiment)
     if start is None:
         start = float(experiment.training.motion.position.min())
@@ -169,7 +169,7 @@ def fit_at_surface(experiment: Experiment, names: tuple[str, ...]) -> tuple[Expe
 def _fit_surface_with_effects(
     experiment: Experiment, base: Candidate, catalogue: dict[str, Effect]
 ) -> tuple[Experiment, Candidate]:
-    """Fit the surface together with the best single effect: a missing effect moves it."""
+    """Fit the surface together with the best single effect, because a missing effect moves the surface."""
     singles = best_by_effect(extend(base, catalogue, experiment, most=_SURFACE_EFFECTS, all_forms=False))
     refined = [_fit_surface(experiment, item, experiment.surface) for item in singles[:_SURFACE_EFFECTS]]
     refined = [pair for pair in refined if pair[1].score < base.score - TIED]

@@ -18,20 +18,20 @@ from lumbar.tissue.models.motion import Motion
 from lumbar.tissue.models.structure import Structure
 
 _MAX_LEFT_SHARE = 0.5
-"""Share of a response's variance that a model without a known noise floor may leave and still be adequate."""
+"""Largest share of a response's variance that an adequate model leaves if the noise floor is unknown."""
 _PREDICTION_ORDER = 12
 _UNCERTAIN_VARIANCES = 4.0
-"""Variances of a prediction, from the uncertainty of the parameters, that an unseen error may be above the noise (95 %)."""
+"""Largest excess of an unseen squared error over the noise, in variances of the prediction due to the parameters (95 %)."""
 ADEQUATE = 1.1
-"""A model with an error within this factor of the noise floor leaves nothing to explain."""
+"""Largest ratio of the error to the noise floor of a model that leaves nothing to explain."""
 SAME_SCORE = 1e-6
-"""Relative difference of scores that rounding on another processor may invert."""
+"""Relative difference below which scores are equal: rounding on another processor may change its sign."""
 _STUDENT_FREEDOM = 4
 """Degrees of freedom of Student's t for unseen errors."""
 _BOUND_SHARE = 1e-3
-"""Distance from a bound, as a share of the logarithmic range, within which a parameter counts as at it."""
+"""Distance from a bound, as a share of the logarithmic range, within which a parameter counts as at the bound."""
 _MIN_OPTIMUM_GAIN = 1e-4
-"""Share of the squared error by which another optimum must be lower: fits that end in the same one differ by less."""
+"""Smallest relative difference of the squared errors of two optima: fits that end in one optimum differ by less."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,11 +44,11 @@ class Candidate:
     test_rms: float
     """Free-run simulation error on unseen records, in the output's unit."""
     score: float
-    """Minus twice the log-likelihood of all records, up to a constant, and the logarithm of their size for each parameter
-    (Schwarz, Ann. Statist. 6 (1978) 461-464): smaller is better. Unseen errors are taken as Student's t, so that a few
-    peaks beyond the range of the training record do not outweigh all the rest."""
+    """Minus twice the log-likelihood of all records, up to a constant, plus the logarithm of their size for each parameter
+    (Schwarz, Ann. Statist. 6 (1978) 461-464): smaller is better. Unseen errors have Student's t distribution, so that a few
+    peaks beyond the range of the training record do not outweigh all other errors."""
     unseen_rms: dict[str, float]
-    """`test_rms` record by record."""
+    """Free-run simulation error by unseen record, in the output's unit."""
 
     @property
     def effects(self) -> tuple[str, ...]:
@@ -57,7 +57,7 @@ class Candidate:
 
     @property
     def parameters(self) -> int:
-        """Number of parameters."""
+        """Number of parameters of the model."""
         return len(self.fit.linear) + len(self.fit.nonlinear)
 
 
@@ -84,12 +84,12 @@ def fit_base(base: Base, experiment: Experiment) -> Candidate:
 
 
 def refit(structure: Structure, start: np.ndarray, experiment: Experiment) -> Candidate:
-    """Fit a structure from these nonlinear parameters on."""
+    """Fit a structure, starting from given nonlinear parameters."""
     return evaluate(joint_fit.fit(structure, experiment.training, start), experiment)
 
 
 def refit_from_starts(model: Candidate, experiment: Experiment) -> Candidate:
-    """Fit a model from every start of its base, which may be beyond a ridge from here; return the better of both fits."""
+    """Fit a model again from every start of its base, because a better optimum may be elsewhere; return the better fit."""
     structure = model.fit.structure
     if not (structure.is_linear and structure.base.nonlinear):
         return model
@@ -100,7 +100,7 @@ def refit_from_starts(model: Candidate, experiment: Experiment) -> Candidate:
 
 
 def add_form(model: Candidate, form: Form, experiment: Experiment) -> Candidate:
-    """Refit a model with one form more."""
+    """Refit a model with one more form."""
     return evaluate(joint_fit.add(model.fit, form, experiment.training), experiment)
 
 
@@ -120,7 +120,7 @@ def exchange_base(model: Candidate, base: Base, experiment: Experiment) -> Candi
 
 
 def select_forms(fit: Fit, forms: Sequence[Form]) -> Fit:
-    """Return the same fitted parameters for some of the forms, or for all in another order."""
+    """Return a fit with some of its forms, or with all in another order, without a change of parameters."""
     structure = fit.structure
     sizes = [len(structure.base.linear), *(len(form.linear) for form in structure.forms)]
     first, *parts = np.split(fit.linear, np.cumsum(sizes)[:-1])
@@ -169,9 +169,9 @@ def unseen_improvement(before: Candidate, after: Candidate, experiment: Experime
 def loss_improvement(before: Fit, after: Fit, records: list[FitData]) -> float:
     """Return the number of standard errors by which the loss on some records falls.
 
-    Mean difference of losses over its standard error, neighbouring samples taken as dependent over √samples (Diebold and
-    Mariano, J. Bus. Econ. Stat. 13 (1995) 253-263). The loss is that of Student's t: of squared errors the mean depends on a
-    few peaks of an extrapolated force, and no difference is ever significant.
+    The result is the mean difference of losses over its standard error, with dependence over √samples neighbouring samples
+    (Diebold and Mariano, J. Bus. Econ. Stat. 13 (1995) 253-263). The loss is that of Student's t, because a mean of squared
+    errors depends on a few peaks of an extrapolated force, and no difference is then significant.
     """
     errors = [(before.whitened_errors(record), after.whitened_errors(record)) for record in records]
     scale = min(_student_scale(np.concatenate(by_fit)) for by_fit in zip(*errors, strict=True))
@@ -188,7 +188,7 @@ def loss_improvement(before: Fit, after: Fit, records: list[FitData]) -> float:
 
 
 def is_adequate(candidate: Candidate, experiment: Experiment, factor: float = ADEQUATE) -> bool:
-    """Return whether the errors are within this factor of the noise floor and of the other errors of a right model.
+    """Return whether the errors are within a factor of the noise floor plus the other errors of a right model.
 
     Without a floor, the model must explain at least half of the variance of every record and leave white noise: an autoregressive
     model (Yule–Walker) must not predict its error better than by this factor.
@@ -221,8 +221,8 @@ def is_adequate(candidate: Candidate, experiment: Experiment, factor: float = AD
 def is_worthwhile(base: Candidate, before: Candidate, after: Candidate, experiment: Experiment) -> bool:
     """Return whether a larger model explains more than the slight error of the smaller model's form.
 
-    It leaves only noise, or removes a share of what the base without effects leaves to explain, or most of what the smaller
-    model leaves (`lumbar.tissue.diagnosis.selection.thresholds`).
+    This is true if the larger model leaves only noise, or removes a share of the explainable error of the base without effects,
+    or most of the explainable error of the smaller model (`lumbar.tissue.diagnosis.selection.thresholds`).
     """
     if is_adequate(after, experiment):
         return True
@@ -242,7 +242,7 @@ def best_by_effect(candidates: list[Candidate]) -> list[Candidate]:
 
 
 def sort_by_score(candidates: list[Candidate]) -> list[Candidate]:
-    """Sort candidates by score, the best first; those with scores equal to rounding by the names of their effects."""
+    """Sort candidates by score, the best first; candidates with equal scores (`SAME_SCORE`) by the names of their effects."""
     ordered: list[Candidate] = []
     equal: list[Candidate] = []
     for item in sorted(candidates, key=lambda item: item.score):
@@ -256,11 +256,11 @@ def sort_by_score(candidates: list[Candidate]) -> list[Candidate]:
 def contradictions(fit: Fit, experiment: Experiment) -> list[str]:
     """Return the contradictions between a fitted model and the names of its effects, one sentence each.
 
-    - No force that an effect adds differs significantly from 0 (of several, or of those that its form calls essential, one
-      of them or all together).
-    - A parameter that decides whether the mechanism is there is at the end of its range.
-    - The form itself rejects it (`Form.contradiction`): a limit that the record exceeds, less than two cycles of a
-      disturbance or a frequency of the excitation's own grid.
+    - No force that an effect adds differs significantly from 0, neither one force nor all together; if the form names essential
+      forces, only these count.
+    - A parameter that decides whether the mechanism exists is at the end of its range.
+    - The form itself rejects its parameters (`Form.contradiction`): a limit that the record exceeds, less than two cycles of a
+      disturbance, or a frequency on the grid of the excitation.
     - Nothing is left of the base.
     """
     structure, training = fit.structure, experiment.training
@@ -293,7 +293,7 @@ def contradictions(fit: Fit, experiment: Experiment) -> list[str]:
 
 
 def _are_jointly_significant(form: Form, names: tuple[str, ...], fit: Fit, training: FitData) -> bool:
-    """Return whether several amplitudes together are significantly not 0, by Wald's test: similar ones hide each other."""
+    """Return whether several amplitudes together are significantly not 0, by Wald's test: similar forces hide each other."""
     owners = [form for form in fit.structure.forms for _ in form.linear]
     items = fit.structure.linear[len(fit.structure.base.linear) :]
     mine = [index for index, item in enumerate(items) if owners[index] is form and item.name in names]
@@ -305,7 +305,7 @@ def _are_jointly_significant(form: Form, names: tuple[str, ...], fit: Fit, train
 
 
 def _form_contradiction(form: Form, values: dict[str, float], fit: Fit, experiment: Experiment) -> list[str]:
-    """Return the contradiction that a form itself finds in its parameters, on one training record after another."""
+    """Return the contradictions that a form detects in its parameters, by training record."""
     training, floor = experiment.training, experiment.floor
     noise, period = (floor.rms, floor.period) if floor else (fit.rms(training), None)
     motions = (training.motion,) if isinstance(training.motion, Motion) else training.motion.parts

@@ -19,7 +19,7 @@ _LAST_KINDS = (
     *("apparent_zeros", "force_leads", "higher_order_linear"),
     *("other_rates_missed", "one_rate", "trained_otherwise", "falling_stiffness", "proposed_law"),
 )
-"""Kinds of findings in the order in which a result lists them, after those of records and sensors."""
+"""Kinds of findings that a result lists last, in this order."""
 
 
 class Status(StrEnum):
@@ -36,7 +36,7 @@ class Status(StrEnum):
 
 
 UNUSABLE = {"status": Status.UNEXPLAINED, "refined_status": Status.UNEXPLAINED, "is_decided": True}
-"""Changes by a step that finds records that the models do not apply to: no effect is searched in them."""
+"""New values of fields after a step that detects records to which the models do not apply: no effect is searched."""
 
 
 @dataclass(frozen=True)
@@ -44,11 +44,11 @@ class Step:
     """One step of a diagnosis."""
 
     step: str
-    """Name, e.g. ``"choose the base"``."""
+    """Name of the step, e.g. ``"choose the base"``."""
     reason: str
-    """Action or finding, with numbers."""
+    """Action or finding of the step, with numbers."""
     status: Status | None
-    """Status of the base model after the step; None as long as no model was judged."""
+    """Status of the base model after the step; None until a model is judged."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +57,7 @@ class Ranked:
 
     candidate: Candidate
     p_value: float
-    """See `lumbar.tissue.diagnosis.selection.thresholds`."""
+    """Probability of as large a gain if nothing is missing; see `lumbar.tissue.diagnosis.selection.thresholds`."""
     estimates: list[FittedParameter]
 
     def to_json(self) -> dict:
@@ -88,31 +88,31 @@ class DiagnosisResult:
     status: Status = None
     """Status of the base model: ``verdict`` in ``diagnosis.json``."""
     path: list[Candidate] = field(default_factory=list)
-    """Base, base and first effect, …."""
+    """Models from the base to the refined model, each with one more effect."""
     tied_with: list[Candidate] = field(default_factory=list)
     """Alternatives that explain the data equally well."""
     ranking: list[Ranked] = field(default_factory=list)
-    """Sets of effects, best first."""
+    """Sets of effects with their evidence, best first."""
     explainable_share_removed: float = 0.0
-    """Share of the base's unseen variance, without that of known noise, that the selected effects remove."""
+    """Share of the base's unseen error variance, without known noise, that the selected effects remove."""
     refined_status: Status = None
-    """Status of the refined model: ``named`` (`further` passes what an effect must pass to be selected), else
-    ``adequate`` (its error is within `COMPLETE` of the noise floor, or that is not known) or ``unexplained``."""
+    """Status of the refined model: ``named`` (`further` passes all tests of a selected effect), else ``adequate`` (its error is
+    within `COMPLETE` noise floors, or the floor is unknown) or ``unexplained``."""
     further: Candidate | None = None
-    """Refined model with the effect that one more step of the search would add. None as well if the refined model
-    leaves only noise, so that no step was made."""
+    """Refined model with the effect that one more step of the search would add. None if there is no such effect, or if the
+    refined model leaves only noise."""
     not_tried: list[tuple[Form, tuple[str, ...]]] = field(default_factory=list)
-    """Forms that need channels which the records do not have, with these channels."""
+    """Forms that need channels missing in the records, with the missing channels."""
     findings: tuple[Finding, ...] = ()
     """Properties of the records that are not physical effects."""
     is_searched_further: bool = True
-    """True if a further effect was searched for in addition to those selected."""
+    """True if an effect was searched in addition to the selected effects."""
     linear: Candidate | None = None
     """User-defined base of higher-order linear dynamics that explain more than the refined model."""
     proposal: Any = None
-    """Search of a law for what the catalogue leaves (`law.proposal.Proposal`); None if none was made."""
+    """Proposed law for the error that the catalogue leaves (`law.proposal.Proposal`); None if no law was searched."""
     steps: tuple[Step, ...] = ()
-    """Steps of the diagnosis in their order."""
+    """Steps of the diagnosis in chronological order."""
 
     @property
     def model(self) -> Candidate:
@@ -126,19 +126,19 @@ class DiagnosisResult:
 
     @property
     def noise_rms(self) -> float:
-        """Noise per sample: the floor, or the training error of the model if the floor is unknown."""
+        """RMS of the noise per sample: the floor, or the training error of the model if the floor is unknown."""
         floor = self.experiment.floor
         return self.model.train_rms if floor is None else floor.rms
 
     @property
     def orientation(self) -> Finding | None:
-        """Finding that input and output are exchanged or a sign or channels are wrong; None if they are right."""
+        """Finding on exchanged input and output, an inverted sign or exchanged channels; None if all are right."""
         wrong = ("direction", "sign", "force_channels")
         return next((item for item in self.findings if item.kind in wrong), None)
 
     @property
     def decided_by(self) -> Step | None:
-        """Step that set the status: the last one with another status than the step before it."""
+        """Step that decided the status: the last step with a status other than that of the step before."""
         before = (None, *(step.status for step in self.steps))
         changed = [step for step, status in zip(self.steps, before, strict=False) if step.status != status]
         return changed[-1] if changed else None
@@ -189,17 +189,17 @@ class DiagnosisState:
     """State of a diagnosis between two steps."""
 
     records: list[Record]
-    """Records as given."""
+    """Original records."""
     settings: DiagnosisSettings
-    """Settings; their catalogue is limited to what these records allow as soon as that is known."""
+    """Settings; their catalogue is limited to effects that the records allow as soon as these are known."""
     result: DiagnosisResult = field(default_factory=DiagnosisResult)
-    """Result so far."""
+    """Result of the steps so far."""
     repaired: tuple[list[Record], list[Finding]] | None = None
-    """Records without the faults of their sensors, and these faults."""
+    """Records after repair of sensor faults, and findings on these faults."""
     effects: dict[str, Effect] = field(default_factory=dict)
-    """All effects that these records allow, rivals included."""
+    """All effects that the records allow, including rivals."""
     prepared: Experiment = None
-    """Records as prepared; their positions are not counted from a surface."""
+    """Prepared records, with positions that are not counted from a surface."""
     selection: Any = None
     """`forward_selection.Selection` of the current base, with all sets of effects that were tried."""
     inverse: Experiment | None = None
@@ -215,7 +215,7 @@ class DiagnosisState:
         step : str
             Name of the step.
         findings : sequence of Finding
-            Findings, of which the kinds are the result of the step.
+            Findings; their kinds are the result of the step.
         otherwise : str
             Result of the step without findings.
         """
@@ -246,7 +246,7 @@ class DiagnosisState:
 
 
 def run(steps: Iterable[Callable[[DiagnosisState], DiagnosisState]], state: DiagnosisState) -> DiagnosisState:
-    """Take one step after another until the result is decided."""
+    """Run one step after another until the result is decided."""
     for step in steps:
         if state.is_decided:
             break

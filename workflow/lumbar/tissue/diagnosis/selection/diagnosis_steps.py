@@ -35,28 +35,28 @@ from lumbar.tissue.models.form import Effect
 from lumbar.tissue.signals.spectrum import occupied_band
 
 _MAX_UNSEEN_ERROR = 2.0
-"""Largest unseen error, in noise floors, of a model that leaves only noise in training and holds for all records."""
+"""Largest unseen error, in noise floors, of a model that leaves only noise in training and is valid for all records."""
 _SEGMENTS = 4
-"""Segments of a record with a stiffness each."""
+"""Number of segments of a record; a stiffness is estimated in each."""
 _MAX_RANK_CORRELATION = -0.9
-"""Largest rank correlation of the stiffnesses of all segments with their order if they fall throughout."""
+"""Largest rank correlation of stiffness and order of all segments if the stiffness falls throughout."""
 _MIN_RANGE_SHARE = 0.2
 """Smallest range of a segment, as a share of the record's range."""
 _MIN_FALL_SHARE = 0.01
-"""Smallest share of the stiffness by which it falls."""
+"""Smallest relative fall of the stiffness."""
 _MIN_RATE_RATIO = 2.0
-"""Smallest ratio of the highest to the lowest rate of motion for which records show rate dependence of a force."""
+"""Smallest ratio of the highest to the lowest rate of motion in records that show whether a force depends on rate."""
 _MAX_ERROR_RATIO = 1.5
-"""Largest ratio of the unseen to the training error, each relative to its force if that is larger, of a record that is
-predicted; and of the error of a rival to that of the model if they are tied."""
+"""Largest ratio of the unseen error to the training error of a predicted record (if its force is larger, errors are relative to
+the forces); and largest ratio of the error of a tied rival to that of the model."""
 _FUNDAMENTAL_POWER = 0.9
-"""Share of the power that bounds the rates of a motion: without the harmonics of a triangle, which has one rate."""
+"""Share of the power that defines the rates of a motion: it excludes the harmonics of a triangle, which has one rate."""
 _RELAXATIONS = ("relaxation_spectrum", "second_relaxation")
 _LARGE_STRAIN_SPRINGS = ("hardening_stiffness", "strain_softening", "quadratic_stiffness")
 """Alternatives to a rate-independent mechanism: relaxation, without or with a spring of large strain."""
 _MIN_SHARE_REMOVED_BY_RESIZING = 0.5
-"""Smallest share of the error on a record that another size of the mechanism removes if the rate of that record contradicts
-it; otherwise something else is missing there."""
+"""Smallest share of the error on a record that another size of the mechanism removes if the record contradicts the mechanism;
+otherwise another effect is missing on this record."""
 
 
 def diagnose(
@@ -67,11 +67,11 @@ def diagnose(
     Parameters
     ----------
     records : sequence of Record
-        One per excitation, with channels ``input`` and ``output``, or one pair for every axis.
+        One record per excitation, with channels ``input`` and ``output``, or a pair of channels for every axis.
     settings : DiagnosisSettings, optional
-        Default settings if None.
+        Settings of the diagnosis; default settings if None.
     findings : sequence of Finding
-        Known properties of the records.
+        Known properties of the records, which are added to the result.
 
     Returns
     -------
@@ -108,7 +108,7 @@ def repair_sensor_faults(state: DiagnosisState) -> DiagnosisState:
 
 
 def estimate_noise_floor(state: DiagnosisState) -> DiagnosisState:
-    """Prepare the records, estimate their noise, and leave out effects that need channels which they lack."""
+    """Prepare the records, estimate their noise, and leave out effects that need missing channels."""
     settings = state.settings
     experiment = Experiment.from_records(state.records, settings, state.repaired)
     floor, training = experiment.floor, experiment.training
@@ -165,8 +165,8 @@ def search_formula(state: DiagnosisState) -> DiagnosisState:
 def check_rate_independence(state: DiagnosisState) -> DiagnosisState:
     """Name a rate-independent mechanism only if other rates are predicted without new constants.
 
-    Otherwise it is tied with the relaxations, without or with a spring of large strain, that explain the unseen records equally
-    well; it is unexplained if records of other rates contradict it and none of these does.
+    Otherwise it is tied with relaxations, without or with a spring of large strain, that explain the unseen records equally well.
+    The status is unexplained if records of other rates contradict the mechanism and there is no such relaxation.
     """
     step, result, effects = "check rate independence", state.result, state.effects
     experiment = result.experiment
@@ -207,13 +207,13 @@ def check_rate_independence(state: DiagnosisState) -> DiagnosisState:
 
 
 def compare_records(state: DiagnosisState) -> DiagnosisState:
-    """Report unseen records that the model misses though it leaves only noise in training, and stiffness that falls."""
+    """Report unseen records that the model does not predict although it leaves only noise in training, and falling stiffness."""
     findings = [*_train_on_others(state), *_falling_stiffness(state.result.experiment)]
     return state.report("compare records", findings, "no record contradicts the others")
 
 
 def _train_on_others(state: DiagnosisState) -> list[Finding]:
-    """Report the errors of the selected model fitted to the unseen records, and to all, if it leaves noise in training only."""
+    """Report the errors of fits to the unseen records and to all records, if the model leaves only noise in training."""
     experiment, model = state.result.experiment, state.result.model
     noise = experiment.noise or model.train_rms
     is_other = model.fit.structure.base.system != "tissue" or experiment.session or experiment.points
@@ -251,7 +251,7 @@ def _train_on_others(state: DiagnosisState) -> list[Finding]:
 
 
 def _falling_stiffness(experiment: Experiment) -> list[Finding]:
-    """Report a stiffness that falls through all records, in their order."""
+    """Report a stiffness that falls from record to record and within all records."""
     records = experiment.records
     if len(records) < 2 or experiment.session or experiment.points:
         return []
@@ -277,7 +277,7 @@ def _falling_stiffness(experiment: Experiment) -> list[Finding]:
 
 
 def _unpredicted_records(result: DiagnosisResult, named: list[str]) -> list[str]:
-    """Return the unseen records with an error far above that of training that other sizes of the named effects would remove."""
+    """Return unseen records with a far larger error than in training, which other sizes of the named effects would remove."""
     model, experiment, fit = result.model, result.experiment, result.model.fit
     least = max(model.train_rms, experiment.noise)
     trained = float(np.std(experiment.training.trim(experiment.training.force)))
@@ -301,7 +301,7 @@ def _unpredicted_records(result: DiagnosisResult, named: list[str]) -> list[str]
 
 
 def _fit_rivals(result: DiagnosisResult, named: list[str], effects: dict[str, Effect]) -> list[Candidate]:
-    """Fit relaxations instead of the mechanism, without and with a spring; return those with a similar unseen error."""
+    """Fit relaxations instead of the mechanism, without and with a spring; return models with a similar unseen error."""
     experiment, start = result.experiment, result.model
     for name in named:
         start = drop_effect(start, name, experiment)

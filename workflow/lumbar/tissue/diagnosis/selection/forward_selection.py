@@ -1,7 +1,7 @@
-"""Which effects are missing: forward selection with look-ahead over pairs and a backward pass.
+"""Selection of missing effects: forward selection with look-ahead over pairs and a backward pass.
 
 Every candidate is refitted jointly with base and effects. Candidates are compared by the likelihood of the training
-record and of the unseen records together: a wrong effect also lowers the training error, but not the others'.
+record and of the unseen records together: a wrong effect also lowers the training error, but not the unseen error.
 """
 
 from collections.abc import Callable
@@ -35,11 +35,11 @@ from lumbar.tissue.diagnosis.selection.diagnosis_result import DiagnosisState, R
 from lumbar.tissue.models.form import Effect, Form
 
 LOOK_AHEAD = 3
-"""Number of first effects that are tried with a second one."""
+"""Number of first effects that are tried together with a second effect."""
 REFITTED = 5
 """Number of effects that are refitted after screening; the first round refits all."""
 EXCHANGED = 3
-"""Number of effects that are tried, in all their forms, instead of one that is taken out."""
+"""Number of effects that are tried, in all their forms, instead of a removed effect."""
 _MAX_REFITS = 3
 """Largest number of times that the fit of a selected model is continued if it has not converged."""
 _EARLY_SHARE = 0.6
@@ -55,11 +55,11 @@ def extend(
     most: int | None = None,
     all_forms: bool = True,
 ) -> list[Candidate]:
-    """Add each effect of the catalogue that the model does not have; return every refitted form, best first.
+    """Add each effect of the catalogue that the model lacks; return every refitted form, best first.
 
-    Only `most` effects are refitted, those with the best screening; None refits all. With `all_forms`, all forms of an effect
-    are refitted, and general ones if simpler ones fail and they remove `MOST_OF_REST` of what these leave; otherwise only the
-    form with the best screening.
+    Only the `most` effects with the best screening are refitted; None refits all. With `all_forms`, all forms of an effect are
+    refitted, general forms only if simpler forms fail and general forms remove `MOST_OF_REST` of the error that these leave;
+    otherwise only the form with the best screening is refitted.
     """
     others = [effect for effect in catalogue.values() if effect.name not in model.effects]
     every = [form for effect in others for form in effect.forms]
@@ -100,7 +100,7 @@ def exchange(
     experiment: Experiment,
     polished: Callable[[list[Candidate]], list[Candidate]] = list,
 ) -> Candidate:
-    """Replace each effect in turn by the one that fits best: another form, another effect or it itself."""
+    """Replace each effect in turn by the form that fits best, of the same or another effect."""
     for name in model.effects:
         others = extend(drop_effect(model, name, experiment), catalogue, experiment, EXCHANGED)
         best = min(polished(others), key=lambda item: item.score)
@@ -110,7 +110,7 @@ def exchange(
 
 
 class Selection:
-    """One diagnosis under way: the candidates tried so far and what was selected."""
+    """State of a selection: the candidates tried so far and the selected effects."""
 
     def __init__(
         self,
@@ -140,7 +140,7 @@ class Selection:
         return [*before, refit_from_starts(model, self.experiment)]
 
     def polished(self, models: list[Candidate]) -> list[Candidate]:
-        """Return models, the best first, some refitted with what their base keeps fixed; along one axis nothing is fixed."""
+        """Return models, best first, some refitted with parameters that are fixed in their base; one axis has none."""
         return models
 
     def continue_fit(self, model: Candidate) -> Candidate:
@@ -148,11 +148,11 @@ class Selection:
         return refit(model.fit.structure, model.fit.nonlinear, self.experiment)
 
     def p_value(self, before: Candidate, after: Candidate) -> float:
-        """Return the probability that the best of all forms gains as much if nothing is missing."""
+        """Return the probability of as large a gain by the best of all forms if nothing is missing."""
         return self.null.p_value(likelihood_ratio(before, after, self.experiment), self.forms)
 
     def passes(self, before: Candidate, after: Candidate) -> bool:
-        """Return whether an effect may be selected: no false alarm in training, significantly better unseen, consistent."""
+        """Return whether an effect may be selected: significant in training and on unseen records, and consistent."""
         experiment = self.experiment
         largest = before.test_rms if experiment.floor else thresholds.BLIND * before.test_rms
         if after.test_rms >= largest or self.p_value(before, after) > thresholds.LEVEL:
@@ -180,7 +180,7 @@ class Selection:
 
     @cached_property
     def selected_path(self) -> list[Candidate]:
-        """Path from the base to the model, its effects selected one after the other."""
+        """Path from the base to the model, with effects selected one after the other."""
         experiment, catalogue, most = self.experiment, self.settings.catalogue, self.settings.most_effects
         single = next((item for item in self.singles if self.passes(self.base, item)), None)
         path = [self.base] if single is None else [self.base, single]
@@ -212,7 +212,7 @@ class Selection:
         return self.ordered_path(model)
 
     def ordered_path(self, model: Candidate) -> list[Candidate]:
-        """Return models from the base to the model: each adds the effect that helps most; needless ones are dropped."""
+        """Return models from the base to the model: each adds the effect that helps most; effects without benefit are dropped."""
         forms = list(model.fit.structure.forms)
         path = [self.base]
         while forms:
@@ -228,7 +228,7 @@ class Selection:
         return path
 
     def ties(self, model: Candidate) -> list[Candidate]:
-        """Return other sets of at most as many effects that explain all records equally well.
+        """Return other sets of at most the same number of effects that explain all records equally well.
 
         Each further parameter of another set counts 2 (Akaike, IEEE Trans. Autom. Control 19 (1974) 716-723), not the logarithm
         of the records' size: the sampling rate must not distinguish sets that explain all records equally well.
@@ -246,7 +246,7 @@ class Selection:
         ]
 
     def share_removed(self, model: Candidate) -> float:
-        """Return the share of the base's unseen variance, without that of known noise, that the effects remove."""
+        """Return the share of the base's unseen error variance, without known noise, that the effects remove."""
         explainable = max(self.base.test_rms**2 - self.experiment.noise**2, 0.0)
         removed = max(self.base.test_rms**2 - model.test_rms**2, 0.0)
         return float(min(removed / explainable, 1.0)) if explainable > removed else float(removed > 0)
@@ -268,10 +268,10 @@ class Selection:
         return floor is not None and floor.certain_structure_rms > thresholds.STRUCTURED * floor.rms
 
     def further(self, model: Candidate) -> Candidate | None:
-        """Return what one more step of the search would add to the refined model, however many effects it has.
+        """Return the refined model with the effect that one more step of the search would add.
 
-        None if the model leaves only noise, and for the base: every single effect has been tried with it. A step that the search
-        has made from this very model is not repeated.
+        Return None if the model leaves only noise, and for the base, with which every single effect has been tried. A step that
+        the search has already made from this model is not repeated.
         """
         if model is self.base or is_adequate(model, self.experiment):
             return None
@@ -291,7 +291,7 @@ class Selection:
         return Status.ADEQUATE if is_complete else Status.UNEXPLAINED
 
     def best_sets(self, model: Candidate) -> list[Candidate]:
-        """Return the selected set, then the other sets tried, best first."""
+        """Return the selected set, then the other sets that were tried, best first."""
         chosen = [] if model is self.base else [model]
         sets = sort_by_score(best_by_effect([*self.tried, *chosen]))
         return [*chosen, *(item for item in sets if set(item.effects) != set(model.effects))][:_RANKED_SETS]
@@ -313,7 +313,7 @@ def select_effects(state: DiagnosisState, kind: type[Selection] = Selection) -> 
 def after_selection(
     state: DiagnosisState, selection: Selection, step: str = "select effects", **changes
 ) -> DiagnosisState:
-    """Return the state with the path that a selection has found, and other changes."""
+    """Return the state with the selected path and other changes."""
     path, experiment = selection.fitted_path(), selection.experiment
     changes |= {"experiment": experiment, "base": selection.base, "selection": selection, "path": path}
     unit, base, model = experiment.output_unit, path[0], path[-1]
@@ -331,7 +331,7 @@ def after_selection(
 
 
 def find_ties(state: DiagnosisState) -> DiagnosisState:
-    """Compare the selected model with all other sets that were tried, and judge the base and the model."""
+    """Compare the selected model with all other sets of effects that were tried, and judge base and model."""
     selection, model = state.selection, state.result.model
     tied, share = selection.ties(model), selection.share_removed(model)
     status, further = selection.status(model, tied, share), selection.further(model)

@@ -1,4 +1,4 @@
-"""Adding effects that the user names: base and effects refitted jointly, and the error ladder in sentences."""
+"""Addition of effects named by the user: base and effects are refitted jointly; and sentences on the error ladder."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -33,7 +33,7 @@ def model_name(fit: Fit) -> str:
 
 
 def fitted_model(candidate: Candidate, experiment: Experiment) -> FittedModel:
-    """Return a model with parameters, elements and errors; one-step errors, ridge and condition number stay empty."""
+    """Return a model with parameters, elements and errors; one-step errors, ridge and condition number are empty."""
     fit, training = candidate.fit, experiment.training
     units = experiment.input_unit, experiment.output_unit
     parameters, spatial = estimates(fit, training, *units), fit.structure.base.spatial
@@ -89,7 +89,7 @@ def fitted_model(candidate: Candidate, experiment: Experiment) -> FittedModel:
 
 
 def _valid_for(experiment: Experiment) -> MotionRange:
-    """Return the ranges of the motion of the training records; of several axes along any of them."""
+    """Return the ranges of the motion of the training records; with several axes, the ranges over all axes."""
     motion = experiment.training.motion
     if not isinstance(motion, SpatialMotion):
         return motion_range(motion.position + experiment.surface, motion.sampling_time)
@@ -100,7 +100,7 @@ def _valid_for(experiment: Experiment) -> MotionRange:
 
 
 def refined_document(path: list[Candidate], experiment: Experiment, source_label: str) -> dict:
-    """Return the content of ``refined.json``: every model of the path whose base has a name by which it can be read back."""
+    """Return the content of ``refined.json``: every model of the path with a base that can be read back by name."""
     models = []
     for item in path:
         base = item.fit.structure.base
@@ -110,7 +110,7 @@ def refined_document(path: list[Candidate], experiment: Experiment, source_label
 
 
 def _free_run(fit: Fit, data: FitData) -> dict[str, float]:
-    """Return the errors, both signals about their means as for the identified models."""
+    """Return the errors of the free run; means are subtracted from both signals, as for identified models."""
     measured, simulated = data.trim(data.force), data.trim(fit.simulate(data.motion))
     return free_run_errors(measured - np.mean(measured), simulated - np.mean(simulated))
 
@@ -120,16 +120,16 @@ def refine(
 ) -> tuple[Experiment, list[Candidate]]:
     """Add effects to a base model in the order given, each in the form that fits best.
 
-    Effects are names in the catalogue of the settings, which also give base and training record. The candidates are the
-    path: base, base and first effect, ….
+    Effects are names in the catalogue of the settings, which also define base and training record. The returned candidates are
+    the models from the base to the last model, each with one more effect.
 
     Raises
     ------
     InputError
-        For an unknown effect, for one that needs channels which the records do not have, and for one that the training
-        record does not excite.
+        For an unknown effect, an effect that needs channels missing in the records, and an effect that the training record does
+        not excite.
     NumericalError
-        If a fit with effects does not converge, or an effect makes the model worse on the record it is fitted to.
+        If a fit with effects does not converge, or an effect makes the model worse on the training record.
     """
     chosen = {effect.name: effect for effect in choose(effects, settings.candidates)}
     if settings.forward:
@@ -152,7 +152,7 @@ def refine(
 
 
 def add_in_turn(experiment: Experiment, first: Candidate, chosen: dict[str, Effect]) -> list[Candidate]:
-    """Add effects one after the other, each in the form that fits best; return base, base and first effect, ….
+    """Add effects one after the other, each in the form that fits best; return the models from the base to the last.
 
     Raises
     ------
@@ -186,11 +186,11 @@ def add_in_turn(experiment: Experiment, first: Candidate, chosen: dict[str, Effe
 
 
 def ladder_sentences(path: Sequence[Candidate], experiment: Experiment) -> list[str]:
-    """Return base, base and first effect, … with their errors, then the noise floor and the verdict.
+    """Return sentences on the models of a path and their errors, then on the noise floor and the verdict.
 
-    The verdict reports whether the last model leaves only noise, and which effects gain no more than their parameters cost:
-    the likelihood of all records against half the logarithm of their size for every parameter (Schwarz, Ann. Statist. 6 (1978)
-    461-464).
+    The verdict reports whether the last model leaves only noise, and which effects gain no more than their parameters cost: the
+    gain is the log-likelihood of all records, the cost half the logarithm of their size for every parameter (Schwarz, Ann.
+    Statist. 6 (1978) 461-464).
     """
     unit, floor, model = experiment.output_unit, experiment.floor, path[-1]
     training = sentences.distinguishing_digits([item.train_rms for item in path], 4)

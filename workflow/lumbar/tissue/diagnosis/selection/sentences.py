@@ -1,4 +1,4 @@
-"""Sentences on the result of a diagnosis: in one line, what a reader asks next, and what its steps did."""
+"""Sentences on the result of a diagnosis: headline, details, and one line per step."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -15,7 +15,7 @@ CONDITIONAL = (
     "Intervals hold if base and effects are the right ones: what another base would give is not in them."
 )
 _MAX_DIGITS = 7
-"""Errors that differ by less count as equal."""
+"""Largest number of digits of an error: errors that are equal to these digits count as equal."""
 _MIN_REPORTED_ERROR = 0.1
 """Smallest reported error of a right model in addition to the noise, in noise floors."""
 _LISTED_ERROR_RATIO = 1.5
@@ -23,7 +23,7 @@ _LISTED_ERROR_RATIO = 1.5
 
 
 def distinguishing_digits(values: Sequence[float], fewest: int) -> list[str]:
-    """Format numbers with at least `fewest` digits, and as many as make different neighbours read differently.
+    """Format numbers with at least `fewest` digits, and with more if different neighbours would otherwise read the same.
 
     Examples
     --------
@@ -101,7 +101,7 @@ def error_falls(result: DiagnosisResult) -> str:
 
 
 def _percent(share: float) -> str:
-    """Format a share, with a decimal if it is near 0 or 1."""
+    """Format a share in percent, with a decimal if it is near 0 or 1."""
     return f"{100 * share:.{1 if share > 0.99 or share < 0.1 else 0}f} %"
 
 
@@ -132,7 +132,7 @@ def noise_sentence(experiment: Experiment) -> str:
 
 
 def details(result: DiagnosisResult, catalogue: dict[str, Effect]) -> list[str]:
-    """Return the details after the headline: noise, share explained, runner-up, experiments that settle a tie."""
+    """Return the details after the headline: noise, explained share, runner-up, experiments that settle a tie."""
     unit, floor, model = result.experiment.output_unit, result.experiment.floor, result.model
     lines = [item.sentence for item in result.findings if item is not result.orientation]
     if any("interval" in line for line in lines):
@@ -175,7 +175,7 @@ def details(result: DiagnosisResult, catalogue: dict[str, Effect]) -> list[str]:
 
 
 def not_tried(result: DiagnosisResult) -> list[str]:
-    """Report the candidates that the records left out, and the channels that they need."""
+    """Report the candidates that were not tried because of missing channels, with these channels."""
     columns: dict[str, dict[str, None]] = {}
     for form, missing in result.not_tried:
         columns.setdefault(form.effect, {}).update({CHANNELS.get(role, role): None for role in missing})
@@ -204,7 +204,7 @@ def _runner_up_sentence(result: DiagnosisResult, second: Ranked) -> str:
 
 
 def _removed_share(result: DiagnosisResult) -> str:
-    """Report the remaining error in noise floors, then the removed share; 99 % of a large error may leave many noise floors."""
+    """Report the remaining error in noise floors, then the removed share: 1 % of a large error may be many noise floors."""
     share = f"{100 * result.explainable_share_removed:.1f} % of the variance"
     floor, model = result.experiment.floor, result.model
     if floor is None:
@@ -238,6 +238,6 @@ def remaining_error(result: DiagnosisResult) -> str:
 
 
 def runner_up(result: DiagnosisResult) -> Ranked | None:
-    """Return the best of the ranked sets of effects that is not the selected one."""
+    """Return the best of the ranked sets of effects other than the selected set."""
     chosen = set(result.selected)
     return next((item for item in result.ranking if set(item.candidate.effects) != chosen), None)

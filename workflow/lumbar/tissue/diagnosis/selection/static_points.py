@@ -1,4 +1,4 @@
-"""Points of a static test, a table of position and force without a clock: the law of position that a spring is missing."""
+"""Diagnosis of a spring from points of a static test: a table of position and force without a clock."""
 
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -28,17 +28,17 @@ from lumbar.tissue.models.bases import BASES, CHOSEN_BY_DATA, Base
 from lumbar.tissue.models.motion import Motion
 
 MIN_POINTS = 12
-"""Fewest points of a table: a third of them is the test if only one table exists."""
+"""Smallest number of points of a table: a third of the points is the test if there is only one table."""
 _TEST_STRIDE = 3
-"""One in this number of points, in the order of their positions, is used as test."""
+"""Interval of test points: one in this number of points, in the order of positions, is used as test."""
 _STATIC_BASES = ("LE", "LE-contact")
 
 
 def prepare_points(state: DiagnosisState) -> DiagnosisState:
-    """Prepare points in the order of their positions; one in three is unseen if only one table exists.
+    """Prepare points in the order of their positions; one point in three is unseen if there is only one table.
 
-    Rates, delays, relaxation, hysteresis and drift cannot be seen in points without a clock, nor faults of a clock: none of them
-    is searched, and nothing is filtered.
+    Points without a clock do not show rates, delays, relaxation, hysteresis, drift or faults of a clock: these are not searched,
+    and nothing is filtered.
 
     Raises
     ------
@@ -64,9 +64,9 @@ def prepare_points(state: DiagnosisState) -> DiagnosisState:
 
 
 def choose_spring(state: DiagnosisState) -> DiagnosisState:
-    """Choose the spring of the settings, or the likelier of a fastened one and one that is met at a surface.
+    """Choose the spring of the settings, or the likelier of a fastened spring and a spring with contact.
 
-    The latter must also beat every law with the fastened one.
+    The latter must also be better than every law with the fastened spring.
 
     Raises
     ------
@@ -97,7 +97,7 @@ def choose_spring(state: DiagnosisState) -> DiagnosisState:
 
 
 def check_curve(state: DiagnosisState) -> DiagnosisState:
-    """Check whether errors of neighbouring points are correlated: then the points are on a curve that no law tried has."""
+    """Check whether errors of neighbouring points are correlated: the points then follow a curve that no tried law describes."""
     step, result = "check the curve", state.result
     # Neighbours are compared by J. von Neumann's ratio (Ann. Math. Stat. 12 (1941) 367-395).
     parts = [*result.experiment.training.records, *result.experiment.tests]
@@ -113,10 +113,10 @@ def check_curve(state: DiagnosisState) -> DiagnosisState:
 
 
 class StaticSelection(Selection):
-    """A search with false alarms by the F test: those of simulated experiments are of long records and of all effects."""
+    """A search with p-values of the F test, because the simulated null experiments have long records and all effects."""
 
     def p_value(self, before: Candidate, after: Candidate) -> float:
-        """Return the largest probability that the best of all forms gains as much if nothing is missing (Bonferroni)."""
+        """Return an upper bound (Bonferroni) of the probability of as large a gain by the best form if nothing is missing."""
         more = after.parameters - before.parameters
         left = self.experiment.training.size - after.parameters - 1
         gained = max(before.fit.squared_error / max(after.fit.squared_error, 1e-300) - 1, 0.0)
@@ -134,7 +134,7 @@ POINT_STEPS = (
 
 
 def _prepare_tables(records: Sequence[Record], settings: DiagnosisSettings) -> Experiment:
-    """Return points as training and unseen data, each in the order of the positions."""
+    """Return points as training and unseen data, both in the order of positions."""
     require_same_units(list(records))
     clocked = [record.name for record in records if not record.points]
     if clocked:
@@ -161,7 +161,7 @@ def _prepare_tables(records: Sequence[Record], settings: DiagnosisSettings) -> E
 
 
 def _sort_points(record: Record, is_used: Callable[[np.ndarray], np.ndarray] | None = None) -> FitData:
-    """Return the points in the order of their positions; only some of their numbers if a condition is given."""
+    """Return the points in the order of their positions; only points with places that meet `is_used`, if given."""
     order = np.argsort(record["input"], kind="stable")
     if is_used is not None:
         order = order[is_used(np.arange(len(order)))]

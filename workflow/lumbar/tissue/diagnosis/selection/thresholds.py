@@ -20,30 +20,30 @@ if TYPE_CHECKING:
     from lumbar.tissue.models.form import Effect
 
 LEVEL = 0.01
-"""An effect is selected only at this probability of a false alarm."""
+"""Largest probability of a false alarm of a selected effect."""
 UNSEEN = 2.33
-"""Standard errors by which the squared error on unseen records must fall (one-sided 1 %)."""
+"""Smallest fall of the loss on unseen records, in standard errors, for an effect to be selected (one-sided 1 %)."""
 COMPLETE = 1.2
-"""Error in noise floors, on training and unseen records, up to which a refined model that nothing further improves counts
-as complete: its parameters are estimates, and cost a little on records that they were not fitted to."""
+"""Largest error in noise floors, on training and unseen records, of a complete refined model that no further effect improves. It
+is larger than 1, because estimated parameters add a small error on records to which they were not fitted."""
 EXPLAINS = 0.5
-"""Share of the base's unseen variance, without that of known noise, that effects must remove to be named."""
+"""Smallest share of the base's unseen error variance, without known noise, that named effects remove."""
 TIED = 9.2
 """Difference in twice the log-likelihood below which two effects cannot be distinguished (odds of 100 to 1)."""
 STRUCTURED = 0.2
 """Largest structured difference between periods, in noise floors, of an adequate model."""
 WORTHWHILE = 0.007
-"""A further effect must remove this share of what the base leaves to explain of the training record, and as much as
-the noise itself: the wrong mathematical form of the first effect leaves a little that any other one can absorb. (On
-unseen records, where forms are extrapolated, that little may be a lot.)"""
+"""Smallest share of the base's explainable training error that a further effect must remove; it must also remove as much as the
+noise. A wrong mathematical form of the first effect leaves a small error that any other effect can absorb. (On unseen records,
+on which forms are extrapolated, this error may be large.)"""
 MOST_OF_REST = 0.5
-"""A further effect is worthwhile too if it removes this share of what the model before it leaves to explain: if one
-effect dwarfs all others (inertia at high frequency), a share of what the base leaves would hide them."""
+"""Share of the smaller model's explainable error that also makes a further effect worthwhile: if one effect is far larger than
+all others (inertia at high frequency), a share of the base's error would hide the others."""
 BLIND = 0.95
-"""Largest factor on the unseen error for an effect if the noise is unknown: the likelihood then treats the rest as white
-noise, and is too certain if it is coloured."""
+"""Largest ratio of the unseen errors with and without a selected effect if the noise is unknown: the likelihood then treats the
+remaining error as white noise, and is too certain if this error is coloured."""
 WORTHWHILE_BLIND = 0.02
-"""`WORTHWHILE` as a share of the base's squared error, if the noise floor is unknown."""
+"""Smallest share of the base's squared error that a further effect must remove if the noise floor is unknown."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,15 +51,15 @@ class NullDistribution:
     """Sorted likelihood-ratio statistics of simulated null experiments."""
 
     ratios: np.ndarray
-    """Ascending."""
+    """Likelihood-ratio statistics in ascending order."""
     forms: int
-    """Number of candidate forms they are the best of."""
+    """Number of candidate forms; each statistic is the largest among these forms."""
 
     def p_value(self, ratio: float, forms: int | None = None) -> float:
-        """Return the probability that the best candidate gains as much (likelihood-ratio statistic) if nothing is missing.
+        """Return the probability of as large a likelihood-ratio statistic of the best candidate if nothing is missing.
 
-        Beyond the table the tail falls as that of chi-square ratios, exp(−ratio/2). `forms` is the number of candidates tried
-        if it differs from the table's: the probability grows in proportion.
+        Beyond the table the tail falls like exp(−ratio/2), the tail of a chi-square distribution. `forms` is the number of forms
+        that were tried; default that of the table. The probability is proportional to this number.
         """
         size = len(self.ratios)
         above = size - int(np.searchsorted(self.ratios, ratio, side="left"))
@@ -70,7 +70,7 @@ class NullDistribution:
         return float(min(1.0, share * (forms or self.forms) / self.forms))
 
     def threshold(self, forms: int) -> float:
-        """Return the smallest likelihood-ratio statistic of an effect that may be selected, with the probability `LEVEL`."""
+        """Return the smallest likelihood-ratio statistic of an effect that may be selected: its p-value is `LEVEL`."""
         candidates = np.linspace(0.0, 4 * self.ratios[-1], 4001)
         probabilities = np.array([self.p_value(ratio, forms) for ratio in candidates])
         return float(candidates[np.argmax(probabilities <= LEVEL)])
