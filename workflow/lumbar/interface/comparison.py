@@ -46,7 +46,7 @@ def compare(
     Parameters
     ----------
     records : sequence of Record
-        One per excitation, with channels ``input`` and ``output``.
+        Records, one per excitation, with channels ``input`` and ``output``.
     model : FittedModel
         Result of `identify`, `refine` or `diagnose`, or read from a file.
     train : str or sequence of str, optional
@@ -89,13 +89,13 @@ def locate(
     Parameters
     ----------
     records : sequence of Record
-        One per excitation, with channels ``input`` and ``output``.
+        Records, one per excitation, with channels ``input`` and ``output``.
     model : FittedModel
         Result of `identify`, `refine` or `diagnose`, or read from a file.
     train : str or sequence of str, optional
         Record that determines the noise floor, see `compare`.
     settings : StudySettings, optional
-        Used are ``improvement.session``, ``tissue.settling_s`` and ``seed``, see `compare`.
+        Settings; ``improvement.session``, ``tissue.settling_s`` and ``seed`` are used, see `compare`.
     source_label : str
         Name of the source of the data; default the folder or file they were read from.
 

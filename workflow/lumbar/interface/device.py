@@ -78,15 +78,15 @@ def export_fmu(
     folder : path
         Folder of the written files.
     names : iterable of str, optional
-        For a file: models to export. Default: the models of the settings, or the last model of an error ladder.
+        Models to export from a file. Default: the models of the settings, or the last model of an error ladder.
     trained_on : str, optional
-        For a file: record that the models were identified on. Default: the only record, or the record of the settings.
+        Record on which the models of a file were identified. Default: the only record, or the record of the settings.
     rate_Hz : float, optional
         Rate of the haptic loop in hertz; default the rate of the settings (1 kHz), or of the model if it is None.
     targets : iterable of str, optional
         Platforms to build for: ``host``, ``x86_64-windows`` …; default the settings'.
     effect_files : iterable of path, optional
-        For a file: files with user-defined effects.
+        Files with user-defined effects, if `model` is a file.
     settings : RuntimeSettings, optional
         Moving average, limits and guards of the force, treatment of unstable models, the compiler's cache.
     source_label : str

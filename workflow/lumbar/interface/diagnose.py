@@ -26,8 +26,8 @@ def diagnose(
     Parameters
     ----------
     records : sequence of Record
-        One per excitation, with channels ``input`` and ``output``. The period of an excitation is ``Record.period``, or is
-        detected from the input.
+        Records, one per excitation, with channels ``input`` and ``output``. The period is ``Record.period``, or is detected
+        from the input.
     base : str, optional
         Base model: LE, Maxwell, KV, KB, pendulum or a user-defined base, BASE.yaml; default the base of the settings.
     train : str or sequence of str, optional

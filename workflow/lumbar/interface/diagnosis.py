@@ -143,7 +143,7 @@ class Diagnosis:
         Raises
         ------
         InputError
-            For a pendulum, because the terms are those of tissue; for records with the force as input, or of several axes.
+            If the base is a pendulum (all terms are of tissue), or the records have the force as input or several axes.
         """
         if self.settings.system != "tissue":
             raise InputError(
@@ -221,7 +221,7 @@ class Diagnosis:
         Raises
         ------
         InputError
-            For points of a static test and for records of several axes.
+            If the records are points of a static test, or have several axes.
         """
         if self.no_page_reason:
             raise InputError(f"{self.no_page_reason}; save and to_html show the result")

@@ -193,7 +193,7 @@ class InspectionReport:
     pipeline: tuple[bool, str]
     """Whether the pipeline can analyse the file as a lift, and the detected events or the reason why not."""
     points: dict[str, np.ndarray]
-    """Shape (n_frames, 3): measured markers by the file's labels; metres, x to the right, y forward, z up."""
+    """Measured markers by the file's labels, shape (n_frames, 3): metres, x to the right, y forward, z up."""
     time: np.ndarray
     """Time of the frames in seconds, shape (n_frames,)."""
     meant: dict[str, str]

@@ -100,7 +100,7 @@ class Measures(Result):
 
     @cached_property
     def values(self) -> pd.DataFrame:
-        """One row per measure and plane: value (or the reason why it is missing), unit, safer direction, source."""
+        """Table with one row per measure and plane: value or reason for its absence, unit, safer direction, source."""
         return values_of_lift(self.course, self.facts)
 
     @property

@@ -36,7 +36,7 @@ def compare_groups(
     Parameters
     ----------
     table : pandas.DataFrame, path or sequence of paths
-        Long: one row per lift, measure and plane, columns ``person, group, box_mass_kg, measure, plane, value``, and
+        Long table: one row per lift, measure and plane, columns ``person, group, box_mass_kg, measure, plane, value``, and
         optionally ``unit`` and ``safer`` (``higher`` or ``lower``). Several CSV files are joined.
     groups : tuple of str, optional
         Two groups that are compared; default expert and novice or, if the table has two other labels, these two.

@@ -81,7 +81,7 @@ def read(
     Returns
     -------
     RecordSet, MarkerRecording or Ratings
-        A set of records for column files, even for a single one.
+        A set of records for column files, even if there is only one file.
 
     Raises
     ------
@@ -137,7 +137,7 @@ def read_listed(
     Parameters
     ----------
     files : sequence of path
-        One per record.
+        Files, one per record.
     listed : sequence of RecordSettings
         Names, periods and parts, in the same order.
     layout, rate

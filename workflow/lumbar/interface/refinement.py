@@ -38,7 +38,7 @@ def refine(
     Parameters
     ----------
     records : sequence of Record
-        One per excitation, with channels ``input`` and ``output``.
+        Records, one per excitation, with channels ``input`` and ``output``.
     effects : iterable of str
         Names in the catalogue, in the order in which they are added; empty for the base only.
     base, train, settings, source_label

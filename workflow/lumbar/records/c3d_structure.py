@@ -26,7 +26,7 @@ MAX_COUNT = 65535
 """Largest value of the frame numbers in the header and POINT:FRAMES; it means that the number is stored elsewhere."""
 _PROCESSORS = {INTEL: "Intel", DEC: "DEC", MIPS: "MIPS"}
 _ITEM_BYTES = {-1: 1, 1: 1, 2: 2, 4: 4}
-"""Bytes of one value by the type of a parameter: characters, bytes, integers, reals."""
+"""Bytes per value by type of the parameter: characters, bytes, integers, reals."""
 _RATE_TOLERANCE = 1e-4
 _FRAME_TOLERANCE = 1
 """Allowed difference of the stated numbers of frames: systems count from 0 or 1. The smallest number is read."""
@@ -103,7 +103,7 @@ class C3dStructure:
     data_start: int
     """First byte of the data."""
     size: int
-    """Bytes of the file."""
+    """Size of the file in bytes."""
     parameters: dict[str, list]
     """Parameter values by ``GROUP:NAME``: numbers, or stripped strings."""
     notes: list[str]
@@ -111,12 +111,12 @@ class C3dStructure:
 
     @property
     def word_bytes(self) -> int:
-        """Bytes of one stored number."""
+        """Size of one stored number in bytes."""
         return 4 if self.scale < 0 else 2
 
     @property
     def frame_bytes(self) -> int:
-        """Bytes of one frame: four numbers per point, then the analog samples."""
+        """Size of one frame in bytes: four numbers per point, then the analog samples."""
         return (4 * self.n_points + self.n_analog) * self.word_bytes
 
     def fits(self, n_frames: int) -> bool:

@@ -29,7 +29,7 @@ def check_recordings(plan: list[dict], read: MarkerReader = read_markers) -> dic
     Raises
     ------
     InputError
-        With the problems of all files.
+        If files have problems, with the problems of all files.
     """
     problems = Problems("recordings")
     chapters: dict[str, list[dict]] = {}

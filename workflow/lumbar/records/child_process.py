@@ -109,7 +109,7 @@ def answer(call: tuple[str, str, str, bool], limits: tuple[int, int, int]) -> No
     call : tuple
         Module and name of the function, the file, and whether its content is on the standard input.
     limits : tuple of int
-        Bytes of memory, seconds of processor time and bytes of the answer.
+        Limits: bytes of memory, seconds of processor time and bytes of the answer.
     """
     module, name, source, has_content = call
     memory, seconds, max_bytes = limits

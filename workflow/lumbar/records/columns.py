@@ -67,7 +67,7 @@ def read_record(
     Raises
     ------
     InputError
-        With all problems of the file: line or column, the wrong and the allowed value.
+        If the file has problems, with all of them: line or column, wrong value and allowed values.
     """
     path = Path(path)
     raw, lines = _read_file(path, layout)

@@ -148,7 +148,7 @@ def resolve_aliases(
     Raises
     ------
     InputError
-        With all required names that are not in the file, similar labels, and the labels of the file.
+        If required names are missing, with all names that are not in the file, similar labels, and the labels of the file.
     """
     aliases = {name: alias for name, alias in aliases.items() if alias is not None}
     required = list(aliases or points) if required is None else required

@@ -32,7 +32,7 @@ class RecordedEvent:
     context: str
     """Side, e.g. ``"Left"``; empty if not stated."""
     time: float
-    """Seconds on the recording's own clock."""
+    """Time in seconds on the recording's clock."""
 
     @property
     def full_label(self) -> str:
@@ -47,15 +47,15 @@ class MarkerFile:
     source: str
     """Path of the file, for messages."""
     time: np.ndarray
-    """Shape (n_frames,): seconds on the recording's own clock; the first frame need not be at 0."""
+    """Time of the frames, shape (n_frames,): seconds on the recording's clock; the first frame need not be at 0."""
     rate: float
     """Frames per second."""
     unit: str
     """Unit of length in the file; empty if it states none."""
     positions: dict[str, np.ndarray] = field(default_factory=dict)
-    """Shape (n_frames, 3): measured markers by label; NaN in all three coordinates if a marker was not seen."""
+    """Measured markers by label, shape (n_frames, 3); NaN in all three coordinates if a marker was not seen."""
     model_points: dict[str, np.ndarray] = field(default_factory=dict)
-    """Shape (n_frames, 3): computed points in the file (centre of mass, segment axes), used only by aliases."""
+    """Computed points by label, shape (n_frames, 3): centre of mass, segment axes; only aliases use these points."""
     dropped: dict[str, str] = field(default_factory=dict)
     """Labels that are not measured markers, also those of `model_points`, with the reason."""
     events: tuple[RecordedEvent, ...] = ()

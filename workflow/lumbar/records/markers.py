@@ -37,11 +37,11 @@ class MarkerRecording:
 
     name: str
     time: np.ndarray
-    """Shape (n_frames,): seconds on the recording's own clock; evenly spaced."""
+    """Time of the frames, shape (n_frames,): seconds on the recording's clock, evenly spaced."""
     rate: float
     """Frames per second."""
     positions: dict[str, np.ndarray]
-    """Shape (n_frames, 3): metres; columns x lateral (right), y forward, z up. NaN if a marker was not seen."""
+    """Positions by marker, shape (n_frames, 3): metres; columns x (right), y (forward), z (up). NaN if a marker was not seen."""
     source: str = ""
     """The file, for messages."""
     dropped: dict[str, str] = field(default_factory=dict)

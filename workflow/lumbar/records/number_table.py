@@ -40,7 +40,7 @@ class Dialect:
     """Form of a table's rows."""
 
     delimiter: str | None = ","
-    """One character; None for any blanks."""
+    """Character between cells; None for any blanks."""
     decimal: str = "."
     comment: str | None = None
     """Beginning of lines that are skipped."""
@@ -89,7 +89,7 @@ class NumberTable:
     """Numbers of rows and their lines."""
 
     values: np.ndarray
-    """Shape (rows, columns)."""
+    """Numbers in the cells, shape (rows, columns)."""
     lines: Sequence[int]
     """Line of each row in the file, from 1."""
 

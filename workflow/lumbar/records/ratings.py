@@ -28,13 +28,13 @@ class Ratings:
     models: tuple[str, ...]
     """Rated models, in the order of the tables."""
     scores: np.ndarray
-    """Shape (participants, models): ratings from 1 to `scale_points`."""
+    """Ratings from 1 to `scale_points`, shape (participants, models)."""
     scale_points: int
     """Number of points of the Likert scale."""
     best: tuple[str, ...]
     """Model that each participant chose as the best."""
     groups: dict[str, np.ndarray]
-    """Shape (participants,): answers to the yes/no questions."""
+    """Answers by yes/no question, shape (participants,)."""
     experience: tuple[str, ...] = ()
     """Experience level of each participant; empty if the survey did not ask for it."""
     experience_levels: tuple[str, ...] = ()

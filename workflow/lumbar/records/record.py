@@ -40,7 +40,7 @@ class Channel:
 _MAX_STILL_SHARE = 0.05
 """Largest range along an axis that does not move, as a share of the largest range along any axis."""
 MIN_SAMPLES = 8
-"""Number of samples below which a record cannot be analysed."""
+"""Smallest number of samples of a record that can be analysed."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -50,7 +50,7 @@ class Record:
     name: str
     """Name of the record within its study, e.g. ``"multisine"``."""
     time: np.ndarray
-    """Shape (samples,): seconds."""
+    """Time of the samples in seconds, shape (samples,)."""
     channels: dict[str, Channel]
     """Channels by role: ``"input"`` and ``"output"`` for a tissue test (position, force) and a joint (angle, moment),
     ``"input_x"`` and so on for a tissue test of several axes, ``"position"`` for surgeon motion."""

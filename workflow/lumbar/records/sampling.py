@@ -77,7 +77,7 @@ def fill_missing_rows(
     Returns
     -------
     Record
-        With the filled samples as its `filled`; `record` itself if no row is missing, or a gap cannot be filled.
+        Record with the filled samples in `filled`; `record` itself if no row is missing, or a gap cannot be filled.
     sequence of int or None
         Line of each sample; a filled sample has the line of the sample before it.
     """

@@ -76,9 +76,9 @@ def check_size(size: float, packed_size: int, source: str) -> None:
     Parameters
     ----------
     size : float
-        Bytes after unpacking.
+        Size after unpacking in bytes.
     packed_size : int
-        Bytes of the file.
+        Size of the packed file in bytes.
     source : str
         The file, for messages.
 

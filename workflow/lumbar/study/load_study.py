@@ -45,7 +45,7 @@ def load_study(config: dict, root: Path, files: Sequence[str | Path] = (), *, tr
     Raises
     ------
     InputError
-        With every wrong key, wrong value, missing file and contradiction.
+        If the study is invalid, with every wrong key or value, missing file and contradiction.
     """
     problems = Problems("configuration")
     paths = [root / file for file in files]  # an absolute path stays as it is
@@ -219,7 +219,7 @@ def load_settings(*files: str | os.PathLike, trust: bool = False) -> StudySettin
     Raises
     ------
     InputError
-        With every file that cannot be read, and every wrong key and value of all files.
+        If files are invalid, with every unreadable file, and every wrong key and value.
 
     Examples
     --------

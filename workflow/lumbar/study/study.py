@@ -193,7 +193,7 @@ def recordings_of(study: Study) -> dict[str, list[str]]:
 def record_set(settings: StudySettings, name: str) -> RecordSetSettings:
     """Return a record set of the improvement chapter with its base, records and effects; the study's values replace missing ones.
 
-    Its ``effects`` is None if the study names no effects: the diagnosis then selects them.
+    ``effects`` of the result is None if the study names no effects; the diagnosis then selects effects.
     """
     chapter = settings.improvement
     entry = next(item for item in chapter.record_sets if item.name == name)

@@ -228,7 +228,7 @@ def to_records(
     Returns
     -------
     tuple of ImportedRecording
-        One per part.
+        Recordings, one per part of the table.
 
     Raises
     ------

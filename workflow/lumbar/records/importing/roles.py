@@ -323,7 +323,7 @@ def require_unique_name(column: RawColumn, request: str | None, table: RawTable,
     Raises
     ------
     InputError
-        With the numbers of the columns with this name.
+        If it does, with the numbers of these columns.
     """
     numbers = [str(other.number) for other in table.columns if other.name == column.name]
     if column.name and len(numbers) > 1 and request != str(column.number):
@@ -396,7 +396,7 @@ def assign_unit(column: RawColumn, role: str, option: str | None, reason: str) -
     column : RawColumn
         The column.
     role : str
-        One of `ROLES`.
+        Role of the column, one of `ROLES`.
     option : str or None
         The user's unit.
     reason : str

@@ -128,7 +128,7 @@ def find_roles_of_axes(table: RawTable, requests: Requests, rate: float | None =
     Raises
     ------
     InputError
-        With the candidates and the options to choose among them.
+        If columns are unclear, with the candidates and the options to choose among them.
     """
     try:
         return find_roles(table, requests, rate=rate)
