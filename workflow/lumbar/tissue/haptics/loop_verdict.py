@@ -90,7 +90,7 @@ class LoopAnalysis:
 
     @property
     def is_in_step(self) -> bool:
-        """True if the servo's rate is a whole multiple of the model's."""
+        """True if the servo's rate is a whole multiple of the model's rate."""
         times = self.device.rate_Hz / self.rate
         return round(times) >= 1 and abs(times - round(times)) < 1e-9 * times
 

@@ -64,9 +64,9 @@ class Realisation:
     a: np.ndarray
     """State matrix, shape (states, states)."""
     b: np.ndarray
-    """Shape (states,)."""
+    """Input vector, shape (states,)."""
     c: np.ndarray
-    """Shape (states,)."""
+    """Output vector, shape (states,)."""
     d: float
 
 
@@ -112,16 +112,16 @@ class Transitions:
     """
 
     free: np.ndarray
-    """Shape (ticks, n, n): at gain 0."""
+    """Transition matrices at gain 0, shape (ticks, n, n)."""
     driven: np.ndarray
-    """Shape (ticks, n, n): change by a gain of 1."""
+    """Change of the transition matrices by a gain of 1, shape (ticks, n, n)."""
     by_readings: np.ndarray
-    """Shape (ticks, n, 2): change by an error of the position that is read at the first and at the second tick."""
+    """Change of the state by an error of the position read at the first and at the second tick, shape (ticks, n, 2)."""
     has_free_position: bool
-    """True if neither hand nor model draws the stylus to a position: a pole at 1 is then not an instability."""
+    """True if neither hand nor model holds the stylus at a position, so that a pole at 1 is not an instability."""
 
     def radius(self, gain: float = 1.0) -> float:
-        """Return the largest magnitude of a pole over a period with the model's force times a gain: below 1 if it is stable."""
+        """Return the largest magnitude of a pole over a period, with a gain on the model's force; stable below 1."""
         poles = np.linalg.eigvals(product(self.free + gain * self.driven))
         if self.has_free_position:
             poles = np.delete(poles, np.abs(poles - 1.0).argmin())
@@ -130,18 +130,18 @@ class Transitions:
 
 @dataclass(frozen=True)
 class PeriodicModel:
-    """A model on a servo whose ticks repeat after several."""
+    """A model on a servo with a periodic pattern of ticks among the samples."""
 
     model: SampledModel
     """The model at the FMU's samples, without delay."""
     intervals: tuple[float, ...]
-    """Seconds from each tick of a period to the next; their sum is a whole number of samples."""
+    """Seconds from each tick of a period to the next; the period is a whole number of samples."""
     age: float = 0.0
     """Seconds from the instant of the newest sample to the first tick."""
     delay: float = 0.0
     """Seconds from a tick to its force."""
     held: bool = False
-    """True if samples between two ticks have the position of the first instead of one on a straight line."""
+    """True if samples between two ticks have the first tick's position, false if positions are interpolated."""
 
     @property
     def name(self) -> str:
@@ -154,7 +154,7 @@ class PeriodicModel:
         return sum(self.intervals) / len(self.intervals)
 
     def ticks(self) -> Iterator[float]:
-        """Return endless intervals, beginning with a tick at the instant of a sample."""
+        """Return intervals without end; the first tick is at the instant of a sample."""
         return chain([self.age] if self.age else [], cycle(self.intervals))
 
     @cached_property
@@ -164,7 +164,7 @@ class PeriodicModel:
 
     @cached_property
     def samples(self) -> list[np.ndarray]:
-        """`shares` of the samples at the end of each interval."""
+        """Instants of the samples within each interval, see `shares`."""
         samples, age = [], self.age
         for interval in self.intervals:
             line = np.array(shares(age, interval, self.model.sampling_time))
@@ -248,7 +248,7 @@ class PeriodicModel:
         return float(abs((angle + np.pi) % (2.0 * np.pi) - np.pi) / (2.0 * np.pi * self.sampling_time))
 
     def response(self, angles: np.ndarray) -> np.ndarray:
-        """Return the forces of a period's ticks by their positions, both turning by an angle over it, without `delay`.
+        """Return the matrix from a period's positions to its forces, without `delay`, at angles of rotation per period.
 
         Complex, shape (angles, ticks, ticks).
         """
@@ -290,9 +290,9 @@ def servo_loops(
 ) -> tuple[SampledModel | PeriodicModel, ...]:
     """Return a model that samples by its own clock at the ticks of a device's servo, with the forces' delay.
 
-    With `held` a sample has the position of the tick before, as with a client of FMI 2.0. The result is one model from sample
-    to sample if the servo is faster by a whole factor, from tick to tick if it is slower by one, and with ticks that repeat
-    after several if neither rate is a multiple of the other; several of these if they do not repeat within `_MAX_TICKS`.
+    With `held` a sample has the position of the previous tick, as with a client of FMI 2.0. The result is one model from sample
+    to sample if the servo is faster by a whole factor, from tick to tick if it is slower by a whole factor, and periodic if
+    neither rate is a multiple of the other; several periodic models if ticks do not repeat within `_MAX_TICKS`.
 
     Raises
     ------
@@ -364,8 +364,8 @@ def force_by_moves(model: SampledModel | PeriodicModel, angles: np.ndarray) -> t
 def required_damping(model: SampledModel | PeriodicModel, points: int = 2000) -> float:
     """Return the smallest damping in N·s/m with which the device is passive with a stable model in any passive hand.
 
-    0 if the model needs none; infinite with a negative static stiffness, which releases energy in the slowest motion, when a
-    damping receives nothing. The condition is evaluated at a number of angles, `points`, then near the worst.
+    0 if the model needs none; infinite with a negative static stiffness, which releases energy in the slowest motion, in which
+    a damping receives none. The condition is evaluated at `points` angles, then near the worst angle.
     """
     ticking = to_periodic(model)
     if ticking.model.static_stiffness < 0:

@@ -151,7 +151,7 @@ def _product(multiply: Callable, exponent: int, base):
 
 
 def derivative(expression: Expression, symbol: str) -> Expression:
-    """Return the derivative by one symbol; at a kink a one-sided derivative.
+    """Return the derivative of an expression by one symbol; at a kink a one-sided derivative.
 
     Parameters
     ----------

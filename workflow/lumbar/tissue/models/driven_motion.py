@@ -194,11 +194,11 @@ class DrivenMotion:
     """A simulated motion."""
 
     position: np.ndarray
-    """Shape (steps + 1,)."""
+    """Position at the ends of the steps, shape (steps + 1,)."""
     velocity: np.ndarray
-    """Shape (steps + 1,)."""
+    """Velocity at the ends of the steps, shape (steps + 1,)."""
     states: np.ndarray
-    """Shape (states, steps + 1)."""
+    """States at the ends of the steps, shape (states, steps + 1)."""
     points: np.ndarray
     """Position and states at the collocation points, shape (1 + states, steps, 3)."""
 

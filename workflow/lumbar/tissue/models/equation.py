@@ -51,8 +51,8 @@ class CStep:
     - with `history`, ``earlier(now, ring, n)``, the position that reached the form n samples ago, 0 to `history`;
     - with `memory`, ``memory[i]`` of the previous sample, 0 at the start, and ``next[i]``, which the code writes;
     - the functions of ``effect_forms.h`` and ``portable_math.h``: ``sign``, ``clipped``, ``behind_gap``,
-      ``portable_tanh`` …, and the exact ones of the C library (``fabs``, ``sqrt``, ``floor`` …). Other functions are
-      rejected, because they differ between platforms in the last bit.
+      ``portable_tanh`` …, and exact functions of the C library (``fabs``, ``sqrt``, ``floor`` …). Other functions are rejected,
+      because they differ between platforms in the last bit.
     """
 
     value: str | tuple[str, ...]
@@ -175,7 +175,7 @@ class Equation:
 
     @cached_property
     def signals(self) -> set[str]:
-        """Signals that the force uses, without those of the states' rates."""
+        """Signals in the force's expression, without signals that only the states' rates use."""
         return symbols(self.force) & SIGNALS.keys()
 
     @cached_property
@@ -243,7 +243,7 @@ class Equation:
 
     @cached_property
     def portable_terms(self) -> tuple[Expression, ...]:
-        """Terms that the C code adds up, in operations with identical bits on every platform."""
+        """Terms of the force in C code, in operations with identical bits on every platform."""
         terms = self.columns
         if not self.transforms:
             named = zip(self.linear, self.columns, strict=True)

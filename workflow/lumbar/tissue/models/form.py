@@ -59,7 +59,7 @@ class HandWritten:
 
 @dataclass(frozen=True)
 class Form:
-    """One mathematical form of a mechanism; its equation is read and checked when it is first needed."""
+    """One mathematical form of a mechanism; the equation is read and checked at its first use."""
 
     name: str
     """Name, unique within the effect, e.g. ``"cubic"``."""

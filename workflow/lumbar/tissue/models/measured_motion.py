@@ -41,7 +41,7 @@ def add_measured_motion(record: Record) -> Record:
 def remove_noise(signal: np.ndarray) -> np.ndarray:
     """Filter out the frequencies at which a signal shows only noise, by a zero-phase Butterworth filter.
 
-    The noise level is the power in the highest quarter of the frequencies, where a motion has little power.
+    The noise level is the power in the highest quarter of the frequencies, in which a motion has little power.
 
     Parameters
     ----------

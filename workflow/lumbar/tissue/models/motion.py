@@ -71,9 +71,9 @@ class Motion:
     position: np.ndarray
     """Position in the channel's unit, shape (samples,)."""
     sampling_time: float
-    """Seconds."""
+    """Sampling time in seconds."""
     smooth: bool = True
-    """True for a smooth signal. A position behind play is not smooth: its derivatives are differences, not those of a spline."""
+    """True for a smooth signal. A position behind play is not smooth: derivatives are differences, not of a spline."""
     channels: dict[str, np.ndarray] = field(default_factory=dict)
     """Additional measured signals by role, for effects that need them."""
     between: np.ndarray | None = None
@@ -106,7 +106,7 @@ class Motion:
 
     @cached_property
     def _spline(self) -> Callable[..., np.ndarray]:
-        """Interpolating quintic spline: its second derivative is accurate to the fourth order of the step."""
+        """Interpolating quintic spline; the second derivative is accurate to the fourth order of the step."""
         return self.interpolation or scipy.interpolate.make_interp_spline(self.time, self.position, k=5)
 
     @cached_property
@@ -183,7 +183,7 @@ class Motion:
 
     @cached_property
     def interval(self) -> np.ndarray:
-        """For every sample the number of its monotone interval between `turns`; shape (samples,)."""
+        """Number of the monotone interval (between two `turns`) of every sample; shape (samples,)."""
         samples = self._turning[1]
         return np.append(np.repeat(np.arange(len(samples) - 1), np.diff(samples)), len(samples) - 2)
 
@@ -332,7 +332,7 @@ class JoinedMotions:
 
     @property
     def sampling_time(self) -> float:
-        """Seconds."""
+        """Sampling time in seconds."""
         return self.parts[0].sampling_time
 
     # Signals of the records, one after the other: seconds since the start of each record, position and its derivatives.

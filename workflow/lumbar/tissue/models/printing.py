@@ -214,7 +214,7 @@ PORTABLE = {name: f"portable_{name}" for name in ("expm1", "tanh", "sinh", "arct
 
 
 def portable(expression: Expression) -> Expression:
-    """Return the expression in operations for C that give identical bits on every platform.
+    """Convert an expression to operations that give identical bits in C on every platform.
 
     Elementary functions become functions of ``portable_math.h`` and ``effect_forms.h``; whole powers become products.
 

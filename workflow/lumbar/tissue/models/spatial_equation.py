@@ -235,7 +235,7 @@ class SpatialEquation(Equation):
 
     @cached_property
     def signals(self) -> set[str]:
-        """Signals that the force uses, without those of the states' rates."""
+        """Signals in the force's expression, without signals that only the states' rates use."""
         if self.transforms:
             return super().signals
         parts = chain(*(vector for _, vector in self._linear_forces))
@@ -321,7 +321,7 @@ class SpatialEquation(Equation):
         )
 
     def c_step(self, solution: str = "") -> CStep | None:
-        """Return the C code of one sample, with a value per axis; an output form has one value, used for every channel.
+        """Return the C code of one sample, with a value per axis; an output form has one value for all channels.
 
         Parameters
         ----------

@@ -20,7 +20,7 @@ from lumbar.tissue.models.motion import AnyMotion, JoinedMotions, Motion, Spatia
 
 @dataclass(frozen=True)
 class Structure:
-    """A base and the forms of the effects added to it; parameters are those of the base, then form by form."""
+    """A base and the forms of added effects; parameters are in the order base, then form by form."""
 
     base: Base
     forms: tuple[Form, ...] = ()

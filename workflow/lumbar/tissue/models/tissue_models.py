@@ -23,7 +23,7 @@ class Spring:
     """Force proportional to elongation."""
 
     symbol: str
-    """Symbol of its stiffness, e.g. ``"k1"``."""
+    """Symbol of the stiffness, e.g. ``"k1"``."""
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class Dashpot:
     """Force proportional to the rate of elongation."""
 
     symbol: str
-    """Symbol of its viscosity, e.g. ``"b"``."""
+    """Symbol of the viscosity, e.g. ``"b"``."""
 
 
 @dataclass(frozen=True)
@@ -217,7 +217,7 @@ KB = _model(
     structure=ArxStructure(order=1, input_lags=(0, 1)),
     derive=_kelvin_boltzmann_elements,
 )
-"""Kelvin–Boltzmann, Eq. 3.4: H(z) = (b1 z − b0)/(z − a0), whose two numerator lags and pole are free."""
+"""Kelvin–Boltzmann, Eq. 3.4: H(z) = (b1 z − b0)/(z − a0) with free coefficients b1, b0 and a0."""
 MW = _model("MW", network=MAXWELL.network, structure=ArxStructure(order=1, input_lags=(1,)))
 """Eq. 3.3 as published: H(z) = b0/(z − a0). A spring and dashpot in series is `MAXWELL`."""
 HO = _model("HO")
