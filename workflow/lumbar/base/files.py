@@ -88,7 +88,7 @@ def refuse_links(folder: str | os.PathLike) -> None:
     Raises
     ------
     InputError
-        If the folder contains such a link, or its path is one; with the link.
+        If the folder's path is such a link, or the folder contains such a link; with the link.
     """
     place = Path(folder).absolute()
     for path in (place, *(path for path in place.rglob("*") if path.is_symlink())):
@@ -153,7 +153,7 @@ def leftover_temp_files(folder: str | os.PathLike) -> list[tuple[str, Path]]:
 
 
 def write_text(path: str | os.PathLike, text: str) -> None:
-    """Write UTF-8 text with Unix line ends, completely or not at all; ``?`` replaces surrogates, as names of files have them."""
+    """Write UTF-8 text with Unix line ends, completely or not at all; ``?`` replaces surrogates, which file names may contain."""
     with replacing(path) as temporary:
         temporary.write_text(text, encoding="utf-8", errors="replace", newline="\n")
 

@@ -220,7 +220,7 @@ def shipped_names(path: Path, section: str) -> SimpleNamespace:
 
 
 def check_readable(root: Path, names: Iterable[str]) -> None:
-    """Check that files are YAML before Snakemake reads them: its error names neither the file nor the line.
+    """Check that files are YAML before Snakemake reads them: Snakemake's error names neither file nor line.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""``lumbar.compare`` and ``lumbar.locate``: how well a model agrees with records, and where it fails."""
+"""``lumbar.compare`` and ``lumbar.locate``: agreement of a model with records, and locations of its error."""
 
 from __future__ import annotations
 
@@ -171,7 +171,7 @@ class ModelReports(Result):
         return iter(self.simulated)
 
     def __getitem__(self, name: str) -> Any:
-        """Return the report of the record of this name, or of one of its axes, e.g. ``"multisine (x)"``."""
+        """Return the report of a record, or of one axis of a record, by name, e.g. ``"multisine (x)"``."""
         reports = {item.record.name: item for item in residuals.expand_axes(self.reports)}
         if name not in reports:
             raise InputError(f"no record {name!r}; there are {', '.join(reports)}")

@@ -82,7 +82,7 @@ def export_fmu(
     trained_on : str, optional
         Record on which the models of a file were identified. Default: the only record, or the record of the settings.
     rate_Hz : float, optional
-        Rate of the haptic loop in hertz; default the rate of the settings (1 kHz), or of the model if it is None.
+        Rate of the haptic loop in hertz; default the settings' rate (1 kHz), or the model's rate if the settings have None.
     targets : iterable of str, optional
         Platforms to build for: ``host``, ``x86_64-windows`` …; default the settings'.
     effect_files : iterable of path, optional

@@ -52,7 +52,7 @@ class ForeignFile:
         Raises
         ------
         InputError
-            If it has no table.
+            If the file has no table.
         """
         return cls(record_name(stem_of(Path(name))), *read_content(content, Path(name), choices))
 
@@ -70,7 +70,7 @@ class ForeignFile:
         Raises
         ------
         InputError
-            If it does not exist or has no table.
+            If the file does not exist or has no table.
         """
         require_file(path)
         return cls.from_content(str(path), path.read_bytes(), choices)
@@ -235,7 +235,7 @@ class ImportedRecordings(Sequence[ImportedRecording]):
         Raises
         ------
         InputError
-            If they differ in quantities or units.
+            If the records differ in quantities or units.
         """
         records = [recording.record for recording in self.recordings]
         require_same_units(records)

@@ -176,7 +176,7 @@ def check_picture_format(path: Path) -> None:
     Raises
     ------
     InputError
-        If its ending is not ``.svg`` or ``.pdf``.
+        If the ending of the file is not ``.svg`` or ``.pdf``.
     """
     if path.suffix not in (".svg", ".pdf"):
         raise InputError(f"{path}: pictures are written as .svg or .pdf")

@@ -303,7 +303,7 @@ def _listed_trial(
 
 
 def _find_static_file(subject: SubjectSettings, trial: TrialSettings, markers: Path) -> Path | None:
-    """Return the subject's static trial; its path is relative to the folder to which the trial's path is relative."""
+    """Return the subject's static trial; its path and the trial's path are relative to the same folder."""
     if subject.static is None:
         return None
     path, parts = markers.resolve(), Path(trial.markers).parts

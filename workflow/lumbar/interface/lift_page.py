@@ -32,7 +32,7 @@ def lift_page(
     Parameters
     ----------
     lift : Lift or path
-        Result of `lift`, or the folder that it was saved to.
+        Result of `lift`, or the folder of a saved result.
     settings : StabilitySettings, optional
         Pendulum, regulator, goal and limits of the torque; no checks are run.
     source_label : str

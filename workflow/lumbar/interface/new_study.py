@@ -36,7 +36,7 @@ _RULES: dict[str, list[tuple[Alias, str]]] = {
     name: [(_ALIAS_ADAPTER.validate_python(rule["is"]), rule.get("because", "")) for rule in rules]
     for name, rules in _TABLE["rules"].items()
 }
-"""Rules by landmark from which its position follows, with the reason if a rule is a guess."""
+"""Rules that give the position of each landmark, with the reason if a rule is a guess."""
 _REASONS = {(name, term): reason for name, rules in _RULES.items() for term, reason in rules if reason}
 _NOTES = {(name, label): note for name, labels in _TABLE["notes"].items() for label, note in labels.items()}
 _PURPOSES: dict[str, str] = _TABLE["needed"]
@@ -144,7 +144,7 @@ class FolderRecording:
     """Path relative to the folder."""
     person: str
     problem: str = ""
-    """Reason why the file cannot be read; empty if it can."""
+    """Reason why the file cannot be read; empty if the file can be read."""
     facts: str = ""
     """Rate, length and number of markers, for a comment."""
     states_unit: bool = True

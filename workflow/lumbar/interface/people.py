@@ -147,7 +147,7 @@ def analyse_survey(
     Parameters
     ----------
     ratings : Ratings or path
-        Answers, or the file with them.
+        Answers, or the file with the answers.
     settings : SurveySettings, optional
         Scale, statement, baseline and layout.
     seed : int

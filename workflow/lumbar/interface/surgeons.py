@@ -131,7 +131,7 @@ def design_signals(
     Parameters
     ----------
     band : float, Bandwidth or path
-        Upper end of the excited band in hertz; or the surgeons' bandwidth or its file, which contain it.
+        Upper end of the excited band in hertz; or the surgeons' bandwidth or its file, with this value.
     settings : SignalsSettings, optional
         Rate, length and limits of the machine.
     seed : int

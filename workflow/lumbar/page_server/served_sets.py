@@ -143,7 +143,7 @@ OWN = "/_own"
 """Address of the page for the user's recordings; no record set's name begins with an underscore."""
 RESULT = f"{OWN}/result"
 _MAX_UPLOADS = 8
-"""Largest number of sets of the user's recordings in memory; beyond it the oldest is discarded."""
+"""Largest number of sets of the user's recordings in memory; if there are more, the oldest is discarded."""
 
 
 class ServedSets:

@@ -1,4 +1,4 @@
-"""The server of the pages, only for this machine's browser with the token that `lumbar explore` printed."""
+"""Server of the pages. It admits only browsers on this machine that have the token printed by `lumbar explore`."""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ INTEL, DEC, MIPS = 84, 85, 86
 BLOCK = 512
 """Size of a block in bytes."""
 MAX_COUNT = 65535
-"""Largest value of the frame numbers in the header and POINT:FRAMES; it means that the number is stored elsewhere."""
+"""Largest value that the header and POINT:FRAMES can store; if it occurs, the frame number is stored elsewhere."""
 _PROCESSORS = {INTEL: "Intel", DEC: "DEC", MIPS: "MIPS"}
 _ITEM_BYTES = {-1: 1, 1: 1, 2: 2, 4: 4}
 """Bytes per value by type of the parameter: characters, bytes, integers, reals."""
@@ -47,7 +47,7 @@ def reals(raw: np.ndarray, processor: int) -> np.ndarray:
     raw : ndarray of uint8, shape (..., 4 n)
         Bytes of n numbers per row.
     processor : int
-        Processor that wrote them, see `C3dStructure`.
+        Processor that wrote the numbers, see `C3dStructure`.
 
     Returns
     -------
@@ -70,7 +70,7 @@ def integers(raw: np.ndarray, processor: int) -> np.ndarray:
     raw : ndarray of uint8, shape (..., 2 n)
         Bytes of n numbers per row.
     processor : int
-        Processor that wrote them, see `C3dStructure`.
+        Processor that wrote the numbers, see `C3dStructure`.
 
     Returns
     -------
@@ -269,7 +269,7 @@ def _name_parameters(
 def _read_values(
     path: Path, content: mmap.mmap, position: int, end: int, processor: int, name: str
 ) -> tuple[list, int]:
-    """Return the values of a parameter, and the byte after them."""
+    """Return the values of a parameter, and the position of the byte after the values."""
     if position + 2 > end:
         raise InputError(f"{path}: parameter {name} is cut off at byte {position}")
     kind, n_dimensions = struct.unpack("bB", content[position : position + 2])
@@ -292,7 +292,7 @@ def _read_values(
 
 
 def _complete_scale_and_rate(structure: C3dStructure) -> None:
-    """Copy scale factor and rate from the header if the parameters lack them, or from the parameters to the header."""
+    """Copy scale factor and rate from header to parameters if the parameters lack them, or from parameters to header."""
     parameters, notes = structure.parameters, structure.notes
     for key, name in (("scale", "POINT:SCALE"), ("rate", "POINT:RATE")):
         stated, in_header = parameters.get(name), getattr(structure, key)
@@ -330,7 +330,7 @@ def _choose_fitting_values(structure: C3dStructure, start: int) -> C3dStructure:
 
 
 def _stated_frames(structure: C3dStructure) -> dict[str, int]:
-    """Return the number of frames that each place in the file states, without places that cannot represent it."""
+    """Return the stated number of frames by place in the file, without places that cannot represent this number."""
     statements, parameters = {}, structure.parameters
     last_frame = structure.first_frame + structure.n_frames - 1
     if last_frame < MAX_COUNT:

@@ -1,7 +1,7 @@
 """Parsing of HDF5, MATLAB, Excel and C3D files in a child process with limits, which returns numbers and texts.
 
 The child is a new program, independent of the threads of this process. Memory, processor time and the size of the answer are
-limited if the system supports it, the elapsed time always. The answer is not trusted either: nothing in it is unpickled or run.
+limited if the system supports it; the elapsed time is always limited. The answer is not trusted: no part is unpickled or run.
 """
 
 import json

@@ -162,7 +162,7 @@ def read_frames(
     dialect : Dialect
         Form of the rows.
     may_be_missing : bool
-        True: an empty cell is NaN; false: it is an error.
+        Whether an empty cell is NaN; otherwise it is an error.
 
     Raises
     ------

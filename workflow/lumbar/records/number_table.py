@@ -157,7 +157,7 @@ def stream_lines(path: Path) -> Iterator[str]:
 def decode_lines(
     content: bytes, source: str, encoding: str | None = None, lenient: bool = False
 ) -> tuple[list[str], str]:
-    """Return the lines of a text, as an editor counts them, and its encoding.
+    """Return the lines of a text, split as in an editor, and its encoding.
 
     Parameters
     ----------

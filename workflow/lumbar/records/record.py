@@ -248,7 +248,7 @@ def check_record(
     record : Record
         The record.
     may_rest : collection of str
-        Roles of channels that may be constant; with several axes it is enough if one moves.
+        Roles of channels that may be constant; of several axes, only one needs to move.
     lines : sequence of int, optional
         Line of each sample in the file.
 
@@ -337,7 +337,7 @@ def require_clock(records: Iterable[Record]) -> None:
     Raises
     ------
     InputError
-        If there are any, with the names of these records.
+        If there are such records, with their names.
     """
     if points := [record.name for record in records if record.points]:
         raise InputError(
@@ -358,7 +358,7 @@ def require_one_axis(records: Iterable[Record], what: str) -> None:
     Raises
     ------
     InputError
-        If there are any, with the names of these records.
+        If there are such records, with their names.
     """
     if several := [record.name for record in records if record.axes]:
         raise InputError(

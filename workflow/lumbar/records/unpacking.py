@@ -85,7 +85,7 @@ def check_size(size: float, packed_size: int, source: str) -> None:
     Raises
     ------
     InputError
-        If it does, with both sizes in megabytes.
+        If the content is larger, with both sizes in megabytes.
     """
     if size > MAX_FILE_BYTES:
         raise InputError(

@@ -182,7 +182,7 @@ def load_subject(path: str | os.PathLike) -> SubjectSettings:
 
 
 def _data_root(settings: StudySettings, root: Path, add: Add) -> Path | str | None:
-    """Return the folder or address of the recordings; None if the twin makes them or if it is missing."""
+    """Return the folder or address of the recordings; None if the twin makes the recordings or the folder is missing."""
     if settings.data == TWIN:
         return None
     root_name, source = os.environ.get("LUMBAR_DATA") or settings.data_root, settings.data_source
@@ -247,7 +247,7 @@ def load_settings(*files: str | os.PathLike, trust: bool = False) -> StudySettin
 
 
 def _locate_files(improvement: ImprovementSettings, folders: Sequence[Path]) -> ImprovementSettings:
-    """Return the settings with each file of an effect or base in the first of the folders that has it."""
+    """Return the settings with the path of each effect and base file in the first folder that contains the file."""
 
     def locate(name: str) -> str:
         return next((str(folder / name) for folder in folders if (folder / name).is_file()), name)

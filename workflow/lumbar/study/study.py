@@ -223,7 +223,7 @@ def set_layout(settings: StudySettings, name: str) -> tuple[ColumnLayout, float 
 
 
 def reading_plan(study: Study, chapters: Iterable[str]) -> list[dict]:
-    """Return how every recording of these chapters is read, for `lumbar.records.checking.check_recordings`.
+    """Return the plan for reading every recording of these chapters, for `lumbar.records.checking.check_recordings`.
 
     The plan contains only the settings of reading, so that another mass of a subject or another setting of an analysis causes
     no new reading.

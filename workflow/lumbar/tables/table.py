@@ -360,7 +360,7 @@ def _latex_table(
 
 
 def _latex_header(column: table_layout.Column) -> str:
-    """Return a header, in several lines if it is wider than the cells."""
+    """Return a header, wrapped to several lines if the header is wider than the cells."""
     lines, width = [""], max(column.width, 8)
     for word in column.header.split():
         if lines[-1] and len(lines[-1]) + len(word) >= width:

@@ -28,7 +28,7 @@ _ONE_LETTER_NAMES = {"time": "t", "position": "x y z", "force": "f fx fy fz"}
 _OTHER_NAMES = frozenset([*_VELOCITIES, *_UNMEASURED, *ROLE_WORDS["others"].split()])
 """Names of other quantities and commands; columns with such names are only used if the user names them."""
 _MIN_SECONDS_HZ = 20.0
-"""Rate at or above which a clock without a unit is in seconds: in milliseconds it would be at least 20 kHz."""
+"""Smallest rate at which a clock without a unit is in seconds: in milliseconds the rate would be 20 kHz or more."""
 _PLAUSIBLE_HZ = (1.0, 1e5)
 """Range of rates for which the stated unit of time is accepted: some headers state ms for seconds."""
 

@@ -31,7 +31,7 @@ def write_folder(
     Parameters
     ----------
     recordings : sequence of ImportedRecording
-        The new records; they replace earlier records with their names.
+        The new records; they replace earlier records of equal name.
     folder : Path
         The folder.
     existing : sequence of Path
