@@ -1,4 +1,4 @@
-"""Interactive page of a diagnosis: pictures, what is missing, how sure that is, and the candidates."""
+"""Interactive page of a diagnosis: pictures, missing effects with their certainty, and the candidates."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -47,25 +47,25 @@ PICTURES = (
     ("turns", "Mean error around reversals, along the motion after them", False, "reversals"),
     ("spectrum", "Spectrum of the error; grey: noise", True, "frequency"),
 )
-"""Name, caption, whether it takes the page's full width, and the view of `locate` that it shows."""
+"""Pictures: name, caption, True if as wide as the page, and the view of `locate` in the picture."""
 CURVES = (
     ("measured", "measured", "var(--ink)", ""),
     ("first", "first model", FIRST, ""),
     ("second", "second model", SECOND, "dashed"),
     ("aside", "the path set aside", ASIDE, "dashed"),
 )
-"""Curves that can be switched off: name, label, colour, line."""
+"""Curves that can be switched off: name, label, colour, line style."""
 LINES = {"circle": "● excited", "square": "■ even", "triangle": "▲ odd ones that were left out"}
-"""Markers of the spectrum's lines and their meaning."""
+"""Meaning of the spectrum's lines by marker."""
 _INITIAL_WINDOW_S = 10.0
-"""Seconds that are shown at first of records that do not repeat; of others a period."""
+"""Initial window in s for records that do not repeat; other records show one period."""
 _MAX_UNFOLDED = 6
-"""Most parameters that a card shows without folding their table."""
+"""Largest number of parameters that a card shows in an unfolded table."""
 
 
 @dataclass(frozen=True, eq=False)
 class ExplorerPage:
-    """A diagnosis as a page."""
+    """Interactive page of a diagnosis."""
 
     result: DiagnosisResult
     evidence: Evidence
@@ -75,35 +75,35 @@ class ExplorerPage:
     source_label: str
     """Origin of the data."""
     sections: Mapping[str, Sequence[Markup]] = field(default_factory=dict)
-    """Further evidence by title, folded below."""
+    """Further evidence by title, shown in folded sections."""
     others: Sequence[FittedModel] = ()
-    """The thesis's models, shown after those of the diagnosis."""
+    """Models of the thesis, shown after the models of the diagnosis."""
     others_remark: str = ""
-    """Remark on those of the thesis's models that are not shown."""
+    """Remark on models of the thesis that are not shown."""
     max_values: int = 1_200_000
-    """Most numbers of a page, in 4 bytes each, about 6.5 MB as text."""
+    """Largest number of values in a page: 4 bytes each, about 6.5 MB as text."""
 
     @cached_property
     def step(self) -> int:
-        """Step between drawn samples: of long records every second, third, … one is drawn."""
+        """Step between drawn samples: 1, or more for long records."""
         columns = len(fitted_candidates(self.result)) + len(self.others) + RECORD_COLUMNS
         samples = sum(len(record) for record in self.result.experiment.records)
         return max(1, -(-samples * columns // self.max_values))
 
     @cached_property
     def models(self) -> list[PageModel]:
-        """All fitted models, the base first, then the thesis's."""
+        """All fitted models: the base first, the thesis's models last."""
         drawn = self.result.experiment, self.records, self.step
         fitted = [self.simulate(candidate) for candidate in fitted_candidates(self.result)]
         return [*fitted, *(simulate_thesis_model(model, *drawn) for model in self.others)]
 
     def simulate(self, candidate: Candidate) -> PageModel:
-        """Return one model of the diagnosis, or one fitted later, as it is drawn."""
+        """Return the simulation of a model, from the diagnosis or fitted later, for drawing."""
         return simulate_candidate(candidate, self.result.experiment, self.records, self.step)
 
     @cached_property
     def records(self) -> list[RecordData]:
-        """All records as they are drawn."""
+        """Data of all records for drawing."""
         return gather_records(self.result, self.step)
 
     def fill(self, document: Document) -> None:
@@ -155,7 +155,7 @@ class ExplorerPage:
         return f"Diagnosis of the {self.result.base.fit.structure.base.name} model"
 
     def _content(self, served: bool) -> dict[str, Any]:
-        """Return the data of the page's script: models with errors, and sentences, by key."""
+        """Return the data for the page's script by key: models with errors, and sentences."""
         verdict, experiment, separation = self.result, self.result.experiment, self.evidence.separation
         floor = experiment.floor
         located = {model_key(()): self.base_reports, model_key(verdict.selected): self.evidence.remaining}
@@ -198,7 +198,7 @@ def model_facts(model: PageModel, located: Sequence[ResidualReport]) -> dict[str
 
 
 def excitation_facts(separation: Separation, verdict: DiagnosisResult) -> dict[str, str]:
-    """Return an excitation as data for the page's script: its sentence and the file to play."""
+    """Return an excitation as data for the page's script: sentence, and file for the testing machine."""
     return {
         "text": separation_sentence(separation, verdict),
         "name": EXCITATION,
@@ -207,7 +207,7 @@ def excitation_facts(separation: Separation, verdict: DiagnosisResult) -> dict[s
 
 
 def confidence_sentences(diagnosis: DiagnosisResult, evidence: Evidence) -> list[str]:
-    """Return sentences on chance, on equally good explanations, and on the experiment that would decide."""
+    """Return sentences on chance, on equally good explanations, and on the experiment that would decide between them."""
     lines = ["No effect of the catalogue could be fitted to these records."]
     if diagnosis.ranking:
         best = diagnosis.ranking[0]

@@ -25,15 +25,15 @@ from lumbar.publishing.figures.style import MEASURED, SERIES
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 
 FIRST, SECOND = SERIES[0], SERIES[3]
-"""Colours of the two compared models; the first is solid, the second dashed: readable in grey."""
+"""Colours of the two compared models, readable in grey: the first line is solid, the second dashed."""
 NOISE = ASIDE = "#777777"
 MARKED = SERIES[2]
 SHOWN, CELLS, DEPTH, TURNS, SPECTRUM = "shown", "cells", "depth means", "turn means", "lines"
-"""Names of the document's sources of drawn data."""
+"""Names of the document's data sources for drawn data."""
 BRUSHED, BRUSHED_LINES = "brushed", "brushed lines"
-"""Names of the sources of marked data."""
+"""Names of the data sources for marked data."""
 REQUEST, ANSWER = "request", "answer"
-"""Names of the sources for requests and answers of page and server."""
+"""Names of the data sources for requests of the page and answers of the server."""
 _COLUMNS = (
     *("time", "position", "velocity", "since", "measured", "first", "second", "aside"),
     *("first_error", "second_error", "aside_error", "first_turned", "second_turned"),
@@ -45,7 +45,7 @@ _HEIGHT = 230
 def page_models(
     experiment: Experiment, records: Sequence[RecordData], models: Sequence[PageModel]
 ) -> tuple[list[Model], list[Model]]:
-    """Return the pictures in the page's order and the data sources, from which the page's script fills them."""
+    """Return the pictures in the page's order, and the data sources that the page's script fills."""
     brushed = empty_source(BRUSHED, _COLUMNS)
     sources = []
     for record in records:
@@ -123,7 +123,7 @@ def _line(column: str) -> dict:
 
 
 def _add_hover(picture: figure, across: str, ups: Sequence[str], source: ColumnDataSource) -> None:
-    """Show the values of all curves at the pointer; an invisible line carries them if curves are switched off."""
+    """Show the values of all curves at the pointer, by an invisible line even if curves are switched off."""
     carrier = "measured" if "measured" in ups else ups[-1]
     unseen = picture.line(across, carrier, source=source, color=SECOND, alpha=0)
     digits = CustomJSHover(code="return Number.isFinite(value) ? value.toPrecision(4) : '–'")

@@ -1,4 +1,4 @@
-"""Pages with Bokeh's pictures as self-contained files, with the same bytes at every run."""
+"""Pages with Bokeh's pictures as self-contained files, byte-identical at every run."""
 
 import re
 from collections.abc import Callable, Iterable, Sequence
@@ -17,14 +17,14 @@ from bokeh.resources import INLINE
 from lumbar.base.templates import template
 
 _CODE = "<!-- Bokeh's code -->"
-"""Placeholder for the code while names are replaced."""
+"""Placeholder for Bokeh's code while names are replaced."""
 # In quotes: encoded numbers may contain ``+p1234/``, and a model's token is not a name.
 _UNIQUE = re.compile(r"""(?<=["'])[0-9a-f]{8}-(?:[0-9a-f]{4}-){3}[0-9a-f]{12}(?=["'])""")
 _NUMBERED = re.compile(r"""(?<=["'])p\d{4,}(?=["'])""")
 
 
 def empty_source(name: str, columns: Iterable[str]) -> ColumnDataSource:
-    """Return a source of data that the page's script fills."""
+    """Return an empty data source that the page's script fills."""
     return ColumnDataSource({column: [] for column in columns}, name=name)
 
 
@@ -45,7 +45,7 @@ class EmbeddedPictures:
     documents: dict[str, Any]
     """Bokeh's document by its name."""
     items: list[RenderItem]
-    """Position of each picture."""
+    """Bokeh's render items, one per picture."""
     code: str
     """Bokeh's scripts."""
     style: str
@@ -60,7 +60,7 @@ def add_roots(document: Document, pictures: Iterable[figure]) -> None:
 
 
 def embed_pictures(fill: Callable[[Document], None]) -> EmbeddedPictures:
-    """Return the pictures that `fill` puts, with their data, into a Bokeh document."""
+    """Return the pictures that `fill` adds with their data to a Bokeh document."""
     document = Document()
     fill(document)
     documents, items = standalone_docs_json_and_render_items(document)

@@ -1,4 +1,4 @@
-"""Data of the page of a diagnosis: every record, and every fitted model simulated on each of them."""
+"""Data of the page of a diagnosis: every record, and every fitted model simulated on each record."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -20,9 +20,9 @@ from lumbar.tissue.models.model_data import ARX, GIVEN, OUTPUT_ERROR
 from lumbar.tissue.signals.spectrum import welch
 
 _SEGMENTS = 8
-"""Segments of Welch's method for records without a period."""
+"""Number of segments in Welch's method, for records without a period."""
 RECORD_COLUMNS = 6
-"""Columns of a record without those of the models."""
+"""Number of drawn columns of a record, without columns of models."""
 _MARKERS = {EXCITED: "circle", EVEN: "square", ODD: "triangle"}
 """Markers of a periodic record's lines by their class."""
 EFFECTS_GROUP = "with effects"
@@ -31,22 +31,22 @@ _THESIS_GROUPS = {
     OUTPUT_ERROR: "of the thesis, output error",
     GIVEN: "of the thesis, given",
 }
-"""Groups of the thesis's models by their estimator."""
+"""Names of groups of the thesis's models by estimator."""
 _ESTIMATORS = {ARX: "ARX", OUTPUT_ERROR: "output error"}
 
 
 @dataclass(frozen=True, eq=False)
 class RecordData:
-    """One record as it is drawn."""
+    """Data of one record for drawing."""
 
     record: Record
     """Record with the base's input and output."""
     is_training: bool
-    """True if models were fitted to it."""
+    """True if models were fitted to the record."""
     first: int
-    """First sample that counts in errors."""
+    """Index of the first sample that counts in errors."""
     rows: np.ndarray | None
-    """Whole periods among the counted samples, shape (periods, samples), if they give the record's noise; else None."""
+    """Shape (periods, samples): indices of whole periods that give the record's noise; None if there are none."""
     columns: dict[str, np.ndarray]
     """Columns of shape (drawn samples,): ``time`` (s), ``position``, ``velocity`` and ``measured`` in the records' units;
     ``since``, seconds after (negative: before) the nearest reversal of the motion, NaN if none is near; ``turned``, the
@@ -56,7 +56,7 @@ class RecordData:
     noise: np.ndarray | None
     """Amplitude density of the noise in the output's unit per √Hz, shape (lines,); None if unknown."""
     marker: list[str]
-    """Bokeh's marker of every line of the spectrum; ``dot`` for lines without a class."""
+    """Bokeh's marker for every line of the spectrum; ``dot`` for lines without a class."""
 
     @property
     def name(self) -> str:
@@ -71,7 +71,7 @@ class RecordData:
 def _density(error: np.ndarray, rows: np.ndarray | None, step: float) -> tuple[np.ndarray, np.ndarray]:
     """Return frequencies above 0 Hz and an amplitude density.
 
-    It is the mean over whole periods if the record repeats, so that lines do not leak; else Welch's estimate.
+    The density is the mean over whole periods if the record repeats, so that lines do not leak; else it is Welch's estimate.
     """
     if rows is not None:
         samples = rows.shape[1]
@@ -85,10 +85,10 @@ def _density(error: np.ndarray, rows: np.ndarray | None, step: float) -> tuple[n
 
 @dataclass(frozen=True, eq=False)
 class PageModel:
-    """One model on every record."""
+    """One model with its simulation on every record."""
 
     key: str
-    """See `model_key`; name and estimator of a model of the thesis."""
+    """Key on the page: see `model_key`; for a model of the thesis its name and estimator."""
     effects: tuple[str, ...]
     label: str
     group: str
@@ -99,24 +99,24 @@ class PageModel:
     values: dict[str, np.ndarray]
     """Simulated output at drawn samples by record."""
     density: dict[str, np.ndarray]
-    """Amplitude density of its error by record."""
+    """Amplitude density of the model's error by record."""
     merits: dict[str, dict[str, float]]
-    """``rms``, ``vaf`` and ``fit`` by record, over all samples after the settling time."""
+    """Figures of merit ``rms``, ``vaf`` and ``fit`` by record, over all samples after the settling time."""
 
 
 def model_key(effects: Sequence[str]) -> str:
-    """Return the name of a set of effects on the page, independent of their order; ``base`` without any."""
+    """Return the key of a set of effects on the page, independent of their order; ``base`` without effects."""
     return "+".join(sorted(effects)) or "base"
 
 
 def fitted_candidates(diagnosis: DiagnosisResult) -> list[Candidate]:
-    """Return every fitted set of effects: the path, then the ranking, without repetitions."""
+    """Return every fitted set of effects, without repetitions: first the path, then the ranking."""
     fitted = [*diagnosis.path, *(item.candidate for item in diagnosis.ranking)]
     return list({model_key(item.effects): item for item in fitted}.values())
 
 
 def gather_records(diagnosis: DiagnosisResult, step: int) -> list[RecordData]:
-    """Return every record of a diagnosis as it is drawn: every `step`-th sample."""
+    """Return every record of a diagnosis for drawing, with every `step`-th sample."""
     experiment = diagnosis.experiment
     training = {item.name for item in getattr(experiment.training, "parts", (experiment.training,))}
     base = diagnosis.base.fit.structure.base
@@ -153,7 +153,7 @@ def _record_data(record: Record, is_training: bool, experiment: Experiment, step
 
 
 def _since_reversal(record: Record) -> tuple[np.ndarray, np.ndarray]:
-    """Return seconds after the nearest reversal, NaN beyond half of their typical distance, and the direction after it."""
+    """Return seconds after the nearest reversal (NaN beyond half their typical interval) and the direction after it."""
     samples = np.arange(len(record))
     turns, directions = reversals(record["input"])
     if turns.size < 2:

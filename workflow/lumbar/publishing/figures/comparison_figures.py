@@ -1,4 +1,4 @@
-"""Simulations with their measurements, shares of the records that they explain, error ladders, effects' signatures."""
+"""Figures of simulations with measurements, explained shares of records, error ladders, and signatures of effects."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -31,13 +31,13 @@ from lumbar.tissue.effects.signature import AXES, RATES, pictured_form, signatur
 from lumbar.tissue.models.form import Effect
 
 _SEGMENT_SAMPLES = 500
-"""Samples of the default segment."""
+"""Number of samples in the default segment."""
 _NOISE_STYLE = {"color": "#bbbbbb", "edgecolor": "#555555", "linewidth": 0.6}
 _EXPLAINABLE_STYLE = {"color": "white", "edgecolor": MODELS["HO"]["color"], "hatch": "////", "linewidth": 0.8}
 
 
 def default_segment(record: Record, simulated: np.ndarray, start: float) -> tuple[float, float]:
-    """Return start and end in s of a segment with an error as large as on the whole record."""
+    """Return start and end in s of a segment with the median error of all segments of the record."""
     first, size = round(start / record.sampling_time), min(_SEGMENT_SAMPLES, len(record) // 2)
     energy = np.cumsum(np.insert((record["output"] - simulated) ** 2, 0, 0.0))
     candidates = np.arange(first, len(record) - size, max(size // 4, 1))
@@ -55,10 +55,10 @@ def record_comparison_figure(
     comparisons: list[Comparison],
     model: str = "KB",
 ) -> Figure:
-    """Draw a typical segment of one record with its residual, and what the model leaves of every record's variance.
+    """Draw a typical segment of one record with its residual, and the unexplained share of every record's variance.
 
-    `simulated` is the free run over `record`, shape (samples,); `comparisons` are those of all records, this one among
-    them; `model` is the name in the legend.
+    `simulated` is the free run over `record`, shape (samples,); `comparisons` has one comparison per record, with
+    `record` among them; `model` is the name in the legend.
     """
     mine = next(item for item in comparisons if item.record == record.name)
     segment = default_segment(record, simulated, mine.start)
@@ -108,7 +108,7 @@ def draw_segment(
 
 
 def _draw_shares(axis, comparisons: list[Comparison]) -> None:
-    """Draw the shares of the output's variance that remain: explainable and noise."""
+    """Draw the unexplained shares of the output's variance: explainable and noise."""
     left, low, high = (
         np.array([100 * getattr(item.rms, name) ** 2 / item.output_variance for item in comparisons])
         for name in ("value", "low", "high")
@@ -138,7 +138,7 @@ def _draw_shares(axis, comparisons: list[Comparison]) -> None:
 
 @house_style
 def ladder_figure(path: Sequence[Candidate], experiment: Experiment) -> Figure:
-    """Draw training and unseen error of the base and after each added effect, and the noise floor.
+    """Draw the errors on training and unseen records for the base and after each added effect, and the noise floor.
 
     `path` has the base, then the base and the first effect, …; `experiment` the errors' unit and the noise floor.
     """
@@ -183,7 +183,7 @@ def draw_error_bars(axes, errors: dict[str, list[float]], texts: list[str], floo
 
 
 _DURATION_S = 8.0
-"""Seconds shown over time."""
+"""Duration of the force over time in s."""
 _BASE = {"color": "#999999", "linestyle": (0, (4, 1.5)), "linewidth": 1.0}
 _CLOSE = {"ncols": 2, "handlelength": 1.4, "columnspacing": 0.8, "borderpad": 0.1, "fontsize": 6.5}
 
@@ -192,7 +192,7 @@ _CLOSE = {"ncols": 2, "handlelength": 1.4, "columnspacing": 0.8, "borderpad": 0.
 def signature_figure(effects: list[Effect], system: str = "tissue") -> Figure:
     """Draw one row per effect: force over position, added force over position at two rates, added force over time.
 
-    Each of the `effects`, which may be none, is drawn in the form of `lumbar.tissue.effects.signature.pictured_form`;
+    Each of the `effects` is drawn in the form of `lumbar.tissue.effects.signature.pictured_form`; `effects` may be empty;
     `system` is ``tissue`` or ``pendulum``.
     """
     if not effects:

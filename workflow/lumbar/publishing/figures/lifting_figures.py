@@ -42,7 +42,7 @@ _BODY = (
 _FRONT = ["L_SHOULDER", "R_SHOULDER", "MANUBRIUM", "XIPHOID", "L_HIP", "R_HIP"]
 _BACK = ["L_SHOULDER", "R_SHOULDER", "C7", "T12", "L5", "SACRUM", "L_HIP", "R_HIP"]
 _NAME_SIDES = {"SHOULDER": "above", "HIP": "below", "C7": "over", "T12": "over", "L5": "over"}
-"""Side of a marker on which its name is written from the front and the back; others right."""
+"""Position of a marker's name in views from front and back; other names are to the right."""
 _OFFSETS = {
     "left": ((-5, 0), "right", "center"),
     "right": ((5, 0), "left", "center"),
@@ -50,7 +50,7 @@ _OFFSETS = {
     "above": ((0, 4), "center", "bottom"),
     "below": ((0, -4), "center", "top"),
 }
-"""Offset in points and alignments of a name by its side."""
+"""Offset in points and alignments of a name by its position."""
 _WHITE = {"facecolor": "white", "edgecolor": "none", "pad": 1.0, "alpha": 0.8}
 _MARKS = {"thorax": "o", "abdomen": "s", "pelvis": "^"}
 _DASHED, _DOTTED = (0, (4, 1.5)), (0, (1, 1))
@@ -72,7 +72,7 @@ _GREY = "#888888"
 
 @house_style
 def events_figure(lift: dict) -> Figure:
-    """Draw heights and speeds of box, wrists and toes over time, with the events found in them.
+    """Draw heights and speeds of box, wrists and toes over time, with the detected events.
 
     `lift` has ``motion`` (data frame with ``time_s``, ``<box|wrists|l_wrist|r_wrist>_height_m``, ``<…>_speed_m_s``),
     ``events`` (per event the result of `lumbar.lifting.movement.event_detection.Event.to_dict`) and ``summary`` (``lift``).
@@ -103,7 +103,7 @@ def events_figure(lift: dict) -> Figure:
 
 
 def _mark_events(axes, events: dict) -> None:
-    """Draw a line through all panels at every event, its name on top, and shade the deposit.
+    """Draw a line through all panels at every event, with the event's name on top, and shade the deposit.
 
     Grey bands are the intervals of events; a dotted line is the event by the thesis's rule.
     """
@@ -143,7 +143,7 @@ def _points(lift: dict, event: str) -> dict[str, tuple[float, float, float]]:
 def pendulum_figure(lift: dict, pendulum: PendulumSettings) -> Figure:
     """Draw Figure 4.1: the inverted pendulum of the total body's centre of mass in flexion/extension, with ℓ, m and u0.
 
-    On the right the angles of the total body and of the trunk's segments, and u0(t) by Eq. 4.1 with either sign of gravity.
+    The right panels have the angles of total body and trunk segments, and u0(t) by Eq. 4.1 with either sign of gravity.
 
     `lift` has ``landmarks`` (points at every event), ``body``, ``centres``, ``states`` (data frames) and ``summary``;
     `pendulum` has damping and gravity.
@@ -199,7 +199,7 @@ def _draw_postures(axis, lift: dict) -> None:
 
 
 def _draw_pendulum(axis, lift: dict, total: Trajectory) -> None:
-    """Draw the pendulum of the total body at the release: rod ℓ, mass m, angle θ from straight up, weight and torque u0."""
+    """Draw the pendulum of the total body at the release, with rod ℓ, mass m, angle θ from the vertical, weight and torque u0."""
     pivot = np.array(_points(lift, "release")["PIVOT"][1:])
     angle, length = total.angle[-1], total.length_m
     along = np.array([np.sin(angle), np.cos(angle)])
@@ -225,7 +225,7 @@ def _draw_pendulum(axis, lift: dict, total: Trajectory) -> None:
 
 @house_style
 def segments_figure(lift: dict) -> Figure:
-    """Draw Figure 4.2: the torso's markers and the segments between them from front and back; the study's ends at the side.
+    """Draw Figure 4.2: the torso's markers and segments from front and back, and the study's segment ends from the side.
 
     `lift` has ``landmarks`` (points at every event), ``states`` and ``summary`` (``segments.ends``).
     """
@@ -267,7 +267,7 @@ def segments_figure(lift: dict) -> Figure:
 
 
 def _draw_segments(axis, points: dict) -> None:
-    """Fill the torso between shoulders and hips, divided at the height of the markers T12 and L5."""
+    """Fill the torso between shoulders and hips in segments that end at the heights of the markers T12 and L5."""
     needed = ("L_SHOULDER", "R_SHOULDER", "L_HIP", "R_HIP", "C7", "T12", "L5")
     missing = [name for name in needed if name not in points]
     if missing:
@@ -304,7 +304,7 @@ def _draw_reasons(lift: dict) -> Figure:
 
 
 def _draw_marker(axis, marker: str, point, horizontal: int, side: str) -> None:
-    """Draw a marker with its name to the left, to the right, above or below."""
+    """Draw a marker with its name at its left, right, top or bottom."""
     axis.plot(point[horizontal], point[2], marker="o", color=MEASURED, markersize=3, linestyle="")
     limb, _, part = marker.rpartition("_")
     name = f"{part if len(part) <= 3 and not limb else part.lower()}{f' ({limb})' if limb else ''}"
@@ -316,16 +316,16 @@ PLANE = "flexion_extension"
 
 
 def total_body_pendulum(body: pd.DataFrame, centres: pd.DataFrame, facts: Mapping) -> Trajectory:
-    """Return the trajectory of the total body's centre of mass about the study's pivot, as long as it was recorded.
+    """Return the trajectory of the total body's centre of mass about the study's pivot in real time.
 
     `body` and `centres` are ``body.csv`` and ``com.csv`` of a lift with a deposit, `facts` is its ``pendulum.json``.
 
     Raises
     ------
     InputError
-        The recording does not have the body's centre of mass, or not during the whole deposit.
+        If the body's centre of mass is unknown in a part of the deposit.
     NumericalError
-        It passes the pivot too closely.
+        If the centre of mass comes too close to the pivot.
     """
     points = points_of(body)
     if WHOLE_BODY not in points:

@@ -1,4 +1,4 @@
-"""A model's error on records of one axis and of several: over time, depth and reversals, in space, by direction of travel."""
+"""Figures of a model's error on records of one or several axes: over time, depth and reversals, in space, by direction."""
 
 from itertools import combinations, pairwise
 
@@ -25,16 +25,16 @@ from lumbar.tissue.diagnosis.spatial.spatial_reports import SpatialReport
 _BAND = {"color": "#cccccc", "linewidth": 0}
 _ON_WHITE = {"facecolor": "white", "alpha": 0.8, "linewidth": 0, "pad": 0.6}
 _STEPS = 4
-"""Steps in which a cell's bent edge is drawn."""
+"""Number of straight steps in which a cell's bent edge is drawn."""
 _PIECES = 600
-"""Pieces of the path that are drawn."""
+"""Largest number of drawn pieces of the path."""
 _DARK, _SIGNED = "cividis_r", "cividis"
-"""One lightness per value, which can be read in grey: of sizes the largest is the darkest."""
+"""Colour maps that are readable in grey: `_DARK` for sizes (the largest is the darkest), `_SIGNED` for signed values."""
 
 
 @house_style
 def location_figure(location: Location) -> Figure:
-    """Draw the error of a location over time, over depth and around reversals; grey: 95 % limits of noise alone."""
+    """Draw the error of a location over time, over depth and around reversals, with the 95 % limits of pure noise in grey."""
     figure, axes = new_figure(DOUBLE_COLUMN, 2.6, ncols=3)
     views, residual = location.views, location.residual
     unit = unit_in_print(residual.unit)
@@ -103,7 +103,7 @@ def _draw_reversals(axis, table: dict[str, np.ndarray], unit: str) -> None:
 
 @house_style
 def spatial_comparison_figure(report: SpatialReport, model: str) -> Figure:
-    """Draw measured and simulated force along every axis over a typical segment of a record, and what the model leaves.
+    """Draw measured and simulated force along every axis over a typical segment of a record, and the residual.
 
     `report` is the comparison on one record, `model` the name in the legend.
     """
@@ -134,7 +134,7 @@ def spatial_comparison_figure(report: SpatialReport, model: str) -> Figure:
 
 @house_style
 def spatial_location_figure(report: SpatialReport) -> Figure:
-    """Draw the path seen along every axis with the error on it, and the error over the direction of travel."""
+    """Draw the path, coloured by the error, in views along every axis, and the error over the direction of travel."""
     residual, view = report.residual, report.views["direction of travel"].table
     names, unit = residual.axes, unit_in_print(report.residual.unit)
     pairs = list(combinations(range(len(names)), 2))
@@ -162,7 +162,7 @@ def spatial_location_figure(report: SpatialReport) -> Figure:
 
 
 def _draw_path(panel, residual: SpatialResidual, pair: tuple[int, int]) -> LineCollection:
-    """Draw one projection of the path; of a record that repeats the last period, with the error of all of them."""
+    """Draw one projection of the path; for a record that repeats, only the last period, with the error of all periods."""
     shown, square = np.arange(residual.samples), np.sum(residual.values**2, axis=0)
     folding = residual.parts[0].folding
     if folding is not None:
@@ -192,7 +192,7 @@ def _draw_path(panel, residual: SpatialResidual, pair: tuple[int, int]) -> LineC
 
 
 def _draw_sphere(panel, values: np.ndarray, axes: tuple[str, ...], **look):
-    """Draw a map of the sphere, equal in area: the last axis points up, the first to the middle."""
+    """Draw an equal-area map of the sphere: the last axis points up, the first axis is in the middle."""
     turn = np.linspace(-np.pi, np.pi, TURNS + 1)
     height = np.arcsin(np.linspace(-1, 1, BANDS * _STEPS + 1))
     shown = np.ma.masked_invalid(np.repeat(values.reshape(BANDS, TURNS), _STEPS, axis=0))

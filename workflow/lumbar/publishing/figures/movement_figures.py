@@ -1,4 +1,4 @@
-"""Measures over a lift, the base of support from above, and the quality of every marker over time."""
+"""Figures of measures over a lift, the base of support from above, and the quality of every marker over time."""
 
 from pathlib import Path
 
@@ -25,17 +25,17 @@ from lumbar.publishing.figures.style import (
 from lumbar.records.sampling import runs
 
 MAX_LIFTS = 4
-"""Drawn lifts of a figure, the first ones."""
+"""Largest number of lifts in a figure: the first lifts are drawn."""
 _LINES = ("-", (0, (4, 1.5)), (0, (1, 1)), (0, (5, 1, 1, 1)))
 _GREY, _LIGHT = "#888888", "#cccccc"
 _PLACEHOLDER = {"va": "center", "color": _GREY, "wrap": True}
 _WHITE = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 0.5}
 MARGIN_MM = (-120.0, 170.0)
-"""Drawn range: while a person walks the extrapolated centre leaves the base at every step."""
+"""Drawn range of the margin in mm: during walking the extrapolated centre leaves the base at every step."""
 
 
 def _person_looks(lifts: list[dict]) -> dict[str, dict]:
-    """Return color and line style of every person, in the order in which they come."""
+    """Return colour and line style of every person, in their order."""
     people = dict.fromkeys(lift["facts"]["subject"] for lift in lifts)
     return {
         name: {"color": SERIES[number % len(SERIES)], "linestyle": _LINES[number % len(_LINES)]}
@@ -123,7 +123,7 @@ def support_figure(lifts: list[dict], functional_share: float) -> Figure:
 
 
 def _draw_support(axis, deposit: pd.DataFrame, functional_share: float, look: dict) -> None:
-    """Draw one person above their feet at the instant of the smallest margin; the origin is the middle of the base."""
+    """Draw the feet and centres of one person at the instant of the smallest margin; the origin is the middle of the base."""
     lowest = deposit["margin_of_stability_m"].idxmin()
     base = base_from_course(deposit.loc[[lowest]])
     origin, corners = base.centre[0], base.corners[0]
@@ -156,7 +156,7 @@ _HEIGHTS = {
     "left foot": ["L_HEEL", "L_ANKLE", "L_TOE"],
     "box": [f"BOX_{number}" for number in range(1, 9)],
 }
-"""Drawn heights: name, and landmarks of which the first that a file contains is drawn."""
+"""Landmarks by name of a drawn height; the first landmark that the file contains is drawn."""
 _GAP = "#bbbbbb"
 _FINDING = "#D55E00"
 _WHOLE_SHARE = 0.98

@@ -71,7 +71,7 @@ def group_comparison_figure(comparisons: Sequence[GroupComparison], groups: tupl
 
 
 def _sorted_rows(known: Sequence[GroupComparison]) -> tuple[list[tuple[str, str]], int]:
-    """Return measures and planes, from the largest effect for the first group to that for the second, and the number hidden.
+    """Return measures and planes, sorted from effects in favour of the first group to the second, and the number of hidden rows.
 
     Rows without a safer side come last.
     """
@@ -115,14 +115,14 @@ def _title(between: Sequence[GroupComparison], known: Sequence[GroupComparison],
 
 _DISAGREE, _NEUTRAL, _AGREE = ("#D55E00", "#F0B27A"), "#DDDDDD", ("#7FB8DB", "#0072B2")
 _LINE = 105
-"""Characters that fit in one line of a title."""
+"""Largest number of characters in one line of a title."""
 
 
 @house_style
 def likert_figure(models: Sequence[str], counts: np.ndarray, labels: Sequence[str], statement: str) -> Figure:
     """Draw diverging bars of the ratings: disagreement to the left of zero, agreement to the right.
 
-    The middle point of an odd scale straddles zero.
+    The bar of the middle point of an odd scale is centred on zero.
 
     `counts` are the numbers of answers, shape (models, points), from the least to the greatest agreement; `labels` names
     the points; `models` names the models, and `statement` is what the participants rated.
@@ -156,7 +156,7 @@ def likert_figure(models: Sequence[str], counts: np.ndarray, labels: Sequence[st
 
 
 def _point_looks(points: int) -> list[dict[str, str]]:
-    """Return color and hatch of each point, distinguishable in grey."""
+    """Return colour and hatch of each point, distinguishable in grey."""
     half = points // 2
     looks = []
     for (first, last), hatches in (
@@ -172,7 +172,7 @@ def _point_looks(points: int) -> list[dict[str, str]]:
 
 @house_style
 def best_picks_figure(best_picks: dict[str, dict], confidence: float) -> Figure:
-    """Draw the share of best picks of every model with its interval and its simultaneous interval.
+    """Draw the share of best picks of every model, with a single and a simultaneous interval.
 
     `best_picks` has by model, in percent of the participants, ``percent`` and the ends ``wilson_percent`` and
     ``goodman_percent`` of its intervals at a `confidence`, e.g. 0.95.

@@ -1,4 +1,4 @@
-"""Exported models, the damping that they need of a device, and their loops with device and hand."""
+"""Figures of exported models: their outputs, the damping that they require of a device, and their loops with device and hand."""
 
 import itertools
 import textwrap
@@ -69,7 +69,7 @@ def fmu_force_figure(
 
 @house_style
 def z_width_figure(result: ZWidth, device: DeviceSettings) -> Figure:
-    """Draw the damping that models need against the rate, and the Z-width of the device."""
+    """Draw the damping required by models over the rate, and the Z-width of the device."""
     figure, (needed, width) = new_figure(DOUBLE_COLUMN, 3.0, ncols=2)
     for name, damping in result.needed.items():
         known = np.isfinite(damping)
@@ -96,7 +96,7 @@ def z_width_figure(result: ZWidth, device: DeviceSettings) -> Figure:
 
 @house_style
 def loop_figure(verdicts: Sequence[LoopVerdict]) -> Figure:
-    """Draw simulated loops, at least one, side by side: position and force of each."""
+    """Draw position and force of simulated loops side by side; at least one is needed."""
     size = {"nrows": 2, "ncols": len(verdicts), "squeeze": False}
     figure, axes = new_figure(DOUBLE_COLUMN, 3.6, sharex=True, sharey="row", **size)
     for (position, force), item in zip(axes.T, verdicts, strict=True):
@@ -117,7 +117,7 @@ def loop_figure(verdicts: Sequence[LoopVerdict]) -> Figure:
 
 @house_style
 def placeholder_figure(reasons: Sequence[str]) -> Figure:
-    """Write on an empty figure why no model is drawn."""
+    """Return a figure without a model, with the reason as text."""
     figure, axes = new_figure(DOUBLE_COLUMN, 1.5)
     axes.set_axis_off()
     text = "\n".join(textwrap.fill(reason, 110) for reason in reasons) or "no model"

@@ -1,4 +1,4 @@
-"""Spectra of the surgeons' motion with the bandwidths read off them, and the excitation signals."""
+"""Figures of the spectra of the surgeons' motion with their bandwidths, and of the excitation signals."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _WHITE = {"facecolor": "white", "edgecolor": "none", "pad": 0.5, "alpha": 0.7}
 
 @house_style
 def psd_figure(spectra: MotionSpectra, bandwidths: dict, reference: float | None) -> Figure:
-    """Draw every trial thin, the pooled spectrum thick, and the bandwidths with their intervals above.
+    """Draw the spectra of all trials (thin) and the pooled spectrum (thick), with the bandwidths and their intervals above.
 
     The first frequency of the `spectra`, 0 Hz, is not drawn: the axis is logarithmic. `bandwidths` is the result of
     `lumbar.tissue.signals.surgeon_motion.motion_bandwidths`, `reference` a published bandwidth in Hz to compare with.

@@ -1,4 +1,4 @@
-"""Figures 4.3 and 4.4: basins on the plane of the states, by the thesis's method and exactly; one section by every method."""
+"""Figures 4.3 and 4.4: basins in the phase plane by the thesis's method and the exact method; one section by every method."""
 
 from __future__ import annotations
 
@@ -33,17 +33,17 @@ if TYPE_CHECKING:
 PLANE_TITLES = {"flexion_extension": "Flexion/extension", "lateral_bending": "Lateral bending"}
 NO_BASIN = "no basin: see tables/missing_basins"
 GOAL = "#b03030"
-"""Colour of the goal set; the trajectory alone is black."""
+"""Colour of the goal set, different from the black trajectory."""
 SECTIONS = 10
-"""Cross-sections drawn per basin, at equal intervals."""
+"""Number of cross-sections drawn per basin, at equal intervals."""
 _CIRCLE = np.linspace(0.0, 2 * np.pi, 81)
 
 
 def select_lift(facts: list[dict], labels: dict[str, str], group: str) -> int:
-    """Return the index of the lift shown: the heaviest box of a group, as the thesis shows its expert's.
+    """Return the index of the lift to show: a group's lift of the heaviest box, as the thesis shows the expert's.
 
-    `facts` has ``subject``, ``box_mass_kg`` and ``duration_s`` of every lift; without a deposit that is None, and another
-    is shown. `labels` are the groups by subject, `group` is that of the lift shown, if it has one.
+    `facts` has ``subject``, ``box_mass_kg`` and ``duration_s`` of every lift; lifts without a deposit have a duration of None and
+    are not shown. `labels` are the groups by subject, `group` is the group to show, if it has a lift.
     """
     deposited = [index for index, item in enumerate(facts) if item["duration_s"] is not None]
     candidates = deposited or range(len(facts))
@@ -65,23 +65,23 @@ _COST, _REFERENCE = ["s11", "s12", "s22"], ["theta0_rad", "thetadot0_rad_s"]
 
 @dataclass(frozen=True)
 class _Variant:
-    """A column of Figures 4.3 and 4.4: a method on the pendulums of thesis or study."""
+    """A column of Figures 4.3 and 4.4: a method with the pendulums of thesis or study."""
 
     wording: str
-    """``thesis`` or ``study``: the source of the pendulums."""
+    """Convention of the pendulums: ``thesis`` or ``study``."""
     method: str
-    """``thesis`` or ``exact``."""
+    """Method of the basins: ``thesis`` or ``exact``."""
     title: str
     level: float
-    """V of the regulator's ellipses at the method's start."""
+    """Level V of the regulator's ellipses from which the method starts."""
 
     def select(self, funnels: pd.DataFrame) -> pd.DataFrame:
-        """Return its rows of a table of funnels."""
+        """Return the rows of this variant in a table of funnels."""
         return funnels[(funnels["wording"] == self.wording) & (funnels["method"] == self.method)]
 
 
 def _variants(funnels: pd.DataFrame, settings: StabilitySettings) -> list[_Variant]:
-    """Return the drawn variants, from the thesis's method on its pendulums to the exact method on the study's."""
+    """Return the drawn variants, from the thesis's method with its pendulums to the exact method with the study's."""
     thesis, study = (
         f"{choice.sign}, {choice.time} time, {choice.mass.replace('_', ' ')}"
         for choice in (THESIS, settings.pendulum)
@@ -101,9 +101,9 @@ def _pendulum(rows: pd.DataFrame, com: str, plane: str) -> pd.DataFrame:
 
 @house_style
 def figure_4_3(funnels: pd.DataFrame, settings: StabilitySettings) -> Figure:
-    """Draw the abdomen's basins on the θ-θ̇ plane, on the ellipses of the regulator from which they are expanded, and ρ(t).
+    """Draw the abdomen's basins in the θ-θ̇ plane, the regulator's ellipses from which they are expanded, and ρ(t).
 
-    `funnels` is ``funnel.csv`` of one lift; `settings` has the goal set and the level of the thesis's method at its start.
+    `funnels` is ``funnel.csv`` of one lift; `settings` has the goal set and the initial level of the thesis's method.
     """
     shown = _variants(funnels, settings)
     figure, axes = new_figure(DOUBLE_COLUMN, 6.2, nrows=3, ncols=len(shown), squeeze=False)
@@ -164,7 +164,7 @@ _PLANE_LOOKS: dict[str, dict] = {
 
 
 def _share_frames(axes, wordings: list[str]) -> None:
-    """Set common limits for panels of the same pendulums, with room for the insets above the basins."""
+    """Set common limits for panels with the same pendulums, with room for the insets above the basins."""
     for wording in dict.fromkeys(wordings):
         alike = axes[:, [item == wording for item in wordings]].ravel()
         edges = [axis.collections[0].get_datalim(axis.transData) for axis in alike if axis.collections]
@@ -174,7 +174,7 @@ def _share_frames(axes, wordings: list[str]) -> None:
 
 
 def _add_shared_legend(figure, axes) -> None:
-    """Put the labels of all axes and their insets, without repetitions, above the figure."""
+    """Draw one legend above the figure with the labels of all axes and insets, without repetitions."""
     labelled = {}
     insets = [inset for axis in axes for inset in axis.child_axes]
     for panel in [*axes, *insets]:
@@ -185,7 +185,7 @@ def _add_shared_legend(figure, axes) -> None:
 
 
 def _draw_basin(axis, rows: pd.DataFrame, colour: str, regulator: float | None = None) -> None:
-    """Draw the sections of one basin, the goal set, the trajectory and, if `regulator` is given, the regulator's ellipse."""
+    """Draw the sections of one basin, the goal set, the trajectory, and the regulator's ellipse if `regulator` is given."""
     every = rows.iloc[np.linspace(0, len(rows) - 1, SECTIONS).round().astype(int)]
     errors = _ellipses(every[_COST].to_numpy(), every["rho"].to_numpy())
     edges = every[_REFERENCE].to_numpy()[:, None] + np.moveaxis(errors, 0, -1)
@@ -230,7 +230,7 @@ def method_comparison_figure(
     """Draw the sections at t = 0 of the abdomen's basins in both planes, in error coordinates, by every method.
 
     `trajectories` are those of one lift and `funnels` its ``funnel.csv``; the thesis's method and the best V are computed
-    on the same pendulums. `settings` has regulator, goal set, methods and knots; `who` is subject and box, for the titles.
+    on the same pendulums. `settings` has regulator, goal set, methods and knots; `who` has subject and box for the titles.
     """
     figure, axes = new_figure(DOUBLE_COLUMN, 3.4, ncols=2, sharex=True, sharey=True)
     abdomen = [item for item in trajectories if item.com == "abdomen"]
@@ -251,7 +251,7 @@ def method_comparison_figure(
 def _sections(
     abdomen: list[Trajectory], known: pd.DataFrame, settings: StabilitySettings
 ) -> dict[str, dict[str, np.ndarray]]:
-    """Return the edges of all sections at t = 0, shape (2, points), by plane and method, with the goal set and its preimage."""
+    """Return the edges of all sections at t = 0, of the goal set and of its preimage, shape (2, points), by plane and method."""
     sections: dict[str, dict[str, np.ndarray]] = {item.plane: {} for item in abdomen}
     for (plane, method), rows in known.groupby(["plane", "method"]):
         ends = rows.iloc[[0, -1]]

@@ -26,11 +26,11 @@ for _font in _FONTS:
     fontManager.addfont(_font)
 _LOOK = mpl.rc_params_from_file(Path(__file__).with_name("house.mplstyle"), use_default_template=False)
 house_style = mpl.rc_context(_LOOK)
-"""Decorator of functions that draw: matplotlib's settings are those of ``house.mplstyle`` inside them only."""
+"""Decorator for functions that draw: inside them only, matplotlib has the settings of ``house.mplstyle``."""
 
 
 def new_figure(width: float = DOUBLE_COLUMN, height: float = 3.0, **subplots):
-    """Return ``figure, axes`` like `matplotlib.pyplot.subplots`, but without a window and with nothing to close.
+    """Return ``figure, axes`` like `matplotlib.pyplot.subplots`, but without a window that must be closed.
 
     Width and height are in inches; `subplots` is passed on to `matplotlib.figure.Figure.subplots`.
     """
@@ -58,7 +58,7 @@ def _label_unlabelled_panels(figure) -> None:
 
 
 def _use_math_font_fallback(figure) -> None:
-    """Mark letters that the font lacks as formulas in texts with a formula: matplotlib has no other fallback in these."""
+    """Mark letters that the font lacks as formulas in texts with a formula: matplotlib has no other fallback for such texts."""
     known = set.intersection(*(set(get_font(path).get_charmap()) for path in _FONTS))
     for text in figure.findobj(Text):
         parts = text.get_text().split("$")
@@ -84,12 +84,12 @@ def note(axes, text: str, at: tuple, offset: tuple[float, float], **look) -> Non
 
 
 def show_placeholder(axes, text: str, **look) -> None:
-    """Write in the middle of empty axes why nothing is drawn."""
+    """Write a text, the reason why nothing is drawn, in the middle of empty axes."""
     axes.text(0.5, 0.5, text, transform=axes.transAxes, ha="center", **look)
 
 
 def mark_noise_floor(axes, rms: float, linewidth: float = 0.8) -> None:
-    """Draw the noise floor of errors as a line across."""
+    """Draw the noise floor of errors as a horizontal line."""
     axes.axhline(rms, color="black", linestyle="--", linewidth=linewidth, label="noise floor")
 
 
@@ -103,7 +103,7 @@ def person_and_box(facts: dict) -> str:
 
 
 def _freeze_layout(figure) -> None:
-    """Lay the figure out a single time, with positions rounded.
+    """Compute the layout of the figure a single time and round the positions.
 
     The solver of the constrained layout differs in the last bit from run to run, and the names of clip paths in
     an SVG file are hashes of these bits.
@@ -119,7 +119,7 @@ def _freeze_layout(figure) -> None:
 
 @house_style
 def svg_text(figure) -> str:
-    """Return a small drawing without data as the text of an SVG file, the same at every run."""
+    """Return a small drawing without data as the text of an SVG file, identical at every run."""
     _freeze_layout(figure)
     text = io.StringIO()
     FigureCanvasSVG(figure).print_svg(text, metadata={"Date": None, "Description": "Drawing without data"})
@@ -128,11 +128,11 @@ def svg_text(figure) -> str:
 
 @house_style
 def save(figure, stem: str | os.PathLike, source_label: str, who: str = "") -> None:
-    """Write ``stem.svg`` and ``stem.pdf``, byte for byte the same at every run.
+    """Write ``stem.svg`` and ``stem.pdf``, byte-identical at every run.
 
     `stem` is the path without ending. `source_label` is the origin of the data, e.g. ``"synthetic twin"``, written at the
-    foot of the `figure` below its `supxlabel` and in the file's metadata; empty only for drawings that show no data. `who`
-    is subject and box, if the figure shows one lift, written before it.
+    foot of the `figure` below its `supxlabel` and in the file's metadata; empty only for drawings without data. `who`
+    is subject and box if the figure shows one lift, written before the label.
     """
     stem = Path(stem)
     description = f"Data: {source_label}" if source_label else "Drawing without data"
@@ -164,22 +164,22 @@ MODELS = {
     "LE": {"color": "#56B4E9", "linestyle": (0, (1, 2)), "marker": "+", "hatch": "||"},
     "KV": {"color": "#009E73", "linestyle": (0, (5, 1, 1, 1, 1, 1)), "marker": "v", "hatch": "\\\\"},
 }
-"""Colour, line style, marker and hatch of every model, the same in all figures."""
+"""Colour, line style, marker and hatch of every model in all figures."""
 WITH_EFFECTS = {"color": "#882255", "linestyle": (0, (3, 1, 1, 1)), "marker": "*", "hatch": "oo"}
 """Look of a base model with effects added."""
 
 
 def model_look(name: str) -> dict:
-    """Colour, line style, marker and hatch of a model by its name."""
+    """Return colour, line style, marker and hatch of a model by its name."""
     return MODELS.get(name, WITH_EFFECTS)
 
 
 def model_line(name: str) -> dict:
-    """Colour and line style of a model by its name."""
+    """Return colour and line style of a model by its name."""
     return {key: model_look(name)[key] for key in ("color", "linestyle")}
 
 
 SEGMENTS = {"thorax": "#0072B2", "abdomen": "#E69F00", "pelvis": "#009E73"}
 """Colour of the three trunk segments."""
 SERIES = ("#0072B2", "#E69F00", "#009E73", "#D55E00", "#CC79A7", "#56B4E9", "#000000")
-"""Colours for anything else, in the order in which they are used."""
+"""Colours for all other series, in the order of use."""

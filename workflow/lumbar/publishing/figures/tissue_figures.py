@@ -1,4 +1,4 @@
-"""Figures 1.1 and 3.1, structure of the thesis and steps of its article; 2.4 and 3.2, the models; 3.4 and 3.5, their fits."""
+"""Figures of thesis and article structure (1.1, 3.1), of the models (2.4, 3.2) and of their fits (3.4, 3.5)."""
 
 import re
 import textwrap
@@ -92,7 +92,7 @@ def arrow(axis, tail: tuple[float, float], head: tuple[float, float], color: str
 
 @house_style
 def analogues_figure(models: tuple[TissueModel, ...]) -> Figure:
-    """Draw Figure 3.2: every model's mechanical analogue between the tool (top) and the ground, its network."""
+    """Draw Figure 3.2: every model's mechanical analogue, a network between the tool (top) and the ground."""
     figure, axes = new_figure(DOUBLE_COLUMN, 2.7, ncols=len(models), squeeze=False)
     tallest = max(network_size(model.network)[1] for model in models if model.network)
     for axis, model in zip(axes[0], models, strict=True):
@@ -141,7 +141,7 @@ def _draw_model(axis, model: TissueModel, tallest: float) -> None:
 
 @house_style
 def arx_figure() -> Figure:
-    """Draw Figure 2.4: the ARX model as signal flow, and the equations A x = b it becomes."""
+    """Draw Figure 2.4: the ARX model as a signal flow and as equations A x = b."""
     figure, axis = new_figure(DOUBLE_COLUMN, 2.2)
     axis.set(xlim=(0, 11), ylim=(-1.9, 1.5), aspect="equal")
     axis.axis("off")
@@ -221,7 +221,7 @@ def free_run_figure(
 
 
 _TEXT_HEIGHT, _BOX_WIDTH = 0.4, 4.5
-"""Height of a line of text, and width of a box."""
+"""Height of a line of text and width of a box, in units of the axes."""
 
 
 @dataclass(frozen=True)
@@ -234,7 +234,7 @@ class _Box:
     items: tuple[str, ...] = ()
 
     def lines(self) -> list[tuple[str, dict]]:
-        """Return its lines with their style: title, items, and in grey the chapters of a study that make it."""
+        """Return the lines of the box with their styles: title, items, and in grey the corresponding chapters of a study."""
         lines = [(self.title, {"fontweight": "bold"}), *((item, {}) for item in self.items)]
         number = re.search(r"Chapter ([3-6])", " ".join((self.title, *self.items)))
         if number is None:
@@ -248,7 +248,7 @@ class _Box:
 
     @property
     def half_height(self) -> float:
-        """Half of its height."""
+        """Half of the height of the box."""
         return 0.5 * _TEXT_HEIGHT * (len(self.lines()) + 0.6)
 
 
@@ -289,7 +289,7 @@ def outline_figure() -> Figure:
 
 @house_style
 def article_figure() -> Figure:
-    """Draw Figure 3.1: from signals over systems to the simulation, with a sketch of each step."""
+    """Draw Figure 3.1: the steps from signals and systems to the simulation, with a sketch of each."""
     steps = (
         ("Signals", "excite the tissue across\nthe surgeons' bandwidth"),
         ("Systems", "identify the tissue as\ndynamic viscoelastic models"),

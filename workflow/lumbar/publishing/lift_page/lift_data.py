@@ -28,16 +28,16 @@ from lumbar.settings.lifting import StabilitySettings
 
 @dataclass(frozen=True, eq=False)
 class LiftTables:
-    """One analysed lift as tables."""
+    """Tables of one analysed lift."""
 
     body: pd.DataFrame
-    """See `lumbar.lifting.movement.lift_tables.body_frame`."""
+    """Trajectories of the body: result of `lumbar.lifting.movement.lift_tables.body_frame`."""
     pivot: np.ndarray | None
-    """Pivot of the pendulums at the instants of `body`, shape (n, 3), metres; None without its markers."""
+    """Pivot of the pendulums at the instants of `body`, shape (n, 3), metres; None without markers of the pivot."""
     states: pd.DataFrame
-    """``pendulum.csv``."""
+    """Rows of ``pendulum.csv``."""
     facts: Mapping[str, Any]
-    """``pendulum.json``."""
+    """Content of ``pendulum.json``."""
     events: Mapping[str, Mapping[str, Any]]
     """Results of `lumbar.lifting.movement.events.Event.to_dict` by name."""
     source_label: str
@@ -45,7 +45,7 @@ class LiftTables:
 
 
 MAX_FRAMES, MAX_FRAMES_PER_S = 1500, 60
-"""Most frames of a page, in all and in a second: of longer lifts every second, third, … frame is drawn."""
+"""Largest number of frames of a page, in total and per second; of longer lifts every second, third, … frame is drawn."""
 LEFT, RIGHT, MIDDLE = "left", "right", "middle"
 _LIMBS = (("SHOULDER", "ELBOW", "WRIST"), ("KNEE", "ANKLE"), ("ANKLE", "HEEL", "TOE", "ANKLE"))
 _TRUNK = (HEAD, "C7T1", "T12L1", "L4L5", "L5S1", MID_HIP)
@@ -68,8 +68,8 @@ def stick_figure(points) -> list[dict]:
 def body_columns(lift: LiftTables, frames: slice) -> dict[str, np.ndarray]:
     """Return the coordinates of all points and the ends of the pendulums at the drawn frames.
 
-    Of the drawn `frames` of a `lift`: ``time``; ``<POINT>_x``, ``_y``, ``_z`` in metres; ``<com>/<plane>/across`` and
-    ``/up``, pivot plus ℓ(sin θ, cos θ) in the plane of the pendulum, NaN outside the deposit.
+    The columns are ``time``; ``<POINT>_x``, ``_y``, ``_z`` in metres; and ``<com>/<plane>/across`` and ``/up``, the pivot plus
+    ℓ(sin θ, cos θ) in the plane of the pendulum, NaN outside the deposit.
     """
     points = dict(points_of(lift.body))
     if lift.pivot is not None:
@@ -91,17 +91,17 @@ def body_columns(lift: LiftTables, frames: slice) -> dict[str, np.ndarray]:
 
 
 def centres(points) -> list[dict]:
-    """Return the known centres of mass with their names."""
+    """Return the points of the known centres of mass with their names."""
     named = {com_of(com): com for com in COMS} | {WHOLE_BODY: "whole body", LOAD: "box"}
     return [{"point": point, "name": name} for point, name in named.items() if f"{point}_x_m" in points]
 
 
 def balance_columns(course: pd.DataFrame, share: float, frames: slice) -> dict[str, np.ndarray]:
-    """Return the balance seen from above at the drawn frames; empty if the course has no balance.
+    """Return columns of the balance from above at the drawn frames; empty if the course has no balance.
 
-    Of the drawn `frames` of a `course` (`lumbar.lifting.measures.course.course_of_lift`): `BALANCE`, ``direction`` of the
-    nearest edge, and outlines ``base_x``, ``base_y``, ``used_x``, ``used_y`` of shape (frames, `CORNERS` + 1), closed, NaN
-    without a foot on the ground. People use a `share` of the base.
+    The columns are `BALANCE`, ``direction`` of the nearest edge, and the closed outlines ``base_x``, ``base_y``, ``used_x``,
+    ``used_y`` of shape (frames, `CORNERS` + 1), NaN without a foot on the ground. `course` is the result of
+    `lumbar.lifting.measures.course.course_of_lift`; people use a `share` of the base.
     """
     if BALANCE[-2] not in course:
         return {}
@@ -121,31 +121,31 @@ def balance_columns(course: pd.DataFrame, share: float, frames: slice) -> dict[s
 
 @dataclass(frozen=True, eq=False)
 class PushedPendulum:
-    """One pendulum in closed loop about its trajectory."""
+    """Data of one pendulum in closed loop about its trajectory, for a push in the page."""
 
     com: str
     plane: str
     constants: dict[str, float]
-    """``mass, length, inertia, damping, gravity_torque`` (with its sign), ``control_weight``, ``duration``, and limits of the
-    torque ``lowest`` and ``highest``; SI units."""
+    """Constants in SI units: ``mass, length, inertia, damping, gravity_torque`` (with its sign), ``control_weight``,
+    ``duration``, and the limits of the torque ``lowest`` and ``highest``."""
     columns: dict[str, np.ndarray]
     """Reference ``angle`` and ``velocity``, feedforward ``torque``, and ``s11``, ``s12``, ``s22`` of V = x̄ᵀSx̄ at the knots
     and halfway between them, shape (2·knots − 1,). The feedback is K = (s12, s22)/(inertia·control_weight)."""
     level: np.ndarray
     """Shape (knots,): ρ of the exact funnel of the loop without limits."""
     binds: bool
-    """True if the torque reaches its limits in that funnel."""
+    """True if the torque exceeds its limits in the funnel."""
 
     @property
     def key(self) -> str:
-        """Name in the page."""
+        """Name of the pendulum in the page."""
         return f"{self.com}/{self.plane}"
 
 
 def pushed_pendulums(
     states: LiftStates, settings: StabilitySettings
 ) -> tuple[list[PushedPendulum], list[Failure]]:
-    """Return the closed loops of a lift in the headline's convention with their exact funnels, and the failures."""
+    """Return the closed loops of a lift in the headline's convention, with exact funnels, and the failures."""
     trajectories, failures = states.trajectories(headline(settings, states.facts))
     failures = list(failures)
 

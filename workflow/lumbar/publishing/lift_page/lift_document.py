@@ -1,4 +1,4 @@
-"""Interactive page of a lift: pictures, their data, and the template's variables."""
+"""Interactive page of a lift: pictures, data of the pictures, and variables of the template."""
 
 import math
 from collections.abc import Callable
@@ -48,15 +48,15 @@ MARKS = {
     "whole body": "diamond",
     "box": "square_x",
 }
-"""Look of the centres of mass: readable in grey."""
+"""Colour and marker of the centres of mass, readable in grey."""
 SHADES = {"lift": 0.10, "carry": 0.02, "deposit": 0.22}
 """Opacity of the phases behind the courses."""
 OUTLINES = 9
-"""Cross-sections of the funnel drawn in addition to the present one."""
+"""Number of cross-sections of the funnel drawn in addition to the present cross-section."""
 
 
 def lift_pictures() -> list[figure]:
-    """Return the pictures in the order of the page; the page's script fills them."""
+    """Return the empty pictures in the order of the page, whose script fills them."""
     side = _body("side", "y, forward (m)")
     behind = _body("behind", "x, to the right (m)")
     margin = _course("margin", "Margin of stability (mm)")
@@ -71,7 +71,7 @@ def lift_pictures() -> list[figure]:
 
 
 def _draw(glyph: Callable, source: str, *columns: str, **look) -> None:
-    """Draw a glyph of a source that the script fills; the first two columns are the coordinates."""
+    """Draw a glyph from a source that the script fills; the first two columns are the coordinates."""
     glyph(*columns[:2], source=empty_source(source, columns), **look)
 
 
@@ -118,7 +118,7 @@ def _top_view() -> figure:
 
 
 def _course(name: str, up: str, **more) -> figure:
-    """Return a picture over the recording's time with the present instant as a line; a click goes to that time."""
+    """Return a picture over the recording's time with a line at the present instant; a click selects an instant."""
     ranges = {"x_range": Range1d(0, 1), "y_range": Range1d(0.1, 1), **more}  # the page's script sets them
     picture = _figure(name, "Time (s)", up, 220, "xpan,xbox_zoom,xwheel_zoom,reset", **ranges)
     picture.toolbar.active_drag = picture.toolbar.active_scroll = None
@@ -140,7 +140,7 @@ def _draw_margin(picture: figure) -> None:
 
 
 def _funnel() -> list[figure]:
-    """Draw cross-sections with the push, the funnel over time, and V/ρ over time."""
+    """Draw cross-sections with the pushed path, the funnel over time, and V/ρ over time."""
     over_time = _course("funnel", "Angle off it (rad)")
     level = _course("level", "V/ρ", x_range=over_time.x_range, y_axis_type="log")
     band = empty_source("band", ("time", "low", "high", "least", "most"))
@@ -155,7 +155,7 @@ def _funnel() -> list[figure]:
 
 
 def _plane(path: ColumnDataSource) -> figure:
-    """Draw the phase plane about the trajectory: a click or dragging there pushes the pendulum."""
+    """Draw the phase plane about the trajectory, in which a click or a drag pushes the pendulum."""
     labels = ("Angle off the trajectory (rad)", "Angular velocity off it (rad/s)")
     picture = _figure("plane", *labels, 460, x_range=Range1d(-1, 1), y_range=Range1d(-1, 1))
     blue, ink = {"line_color": SERIES[0], "line_width": 2.5}, {"line_color": MEASURED}
@@ -177,18 +177,18 @@ def _plane(path: ColumnDataSource) -> figure:
 
 PAGE = "publishing/lift_page/lift_page.html.jinja"
 N_STATES = 250
-"""Drawn instants of a pendulum's states."""
+"""Number of drawn instants of a pendulum's states."""
 
 
 @cache
 def _pictures() -> EmbeddedPictures:
-    """Return the pictures of every page: they are equal, since a page's script fills them."""
+    """Return the pictures, which are identical for every page because the page's script fills them."""
     return embed_pictures(lambda document: add_roots(document, lift_pictures()))
 
 
 @dataclass(frozen=True, eq=False)
 class LiftPage:
-    """A lift as a page."""
+    """Interactive page of a lift."""
 
     lift: lift_data.LiftTables
     settings: StabilitySettings
@@ -205,7 +205,7 @@ class LiftPage:
 
     @cached_property
     def _frames(self) -> slice:
-        """Drawn frames: evenly spaced from the first."""
+        """Slice of the drawn frames, evenly spaced from the first."""
         time = self.lift.body["time_s"].to_numpy()
         rate = (len(time) - 1) / (time[-1] - time[0])
         steps = rate / lift_data.MAX_FRAMES_PER_S, len(time) / lift_data.MAX_FRAMES
@@ -272,7 +272,7 @@ class LiftPage:
 
     @property
     def _centres(self) -> list[dict[str, str]]:
-        """Known centres of mass: point, name, colour and marker."""
+        """Point, name, colour and marker of the known centres of mass."""
         colours, marks = {**SEGMENTS, "whole body": SERIES[4], "box": SERIES[3]}, MARKS
         return [
             {**item, "colour": colours[item["name"]], "mark": marks[item["name"]]}
@@ -280,7 +280,7 @@ class LiftPage:
         ]
 
     def _measures(self) -> list[dict[str, str]]:
-        """Return the headline measures: name, value or why it is missing, and the safer direction."""
+        """Return name, value (or the reason why it is missing) and safer direction of the headline measures."""
 
         def typeset(value: float, unit: str) -> str:
             value, unit = (1000 * value, "mm") if unit == "m" else (value, unit)

@@ -21,7 +21,7 @@ from lumbar.tissue.models.form import Effect
 def diagnosis_page(
     diagnosis: DiagnosisResult, headline: str, sections: Mapping[str, list[Markup]], source_label: str
 ) -> str:
-    """Return the page.
+    """Return the page of a diagnosis as HTML.
 
     `diagnosis` has status and base, `headline` is the verdict in one sentence, `sections` are by title, `source_label` is
     the origin of the data.
@@ -41,8 +41,8 @@ def evidence_sections(
 ) -> dict[str, list[Markup]]:
     """Return the sections with the evidence by title.
 
-    Mechanisms and experiments of the `diagnosis` and its `evidence` are those of the `catalogue`; `pictures` are SVG files
-    by caption.
+    The `catalogue` has the mechanisms and experiments of the `diagnosis` and its `evidence`; `pictures` are SVG files by
+    caption.
     """
     floor, after = diagnosis.experiment.floor, diagnosis.model.test_rms
     noise = f"{after / floor.rms:.3g} times the noise floor" if floor else "the share of noise is unknown"

@@ -1,4 +1,4 @@
-"""The pictures of a diagnosis as files; and its proposed law and linear dynamics."""
+"""Pictures of a diagnosis as files, with figures of its proposed law and linear dynamics."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -40,21 +40,21 @@ from lumbar.tissue.models.form import Effect
 
 _CELLS = 24
 _SECTIONS = (0.1, 0.5, 0.9)
-"""Quantiles of the velocity in the middle of the sections."""
+"""Quantiles of the velocity at the centres of the sections."""
 _WIDTH = 0.08
-"""Share of the samples of a section on either side."""
+"""Share of all samples that a section has on either side of its centre."""
 _MIN_CELL_SAMPLES = 5
-"""Fewest samples of a cell that is drawn."""
+"""Least number of samples in a drawn cell."""
 _SEGMENTS = 2
-"""Segments of a spectral estimate."""
+"""Number of segments in a spectral estimate."""
 _MIN_POWER_SHARE = 1e-5
-"""Least power of the motion, relative to its largest, at frequencies that are drawn."""
+"""Least power of the motion at drawn frequencies, relative to its largest power."""
 _LOOKS = (("o", "-"), ("s", (0, (4, 1.5))), ("^", (0, (1, 1))))
 
 
 @house_style
 def law_figure(proposal: Proposal) -> Figure:
-    """Draw the missing force over the position at three speeds, and the errors of base, catalogue, law and noise."""
+    """Draw the missing force over the position at three velocities, and the errors of base, catalogue and law with the noise."""
     figure, axes = new_figure(DOUBLE_COLUMN, 2.8, ncols=2)
     _draw_sections(axes[0], proposal)
     _draw_errors(axes[1], proposal)
@@ -124,8 +124,8 @@ def _draw_errors(axis, proposal: Proposal) -> None:
 def linear_figure(diagnosis: DiagnosisResult) -> Figure:
     """Draw the linear dynamics of higher order with base and record: gain, phase and poles.
 
-    All three responses are cross spectra of force and motion divided by the motion's spectrum (Welch's estimate), so that
-    they have the same bias, at the frequencies of the training record's motion.
+    All three responses are Welch estimates (cross spectrum of force and motion divided by the motion's spectrum) at the
+    frequencies of the training record's motion, so that they have equal bias.
     """
     part = max(diagnosis.experiment.training.records, key=lambda item: item.size)
     rate, unit = 1 / part.motion.sampling_time, diagnosis.experiment.output_unit
@@ -172,7 +172,7 @@ def draw_pictures(
     folder: Path,
     source_label: str,
 ) -> dict[str, Path]:
-    """Write ``comparison``, ``location``, ``ladder``, ``signatures``, and of results that have them ``proposed_law`` and
+    """Write ``comparison``, ``location``, ``ladder``, ``signatures``, and, if the diagnosis has them, ``proposed_law`` and
     ``linear_dynamics``.
 
     The SVG files, written to `folder` with the origin of the data (`source_label`), are returned by caption. `diagnosis`

@@ -1,5 +1,5 @@
-"""Building blocks of a page, macros of ``page.html.jinja`` (they escape texts, but not blocks), and the pages of
-`lumbar compare` and `lumbar locate`: a model's errors on every record, and where it fails."""
+"""Building blocks of a page by macros of ``page.html.jinja`` (which escape texts, but not blocks), and the pages of
+`lumbar compare` and `lumbar locate`: a model's errors on every record, and their locations."""
 
 import base64
 from collections.abc import Iterable, Sequence
@@ -57,7 +57,7 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> Markup:
 
 
 def equation(latex: str) -> Markup:
-    """Return an equation, which scrolls if it is too long: browsers do not break it into lines."""
+    """Return an equation that scrolls if it is too long, because browsers do not break it into lines."""
     return Markup(f'<span class="equation" tabindex="0">{equation_mathml(latex)}</span>')
 
 
@@ -67,7 +67,7 @@ def figure(svg: Path, caption: str) -> Markup:
 
 
 def document(title: str, source_label: str, blocks: Iterable[Markup]) -> str:
-    """Return a whole page of blocks; `source_label` is the origin of the data, empty for pages without any."""
+    """Return a whole page of blocks; `source_label` is the origin of the data, empty for pages without data."""
     return template(PAGE).render(title=title, source_label=source_label, blocks=blocks)
 
 
@@ -87,7 +87,7 @@ def comparison_page(reports: Reports, model: str, source_label: str, pictures: d
 
 
 def comparison_blocks(simulated: list[ResidualReport]) -> list[str]:
-    """Return sentences and figures of merit of every record."""
+    """Return sentences and figures of merit for every record."""
     unit = simulated[0].comparison.unit
     rows = []
     for item in (report.comparison for report in simulated):

@@ -24,7 +24,7 @@ class Outcome:
     """Result of a run for a claim."""
 
     value: str | float | None
-    """This run's counterpart of the thesis's value."""
+    """Value of this run for comparison with the thesis's value."""
     agrees: bool | None
     """True if the criterion is met; None if a value exists but cannot be judged."""
     remark: str = ""
@@ -40,14 +40,14 @@ class Claim:
     location: str
     """Section or table of the thesis."""
     statement: str
-    """The claim in one sentence."""
+    """Text of the claim in one sentence."""
     thesis: str | float
-    """The thesis's value."""
+    """Value in the thesis."""
     criterion: str
-    """When a run agrees."""
+    """Condition under which a run agrees."""
     needs: tuple[str, ...]
-    """Names of the results that decide."""
+    """Names of the results that decide on the claim."""
     judge: Callable[[Results], Outcome]
-    """Raises `UntestableError` if the results have no value."""
+    """Function that judges a run; it raises `UntestableError` if the results have no value."""
     on_twin: str = ""
-    """`BUILT_IN` if the synthetic twin was made to show it, `CANNOT_BE_TESTED` if it is about real lifters."""
+    """Verdict on the synthetic twin: `BUILT_IN` if the twin was made to meet it, `CANNOT_BE_TESTED` if it needs real lifters."""

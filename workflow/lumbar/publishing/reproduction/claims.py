@@ -1,4 +1,4 @@
-"""All claims of the thesis: every number of Tables 3.1, 3.2 and 4.1 and the sentences, and the rows of ``claims.csv``."""
+"""All claims of the thesis (every number of Tables 3.1, 3.2 and 4.1, and sentences), and the rows of ``claims.csv``."""
 
 import math
 from collections.abc import Callable
@@ -26,7 +26,7 @@ from lumbar.tables.table import Table, columns_of, table_from_schema
 
 _SCALED = "scaling of α not stated in the thesis"
 Criterion = tuple[str, Callable[[Any, float], bool | None]]
-"""Text, and a function of the thesis's value and that of a run; it returns None if they cannot be compared."""
+"""Criterion: text, and a function of the values in thesis and run, which returns None if they cannot be compared."""
 
 
 def _tolerance(tolerance: float, text: str) -> Criterion:
@@ -55,9 +55,9 @@ TABLE_3_1: dict[str, tuple[str, Criterion]] = {
         ("none: α scales with samples and units, which the thesis does not state", lambda *_: None),
     ),
 }
-"""Meaning of each column and when a run agrees. α depends on a scaling that the thesis does not state."""
+"""Meaning and criterion of each column of Table 3.1. α depends on a scaling that the thesis does not state."""
 _BUILT_IN = {"condition_number", "vaf_percent", "fit_percent", "mean_residual_N"}
-"""Columns of Table 3.1 that the twin's tissue was made to show."""
+"""Columns of Table 3.1 that the twin's tissue was made to reproduce."""
 _DIGITS = _tolerance(0.051, "equal to the printed digits")
 _SAME_SIGN = ("same sign", lambda thesis, value: thesis * value > 0)
 
@@ -65,8 +65,8 @@ _SAME_SIGN = ("same sign", lambda thesis, value: thesis * value > 0)
 def all_claims(thesis_tables: dict[str, pd.DataFrame], groups: tuple[str, str] = GROUPS) -> list[Claim]:
     """Return every claim in the thesis's order.
 
-    `thesis_tables` are ``table_3_1``, ``table_3_2`` and ``table_4_1`` as published; `groups` name those that the study
-    compares instead of the thesis's expert and novice.
+    `thesis_tables` are ``table_3_1``, ``table_3_2`` and ``table_4_1`` as published; `groups` are the names that
+    replace the thesis's expert and novice in the study.
     """
     return [
         *sentence_claims("identification"),
@@ -101,23 +101,23 @@ def sentence_claims(part: str, groups: tuple[str, str] = GROUPS) -> list[Claim]:
 
 @dataclass(frozen=True)
 class _Cell:
-    """A cell of a published table and its counterpart in this run."""
+    """A cell of a published table, and the corresponding cell of this run."""
 
     name: str
-    """``<table>.<row>.<column>``; the name of the claim."""
+    """Name of the claim: ``<table>.<row>.<column>``."""
     statement: str
     row: dict[str, str]
-    """Values of the columns that select this run's row."""
+    """Values by column that select the row of this run's table."""
     thesis: float | str
     criterion: Criterion
     absent: str
     """Remark if this run has no such cell."""
     on_twin: str = ""
     column: str = ""
-    """Column of this run; default that of the name."""
+    """Column of this run's table; if empty, the column in `name`."""
 
     def judge(self, results: Results) -> Outcome:
-        """Compare this run's value with the published one."""
+        """Compare this run's value with the published value."""
         table, *_, last = self.name.split(".")
         frame, column = results[table], self.column or last
         for key, value in self.row.items():
@@ -129,7 +129,7 @@ class _Cell:
         return Outcome(value, agrees, self.absent if agrees is None else "")
 
     def claim(self) -> Claim:
-        """Return the claim that this run's cell agrees with the published one."""
+        """Return the claim that this run's cell agrees with the published cell."""
         table = self.name.split(".")[0]
         location = f"Table {table.removeprefix('table_').replace('_', '.')}"
         claimed = (self.name, location, self.statement, self.thesis, self.criterion[0])
@@ -152,7 +152,7 @@ def _table_3_1_cells(thesis: pd.DataFrame) -> list[_Cell]:
 
 
 def _table_3_2_cells(thesis: pd.DataFrame) -> list[_Cell]:
-    """Return every number of Table 3.2; the survey was reconstructed from this table."""
+    """Return the cells of Table 3.2, from which the survey was reconstructed."""
     cells = []
     for row in thesis.to_dict("records"):
         model = row["model"]
@@ -192,7 +192,7 @@ def _table_4_1_cells(thesis: pd.DataFrame, groups: tuple[str, str]) -> list[_Cel
 
 
 def _mru_claim(thesis: pd.DataFrame) -> Claim:
-    """Return the claim about the printed MRU, which the printed table decides."""
+    """Return the claim on the printed MRU, decided by the printed table."""
     below = impossible_mru(thesis)
     values = "; ".join(f"{row} {value:g} %, at least {least:.2g} %" for row, (value, least) in below.items())
     return Claim(
@@ -207,15 +207,15 @@ def _mru_claim(thesis: pd.DataFrame) -> Claim:
 
 
 SAMPLES = {"multisine": 10_000, "noise": 1_000, "chirp": 1_000}
-"""Samples of the thesis's records: 100 Hz for 100 s and 10 s (Section 3.2.4.1)."""
+"""Number of samples of the thesis's records: 100 Hz for 100 s and 10 s (Section 3.2.4.1)."""
 
 
 def least_mru(condition_number: float, nmse: float, samples: int, parameters: int) -> float:
-    """Return the smallest MRU in percent that Eqs 3.15 and 3.16 allow, for any data, scaling and α.
+    """Return the smallest MRU in percent that is possible by Eqs 3.15 and 3.16 for any data, scaling and α.
 
     With columns of root mean square 1, and M rows, every diagonal element of (AᵀA)⁻¹ is at least 1/M, hence σ² ≥ NMSE/M in
     units of the output's root mean square; and ‖x‖ ≤ (1 + √NMSE)/s where s, the smallest singular value over √M, is at least
-    1/κ. The printed κ may be that of other columns; it is at most √p times smaller than κ of these (van der Sluis).
+    1/κ. The printed κ may be for differently scaled columns; then it is at most √p times smaller than this κ (van der Sluis).
 
     References
     ----------
@@ -225,7 +225,7 @@ def least_mru(condition_number: float, nmse: float, samples: int, parameters: in
 
 
 def impossible_mru(printed: pd.DataFrame) -> dict[str, tuple[float, float]]:
-    """Return the printed MRUs below their row's least and that least, by row; digits as rounded."""
+    """Return by row the printed MRUs below the row's least MRU, and that least MRU, with allowance for rounded digits."""
     below = {}
     for row in printed.itertuples(index=False):
         parameters = {"MW": 2, "KB": 3}.get(row.model, 2 * int(row.order) + 1)
@@ -239,8 +239,8 @@ def impossible_mru(printed: pd.DataFrame) -> dict[str, tuple[float, float]]:
 def examine_claims(claims: list[Claim], results: Results, synthetic: bool, source_label: str) -> pd.DataFrame:
     """Examine all claims on the results of one run.
 
-    The rows are in the order of the `claims`; `results` are those of the run by name, `synthetic` is true if they are the
-    twin's, `source_label` is the source of the data. Columns are ``claim, location, statement, thesis_value, this_run,
+    The rows are in the order of the `claims`; `results` are the run's results by name, `synthetic` is True for the twin,
+    `source_label` is the source of the data. Columns are ``claim, location, statement, thesis_value, this_run,
     verdict, criterion, remark, evidence, data``.
     """
     rows = []
@@ -278,7 +278,7 @@ def examine_claims(claims: list[Claim], results: Results, synthetic: bool, sourc
 
 
 def summary_table(claims: pd.DataFrame, source_label: str) -> Table:
-    """Return the claims as a table: sentences first, then the cells of the published tables."""
+    """Return the claims as a table, first the sentences, then the cells of the published tables."""
     frame = claims[columns_of("publishing/reproduction", "claims")].astype(object)
     for column in ("thesis_value", "this_run"):
         frame[column] = [

@@ -1,6 +1,6 @@
 """Judges of the sentences of Chapter 3 (surgeons, excitation, identified models, survey) and Chapter 4 (basins of attraction).
 
-The reconstructed survey was made from the published margins, so claims that follow from them are built in. Claims that
+The reconstructed survey was made from the published margins: claims that follow from the margins are built in, and claims that
 need the pairing of one participant's answers are not.
 """
 
@@ -18,11 +18,11 @@ from lumbar.tissue.signals.surgeon_motion import bandwidth_readings, readings_in
 
 THESIS_MODELS = ("MW", "KB", "HO")
 _JUDGES: dict[str, Callable[[Results], Outcome]] = {}
-"""Functions of claims without parameters by the claim."""
+"""Judges without parameters by claim."""
 
 
 def _judges(claim: str) -> Callable:
-    """Register a function as the judge of a claim."""
+    """Return a decorator that registers a function as the judge of a claim."""
     return lambda function: _JUDGES.setdefault(claim, function)
 
 
@@ -36,7 +36,7 @@ def _arx(results: Results) -> pd.DataFrame:
 
 
 def _wide(results: Results, column: str) -> pd.DataFrame:
-    """Return one row per training record, one column per model; all three models need a value for each record."""
+    """Return a column of Table 3.1 by training record (rows) and model (columns); every model needs a value per record."""
     if column in results["table_3_1"].columns:
         wide = _arx(results).pivot(index="trained_on", columns="model", values=column)
         if set(THESIS_MODELS) <= set(wide.columns) and not wide.isna().any(axis=None):
@@ -65,7 +65,7 @@ def _bandwidth(quantity: str, results: Results) -> Outcome:
 
 
 def _participants(group: str, thesis: float, results: Results) -> Outcome:
-    """Compare the share of a group of participants in percent, or their number for an empty group, with the thesis's."""
+    """Compare the share of a group of participants in percent (or, for an empty group, their number) with the thesis's value."""
     participants = results["survey"]["participants"]
     if not group:
         return Outcome(participants["number"], participants["number"] == thesis)
@@ -174,7 +174,7 @@ _HO_IS = {
     "poorest_condition": ("condition_number", "highest"),
     "poorest_uncertainty": ("mru_percent", "highest"),
 }
-"""By claim: a column of Table 3.1 and which end of its range the HO model has."""
+"""Column of Table 3.1 and extreme of the HO model in it, ``highest`` or ``lowest``, by claim."""
 
 
 @_judges("kruskal_wallis")
@@ -184,7 +184,7 @@ def _kruskal(results: Results) -> Outcome:
 
 
 def _all_but_kb_ho(key: str, test: str, results: Results) -> Outcome:
-    """Judge whether a test distinguishes all pairs of models but KB and HO."""
+    """Judge whether a test distinguishes all pairs of models except KB and HO."""
     p_values = {frozenset((row["first"], row["second"])): row[key] for row in results["survey"][test]}
     exempt = p_values.pop(frozenset(("KB", "HO")), None)
     if exempt is None or not p_values:
@@ -252,8 +252,7 @@ _PERCENT = ["lateral_bending_percent", "flexion_extension_percent"]
 _MISSING = "this study lacks one of the lifts compared"
 _NOT_RUN = "the thesis's procedure was not run"
 MAX_RATIO = 10.0
-"""A basin is of the order of magnitude of its movement if it reaches at most this many times as far, and at least the
-inverse."""
+"""Largest ratio, and inverse of the least ratio, of sizes of basin and movement for equal orders of magnitude."""
 
 
 def _rows(results: Results, comparison: str) -> pd.DataFrame:
@@ -281,7 +280,7 @@ def _novice_susceptible(lighter: Sequence[str], groups: tuple[str, str], results
 
 
 def _trajectories_matter(names: Sequence[str], results: Results) -> Outcome:
-    """Compare the headline's differences with those of its null control (θ0 = 0)."""
+    """Compare the headline's differences with the differences of its null control (θ0 = 0)."""
     rows = results["table_4_1_controls"].dropna(subset=["percent", "null_percent"])
     rows = rows[rows.comparison.isin(names)]
     if set(names) != set(rows.comparison):
@@ -332,9 +331,9 @@ def _no_exits(method: str, remark: str, results: Results) -> Outcome:
 
 @_judges("basins_like_states")
 def _basins_like_states(results: Results) -> Outcome:
-    """Compare each exact basin's reach with the range of its movement, for every pendulum and time.
+    """Compare the size of each exact basin with the range of its movement, for every sign and time.
 
-    A state that does not move has no order of magnitude and is left out.
+    A state that does not change has no order of magnitude and is left out.
     """
     absent, spans, met = "no basin about a movement could be computed", [], []
     for (sign, time), rows in _basins(results, "exact", absent).groupby(["sign", "time"], sort=False):

@@ -23,7 +23,7 @@ _SIZE = re.compile(r'<svg\b[^>]*?\bviewBox="[\d.+-]+ [\d.+-]+ ([\d.]+) ([\d.]+)"
 
 @dataclass(frozen=True)
 class Picture:
-    """A picture inside the page."""
+    """A picture embedded in the page."""
 
     address: str
     """``data:`` address of the SVG file."""
@@ -32,13 +32,13 @@ class Picture:
     height: int
     """Height in points."""
     source_label: str
-    """Origin of the data, or "Drawing without data"."""
+    """Origin of the data, or ``"Drawing without data"``."""
     shows: str = ""
     """Subject and box, if it shows one lift."""
 
 
 def _read_picture(path: Path) -> Picture:
-    """Read an SVG file that `lumbar.publishing.figures.style.save` wrote, shortened by `shorten_svg`."""
+    """Read an SVG file by `lumbar.publishing.figures.style.save`, and shorten it by `shorten_svg`."""
     text = path.read_text(encoding="utf-8")
     described, size = _DESCRIPTION.search(text), _SIZE.search(text)
     shows, _, source_label = (unescape(described[1]) if described else "").rpartition("Data: ")
@@ -48,7 +48,7 @@ def _read_picture(path: Path) -> Picture:
 
 
 def shorten_svg(svg: str) -> str:
-    """Round an SVG text's lengths to hundredths of a point and remove its indentation, which makes it a third shorter."""
+    """Round the lengths in an SVG text to hundredths of a point and remove its indentation, to save a third of the text."""
 
     def shorten(number: re.Match) -> str:
         return f"{float(number[0]):.2f}".rstrip("0").rstrip(".")
@@ -73,7 +73,7 @@ CHAPTERS: dict[str, tuple[str, str]] = {
 _MAIN = re.compile(r"<main>(.*)</main>", flags=re.S)
 _DATA = re.compile(r'<p class="data">Data: (.*?)</p>')
 MAX_ENTRIES = 24
-"""Most lifts or record sets that are shown; of others only the files are linked."""
+"""Largest number of lifts or record sets that are shown; for all others only the files are linked."""
 
 
 @dataclass(frozen=True)
@@ -93,19 +93,19 @@ class Entry:
     """Subject and box, if it shows one lift."""
     picture: Picture | None = None
     table: str = ""
-    """HTML of a published table; empty for others."""
+    """HTML of a published table; empty for other entries."""
     page: str = ""
-    """File of an interactive page below the study's results; may be empty."""
+    """Path of an interactive page below the study's results; may be empty."""
     sentence: str = ""
     """Result in one sentence; may be empty."""
     files: tuple[str, ...] = ()
     """Paths below the study's results."""
     claims: tuple = ()
-    """The thesis's claims about it, as rows of ``claims.csv``."""
+    """Claims of the thesis about the entry, as rows of ``claims.csv``."""
     cells: "CellComparison | None" = None
-    """The thesis's table compared with this run's."""
+    """Comparison of the thesis's table with this run's table."""
     missing: bool = False
-    """True if it was not made."""
+    """True if the entry was not made."""
 
 
 @dataclass(frozen=True)
@@ -117,7 +117,7 @@ class Chapter:
     place: str
     entries: tuple[Entry, ...]
     files: tuple[tuple[Artefact, tuple[str, ...]], ...] = ()
-    """Artefacts that are not shown: those that are only files, and those beyond `MAX_ENTRIES`."""
+    """Artefacts that are only linked, with their files: files without a view, and entries beyond `MAX_ENTRIES`."""
 
 
 def chapters(
@@ -240,31 +240,31 @@ CLAIM_ARTEFACTS = {
     "survey": "table_3_2",
     "boa": "basin_areas",
 }
-"""Artefact with which a claim is shown, by its evidence; other evidence is the table of that name."""
+"""Artefact of a claim by the claim's evidence; for other evidence, the table with the name of the evidence."""
 CELLS = {"table_3_1": 2, "table_3_2": 1}
-"""Number of parts of a claim's name that select the row, by table: ``table_3_1.<record>.<model>.<column>``. Table 4.1 has the
-published values among its columns."""
+"""Number of parts of a claim's name that select the row, by table, e.g. 2 in ``table_3_1.<record>.<model>.<column>``. Table 4.1
+has columns for the published values."""
 
 
 @dataclass(frozen=True)
 class CellComparison:
-    """Cells of a published table and of this run."""
+    """Cells of a published table with this run's cells."""
 
     head: tuple[str, ...]
     rows: tuple[tuple, ...]
-    """Names of the row, then per column ``(this run, thesis, verdict)``."""
+    """Rows: names of the row, then ``(this run, thesis, verdict)`` per column."""
     names: int
     """Number of names of a row."""
 
     @property
     def fractions(self) -> list[int]:
-        """Most characters from the decimal sign to the end, by column of values."""
+        """Largest number of characters from the decimal sign to the end, by column of values."""
         columns = zip(*(row[self.names :] for row in self.rows), strict=True)
         return [max(len(split_number(text)[1]) for cell in cells for text in cell[:2]) for cells in columns]
 
 
 def compare_cells(claim_rows: list, table: str) -> CellComparison | None:
-    """Return the published cells of a table with this run's; None for tables without."""
+    """Return the published cells of a table with this run's cells; None for tables without such cells."""
     rows = [row for row in claim_rows if row.claim.startswith(f"{table}.")] if table in CELLS else []
     if not rows:
         return None

@@ -1,4 +1,4 @@
-"""The report of a study as one self-contained HTML page that begins with failures and warnings."""
+"""Report of a study as one self-contained HTML page that begins with failures and warnings."""
 
 import re
 from collections.abc import Iterator, Sequence
@@ -17,9 +17,9 @@ from lumbar.tables.table_layout import split_number
 FAILS, WARNS = "fails", "warns"
 _WARNING = re.compile(r"^(?:\w*Warning|WARNING): (.*(?:\n  .*)*)", flags=re.M)
 _PENDULUM = re.compile(r"^[^:]*\((?:hanging|inverted)\): ")
-"""Lift, centre and plane at the beginning of a reason, which the line already names."""
+"""Pattern of lift, centre and plane at the beginning of a reason, removed because the line names them already."""
 _STAGES_WITH_FILES = ("lift", "stability_tables")
-"""Stages with warnings in their results too: lifts without a pendulum, missing basins."""
+"""Stages with warnings in their results in addition to the log: lifts without a pendulum, missing basins."""
 
 
 @dataclass(frozen=True)
@@ -27,14 +27,14 @@ class Trouble:
     """A failure or warning that a reader should know before any result."""
 
     grade: str
-    """``"fails"`` or ``"warns"``."""
+    """Severity: ``"fails"`` or ``"warns"``."""
     where: str
-    """Stage, lift, record set or file."""
+    """Name of the stage, lift, record set or file."""
     sentence: str
 
 
 def recordings(results: Path) -> list[dict]:
-    """Return the row of every recording that was checked, with findings of marker recordings."""
+    """Return a row for every checked recording; rows of marker recordings have findings."""
     sheets = {}
     for path in sorted(results.glob("lifting/*/quality.json")):
         sheet = read_json(path)
@@ -64,12 +64,12 @@ def recordings(results: Path) -> list[dict]:
 
 
 def _spell_out(name: str) -> str:
-    """Return a name of files and settings as text."""
+    """Return a name from files or settings as printed text."""
     return name.replace("_", " ")
 
 
 def troubles(results: Path) -> list[Trouble]:
-    """Return what fails, then what warns."""
+    """Return the failures, then the warnings."""
     every = [
         Trouble(FAILS if "(error)" in finding else WARNS, _spell_out(item["name"]), finding)
         for item in recordings(results)
@@ -141,7 +141,7 @@ def _basin_troubles(results: Path) -> Iterator[Trouble]:
 
 
 def _rows(path: Path) -> pd.DataFrame:
-    """Return a table of the results; empty if it was not made."""
+    """Return the rows of a table of the results; empty if the table was not made."""
     return pd.read_csv(path) if path.is_file() else pd.DataFrame()
 
 
@@ -151,7 +151,7 @@ PAGE = "publishing/study_report/report.html.jinja"
 def report_page(
     facts: dict[str, Any], results: Path, made: Sequence[Chapter], claims: pd.DataFrame | None
 ) -> str:
-    """Return the page; failures and warnings are read from the folder of results.
+    """Return the report's page, with failures and warnings from the folder of results.
 
     `facts` is the head of the page: ``name``, ``title``, ``source_label``, ``people`` (subject and box of every lift),
     ``seed`` and ``versions`` by package. `results` is ``results/<study>``, `made` the contents of the page, `claims` is
