@@ -94,11 +94,11 @@ def residual_rms(motion: ToolMotion, force: np.ndarray) -> float:
 def severity_leaving(
     wanted_N: float, motion: ToolMotion, force_at: Callable[[float], np.ndarray], least_N: float
 ) -> float:
-    """Return the least severity at which the best Kelvin–Boltzmann tissue leaves a residual, or that of the largest residual.
+    """Return the least severity at which the best Kelvin–Boltzmann tissue leaves a wanted residual.
 
-    The residual may not rise monotonically; the weakest sufficient effect is the most plausible. `wanted_N` is the residual's
-    RMS on the record of `motion`, `least_N` the smallest acceptable RMS. `force_at` returns the noise-free force on the
-    simulation's grid at severities from 0 to 1.
+    If no severity suffices, return the severity with the largest residual. The residual may not rise monotonically; the weakest
+    sufficient effect is the most plausible. `wanted_N` is the residual's RMS on the record of `motion`, `least_N` the smallest
+    acceptable RMS. `force_at` returns the noise-free force on the simulation's grid at severities from 0 to 1.
     """
 
     @cache

@@ -128,7 +128,7 @@ def catalogue_with(
     base : str
         Name of the base.
     gravity_m_s2 : float, optional
-        Gravity on a pendulum, by default that of the catalogue; tissues have none.
+        Gravity on a pendulum; by default the catalogue's value. Tissues have no gravity.
 
     Raises
     ------

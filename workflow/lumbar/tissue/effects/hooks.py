@@ -44,7 +44,7 @@ _IWAN_FORCE = " + ".join(
 def strongest_lines(motion: Motion, residual: np.ndarray) -> list[np.ndarray]:
     """Return the frequencies (Hz) of the strongest lines of the residual, strongest first.
 
-    Trends (below 1.5 cycles per record) are left out. Lines near strong lines of the input count less, because the error of a
+    Trends (below 1.5 cycles per record) are omitted. Lines near strong lines of the input count less, because the error of a
     model repeats with a periodic input.
     """
     frequency, power = _periodogram(residual, motion.sampling_time)

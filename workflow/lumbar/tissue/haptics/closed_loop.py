@@ -155,11 +155,11 @@ def largest_stable_gain(model: SampledModel, device: DeviceSettings) -> StableGa
     """Return the largest stable gain of a loop; `PeriodicModel` and `SpatialLoop` have a method for it.
 
     If the loop's frequency response crosses the negative real axis at −r, a factor 1/r puts a pole on the unit circle. Device
-    with hand and the model are stable by themselves, so that the smallest of these factors ends the stable ones. The response
-    is real at z = −1, at z = 1 (a negative static stiffness overcomes the hand), and at crossings in between.
+    with hand and the model are stable separately, so that the smallest of these factors is the limit. The response is real at z
+    = −1, at z = 1 (a negative static stiffness overcomes the hand), and at crossings in between.
 
-    A stylus without a hand stays at any position, which is not an instability: if the model has no static stiffness, the pole
-    z = 1 of this position is left out; with a negative static stiffness no factor is stable.
+    A stylus without a hand stays at any position, which is not an instability: if the model has no static stiffness, the pole z
+    = 1 of this position is ignored; with a negative static stiffness no factor is stable.
     """
     if not isinstance(model, SampledModel):
         return model.largest_stable_gain(device)

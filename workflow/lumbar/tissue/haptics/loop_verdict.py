@@ -274,7 +274,7 @@ def run_loop(
     push : HandPush, optional
         Push of the hand; by default `PUSH_MM` deep along the first axis.
     ripple : float, optional
-        Explained ripple in N; by default that of `expected_ripple`.
+        Explained ripple in N; by default the result of `expected_ripple`.
     """
     model, device = analysis.model, analysis.device
     step = difference_equation(model.sampled[0]) if force_of is None else model.loop_step(force_of)

@@ -37,7 +37,7 @@ _MAX_RELAXATION_S, _RELAXATION_TIMES = 20.0, 25
 """Longest relaxation time, and number of times from half a sample to it."""
 _ANGLES = 120
 _NEGLIGIBLE_SHARE = 1e-4
-"""Share of the largest stiffness below which a branch is left out."""
+"""Share of the largest stiffness below which a branch is omitted."""
 _DAMPING_RESERVE = 2e-3
 """Reserve as a share of the device's damping: cones exist at some frequencies only, and the solver has a tolerance."""
 _ROUNDING = 1e-9
@@ -260,7 +260,7 @@ def fit_passive_models(
 ) -> PassiveFits:
     """Fit the exported models again as passive models.
 
-    Fits for the device are left out if the records are not of a length and a force.
+    Fits for the device are omitted if the records are not of a length and a force.
 
     Parameters
     ----------

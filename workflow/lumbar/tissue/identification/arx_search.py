@@ -1,8 +1,8 @@
 """The exhaustive search of the thesis over structures and ridge coefficients (Eqs 3.6–3.9), judged by the free run.
 
-One factorisation serves every order and every α. The full regressor matrix, with all lags up to the largest order of the search,
-is reduced to the triangular factor R of a QR decomposition. The regressors of a smaller structure are combinations of its
-columns, so that the singular values of a structure are those of a small matrix made from R, and each α costs one product with it.
+One factorisation serves every order and every α. The full regressor matrix, with all lags up to the largest order of the
+search, is reduced to the triangular factor R of a QR decomposition. The regressors of a smaller structure are combinations of
+its columns, so that a structure has the singular values of a small matrix made from R, and each α costs one product with it.
 
 Scaling. Input and output are demeaned. Every column of A, and b, is then divided by its root mean square, so that condition
 number and α do not depend on units. α enters as in Eq. 3.7, ‖Ax − b‖² + α²‖x‖², with these columns (norm √N).

@@ -183,7 +183,7 @@ class ArxStructure:
         return max(self.order, *self.input_lags)
 
     def combination(self, lag: int) -> np.ndarray:
-        """Return the matrix from free to full coefficients, those of y[k−1] … y[k−lag], u[k] … u[k−lag].
+        """Return the matrix from free coefficients to coefficients of all lags: y[k−1] … y[k−lag], u[k] … u[k−lag].
 
         The full regressor matrix times this matrix is the regressor matrix of this structure. Shape (2 * lag + 1,
         parameter_count), elements -1, 0 and 1.

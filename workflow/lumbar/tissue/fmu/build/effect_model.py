@@ -296,7 +296,7 @@ def _form_numbers(form: Form, linear, nonlinear, sampling_time: float) -> dict[s
 
 
 MAX_MEMORY = 256
-"""Size of the memory of one form, e.g. that of a delay of 255 samples."""
+"""Largest memory of one form, e.g. for a delay of 255 samples."""
 
 
 def effect_model(model: FittedModel, sampling_time: float) -> EffectModel:

@@ -63,7 +63,7 @@ class ExportModel:
     identified: FittedModel
     """The model under the name of the export, e.g. ``"KB+coulomb_friction"`` or ``"KB-thesis"``."""
     settings: RuntimeSettings
-    """Limits, guards, start and rate; those of the thesis for a model that is run as in the thesis."""
+    """Limits, guards, start and rate; a model that runs as in the thesis has the thesis's values."""
     dynamics: LinearModel | EffectModel
     """Model from deviations of the input to deviations of the output."""
     sampling_time: float

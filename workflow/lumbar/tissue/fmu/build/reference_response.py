@@ -79,11 +79,11 @@ def _guard_forces(
 ) -> np.ndarray:
     """Return the forces after rate limit and passivity guard, with the operations of ``sampled_force.c``.
 
-    The energy is observed as B. Hannaford and J.-H. Ryu do (IEEE Trans. Robotics and Automation 18 (2002) 1-10). A force
-    f that is held for a sample T releases f d over the displacement d, and a damping b receives at least b d²/T meanwhile
-    (Cauchy and Schwarz); the least sum is −f² T/(4 b): forces within √(4 b E/T) can never release more than the available
-    energy E. Without event mode a force may be displayed immediately or from the next sample on: both are counted.
-    `limited` are the forces within their limit and, with contact, without pulls.
+    The energy is observed as B. Hannaford and J.-H. Ryu do (IEEE Trans. Robotics and Automation 18 (2002) 1-10). A force f that
+    is held for a sample T releases f d over the displacement d, and a damping b receives at least b d²/T meanwhile (Cauchy and
+    Schwarz); the least sum is −f² T/(4 b): forces within √(4 b E/T) can never release more than the available energy E. Without
+    event mode a force may be displayed immediately or one sample later: both cases are counted. `limited` are the forces within
+    their limit and, with contact, without pulls.
     """
     guards, step, unit = model.guards, model.sampling_time, model.units
     worst = step / (4.0 * guards.device_damping) if guards.passive else math.inf
