@@ -1,1 +1,1 @@
-"""What is wrong with the sensors and their clocks, told from the records alone, and how it is repaired."""
+"""Detection of faults of sensors and clocks from records, and repair of the records."""

@@ -1,4 +1,4 @@
-"""Samples that are not measurements: missing rows, outliers, values repeated by the sensor, rows lost unnoticed."""
+"""Samples that are not measurements: missing rows, outliers, values repeated by the sensor, lost rows without a gap in time."""
 
 from dataclasses import dataclass
 
@@ -16,7 +16,7 @@ _RELAXATION_TIMES = (0.03, 0.1, 0.3, 1.0, 3.0)
 
 @dataclass(frozen=True, eq=False)
 class Repair:
-    """A record without a fault of its sensor or clock, and the findings on the fault."""
+    """A record after repair of a fault of a sensor or clock, and the findings on the fault."""
 
     record: Record
     findings: tuple[Finding, ...]
@@ -38,53 +38,53 @@ def linear_response(record: Record, left_out: np.ndarray | None = None) -> np.nd
 
 # Outliers
 _MEDIAN_WINDOW = 7
-"""Samples of the running median from which an outlier is measured."""
+"""Number of samples of the running median that outliers are compared with."""
 _MAX_OUTLIER_SHARE = 1e-3
-"""Largest share of outliers: more frequent ones belong to the force."""
+"""Largest share of outliers: more frequent outliers belong to the force."""
 # Stuck values
 _MAX_RUN_LENGTH = 25
 """Largest number of repeated samples in a row; a longer rest may be intended."""
 _SPEED_SAMPLES = 3
-"""Samples on either side over which the speed is taken."""
+"""Number of samples on either side of a run from which the speed is computed."""
 _MIN_STEP_RATIO = 20
-"""Size of the changes next to a run, in steps of the channel's resolution, at which equal neighbours do not occur by chance."""
+"""Smallest changes next to a run, in resolution steps of the channel, at which equal neighbours do not occur by chance."""
 _MIN_VARIED_SHARE = 0.5
-"""Smallest share of runs with different values: those of a dead zone share one."""
+"""Smallest share of runs with different values: all runs in a dead zone have one value."""
 _MIN_MOVING_SHARE = 0.5
-"""Smallest share of moving samples next to a run, in a channel that is stuck elsewhere."""
+"""Smallest share of moving samples next to a stuck run, in a channel with clearly stuck runs elsewhere."""
 _MIN_RUNS = 2
 _CHANCE_OFFSET, _CHANCE_FACTOR = 5, 4
-"""Runs of two equal values are reported if there are more than offset + factor × the number by chance."""
+"""Smallest reported number of runs of two equal values: offset + factor × the number by chance."""
 _MIN_LONG_SHARE = 0.2
-"""Share of runs of three equal values and more that cannot be chance."""
+"""Smallest share of runs of three equal values or more that cannot be chance."""
 _DIGITS = 2e-6
-"""Resolution of values written with six or seven digits, relative to the largest."""
+"""Resolution of values written with six or seven digits, relative to the largest value."""
 _MIN_RESOLUTION = 1e-3
 """Smallest detectable resolution, relative to the median step from sample to sample."""
 _MAX_NEAR_DIFFERENCE = 0.05
-"""Largest difference of nearly equal values, relative to that step."""
+"""Largest difference of nearly equal values, relative to the median step from sample to sample."""
 _JUMP_RATIOS = (0.4, 6.0)
-"""Jump after a run over the travel at its neighbours' speed; less is a start after a rest."""
+"""Smallest and largest ratio of the jump after a run to the travel at its neighbours' speed; less is a start after a rest."""
 _MIN_JUMP_SHARE = 0.6
-"""Share of the runs that must jump, of those with a clear speed."""
+"""Smallest share of runs with a jump among the runs with a clear speed."""
 _MAX_ROUGHNESS = 0.7
-"""Change of the steps over the steps, below which a channel moves smoothly."""
+"""Largest ratio of the changes of steps to the steps in a channel that moves smoothly."""
 # Lost rows
 _MAX_LOST = 3
-"""Largest number of samples lost in one place; if more would fit better, it may be a corner of the motion."""
+"""Largest number of samples lost in one place; if a larger number fits better, the place may be a corner of the motion."""
 _DEGREE = 5
 _POINTS = 12
-"""Points of the polynomial through a place, half of them on either side."""
+"""Number of samples to which a polynomial is fitted around a place, half of them on either side."""
 _MIN_MISFIT_RATIO = 100.0
-"""Ratio of the squared misfit at a jump to the median of the record."""
+"""Smallest ratio of the squared misfit at a jump to the median of the record."""
 _MIN_IMPROVEMENT = 30.0
-"""Factor by which the squared misfit must fall if samples are inserted."""
+"""Smallest factor by which the squared misfit falls if lost samples are inserted."""
 _MIN_TRAVEL = 0.03
 """Smallest travel per sample, relative to that of the whole record, at which a loss is reported."""
 
 
 def find_gaps(record: Record) -> Repair | None:
-    """Find rows that are missing by the clock; they were filled in when the record was read."""
+    """Find missing rows by gaps in time; they were filled in when the record was read."""
     if not record.filled:
         return None
     count = len(record.filled)
@@ -99,8 +99,8 @@ def find_gaps(record: Record) -> Repair | None:
 def find_outliers(record: Record) -> Repair | None:
     """Find single readings of the force far outside the range of all others, e.g. from a loose contact or a lost bit.
 
-    Outliers are farther from the median of the seven samples about them than the range of all such medians. A force that jumps,
-    or stays for more than one sample, is not. Outliers are replaced by linear interpolation.
+    An outlier differs from the running median of seven samples by more than the range of all such medians. A jump of the force,
+    or a peak of more than one sample, is not an outlier. Outliers are replaced by linear interpolation.
     """
     force = record["output"]
     near = sliding_window_view(np.pad(force, _MEDIAN_WINDOW // 2, "edge"), _MEDIAN_WINDOW)
@@ -127,8 +127,8 @@ def find_outliers(record: Record) -> Repair | None:
 def find_stuck_samples(record: Record, role: str) -> Repair | None:
     """Find samples of a channel that repeats one value for a few samples while it moves, and then jumps.
 
-    They are interpolated by a cubic spline, and noted as filled. From a force the response of a linear tissue to the position is
-    subtracted first, because the position is known there.
+    These samples are interpolated by a cubic spline, and noted as filled. The response of a linear tissue to the known position
+    is first subtracted from a force.
     """
     runs = _stuck_runs(record[role])
     if runs is None:
@@ -150,11 +150,11 @@ def find_stuck_samples(record: Record, role: str) -> Repair | None:
 
 
 def _stuck_runs(values: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
-    """Return the first samples and the numbers of repetitions of all runs in which a moving channel was stuck; or None.
+    """Return the first samples of all runs in which a moving channel was stuck, and their numbers of repetitions, or None.
 
-    A rest, a flat top, a dead zone and the crest of a wave repeat a value too. Stuck runs differ: the channel moves on both sides
-    of them, they have different values, and after them the channel jumps to where the motion has gone. If noise hides that jump,
-    values far finer than the noise do not repeat by chance.
+    Values also repeat in a rest, a flat top, a dead zone and the crest of a wave. Stuck runs differ: the channel moves on both
+    sides of them, they have different values, and the channel jumps to the present value of the motion after them. If noise hides
+    the jump, repetition is still evidence, because values with a resolution far below the noise do not repeat by chance.
     """
     steps = np.diff(values)
     equal = np.concatenate([[False], steps == 0, [False]])
@@ -182,7 +182,7 @@ def _stuck_runs(values: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
 
 
 def _resolution(values: np.ndarray, steps: np.ndarray) -> float:
-    """Return the smallest distance between two values, and at least that of truncated digits."""
+    """Return the smallest distance between two values, at least the resolution of truncated digits."""
     gaps = np.diff(np.unique(values))
     least = max(_DIGITS * np.abs(values).max(), _MIN_RESOLUTION * float(np.median(np.abs(steps[steps != 0]))))
     gaps = gaps[gaps > least]
@@ -192,7 +192,7 @@ def _resolution(values: np.ndarray, steps: np.ndarray) -> float:
 def _moving_shares(
     steps: np.ndarray, starts: np.ndarray, lengths: np.ndarray, resolution: float
 ) -> np.ndarray:
-    """Return the share of moving samples next to every run; 0 if they move by little more than the resolution."""
+    """Return the share of moving samples next to every run; 0 if their steps are not far above the resolution."""
     before = starts[:, None] - 1 - np.arange(_SPEED_SAMPLES)
     after = (starts + lengths)[:, None] + np.arange(_SPEED_SAMPLES + 1)
     inside = (before.min(axis=1) >= 0) & (after.max(axis=1) < len(steps)) & (lengths <= _MAX_RUN_LENGTH)
@@ -203,7 +203,7 @@ def _moving_shares(
 
 
 def _jumps_after_runs(steps: np.ndarray, starts: np.ndarray, lengths: np.ndarray) -> bool:
-    """Return whether the channel jumps after its runs to where it would have gone, or is too rough to show it."""
+    """Return whether the channel jumps after its runs to the expected values, or is too rough to show jumps."""
     before = starts[:, None] - 1 - np.arange(_SPEED_SAMPLES)
     after = (starts + lengths + 1)[:, None] + np.arange(_SPEED_SAMPLES)
     near = np.hstack([before[:, ::-1], after])
@@ -218,11 +218,11 @@ def _jumps_after_runs(steps: np.ndarray, starts: np.ndarray, lengths: np.ndarray
 
 
 def find_dropped(record: Record) -> Repair | None:
-    """Find lost rows that an even clock hides: the position jumps by the travel of whole samples.
+    """Find lost rows that are not visible in the time column: the position jumps by the travel of whole samples.
 
     A polynomial is fitted to the samples on either side of every place, as recorded and with one to `_MAX_LOST` samples missing
-    between. A corner of the motion, a step or a spike fits in neither case; a loss fits if its samples are inserted. They are
-    interpolated by a cubic spline and noted as filled; the record gets longer.
+    between them. A corner of the motion, a step or a spike fits in neither case; a loss fits if the lost samples are inserted.
+    Lost samples are interpolated by a cubic spline and noted as filled; the record becomes longer.
     """
     values = record["input"]
     if len(values) < 4 * _POINTS:
@@ -256,7 +256,7 @@ def _polynomial_annihilator(missing: int) -> np.ndarray:
 
 
 def _insert(record: Record, places: np.ndarray, missing: np.ndarray) -> Repair:
-    """Insert numbers of missing samples after places."""
+    """Insert given numbers of missing samples after given places."""
     count = int(missing.sum())
     sentence = (
         f"{record.name}: the motion jumps in {len(places)} place{'s' * (len(places) > 1)} by the travel of {count} "

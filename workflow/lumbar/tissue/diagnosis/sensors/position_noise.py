@@ -1,11 +1,11 @@
-"""Parts of a position that are not motion: noise, quantisation, jitter of the clock, acceleration that no mass follows.
+"""Parts of a position that are not motion: noise, quantisation, jitter of the clock, acceleration without a force of the mass.
 
-Noise does not depend on speed. A sample taken δ too early or late is off by speed times δ. So the variance beyond the
-excitation's band is, at speed v, σ² + τ² v², with σ of the noise and τ of the jitter.
+Noise does not depend on speed. The error of a sample that is δ too early or late is speed times δ. So the variance of the
+position beyond the excitation's band is σ² + τ² v² at speed v, with the noise σ and the jitter τ.
 
-The force of a moved mass is mass times acceleration. Noise too small to be seen in a position is large in its second derivative:
-it makes the mass too small, by its share of the acceleration's power. Above the frequency at which the force follows less than
-half of the acceleration, the position counts as noise.
+The force of a moved mass is mass times acceleration. Noise that is hardly visible in a position is large in its second
+derivative: the estimated mass is too small by the noise's share of the acceleration's power. Above the frequency at which the
+force follows less than half of the acceleration, the position counts as noise.
 """
 
 from dataclasses import dataclass
@@ -26,13 +26,13 @@ _SEGMENT_LIMITS = (64, 4096)
 _KAISER = 16.0
 """Shape of the segments' window: side lobes of −125 dB, below the noise of a sensor."""
 _FLOOR_BAND = (0.7, 0.9)
-"""Band in which the floor is measured, in Nyquist frequencies: above it filters of converters fall off."""
+"""Band in which the floor is measured, in Nyquist frequencies: above this band, filters of converters attenuate it."""
 _MIN_FLOOR_RATIO = 4.0
-"""Power over that of the floor above which it belongs to the excitation."""
+"""Smallest ratio of the power of the excitation to that of the floor."""
 _MEDIAN_BINS = 9
 """Number of bins of a median: more than half of them must be above the floor."""
 _MAX_EDGE = 0.7
-"""Highest edge, in Nyquist frequencies, with enough bandwidth above it."""
+"""Highest edge, in Nyquist frequencies, with enough bandwidth above the edge."""
 _TRANSITION = 0.25
 """Width of the filter's transition, as a share of the edge."""
 _EXTENSION_PERIODS = 8.0
@@ -44,8 +44,8 @@ _MIN_SINGULAR_VALUE = 1e-3
 def edge_above_floor(values: np.ndarray, sampling_time: float) -> float | None:
     """Return the upper edge (Hz) of the band of an excitation, positions every `sampling_time` seconds; None without a floor.
 
-    At the edge the spectrum falls to the level floor of the sensor's noise. A share of the power (`spectral_edge`) would call the
-    weakest motion noise.
+    At the edge the spectrum falls to the flat floor of the sensor's noise. An edge by a share of the power (`spectral_edge`)
+    would treat the weakest motion as noise.
     """
     if len(values) < _MIN_SEGMENTS * _SEGMENT_LIMITS[0]:
         return None
@@ -68,8 +68,8 @@ def edge_above_floor(values: np.ndarray, sampling_time: float) -> float | None:
 def low_pass(values: np.ndarray, sampling_time: float, edge: float) -> np.ndarray:
     """Return a signal low-passed at an edge (Hz) with zero phase: gain 1 up to the edge, 0 above 1.25 edge.
 
-    Beyond its ends the signal is extrapolated by frequencies within the band that fit it there (Fourier continuation: Bruno, Han
-    and Pohlman, J. Comput. Phys. 227 (2007) 1094-1125): a mirror image would bend sharply at the end, and ring.
+    Beyond its ends the signal is extrapolated by frequencies within the band that fit the signal near the ends (Fourier
+    continuation: Bruno, Han and Pohlman, J. Comput. Phys. 227 (2007) 1094-1125): a mirror image would ring.
     """
     reach = min(len(values) - 1, int(_EXTENSION_PERIODS / (edge * sampling_time)) + 1)
     mean = values.mean()
@@ -100,54 +100,54 @@ def _continuation(end: np.ndarray, sampling_time: float, edge: float) -> np.ndar
 # Noise and jitter
 _BINS = 24
 _MAD = 1.4826
-"""Standard deviation of normal values over their median size."""
+"""Ratio of the standard deviation of normal values to the median of their absolute values."""
 _EFFICIENCY = 0.37
-"""Efficiency of that estimate: the share of the samples that it uses."""
+"""Statistical efficiency of the standard deviation by medians, as a share of the samples."""
 _MIN_NOISE = 2e-5
 """Smallest noise that is considered, in standard deviations of the position."""
 _MIN_FORCE_NOISE = 0.03
-"""Smallest relevant noise, through stiffness and damping, relative to the noise of the force."""
+"""Smallest force, due to position noise through stiffness and damping, that is relevant, relative to the noise of the force."""
 _RELEVANT_NOISE = 1e-3
-"""Noise that is relevant for effects of the sign of the speed, in standard deviations of the position."""
+"""Smallest noise that is relevant for effects of the sign of the speed, in standard deviations of the position."""
 _MAX_TAIL_RATIO = 4.0
-"""Ratio of the RMS to the standard deviation by medians above which the rest is corners of the motion, not noise."""
+"""Largest ratio of the RMS to the standard deviation by medians of noise; at larger ratios the rest is corners of the motion."""
 _MIN_LIKELIHOOD_RATIO = 20.0
-"""Log-likelihood ratio above which noise or jitter only is not enough."""
+"""Log-likelihood ratio above which both noise and jitter are needed."""
 _MIN_PART = 0.1
-"""Smallest share of the variance beyond the band of a reported part."""
+"""Smallest share of a reported part in the variance beyond the band."""
 # Quantisation
 _MIN_ON_STEPS = 0.9
-"""Share of the values that are on steps."""
+"""Smallest share of the values of a quantised position that are on steps."""
 _STEP_TOLERANCE = 0.05
 """Largest distance of a value from a step, in steps."""
 _MAX_STEP_NOISE = 3.0
-"""Noise over that of the steps, up to which they explain it: at low speed it is coloured."""
+"""Largest ratio of the noise to that of quantisation if quantisation explains the noise, which is coloured at low speed."""
 # Jitter
 _FORCE_EDGE = 2.0
-"""Edge of the force's band over that of the excitation, because a nonlinear tissue adds harmonics."""
+"""Ratio of the edges of the force's band and of the excitation's band, because a nonlinear tissue adds harmonics."""
 _MIN_SHARED_SIGMAS = 5.0
-"""Standard errors of the part of the force that the same timing errors explain."""
+"""Smallest part of the force, in standard errors, that the timing errors of the position explain."""
 # Acceleration that a mass does not follow
 _SEGMENTS = 12
 _MIN_SEGMENT = 64
-"""Samples of the shortest segment for a spectrum."""
+"""Number of samples of the shortest segment for a spectrum."""
 _AVERAGED_FREQUENCIES = 9
-"""Neighbouring frequencies over which spectra are averaged."""
+"""Number of neighbouring frequencies over which spectra are averaged."""
 _BAND_POWER = 0.99
 """Share of the force's power in the band from which the mass is estimated."""
 _MIN_MASS_GAIN = 2.0
-"""Factor by which the squared error must grow without the mass."""
+"""Smallest factor by which the squared error grows without the mass."""
 _MIN_FOLLOWED_SHARE = 0.5
-"""Share of the acceleration that the force follows within the band."""
+"""Smallest share of the acceleration that the force follows within the band."""
 _END_PERIODS = 8.0
-"""Length at both ends, in periods of the edge, that is not filtered; the filter sets in over the same length."""
+"""Length at both ends that is not filtered, in periods of the edge; the filter is faded in over another such length."""
 _MIN_ROUGH_SHARE = 0.01
 """Share of the acceleration's power beyond the band above which it affects the estimate of a mass."""
 
 
 @dataclass(frozen=True, eq=False)
 class Roughness:
-    """The part of a position beyond the band of its excitation."""
+    """Parts of a position within and beyond the band of its excitation."""
 
     edge: float
     """Upper edge of the band, Hz."""
@@ -156,13 +156,13 @@ class Roughness:
     rough: np.ndarray
     """Rest of the position, shape (samples,)."""
     speed: np.ndarray
-    """Speed of `smooth` per second, shape (samples,)."""
+    """Time derivative of `smooth` in the position's unit per second, shape (samples,)."""
     response: np.ndarray
     """Force beyond the band, shape (samples,)."""
     noise: float
-    """σ, in the position's unit, over the whole spectrum; 0 if the jitter is enough."""
+    """Noise σ over the whole spectrum, in the position's unit; 0 if jitter explains the rough part."""
     jitter: float
-    """τ, in seconds RMS; 0 if the noise is enough."""
+    """Jitter τ in seconds RMS; 0 if noise explains the rough part."""
 
     @property
     def error_rms(self) -> float:
@@ -222,8 +222,8 @@ def find_roughness(record: Record) -> Repair | None:
 def _subtract_jitter(record: Record, rough: Roughness) -> Record:
     """Subtract the effect of the position's jitter from the force.
 
-    The timing errors are r v / (v² + λ), with r the position beyond the band and λ from its noise. If the force was sampled with
-    the position, its error is its rate of change times them.
+    The timing errors are r v / (v² + λ), with the position r beyond the band, the speed v, and λ from the noise. If force and
+    position were sampled together, the error of the force is its rate of change times the timing error.
     """
     step, force = record.sampling_time, record["output"]
     edge = min(_FORCE_EDGE * rough.edge, 0.39 / step)
@@ -241,7 +241,7 @@ def _subtract_jitter(record: Record, rough: Roughness) -> Record:
 
 
 def _measure_roughness(record: Record) -> Roughness | None:
-    """Split a position at the edge of its band; None if the rest is irrelevant or not rough throughout."""
+    """Split a position at the edge of its band; None if the rest is irrelevant or only rough in places."""
     values, force, step = record["input"], record["output"], record.sampling_time
     edge = edge_above_floor(values, step)
     if edge is None:
@@ -270,7 +270,7 @@ def _robust_deviation(values: np.ndarray) -> float:
 
 
 def _noise_and_jitter(rough: np.ndarray, speed: np.ndarray, taps: np.ndarray) -> tuple[float, float]:
-    """Return σ and τ of Var r[n] = Σₖ g[k]² (σ² + τ² v[n−k]²), with `taps` g² of the filter that left r; unneeded ones are 0."""
+    """Return σ and τ of Var r[n] = Σₖ g[k]² (σ² + τ² v[n−k]²), with the filter's `taps` g²; an unnecessary parameter is 0."""
     share, power = float(taps.sum()), np.maximum(scipy.signal.fftconvolve(speed**2, taps, "same"), 0.0)
     groups = [group for group in np.array_split(np.argsort(power), _BINS) if group.size]
     variances = np.array([_robust_deviation(rough[group]) ** 2 for group in groups])
@@ -315,9 +315,9 @@ def _quantisation(values: np.ndarray, noise: float) -> float | None:
 
 
 def find_rough_acceleration(record: Record) -> Repair | None:
-    """Find acceleration that the force of a moved mass does not follow; None if no mass is moved, or little of it is noise.
+    """Find acceleration that the force of a moved mass does not follow; None without mass or with little such acceleration.
 
-    The position is not changed within the band that the force follows, nor at both ends, where errors of the filter would be
+    The position is not changed within the band that the force follows, nor at both ends, at which errors of the filter would be
     large after two derivatives.
     """
     length = 2 ** int(np.log2(max(len(record) / _SEGMENTS, 1)))

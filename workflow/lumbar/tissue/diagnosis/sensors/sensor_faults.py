@@ -22,25 +22,25 @@ from lumbar.tissue.diagnosis.sensors.position_noise import find_rough_accelerati
 
 CLOCK_SKEW = "clock_skew"
 _MIN_SKEW_PERIODS = MIN_FULL_PERIODS + 2
-"""Smallest number of periods for a line through their delays."""
+"""Smallest number of periods for the fit of a line to their delays."""
 _MIN_SKEW_SIGMAS = 6.0
-"""Standard errors of a reported skew."""
+"""Smallest reported skew in standard errors."""
 _MIN_CLEAR_DIFFERENCE = 20.0
-"""Squared error, in noise variances, by which one explanation is clearly better than another."""
+"""Smallest difference of squared errors, in noise variances, of a clearly better explanation."""
 _MAX_UNEXPLAINED = 0.1
-"""Largest share of the growing deviations that may remain, beyond noise, without the skew."""
+"""Largest share of the growing deviations, in addition to noise, that the skew may leave."""
 _MIN_LINE_SHARE_OF_VARIANCE = 0.9
-"""Share of the delays' variance that a line explains."""
+"""Smallest share of the delays' variance that a line explains."""
 _MAX_SLIP_SAMPLES = 1.0
-"""Samples by which a period may slip against its folding over a record; more would blur the mean of the periods."""
+"""Largest shift of a period relative to its folding over a record, in samples; more would blur the mean of the periods."""
 _MAX_SLIP_SHARE = 0.3
-"""Share of a skew by which the position itself may slip against its folding."""
+"""Largest shift of the position relative to its folding, as a share of the skew."""
 _TAPS = 16
 """Half length of the interpolating filter, in samples."""
 _KAISER = 8.0
 _BLOCK = 1 << 15
 _ROUNDING = 1e-20
-"""Power of the digits that a force is written with, relative to that of its mean period."""
+"""Power of the rounding of a force to its digits, relative to the power of its mean period."""
 
 
 def find_skew(record: Record) -> Repair | None:
@@ -60,11 +60,12 @@ def find_skew(record: Record) -> Repair | None:
 
 
 def _estimate_skew(record: Record) -> tuple[float, float] | None:
-    """Return the delay of the force behind the position per second, and its standard error; None without a sure skew.
+    """Return the delay of the force behind the position per second, and its standard error; None without a significant skew.
 
-    The deviation that grows from period to period is the mean period's rate of change if it is caused by a skew; the mean force,
-    position or speed if the tissue changes (gain, stiffness, damping). A skew is reported if the first leaves little, the others
-    clearly more, two of them together not clearly less, and the delays of the single periods follow a line.
+    A skew causes a deviation proportional to the mean period's rate of change that grows from period to period; a change of the
+    tissue (gain, stiffness, damping) causes one proportional to mean force, position or speed. A skew is reported if the rate of
+    change leaves little of the deviation, each of the others leaves clearly more, two of them together do not leave clearly less,
+    and the delays of the single periods follow a line.
     """
     period, step = declared_period(record, MIN_FULL_PERIODS) or find_period(record), record.sampling_time
     if period is None:
@@ -101,7 +102,7 @@ def _estimate_skew(record: Record) -> tuple[float, float] | None:
     ramp = np.concatenate([ramp.real, ramp.imag])
 
     def whiten(values: np.ndarray) -> np.ndarray:
-        """Return the whitened real and imaginary parts of a period's lines, without the part along a ramp."""
+        """Return the whitened real and imaginary parts of a period's spectral lines, orthogonal to those of a ramp."""
         lines = np.fft.rfft(values) * weight
         lines = np.concatenate([lines.real, lines.imag])
         return lines - ramp * (lines @ ramp) / (ramp @ ramp)
@@ -165,16 +166,16 @@ _FINDERS = (
     find_rough_acceleration,
     find_skew,
 )
-"""Searches in an order in which no repair hides a later fault: missing samples before noise."""
+"""Searches for faults, ordered so that no repair hides a later fault: missing samples before noise."""
 
 
 def repair(records: Sequence[Record]) -> tuple[list[Record], list[Finding]]:
-    """Return records with channels ``input`` and ``output`` without faults of sensors and clocks, and the findings.
+    """Repair faults of sensors and clocks in records with channels ``input`` and ``output``; return records and findings.
 
-    Valid records are the same objects. Findings are of the kinds ``gap``, ``wild_samples``, ``held_samples``,
+    Valid records are returned as the same objects. Findings are of the kinds ``gap``, ``wild_samples``, ``held_samples``,
     ``dropped_samples``, ``position_noise``, ``quantisation``, ``jitter``, ``rough_acceleration`` and ``clock_skew``. A lag of the
-    position sensor is not among them, because it looks like a delay of the tissue. All records were made with the same clocks: a
-    skew that one shows is removed from others too short to show it, or without period, if a linear tissue then explains their
+    position sensor is not detected, because it resembles a delay of the tissue. All records were made with the same clocks: a
+    skew of one record is removed from records too short to show it, or without period, if a linear tissue then explains their
     force better.
     """
     repaired = [_repair_record(record) for record in records]
@@ -191,7 +192,7 @@ def repair(records: Sequence[Record]) -> tuple[list[Record], list[Finding]]:
 
 
 def _repair_record(record: Record) -> tuple[Record, list[Finding]]:
-    """Search and repair one kind of fault after another, each in the record repaired so far."""
+    """Search and repair one kind of fault after another, each in the record after the previous repairs."""
     findings = []
     for find in _FINDERS:
         repaired = find(record)
@@ -202,7 +203,7 @@ def _repair_record(record: Record) -> tuple[Record, list[Finding]]:
 
 
 _NOISE_RATIOS = {"position_noise": 1.0, "quantisation": 12**-0.5}
-"""RMS of the noise relative to the value of a finding."""
+"""RMS of the noise relative to the value of a finding, by kind of finding."""
 
 
 def force_of_position_noise(
@@ -210,7 +211,7 @@ def force_of_position_noise(
 ) -> float:
     """Return the largest RMS, over the records, of the force due to position noise within the band.
 
-    White noise of the findings, without its part beyond the band that was filtered, times the stiffness of the record.
+    It is the white noise of the findings, without the part beyond the band (filtered out), times the stiffness of the record.
     """
     largest = 0.0
     for before, after in zip(records, repaired, strict=True):

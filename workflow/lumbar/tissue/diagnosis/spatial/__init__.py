@@ -1,1 +1,1 @@
-"""Records of several axes: their data for fits, the symmetry of their tissue, what their diagnosis is."""
+"""Records of several axes: data for fits, symmetry of the tissue, and diagnosis."""

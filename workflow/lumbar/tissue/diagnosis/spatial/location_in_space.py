@@ -1,6 +1,6 @@
-"""Views of a model's error in space: along the direction of travel, over this direction, direction and work of the error.
+"""Views of a model's error in space: along and over the direction of travel, direction of the error, and work.
 
-Significance is judged against noise only, with its spectrum along every axis and its correlation between the axes.
+Significance is tested against noise with its spectrum along every axis and its correlation between the axes.
 """
 
 from collections.abc import Callable, Sequence
@@ -37,7 +37,7 @@ _MAX_VARIANCE_RATIO = 1.5
 
 @dataclass(frozen=True, eq=False)
 class SpatialResidual:
-    """Measured less simulated force of one record of several axes after the settling time."""
+    """Measured minus simulated force of one record of several axes after the settling time."""
 
     axes: tuple[str, ...]
     parts: tuple[Residual, ...]
@@ -65,7 +65,7 @@ class SpatialResidual:
 
     @cached_property
     def explainable(self) -> float:
-        """Variance less that of the noise."""
+        """Mean squared error minus the variance of the noise."""
         return max(self.variance - float(np.trace(self.noise)), 0.0)
 
     @property
@@ -95,7 +95,7 @@ class SpatialResidual:
 
     @cached_property
     def travel(self) -> np.ndarray:
-        """Unit vectors of the direction of travel, shape (axes, samples); 0 at samples without one."""
+        """Unit vectors of the direction of travel, shape (axes, samples); 0 at samples without direction."""
         velocity = np.stack([part.velocity for part in self.parts])
         return np.where(self.moving, velocity / np.where(self.moving, self.speed, 1.0), 0.0)
 
@@ -112,7 +112,7 @@ class SpatialResidual:
         return min((floor.degrees_of_freedom for floor in floors if floor is not None), default=np.inf)
 
     def p_value(self, sums: np.ndarray, covariance: np.ndarray) -> float:
-        """Return the probability that noise only gives sums as large."""
+        """Return the probability that noise only gives such large sums."""
         return chi_square_p(sums, covariance, noise_freedom=self.noise_freedom)
 
     def share(self, explained: Callable[[np.ndarray], float], noise: float) -> float:
@@ -123,7 +123,7 @@ class SpatialResidual:
 def travel_view(residual: SpatialResidual) -> View:
     """Return the error along the direction of travel and across it, and its mean along the travel by speed.
 
-    Columns ``speed``, ``mean``, ``deviation`` (under noise).
+    The table has the columns ``speed``, ``mean``, ``deviation`` (under noise).
     """
     speed = np.where(residual.moving, residual.speed, np.nan)
     edges = np.nanquantile(speed, np.linspace(0, 1, _SPEED_GROUPS + 1)[1:-1])
@@ -201,7 +201,7 @@ def cells(vectors: np.ndarray) -> np.ndarray:
 def direction_view(residual: SpatialResidual) -> View:
     """Return the mean error over the direction of travel.
 
-    Columns ``count`` and ``rms`` of the error for every cell of `directions`, and the mean's components.
+    The table has ``count`` and ``rms`` of the error for every cell of `directions`, and the components of the mean.
     """
     size = len(residual.axes)
     centres = directions(size)
@@ -258,7 +258,7 @@ def vector_text(direction: Sequence[float]) -> str:
 def error_direction_view(residual: SpatialResidual) -> View:
     """Return the principal directions of the error's covariance, without that of the noise.
 
-    Columns ``share`` and the components of every principal direction, the largest first.
+    The table has ``share`` and the components of every principal direction, the largest share first.
     """
     values = residual.values
     covariance = values @ values.T / residual.samples
@@ -284,9 +284,9 @@ def error_direction_view(residual: SpatialResidual) -> View:
 
 
 def _sphericity_p(residual: SpatialResidual, covariance: np.ndarray) -> float:
-    """Return the probability that noise has as clear a direction by chance (John's test on whitened axes).
+    """Return the probability of as clear a direction in noise by chance (John's test on whitened axes).
 
-    Without a noise floor the error of the axes replaces the noise, and the test only sees their correlation.
+    Without a noise floor the variances of the error replace those of the noise, and the test only detects correlation.
     """
     size = len(covariance)
     noise = residual.noise if all(part.floor for part in residual.parts) else np.diag(np.diag(covariance))
@@ -306,8 +306,8 @@ def _sphericity_p(residual: SpatialResidual, covariance: np.ndarray) -> float:
 def work_view(residual: SpatialResidual, frame: np.ndarray | None = None) -> View:
     """Return the work of the measured and of the simulated force, over a period if the record repeats, else over the record.
 
-    `frame` has the directions of work in its columns, by default those of the record's axes. Columns
-    ``measured``, ``simulated``, ``deviation`` (under noise), and the directions' components.
+    `frame` has the directions of work in its columns; default the axes of the record. The table has the columns ``measured``,
+    ``simulated``, ``deviation`` (under noise), and the components of the directions.
     """
     names = residual.axes if frame is None else [vector_text(direction) for direction in frame.T]
     frame = np.eye(len(residual.axes)) if frame is None else frame

@@ -18,7 +18,7 @@ from lumbar.tissue.models.space import PlaneContact
 _ELLIPSE_QUANTILE = 2.4477
 """Radius in standard deviations that contains 95 % of a bivariate normal distribution (χ² with two degrees of freedom)."""
 _DIRECTIONS = {"": "every direction", "_along": "axis", "_across": "across the axis"}
-"""Direction of a principal value by the ending of its name; other values belong to one of several axes."""
+"""Direction of a principal value by the ending of its name; a value with another ending belongs to one of several axes."""
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class PrincipalAxis:
     quantity: str
     """Parameter of the base of one axis, e.g. ``"spring_stiffness"``."""
     along: str
-    """E.g. ``"every direction"``, ``"axis"``, ``"across the axis"``, ``"axis 2"``."""
+    """Name of the direction, e.g. ``"every direction"``, ``"axis"``, ``"across the axis"``, ``"axis 2"``."""
     value: float
     low: float | None
     high: float | None
@@ -40,7 +40,7 @@ class PrincipalAxis:
 
 
 def principal_axes(fit: Fit, experiment: Experiment) -> list[PrincipalAxis]:
-    """Return the principal values of every matrix of a fitted base; of a contact plane the values normal to it and along it."""
+    """Return the principal values of every matrix of a fitted base; for a contact plane, the values normal to and along it."""
     spatial = fit.structure.base.spatial
     known = estimates(fit, experiment.training, experiment.input_unit, experiment.output_unit)
     nonlinear = fit.nonlinear[: len(spatial.nonlinear)]
@@ -65,7 +65,7 @@ def principal_axes(fit: Fit, experiment: Experiment) -> list[PrincipalAxis]:
 
 
 def _cones(fit: Fit, experiment: Experiment) -> list[list[float]]:
-    """Return the half angle in degrees of the 95 % cone of every axis of every frame; nothing for axes that were not fitted."""
+    """Return the half angle in degrees of the 95 % cone of every axis of every frame; empty for axes that were not fitted."""
     spatial = fit.structure.base.spatial
     if not (spatial.free and spatial.turns):
         return []

@@ -35,13 +35,13 @@ KINDS = ("KB", "KV", "Maxwell", "LE")
 _CONTACT_KINDS = ("KB-contact", "KV-contact", "LE-contact")
 """Bases that are tried for a tool that is not fastened."""
 _MAX_CONTACT_ERROR_RATIO = 0.9
-"""Largest squared error of a spring with contact, relative to that of a fastened one, with which contact is tried."""
+"""Largest ratio of the squared errors of a spring with contact and a fastened spring for which contact is tried."""
 _SURFACE_DEPTHS = 40
 """Number of depths of the surface that are tried."""
 _STRONG_FORCE = 0.25
-"""Share of the largest squared force above which a force is assumed to point into the surface."""
+"""Share of the largest squared force above which a force is assumed to be normal to the surface."""
 _LIKELIHOOD_MARGIN = 50.0
-"""Twice the log-likelihood by which a symmetry may predict unseen records better than any symmetric matrices do."""
+"""Largest advantage of a symmetry over general symmetric matrices on unseen records, in twice the log-likelihood."""
 
 
 def choose_base(
@@ -52,7 +52,7 @@ def choose_base(
 ) -> Candidate:
     """Choose base and symmetry by the likelihood of all records and the number of parameters.
 
-    The base is chosen with any symmetric matrices, then the symmetry, which starts from their principal axes.
+    The base is chosen with general symmetric matrices; then the symmetry is chosen, starting from their principal axes.
 
     Parameters
     ----------
@@ -63,7 +63,7 @@ def choose_base(
     forms : tuple of Form
         Forms of effects that are fitted together with the base.
     acting : sequence of float
-        Starting values of their nonlinear parameters.
+        Starting values of the nonlinear parameters of `forms`.
     """
     fits = {}
     for kind in kinds:
@@ -83,10 +83,10 @@ def choose_base(
 
 
 def choose_likelier(experiment: Experiment, first: Candidate, second: Candidate) -> Candidate:
-    """Return the model that the records support; if they do not decide, the one with fewer parameters, or the first.
+    """Return the model that the records support; if they do not decide, the model with fewer parameters, or the first.
 
     Additional parameters must be worthwhile for all records together and for the training record. If a form is slightly
-    wrong, parameters that the training record hardly determines can help on unseen records by accident.
+    wrong, parameters that the training record hardly determines can reduce the unseen error by chance.
     """
     simple, rich = sorted((first, second), key=lambda item: item.parameters)
     cost = (rich.parameters - simple.parameters) * float(np.log(experiment.size))
@@ -126,7 +126,7 @@ def _choose_symmetry(base: Base, symmetric: Candidate, experiment: Experiment) -
 def _with_principal_axes(
     base: Base, symmetry: Symmetry, axes: tuple[str, ...], matrices: Sequence[np.ndarray]
 ) -> list[SpatialBase]:
-    """Return the base with the principal axes of matrices; any of three axes may be that of transverse isotropy."""
+    """Return bases with the principal axes of matrices; any of three axes may be the axis of transverse isotropy."""
     options = [[np.eye(len(axes))]]
     if symmetry is Symmetry.FULL:
         options = [[_principal_frame(matrix) for matrix in matrices]]
@@ -153,14 +153,14 @@ def _make_right_handed(frame: np.ndarray) -> np.ndarray:
 def _refit(
     base: SpatialBase, start: np.ndarray, experiment: Experiment, forms: tuple[Form, ...]
 ) -> Candidate:
-    """Fit a base with forms from nonlinear parameters without those of its rotations, which start at 0."""
+    """Fit a base with forms; `start` has the nonlinear parameters without rotations, which start at 0."""
     own = len(base.base.nonlinear)
     start = np.concatenate([start[:own], np.ones(len(base.nonlinear) - own), start[own:]])
     return refit(Structure(base.structural, forms), start, experiment)
 
 
 def refit_axes(model: Candidate, experiment: Experiment, free: bool) -> Candidate:
-    """Fit a model again, with its principal axes free or fixed where they are; a contact plane is always fitted."""
+    """Fit a model again, with its principal axes free or fixed; a contact plane is always fitted."""
     structure = model.fit.structure
     spatial, count = structure.base.spatial, len(structure.base.nonlinear)
     if isinstance(spatial, PlaneContact):
@@ -173,7 +173,7 @@ def refit_axes(model: Candidate, experiment: Experiment, free: bool) -> Candidat
 def _fit_plane_contact(
     experiment: Experiment, forms: tuple[Form, ...], acting: Sequence[float]
 ) -> Candidate | None:
-    """Fit the best base that touches a plane of the tissue; None if a spring there fits no better than a fastened one."""
+    """Fit the best base with contact at a plane; None if a spring with contact fits no better than a fastened spring."""
     training, axes = experiment.training, experiment.records[0].axes
     fastened = joint_fit.fit_at(Structure(symmetric_base(BASES["LE"], axes)), training, np.zeros(0))
     plane = _find_plane(training, axes)
@@ -196,7 +196,7 @@ def _fit_plane_contact(
 
 
 def _find_plane(training: FitData, axes: tuple[str, ...]) -> PlaneContact | None:
-    """Return a spring across the mean direction of strong forces, at the depth with the smallest error."""
+    """Return a spring with contact at the plane normal to the mean strong force, at the depth with the smallest error."""
     records = training.records
     position, force = (
         np.concatenate([np.reshape(signal, (len(axes), -1)) for signal in signals], axis=1)

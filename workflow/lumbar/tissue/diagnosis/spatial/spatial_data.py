@@ -27,11 +27,11 @@ from lumbar.tissue.models.motion import Motion, SpatialMotion
 
 @dataclass(frozen=True, eq=False)
 class SpatialData(JointData):
-    """One record of several axes, which are its parts; a signal has the samples of one axis after those of another."""
+    """One record of several axes, with a part per axis; a signal has the samples of one axis after those of another axis."""
 
     @classmethod
     def join(cls, parts: list[FitData], has_own_zero: bool = False, axes: tuple[str, ...] = ()) -> Self:
-        """Return the record with these parts along axes of these names."""
+        """Return the record with these parts; `axes` has the names of their axes."""
         joint = super().join(parts, has_own_zero)
         motion = SpatialMotion(tuple(part.motion for part in parts), names=axes)  # type: ignore[misc]
         return replace(joint, name=parts[0].name, motion=motion)
@@ -42,7 +42,7 @@ class SpatialData(JointData):
 
     @property
     def records(self) -> tuple[FitData, ...]:
-        """The records that are fitted together: this one."""
+        """The records that are fitted together: only this record."""
         return (self,)
 
     @cached_property
@@ -67,8 +67,8 @@ def prepare(records: list[Record], settings: DiagnosisSettings) -> Experiment:
     Raises
     ------
     InputError
-        For different axes or units, a record that is too short, missing training records, or a force that does not
-        change along an axis with motion.
+        For different axes or units, too short records, missing training records, or a force that does not change along an axis
+        with motion.
     """
     require_clock(records)
     require_same_units(records)

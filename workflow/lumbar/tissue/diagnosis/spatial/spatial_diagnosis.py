@@ -22,7 +22,7 @@ from lumbar.tissue.models.form import Effect
 from lumbar.tissue.models.space import force_sensor_effects
 
 _MAX_REFITTED_EFFECTS = 8
-"""Number of effects that are refitted after axes were chosen again: those with the best screening."""
+"""Number of effects, the best in screening, that are refitted after axes were chosen again."""
 _MAX_ROUNDS = 3
 """Largest number of times that base and axes are chosen again with the selected effects."""
 
@@ -51,7 +51,7 @@ def check_channels(state: DiagnosisState) -> DiagnosisState:
 
 
 def select_in_space(state: DiagnosisState) -> DiagnosisState:
-    """Choose base, symmetry and axes and select effects, until the effects no longer change what is chosen."""
+    """Choose base, symmetry and axes and select effects, until the selected effects no longer change this choice."""
     experiment, settings = state.result.experiment, state.settings
     base, singles = choose_base(experiment, _kinds(settings)), None
     # A single effect first: with wrong axes the search of a second one is futile.
@@ -97,7 +97,7 @@ def refine(
     Raises
     ------
     InputError
-        For an effect without a form in space, or one that needs other axes.
+        For an effect without a form in space, or an effect that needs other axes.
     """
     experiment = prepare(records, settings)
     axes = records[0].axes
@@ -121,13 +121,13 @@ def refine(
 
 
 def effects_in_space(catalogue: dict[str, Effect], axes: tuple[str, ...]) -> dict[str, Effect]:
-    """Return the effects of a catalogue that have a form in space, and those of the force sensor."""
+    """Return the effects of a catalogue that have a form in space, and the effects of the force sensor."""
     read = {name: effect.to_space(axes)[0] for name, effect in catalogue.items()}
     return {name: effect for name, effect in read.items() if effect is not None} | force_sensor_effects(axes)
 
 
 def usable_in_space(catalogue: dict[str, Effect], experiment: Experiment) -> dict[str, Effect]:
-    """Return the effects of `effects_in_space` with channels in the records."""
+    """Return the effects of `effects_in_space` for which the records have all channels."""
     training, in_space = experiment.training, effects_in_space(catalogue, experiment.records[0].axes)
     return usable_effects(in_space, training.motion.channels, training.scale)[0]
 
@@ -142,7 +142,7 @@ def _kinds(settings: DiagnosisSettings) -> tuple[str, ...]:
 
 
 def _better_base(model: Candidate, experiment: Experiment, settings: DiagnosisSettings) -> Candidate | None:
-    """Return the base (equation, symmetry, axes) that the records require with a model's effects; None if the model has it."""
+    """Return the base (equation, symmetry, axes) that the records require with a model's effects; None without a better base."""
     structure = model.fit.structure
     if not model.effects:
         return None
@@ -156,10 +156,10 @@ def _better_base(model: Candidate, experiment: Experiment, settings: DiagnosisSe
 
 
 class SpatialSelection(Selection):
-    """A search with fixed principal axes, which are fitted again with pairs of effects."""
+    """A search with fixed principal axes; the axes are fitted again for the most promising models."""
 
     def polished(self, models: list[Candidate]) -> list[Candidate]:
-        """Fit the axes of the best model, and of those with an effect of the sensor, which rotates them; then fix them."""
+        """Fit the axes of the best model and of models with an effect of the sensor, which rotates axes; then fix them."""
         return [
             refit_axes(refit_axes(item, self.experiment, free=True), self.experiment, free=False)
             if item is models[0] or item.effects[-1] in SENSOR

@@ -25,23 +25,23 @@ from lumbar.tissue.models.space import matrices_of, symmetric_base
 from lumbar.tissue.models.structure import Structure
 
 _MAX_RELATIVE_UNCERTAINTY = 0.2
-"""Half width of the 95 % interval of a stiffness, relative to it, above which its direction is reported earlier."""
+"""Relative half width of the 95 % interval of a stiffness above which its direction is reported at a larger spread."""
 _MIN_SPREAD, _MIN_SPREAD_IF_UNCERTAIN = 0.05, 0.25
-"""Spread of the position along a direction, relative to the largest spread, below which the direction is reported."""
+"""Spreads of the position along a direction, relative to the largest spread, below which the direction is reported."""
 SENSOR = ("turned_frame", "crosstalk")
 """Effects of the force sensor."""
 _SENSOR_TEXTS = {"turned_frame": "rotated axes", "crosstalk": "crosstalk between its channels"}
 _SELECTED_STATUSES = (Status.NAMED, Status.TIED)
 """Statuses with selected effects."""
 _MAX_ERROR_RATIO, _MIN_GAIN = 0.5, 0.03
-"""Largest error of another assignment of the channels, relative to that as recorded, with which it is reported; and the
-smallest additional share of the force's power that it must explain."""
+"""Largest ratio of the errors with a reported assignment of the channels and with the recorded assignment; and the smallest
+additional share of the force's power that the reported assignment explains."""
 _SYMMETRY_TOLERANCE = 0.1
-"""Share of the force's power by which this assignment may be worse than any linear relation, for a sensor that is rotated."""
+"""Largest share of the force's power by which a reported assignment is worse than a general linear relation (rotated sensor)."""
 
 
 def headline_in_space(result: DiagnosisResult) -> str:
-    """Return the result in one sentence; effects of the force sensor are reported separately from those of the tissue."""
+    """Return the result in one sentence; effects of the force sensor and of the tissue are reported separately."""
     sensor = [_SENSOR_TEXTS[name] for name in result.selected if name in SENSOR]
     if not sensor or result.status not in _SELECTED_STATUSES:
         return headline(result)
@@ -110,7 +110,7 @@ def _report_crosstalk(known: list) -> Finding:
 def _report_unexcited_direction(experiment: Experiment) -> list[Finding]:
     """Report the direction with the smallest motion of the training record, if its stiffness is uncertain.
 
-    The stiffness is that of any symmetric matrices, which take nothing from other directions.
+    The stiffness is that of general symmetric matrices, which are independent of other directions.
     """
     training, axes = experiment.training, experiment.records[0].axes
     size = len(axes)
@@ -141,7 +141,7 @@ def _report_unexcited_direction(experiment: Experiment) -> list[Finding]:
 def exchanged_channels(experiment: Experiment, layout: ColumnLayout | None) -> Finding | None:
     """Report which channels of the force are exchanged or inverted, if that is significant.
 
-    The sentence ends with the lines to put into the study's YAML, in the `layout` that the records were read with.
+    The sentence ends with the lines to put into the study's YAML, in the column `layout` of the records.
     """
     # Sums of products over all samples, about the mean of each record: of the force, and of position and speed.
     axes = experiment.records[0].axes
@@ -196,8 +196,8 @@ def exchanged_channels(experiment: Experiment, layout: ColumnLayout | None) -> F
 def _unexplained_power(power: float, along: np.ndarray, moved: np.ndarray) -> float:
     """Return the power of a force that a passive spring and dashpot do not explain.
 
-    Least squares over symmetric matrices, with negative principal values set to 0. `along` are the sums of products of the
-    force with position and speed, shape (axes, 2 × axes); `moved` those of position and speed, shape (2 × axes, 2 × axes).
+    The fit is least squares over symmetric matrices, with negative principal values set to 0. `along` has the sums of products of
+    the force with position and speed, shape (axes, 2 × axes); `moved` those of position and speed, (2 × axes, 2 × axes).
     """
     size = len(along)
     rows, columns = np.triu_indices(size)
@@ -217,7 +217,7 @@ def _unexplained_power(power: float, along: np.ndarray, moved: np.ndarray) -> fl
 
 
 def _column(side: str, axis: str, experiment: Experiment, layout: ColumnLayout | None) -> ColumnSettings:
-    """Return the column of the position (``input``) or force (``output``) along an axis, by default that of the project."""
+    """Return the column of the position (``input``) or force (``output``) along an axis; default the project's layout."""
     if layout is not None and layout.axes and f"{side}_{axis}" in layout.columns:
         return layout.columns[f"{side}_{axis}"]
     quantity, unit = getattr(experiment, f"{side}_quantity"), getattr(experiment, f"{side}_unit")

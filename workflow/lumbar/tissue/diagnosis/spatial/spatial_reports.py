@@ -1,4 +1,4 @@
-"""Comparison of a model with records of several axes: axis by axis, each with its noise, and in space."""
+"""Comparison of a model with records of several axes: by axis, with the noise of the axis, and in space."""
 
 from dataclasses import dataclass, replace
 
@@ -31,14 +31,14 @@ class SpatialReport:
     values: np.ndarray
     """Free run, shape (axes, samples)."""
     axes: list[ResidualReport]
-    """Reports of the axes with motion; the axis is in the name of their record."""
+    """Reports of the axes with motion; the name of a report's record contains the axis."""
     residual: SpatialResidual
     views: dict[str, View]
-    """Views in space by name."""
+    """Views in space, by name."""
 
     @property
     def headline(self) -> str:
-        """The main result in one sentence; errors are those of an axis, root mean square over all of them."""
+        """The main result in one sentence; errors are per axis: root mean squares over all axes."""
         axes, record, unit = len(self.record.axes), self.record.name, self.residual.unit
         rms, explainable = np.sqrt([self.residual.variance / axes, self.residual.explainable / axes])
         floor = np.sqrt(np.trace(self.residual.noise) / axes)
@@ -73,7 +73,7 @@ class SpatialReport:
 
     @property
     def remarks(self) -> list[str]:
-        """The resting axes in one sentence."""
+        """Sentence that lists the axes without motion; empty if all axes move."""
         axes = " and ".join(self.resting)
         return [f"{self.record.name}: along {axes} nothing moves, and nothing is compared."] if axes else []
 
@@ -84,11 +84,11 @@ def spatial_reports(model: FittedModel, experiment: Experiment, seed: int) -> li
     Parameters
     ----------
     model : FittedModel
-        Work is reported along its principal axes, if it has any.
+        Model in space; work is reported along its principal axes if it has any.
     experiment : Experiment
         Prepared records of several axes.
     seed : int
-        Seed of the intervals.
+        Random seed of the intervals.
 
     Raises
     ------
