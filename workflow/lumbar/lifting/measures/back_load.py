@@ -34,8 +34,7 @@ def inclination(line: np.ndarray, towards: np.ndarray) -> np.ndarray:
 def subtract_upright(bend: np.ndarray, trunk: np.ndarray, forward: np.ndarray) -> np.ndarray:
     """Return an angle less its mean in upright standing, shape (n,) in degrees.
 
-    Upright standing is the `UPRIGHT_SHARE` per cent of the frames with the straightest trunk, as in Plamondon et al. (2010) for
-    flexion of the lumbar region.
+    Upright standing is the `UPRIGHT_SHARE` per cent of the frames with the straightest trunk, as in Plamondon et al. (2010).
 
     Parameters
     ----------

@@ -193,7 +193,7 @@ class _EventSearch:
         if first is None:
             raise NoEventError(
                 f"the box never moves faster than {threshold:g} m/s for {lasting:g} s (lifting.events.box_speed_m_s), only than "
-                f"{_sustained(pace, samples):.3f} m/s"
+                f"{_largest_sustained(pace, samples):.3f} m/s"
             )
         if first == 0:
             raise NoEventError("the box moves from the first frame: its lift-off was not recorded")
@@ -370,7 +370,7 @@ class _EventSearch:
         starts, hidden, fastest = {}, [], 0.0
         for name in toes:
             foot = speed(recording[name], recording.rate)
-            fastest = max(fastest, _sustained(foot[searched], samples))
+            fastest = max(fastest, _largest_sustained(foot[searched], samples))
             first = _first_run((foot > settings.toe_speed_m_s) & searched, samples)
             if first is not None:
                 starts[name] = float(recording.time[first])
@@ -398,7 +398,7 @@ def _last_true(flags: np.ndarray, default: int) -> int:
     return int(max(np.flatnonzero(flags), default=default))
 
 
-def _sustained(values: np.ndarray, samples: int) -> float:
+def _largest_sustained(values: np.ndarray, samples: int) -> float:
     """Return the largest value that is reached for `samples` samples in a row; 0 if there is none."""
     if len(values) < samples:
         return 0.0

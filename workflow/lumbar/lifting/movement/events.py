@@ -191,8 +191,7 @@ def greatest_rise(height: np.ndarray) -> float:
 def several_lifts(recording: MarkerRecording, events: dict[str, Event], settings: EventSettings) -> str:
     """Return a question with time windows if the object rises often enough for several lifts; else nothing.
 
-    Each great rise of at least `hands_rise_m` has a window; windows meet in the middle of the time for which the object is at its
-    lowest between two rises.
+    Each great rise of at least `hands_rise_m` has a window; windows meet in the middle of the lowest part between two rises.
 
     Parameters
     ----------

@@ -54,13 +54,13 @@ SKIN_TO_JOINT_DISTANCE_MM = {
 }
 """Approximate distance of a skin point from the joint's centre, by the regressions on an adult."""
 _HIP_YEARS = {"harrington": 2007, "hara": 2016, "reed": 1999}
-_HIP_OFF_MM = {"harrington": 15.0, "hara": 15.0, "reed": 25.0}
-_SPINE_OFF_MM, _WITHOUT_T8_OFF_MM = 20.0, 25.0
+_HIP_ERROR_MM = {"harrington": 15.0, "hara": 15.0, "reed": 25.0}
+_SPINE_ERROR_MM, _ERROR_WITHOUT_T8_MM = 20.0, 25.0
 L5_SHARE = 0.2
 """Share of the line from L5/S1 to T12/L1 at which L4/L5 is: one of five lumbar vertebrae."""
 _PELVIS_MARKERS = ("L_ASIS", "R_ASIS", "L_PSIS", "R_PSIS", "SACRUM")
 _ANKLES = ("L_ANKLE", "R_ANKLE")
-_PAIRS = (("L_ASIS", "R_ASIS"), ("L_HIP", "R_HIP"), ("L_SHOULDER", "R_SHOULDER"))
+_SIDE_PAIRS = (("L_ASIS", "R_ASIS"), ("L_HIP", "R_HIP"), ("L_SHOULDER", "R_SHOULDER"))
 
 
 @dataclass(frozen=True)
@@ -152,7 +152,7 @@ def trunk_points(recording: MarkerRecording, ends: str, hips: str, sex: str) -> 
             continue
         rule, off = (
             f"{name} is given by {' and '.join(markers)}, joint centres as the file has them",
-            _SPINE_OFF_MM,
+            _SPINE_ERROR_MM,
         )
         if not recording.joints:
             place = (
@@ -174,7 +174,7 @@ def trunk_points(recording: MarkerRecording, ends: str, hips: str, sex: str) -> 
         sides = {name: recording[name] for name in SKIN_MARKERS[MID_HIP]}
     # The subject's right: by the first pair of markers in the recording, else that of the laboratory.
     right = np.tile([1.0, 0.0, 0.0], (len(recording), 1))
-    pair = next((pair for pair in _PAIRS if all(name in recording for name in pair)), None)
+    pair = next((pair for pair in _SIDE_PAIRS if all(name in recording for name in pair)), None)
     if pair is not None:
         right = unit(recording[pair[1]] - recording[pair[0]])
     return TrunkPoints(points, missing, right, sides)
@@ -253,7 +253,7 @@ class _InnerPoints:
         if self.hips == "hara":
             markers, source = (*markers, *_ANKLES), f"{source}, leg from ASIS to ankle marker"
         rule = f"{MID_HIP} is the middle of the hip joint centres ({source}){self.pelvis.filled}"
-        return TrunkPoint(self.pelvis.point(forward, up), rule, True, _HIP_OFF_MM[self.hips], markers)
+        return TrunkPoint(self.pelvis.point(forward, up), rule, True, _HIP_ERROR_MM[self.hips], markers)
 
     def _row(self, table: Mapping[str, tuple[float, ...]]) -> tuple[float, ...]:
         """Return the coefficients of the subject's sex; the mean of both for an unknown sex."""
@@ -306,7 +306,7 @@ class _InnerPoints:
         pelvis = self.pelvis
         position = pelvis.point(*(share * pelvis.width for share in self._row(_LUMBOSACRAL)))
         rule = f"L5S1 is the joint centre of L5/S1 (Reed et al. 1999){pelvis.filled}"
-        return TrunkPoint(position, rule, True, _SPINE_OFF_MM, pelvis.markers)
+        return TrunkPoint(position, rule, True, _SPINE_ERROR_MM, pelvis.markers)
 
     def _fourth_lumbar(self, above: Mapping[str, TrunkPoint]) -> TrunkPoint:
         if "T12L1" not in above:
@@ -330,7 +330,7 @@ class _InnerPoints:
         up = np.cross(unit(np.cross(front - c7, c7 - lower)), forward)
         position = c7 + share * typical_distance(c7, front) * _rotate(forward, up, angle)
         rule = "C7T1 is the joint centre of C7/T1 (Reed et al. 1999)"
-        return TrunkPoint(position, rule, True, _SPINE_OFF_MM, markers)
+        return TrunkPoint(position, rule, True, _SPINE_ERROR_MM, markers)
 
     def _thoracolumbar(self) -> TrunkPoint:
         # With C7 for T8 the point moves along the spine by about the sine of the angle between both lines.
@@ -345,7 +345,7 @@ class _InnerPoints:
         rule = (
             f"T12L1 is the joint centre of T12/L1 (Reed et al. 1999{'' if has_t8 else ', C7 in place of T8'})"
         )
-        return TrunkPoint(position, rule, True, _SPINE_OFF_MM if has_t8 else _WITHOUT_T8_OFF_MM, markers)
+        return TrunkPoint(position, rule, True, _SPINE_ERROR_MM if has_t8 else _ERROR_WITHOUT_T8_MM, markers)
 
     def _xiphoid_level(self, above: Mapping[str, TrunkPoint]) -> TrunkPoint:
         # Foot of the perpendicular from the xiphoid on the line C7/T1-T12/L1.
@@ -357,7 +357,7 @@ class _InnerPoints:
         along = np.sum((self.recording["XIPHOID"] - top.position) * down, axis=1, keepdims=True)
         rule = "XIPHOID_LEVEL is the level of the xiphoid on the line C7/T1-T12/L1"
         markers = ("XIPHOID", *top.markers, *bottom.markers)
-        return TrunkPoint(top.position + along * down, rule, True, _SPINE_OFF_MM, markers)
+        return TrunkPoint(top.position + along * down, rule, True, _SPINE_ERROR_MM, markers)
 
 
 def unit(vectors: np.ndarray) -> np.ndarray:

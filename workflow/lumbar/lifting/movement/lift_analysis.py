@@ -68,8 +68,7 @@ def analyse_lift(
 ) -> AnalysedLift:
     """Fill gaps, filter, find the events, the centres of mass and the pendulum's states during the deposit.
 
-    Results that need missing data are left out, with the reason: events in `AnalysedLift.events`, pendulums in
-    `AnalysedLift.missing`.
+    Results that need missing data are left out; `AnalysedLift.events` and `AnalysedLift.missing` have the reasons.
 
     Parameters
     ----------
@@ -105,7 +104,7 @@ def analyse_lift(
         problems.add("", unused, recognised_unaliased(smooth))
         problems.raise_if_any()
     if settings.gaps.longer == "error" and times:
-        needed, span = _needed(points, table.ends, settings.pivot), (min(times), max(times))
+        needed, span = _required_markers(points, table.ends, settings.pivot), (min(times), max(times))
         harmful = [gap for gap in gaps if gap.marker in needed and _overlaps(gap, *span)]
         _reject_open_gaps(smooth, harmful, settings.gaps.maximum_s)
 
@@ -133,7 +132,7 @@ def analyse_lift(
     for com, error in errors.items():
         missing[com] = str(error)
         if isinstance(error, pendulum.MissingSamplesError):
-            needed = _needed(points, table.ends_of(com), settings.pivot)
+            needed = _required_markers(points, table.ends_of(com), settings.pivot)
             ends = points.markers(table.ends_of(com))
             missing[com] += f"; {_reason_for_missing(smooth, needed, ends, error.frames, gaps, findings)}"
     return AnalysedLift(smooth, complete, gaps, events, table, points, centres, pivot, angle, states, missing)
@@ -267,7 +266,7 @@ def recognised_unaliased(recording: MarkerRecording) -> str:
     return f"{NEW_STUDY} writes aliases for those that are recognised: {', '.join(known)}" if known else ""
 
 
-def _needed(points: TrunkPoints, ends: Sequence[str], pivot: str) -> list[str]:
+def _required_markers(points: TrunkPoints, ends: Sequence[str], pivot: str) -> list[str]:
     """Return the markers from which some ends of segments and the pivot are computed."""
     return list(dict.fromkeys([*pendulum.PIVOTS[pivot], *points.markers([*ends, *pendulum.PIVOTS[pivot]])]))
 

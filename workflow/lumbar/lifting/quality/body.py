@@ -20,7 +20,7 @@ _AT = shipped_names(Path(__file__).with_name("thresholds.yaml"), "body")
 
 TRUNK_SHARE = 0.265
 """Length of the trunk from the mean of the pelvis's markers to the mean of the shoulders' markers, as a share of stature."""
-_TOP = ("SHOULDER", "MANUBRIUM", "C7", "T1")
+_SHOULDER_LEVEL = ("SHOULDER", "MANUBRIUM", "C7", "T1")
 _PELVIS = ("ASIS", "PSIS", "SACRUM")
 _FRONT = ("MANUBRIUM", "XIPHOID", "ASIS")
 _BY_LABELS = " by its usual labels, which no alias names"
@@ -151,7 +151,7 @@ def _trunk(points: dict[str, np.ndarray], named: dict[str, str]) -> tuple[np.nda
 
     The hips replace a pelvis without markers. None if the labels have no marker of one end.
     """
-    pelvis, top = _centre(points, named, _PELVIS), _centre(points, named, _TOP)
+    pelvis, top = _centre(points, named, _PELVIS), _centre(points, named, _SHOULDER_LEVEL)
     if pelvis is None:
         pelvis = _centre(points, named, ("HIP",))
     if pelvis is None or top is None:
@@ -228,12 +228,12 @@ def side_exchanges(points: dict[str, np.ndarray], named: dict[str, str]) -> tupl
                     f"{len(sides)} pairs of left and right markers are inverted for a body that faces as "
                     f"{len(depths)} pairs of front and back markers show"
                 )
-        reversed_pairs = _contradicted(sides, depths)
+        reversed_pairs = _find_contradicted(sides, depths)
         if not reversed_pairs:
             break
         # Exchanged first is the pair after whose exchange fewest pairs are contradicted.
         remaining = {
-            pair: len(_contradicted(*rightward(exchange_labels(points, pair), named)))
+            pair: len(_find_contradicted(*rightward(exchange_labels(points, pair), named)))
             for pair in reversed_pairs
         }
         pair = min(remaining, key=lambda one: (remaining[one], -reversed_pairs[one]))
@@ -264,7 +264,7 @@ def exchange_labels(
     return {**points, pair[0]: one, pair[1]: other}
 
 
-def _contradicted(sides: dict, depths: dict) -> dict[tuple[str, str], float]:
+def _find_contradicted(sides: dict, depths: dict) -> dict[tuple[str, str], float]:
     """Return the pairs that most other pairs contradict, with the share of frames; empty for fewer than three pairs."""
     directions = {**sides, **depths}
     if len(directions) < 3:

@@ -56,14 +56,14 @@ def examine(
         new = check(points, legend)
         findings += new
         points = mask_findings(points, new)
-    new, points = _leaps(points, legend)
+    new, points = _find_leaps_and_exchanges(points, legend)
     findings += [*new, *displacement.find_rigid_violations(points, legend)]
     stature, count = body.estimate_stature(_sampled(points), legend.named)
     if height_m and count >= 2 and not 1 / _AT.other_stature < stature / height_m < _AT.other_stature:
         evidence = f"{count} lengths of the body are those of a person {stature:.2f} m tall; height_m is {height_m:g}"
         cause = "another person's recording, or a wrong height_m"
         findings.append(legend.finding("stature", NOTED, evidence, cause))
-    findings += _jitter({label: points[label] for label in points if label not in stepping}, legend)
+    findings += _find_jitter({label: points[label] for label in points if label not in stepping}, legend)
     order = (ERROR, PROPOSED, LEFT_OUT, NOTED)
     return sorted(findings, key=lambda finding: (order.index(finding.outcome), finding.first_frame))
 
@@ -92,7 +92,7 @@ def unchecked_properties(
     if lengths < 2:
         reasons["stature"] = f"the labels name {'one length' if lengths else 'no length'} of a body"
         reasons["unit"] = (
-            f"{reasons['stature']}; only the extent of all markers of a frame is known, {_extent(sampled):.2g} m"
+            f"{reasons['stature']}; only the extent of all markers of a frame is known, {_median_extent(sampled):.2g} m"
         )
     elif not height_m:
         reasons["stature"] = "height_m is not given"
@@ -158,7 +158,7 @@ def _unit(points: dict[str, np.ndarray], legend: Legend, height_m: float | None)
         )
     else:
         low, high = _EXTENTS_M
-        size, expected = _extent(sampled), _AT.person_m
+        size, expected = _median_extent(sampled), _AT.person_m
         evidence = f"the markers of one frame fill {size:.3g} m"
     if not np.isfinite(size) or low <= size <= high:
         return []
@@ -173,7 +173,7 @@ def _unit(points: dict[str, np.ndarray], legend: Legend, height_m: float | None)
     return [legend.finding("unit", ERROR, evidence, remedy)]
 
 
-def _extent(points: dict[str, np.ndarray]) -> float:
+def _median_extent(points: dict[str, np.ndarray]) -> float:
     """Return the median extent of all markers of one frame, metres; NaN for fewer than three markers."""
     stacked = np.stack(list(points.values()), axis=1)
     visible = [frame[np.isfinite(frame).all(axis=1)] for frame in stacked]
@@ -181,7 +181,7 @@ def _extent(points: dict[str, np.ndarray]) -> float:
     return float(np.median(extents)) if extents else np.nan
 
 
-def _leaps(
+def _find_leaps_and_exchanges(
     points: dict[str, np.ndarray], legend: Legend
 ) -> tuple[list[MarkerFinding], dict[str, np.ndarray]]:
     """Find exchanged labels, leaps and spikes; return also the points with exchanges undone and leaps left out."""
@@ -198,7 +198,7 @@ def _leaps(
     for exchange in exchanges:
         shorter, _ = exchange.intervals(n_frames)
         straight = body.exchange_labels(straight, (exchange.first, exchange.second), shorter)
-    findings = missing + _displaced(straight, remaining, spikes, legend)
+    findings = missing + _find_displacements(straight, remaining, spikes, legend)
     straight = mask_findings(straight, findings)
     sided, mirrored = body.side_exchanges(_sampled(straight), legend.named)
     reversed_pairs = {frozenset(pair.labels) for pair in sided}
@@ -264,7 +264,7 @@ def _exchange_findings(
     return findings
 
 
-def _displaced(
+def _find_displacements(
     points, leaps: dict[str, list[motion.Leap]], spikes: dict[str, list[slice]], legend: Legend
 ) -> list[MarkerFinding]:
     """Return findings for spikes and for intervals after unexplained leaps; a single finding for a marker with many of them."""
@@ -303,7 +303,7 @@ def _format_leap(leap: motion.Leap, legend: Legend) -> str:
     return f"leaps {leap.size * 1e3:.0f} mm at {legend.time[leap.first]:.2f} s"
 
 
-def _jitter(points: dict[str, np.ndarray], legend: Legend) -> list[MarkerFinding]:
+def _find_jitter(points: dict[str, np.ndarray], legend: Legend) -> list[MarkerFinding]:
     """Return a finding per noisy marker, or a single finding if most markers are noisy."""
     noise_mm = {}
     for label, positions in points.items():

@@ -2,8 +2,7 @@
 
 The line through frames k - 1 and k and the line through frames k + 1 and k + 2 are continued to the middle between k and k + 1;
 their distance there is half the third difference. It is zero at constant velocity or acceleration: a fast movement causes no
-leap. If two markers exchange their labels, each leaps to the place of the other; if frames are missing without a gap, most
-markers leap together.
+leap. If two labels are exchanged, each marker leaps to the other's place; if frames are missing, most markers leap together.
 
 `points` are positions in metres by label, shape (n_frames, 3), NaN if not seen.
 """
@@ -306,7 +305,7 @@ def find_frozen_intervals(points: dict[str, np.ndarray], legend: Legend) -> list
     a run is reported if it is less probable than 1e-9. Nothing is reported if most of the three nearest markers rest too, as on a
     resting box, or if the marker stops and starts by steps of the file's resolution.
     """
-    steady = np.array([_unchanged(positions) for positions in points.values()])
+    steady = np.array([_is_unchanged(positions) for positions in points.values()])
     findings = []
     for index, label in enumerate(points if steady.size else ()):
         for run in runs(steady[index]):
@@ -338,7 +337,7 @@ def find_frozen_intervals(points: dict[str, np.ndarray], legend: Legend) -> list
     return findings
 
 
-def _unchanged(positions: np.ndarray) -> np.ndarray:
+def _is_unchanged(positions: np.ndarray) -> np.ndarray:
     """Return whether a marker keeps its exact position in each step, shape (n_frames - 1,)."""
     return (np.diff(positions, axis=0) == 0).all(axis=1)
 
@@ -370,7 +369,7 @@ def _hold_interval(positions: np.ndarray) -> int:
     """Return the number of frames, at least 2, for which a marker keeps each position; 0 if it moves in every frame."""
     visible = np.isfinite(positions[:, 0])
     known = visible[1:] & visible[:-1]
-    moves = ~_unchanged(positions) & known
+    moves = ~_is_unchanged(positions) & known
     if moves.sum() < _LIMITS.fewest_moves or moves.sum() > 0.6 * known.sum():
         return 0
     for every in range(2, _LIMITS.longest_hold + 1):

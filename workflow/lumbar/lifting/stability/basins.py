@@ -153,8 +153,7 @@ def basins_of_lift(
     seed : int
         Seed of the simulated starts.
     as_in_thesis : sequence of Trajectory, default ()
-        Trajectories in the convention `THESIS`: computed exactly and, if ``thesis_method`` is among the checks, by the
-        thesis's method too.
+        Trajectories in the convention `THESIS`, computed exactly and, with the check ``thesis_method``, by that method too.
     """
     rows: list[dict] = []
     frames: list[pd.DataFrame] = []

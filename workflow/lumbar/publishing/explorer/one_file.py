@@ -16,10 +16,10 @@ from bokeh.resources import INLINE
 
 from lumbar.base.templates import template
 
-_CODE = "<!-- Bokeh's code -->"
+_CODE_PLACEHOLDER = "<!-- Bokeh's code -->"
 """Placeholder for Bokeh's code while names are replaced."""
 # In quotes: encoded numbers may contain ``+p1234/``, and a model's token is not a name.
-_UNIQUE = re.compile(r"""(?<=["'])[0-9a-f]{8}-(?:[0-9a-f]{4}-){3}[0-9a-f]{12}(?=["'])""")
+_UNIQUE_NAMES = re.compile(r"""(?<=["'])[0-9a-f]{8}-(?:[0-9a-f]{4}-){3}[0-9a-f]{12}(?=["'])""")
 _NUMBERED = re.compile(r"""(?<=["'])p\d{4,}(?=["'])""")
 
 
@@ -85,16 +85,16 @@ def one_file(
         tags = Serializer(deferred=False).encode(list(sources))
         first = {**first, "attributes": {**first["attributes"], "tags": tags}}
         documents = {name: {**document, "roots": [first, *others]}}
-    scripts_and_style, title = (_CODE, pictures.style), variables["title"]
+    scripts_and_style, title = (_CODE_PLACEHOLDER, pictures.style), variables["title"]
     text = html_page_for_render_items(
         scripts_and_style, documents, pictures.items, title, template(page), variables
     )
     # Bokeh's names are random or depend on how many there were before: number them in their order.
-    for pattern, prefix in ((_UNIQUE, "part-"), (_NUMBERED, "model-")):
+    for pattern, prefix in ((_UNIQUE_NAMES, "part-"), (_NUMBERED, "model-")):
         names: dict[str, str] = {}
 
         def number(match: re.Match, names=names, prefix=prefix) -> str:
             return names.setdefault(match[0], f"{prefix}{len(names) + 1}")
 
         text = pattern.sub(number, text)
-    return text.replace(_CODE, pictures.code, 1)
+    return text.replace(_CODE_PLACEHOLDER, pictures.code, 1)

@@ -184,8 +184,8 @@ def draw_error_bars(axes, errors: dict[str, list[float]], texts: list[str], floo
 
 _DURATION_S = 8.0
 """Duration of the force over time in s."""
-_BASE = {"color": "#999999", "linestyle": (0, (4, 1.5)), "linewidth": 1.0}
-_CLOSE = {"ncols": 2, "handlelength": 1.4, "columnspacing": 0.8, "borderpad": 0.1, "fontsize": 6.5}
+_BASE_STYLE = {"color": "#999999", "linestyle": (0, (4, 1.5)), "linewidth": 1.0}
+_COMPACT_LEGEND = {"ncols": 2, "handlelength": 1.4, "columnspacing": 0.8, "borderpad": 0.1, "fontsize": 6.5}
 
 
 @house_style
@@ -215,7 +215,7 @@ def _draw_effect(row, effect: Effect, system: str) -> None:
     moved, response = AXES[system]
     whole, added, over_time = row
     settled, cycle = slow.motion.time >= 2 / RATES[0], slow.last_cycle
-    whole.plot(slow.motion.position[cycle], slow.base[cycle], label=system, **_BASE)
+    whole.plot(slow.motion.position[cycle], slow.base[cycle], label=system, **_BASE_STYLE)
     whole.plot(slow.motion.position[settled], slow.force[settled], color=SERIES[0], label="with the effect")
     whole.set_ylabel(response.capitalize())
     for item, color, line in ((slow, SERIES[0], "-"), (fast, SERIES[3], (0, (3, 1)))):
@@ -230,10 +230,10 @@ def _draw_effect(row, effect: Effect, system: str) -> None:
     shown = slow.motion.time <= _DURATION_S
     time, force = slow.motion.time[shown], slow.added_force[shown]
     scale = np.abs(force).max() / np.abs(slow.motion.position).max()
-    over_time.plot(time, scale * slow.motion.position[shown], label=f"{moved.lower()}, scaled", **_BASE)
+    over_time.plot(time, scale * slow.motion.position[shown], label=f"{moved.lower()}, scaled", **_BASE_STYLE)
     over_time.plot(time, force, color=SERIES[0], linewidth=1.0, label=f"added {response}")
     over_time.set_xlabel("Time (s)")
     for axis in row:
         add_head_room(axis, 0.22)
-        axis.legend(loc="upper left", **_CLOSE)
+        axis.legend(loc="upper left", **_COMPACT_LEGEND)
         axis.tick_params(labelsize=6.5)

@@ -34,7 +34,7 @@ EVENT_LABELS = {
     "deposit_start": "start of deposit",
     "release": "release",
 }
-_BODY = (
+_BODY_LINES = (
     "C7-T12 T12-L5 L5-MID_HIP L_SHOULDER-R_SHOULDER L_HIP-R_HIP L_SHOULDER-L_WRIST R_SHOULDER-R_WRIST "
     "L_HIP-L_ANKLE R_HIP-R_ANKLE L_HEEL-L_TOE R_HEEL-R_TOE L_ANKLE-L_HEEL R_ANKLE-R_HEEL"
 )
@@ -52,7 +52,7 @@ _OFFSETS = {
 }
 """Offset in points and alignments of a name by its position."""
 _WHITE = {"facecolor": "white", "edgecolor": "none", "pad": 1.0, "alpha": 0.8}
-_MARKS = {"thorax": "o", "abdomen": "s", "pelvis": "^"}
+_SEGMENT_MARKERS = {"thorax": "o", "abdomen": "s", "pelvis": "^"}
 _DASHED, _DOTTED = (0, (4, 1.5)), (0, (1, 1))
 _LINES = {"thorax": "-", "abdomen": _DASHED, "pelvis": _DOTTED}
 _HANDS = {
@@ -189,7 +189,7 @@ def _draw_postures(axis, lift: dict) -> None:
             outline = corners[scipy.spatial.ConvexHull(corners).vertices]
             look = {"facecolor": "#f3e9d8", "edgecolor": color, "linewidth": 0.8, "zorder": 0}
             axis.add_patch(Polygon(outline, closed=True, **look))
-        for line in _BODY.split():
+        for line in _BODY_LINES.split():
             ends = [points[name][1:] for name in line.split("-") if name in points]
             if len(ends) == 2:
                 axis.plot(*zip(*ends, strict=True), color=color, linewidth=width, solid_capstyle="round")
@@ -250,7 +250,7 @@ def segments_figure(lift: dict) -> Figure:
             band = zip(*(points[end][1:] for end in ends), strict=True)
             axes[2].plot(*band, linewidth=7, alpha=0.3, solid_capstyle="butt", **look)
             label = f"{segment}: {' to '.join(_END_NAMES.get(end, _XIPHOID) for end in ends)}"
-            look |= {"marker": _MARKS[segment], "markersize": 8, "linestyle": "", "label": label}
+            look |= {"marker": _SEGMENT_MARKERS[segment], "markersize": 8, "linestyle": "", "label": label}
             axes[2].plot(*points[f"COM_{segment}"][1:], **look)
     for marker in filter(points.get, dict.fromkeys((*_FRONT, *_BACK))):
         if not marker.startswith("L_"):

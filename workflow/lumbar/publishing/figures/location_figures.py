@@ -22,14 +22,14 @@ from lumbar.tissue.diagnosis.residuals.residual import SIGNIFICANT, Residual, pe
 from lumbar.tissue.diagnosis.spatial.location_in_space import BANDS, TURNS, SpatialResidual, directions
 from lumbar.tissue.diagnosis.spatial.spatial_reports import SpatialReport
 
-_BAND = {"color": "#cccccc", "linewidth": 0}
+_BAND_STYLE = {"color": "#cccccc", "linewidth": 0}
 _ON_WHITE = {"facecolor": "white", "alpha": 0.8, "linewidth": 0, "pad": 0.6}
 _STEPS = 4
 """Number of straight steps in which a cell's bent edge is drawn."""
-_PIECES = 600
+_MAX_PIECES = 600
 """Largest number of drawn pieces of the path."""
-_DARK, _SIGNED = "cividis_r", "cividis"
-"""Colour maps that are readable in grey: `_DARK` for sizes (the largest is the darkest), `_SIGNED` for signed values."""
+_SIZE_COLOURS, _SIGNED = "cividis_r", "cividis"
+"""Colour maps that are readable in grey: `_SIZE_COLOURS` for sizes (the largest is the darkest), `_SIGNED` for signed values."""
 
 
 @house_style
@@ -74,7 +74,7 @@ def _room_for_legend(axis) -> None:
 
 def _draw_depth(axis, table: dict[str, np.ndarray], residual: Residual) -> None:
     limit = 1.96 * table["deviation"]
-    axis.fill_between(table["position"], -limit, limit, **_BAND)
+    axis.fill_between(table["position"], -limit, limit, **_BAND_STYLE)
     axis.plot(table["position"], table["mean"], color="black", linewidth=1.3, label="all")
     for name, color, marker, line in (
         ("advancing", SERIES[0], "^", (0, (5, 1.5))),
@@ -94,7 +94,7 @@ def _draw_reversals(axis, table: dict[str, np.ndarray], unit: str) -> None:
         axis.annotate("too few reversals", (0.5, 0.5), xycoords="axes fraction", ha="center")
         return
     limit = 1.96 * table["deviation"]
-    axis.fill_between(table["time"], -limit, limit, **_BAND)
+    axis.fill_between(table["time"], -limit, limit, **_BAND_STYLE)
     axis.plot(table["time"], table["mean"], color=SERIES[0], marker="o", markersize=2.5)
     axis.axhline(0, color="black", linewidth=0.5)
     axis.axvline(0, color="black", linestyle="--", linewidth=0.8)
@@ -149,7 +149,7 @@ def spatial_location_figure(report: SpatialReport) -> Figure:
     bound = float(np.nanmax(np.abs(along), initial=0.0)) or 1.0
     largest = float(np.nanmax(view["rms"], initial=0.0)) or 1.0
     drawn = (
-        ("Error by direction of travel", f"Error ({unit} RMS)", view["rms"], _DARK, 0.0, largest),
+        ("Error by direction of travel", f"Error ({unit} RMS)", view["rms"], _SIZE_COLOURS, 0.0, largest),
         ("Mean error along the travel", f"Mean ({unit})", along, _SIGNED, -bound, bound),
     )
     draw, projection = (_draw_sphere, "mollweide") if len(names) == 3 else (_draw_circle, "polar")
@@ -168,7 +168,7 @@ def _draw_path(panel, residual: SpatialResidual, pair: tuple[int, int]) -> LineC
     if folding is not None:
         shown, square = folding.rows[-1], folding.fold(square).mean(axis=0)
     position = np.stack([residual.parts[axis].position[shown] for axis in pair], axis=1)
-    bounds = list(pairwise(np.unique(np.linspace(0, len(shown) - 1, _PIECES + 1).astype(int))))
+    bounds = list(pairwise(np.unique(np.linspace(0, len(shown) - 1, _MAX_PIECES + 1).astype(int))))
     pieces = [position[first : last + 1] for first, last in bounds]
     error = np.sqrt([square[first : last + 1].mean() for first, last in bounds])
     largest = float(error.max()) or 1.0
@@ -176,7 +176,7 @@ def _draw_path(panel, residual: SpatialResidual, pair: tuple[int, int]) -> LineC
     lines = LineCollection(
         [pieces[index] for index in order],
         array=error[order],
-        cmap=_DARK,
+        cmap=_SIZE_COLOURS,
         clim=(0.0, largest),
         linewidths=0.5 + 2.0 * error[order] / largest,
         capstyle="round",

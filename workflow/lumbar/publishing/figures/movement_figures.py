@@ -158,7 +158,7 @@ _HEIGHTS = {
 }
 """Landmarks by name of a drawn height; the first landmark that the file contains is drawn."""
 _GAP = "#bbbbbb"
-_FINDING = "#D55E00"
+_FINDING_COLOUR = "#D55E00"
 _WHOLE_SHARE = 0.98
 _MAX_ROWS = 40
 
@@ -201,7 +201,7 @@ def _draw_heights(axis, sheet: QualitySheet, points, time, meant) -> None:
     for finding in sheet.findings:
         if finding.markers and finding.n_frames < _WHOLE_SHARE * len(time):
             end = finding.start_s + finding.length_s
-            axis.axvspan(finding.start_s, end, color=_FINDING, alpha=0.15, lw=0)
+            axis.axvspan(finding.start_s, end, color=_FINDING_COLOUR, alpha=0.15, lw=0)
     for event in sheet.events:
         axis.axvline(event.time, color=MEASURED, linewidth=0.6, linestyle=(0, (1, 2)))
     axis.set_ylabel("Height (m)")
@@ -223,7 +223,7 @@ def _draw_faults(axis, sheet: QualitySheet, points, time, rows: list[str]) -> No
         for finding in sheet.findings:
             if label in finding.markers:
                 bar = [(finding.start_s, finding.length_s)]
-                axis.broken_barh(bar, (row - 0.4, 0.8), facecolor=_FINDING, alpha=0.6, linewidth=0)
+                axis.broken_barh(bar, (row - 0.4, 0.8), facecolor=_FINDING_COLOUR, alpha=0.6, linewidth=0)
                 middle = finding.start_s + finding.length_s / 2
                 axis.text(middle, row, finding.kind, fontsize=5, ha="center", va="center")
     axis.set_title("grey: not seen; orange: cannot be a body's", loc="right", fontsize=6, color="#555555")

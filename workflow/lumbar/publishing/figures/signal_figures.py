@@ -104,8 +104,7 @@ _SPECTRUM_BANDS = 2.0
 def excitation_figure(signals: Sequence[Signal], band: float, note: str) -> Figure:
     """Draw position against time (left) and line amplitudes against frequency (right), one row per signal.
 
-    `signals` are those of the testing machine, `band` is the upper end of the excited band in Hz, `note` the text below the
-    figure.
+    `signals` are for the testing machine, `band` is the upper end of the excited band in Hz, `note` is the text below.
     """
     size = {"nrows": len(signals), "ncols": 2, "squeeze": False}
     figure, axes = new_figure(DOUBLE_COLUMN, 1.5 * len(signals) + 0.5, sharey="col", **size)

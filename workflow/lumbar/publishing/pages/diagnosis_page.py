@@ -23,8 +23,7 @@ def diagnosis_page(
 ) -> str:
     """Return the page of a diagnosis as HTML.
 
-    `diagnosis` has status and base, `headline` is the verdict in one sentence, `sections` are by title, `source_label` is
-    the origin of the data.
+    `diagnosis` has status and base, `headline` is the verdict, `sections` are by title, `source_label` is the data's origin.
     """
     blocks = [html.paragraph(f"Verdict: {diagnosis.status}"), html.paragraph(headline, "headline")]
     for title, section in sections.items():
@@ -41,8 +40,7 @@ def evidence_sections(
 ) -> dict[str, list[Markup]]:
     """Return the sections with the evidence by title.
 
-    The `catalogue` has the mechanisms and experiments of the `diagnosis` and its `evidence`; `pictures` are SVG files by
-    caption.
+    The `catalogue` has the mechanisms and experiments of `diagnosis` and `evidence`; `pictures` are SVG files by caption.
     """
     floor, after = diagnosis.experiment.floor, diagnosis.model.test_rms
     noise = f"{after / floor.rms:.3g} times the noise floor" if floor else "the share of noise is unknown"

@@ -41,7 +41,7 @@ from lumbar.tissue.models.form import Effect
 _CELLS = 24
 _SECTIONS = (0.1, 0.5, 0.9)
 """Quantiles of the velocity at the centres of the sections."""
-_WIDTH = 0.08
+_HALF_WIDTH_SHARE = 0.08
 """Share of all samples that a section has on either side of its centre."""
 _MIN_CELL_SAMPLES = 5
 """Least number of samples in a drawn cell."""
@@ -49,7 +49,7 @@ _SEGMENTS = 2
 """Number of segments in a spectral estimate."""
 _MIN_POWER_SHARE = 1e-5
 """Least power of the motion at drawn frequencies, relative to its largest power."""
-_LOOKS = (("o", "-"), ("s", (0, (4, 1.5))), ("^", (0, (1, 1))))
+_SECTION_STYLES = (("o", "-"), ("s", (0, (4, 1.5))), ("^", (0, (1, 1))))
 
 
 @house_style
@@ -87,8 +87,8 @@ def _draw_sections(axis, proposal: Proposal) -> None:
     edges = np.linspace(*np.quantile(position, [0.005, 0.995]), _CELLS + 1)
     middle = (edges[1:] + edges[:-1]) / 2
     ranks = np.argsort(np.argsort(velocity)) / len(velocity)
-    for quantile, (marker, line), color in zip(_SECTIONS, _LOOKS, SERIES, strict=False):
-        inside = np.abs(ranks - quantile) <= _WIDTH
+    for quantile, (marker, line), color in zip(_SECTIONS, _SECTION_STYLES, SERIES, strict=False):
+        inside = np.abs(ranks - quantile) <= _HALF_WIDTH_SHARE
         typical = float(np.median(velocity[inside]))
         label = f"$v$ ≈ {typeset_minus_signs(f'{typical:.0f}' if abs(typical) >= 100 else f'{typical:.2g}')}"
         measured = _means(position[inside], missing[inside], edges)

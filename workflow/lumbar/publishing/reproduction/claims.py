@@ -24,7 +24,7 @@ from lumbar.publishing.reproduction.sentence_judges import MAX_RATIO, judges_of_
 from lumbar.settings.lifting import GROUPS
 from lumbar.tables.table import Table, columns_of, table_from_schema
 
-_SCALED = "scaling of α not stated in the thesis"
+_UNKNOWN_SCALING = "scaling of α not stated in the thesis"
 Criterion = tuple[str, Callable[[Any, float], bool | None]]
 """Criterion: text, and a function of the values in thesis and run, which returns None if they cannot be compared."""
 
@@ -143,7 +143,7 @@ def _table_3_1_cells(thesis: pd.DataFrame) -> list[_Cell]:
         selected = {"trained_on": record, "model": model, "estimator": "arx"}
         for column, (meaning, criterion) in TABLE_3_1.items():
             text = f"{model} trained on {record}"
-            absent = _SCALED if column == "alpha" else f"no {column} for {text}"
+            absent = _UNKNOWN_SCALING if column == "alpha" else f"no {column} for {text}"
             compared = float(row[column]), criterion, absent, BUILT_IN if column in _BUILT_IN else ""
             cells.append(
                 _Cell(f"table_3_1.{record}.{model}.{column}", f"{text}: {meaning}", selected, *compared)

@@ -21,7 +21,7 @@ _JUDGES: dict[str, Callable[[Results], Outcome]] = {}
 """Judges without parameters by claim."""
 
 
-def _judges(claim: str) -> Callable:
+def _register_judge(claim: str) -> Callable:
     """Return a decorator that registers a function as the judge of a claim."""
     return lambda function: _JUDGES.setdefault(claim, function)
 
@@ -29,16 +29,16 @@ def _judges(claim: str) -> Callable:
 _NO_MODELS = "not every training record has stable MW, KB and HO models"
 
 
-def _arx(results: Results) -> pd.DataFrame:
+def _select_arx_rows(results: Results) -> pd.DataFrame:
     """Return the rows of Table 3.1 for stable ARX models of the thesis."""
     table = results["table_3_1"]
     return table[(table.estimator == "arx") & table.model.isin(THESIS_MODELS) & table.stable.astype(bool)]
 
 
-def _wide(results: Results, column: str) -> pd.DataFrame:
+def _pivot_column(results: Results, column: str) -> pd.DataFrame:
     """Return a column of Table 3.1 by training record (rows) and model (columns); every model needs a value per record."""
     if column in results["table_3_1"].columns:
-        wide = _arx(results).pivot(index="trained_on", columns="model", values=column)
+        wide = _select_arx_rows(results).pivot(index="trained_on", columns="model", values=column)
         if set(THESIS_MODELS) <= set(wide.columns) and not wide.isna().any(axis=None):
             return wide[list(THESIS_MODELS)]
     raise UntestableError(_NO_MODELS)
@@ -51,20 +51,20 @@ def _format_wide(wide: pd.DataFrame) -> str:
     )
 
 
-def _ho_is_extreme(column: str, end: str, results: Results) -> Outcome:
-    wide = _wide(results, column)
+def _judge_ho_extreme(column: str, end: str, results: Results) -> Outcome:
+    wide = _pivot_column(results, column)
     winner = wide.idxmax(axis=1) if end == "highest" else wide.idxmin(axis=1)
     return Outcome(_format_wide(wide), bool((winner == "HO").all()))
 
 
-def _bandwidth(quantity: str, results: Results) -> Outcome:
+def _judge_bandwidth(quantity: str, results: Results) -> Outcome:
     readings = bandwidth_readings(results["bandwidth"])[quantity]
     near = [rule for rule, value in readings.items() if value is not None and abs(value - 2.5) <= 0.5]
     remark = f"only by: {', '.join(near)}" if 0 < len(near) < len(readings) else ""
     return Outcome(readings_in_words(readings), bool(near), remark)
 
 
-def _participants(group: str, thesis: float, results: Results) -> Outcome:
+def _judge_shares(group: str, thesis: float, results: Results) -> Outcome:
     """Compare the share of a group of participants in percent (or, for an empty group, their number) with the thesis's value."""
     participants = results["survey"]["participants"]
     if not group:
@@ -76,15 +76,15 @@ def _participants(group: str, thesis: float, results: Results) -> Outcome:
     return Outcome(percent, abs(percent - thesis) <= 0.051)
 
 
-@_judges("excitation_band")
-def _excitation_band(results: Results) -> Outcome:
+@_register_judge("excitation_band")
+def _judge_excitation_band(results: Results) -> Outcome:
     highest = float(max(results["multisine"]["frequency_Hz"]))
     return Outcome(highest, abs(highest - 5.0) <= 0.25)
 
 
-@_judges("highest_vaf")
-def _highest_of_all(results: Results) -> Outcome:
-    arx = _arx(results)
+@_register_judge("highest_vaf")
+def _judge_highest_vaf(results: Results) -> Outcome:
+    arx = _select_arx_rows(results)
     if arx.empty:
         raise UntestableError(_NO_MODELS)
     best = arx.loc[arx.vaf_percent.idxmax()]
@@ -92,17 +92,17 @@ def _highest_of_all(results: Results) -> Outcome:
     return Outcome(text, best.model == "HO" and best.trained_on == "multisine")
 
 
-@_judges("ho_slightly_better")
-def _slightly_better(results: Results) -> Outcome:
-    wide = _wide(results, "vaf_percent")
+@_register_judge("ho_slightly_better")
+def _judge_gain_of_ho(results: Results) -> Outcome:
+    wide = _pivot_column(results, "vaf_percent")
     gain = wide["HO"] - wide["KB"]
     text = ", ".join(f"{name} {value:.2f}" for name, value in gain.items())
     return Outcome(text, bool(((gain > 0) & (gain <= 5)).all()))
 
 
-@_judges("ho_structure")
-def _fourth_order(results: Results) -> Outcome:
-    arx = _arx(results)
+@_register_judge("ho_structure")
+def _judge_order_of_ho(results: Results) -> Outcome:
+    arx = _select_arx_rows(results)
     higher = arx[(arx.model == "HO") & (arx.trained_on == "multisine")]
     if higher.empty or "biproper" not in higher:
         raise UntestableError("no stable HO model trained on a multisine")
@@ -111,25 +111,25 @@ def _fourth_order(results: Results) -> Outcome:
     return Outcome(text, text == "order 4, biproper", "" if pd.isna(row.remark) else row.remark)
 
 
-@_judges("multisine_best")
-def _multisine_best(results: Results) -> Outcome:
-    wide = _wide(results, "vaf_percent")
+@_register_judge("multisine_best")
+def _judge_multisine(results: Results) -> Outcome:
+    wide = _pivot_column(results, "vaf_percent")
     if "multisine" not in wide.index or len(wide) < 2:
         raise UntestableError("needs models trained on a multisine and on another record")
     return Outcome(_format_wide(wide), bool((wide.idxmax(axis=0) == "multisine").all()))
 
 
-@_judges("vaf_sorts_all")
-def _vaf_sorts_all(results: Results) -> Outcome:
-    residuals = [name for name in _arx(results).columns if name.startswith("mean_residual_")]
+@_register_judge("vaf_sorts_all")
+def _judge_orders(results: Results) -> Outcome:
+    residuals = [name for name in _select_arx_rows(results).columns if name.startswith("mean_residual_")]
     signs = {"vaf_percent": -1, "fit_percent": -1, "nmse_train": 1, **dict.fromkeys(residuals[:1], 1)}
-    orders = {column: (sign * _wide(results, column)).rank(axis=1) for column, sign in signs.items()}
+    orders = {column: (sign * _pivot_column(results, column)).rank(axis=1) for column, sign in signs.items()}
     differing = [column for column, order in orders.items() if not order.equals(orders["vaf_percent"])]
     return Outcome("differs: " + ", ".join(differing) if differing else "same order in all", not differing)
 
 
-@_judges("mw_is_maxwell")
-def _maxwell(results: Results) -> Outcome:
+@_register_judge("mw_is_maxwell")
+def _judge_maxwell_form(results: Results) -> Outcome:
     table = results["table_3_1"]
     text = "Eq. 3.3 has the static gain b0/(1 − a0); a spring and dashpot in series have none"
     arx = table[(table.estimator == "arx") & table.model.isin(["MW", "Maxwell"])]
@@ -143,8 +143,8 @@ def _maxwell(results: Results) -> Outcome:
     return Outcome("; ".join(rows), False, text)
 
 
-@_judges("models_stable")
-def _all_stable(results: Results) -> Outcome:
+@_register_judge("models_stable")
+def _judge_stability(results: Results) -> Outcome:
     table = results["table_3_1"]
     arx = table[(table.estimator == "arx") & table.model.isin(THESIS_MODELS)]
     unstable = arx[~arx.stable.astype(bool)]
@@ -152,8 +152,8 @@ def _all_stable(results: Results) -> Outcome:
     return Outcome(text, unstable.empty)
 
 
-@_judges("il_opposite")
-def _inverted(results: Results) -> Outcome:
+@_register_judge("il_opposite")
+def _judge_sign_of_il(results: Results) -> Outcome:
     gains = {
         model["name"]: sum(model["structure"]["numerator"]) / sum(model["structure"]["denominator"])
         for model in results["models"]["models"]
@@ -164,7 +164,7 @@ def _inverted(results: Results) -> Outcome:
     return Outcome(f"static gains: IL {gains['IL']:.3g}, KB {gains['KB']:.3g}", gains["IL"] * gains["KB"] < 0)
 
 
-_HO_IS = {
+_HO_EXTREMES = {
     "best_vaf": ("vaf_percent", "highest"),
     "best_fit": ("fit_percent", "highest"),
     "best_residual": ("mean_residual_N", "lowest"),
@@ -177,13 +177,13 @@ _HO_IS = {
 """Column of Table 3.1 and extreme of the HO model in it, ``highest`` or ``lowest``, by claim."""
 
 
-@_judges("kruskal_wallis")
-def _kruskal(results: Results) -> Outcome:
+@_register_judge("kruskal_wallis")
+def _judge_kruskal_wallis(results: Results) -> Outcome:
     test = results["survey"]["kruskal_wallis"]
     return Outcome(f"H {test['statistic']:.2f}, p {test['p_value']:.1e}", test["p_value"] < 0.05)
 
 
-def _all_but_kb_ho(key: str, test: str, results: Results) -> Outcome:
+def _judge_pairs(key: str, test: str, results: Results) -> Outcome:
     """Judge whether a test distinguishes all pairs of models except KB and HO."""
     p_values = {frozenset((row["first"], row["second"])): row[key] for row in results["survey"][test]}
     exempt = p_values.pop(frozenset(("KB", "HO")), None)
@@ -193,9 +193,9 @@ def _all_but_kb_ho(key: str, test: str, results: Results) -> Outcome:
     return Outcome(text, max(p_values.values()) < 0.05 <= exempt)
 
 
-@_judges("pairs_differ_paired")
-def _paired_agrees(results: Results) -> Outcome:
-    found, dropped = (_all_but_kb_ho(key, "wilcoxon", results) for key in ("p_holm", "p_holm_without_zeros"))
+@_register_judge("pairs_differ_paired")
+def _judge_paired_tests(results: Results) -> Outcome:
+    found, dropped = (_judge_pairs(key, "wilcoxon", results) for key in ("p_holm", "p_holm_without_zeros"))
     value = f"zero differences ranked: {found.value}; dropped: {dropped.value}"
     if any("reconstructed" in source for source in results["survey"]["participants"]["sources"]):
         return Outcome(value, None, "the pairing of the reconstructed answers is not real")
@@ -210,32 +210,32 @@ def _judge_best_pick(which: str, model: str, results: Results) -> Outcome:
     return Outcome(", ".join(f"{name} {value:.1f} %" for name, value in picks.items()), chosen == model)
 
 
-@_judges("picks_separate")
-def _picks_separate(results: Results) -> Outcome:
+@_register_judge("picks_separate")
+def _judge_equal_picks(results: Results) -> Outcome:
     test = results["survey"]["equal_shares"]["without_baseline"]
     if test is None:
         raise UntestableError("too few models were picked")
     return Outcome(f"chi-square p {test['p_value']:.2f} among MW, KB, HO", test["p_value"] < 0.05)
 
 
-@_judges("highest_median_mode")
-def _highest_middle(results: Results) -> Outcome:
+@_register_judge("highest_median_mode")
+def _judge_median_and_mode(results: Results) -> Outcome:
     table = results["table_3_2"].set_index("model")[["median", "mode"]]
     text = ", ".join(f"{row.Index} {row.median:g}/{row.mode:g}" for row in table.itertuples())
     agrees = all(set(table.index[column == column.max()]) == {"KB", "HO"} for _, column in table.items())
     return Outcome(text, agrees)
 
 
-@_judges("mode_count")
-def _mode_count(results: Results) -> Outcome:
+@_register_judge("mode_count")
+def _judge_mode_count(results: Results) -> Outcome:
     counts = results["table_3_2"].set_index("model")["mode_count"]
     if not {"HO", "KB"} <= set(counts.index):
         raise UntestableError("KB and HO were not both rated")
     return Outcome(f"HO {counts['HO']}, KB {counts['KB']}", bool(counts["HO"] > counts["KB"]))
 
 
-@_judges("closer_is_preferred")
-def _closer_is_preferred(results: Results) -> Outcome:
+@_register_judge("closer_is_preferred")
+def _judge_preference(results: Results) -> Outcome:
     table = results["table_3_1"]
     arx = table[(table.estimator == "arx") & (table.trained_on == "multisine")].set_index("model").vaf_percent
     ratings = results["table_3_2"].set_index("model")["median"]
@@ -264,7 +264,7 @@ def _rows(results: Results, comparison: str) -> pd.DataFrame:
     return rows.set_index("com")
 
 
-def _compared(comparison: str, agrees: Callable[[pd.DataFrame], bool], results: Results) -> Outcome:
+def _judge_comparison(comparison: str, agrees: Callable[[pd.DataFrame], bool], results: Results) -> Outcome:
     rows = _rows(results, comparison)
     percents = "; ".join(
         f"{com}: {row.lateral_bending_percent:+.2f} %, {row.flexion_extension_percent:+.2f} %"
@@ -273,13 +273,13 @@ def _compared(comparison: str, agrees: Callable[[pd.DataFrame], bool], results: 
     return Outcome(percents, bool(agrees(rows)))
 
 
-def _novice_susceptible(lighter: Sequence[str], groups: tuple[str, str], results: Results) -> Outcome:
+def _judge_susceptibility(lighter: Sequence[str], groups: tuple[str, str], results: Results) -> Outcome:
     expert, novice = (_rows(results, name)[_PERCENT].abs().mean(axis=None) for name in lighter)
     text = f"mean size of the change: {groups[0]} {expert:.2f} %, {groups[1]} {novice:.2f} %"
     return Outcome(text, bool(novice > expert))
 
 
-def _trajectories_matter(names: Sequence[str], results: Results) -> Outcome:
+def _judge_null_control(names: Sequence[str], results: Results) -> Outcome:
     """Compare the headline's differences with the differences of its null control (θ0 = 0)."""
     rows = results["table_4_1_controls"].dropna(subset=["percent", "null_percent"])
     rows = rows[rows.comparison.isin(names)]
@@ -302,15 +302,15 @@ def _basins(results: Results, method: str, absent: str) -> pd.DataFrame:
     return rows
 
 
-@_judges("alternation_certifies")
-def _alternation_certifies(results: Results) -> Outcome:
+@_register_judge("alternation_certifies")
+def _judge_certificates(results: Results) -> Outcome:
     shares = 100 * _basins(results, "thesis", _NOT_RUN).violation_share
     text = f"{shares.min():.3g} to {shares.max():.3g} % of the knots violate the condition"
     return Outcome(text, bool(shares.max() == 0), "ρ̇ frozen at the previous guess is not the ρ̇ of the result")
 
 
-@_judges("alternation_converges")
-def _alternation_converges(results: Results) -> Outcome:
+@_register_judge("alternation_converges")
+def _judge_convergence(results: Results) -> Outcome:
     rows = _basins(results, "thesis", _NOT_RUN)
     more, fewer = (100 * (rows[f"mean_area_after_{n}"] / rows.mean_area - 1) for n in (4, 1))
     jumping = int((rows.jumped_knots > 0).sum())
@@ -322,15 +322,15 @@ def _alternation_converges(results: Results) -> Outcome:
     return Outcome(text, bool(more.abs().max() <= 1), remark)
 
 
-def _no_exits(method: str, remark: str, results: Results) -> Outcome:
+def _judge_exits(method: str, remark: str, results: Results) -> Outcome:
     """Judge whether simulated starts stay in the funnels of one method."""
     rows = _basins({"boa": results["boa"].dropna(subset=["exits"])}, method, "no start was simulated")
     starts, exits = int(rows.simulated_starts.sum()), int(rows.exits.sum())
     return Outcome(f"{exits} exits in {starts} simulated starts", exits == 0, remark)
 
 
-@_judges("basins_like_states")
-def _basins_like_states(results: Results) -> Outcome:
+@_register_judge("basins_like_states")
+def _judge_basin_sizes(results: Results) -> Outcome:
     """Compare the size of each exact basin with the range of its movement, for every sign and time.
 
     A state that does not change has no order of magnitude and is left out.
@@ -353,8 +353,8 @@ def _basins_like_states(results: Results) -> Outcome:
     return Outcome("; ".join(spans), all(met), "Q, R and Qf are the study's, the thesis gives none")
 
 
-@_judges("expands_backward")
-def _expands_backward(results: Results) -> Outcome:
+@_register_judge("expands_backward")
+def _judge_expansion(results: Results) -> Outcome:
     rows = _basins(results, "exact", "no basin could be computed")
     larger = rows.initial_area > rows.final_area
     text = f"{int(larger.sum())} of {len(rows)} basins larger at the start than at the goal"
@@ -369,27 +369,27 @@ def judges_of_sentences(groups: tuple[str, str]) -> dict[str, Callable[[Results]
     shares |= {"<5": 11.1, ">20": 35.6}
     return {
         **_JUDGES,
-        "bandwidth": partial(_bandwidth, "position"),
-        "bandwidth_velocity": partial(_bandwidth, "velocity"),
-        **{f"ho_{name}": partial(_ho_is_extreme, *column) for name, column in _HO_IS.items()},
-        "participants": partial(_participants, "", 45),
-        **{f"participants.{group}": partial(_participants, group, share) for group, share in shares.items()},
-        "pairs_differ": partial(_all_but_kb_ho, "p_value", "mann_whitney"),
-        "pairs_differ_holm": partial(_all_but_kb_ho, "p_holm", "mann_whitney"),
+        "bandwidth": partial(_judge_bandwidth, "position"),
+        "bandwidth_velocity": partial(_judge_bandwidth, "velocity"),
+        **{f"ho_{name}": partial(_judge_ho_extreme, *column) for name, column in _HO_EXTREMES.items()},
+        "participants": partial(_judge_shares, "", 45),
+        **{f"participants.{group}": partial(_judge_shares, group, share) for group, share in shares.items()},
+        "pairs_differ": partial(_judge_pairs, "p_value", "mann_whitney"),
+        "pairs_differ_holm": partial(_judge_pairs, "p_holm", "mann_whitney"),
         "best_ho": partial(_judge_best_pick, "highest", "HO"),
         "best_il": partial(_judge_best_pick, "lowest", "IL"),
-        "expert_larger": partial(_compared, between, lambda rows: (rows[lateral] > 0).all()),
+        "expert_larger": partial(_judge_comparison, between, lambda rows: (rows[lateral] > 0).all()),
         "lateral_largest": partial(
-            _compared, between, lambda rows: (rows[lateral].abs() > rows[sagittal].abs()).all()
+            _judge_comparison, between, lambda rows: (rows[lateral].abs() > rows[sagittal].abs()).all()
         ),
         "expert_unchanged": partial(
-            _compared, lighter[0], lambda rows: rows[_PERCENT].abs().max(axis=None) <= 1
+            _judge_comparison, lighter[0], lambda rows: rows[_PERCENT].abs().max(axis=None) <= 1
         ),
-        "novice_susceptible": partial(_novice_susceptible, lighter, groups),
-        "trajectories_matter": partial(_trajectories_matter, [between]),
-        "trajectories_matter_with_mass": partial(_trajectories_matter, lighter),
-        "basins_reach_goal": partial(_no_exits, "thesis", "Eqs 4.5 to 4.7, in the thesis's wording"),
+        "novice_susceptible": partial(_judge_susceptibility, lighter, groups),
+        "trajectories_matter": partial(_judge_null_control, [between]),
+        "trajectories_matter_with_mass": partial(_judge_null_control, lighter),
+        "basins_reach_goal": partial(_judge_exits, "thesis", "Eqs 4.5 to 4.7, in the thesis's wording"),
         "exact_is_invariant": partial(
-            _no_exits, "exact", "fixed V, exact ρ(t); not a sentence of the thesis"
+            _judge_exits, "exact", "fixed V, exact ρ(t); not a sentence of the thesis"
         ),
     }

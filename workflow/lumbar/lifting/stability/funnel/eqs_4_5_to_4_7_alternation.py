@@ -157,8 +157,7 @@ class Alternation:
     """Shape (pendulums,): share of the knots before the last at which the final ρ̇ (forward difference) is below the
     largest V̇ on V = ρ with the true sine: states leave the funnel there."""
     unsolved_share: np.ndarray
-    """Shape (pendulums,): share of the knots and alternations that kept ρ, without a multiplier (infeasible) or a
-    maximum (unbounded)."""
+    """Shape (pendulums,): share of knots and alternations that kept ρ, infeasible (no multiplier) or unbounded."""
     euler_error: np.ndarray
     """Shape (pendulums,): relative error of the ellipse V = 1 at t = 0 that Euler's method makes in its area."""
 
@@ -221,9 +220,9 @@ def alternate(
     unsolved = []
     for _ in range(max(alternations, *EVIDENCE)):
         # Step 1: decrease ρ until there is a multiplier.
-        level, feasible = _decrease(form, levels[-1], _difference(levels[-1], step), ratio)
+        level, feasible = _decrease_level(form, levels[-1], _level_rate(levels[-1], step), ratio)
         # Step 2: maximise ρ with this multiplier and the frozen ρ̇.
-        growth, frozen = growth_polynomial(form, level, DEGREE), _difference(level, step)
+        growth, frozen = growth_polynomial(form, level, DEGREE), _level_rate(level, step)
         factors = np.full_like(level, np.nan)
         for index, label in enumerate(pendulums.labels):
             rows = feasible[:, index]
@@ -235,7 +234,7 @@ def alternate(
         levels.append(level * np.where(np.isnan(factors), 1.0, factors))
     # Knots at which the final ρ breaks the condition that it should meet.
     level = levels[alternations]
-    violated = (_difference(level, step) / level < boundary_growth(form, level))[:-1]
+    violated = (_level_rate(level, step) / level < boundary_growth(form, level))[:-1]
     after = tuple(Funnels("thesis", pendulums.duration, cost, level) for level in levels[1:])
     return Alternation(
         after=after,
@@ -246,13 +245,13 @@ def alternate(
     )
 
 
-def _difference(level: np.ndarray, step: np.ndarray) -> np.ndarray:
+def _level_rate(level: np.ndarray, step: np.ndarray) -> np.ndarray:
     """Return ρ̇ at every knot by forward differences; the last knot takes the difference before it."""
     rate = np.diff(level, axis=0) / step
     return np.concatenate([rate, rate[-1:]])
 
 
-def _decrease(
+def _decrease_level(
     form: NormalForm, level: np.ndarray, frozen: np.ndarray, ratio: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return ρ and the knots with a multiplier; ρ is decreased until there is a multiplier, and unchanged if there is none."""

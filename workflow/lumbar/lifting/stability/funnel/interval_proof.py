@@ -317,8 +317,7 @@ def proved_share(loops: ClosedLoops, funnels: Funnels) -> np.ndarray:
     loops : ClosedLoops
         Pendulums under their regulator.
     funnels : Funnels
-        Funnels with a margin (`funnel_variants`); exact funnels touch g = 0 at all times, so that finite precision proves
-        nothing.
+        Funnels with a margin (`funnel_variants`): exact funnels touch g = 0, which finite precision cannot prove.
     """
     curves = interpolants(loops, funnels)
     intervals, count = next(iter(curves.pieces.values())).shape[1:]

@@ -132,9 +132,7 @@ def _powers(angle: np.ndarray, degree: int) -> np.ndarray:
 
 
 def gram_map(degree: int) -> np.ndarray:
-    """Return Γ, the matrix from the scaled upper triangle of G, by columns, to coefficients of bᵀGb.
-
-    The shape is (monomials of degree + 1, triangle).
+    """Return Γ from scaled upper triangles of G, by columns, to coefficients of bᵀGb, shape (monomials of degree + 1, triangle).
 
     Parameters
     ----------
@@ -152,9 +150,7 @@ def gram_map(degree: int) -> np.ndarray:
 
 
 def circle_map(degree: int) -> np.ndarray:
-    """Return the matrix from coefficients of L to coefficients of L·(1 − |z|²).
-
-    The shape is (monomials of degree + 1, monomials of degree − 1).
+    """Return the matrix, shape (monomials of degree + 1, monomials of degree − 1), from L to L·(1 − |z|²) by coefficients.
 
     Parameters
     ----------
