@@ -21,8 +21,7 @@ from lumbar.tissue.models.motion import Motion
 from lumbar.tissue.signals.spectrum import Kinematics, occupied_band, peak_kinematics
 
 _MAX_LENGTH_SHARE, _MAX_SAMPLES = 0.3, 3000
-"""Longest excitation, unless it repeats the training record: this share of the samples of that record or this number of samples,
-the larger of both."""
+"""Longest excitation that does not repeat the training record: the larger of a share of the record and a number of samples."""
 _SHARES = (0.25, 1.0, 1.5)
 """Amplitudes tried, as shares of the training record's half range."""
 _ONSET = 10.0
@@ -58,8 +57,7 @@ def excitation_family(reference: Motion, unit: str, limits: Kinematics | None) -
     unit : str
         Unit of the position.
     limits : Kinematics or None
-        Limits of the machine, in `unit`; default twice the record's peaks of velocity and acceleration, and 1.5 times its peak of
-        displacement.
+        Limits of the machine, in `unit`; default twice the record's peak speed and acceleration, and 1.5 times its displacement.
 
     Returns
     -------

@@ -58,8 +58,7 @@ class Ties:
     angles: np.ndarray
     """Angles between added forces in degrees, 0 to 180, shape (candidates, candidates)."""
     clusters: list[list[int]]
-    """Indices of candidates with all angles at most the larger of `ALIKE` and `resolution`; the cluster of the selected one
-    comes first."""
+    """Indices of candidates with all angles at most the larger of `ALIKE` and `resolution`; the selected one's cluster first."""
     resolution: float
     """Angle in degrees to the added force of the selected effect that noise hides."""
 
@@ -207,8 +206,7 @@ def gather_evidence(
 ) -> Evidence:
     """Gather the evidence for a diagnosis.
 
-    `settings` are the settings of that diagnosis. `seed` is the random seed of the intervals. The limits of the machine are used
-    if the input is in mm.
+    `settings` are the settings of that diagnosis. `seed` is the random seed of the intervals. Machine limits need an input in mm.
     """
     experiment, model = diagnosis.experiment, diagnosis.model
     null = null_distribution(diagnosis.base.fit.structure.base.system)

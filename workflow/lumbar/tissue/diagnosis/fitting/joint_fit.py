@@ -379,8 +379,7 @@ def add(previous: Fit, form: Form, data: FitData) -> Fit:
     """Refit a model with one more form, jointly, from its best starting value.
 
     A model with a parallel form includes the smaller model: if the optimiser ends with a larger error, the smaller model is
-    returned as not converged. With another form the smaller model is beyond the bounds (e.g. no delay): the fit may be worse, and
-    has then converged if a parameter is at a bound.
+    returned as not converged. With another form a fit may be worse, and has then converged if a parameter is at a bound.
     """
     structure = previous.structure.with_form(form)
     best = fit(structure, data, np.concatenate([previous.nonlinear, screen(previous, form, data)[0][1]]))

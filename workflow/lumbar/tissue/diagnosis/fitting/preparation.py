@@ -286,8 +286,7 @@ def resting_position(positions: Sequence[np.ndarray]) -> np.ndarray:
     """Return the position from which records are counted, shape (axes,): 0, unless all records are far from it.
 
     If no record comes as near to 0 as the range of all records, the result is their common start, or the mean position of the
-    first record if they start at different places. `positions` has the positions of each record, shape (axes, samples), training
-    record first.
+    first record if they have none. `positions` has the positions of each record, shape (axes, samples), training record first.
     """
     every = np.concatenate(positions, axis=1)
     reach = float(np.linalg.norm(np.ptp(every, axis=1)))

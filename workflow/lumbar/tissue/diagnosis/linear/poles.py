@@ -147,8 +147,7 @@ def relocate_poles(data: FitData, order: int, low: float, high: float, held: boo
 
     The method is Steiglitz and McBride's iteration in partial fractions, which remains well conditioned if all poles are slow
     compared with the sampling (Gustavsen and Semlyen, IEEE Trans. Power Delivery 14 (1999) 1052-1061; in the time domain
-    Grivet-Talocia, IEEE Trans. Circuits Syst. I 50 (2003) 1444-1456). It starts from pairs spread evenly between `low` and
-    `high` in 1/s.
+    Grivet-Talocia, IEEE Trans. Circuits Syst. I 50 (2003) 1444-1456). It starts from pairs between `low` and `high` in 1/s.
 
     Return `order` poles after each iteration, in the order of iterations; `held` is true if the input is a zero-order hold.
     """

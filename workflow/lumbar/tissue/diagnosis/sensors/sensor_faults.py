@@ -63,9 +63,8 @@ def _estimate_skew(record: Record) -> tuple[float, float] | None:
     """Return the delay of the force behind the position per second, and its standard error; None without a significant skew.
 
     A skew causes a deviation proportional to the mean period's rate of change that grows from period to period; a change of the
-    tissue (gain, stiffness, damping) causes one proportional to mean force, position or speed. A skew is reported if the rate of
-    change leaves little of the deviation, each of the others leaves clearly more, two of them together do not leave clearly less,
-    and the delays of the single periods follow a line.
+    tissue (gain, stiffness, damping) causes one proportional to mean force, position or speed. A skew is reported if it leaves
+    little, each of the others clearly more, two of them together not clearly less, and the delays of periods follow a line.
     """
     period, step = declared_period(record, MIN_FULL_PERIODS) or find_period(record), record.sampling_time
     if period is None:
