@@ -1,1 +1,1 @@
-"""What people read: figures, pages, the thesis's claims against a run."""
+"""Figures and pages of results, and comparison of the thesis's claims with a run."""

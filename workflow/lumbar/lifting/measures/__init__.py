@@ -1,1 +1,1 @@
-"""Measures that see movement: balance over the feet, posture and load of the back during a lift."""
+"""Measures of a lift from its movement: balance over the feet, posture and load of the back."""

@@ -25,13 +25,13 @@ class Difference:
     person_sd: float = np.nan
     """Standard deviation of the person means within the groups, or of the changes of paired persons."""
     low: float | None = None
-    """Lower end of the interval of the difference; None without one."""
+    """Lower end of the interval of the difference; None without an interval."""
     high: float | None = None
-    """Upper end of the interval; None without one."""
+    """Upper end of the interval of the difference; None without an interval."""
     freedom: float | None = None
-    """Degrees of freedom of the test; None without one."""
+    """Degrees of freedom of the test; None without a test."""
     p_value: float | None = None
-    """Two-sided p value of the test; None without one."""
+    """Two-sided p value of the test; None without a test."""
     remark: str = ""
     """Reason if there is neither an interval nor a test; empty otherwise."""
 

@@ -326,7 +326,7 @@ def derivative(values: np.ndarray, rate: float, order: Literal[1, 2] = 1) -> np.
 
 
 def _finite_runs(values: np.ndarray, too_few: int, purpose: str) -> list[slice]:
-    """Return the intervals without a NaN; `InputError` if one has no more than `too_few` frames."""
+    """Return the intervals without a NaN; raise `InputError` if an interval has at most `too_few` frames."""
     finite = np.isfinite(values)
     intervals = list(runs(finite if finite.ndim == 1 else finite.all(axis=tuple(range(1, finite.ndim)))))
     for part in intervals:

@@ -22,7 +22,7 @@ from lumbar.settings.lifting import LiftingSettings
 MIN_MARKERS = 3
 """Least number of markers that determine the pose of a body."""
 MIN_SPREAD_M = 0.01
-"""Least spread (root mean square) of markers across the line nearest to them: a smaller one shows no rotation about it."""
+"""Least root mean square distance of markers from the line nearest to them, to show rotation about this line."""
 EDGE_FRAMES = 5
 """Frames averaged on each side of a gap to estimate the error of the fit there: the error of a single frame is noisy."""
 OTHER_BODY_M = 0.008

@@ -1,1 +1,1 @@
-"""Whether a marker recording can be a person's body: findings, and a quality sheet of each recording."""
+"""Checks whether a marker recording can be a person's body: findings and quality reports."""

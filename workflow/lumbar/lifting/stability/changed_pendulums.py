@@ -198,7 +198,7 @@ MIN_PERSONS = 3
 
 
 def exchanged(before: Trajectory, after: Trajectory, taken: frozenset[str]) -> Trajectory:
-    """Return a pendulum with some parts of another one.
+    """Return a pendulum with some parts of another pendulum.
 
     Parameters
     ----------

@@ -36,7 +36,7 @@ class ComparedLifts:
 
     @property
     def comparisons(self) -> list["BasinComparison"]:
-        """Comparisons of the study, also with lifts of which all basins are missing."""
+        """Comparisons of the study, including lifts without any basin."""
         lifts = [(lift.facts["experience"], lift.facts["box_mass_kg"]) for lift in self.lifts]
         return comparisons_of(lifts, self.settings.compare.groups)
 
@@ -112,7 +112,7 @@ class BasinComparison:
 def comparisons_of(
     lifts: Sequence[tuple[str, float]], groups: tuple[str, str] = GROUPS
 ) -> list[BasinComparison]:
-    """Return the comparisons of groups and boxes; if the lifts do not allow one, its status has the reason.
+    """Return the comparisons of groups and boxes; if a comparison is impossible, its status has the reason.
 
     Parameters
     ----------

@@ -213,7 +213,7 @@ def verdict(
 
 
 def _compare_subjects(areas: pd.DataFrame, comparison: BasinComparison) -> Difference:
-    """Compare the areas of one percentage over subjects; the remark has the reason if there is no interval."""
+    """Compare the areas of one percentage over subjects; without an interval, the remark has the reason."""
     if comparison.before is None or comparison.after is None:
         return Difference(np.nan, np.nan, (0, 0), remark="nothing to compare")
     sides = []

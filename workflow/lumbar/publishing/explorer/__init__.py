@@ -1,1 +1,1 @@
-"""The interactive page of a diagnosis: as a file, or served and computing."""
+"""Interactive page of a diagnosis, as a file or from a server that computes."""

@@ -95,7 +95,7 @@ class PageModel:
     train_rms: float
     """Error on training records in the output's unit."""
     test_rms: float | None
-    """Error on unseen records; None without any."""
+    """Error on unseen records in the output's unit; None without unseen records."""
     values: dict[str, np.ndarray]
     """Simulated output at drawn samples by record."""
     density: dict[str, np.ndarray]

@@ -1,1 +1,1 @@
-"""Pictures of results: the top of the library, drawn from plain data."""
+"""Figures of results, drawn from plain data."""

@@ -133,7 +133,7 @@ def figure_4_3(funnels: pd.DataFrame, settings: StabilitySettings) -> Figure:
 
 @house_style
 def figure_4_4(funnels: pd.DataFrame, settings: StabilitySettings) -> Figure:
-    """Draw the basins of every COM and plane about their trajectories, by the thesis's method and by the exact one.
+    """Draw the basins of every COM and plane about their trajectories, by the thesis's method and by the exact method.
 
     For parameters see `figure_4_3`.
     """

@@ -1,1 +1,1 @@
-"""The thesis's claims, one by one, against what a run shows."""
+"""Comparison of the thesis's claims with the results of a run."""

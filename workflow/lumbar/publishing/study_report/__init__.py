@@ -1,1 +1,1 @@
-"""The report of a study: one page with all that it made, in the thesis's order."""
+"""Report of a study: one page with all its results, in the order of the thesis."""
