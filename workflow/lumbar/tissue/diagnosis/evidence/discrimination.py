@@ -38,7 +38,7 @@ class ExcitationCandidate:
     """A position signal with its description."""
 
     description: str
-    """E.g. ``"a triangle of ±8 mm at 2 mm/s for 30 s"``."""
+    """Description for the reader, e.g. ``"a triangle of ±8 mm at 2 mm/s for 30 s"``."""
     motion: Motion
     is_within: bool
     """True if the signal stays within the positions of the training record, to which both models were fitted."""

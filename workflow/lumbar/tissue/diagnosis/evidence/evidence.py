@@ -51,7 +51,7 @@ _ROUNDING_SHARE = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Ties:
-    """Angles between the added forces of candidates, and clusters of similar ones."""
+    """Angles between the added forces of candidates, and clusters of similar candidates."""
 
     candidates: list[Candidate]
     """Candidates, the selected one first, without candidates with an added force that noise would hide."""

@@ -1,7 +1,7 @@
 """Joint fit of base and effects to a record by free-run simulation error.
 
 Linear parameters are eliminated (variable projection: Golub and Pereyra, SIAM J. Numer. Anal. 10 (1973) 413-432) and only
-nonlinear ones are searched. With forms that act on the output the problem is nonlinear in all parameters: all are searched.
+nonlinear parameters are searched. With forms that act on the output the problem is nonlinear in all: all are searched.
 """
 
 import math
@@ -62,7 +62,7 @@ class Fit(FreeRun):
     def sensitivities(self, data: FitData) -> np.ndarray:
         """Return derivatives of the whitened simulation, shape (samples that count, parameters), by central differences.
 
-        Columns: linear parameters, logarithms of nonlinear ones, zeros of the sensor if the base has them.
+        The columns belong to linear parameters, logarithms of nonlinear parameters, and zeros of the sensor if the base has any.
         """
 
         def simulated(linear, logarithms):
@@ -232,7 +232,7 @@ def _least_squares(error, jacobian, start, low, high, **tolerances):
 
 
 def _search_nonlinear(structure, data, start, low, high) -> Fit:
-    """Search the nonlinear parameters; the linear ones are solved for at every point."""
+    """Search the nonlinear parameters; the linear parameters are solved for at every point."""
     low, high = to_log_ratio(low, start), to_log_ratio(high, start)
     force, signs = data.whiten(data.force), _signs(structure, data)
 
@@ -371,7 +371,7 @@ def _output_slope(
 
 
 def linear_with_new(previous: Fit, form: Form) -> np.ndarray:
-    """Return the linear parameters of a fitted model with those of a new form at 0."""
+    """Return the linear parameters of a fitted model, extended by the parameters of a new form at 0."""
     return np.concatenate([previous.linear, np.zeros(len(form.linear))])
 
 

@@ -57,7 +57,7 @@ def scaled_covariance(fit: Fit, data: FitData) -> tuple[np.ndarray, np.ndarray]:
 
 
 def estimates(fit: Fit, data: FitData, input_unit: str, output_unit: str) -> list[FittedParameter]:
-    """Return all parameters with 95 % intervals, linear ones first.
+    """Return all parameters with 95 % intervals, linear parameters first.
 
     Intervals of nonlinear parameters are computed for the logarithms: they are positive and asymmetric (`scaled_covariance`). An
     interval that reaches a bound ends there.

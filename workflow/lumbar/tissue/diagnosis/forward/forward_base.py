@@ -30,7 +30,7 @@ from lumbar.tissue.models.structure import ForwardStructure, Structure
 FORWARD_BASES = ("KV-mass", "KB-mass", "KV", "KB", "LE")
 """Bases that are tried if the force is the input."""
 _SIMULATED_BASES = 2
-"""Number of bases that are simulated: those that fit best in the inverse problem."""
+"""Number of bases that are simulated: the best in the inverse problem."""
 _MAX_SEARCH_SAMPLES = 6000
 """Largest number of samples of every record with which effects are searched."""
 Response = Callable[[np.ndarray], np.ndarray]
@@ -212,7 +212,7 @@ class ForwardFit(joint_fit.Fit):
         )
 
     def sensitivities(self, data: FitData) -> np.ndarray:
-        """Differentiate the whitened simulation by linear parameters, logarithms of nonlinear ones, and the zeros."""
+        """Differentiate the whitened simulation by linear parameters, logarithms of nonlinear parameters, and zeros."""
         slopes = self.structure.sensitivities(data.motion, self.linear, self.nonlinear, self.zero)
         return data.whiten(np.column_stack([slopes, data.zeros]))
 

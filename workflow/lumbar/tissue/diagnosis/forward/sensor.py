@@ -124,7 +124,7 @@ def _refine_all(structure: Structure, dynamics: LinearDynamics, data: FitData) -
 
 
 def _to_base(dynamics: LinearDynamics) -> Base:
-    """Return linear dynamics as a base, with the residues as linear parameters and the poles as nonlinear ones."""
+    """Return linear dynamics as a base, with the residues as linear parameters and the poles as nonlinear parameters."""
     poles, held = dynamics.poles, dynamics.held
     of_rates = [("gain_of_rate", "{y} s/{x}"), ("gain_of_acceleration", "{y} s^2/{x}")]
     gains = [("constant", "{y}"), ("direct_gain", "{y}/{x}")]

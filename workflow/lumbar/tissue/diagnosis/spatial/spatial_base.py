@@ -107,7 +107,7 @@ def _choose_symmetry(base: Base, symmetric: Candidate, experiment: Experiment) -
             symmetry is Symmetry.FULL and len(base.linear) < 2
         ):
             continue
-        bases = _with_principal_axes(base, symmetry, axes, matrices)
+        bases = _bases_on_axes(base, symmetry, axes, matrices)
         # No symmetry fits better than any symmetric matrices: skip it if these, with its number of parameters, would lose.
         more = len(bases[0].linear) + len(bases[0].nonlinear) - count - own
         least = symmetric.score + more * float(np.log(experiment.size))
@@ -123,7 +123,7 @@ def _choose_symmetry(base: Base, symmetric: Candidate, experiment: Experiment) -
     return best
 
 
-def _with_principal_axes(
+def _bases_on_axes(
     base: Base, symmetry: Symmetry, axes: tuple[str, ...], matrices: Sequence[np.ndarray]
 ) -> list[SpatialBase]:
     """Return bases with the principal axes of matrices; any of three axes may be the axis of transverse isotropy."""
