@@ -9,7 +9,7 @@ PACKAGES = (
     *("cvxpy", "clarabel", "matplotlib", "fmpy", "ziglang"),
 )
 
-THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMEXPR_NUM_THREADS")
+THREAD_COUNT_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMEXPR_NUM_THREADS")
 
 
 def use_one_thread() -> None:
@@ -18,7 +18,7 @@ def use_one_thread() -> None:
     Otherwise the order of summation, and with it the last bits, depends on the number of cores. With matrices of a few
     columns, threads that wait for each other double the time.
     """
-    for variable in THREADS:
+    for variable in THREAD_COUNT_VARIABLES:
         os.environ[variable] = "1"
 
 

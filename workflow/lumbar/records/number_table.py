@@ -86,7 +86,7 @@ class Dialect:
 
 @dataclass(frozen=True)
 class NumberTable:
-    """Numbers of rows and their lines."""
+    """Numeric rows of a file, with the line of each row."""
 
     values: np.ndarray
     """Numbers in the cells, shape (rows, columns)."""

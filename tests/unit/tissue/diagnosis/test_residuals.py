@@ -238,7 +238,7 @@ def test_hidden_effects(shared):
         residuals = [residual_of(test, columns[test.name] @ stiffness, experiment) for test in tests]
         first = locate(tests[0], columns["multisine"] @ stiffness, experiment.floor, start=0.5)
         if not label["effects"]:
-            assert first.is_noise or first.is_all_but_noise, case
+            assert first.is_noise or first.is_near_noise_floor, case
         else:
             causes = rank_causes(residuals)
             views = set().union(*(FIRST_VIEWS[name] for name in label["effects"]))

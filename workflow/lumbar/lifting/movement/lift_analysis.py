@@ -53,7 +53,7 @@ class AnalysedLift:
     heading: float
     """Angle by which the axes were rotated, radians."""
     states: dict[tuple[str, str], PendulumStates]
-    """By centre of mass and plane."""
+    """States of the pendulum, by centre of mass and plane."""
     missing: dict[str, str]
     """Centres of mass without a pendulum, with the reason."""
 
@@ -168,10 +168,10 @@ def _pendulums(
 
 @dataclass(frozen=True)
 class ThesisPendulums:
-    """Pendulums of a lift by the thesis's choice (`THESIS_CHOICE`), if the study has another choice."""
+    """Pendulums of a lift by `THESIS_CHOICE`, for studies that make another choice."""
 
     states: dict[tuple[str, str], PendulumStates]
-    """By centre of mass and plane."""
+    """States of the pendulum, by centre of mass and plane."""
     missing: dict[str, str]
     """Centres of mass without a pendulum, with the reason."""
 

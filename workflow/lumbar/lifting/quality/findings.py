@@ -74,7 +74,7 @@ class Legend:
     rate: float
     """Frames per second."""
     named: dict[str, str] = field(default_factory=dict)
-    """Landmark by label."""
+    """Landmark that each label means."""
 
     def finding(
         self,

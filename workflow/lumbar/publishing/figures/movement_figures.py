@@ -51,9 +51,9 @@ def _title(lift: dict) -> str:
 def course_figure(lifts: list[dict], functional_share: float) -> Figure:
     """Draw the margin of stability and the moment about L5/S1 from lift-off to a little after the release.
 
-    Each of the `lifts`, of which the first `MAX_LIFTS` are drawn, has ``course`` (data frame of
-    `lumbar.lifting.measures.course.course_of_lift`), ``facts`` and ``events``; `functional_share` is the share of the base
-    that people use.
+    Only the first `MAX_LIFTS` lifts are drawn. Each has ``course`` (data frame of
+    `lumbar.lifting.measures.course.course_of_lift`), ``facts`` and ``events``; `functional_share` is the functional share of
+    the base of support.
     """
     looks, shown = _person_looks(lifts), lifts[:MAX_LIFTS]
     size = {"nrows": 2, "ncols": len(shown), "squeeze": False}

@@ -98,7 +98,7 @@ class ParameterEntry(Section):
     reach: tuple[Annotated[float, Field(gt=0, le=1)], Annotated[float, Field(ge=1)]] = (0.1, 10.0)
     """Factors by which the fit may go below and above the range."""
     lines: float | None = Field(None, gt=0)
-    """Number of frequency lines (1/duration) within which the fit stays."""
+    """Half-width of the bounds of a fitted frequency, in frequency lines (1/duration)."""
     follows_record: bool = False
     """True if the range grows with the sampling interval and the duration of the record."""
     decisive: bool = False

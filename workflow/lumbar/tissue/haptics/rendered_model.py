@@ -221,7 +221,7 @@ def _step_label(step_mm: float) -> str:
 def _spatial_loop(
     name: str, impulse: np.ndarray, exported: ExportModel, device: DeviceSettings, late: bool
 ) -> SpatialLoop:
-    """Return a linearisation in space at the servo's ticks; each element of its matrix is treated as a model of one axis."""
+    """Return the linearised loop of several axes at the servo rate; each matrix element is sampled as a model of one axis."""
     average = np.full(exported.moving_average, 1.0 / exported.moving_average)
     size = 1e3 * exported.resistance * scale_of(exported)[1]
     numerators = []

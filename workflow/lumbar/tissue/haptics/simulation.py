@@ -248,7 +248,7 @@ def _limit(force, size: float):
 
 
 def worst_run(runs: Iterable[LoopRun]) -> LoopRun:
-    """Return the run that is least calm at the end."""
+    """Return the worst run: one that does not settle, or else the one with the largest peak-to-peak motion."""
     return max(runs, key=lambda run: (not run.calm, run.peak_to_peak))
 
 

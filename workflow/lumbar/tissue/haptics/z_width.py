@@ -50,7 +50,7 @@ def lowest_rates(model: FittedModel, settings: RuntimeSettings) -> tuple[float |
 def _loop_at(
     model: FittedModel, settings: RuntimeSettings, rate: float
 ) -> SampledModel | PeriodicModel | None:
-    """Return the model on a servo at a rate; None if it has no counterpart at this rate."""
+    """Return the loop of a model on a servo of a rate; None if it cannot be exported or rendered at this rate."""
     device = settings.device.model_copy(update={"rate_Hz": rate})
     try:
         return render_model(export_at(model, settings, rate), device).loops[0]

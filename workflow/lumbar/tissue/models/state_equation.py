@@ -191,7 +191,7 @@ class StateEquation:
             return {name: paths[name] for name in self.names}
         steps = len(motion.time) - 1
         trees = [self.starts.get(name, ZERO) for name in self.names]
-        places = {name: SIGNALS[name].of(motion)[0] for name in _positions(motion)}
+        places = {name: SIGNALS[name].of(motion)[0] for name in _position_signals(motion)}
         with np.errstate(all="ignore"):
             begin = np.array(Evaluator(trees, STEP_FUNCTIONS)({**values, **places}), float)
         known = {**values, **self._between(motion)}
@@ -212,7 +212,7 @@ class StateEquation:
     def _between(self, motion: OneMotion) -> dict[str, np.ndarray | float]:
         """Return the signals at the beginning of every step."""
         signals: dict[str, np.ndarray | float] = {STEP_SYMBOL: motion.sampling_time}
-        for symbol in {*self.signals, *map(_step_of, _positions(motion))}:
+        for symbol in {*self.signals, *map(_step_of, _position_signals(motion))}:
             if symbol in STEADY:
                 part = motion.along(symbol[-1]) if isinstance(motion, SpatialMotion) else motion
                 step = part.increments[1:]
@@ -314,7 +314,7 @@ class StateEquation:
         return states
 
 
-def _positions(motion: OneMotion) -> tuple[str, ...]:
+def _position_signals(motion: OneMotion) -> tuple[str, ...]:
     """Return the symbols of the motion's positions."""
     if isinstance(motion, SpatialMotion):
         return tuple(f"z_{name}" for name in motion.names)

@@ -243,7 +243,7 @@ class LiftStates:
     """Rows of ``thesis_pendulum.csv``, columns of `states`; None if there is no such file."""
 
     def trajectories(self, convention: Convention) -> tuple[list[Trajectory], list[Failure]]:
-        """Return the valid trajectories of one convention, and the failures of the others.
+        """Return the valid trajectories under a convention, and a failure for every invalid one.
 
         Parameters
         ----------

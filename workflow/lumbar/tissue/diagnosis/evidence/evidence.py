@@ -114,7 +114,7 @@ def angles_between(signals: np.ndarray) -> np.ndarray:
 
 
 def complete_linkage(angles: np.ndarray, largest: float) -> list[list[int]]:
-    """Return clusters, by first member, in which no two are further apart than `largest`, merged from the closest pair."""
+    """Return clusters by complete linkage: in a cluster no two items differ by more than `largest`. Sorted by first member."""
     if len(angles) == 1:
         return [[0]]
     clusters: dict[int, list[int]] = {}

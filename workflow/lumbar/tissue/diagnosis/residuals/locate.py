@@ -29,7 +29,7 @@ from lumbar.tissue.identification.metrics import settling_time
 from lumbar.tissue.models.measured_motion import for_base
 from lumbar.tissue.models.motion import Motion
 
-ALL_BUT_NOISE = 1.05
+NEAR_FLOOR_RATIO = 1.05
 """Ratio of error to noise floor below which the error hardly exceeds it."""
 
 
@@ -123,10 +123,10 @@ class Location:
         return min(self.p_values.values()) * len(self.p_values) >= SIGNIFICANT
 
     @property
-    def is_all_but_noise(self) -> bool:
+    def is_near_noise_floor(self) -> bool:
         """True if the error hardly exceeds the noise floor."""
         floor = self.residual.floor
-        return floor is not None and self.residual.variance < (ALL_BUT_NOISE * floor.rms) ** 2
+        return floor is not None and self.residual.variance < (NEAR_FLOOR_RATIO * floor.rms) ** 2
 
     @property
     def offset_share(self) -> float:
@@ -146,7 +146,7 @@ class Location:
             return f"{error}; no view distinguishes it from noise of the same spectrum{constant}."
         if self.is_noise:
             return f"{self.record}: no view shows more than noise would."
-        if self.is_all_but_noise:
+        if self.is_near_noise_floor:
             return f"{error}, hardly more than the noise floor of {floor.rms:.3g} {unit}; significant views describe the rest."
         listed = [f"{name} ({percent(share)})" for name, share in self.shares.items() if share >= 0.005]
         along = f"it is seen along {', '.join(listed[:3])}" if listed else "no view accounts for it"
@@ -234,7 +234,7 @@ class ResidualReport:
 def all_reports_sentence(reports: Sequence[Any]) -> str:
     """Name the cause of the error of all records together, separately for every axis."""
     locations = [item.location for item in axis_reports(reports)]
-    if all(item.is_noise or item.is_all_but_noise for item in locations):
+    if all(item.is_noise or item.is_near_noise_floor for item in locations):
         if any(item.residual.floor is None for item in locations):
             return "All records: no view distinguishes the error from noise of the same spectrum."
         return "All records: the error is noise, or hardly more than noise."

@@ -203,7 +203,7 @@ class _RecordZero:
     name: str
     zero: float
     start: float
-    """Zero of the first samples, before the motion affects them."""
+    """Offset of the first samples, before the motion affects them."""
     start_samples: int
     rms: float
     """RMS error with this zero."""

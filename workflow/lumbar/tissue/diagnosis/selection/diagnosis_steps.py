@@ -34,7 +34,7 @@ from lumbar.tissue.models.bases import Base
 from lumbar.tissue.models.form import Effect
 from lumbar.tissue.signals.spectrum import occupied_band
 
-_MAX_UNSEEN_ERROR = 2.0
+_MAX_TEST_ERROR_FLOORS = 2.0
 """Largest unseen error, in noise floors, of a model that leaves only noise in training and is valid for all records."""
 _SEGMENTS = 4
 """Number of segments of a record; a stiffness is estimated in each."""
@@ -221,7 +221,7 @@ def _train_on_others(state: DiagnosisState) -> list[Finding]:
         return []
     first = [item.name for item in experiment.training.records]
     unseen_rms = {name: rms for name, rms in model.unseen_rms.items() if name not in first}
-    missed = {name: rms for name, rms in unseen_rms.items() if rms > _MAX_UNSEEN_ERROR * noise}
+    missed = {name: rms for name, rms in unseen_rms.items() if rms > _MAX_TEST_ERROR_FLOORS * noise}
     if not missed:
         return []
     unseen = [item.name for item in experiment.tests]
@@ -238,7 +238,7 @@ def _train_on_others(state: DiagnosisState) -> list[Finding]:
     unit, trained, others = experiment.output_unit, " and ".join(first), " and ".join(unseen)
     outcome = (
         "so one set of parameters describes all records: fit them together with --train"
-        if worst <= _MAX_UNSEEN_ERROR * noise
+        if worst <= _MAX_TEST_ERROR_FLOORS * noise
         else "so no single set of parameters describes all of them"
     )
     sentence = (

@@ -152,13 +152,13 @@ class Roughness:
     edge: float
     """Upper edge of the band, Hz."""
     smooth: np.ndarray
-    """Position within its band, shape (samples,)."""
+    """Position below the edge of the band, shape (samples,)."""
     rough: np.ndarray
     """Rest of the position, shape (samples,)."""
     speed: np.ndarray
     """Time derivative of `smooth` in the position's unit per second, shape (samples,)."""
     response: np.ndarray
-    """Force beyond the band, shape (samples,)."""
+    """Force above the edge of the band, shape (samples,)."""
     noise: float
     """Noise σ over the whole spectrum, in the position's unit; 0 if jitter explains the rough part."""
     jitter: float

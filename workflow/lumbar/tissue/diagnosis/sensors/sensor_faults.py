@@ -56,7 +56,7 @@ def find_skew(record: Record) -> Repair | None:
         f"was resampled to the clock of the {position} before fitting; sample both channels with one clock."
     )
     finding = Finding(CLOCK_SKEW, sentence, 1e6 * rate, "ppm", record.name)
-    return Repair(record.with_values(output=shift_times(record["output"], rate)), (finding,))
+    return Repair(record.with_values(output=resample_at_clock_rate(record["output"], rate)), (finding,))
 
 
 def _estimate_skew(record: Record) -> tuple[float, float] | None:
@@ -138,7 +138,7 @@ def _is_skew(growth: np.ndarray, rate: np.ndarray, others: list[np.ndarray]) -> 
     )
 
 
-def shift_times(values: np.ndarray, rate: float) -> np.ndarray:
+def resample_at_clock_rate(values: np.ndarray, rate: float) -> np.ndarray:
     """Return values at times n (1 + rate), by a windowed sinc that keeps the noise's colour up to nearly half the rate."""
     size = len(values)
     taps = np.arange(-_TAPS + 1, _TAPS + 1)
@@ -182,7 +182,7 @@ def repair(records: Sequence[Record]) -> tuple[list[Record], list[Finding]]:
     valid = []
     for record, findings in repaired:
         if skews and not any(item.kind == CLOCK_SKEW for item in findings):
-            shifted = shift_times(record["output"], 1e-6 * float(np.median(skews)))
+            shifted = resample_at_clock_rate(record["output"], 1e-6 * float(np.median(skews)))
             even = record.with_values(output=shifted)
             before, after = (np.sum((item["output"] - linear_response(item)) ** 2) for item in (record, even))
             record = even if after < before else record

@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 import scipy
 
-from lumbar.tissue.diagnosis.residuals.locate import ALL_BUT_NOISE
+from lumbar.tissue.diagnosis.residuals.locate import NEAR_FLOOR_RATIO
 from lumbar.tissue.diagnosis.residuals.residual import (
     SIGNIFICANT,
     Residual,
@@ -69,9 +69,9 @@ class SpatialResidual:
         return max(self.variance - float(np.trace(self.noise)), 0.0)
 
     @property
-    def is_all_but_noise(self) -> bool:
+    def is_near_noise_floor(self) -> bool:
         """True if the error hardly exceeds the noise floor."""
-        return self.variance < ALL_BUT_NOISE**2 * float(np.trace(self.noise))
+        return self.variance < NEAR_FLOOR_RATIO**2 * float(np.trace(self.noise))
 
     @property
     def samples(self) -> int:
@@ -169,7 +169,7 @@ def travel_view(residual: SpatialResidual) -> View:
         f"{percent(along)} of the moving tool's {error} is along its direction of travel, {percent(across)} across it "
         f"({percent(1 / len(residual.axes))} along if the two are unrelated); "
     )
-    sentence = f"Along the travel: {'' if residual.is_all_but_noise else split}{trend}."
+    sentence = f"Along the travel: {'' if residual.is_near_noise_floor else split}{trend}."
     table = {"speed": speeds, "mean": mean, "deviation": np.sqrt(np.diag(covariance))}
     numbers = {"along": along, "across": across}
     return View("travel", share if is_reported else 0.0, p_value, sentence, table, numbers)
@@ -273,7 +273,7 @@ def error_direction_view(residual: SpatialResidual) -> View:
         parts = zip(shares, vectors.T, strict=True)
         text = ", ".join(f"{percent(share)} along {vector_text(vector)}" for share, vector in parts)
         text += f" ({probability(p_value)})"
-    elif not has_direction and not residual.is_all_but_noise:
+    elif not has_direction and not residual.is_near_noise_floor:
         text = "it is about equal in all directions"
     else:
         text = f"no direction exceeds the noise ({probability(p_value)})"

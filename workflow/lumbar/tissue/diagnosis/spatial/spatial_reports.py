@@ -44,7 +44,7 @@ class SpatialReport:
         floor = np.sqrt(np.trace(self.residual.noise) / axes)
         if self.is_noise:
             return f"{record}: no view in space shows more than noise would."
-        if self.residual.is_all_but_noise:
+        if self.residual.is_near_noise_floor:
             return (
                 f"{record}: the error in space is nearly all noise, {rms:.3g} {unit} per axis with a floor of {floor:.3g} "
                 f"{unit}; significant views describe the rest."
