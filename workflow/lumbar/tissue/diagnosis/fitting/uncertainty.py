@@ -108,9 +108,10 @@ def derived_estimates(fit: Fit, data: FitData, input_unit: str, output_unit: str
     values = np.concatenate([fit.linear[:linear], fit.nonlinear[: len(base.nonlinear)]])
 
     def element_values(numbers: np.ndarray) -> np.ndarray:
-        elements = model.element_values(dict(zip(names, numbers, strict=True)))
-        return np.array([elements[item.name] for item in model.elements])
+        by_name = model.element_values(dict(zip(names, numbers, strict=True)))
+        return np.array([by_name[item.name] for item in model.elements])
 
+    elements = element_values(values)  # raises before a division by a parameter that is zero
     scaled, size = scaled_covariance(fit, data)
     # Covariance of all logarithms: those of linear parameters by the first derivative.
     scale = size[columns] * np.where(np.arange(len(columns)) < linear, values, 1.0)
@@ -122,7 +123,7 @@ def derived_estimates(fit: Fit, data: FitData, input_unit: str, output_unit: str
         gradient.append(np.log(high / low) / (2 * step))
     variances = np.einsum("ij,ik,kj->j", gradient, covariances, gradient)
     parameters = []
-    for item, value, variance in zip(model.elements, element_values(values), variances, strict=True):
+    for item, value, variance in zip(model.elements, elements, variances, strict=True):
         numbers = map(float, (value, *_log_interval(value, 1.96 * np.sqrt(max(variance, 0.0)))))
         unit = unit_of(item.unit, input_unit, output_unit)
         parameters.append(FittedParameter(item.name, item.latex_symbol, unit, *numbers, derived=True))
