@@ -83,9 +83,9 @@ def _attempt(make: Callable[[Path], Any], folder: Path) -> tuple[str | None, Any
 
 @pytest.fixture(scope="session")
 def share_result(tmp_path_factory):
-    """Make things once for all workers of a session, by name."""
-    own = tmp_path_factory.getbasetemp()
-    return SharedResults(own.parent if "PYTEST_XDIST_WORKER" in os.environ else own)
+    """Return what makes results once for all workers of a session, by name."""
+    base = tmp_path_factory.getbasetemp()
+    return SharedResults(base.parent if "PYTEST_XDIST_WORKER" in os.environ else base)
 
 
 @pytest.fixture(scope="session")

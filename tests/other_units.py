@@ -1,4 +1,4 @@
-"""The same experiment by another clock, in other units, turned round or in another order, and what its diagnosis has to say."""
+"""The same experiment with another clock, other units, inverted signs or another order, and its diagnosis."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -25,22 +25,23 @@ KILOGRAMS = {"kg": "{y}", "kg m": "{y}", "m": "1", "m/s^2": "1"}
 
 @dataclass(frozen=True)
 class Units:
-    """Factors from the units of an experiment to the other ones."""
+    """Factors that convert an experiment to another clock and other units."""
 
     clock: float = 1.0
+    """Factor on the time."""
     motion: float = 1.0
-    """Of the input."""
+    """Factor on the input."""
     force: float = 1.0
-    """Of the output."""
+    """Factor on the output."""
     turned: bool = False
     """True if both have the opposite sign."""
     otherwise: bool = False
     """True if the records are in another order and the units have other names."""
 
     def convert(self, record: Record) -> Record:
-        """The record in the other units."""
-        way = -1 if self.turned else 1
-        factors = {"input": way * self.motion, "output": way * self.force, "pivot_acceleration_x": way}
+        """Return the record in the other units."""
+        sign = -1 if self.turned else 1
+        factors = {"input": sign * self.motion, "output": sign * self.force, "pivot_acceleration_x": sign}
         units = {"input": "parsec", "output": "dyn"} if self.otherwise else {}
         channels = {
             role: replace(item, values=item.values * factors.get(role, 1.0), unit=units.get(role, item.unit))
@@ -50,7 +51,7 @@ class Units:
         return replace(record, time=record.time * self.clock, channels=channels, period=period)
 
     def factor(self, unit: str) -> float:
-        """By which a quantity of this unit grows."""
+        """Return the factor on a quantity with this unit."""
         size = Dimension.parse(KILOGRAMS.get(unit, unit))
         return self.motion**size.x * self.force**size.y * self.clock**size.s
 

@@ -96,21 +96,21 @@ def changed(line, row):
 
 
 def test_invalid_records_end_the_run_with_all_faults(folder):
-    """One start of Snakemake tells it of all files; what is refused in one file, tests of its reader ask."""
-    unsound = {
+    """One start of Snakemake reports all files; the tests of each reader check the faults of one file."""
+    invalid = {
         "number": (changed(9, "0.09,abc,0.1"), ("line 11", "'abc'")),
         "uneven": (text(recording()[:100] + recording()[140:]), ("0.41 s", "0.01 s")),
         "clipped": (text(clip_at_median(recording())), ("output: clipped",)),
         "column": (text(recording()).replace("force_N", "Kraft"), ("force_N", "Kraft", "position_mm")),
     }
-    files = {f"{name}.csv": content for name, (content, _) in unsound.items()}
-    config = lab(folder, "unsound", {**files, "sound.csv": text(recording(seed=3))})
+    files = {f"{name}.csv": content for name, (content, _) in invalid.items()}
+    config = lab(folder, "invalid", {**files, "sound.csv": text(recording(seed=3))})
     refused = snakemake(folder, "--cores", "1", "--configfile", config)
     assert refused.status != 0
-    assert f"{len(unsound)} problems" in refused.text
+    assert f"{len(invalid)} problems" in refused.text
     assert "/sound.csv: " not in refused.text
-    assert nothing_written(folder, "unsound")
-    for name, (_, words) in unsound.items():
+    assert nothing_written(folder, "invalid")
+    for name, (_, words) in invalid.items():
         said = refused.text.split(f"/{name}.csv: ")[1].split("  - /")[0]
         for word in words:
             assert word in said, f"{word!r} not in:\n{said[:3000]}"
