@@ -92,6 +92,7 @@ format: environment ## put the sources into the house's format
 docs: environment ## renew the references of configuration keys, effects, the thesis's items and figures
 	python docs/generate/configuration_reference.py
 	python docs/generate/effects_reference.py
+	python docs/generate/laboratory_tests.py
 	PYTHONPATH=docs python -m generate.thesis_items
 	python docs/generate/gallery.py
 	python docs/generate/import_diagram.py
