@@ -23,7 +23,7 @@ SPRING_N_MM, BRANCH_N_MM, RELAXATION_S = 0.3, 0.5, 0.3
 """Parameters of the Kelvin–Boltzmann tissue."""
 FRICTION_N, CUBIC_N_MM3, SECOND_BRANCH_N_MM, SECOND_RELAXATION_S = 0.2, 0.02, 0.25, 3.0
 """Sizes of the effects."""
-SHOWN_S = {name: (10.0, 16.0) for name in ("chirp", "multisine", "prestrain", "two_level", "five_level")}
+SHOWN_S = dict.fromkeys(("chirp", "multisine", "prestrain", "two_level", "five_level"), (10.0, 16.0))
 """Seconds that the pictures of fast motions show; the others show the whole test."""
 COLORS = {
     "Coulomb friction": "#d55e00",
