@@ -202,6 +202,23 @@ def test_points_without_unique_label_are_dropped(tmp_path):
     assert has_tokens(file.dropped["A"], "2 points") and file.dropped["*17"] == file.dropped["point 5"]
 
 
+def test_file_without_any_name_is_rejected_with_a_remedy(tmp_path, points):
+    message = refusal(read_c3d, write(tmp_path, build_c3d(points, ["*0", "*1", "*2"])))
+    assert has_tokens(message, "*0, *1, *2 … unlabelled … label … export")
+
+
+def test_rotation_matrices_after_the_points_are_noted(tmp_path, points):
+    """Two matrices of 4 × 4 elements and a reliability per frame, from the block after the points, as ezc3d writes them."""
+    extra = {"ROTATION:USED": [2.0], "ROTATION:RATIO": [1.0], "ROTATION:DATA_START": [99.0]}
+    blocks = len(build_c3d(points, LABELS, extra=extra)) // 512 + 1
+    content = build_c3d(points, LABELS, extra=extra | {"ROTATION:DATA_START": [blocks + 1.0]})
+    content = content.ljust(512 * blocks, b"\0") + np.ones(40 * 2 * 17, "<f4").tobytes()
+    file = read_c3d(write(tmp_path, content))
+    np.testing.assert_allclose(stacked(file), points, rtol=1e-6)
+    assert has_tokens(" ".join(file.notes), "rotation matrices")
+    assert has_tokens(refusal(read_c3d, write(tmp_path, content[:-700])), "bytes were inserted")
+
+
 @pytest.mark.parametrize(
     ("change", "tokens"),
     [

@@ -209,6 +209,19 @@ def test_vendor_exports_are_recognised(tmp_path, name):
             read_markers(write(tmp_path, broken, name), lumbar.MarkerLayout(check_axes=False))
 
 
+@pytest.mark.parametrize("section", ["Model Outputs", "Joints", "Segments"])
+def test_trajectories_of_nexus_follow_other_sections(tmp_path, section):
+    text = (Path(__file__).parent / "exports" / "nexus.csv").read_text()
+    trajectories = text[text.index("Trajectories") :]
+    other = f"{section}\n100\n,,Anna:Value,,\nFrame,Sub Frame,X,Y,Z\n,,mm,mm,mm\n1,0,1,2,3\n\n"
+    layout = lumbar.MarkerLayout(check_axes=False)
+    recording = read_markers(write(tmp_path, other + trajectories, "export.csv"), layout)
+    assert list(recording.positions) == ["C7", "SACR"]
+    assert has_tokens(
+        refusal(read_markers, write(tmp_path, other, "export.csv"), layout), "export.csv … Trajectories"
+    )
+
+
 def test_joints_of_a_chain(tmp_path):
     recording = read_markers(write(tmp_path, BVH + rows(np.hstack([ROOT, ANGLES])), "walk.bvh"), CENTIMETRES)
     assert list(recording.positions) == ["Hips", "Chest", "Arm", "Arm_end"]

@@ -114,6 +114,15 @@ def test_clock_with_two_digits_is_even(tmp_path):
     np.testing.assert_allclose(file.time, 17.5 + np.arange(300) / 120)
 
 
+def test_rate_of_zero_is_taken_from_the_times(tmp_path):
+    file = read_trc(trc(tmp_path, regular_rows(12, rate=90.0, digits=6), header={"DataRate": "0"}))
+    assert file.rate == 90
+    assert has_tokens(" ".join(file.notes), "DataRate … 90 Hz")
+    uneven = regular_rows(12, rate=90.0, digits=6)
+    del uneven[5]
+    assert has_tokens(refusal(read_trc, trc(tmp_path, uneven, header={"DataRate": "0"})), "frame … clock")
+
+
 def test_missing_samples(tmp_path):
     rows = regular_rows(6)
     rows[2] = "6118\t17.520\t0\t0\t0\t4\t-2\t1000"
@@ -136,7 +145,7 @@ def changed(row, text):
     [
         ({"header": {"NumMarkers": "3"}}, "8 cells … 11 … 3 markers"),
         ({"header": {"NumMarkers": "1"}}, "NumMarkers: 1 … line 4 … 2 markers"),
-        ({"header": {"DataRate": "0"}}, "DataRate: 0 … positive"),
+        ({"header": {"DataRate": "-1"}}, "DataRate: -1 … positive"),
         ({"header": {"DataRate": "inf"}}, "DataRate: inf … 0.001 … 1e+06"),
         ({"header": {"NumFrames": "1e999"}}, "NumFrames: 1e999"),
         ({"rows": changed(4, "6120\t17.54\t1_000\t2\t1450\t4\t-4\t1000")}, "line 11: column 3 … '1_000'"),

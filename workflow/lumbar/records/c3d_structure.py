@@ -35,6 +35,7 @@ _NUMBERS = {
     *("POINT:USED", "POINT:SCALE", "POINT:RATE", "POINT:FRAMES", "POINT:LONG_FRAMES", "POINT:DATA_START"),
     *("ANALOG:USED", "ANALOG:RATE", "ANALOG:GEN_SCALE", "TRIAL:ACTUAL_START_FIELD", "TRIAL:ACTUAL_END_FIELD"),
     *("EVENT:USED", "FORCE_PLATFORM:USED", "FORCE_PLATFORM:ZERO"),
+    *("ROTATION:USED", "ROTATION:DATA_START", "ROTATION:RATIO"),
 }
 """Parameters that must be finite numbers; those in `_TEXTS` must be texts."""
 
@@ -196,10 +197,13 @@ def _read_structure(path: Path, content: mmap.mmap, start: int, processor: int) 
         raise InputError(
             f"{path}: data at byte {structure.data_start}, parameters at {start}, end at {size}; it is cut short or corrupt"
         )
-    if not structure.n_points and analog:
-        raise InputError(
-            f"{path}: no points, only analog channels, as a force plate writes them; give the recording of the markers"
+    if not structure.n_points and (analog or _rotation_bytes(structure)):
+        content_kind = (
+            "rotation matrices; export joint centres or markers as points"
+            if _rotation_bytes(structure)
+            else "analog channels, as a force plate writes them; give the recording of the markers"
         )
+        raise InputError(f"{path}: no points, only {content_kind}")
     _check_agreement(path, structure)
     structure.n_frames = _count_frames(path, structure)
     if parameters.get("TRIAL:ACTUAL_START_FIELD"):
@@ -425,6 +429,13 @@ def _check_size(path: Path, content: mmap.mmap, structure: C3dStructure) -> None
     is_padded = len(rest) < BLOCK and not structure.size % BLOCK
     if is_padded or available in {frames * frame_bytes for frames in _stated_frames(structure).values()}:
         return
+    if rotations := _rotation_bytes(structure):
+        # Padding of the points' last block and of the file's last block.
+        start = (int(structure.parameters["ROTATION:DATA_START"][0]) - 1) * BLOCK
+        padding = start - (structure.size - len(rest)), structure.size - start - rotations
+        if all(0 <= size < BLOCK for size in padding):
+            structure.notes.append("rotation matrices after the points were not read")
+            return
     problem = f"{len(rest)} bytes follow the last of {structure.n_frames} frames"
     # A writer pads with equal bytes; by chance, so may be the last number, pushed out by an inserted one.
     if structure.size % BLOCK and len(set(rest)) > 1:
@@ -432,3 +443,12 @@ def _check_size(path: Path, content: mmap.mmap, structure: C3dStructure) -> None
             f"{path}: {problem}, and do not fill a block of {BLOCK}: bytes were inserted into the file; copy or export it again"
         )
     structure.notes.append(f"{problem} and were not read: if bytes were inserted, coordinates are displaced")
+
+
+def _rotation_bytes(structure: C3dStructure) -> int:
+    """Return the size of the rotation matrices that follow the points: 16 elements and a reliability each, as 4-byte reals."""
+    used, start, ratio = (
+        int((structure.parameters.get(f"ROTATION:{name}") or [default])[0]) % 65536
+        for name, default in (("USED", 0), ("DATA_START", 0), ("RATIO", 1))
+    )
+    return used * ratio * structure.n_frames * 17 * 4 if start else 0

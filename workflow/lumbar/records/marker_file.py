@@ -96,6 +96,8 @@ _NON_POSITION_LABELS = (
     (re.compile(r"Powers?(\W.*)?$"), "power, not a position"),
 )
 _CENTRE_OF_MASS = re.compile(r"^(Cent(re|er)OfMass(Floor)?|CoM|COM)$")
+UNLABELLED = "trajectory without a label"
+"""Reason why a trajectory is dropped."""
 _UNLABELLED = re.compile(r"^(\*\d*|[CU]_\d+|uname\*?\d*|Unlabell?ed.*)$", re.IGNORECASE)
 _SEGMENT_AXES = "OALP"
 """Last letters of the labels of a segment's origin and the ends of its three axes in Plug-in Gait."""
@@ -131,7 +133,7 @@ def split_points(
         if label in listed:
             dropped[label] = listed[label]
         elif not label or _UNLABELLED.match(name):
-            dropped[label or f"point {index + 1}"] = "trajectory without a label"
+            dropped[label or f"point {index + 1}"] = UNLABELLED
         elif counts[label] > 1:
             dropped[label] = f"label used for {counts[label]} points"
         elif reason := next((reason for ending, reason in _NON_POSITION_LABELS if ending.search(name)), None):
@@ -207,3 +209,40 @@ def check_even(source: str, printed: np.ndarray, even: np.ndarray, rate: float, 
             f"{source}: frame {worst + 1} is at {printed[worst]:g} s; at {rate:g} Hz it would be at {even[worst]:g} s: the "
             "clock is not even, the rate is another, or frames are missing"
         )
+
+
+def even_clock(source: str, printed: np.ndarray, declared: float | None = None) -> tuple[np.ndarray, float]:
+    """Return the times of an even clock in seconds, shape (n_frames,), and its rate, from printed times.
+
+    Parameters
+    ----------
+    source : str
+        The file, for messages.
+    printed : ndarray, shape (n_frames,)
+        Printed times in seconds.
+    declared : float, optional
+        Rate of the settings, ``markers.rate_Hz``, which must agree.
+
+    Raises
+    ------
+    InputError
+        If a frame has no time, time does not increase, the declared rate differs, or the clock is not even.
+    """
+    if not np.isfinite(printed).all():
+        raise InputError(f"{source}: frame {int((~np.isfinite(printed)).argmax()) + 1} has no time")
+    span = printed[-1] - printed[0]
+    if not span > 0:
+        raise InputError(f"{source}: time runs from {printed[0]:g} to {printed[-1]:g} s; it must increase")
+    frames = np.arange(len(printed))
+    rate = (len(printed) - 1) / span
+    whole = round(rate)
+    # A whole rate is detected even if the times are printed with few digits.
+    if whole and np.abs(printed - printed[0] - frames / whole).max() * whole <= CLOCK_TOLERANCE:
+        rate = float(whole)
+    if declared is not None and not np.isclose(declared, rate, rtol=1e-2):
+        raise InputError(
+            f"{source}: times run at {rate:g} Hz, but markers.rate_Hz is {declared:g}; set it to null"
+        )
+    even = printed[0] + frames / rate
+    check_even(source, printed, even, rate)
+    return even, rate

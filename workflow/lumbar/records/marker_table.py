@@ -25,13 +25,12 @@ from lumbar.base.errors import InputError, Problems
 from lumbar.records.marker_file import (
     MarkerFile,
     NoMarkersError,
-    check_even,
+    even_clock,
     mark_missing,
     read_frames,
     split_points,
 )
 from lumbar.records.number_table import Dialect, Row, decode_lines, split_rows
-from lumbar.records.record import CLOCK_TOLERANCE
 
 _TIME = re.compile(r"^(?:time|t|zeit)[\s_]*[\[(]?(s|sec|ms|)[\])]?$", re.IGNORECASE)
 _FRAME = re.compile(r"^(frame|frame#|index|sample)$", re.IGNORECASE)
@@ -86,7 +85,7 @@ def read_marker_table(path: str | os.PathLike, rate: float | None = None) -> Mar
     frames = read_frames(table.rows, len(table.header), str(path), dialect)
     rate = rate or table.rate
     if columns.time is not None:
-        times, rate = _even_clock(path, frames[:, columns.time] * columns.seconds, rate)
+        times, rate = even_clock(str(path), frames[:, columns.time] * columns.seconds, rate)
     elif rate is not None:
         times = np.arange(len(frames)) / rate
     else:
@@ -167,34 +166,11 @@ def _join_names(markers: list[str], axes: list[str]) -> list[str]:
     return names
 
 
-def _even_clock(path: Path, printed: np.ndarray, declared: float | None) -> tuple[np.ndarray, float]:
-    """Return the times of an even clock, shape (n_frames,) in seconds, and its rate, checked against printed times.
-
-    A declared rate (``markers.rate_Hz``) must agree.
-    """
-    if not np.isfinite(printed).all():
-        raise InputError(f"{path}: frame {int((~np.isfinite(printed)).argmax()) + 1} has no time")
-    span = printed[-1] - printed[0]
-    if not span > 0:
-        raise InputError(f"{path}: time runs from {printed[0]:g} to {printed[-1]:g} s; it must increase")
-    frames = np.arange(len(printed))
-    rate = (len(printed) - 1) / span
-    whole = round(rate)
-    # A whole rate is detected even if the times are printed with few digits.
-    if whole and np.abs(printed - printed[0] - frames / whole).max() * whole <= CLOCK_TOLERANCE:
-        rate = float(whole)
-    if declared is not None and not np.isclose(declared, rate, rtol=1e-2):
-        raise InputError(
-            f"{path}: times run at {rate:g} Hz, but markers.rate_Hz is {declared:g}; set it to null"
-        )
-    even = printed[0] + frames / rate
-    check_even(str(path), printed, even, rate)
-    return even, rate
-
-
 def _read_nexus(rows: Sequence[Row]) -> _Table:
-    """Read a Nexus table: rate, markers, axes, units, then frames up to the next section."""
-    begins = next(place for place, row in enumerate(rows) if row.cells[0] == "Trajectories") + 1
+    """Read the trajectories of a Nexus table: rate, markers, axes, units, then frames up to the next section."""
+    begins = next((place for place, row in enumerate(rows, 1) if row.cells[0] == "Trajectories"), None)
+    if begins is None:
+        raise LookupError("no section Trajectories")
     (rate, *_), markers, axes, units = (row.cells for row in rows[begins : begins + 4])
     header = ["time_s", *(name if name[-2:-1] == "_" else "" for name in _join_names(markers, axes)[1:])]
     numbered = takewhile(lambda row: row.cells[0].isdigit() and len(row.cells) > 1, rows[begins + 4 :])
@@ -240,7 +216,9 @@ def _trim(rows: Sequence[Row], width: int, announced: str = "") -> list[Row]:
     return [Row(line, [*cells[:width], *filter(None, cells[width:])]) for line, cells in rows]
 
 
-_VENDORS = dict.fromkeys(("Devices", "Trajectories"), ("Vicon Nexus", _read_nexus)) | {
+_NEXUS_SECTIONS = ("Devices", "Joints", "Model Outputs", "Segments", "Trajectories")
+"""First cells of the sections of a Nexus table; the user chooses which are written."""
+_VENDORS = dict.fromkeys(_NEXUS_SECTIONS, ("Vicon Nexus", _read_nexus)) | {
     "Format Version": ("Motive", _read_motive),
     "NO_OF_FRAMES": ("Qualisys Track Manager", _read_qualisys),
 }

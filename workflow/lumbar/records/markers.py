@@ -9,6 +9,7 @@ R_; BOX_1, BOX_2 and so on for markers on the box.
 import os
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +17,7 @@ import numpy as np
 from lumbar.base.errors import InputError
 from lumbar.base.files import require_file
 from lumbar.records.child_process import read_in_child
-from lumbar.records.marker_file import MarkerFile, RecordedEvent
+from lumbar.records.marker_file import UNLABELLED, MarkerFile, RecordedEvent
 from lumbar.records.unpacking import ending_of, read_readable, stem_of
 from lumbar.settings.layout import MarkerLayout
 
@@ -158,6 +159,11 @@ def read_markers(
         points, omitted = screen(points, time, rate)
         points = {label: values for label, values in points.items() if not np.isnan(values).all()}
         dropped = dropped | omitted
+    if not points and set(dropped.values()) == {UNLABELLED}:
+        raise InputError(
+            f"{file.source}: no trajectory has a name ({', '.join(islice(dropped, 3))}, … are unlabelled); label them in the "
+            "capture software and export again"
+        )
     if not points:
         raise InputError(f"{file.source}: no marker was seen; left out: {', '.join(dropped) or 'none'}")
     _check_spread(points, file)

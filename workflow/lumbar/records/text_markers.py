@@ -21,6 +21,7 @@ from lumbar.records.marker_file import (
     RATES_HZ,
     MarkerFile,
     check_even,
+    even_clock,
     mark_missing,
     read_frames,
     split_points,
@@ -57,19 +58,15 @@ def read_trc(path: str | os.PathLike) -> MarkerFile:
     rows = [Row(row.line, row.cells[columns]) for row in rows]
     frames = read_frames(rows, 2 + 3 * len(labels), str(path), dialect)
     _check_frames(path, frames, rows, header)
-    # Times of the frames at the stated rate, compared with the printed ones. A printed time is off by half its last digit; a
-    # rate printed with few digits drifts over a recording.
-    steps = np.arange(len(frames)) / header.rate
-    even = np.median(frames[:, 1] - steps) + steps
-    decimals = min(max(len(row.cells[1].partition(".")[2]) for row in rows), 300)
-    check_even(str(path), frames[:, 1], even, header.rate, 10.0**-decimals / 2 + _RATE_TOLERANCE * steps[-1])
+    even, rate, notes = _read_clock(path, frames[:, 1], rows, header)
     points = mark_missing(frames[:, 2:].reshape(len(frames), len(labels), 3))
-    return split_points(MarkerFile(str(path), even, header.rate, header.unit), labels, points)
+    return split_points(MarkerFile(str(path), even, rate, header.unit, notes=notes), labels, points)
 
 
 @dataclass(frozen=True)
 class _Header:
     rate: float
+    """Frames per second; 0 if the file states none."""
     n_frames: float
     n_markers: int
     unit: str
@@ -98,7 +95,8 @@ def _read_header(path: Path, lines: list[str]) -> _Header:
     for key, (low, high) in {"DataRate": RATES_HZ, "NumFrames": (1, 1e9), "NumMarkers": (1, 1e5)}.items():
         try:
             numbers[key] = parse_number(stated[key])
-            if not low <= numbers[key] <= high:
+            has_no_rate = key == "DataRate" and numbers[key] == 0  # OpenSim Moco
+            if not (low <= numbers[key] <= high or has_no_rate):
                 problems.add(key, stated[key], f"a positive number is needed, {low:g} to {high:g}")
         except KeyError:
             problems.add("", f"no {key}")
@@ -171,6 +169,22 @@ def _find_columns(path: Path, rows: list[Row], width: int, n_markers: int) -> sl
             problems.add(f"line {line}", f"{len(cells)} cells", remedy)
     problems.raise_if_any()
     return slice(first, last)
+
+
+def _read_clock(
+    path: Path, printed: np.ndarray, rows: list[Row], header: _Header
+) -> tuple[np.ndarray, float, tuple[str, ...]]:
+    """Return the times of an even clock, its rate, and a note if the header states no rate."""
+    if not header.rate:
+        even, rate = even_clock(str(path), printed)
+        return even, rate, (f"DataRate is 0; the times run at {rate:g} Hz, which was taken",)
+    # Times of the frames at the stated rate, compared with the printed ones. A printed time is off by half its last digit; a
+    # rate printed with few digits drifts over a recording.
+    steps = np.arange(len(printed)) / header.rate
+    even = np.median(printed - steps) + steps
+    decimals = min(max(len(row.cells[1].partition(".")[2]) for row in rows), 300)
+    check_even(str(path), printed, even, header.rate, 10.0**-decimals / 2 + _RATE_TOLERANCE * steps[-1])
+    return even, header.rate, ()
 
 
 _CHANNELS = [f"{axis}{kind}" for kind in ("position", "rotation") for axis in "XYZ"]
