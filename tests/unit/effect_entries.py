@@ -19,6 +19,12 @@ BASE_NUMBERS = {
     "pendulum": ([0.002, 0.02, -0.9], []),
 }
 
+QUASI_LINEAR_NUMBERS = {
+    "QLV": ([0.5, 2.0], [0.8, 0.04]),
+    "QLV-2": ([0.5, 2.0, 3.0], [0.8, 0.02, 0.5]),
+    "QLV-power": ([0.6], [0.8, 0.01, 0.2]),
+}
+"""Linear and nonlinear parameters of the quasi-linear bases."""
 FORM_NUMBERS = yaml.safe_load(Path(__file__).with_name("effect_numbers.yaml").read_text(encoding="utf-8"))
 
 
@@ -52,7 +58,7 @@ def records_of_effect(key: str) -> list:
 
 def entry_of_effects(base: str, added: dict[str, tuple[list, list]], catalogue) -> dict:
     """Entry of a base with effects: linear and nonlinear parameters by key of the form, in its own order."""
-    found = [("", BASES[base], BASE_NUMBERS[base])]
+    found = [("", BASES[base], {**BASE_NUMBERS, **QUASI_LINEAR_NUMBERS}[base])]
     for key, numbers in added.items():
         effect, form = key.split("/")
         found.append((effect, next(item for item in catalogue[effect].forms if item.name == form), numbers))

@@ -97,7 +97,19 @@ class TissueSettings(Section):
 
 
 TissueBase = Literal[
-    "auto", "LE", "Maxwell", "KV", "KB", "KV-mass", "KB-mass", "LE-contact", "KV-contact", "KB-contact"
+    "auto",
+    "LE",
+    "Maxwell",
+    "KV",
+    "KB",
+    "KV-mass",
+    "KB-mass",
+    "QLV",
+    "QLV-2",
+    "QLV-power",
+    "LE-contact",
+    "KV-contact",
+    "KB-contact",
 ]
 """Bases of a tissue that a study may name."""
 BASE_NAMES = (*get_args(TissueBase), "pendulum")
@@ -164,7 +176,8 @@ class ImprovementSettings(Section):
     """Comparing, diagnosing and refining models of tissue tests."""
 
     base: TissueBase | BaseFile = "auto"
-    """Base model to which effects are added; auto chooses it by the data. Names with -mass move a mass; names
+    """Base model to which effects are added; auto chooses it by the data. Names with -mass move a mass; QLV
+    (quasi-linear viscoelasticity) is Fung's exponential times a relaxation: one branch, two, or a power law; names
     with -contact are for a tool that is not fastened to the tissue. A user-defined base is a file, BASE.yaml,
     relative to the project."""
     train: str | Unique[str] | None = None

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import sympy
 from c_programs import NEGLIGIBLE, ON_LINUX, CModel
-from effect_entries import BASE_NUMBERS, COMBINATIONS, FORM_NUMBERS, effect_entry
+from effect_entries import BASE_NUMBERS, COMBINATIONS, FORM_NUMBERS, QUASI_LINEAR_NUMBERS, effect_entry
 from runtime_models import exported, random_motion
 from sympy.core.function import AppliedUndef
 from sympy.parsing.latex import parse_latex_lark
@@ -125,6 +125,7 @@ STRUCTURES = [
 WITH_HAND_WRITTEN = [
     ("KB", *sorted(STEPPED)[:3]),
     *(("LE", key) for key in sorted(STEPPED)[3:]),
+    *((base,) for base in QUASI_LINEAR_NUMBERS),
     *COMBINATIONS,
 ]
 
@@ -137,7 +138,9 @@ def c_folder(tmp_path_factory):
 
 def test_list_of_hand_written_forms_is_complete():
     assert {key for key, form in EVERY_FORM.items() if form.hand_written} == HAND_WRITTEN | CONTACTS
-    assert {key for key, form in EVERY_FORM.items() if form.c_solution} == CLOSED_FORMS
+    assert {key for key, form in EVERY_FORM.items() if form.c_solution} == CLOSED_FORMS | {
+        f"base/{name}" for name in QUASI_LINEAR_NUMBERS
+    }
     assert set(FORM_NUMBERS) == set(FORMS)
     in_c = {key for key, form in EVERY_FORM.items() if not form.channels and form.c_step is not None}
     assert {key for key, form in EVERY_FORM.items() if not form.channels} - in_c == CONTACTS

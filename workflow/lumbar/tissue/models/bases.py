@@ -1,6 +1,6 @@
 """Base models that effects are added to: linear in all parameters but their time constants."""
 
-from collections.abc import Callable, Hashable, Mapping
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -10,7 +10,7 @@ import numpy as np
 
 from lumbar.base.yaml_file import shipped_yaml
 from lumbar.tissue.models.form import Form, HandWritten, LinearParameter, NonlinearParameter, Place
-from lumbar.tissue.models.motion import Motion
+from lumbar.tissue.models.motion import SUBSTEPS, Motion
 from lumbar.tissue.models.operators import relaxation, surface_of_branch, surface_of_dashpot
 
 _RESPONSES = {"tissue": "F", "pendulum": "M"}  # symbol of the response of a base of each system
@@ -61,6 +61,11 @@ class Base:
         return self.touching is not None
 
     @property
+    def is_quasi_linear(self) -> bool:
+        """True for a nonlinear elastic response times a reduced relaxation (`QUASI_LINEAR`)."""
+        return self.name in QUASI_LINEAR
+
+    @property
     def is_user_defined(self) -> bool:
         """True if the base is user-defined, from any input to any response."""
         return self.definition is not None
@@ -89,6 +94,65 @@ def elongation(motion: Motion, nonlinear: np.ndarray) -> tuple[np.ndarray]:
     return (relaxation(motion, nonlinear[0]),)
 
 
+_MIN_CORNER_RATIO = 6.0
+"""Smallest ratio of the largest second difference of a position to their RMS if it has corners, e.g. ramps and holds."""
+
+
+def _exponential(motion: Motion, length: float) -> Motion:
+    """Return a motion with the position z replaced by Fung's exponential, sign(z)(e^(|z|/length) − 1).
+
+    A position with corners is linear between samples: a spline would ring, and an exponential enlarges it.
+    """
+
+    def respond(position: np.ndarray) -> np.ndarray:
+        return np.sign(position) * np.expm1(np.abs(position) / length)
+
+    def compute() -> Motion:
+        between = motion.between
+        if motion.smooth:
+            bends = np.abs(np.diff(motion.position, 2))
+            if bends.max(initial=0) <= _MIN_CORNER_RATIO * np.sqrt(np.mean(bends**2)):
+                between = motion.finer.position
+            else:
+                samples = np.arange(len(motion))
+                finer = np.arange(1 + (len(motion) - 1) * SUBSTEPS) / SUBSTEPS
+                between = np.interp(finer, samples, motion.position)
+        response = respond(motion.position)
+        return motion.replace_position(response, None if between is None else respond(between))
+
+    return motion.cache.compute_at("Fung's exponential", np.array([length]), compute)
+
+
+def _quasi_linear(times: Callable[[np.ndarray], Sequence[float]], c_times: Sequence[str]) -> dict[str, Any]:
+    """Return the states of a quasi-linear base in closed form, in Python and C.
+
+    They are exact for an elastic response that is linear between samples.
+
+    Parameters
+    ----------
+    times : callable
+        Function from the nonlinear parameters after the length to the relaxation times in seconds.
+    c_times : sequence of str
+        The relaxation times in C.
+    """
+
+    def solution(motion: Motion, nonlinear: np.ndarray) -> tuple[np.ndarray, ...]:
+        response = _exponential(motion, nonlinear[0])
+        return tuple(relaxation(response, time) for time in times(nonlinear[1:]))
+
+    lines = [
+        "const double before = position - step;",
+        "const double increment = sign(position) * portable_expm1(fabs(position) / hardening_length)",
+        "    - sign(before) * portable_expm1(fabs(before) / hardening_length);",
+    ]
+    for row, time in enumerate(c_times):
+        decay = f"-sampling_time / ({time})"
+        lines.append(
+            f"next[{row}] = (1.0 + portable_expm1({decay})) * memory[{row}] + phi1({decay}) * increment;"
+        )
+    return {"solution": solution, "c_solution": "\n".join(lines)}
+
+
 def _branch_contact(motion: Motion, nonlinear: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the force of KB in contact divided by its spring stiffness, and True while the tool touches the tissue."""
     ratio, time_constant = nonlinear
@@ -114,6 +178,18 @@ _HAND_WRITTEN = {
     "KV-contact": HandWritten(columns=lambda motion, nonlinear: [_dashpot_contact(motion, nonlinear)[0]]),
     "KB-contact": HandWritten(columns=lambda motion, nonlinear: [_branch_contact(motion, nonlinear)[0]]),
 }
+_POWER_LAW_BRANCHES = 10  # each is four times as slow as the one before
+_SOLUTIONS: dict[str, dict[str, Any]] = {
+    "Maxwell": {"solution": elongation},
+    "KB": {"solution": elongation},
+    "KB-mass": {"solution": elongation},
+    "QLV": _quasi_linear(tuple, ["relaxation_time"]),
+    "QLV-2": _quasi_linear(tuple, ["relaxation_time_1", "relaxation_time_2"]),
+    "QLV-power": _quasi_linear(
+        lambda nonlinear: [4**n * nonlinear[0] for n in range(_POWER_LAW_BRANCHES)],
+        [f"{4**n} * shortest_time" for n in range(_POWER_LAW_BRANCHES)],
+    ),
+}
 _TOUCHING: dict[str, Callable[[Any, np.ndarray], np.ndarray]] = {
     "LE-contact": lambda motion, nonlinear: motion.position > 0,
     "KV-contact": lambda motion, nonlinear: _dashpot_contact(motion, nonlinear)[1],
@@ -122,7 +198,7 @@ _TOUCHING: dict[str, Callable[[Any, np.ndarray], np.ndarray]] = {
 
 
 def _base(name: str, equation: str, parameters: Mapping, state: Mapping | None = None, **facts) -> Base:
-    """Return a base of ``bases.yaml`` with its hand-written parts. A state, if any, is the elongation of a Maxwell branch."""
+    """Return a base of ``bases.yaml`` with its hand-written parts."""
     linear, nonlinear = [], []
     for symbol, item in parameters.items():
         if "scale" in item:
@@ -136,7 +212,7 @@ def _base(name: str, equation: str, parameters: Mapping, state: Mapping | None =
         tuple(linear),
         tuple(nonlinear),
         state=tuple((state or {}).items()),
-        solution=elongation if state else None,
+        **_SOLUTIONS.get(name, {}),
         hand_written=_HAND_WRITTEN.get(name),
         effect="base",
     )
@@ -154,5 +230,7 @@ straight down (hanging, as published), −m g ℓ < 0 if from straight up (inver
 """
 
 
+QUASI_LINEAR = ("QLV", "QLV-2", "QLV-power")
+"""Bases of quasi-linear viscoelasticity (Fung 1993, section 7.6), those with fewer states first."""
 CHOSEN_BY_DATA = "auto"
 """Value of the base setting with which the data decide the base of a tissue."""

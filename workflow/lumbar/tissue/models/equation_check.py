@@ -24,13 +24,15 @@ _SLOPE_SIGNALS = ("z", "v", "theta", "theta_dot")
 _FINITE = "write tanh(v/vs) for sign(v), sqrt(v**2 + e**2) for abs(v) in a root or a divisor, and do not divide by 0 at rest"
 
 
-def check_equation(equation: Equation) -> Faults:
+def check_equation(equation: Equation, solved: bool = False) -> Faults:
     """Return the faults in the text of an equation or in its symbols.
 
     Parameters
     ----------
     equation : Equation
         Equation as written, not yet read.
+    solved : bool, optional
+        True if the states have a closed form, in C too; then there may be any number.
     """
     declared = [item.symbol for item in equation.declared] + [name for name, _ in equation.states]
     faults: Faults = [("symbol", fault) for fault in _wrong_declarations(declared)]
@@ -51,7 +53,7 @@ def check_equation(equation: Equation) -> Faults:
             faults.append((key, str(error)))
     for key, tree in trees.items():
         faults += [(key, fault) for fault in _unknown_symbols(equation, declared, key, symbols(tree))]
-    if len(equation.states) > MOST_STATES:
+    if len(equation.states) > MOST_STATES and not solved:
         faults.append(("state", f"{len(equation.states)} states; at most {MOST_STATES} are allowed"))
     if faults:
         return faults

@@ -108,6 +108,8 @@ class FittedModel(ModelData):
             reason = f"no transfer function can represent its effects ({', '.join(structure.effects)})"
         elif base.contact:
             reason = "no transfer function can represent a contact that is lost"
+        elif base.is_quasi_linear:
+            reason = "no transfer function can represent a nonlinear elastic response"
         if reason:
             raise NumericalError(f"{self.name}: {reason}")
         if base.is_user_defined:

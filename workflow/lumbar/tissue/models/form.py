@@ -160,7 +160,7 @@ class Form:
             return []
         if self.place is Place.INPUT:
             return [("place", "no equation transforms a motion; a form at the input is hand-written")]
-        problems = check_equation(self._unchecked)
+        problems = check_equation(self._unchecked, bool(self.solution and self.c_solution))
         if not problems and not self.axes:
             at_rest = check_at_rest(self._unchecked)
             problems = [(key, f"form {self.name}: {problem}") for key, problem in at_rest]
