@@ -53,15 +53,16 @@ def test_power_law_is_its_closed_form():
 
 def test_an_exponential_and_a_power_law_are_found_to_the_noise():
     """One ramp and hold at 2 Hz; the relaxation is (t + 0.02 s)^-0.2, the exponential's length 0.5 mm."""
-    fine = np.arange(1200) / 20
-    response = np.expm1(2 * np.clip(fine / 6, 0, 1) / 0.5)
-    relaxed = fftconvolve(np.diff(response, prepend=0), (fine + 0.02) ** -0.2)[: len(fine)][::10]
+    fine, every = np.arange(60_000) / 1000, slice(None, None, 500)
+    position = 2 * np.clip(fine / 6, 0, 1)
+    middle = (fine + 0.0205) ** -0.2
+    force = np.append(0, fftconvolve(np.diff(np.expm1(position / 0.5)), middle)[: len(fine) - 1])
     noise = 0.03 * np.random.default_rng(8).standard_normal(120)
     channels = {
-        "input": Channel(2 * np.clip(fine[::10] / 6, 0, 1), "position", "mm"),
-        "output": Channel(relaxed * 10 / np.expm1(4) + noise, "force", "N"),
+        "input": Channel(position[every], "position", "mm"),
+        "output": Channel(force[every] * 10 / np.expm1(4) + noise, "force", "N"),
     }
-    refined = lumbar.refine([Record("ramp", fine[::10], channels)], [], base="QLV-power")
+    refined = lumbar.refine([Record("ramp", fine[every], channels)], [], base="QLV-power")
     assert refined.path[-1].train_rms < 0.035
     for name, true in (("hardening_length", 0.5), ("order", 0.2)):
         found = refined.model[name]
