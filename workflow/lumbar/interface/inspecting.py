@@ -14,7 +14,7 @@ from lumbar.interface.lift import Lift, lift
 from lumbar.interface.reading import read
 from lumbar.lifting.movement.lift_analysis import NEW_STUDY, analyse_lift
 from lumbar.lifting.movement.rigid_filling import BodyFilling
-from lumbar.lifting.quality.body import THIGH, find_body_axes, landmarks
+from lumbar.lifting.quality.body import THIGH, landmarks
 from lumbar.lifting.quality.gate import usable_markers
 from lumbar.lifting.quality.screening import (
     QualitySheet,
@@ -24,7 +24,7 @@ from lumbar.lifting.quality.screening import (
     quality_sheet,
     sheet_of,
 )
-from lumbar.records.marker_axes import check_axes, rotation_to_standard
+from lumbar.records.marker_axes import check_axes, find_axes, rotation_to_standard
 from lumbar.records.markers import MarkerRecording, read_markers
 from lumbar.records.unpacking import ending_of
 from lumbar.settings.lifting import REFINING, LiftingSettings, SubjectSettings, TrialSettings
@@ -68,7 +68,7 @@ def inspect(
     >>> report.sheet.findings
     ()
     >>> print(report.axes)
-    up +z, forward +y
+    up +z, forward +y (7 pairs of left and right markers, 7 of front and back)
     """
     path = Path(path)
     if path.is_dir():
@@ -81,11 +81,12 @@ def inspect(
     named = {label: name for name, label in landmarks(usable, meant_labels(layout.aliases, usable)).items()}
     step = max(1, max(map(len, usable.values()), default=0) // _MAX_FRAMES)
     rotation = rotation_to_standard(layout.up, layout.forward)
-    body_axes = find_body_axes({label: usable[label][::step] @ rotation for label in named}, named)
-    up, forward = body_axes or (layout.up, layout.forward)
-    axes = f"up {up}, forward {forward}"
-    if body_axes is None:
-        axes += " by the settings; the labels do not show the body's"
+    body_axes = find_axes({name: usable[label][::step] @ rotation for label, name in named.items()})
+    up, forward = layout.up, layout.forward
+    if body_axes and body_axes.forward:
+        up, forward, axes = body_axes.up, body_axes.forward, str(body_axes)
+    else:
+        axes = f"{body_axes or 'not known from the labels'}; up {up} and forward {forward} of the settings are assumed"
     is_rotated = (up, forward) != (layout.up, layout.forward)
     markers = layout.model_copy(update={"up": up, "forward": forward})
     rotated = chosen.model_copy(update={"markers": markers})
@@ -94,7 +95,7 @@ def inspect(
         chosen, file = rotated, _read(path, rotated, height_m)
     pipeline = _run_pipeline(path, file, chosen)
     if is_rotated and settings is not None:
-        axes += f" by the body, but up {layout.up} and forward {layout.forward} in the settings"
+        axes += f", but up {layout.up} and forward {layout.forward} in the settings"
         file = _read(path, rotated, height_m)
     recording, screening = file.recording, file.screening
     return InspectionReport(

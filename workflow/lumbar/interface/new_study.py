@@ -19,7 +19,7 @@ from lumbar.base.yaml_file import shipped_yaml
 from lumbar.interface.reading import MARKER_ENDINGS
 from lumbar.lifting.quality.body import THIGH, landmarks
 from lumbar.records.marker_aliases import resolve_aliases
-from lumbar.records.marker_axes import find_axes
+from lumbar.records.marker_axes import BodyAxes, find_axes
 from lumbar.records.marker_file import NoMarkersError
 from lumbar.records.markers import METRES, MarkerRecording, read_markers
 from lumbar.records.unpacking import ending_of
@@ -48,8 +48,8 @@ class MarkerSet:
 
     aliases: dict[str, Alias]
     """Label or rule by standard name."""
-    axes: tuple[str, str] | None
-    """Axes up and forward, see `lumbar.records.marker_axes.find_axes`."""
+    axes: BodyAxes | None
+    """Axes of the file; None if the labels do not show them."""
     joints: bool = False
     """True if the file has joint centres instead of markers on the skin."""
 
@@ -240,7 +240,8 @@ def new_study(folder: str | os.PathLike, name: str | None = None) -> NewStudy:
     people: dict[str, list[FolderRecording]] = {}
     for item in sorted(valid, key=lambda one: one.person):
         people.setdefault(item.person, []).append(item)
-    up, forward = next((item.set.axes for item in valid if item.set.axes), (FILL_IN, FILL_IN))
+    axes = [item.set.axes for item in valid if item.set.axes]
+    forward = next((item.forward for item in axes if item.forward), FILL_IN)
     study = _render(
         "new_study.yaml.jinja",
         name=name,
@@ -249,8 +250,9 @@ def new_study(folder: str | os.PathLike, name: str | None = None) -> NewStudy:
         unread=[item for item in recordings if item.problem],
         people=list(people),
         states_unit=all(item.states_unit for item in valid),
-        up=up,
+        up=axes[0].up if axes else FILL_IN,
         forward=forward,
+        evidence=next(iter(axes), ""),
         has_ankles=all({"L_ANKLE", "R_ANKLE"} <= item.set.aliases.keys() for item in valid),
         aliases=_alias_lines([item.set for item in valid]),
     )

@@ -1,14 +1,17 @@
 """Axes of a marker file: rotation to x lateral (right), y forward, z up, and comparison with the body."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from lumbar.base.errors import InputError
-from lumbar.settings.layout import MarkerLayout
+from lumbar.settings.layout import Axis, MarkerLayout
 
-_TRUNK = ("C7", "T12", "MANUBRIUM", "XIPHOID", "L_SHOULDER", "R_SHOULDER", "SACRUM", "L5", "L_HIP", "R_HIP")
 _FEET = ("L_ANKLE", "R_ANKLE", "L_HEEL", "R_HEEL", "L_TOE", "R_TOE")
+_AXES: tuple[tuple[Axis, Axis], ...] = (("-x", "+x"), ("-y", "+y"), ("-z", "+z"))
 _TRUNK_TOP = ("C7", "MANUBRIUM", "XIPHOID", "L_SHOULDER", "R_SHOULDER")
 _PELVIS = ("SACRUM", "L5", "L_HIP", "R_HIP", "L_ASIS", "R_ASIS", "L_PSIS", "R_PSIS")
+_TRUNK = ("T12", *_TRUNK_TOP, *_PELVIS)
 _SIDE_PAIRS = tuple((f"L_{part}", f"R_{part}") for part in ("SHOULDER", "HIP", "ANKLE", "HEEL", "TOE"))
 _FEET_PAIRS = (("L_HEEL", "L_TOE"), ("R_HEEL", "R_TOE"))
 _PELVIS_PAIRS = (("SACRUM", "L_ASIS"), ("SACRUM", "R_ASIS"), ("L_PSIS", "L_ASIS"), ("R_PSIS", "R_ASIS"))
@@ -21,15 +24,29 @@ _FACING_PAIRS = (
 """Pairs of a rear and a front marker with a description, the most reliable first."""
 _FRONT_PAIRS = (*_PELVIS_PAIRS, ("C7", "MANUBRIUM"), *_FEET_PAIRS)
 """Pairs of a rear and a front marker of trunk and feet."""
+_ALL_SIDE_PAIRS = (
+    *_SIDE_PAIRS,
+    *((f"L_{part}", f"R_{part}") for part in ("ASIS", "PSIS", "KNEE", "ELBOW")),
+)
+_MIN_PAIR_DISTANCE_M = 0.02
+"""Smallest horizontal distance of a pair that shows a direction."""
 _MIN_LEVEL_SHARE = 0.7
 """Smallest horizontal share of a vector that shows the direction in which a body faces."""
+_MAX_TURN_DEG = 15.0
+"""Largest angle between the body and an axis of the file that is not reported."""
 _MIN_CONTRADICTION_RATIO = 2.0
 """Smallest ratio of the length along another axis to the length along the declared axis that contradicts the declared axis;
 a bent trunk or a rotated foot has a smaller ratio."""
 
 
-def _axis_vector(axis: str) -> np.ndarray:
-    """Return the unit vector, shape (3,), of a signed axis, e.g. ``"+z"``."""
+def axis_vector(axis: str) -> np.ndarray:
+    """Return the unit vector, shape (3,), of a signed axis.
+
+    Parameters
+    ----------
+    axis : str
+        The axis, e.g. ``"+z"``.
+    """
     vector = np.zeros(3)
     vector["xyz".index(axis[1])] = 1.0 if axis[0] == "+" else -1.0
     return vector
@@ -48,7 +65,7 @@ def rotation_to_standard(up: str, forward: str) -> np.ndarray:
     InputError
         If both axes are along the same line.
     """
-    up_vector, forward_vector = _axis_vector(up), _axis_vector(forward)
+    up_vector, forward_vector = axis_vector(up), axis_vector(forward)
     if up_vector @ forward_vector != 0:
         raise InputError(f"markers.up is {up!r} and markers.forward {forward!r}; they must be perpendicular")
     return np.array([np.cross(forward_vector, up_vector), forward_vector, up_vector])
@@ -118,10 +135,26 @@ def uncheckable_axes(positions: dict[str, np.ndarray]) -> list[str]:
     return [axis for axis, is_checkable in checkable.items() if not is_checkable]
 
 
-def find_axes(positions: dict[str, np.ndarray]) -> tuple[str, str] | None:
-    """Return the signed axes, up and forward, of a file from the directions in which the body stands and faces.
+@dataclass(frozen=True)
+class BodyAxes:
+    """Axes of a file along which the body stands and faces."""
 
-    None if markers are missing: feet or a trunk, and left and right, heel and toe, or back and front.
+    up: Axis
+    forward: Axis | None
+    """None if no pair of markers shows it."""
+    turn_deg: float
+    """Angle between the forward axis and the direction in which the body faces."""
+    evidence: str
+    """Markers that show the axes, as text."""
+
+    def __str__(self) -> str:
+        forward = f"forward {self.forward}" if self.forward else "forward not known"
+        turned = f", {self.turn_deg:.0f}° away from it" if self.turn_deg > _MAX_TURN_DEG else ""
+        return f"up {self.up}, {forward}{turned} ({self.evidence})"
+
+
+def find_up(positions: dict[str, np.ndarray]) -> Axis | None:
+    """Return the signed axis of a file along which the body stands; None without markers of feet and trunk, or pelvis and trunk.
 
     Parameters
     ----------
@@ -129,15 +162,37 @@ def find_axes(positions: dict[str, np.ndarray]) -> tuple[str, str] | None:
         Markers by standard name, in the axes of the file.
     """
     upward = _upward_vector(positions)
-    if upward is None:
+    return None if upward is None else _file_axis(upward, np.eye(3))
+
+
+def find_axes(positions: dict[str, np.ndarray]) -> BodyAxes | None:
+    """Return the axes of a file from the directions in which the body stands and faces; None if no marker shows which axis is up.
+
+    Every pair of markers, left and right or back and front, has one vote for the forward direction.
+
+    Parameters
+    ----------
+    positions : dict of str to ndarray, shape (n_frames, 3)
+        Markers by standard name, in metres and in the axes of the file.
+    """
+    up = find_up(positions)
+    if up is None:
         return None
-    up = _file_axis(upward, np.eye(3))
-    vertical = _axis_vector(up)
-    across = _segments(positions, (*_SIDE_PAIRS, ("L_ASIS", "R_ASIS"), ("L_PSIS", "R_PSIS")))
-    facing = [np.cross(vertical, vector) for vector in across] + _segments(positions, _FRONT_PAIRS)
-    if not facing:
-        return None
-    return up, _file_axis(np.sum(facing, axis=0) * (vertical == 0), np.eye(3))
+    vertical = axis_vector(up)
+    across = [np.cross(vertical, vector) for vector in _segments(positions, _ALL_SIDE_PAIRS)]
+    ahead = [vector * (vertical == 0) for vector in _segments(positions, _FRONT_PAIRS)]
+    votes = [
+        vector / length
+        for vector in (*across, *ahead)
+        if (length := np.linalg.norm(vector)) > _MIN_PAIR_DISTANCE_M
+    ]
+    facing = np.sum(votes, axis=0) if votes else np.zeros(3)
+    evidence = f"{len(across)} pairs of left and right markers, {len(ahead)} of front and back"
+    if not facing.any():
+        return BodyAxes(up, None, 0.0, evidence)
+    forward = _file_axis(facing, np.eye(3))
+    turn = np.degrees(np.arccos(np.clip(facing @ axis_vector(forward) / np.linalg.norm(facing), -1, 1)))
+    return BodyAxes(up, forward, float(turn), evidence)
 
 
 def _upward_vector(positions: dict[str, np.ndarray]) -> np.ndarray | None:
@@ -191,8 +246,8 @@ def _contradicts(vector: np.ndarray, axis: int) -> bool:
     return bool(np.abs(vector).max() > _MIN_CONTRADICTION_RATIO * vector[axis])
 
 
-def _file_axis(vector: np.ndarray, rotation: np.ndarray) -> str:
+def _file_axis(vector: np.ndarray, rotation: np.ndarray) -> Axis:
     """Return the signed axis of the file closest to a vector in standard axes."""
     in_file = rotation.T @ vector
     largest = int(np.abs(in_file).argmax())
-    return f"{'+' if in_file[largest] > 0 else '-'}{'xyz'[largest]}"
+    return _AXES[largest][int(in_file[largest] > 0)]

@@ -12,9 +12,9 @@ from pathlib import Path
 import numpy as np
 
 from lumbar.base.yaml_file import shipped_names, shipped_yaml
-from lumbar.records.marker_axes import check_axes, uncheckable_axes
+from lumbar.records.marker_axes import axis_vector, check_axes, find_up, uncheckable_axes
 from lumbar.records.markers import MarkerRecording, read_markers
-from lumbar.settings.layout import Axis, MarkerLayout
+from lumbar.settings.layout import MarkerLayout
 
 _AT = shipped_names(Path(__file__).with_name("thresholds.yaml"), "body")
 
@@ -24,7 +24,6 @@ _SHOULDER_LEVEL = ("SHOULDER", "MANUBRIUM", "C7", "T1")
 _PELVIS = ("ASIS", "PSIS", "SACRUM")
 _FRONT = ("MANUBRIUM", "XIPHOID", "ASIS")
 _BY_LABELS = " by its usual labels, which no alias names"
-_AXES: tuple[tuple[Axis, Axis], ...] = (("-x", "+x"), ("-y", "+y"), ("-z", "+z"))
 _LABELS = shipped_yaml(Path(__file__).with_name("landmarks.yaml"))
 THIGH = ("LHIP", "RHIP")
 """Labels that some laboratories use for markers on the thigh; without an alias they are not treated as hips."""
@@ -284,6 +283,8 @@ def _find_contradicted(sides: dict, depths: dict) -> dict[tuple[str, str], float
 def rightward(points: dict[str, np.ndarray], named: dict[str, str]) -> tuple[dict, dict]:
     """Return unit vectors to the right by every pair left/right and by every pair front/back, each of shape (n_frames, 3).
 
+    Pairs off the trunk need the vertical axis; they are left out if no known label shows it.
+
     Parameters
     ----------
     points : dict of str to numpy.ndarray, shape (n_frames, 3)
@@ -292,12 +293,14 @@ def rightward(points: dict[str, np.ndarray], named: dict[str, str]) -> tuple[dic
         Landmark by label.
     """
     trunk = _trunk(points, named)
-    shape = next(iter(points.values())).shape
-    vertical = np.broadcast_to([0.0, 0.0, 1.0], shape)
+    # The declared axes may only be assumed, so the body itself shows which axis is vertical.
+    vertical = find_up({landmark: points[label] for label, landmark in named.items()})
 
-    def up(*labels: str) -> np.ndarray:
+    def up(*labels: str) -> np.ndarray | None:
         on_trunk = all(label in named and level(named[label]) is not None for label in labels)
-        return trunk[0] if trunk is not None and on_trunk else vertical
+        if trunk is not None and on_trunk:
+            return trunk[0]
+        return None if vertical is None else axis_vector(vertical)[None]
 
     def keep_clear(vectors: dict) -> dict:
         """Return unit vectors of the vectors that are long enough to show a direction."""
@@ -311,8 +314,10 @@ def rightward(points: dict[str, np.ndarray], named: dict[str, str]) -> tuple[dic
 
     sides, depths = {}, {}
     for pair in side_pairs(points, named):
-        across = points[pair[1]] - points[pair[0]]
         along = up(*pair)
+        if along is None:
+            continue
+        across = points[pair[1]] - points[pair[0]]
         sides[pair] = across - (across * along).sum(axis=1, keepdims=True) * along
     # Front and back at the same level of the trunk, toe and heel.
     labels = {landmark: label for label, landmark in named.items()}
@@ -330,7 +335,9 @@ def rightward(points: dict[str, np.ndarray], named: dict[str, str]) -> tuple[dic
         (f"{side}_TOE", f"{side}_HEEL") for side in "LR" if {f"{side}_TOE", f"{side}_HEEL"} <= labels.keys()
     ]
     for pair in ((labels[front], labels[back]) for front, back in pairs):
-        depths[pair] = np.cross(points[pair[0]] - points[pair[1]], up(*pair))
+        along = up(*pair)
+        if along is not None:
+            depths[pair] = np.cross(points[pair[0]] - points[pair[1]], along)
     return keep_clear(sides), keep_clear(depths)
 
 
@@ -358,32 +365,6 @@ def estimate_stature(points: dict[str, np.ndarray], named: dict[str, str]) -> tu
     statures += [] if trunk is None else [trunk[1] / TRUNK_SHARE]
     statures = [value for value in statures if np.isfinite(value)]
     return (float(np.median(statures)), len(statures)) if statures else (np.nan, 0)
-
-
-def find_body_axes(points: dict[str, np.ndarray], named: dict[str, str]) -> tuple[Axis, Axis] | None:
-    """Return the signed axes up and forward, e.g. ``("+y", "+x")``, in the axes of the points.
-
-    Up is from the pelvis to the shoulders, forward is normal to up and to the right. None if the labels name no trunk or no
-    sides, or if both directions are along the same axis.
-
-    Parameters
-    ----------
-    points : dict of str to numpy.ndarray, shape (n_frames, 3)
-        Markers by label in m.
-    named : dict of str to str
-        Landmark by label.
-    """
-    trunk = _trunk(points, named)
-    if trunk is None:
-        return None
-    up = np.nanmedian(trunk[0], axis=0)
-    sides, depths = rightward(points, named)
-    votes = [*sides.values(), *depths.values()]
-    if not votes or not np.isfinite(up).all():
-        return None
-    right = np.nanmedian(np.nansum(votes, axis=0), axis=0)
-    vertical, forward = _signed_axis(up), _signed_axis(np.cross(up, right))
-    return None if vertical[1] == forward[1] else (vertical, forward)
 
 
 def read_upright(path: str | os.PathLike, layout: MarkerLayout) -> MarkerRecording:
@@ -439,8 +420,3 @@ def check_unaliased_axes(
     body = {name: points[label] for name, label in landmarks(points).items()}
     check_axes({**body, **recording.positions}, layout, recording.source, _BY_LABELS)
     return uncheckable_axes({**body, **recording.positions})
-
-
-def _signed_axis(vector: np.ndarray) -> Axis:
-    largest = int(np.abs(vector).argmax())
-    return _AXES[largest][int(vector[largest] > 0)]

@@ -8,6 +8,7 @@ from lumbar.base.yaml_file import shipped_names
 from lumbar.lifting.quality import body, displacement
 from lumbar.lifting.quality import implausible_motion as motion
 from lumbar.lifting.quality.findings import ERROR, LEFT_OUT, NOTED, PROPOSED, Legend, MarkerFinding
+from lumbar.records.marker_axes import find_up
 
 _AT = shipped_names(Path(__file__).with_name("thresholds.yaml"), "gate")
 
@@ -97,7 +98,12 @@ def unchecked_properties(
     elif not height_m:
         reasons["stature"] = "height_m is not given"
     if len(sides) + len(depths) < 3:
-        reasons["left and right"] = "the labels name fewer than three pairs of sides"
+        is_level = find_up({landmark: sampled[label] for label, landmark in named.items()}) is not None
+        reasons["left and right"] = (
+            "the labels name fewer than three pairs of sides"
+            if is_level
+            else "no known label shows which axis is up"
+        )
     return reasons
 
 
